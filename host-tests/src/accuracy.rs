@@ -1,0 +1,160 @@
+//! Many seeded rows through the core: how far its centres lie from the truth, and from what it claims.
+
+use rayon::prelude::*;
+use slitrange::estimator::{RowCentre, phase_table};
+use slitrange::reading::Fault;
+use slitrange::row::{Geometry, Polarity, Row};
+use slitrange::spot;
+
+use crate::bound;
+use crate::optics::Optics;
+use crate::scene::{ReadNoise, Scene, ShotNoise, Spot, quantise};
+
+/// Pixels of a test row: enough for the background of the widest spot.
+pub const PIXELS: usize = 2048;
+
+/// One cell of a table: a spot and its noise, on a row of [`PIXELS`].
+#[derive(Clone, Copy, Debug)]
+pub struct Cell {
+    /// Sigma in pixels.
+    pub width: f64,
+    /// Height in counts.
+    pub amplitude: f64,
+    /// Read noise in counts.
+    pub read_noise: f64,
+    /// Electrons a count, where the spot has shot noise.
+    pub electrons_per_count: Option<f64>,
+    /// Rows to run.
+    pub rows: u64,
+    /// Seed.
+    pub seed: u64,
+}
+
+/// What came of a cell.
+#[derive(Clone, Copy, Debug)]
+pub struct Outcome {
+    /// Root mean square error in pixels.
+    pub rmse: f64,
+    /// The Cramér-Rao bound in pixels.
+    pub bound: f64,
+    /// Standard deviation of error over claimed uncertainty.
+    pub pull: f64,
+    /// Rows without a centre.
+    pub faults: u64,
+    /// Rows whose centre is off by more than half a width and eight times the bound.
+    pub gross: u64,
+}
+
+impl Outcome {
+    /// RMSE over the bound.
+    pub fn ratio(&self) -> f64 {
+        self.rmse / self.bound
+    }
+}
+
+impl Cell {
+    /// The scene that the cell stands for.
+    pub fn scene(&self) -> Scene {
+        Scene {
+            optics: Optics::nominal(),
+            geometry: Geometry {
+                words: PIXELS,
+                shielded: 0..0,
+                light: 0..PIXELS,
+                polarity: Polarity::Rising,
+                full_scale: 4095,
+                shot_variance_per_count_q16: self
+                    .electrons_per_count
+                    .map_or(0, |electrons| (65536.0 / electrons).round() as u16),
+            },
+            seed: self.seed,
+            black_level: (8.0 * self.read_noise).clamp(60.0, 1000.0).round(),
+            spot: Some(Spot {
+                width: self.width,
+                counts_per_second: self.amplitude,
+            }),
+            shot_noise: self
+                .electrons_per_count
+                .map(|electrons_per_count| ShotNoise {
+                    electrons_per_count,
+                }),
+            read_noise: (self.read_noise > 0.0).then_some(ReadNoise {
+                counts: self.read_noise,
+            }),
+        }
+    }
+
+    /// The true centre of a row: over the phases evenly, over the row's middle 200 pixels at random.
+    pub fn true_centre(&self, row: u64) -> f64 {
+        const GOLDEN: f64 = 0.618_033_988_749_895;
+        let place = (row as f64 * 7.0 * GOLDEN).fract();
+        PIXELS as f64 / 2.0 - 100.0 + (place * 200.0).floor() + (row as f64 * GOLDEN).fract() - 0.5
+    }
+
+    /// Runs the core over the rows.
+    pub fn run(&self, tables: &phase_table::TableSet<'_>) -> Outcome {
+        let scene = self.scene();
+        let bound = bound::Spot {
+            width: self.width,
+            amplitude: self.amplitude,
+            noise: self.read_noise,
+            electrons_per_count: self.electrons_per_count,
+        }
+        .bound();
+        let centres: Vec<(f64, Result<RowCentre, Fault>)> = (0..self.rows)
+            .into_par_iter()
+            .map(|row| {
+                let truth = self.true_centre(row);
+                (
+                    truth,
+                    centre_of(
+                        &scene.geometry,
+                        &quantise(&scene.row_with_centre(row, truth, 1.0), 4095),
+                        tables,
+                    ),
+                )
+            })
+            .collect();
+        let errors: Vec<(f64, f64)> = centres
+            .iter()
+            .filter_map(|(truth, centre)| {
+                centre
+                    .ok()
+                    .map(|centre| (centre.centre.to_f64() - truth, centre.uncertainty.to_f64()))
+            })
+            .collect();
+        let is_gross = |error: f64| error.abs() > (0.5 * self.width).max(8.0 * bound);
+        let good: Vec<(f64, f64)> = errors
+            .iter()
+            .copied()
+            .filter(|&(error, _)| !is_gross(error))
+            .collect();
+        let n = good.len() as f64;
+        Outcome {
+            rmse: (good.iter().map(|(error, _)| error * error).sum::<f64>() / n).sqrt(),
+            bound,
+            pull: (good
+                .iter()
+                .map(|(error, claim)| (error / claim).powi(2))
+                .sum::<f64>()
+                / n)
+                .sqrt(),
+            faults: self.rows - errors.len() as u64,
+            gross: (errors.len() - good.len()) as u64,
+        }
+    }
+}
+
+/// One row of counts, light positive, through the spot search and the phase tables.
+pub fn centre_of(
+    geometry: &Geometry,
+    light: &[u16],
+    tables: &phase_table::TableSet<'_>,
+) -> Result<RowCentre, Fault> {
+    let row = Row::new(light, &[]).expect("quantised to 12 bits");
+    let sensor = phase_table::Sensor {
+        full_scale: geometry.full_scale,
+        shot_variance_per_count_q16: geometry.shot_variance_per_count_q16,
+    };
+    phase_table::centre(&row, &spot::find(&row)?, &sensor, tables)
+}

@@ -1,0 +1,24 @@
+//! Phase tables made on the PC, handed to the core: other weights, other profiles.
+
+use phase_tables::IntegerTable;
+use slitrange::estimator::phase_table::Table;
+
+/// The tables as the core reads them; `TableSet::new` takes and proves the slice.
+pub fn borrow(tables: &[IntegerTable]) -> Vec<Table<'_>> {
+    tables
+        .iter()
+        .map(|table| Table {
+            width: table.shape.width as f32,
+            half_width: u16::try_from(table.shape.half_width).expect("windows are short"),
+            phases: u16::try_from(table.shape.phases).expect("phases are few"),
+            score: &table.score,
+            slope: &table.slope,
+            stretch: &table.stretch,
+            centre_per_ratio: table.centre_per_ratio as f32,
+            stretch_per_ratio: table.stretch_per_ratio as f32,
+            height_per_slope: table.height_per_slope as f32,
+            variance_per_noise: table.variance_per_noise as f32,
+            variance_per_height: table.variance_per_height as f32,
+        })
+        .collect()
+}

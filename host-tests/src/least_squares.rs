@@ -1,0 +1,171 @@
+//! The reference: an unweighted four-parameter least-squares fit of a gaussian in f64 (the paper's eq. (5) with the black
+//! level), by the Levenberg-Marquardt method.
+
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use nalgebra::{Dyn, Matrix, OMatrix, OVector, Owned, U4, Vector4, storage::Owned as OwnedStorage};
+
+/// A gaussian on a level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gaussian {
+    /// Centre in pixels.
+    pub centre: f64,
+    /// Sigma in pixels.
+    pub width: f64,
+    /// Height in counts.
+    pub amplitude: f64,
+    /// Level beneath, in counts.
+    pub level: f64,
+}
+
+impl Gaussian {
+    /// The value at a pixel.
+    pub fn at(&self, pixel: f64) -> f64 {
+        let u = (pixel - self.centre) / self.width;
+        self.level + self.amplitude * (-0.5 * u * u).exp()
+    }
+}
+
+/// Fits a gaussian to `row`, whose first pixel has number 0.
+///
+/// Starts at the largest pixel of the row smoothed over 5 pixels, fits the whole row, and then what lies within
+/// `half_window` sigma of the centre until that window rests. `None` where no fit is found.
+pub fn fit(row: &[f64], half_window: f64) -> Option<Gaussian> {
+    let smooth: Vec<f64> = row
+        .windows(5)
+        .map(|five| five.iter().sum::<f64>() / 5.0)
+        .collect();
+    let (peak, &top) = smooth
+        .iter()
+        .enumerate()
+        .max_by(|a, b| a.1.total_cmp(b.1))?;
+    let mut sorted = smooth.clone();
+    sorted.sort_by(f64::total_cmp);
+    let level = sorted[sorted.len() / 4];
+    let above_half = smooth
+        .iter()
+        .filter(|&&value| value > (top + level) / 2.0)
+        .count();
+    let start = Gaussian {
+        centre: peak as f64 + 2.0,
+        width: (above_half as f64 / 2.355).max(0.5),
+        amplitude: top - level,
+        level,
+    };
+    let mut best = fit_from(row, 0, start)?;
+    let mut window = 0..0;
+    for _ in 0..20 {
+        let from = (best.centre - half_window * best.width)
+            .round()
+            .clamp(0.0, row.len() as f64) as usize;
+        let to = (best.centre + half_window * best.width + 1.0)
+            .round()
+            .clamp(0.0, row.len() as f64) as usize;
+        if (from..to) == window || to < from + 5 {
+            break;
+        }
+        window = from..to;
+        best = fit_from(&row[window.clone()], from, best)?;
+    }
+    Some(best)
+}
+
+/// Fits the pixels given, the first of which has number `first`.
+pub fn fit_from(pixels: &[f64], first: usize, start: Gaussian) -> Option<Gaussian> {
+    // Parameters in units of the start: (centre - start)/width, width/width, amplitude and level/amplitude.
+    let problem = Problem {
+        pixels,
+        first: first as f64,
+        start,
+        scaled: Vector4::new(0.0, 1.0, 1.0, start.level / start.amplitude),
+    };
+    let (problem, report) = LevenbergMarquardt::new().with_tol(1e-12).minimize(problem);
+    let found = problem.gaussian();
+    (report.termination.was_successful() && found.width.abs() > 0.1 && found.centre.is_finite())
+        .then_some(Gaussian {
+            width: found.width.abs(),
+            ..found
+        })
+}
+
+struct Problem<'a> {
+    pixels: &'a [f64],
+    first: f64,
+    start: Gaussian,
+    scaled: Vector4<f64>,
+}
+
+impl Problem<'_> {
+    fn gaussian(&self) -> Gaussian {
+        Gaussian {
+            centre: self.start.centre + self.scaled[0] * self.start.width,
+            width: self.scaled[1] * self.start.width,
+            amplitude: self.scaled[2] * self.start.amplitude,
+            level: self.scaled[3] * self.start.amplitude,
+        }
+    }
+}
+
+impl LeastSquaresProblem<f64, Dyn, U4> for Problem<'_> {
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = OwnedStorage<f64, Dyn, U4>;
+    type ParameterStorage = Owned<f64, U4>;
+
+    fn set_params(&mut self, scaled: &Vector4<f64>) {
+        self.scaled = *scaled;
+    }
+
+    fn params(&self) -> Vector4<f64> {
+        self.scaled
+    }
+
+    fn residuals(&self) -> Option<OVector<f64, Dyn>> {
+        let gaussian = self.gaussian();
+        let residuals =
+            self.pixels.iter().enumerate().map(|(i, &count)| {
+                (gaussian.at(self.first + i as f64) - count) / self.start.amplitude
+            });
+        Some(OVector::<f64, Dyn>::from_iterator(
+            self.pixels.len(),
+            residuals,
+        ))
+    }
+
+    fn jacobian(&self) -> Option<Matrix<f64, Dyn, U4, Self::JacobianStorage>> {
+        let gaussian = self.gaussian();
+        Some(OMatrix::<f64, Dyn, U4>::from_fn(
+            self.pixels.len(),
+            |i, j| {
+                let u = (self.first + i as f64 - gaussian.centre) / gaussian.width;
+                let light = (-0.5 * u * u).exp();
+                let height = gaussian.amplitude / self.start.amplitude;
+                match j {
+                    0 => height * light * u / gaussian.width * self.start.width,
+                    1 => height * light * u * u / gaussian.width * self.start.width,
+                    2 => light,
+                    _ => 1.0,
+                }
+            },
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_a_noiseless_gaussian() {
+        let truth = Gaussian {
+            centre: 312.34,
+            width: 22.0,
+            amplitude: 1500.0,
+            level: 180.0,
+        };
+        let row: Vec<f64> = (0..900).map(|i| truth.at(f64::from(i))).collect();
+        let found = fit(&row, 4.0).expect("a fit");
+        assert!(
+            (found.centre - truth.centre).abs() < 1e-6 && (found.width - truth.width).abs() < 1e-6,
+            "{found:?}"
+        );
+    }
+}

@@ -1,0 +1,8 @@
+//! slitrange on a PC: scenes, the Cramér-Rao bound and reference estimators in f64, against which the core is measured.
+
+pub mod accuracy;
+pub mod bound;
+pub mod core_tables;
+pub mod least_squares;
+pub mod optics;
+pub mod scene;

@@ -1,0 +1,492 @@
+//! The phase-table score: two integer inner products and one division.
+//!
+//! A gaussian least-squares fit with amplitude, black level and width projected out in advance. The tables are designed
+//! by the crate `phase-tables`, which explains them. Score / slope is the distance of the centre from a table's phase; a
+//! third product, stretch / slope, says how far the spot's width is from the table's, and so picks the table.
+//!
+//! | | |
+//! |---|---|
+//! | samples | u16, at most 32760: counts of 12 bits, or sums of 2, 4 or 8 pixels, or halved sums of more |
+//! | weights | i16, each row summing to zero, so a constant on the samples changes no bit |
+//! | products | i32: no overflow, because sum of abs(weight) * 32760 < 2^31, proven by [`TableSet::new`] |
+//! | division | f32: 24 bits on a quotient of at most a few pixels is 1e-7 pixel; one instruction on the chip |
+//! | centre | Q16.16 pixels |
+//!
+//! Every float operation here is a single IEEE 754 operation or `libm`'s, so the chip and a PC agree bit for bit.
+
+use crate::estimator::{RowCentre, WidthClass};
+use crate::reading::Fault;
+use crate::row::{LARGEST_COUNT, Row};
+use crate::spot::Spot;
+use crate::units::{Counts, Pixels};
+
+/// Weights for one width.
+#[derive(Clone, Copy, Debug)]
+pub struct Table<'a> {
+    /// The width (a gaussian's sigma) in samples.
+    pub width: f32,
+    /// Samples to either side of the middle one.
+    pub half_width: u16,
+    /// Number of sub-pixel phases; phase k is at (k - (phases - 1)/2) / phases samples from the middle.
+    pub phases: u16,
+    /// Weights of the score, phase after phase.
+    pub score: &'a [i16],
+    /// Weights of its slope.
+    pub slope: &'a [i16],
+    /// Weights of the stretch.
+    pub stretch: &'a [i16],
+    /// Samples that score / slope = 1 stands for.
+    pub centre_per_ratio: f32,
+    /// Relative excess of width that stretch / slope = 1 stands for.
+    pub stretch_per_ratio: f32,
+    /// Counts of a sample at the peak that slope = 1 stands for.
+    pub height_per_slope: f32,
+    /// Variance of the centre times slope^2 for noise of one count^2 in each sample.
+    pub variance_per_noise: f32,
+    /// The same for shot noise of a spot one count high at one electron a count.
+    pub variance_per_height: f32,
+}
+
+/// Tables for rising widths, proven.
+#[derive(Clone, Copy, Debug)]
+pub struct TableSet<'a>(&'a [Table<'a>]);
+
+/// Why tables cannot be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TableError {
+    /// There are none, or more than 64.
+    Count,
+    /// Half width, phases and number of weights do not agree, the window is longer than [`MAX_TAPS`], or there are more
+    /// than 64 phases.
+    Shape,
+    /// Weights do not sum to zero.
+    Sum,
+    /// An inner product with the largest samples could overflow.
+    Overflow,
+    /// The widths are not positive, do not rise, or are wider than their window.
+    Widths,
+}
+
+/// The largest sample that tables are proven for.
+pub const LARGEST_SAMPLE: u16 = 8 * LARGEST_COUNT;
+
+/// The longest window in samples.
+pub const MAX_TAPS: usize = 96;
+
+/// The widest block has 2^5 = 32 pixels.
+const LARGEST_BLOCK_LOG2: u32 = 5;
+
+mod generated {
+    use super::Table;
+    include!(concat!(env!("OUT_DIR"), "/gaussian.rs"));
+    pub(super) static GAUSSIAN: &[Table<'static>] = &TABLES;
+}
+
+/// The tables of the gaussian at r = 0.3: at most 1.10 of the bound in any mixture of read and shot noise.
+pub static GAUSSIAN: TableSet<'static> = match TableSet::new(generated::GAUSSIAN) {
+    Ok(set) => set,
+    Err(_) => panic!("the generated tables are unfit"),
+};
+
+impl<'a> TableSet<'a> {
+    /// Takes tables after proving them: sums of zero, and no overflow with samples up to [`LARGEST_SAMPLE`].
+    ///
+    /// # Errors
+    /// [`TableError`] says which proof failed.
+    pub const fn new(tables: &'a [Table<'a>]) -> Result<Self, TableError> {
+        if tables.is_empty() || tables.len() > 64 {
+            return Err(TableError::Count);
+        }
+        let mut narrower = 0.0;
+        let mut i = 0;
+        while i < tables.len() {
+            let table = &tables[i];
+            let taps = table.taps();
+            let weights = taps * table.phases as usize;
+            if taps > MAX_TAPS
+                || table.phases == 0
+                || table.phases > 64
+                || table.score.len() != weights
+                || table.slope.len() != weights
+                || table.stretch.len() != weights
+            {
+                return Err(TableError::Shape);
+            }
+            // Not `<=`: a width that is not a number must not pass either.
+            if !(table.width > narrower && table.width <= MAX_TAPS as f32) {
+                return Err(TableError::Widths);
+            }
+            narrower = table.width;
+            let mut start = 0;
+            while start < weights {
+                if let Err(error) = prove(table.score, start, taps) {
+                    return Err(error);
+                }
+                if let Err(error) = prove(table.slope, start, taps) {
+                    return Err(error);
+                }
+                if let Err(error) = prove(table.stretch, start, taps) {
+                    return Err(error);
+                }
+                start += taps;
+            }
+            i += 1;
+        }
+        Ok(Self(tables))
+    }
+
+    /// The tables.
+    pub const fn tables(&self) -> &'a [Table<'a>] {
+        self.0
+    }
+
+    /// The samples' size and the table for a width in pixels.
+    fn choose(&self, width: f32) -> Option<(WidthClass, &'a Table<'a>)> {
+        let widest = self.0.last()?.width;
+        let mut block_log2 = 0;
+        let mut samples = width;
+        while samples > widest * WIDEST_SERVED && block_log2 < LARGEST_BLOCK_LOG2 {
+            block_log2 += 1;
+            samples *= 0.5;
+        }
+        let index = self
+            .0
+            .iter()
+            .skip(1)
+            .take_while(|wider| samples > wider.width * NARROWEST_SERVED)
+            .count();
+        let table = self.0.get(index)?;
+        Some((
+            WidthClass {
+                table: index as u8,
+                block_log2: block_log2 as u8,
+            },
+            table,
+        ))
+    }
+
+    /// Whether a table should go on serving a spot of this width: it would be chosen, or nearly so.
+    fn keeps(&self, class: WidthClass, width: f32, margin: f32) -> bool {
+        let chosen = |width| {
+            self.choose(width)
+                .is_some_and(|(chosen, _)| chosen == class)
+        };
+        chosen(width) || chosen(width * (1.0 - margin)) || chosen(width * (1.0 + margin))
+    }
+}
+
+/// A table serves spots down to this much narrower than its own width, and the next narrower one takes over there. With
+/// r = 0.3 the standard deviation in white noise is 1.057 of the bound at the table's width, 1.083 here, and 1.02 where the
+/// spot is 1.2 * 0.95 times wider than the table; in pure shot noise it is 1.10, 1.09 and 1.16.
+const NARROWEST_SERVED: f32 = 0.95;
+
+/// The widest table serves as far as if a table 1.2 times wider came next.
+const WIDEST_SERVED: f32 = 1.2 * NARROWEST_SERVED;
+
+/// One row of weights: it sums to zero, and its inner product with samples up to [`LARGEST_SAMPLE`] fits an i32 at
+/// every step of the sum.
+const fn prove(weights: &[i16], start: usize, taps: usize) -> Result<(), TableError> {
+    let (mut sum, mut largest) = (0i64, 0i64);
+    let mut i = start;
+    while i < start + taps {
+        let weight = weights[i] as i64;
+        sum += weight;
+        largest += weight.abs() * LARGEST_SAMPLE as i64;
+        i += 1;
+    }
+    if sum != 0 {
+        Err(TableError::Sum)
+    } else if largest > i32::MAX as i64 {
+        Err(TableError::Overflow)
+    } else {
+        Ok(())
+    }
+}
+
+impl Table<'_> {
+    /// Samples in a window.
+    pub const fn taps(&self) -> usize {
+        2 * self.half_width as usize + 1
+    }
+}
+
+/// Where a window lies on the row and which phase serves it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Window {
+    class: WidthClass,
+    /// The first pixel; negative where the window reaches over the sensor's edge.
+    first: i32,
+    phase: i32,
+}
+
+/// A window is moved and its table changed until both fit, at most this often.
+const MAX_PASSES: usize = 10;
+
+/// How nearly a window and a table must fit: to a tenth more than half a phase, and to 2 % in width. In noise two tables, or
+/// two phases, may each hand the spot to the other; from the fifth pass either is good enough.
+const fn slack(pass: usize) -> (f32, f32) {
+    if pass < 4 { (0.55, 0.02) } else { (1.1, 0.1) }
+}
+
+/// A centre less certain than an eighth of the spot's width is not trusted: noise alone may look like that spot.
+const DIMMEST: f32 = 8.0;
+
+/// The centre of a spot that [`crate::spot::find`] found.
+///
+/// # Errors
+/// [`Fault::SpotAtEdge`] where the window would be cut by the sensor's edge, [`Fault::Saturated`] where a pixel within
+/// two widths of the centre is at full scale, [`Fault::TooDim`] where the noise leaves the centre uncertain by more than
+/// an eighth of the width, [`Fault::NoSpot`] where no table fits what is there.
+pub fn centre(
+    row: &Row<'_>,
+    spot: &Spot,
+    sensor: &Sensor,
+    tables: &TableSet<'_>,
+) -> Result<RowCentre, Fault> {
+    // The coarse kernel fits a width of 0.9 of its block best.
+    let start_width = 0.9 * (1u32 << spot.block_log2.min(15)) as f32;
+    let start = i32::try_from(spot.centre).unwrap_or(i32::MAX);
+    saturation(row.light(), start, start_width, sensor)?;
+    let fit =
+        settle(row.light(), Pixels::from_int(start), start_width, tables).map_err(|error| {
+            match error {
+                Unsettled::Edge(centre) => Fault::SpotAtEdge { centre },
+                Unsettled::Shape => Fault::NoSpot {
+                    amplitude: Counts::from_int(0),
+                },
+            }
+        })?;
+    saturation(
+        row.light(),
+        fit.centre.to_bits() >> Pixels::FRACTION,
+        fit.width,
+        sensor,
+    )?;
+    fit.with_uncertainty(spot.background.noise, sensor)
+}
+
+/// A table that fits, and what it says.
+struct Fit<'a> {
+    centre: Pixels,
+    /// Sigma in pixels.
+    width: f32,
+    /// The spot's width over the table's, less one.
+    stretch: f32,
+    slope: f32,
+    class: WidthClass,
+    table: &'a Table<'a>,
+}
+
+/// Why no table fits.
+enum Unsettled {
+    /// The window reaches over the sensor's edge.
+    Edge(Pixels),
+    /// What is there is no spot.
+    Shape,
+}
+
+/// Moves the window to the centre and changes the table to the width until both rest.
+fn settle<'a>(
+    light: &[u16],
+    start: Pixels,
+    start_width: f32,
+    tables: &TableSet<'a>,
+) -> Result<Fit<'a>, Unsettled> {
+    let (mut at, mut width) = (start, start_width);
+    let (mut class, mut table) = tables.choose(width).ok_or(Unsettled::Shape)?;
+    for pass in 0..MAX_PASSES {
+        let (window, reference) = place(at, class, table);
+        let products = inner_products(light, &window, table).ok_or(Unsettled::Edge(at))?;
+        if products.slope <= 0 {
+            return Err(Unsettled::Shape);
+        }
+        let slope = products.slope as f32;
+        let block = (1u32 << class.block_log2) as f32;
+        // Clamped to one and a half widths, and to a bit less than half or twice the width: further off, the products
+        // say the direction and no more.
+        let reach = 1.5 * table.width;
+        let distance =
+            (products.score as f32 / slope * table.centre_per_ratio).clamp(-reach, reach);
+        let stretch = (products.stretch as f32 / slope * table.stretch_per_ratio).clamp(-0.4, 0.7);
+        // A position and a distance are each below 2^14 pixels (`new` bounds the widths), so nothing saturates.
+        at = Pixels::from_bits(
+            reference
+                .to_bits()
+                .saturating_add(Pixels::from_f32(distance * block).to_bits()),
+        );
+        width = table.width * block * (1.0 + stretch);
+        if at.to_bits().abs_diff(start.to_bits())
+            > Pixels::from_f32(4.0 * start_width).to_bits().unsigned_abs()
+        {
+            return Err(Unsettled::Shape);
+        }
+        let (half_phase, margin) = slack(pass);
+        // Single pixels: the next phase would be nearer. Blocks: the window moves by pixels, a fraction of a block.
+        let steps = if class.block_log2 == 0 {
+            f32::from(table.phases)
+        } else {
+            block
+        };
+        let fits = tables.keeps(class, width, margin);
+        if fits && distance.abs() * steps <= half_phase {
+            return Ok(Fit {
+                centre: at,
+                width,
+                stretch,
+                slope,
+                class,
+                table,
+            });
+        }
+        if !fits {
+            (class, table) = tables.choose(width).ok_or(Unsettled::Shape)?;
+        }
+    }
+    Err(Unsettled::Shape)
+}
+
+impl Fit<'_> {
+    /// Amplitude and uncertainty: the noise of the score through its slope.
+    fn with_uncertainty(&self, noise: Counts, sensor: &Sensor) -> Result<RowCentre, Fault> {
+        let block = (1u32 << self.class.block_log2) as f32;
+        // A sample is the sum of a block's pixels over this.
+        let divisor = (1u32 << halvings(self.class.block_log2)) as f32;
+        let height = self.slope * self.table.height_per_slope;
+        let read = noise.to_f32() * noise.to_f32() * block / (divisor * divisor);
+        let shot_variance_per_count = f32::from(sensor.shot_variance_per_count_q16) / 65536.0;
+        // The table's shot noise is that of a spot of its own width; the variance grows as width^1.5 about it (1.44 to
+        // 1.60 over the tables).
+        let shot = height / divisor * shot_variance_per_count * (1.0 + 1.5 * self.stretch);
+        let variance = self.table.variance_per_noise * read + self.table.variance_per_height * shot;
+        let uncertainty = libm::sqrtf(variance) / self.slope * block;
+        let amplitude = height * divisor / block;
+        if uncertainty * DIMMEST > self.width {
+            let needed = amplitude * uncertainty * DIMMEST / self.width;
+            return Err(Fault::TooDim {
+                amplitude: Counts::from_f32(amplitude),
+                needed: Counts::from_f32(needed),
+            });
+        }
+        Ok(RowCentre {
+            centre: self.centre,
+            uncertainty: Pixels::from_f32(uncertainty),
+            amplitude: Counts::from_f32(amplitude),
+            width: Pixels::from_f32(self.width),
+            class: self.class,
+        })
+    }
+}
+
+/// What the estimator needs to know of the sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sensor {
+    /// Counts at which a pixel is saturated.
+    pub full_scale: u16,
+    /// As in [`Geometry`](crate::row::Geometry).
+    pub shot_variance_per_count_q16: u16,
+}
+
+/// The window whose phase is nearest to a position, and that phase's place on the row.
+fn place(at: Pixels, class: WidthClass, table: &Table<'_>) -> (Window, Pixels) {
+    const HALF: i32 = 1 << (Pixels::FRACTION - 1);
+    // Positions stay below 2^14 pixels and offsets below 2^5, so nothing here overflows an i32 in Q16.
+    let at = at.to_bits();
+    let block = 1i32 << class.block_log2;
+    let phases = i32::from(table.phases);
+    let phase = if class.block_log2 == 0 {
+        let nearest = at.saturating_add(HALF) >> Pixels::FRACTION;
+        let from_its_edge = at - (nearest << Pixels::FRACTION) + HALF;
+        ((from_its_edge * phases) >> Pixels::FRACTION).clamp(0, phases - 1)
+    } else {
+        phases / 2
+    };
+    // Where the phase lies from the middle sample's first pixel: half a block less half a pixel, and the phase itself.
+    let offset = (block - 1) * HALF + (2 * phase - (phases - 1)) * block * HALF / phases;
+    let middle = (at - offset).saturating_add(HALF) >> Pixels::FRACTION;
+    let first = middle - i32::from(table.half_width) * block;
+    (
+        Window {
+            class,
+            first,
+            phase,
+        },
+        Pixels::from_bits((middle << Pixels::FRACTION) + offset),
+    )
+}
+
+/// The three sums over a window, each proven to fit.
+struct Products {
+    score: i32,
+    slope: i32,
+    stretch: i32,
+}
+
+/// `None` where the window reaches over an edge.
+fn inner_products(light: &[u16], window: &Window, table: &Table<'_>) -> Option<Products> {
+    let taps = table.taps();
+    let first = usize::try_from(window.first).ok()?;
+    let pixels = light.get(first..first + (taps << window.class.block_log2))?;
+    let phase = usize::try_from(window.phase).ok()?;
+    let rows = phase * taps..(phase + 1) * taps;
+    let (score, slope, stretch) = (
+        table.score.get(rows.clone())?,
+        table.slope.get(rows.clone())?,
+        table.stretch.get(rows)?,
+    );
+    let mut sums = [0u16; MAX_TAPS];
+    let samples = if window.class.block_log2 == 0 {
+        pixels
+    } else {
+        sum_blocks(pixels, window.class.block_log2, &mut sums);
+        sums.get(..taps)?
+    };
+    let mut products = Products {
+        score: 0,
+        slope: 0,
+        stretch: 0,
+    };
+    for (((&sample, &score), &slope), &stretch) in samples.iter().zip(score).zip(slope).zip(stretch)
+    {
+        let sample = i32::from(sample);
+        // No step overflows: `prove` bounds the sum of the terms' magnitudes.
+        products.score += sample * i32::from(score);
+        products.slope += sample * i32::from(slope);
+        products.stretch += sample * i32::from(stretch);
+    }
+    Some(products)
+}
+
+/// How often the sum of a block is halved to fit [`LARGEST_SAMPLE`]: not at all up to 8 pixels.
+const fn halvings(block_log2: u8) -> u32 {
+    (block_log2 as u32).saturating_sub(3)
+}
+
+/// Sums of 2, 4 or 8 pixels, and halved sums of more. Adding n to every pixel adds a whole number to every sample,
+/// because a block's size is a multiple of what it is divided by.
+fn sum_blocks(pixels: &[u16], block_log2: u8, sums: &mut [u16; MAX_TAPS]) {
+    for (sum, block) in sums.iter_mut().zip(pixels.chunks_exact(1 << block_log2)) {
+        // 32 pixels of 12 bits fit 17 bits.
+        *sum = (block.iter().map(|&count| u32::from(count)).sum::<u32>() >> halvings(block_log2))
+            as u16;
+    }
+}
+
+/// Counts the pixels at full scale within two widths.
+fn saturation(light: &[u16], centre: i32, width: f32, sensor: &Sensor) -> Result<(), Fault> {
+    let centre = usize::try_from(centre).unwrap_or_default();
+    // `as` saturates; widths are below 2^9.
+    let reach = (2.0 * width) as usize + 1;
+    let from = centre.saturating_sub(reach).min(light.len());
+    let to = centre.saturating_add(reach + 1).min(light.len());
+    let near = light.get(from..to).unwrap_or_default();
+    match near
+        .iter()
+        .filter(|&&count| count >= sensor.full_scale)
+        .count()
+    {
+        0 => Ok(()),
+        pixels => Err(Fault::Saturated {
+            pixels: u16::try_from(pixels).unwrap_or(u16::MAX),
+        }),
+    }
+}

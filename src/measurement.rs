@@ -1,0 +1,118 @@
+//! Rows in, readings out: the whole pipeline, pure.
+//!
+//! Words of a read-out -> [`Row`] -> [`Spot`](crate::spot::Spot) -> centre of the row -> centre of the frame -> distance.
+
+use crate::black_level::{BlackLevel, BlackPixels};
+use crate::estimator::{RowCentre, phase_table};
+use crate::frame::Frame;
+use crate::reading::{Fault, Reading};
+use crate::row::{Geometry, Row};
+use crate::spot;
+use crate::triangulation::Eq1;
+use crate::units::Micrometres;
+
+/// What a person can set.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Rows in a frame, 1 to [`MAX_ROWS`](crate::frame::MAX_ROWS); less counts as 1, more as that.
+    pub rows: u16,
+    /// How the black level is found.
+    pub black_level: BlackLevel,
+    /// From the centre to the distance, where the sensor is calibrated.
+    pub calibration: Option<Eq1>,
+}
+
+/// The pipeline with the state of the frame that is under way.
+#[derive(Clone, Debug)]
+pub struct Measurement {
+    geometry: Geometry,
+    settings: Settings,
+    frame: Frame,
+    black: BlackPixels,
+}
+
+impl Measurement {
+    /// A pipeline for a sensor's rows.
+    pub fn new(geometry: Geometry, settings: Settings) -> Self {
+        Self {
+            geometry,
+            settings,
+            frame: Frame::default(),
+            black: BlackPixels::default(),
+        }
+    }
+
+    /// The settings in use.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Takes other settings; the frame under way starts again.
+    pub fn set(&mut self, settings: Settings) {
+        self.settings = settings;
+        self.start_frame();
+    }
+
+    /// Takes the words of a read-out (and turns them over in place, where the sensor's fall with light).
+    /// Gives a reading or a fault when the frame is complete.
+    pub fn row(&mut self, words: &mut [u16]) -> Option<Result<Reading, Fault>> {
+        let centre = match self.geometry.row(words) {
+            Ok(row) => self.centre(&row),
+            Err(_) => Err(Fault::SensorSilent),
+        };
+        self.frame.add(centre);
+        let rows = self.settings.rows.clamp(1, crate::frame::MAX_ROWS as u16);
+        (self.frame.rows() >= rows).then(|| {
+            let reading = self.reading();
+            self.start_frame();
+            reading
+        })
+    }
+
+    /// No row came in its time: the frame under way is dropped.
+    pub fn silence(&mut self) -> Fault {
+        self.start_frame();
+        Fault::SensorSilent
+    }
+
+    fn start_frame(&mut self) {
+        self.frame = Frame::default();
+        self.black = BlackPixels::default();
+    }
+
+    fn centre(&mut self, row: &Row<'_>) -> Result<RowCentre, Fault> {
+        let spot = spot::find(row);
+        self.black.add(
+            self.settings.black_level,
+            row,
+            spot.ok().map(|spot| spot.background),
+        );
+        let sensor = phase_table::Sensor {
+            full_scale: self.geometry.full_scale,
+            shot_variance_per_count_q16: self.geometry.shot_variance_per_count_q16,
+        };
+        phase_table::centre(row, &spot?, &sensor, &phase_table::GAUSSIAN)
+    }
+
+    fn reading(&self) -> Result<Reading, Fault> {
+        let frame = self.frame.centre()?;
+        let Some(calibration) = &self.settings.calibration else {
+            return Err(Fault::NotCalibrated {
+                centre: frame.centre,
+                uncertainty: frame.uncertainty,
+            });
+        };
+        let (distance, slope) = calibration.distance_at(frame.centre)?;
+        Ok(Reading {
+            distance,
+            uncertainty: Micrometres::from_f32(frame.uncertainty.to_f32() * slope.abs()),
+            centre: frame.centre,
+            centre_uncertainty: frame.uncertainty,
+            amplitude: frame.amplitude,
+            width: frame.width,
+            rows_used: frame.rows_used,
+            rows: frame.rows,
+            black_level: self.black.level(self.settings.black_level),
+        })
+    }
+}

@@ -1,0 +1,11 @@
+//! The serial line's words: commands in, lines out. Pure text; the firmware brings the bytes.
+
+pub mod answer;
+pub mod command;
+pub mod info;
+pub mod input;
+pub mod line;
+pub mod status;
+
+/// The longest answer, in bytes with its line ends: `help` and `status` are the long ones.
+pub const MAX_ANSWER: usize = 1024;

@@ -1,0 +1,100 @@
+//! Answers have the form of the command that they answer: what `rows` answers can be typed to set it again.
+
+use core::fmt;
+
+use super::command::Command;
+use crate::black_level::BlackLevel;
+
+/// The answer to `help`: a line a command.
+pub const HELP: &str = "\
+help                                   this list\r
+info                                   what this sensor is, its calibration and its range\r
+status                                 how it fares: rows, readings, faults and errors since the start\r
+distance                               the next frame's reading, or its fault and what to do about it\r
+stream [on|off]                        a line for every frame\r
+rows [1..64]                           rows in a frame\r
+black [shielded|frame|fixed 0..4095]   how the black level is found\r
+calibration [on|off]                   distances, or centres only\r
+\x20                                      a name alone shows its value; d is a reading, f a fault, E an error";
+
+impl fmt::Display for Command {
+    /// The line that [`super::command::parse`] reads as this command.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Nothing => Ok(()),
+            Self::Help => f.write_str("help"),
+            Self::Info => f.write_str("info"),
+            Self::Status => f.write_str("status"),
+            Self::Distance => f.write_str("distance"),
+            Self::Stream(None) => f.write_str("stream"),
+            Self::Stream(Some(on)) => write!(f, "stream {}", switch(*on)),
+            Self::Black(None) => f.write_str("black"),
+            Self::Black(Some(BlackLevel::Shielded)) => f.write_str("black shielded"),
+            Self::Black(Some(BlackLevel::Frame)) => f.write_str("black frame"),
+            Self::Black(Some(BlackLevel::Fixed(counts))) => write!(f, "black fixed {counts:.0}"),
+            Self::Rows(None) => f.write_str("rows"),
+            Self::Rows(Some(rows)) => write!(f, "rows {rows}"),
+            Self::Calibration(None) => f.write_str("calibration"),
+            Self::Calibration(Some(on)) => write!(f, "calibration {}", switch(*on)),
+        }
+    }
+}
+
+const fn switch(on: bool) -> &'static str {
+    if on { "on" } else { "off" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::command::parse;
+    use crate::units::Counts;
+
+    #[test]
+    fn an_answer_is_the_command_that_sets_it() {
+        for command in [
+            Command::Nothing,
+            Command::Help,
+            Command::Info,
+            Command::Status,
+            Command::Distance,
+            Command::Stream(None),
+            Command::Stream(Some(true)),
+            Command::Stream(Some(false)),
+            Command::Black(None),
+            Command::Black(Some(BlackLevel::Shielded)),
+            Command::Black(Some(BlackLevel::Frame)),
+            Command::Black(Some(BlackLevel::Fixed(Counts::from_int(4095)))),
+            Command::Rows(None),
+            Command::Rows(Some(64)),
+            Command::Calibration(None),
+            Command::Calibration(Some(true)),
+            Command::Calibration(Some(false)),
+        ] {
+            assert_eq!(parse(command.to_string().as_bytes()), Ok(command));
+        }
+    }
+
+    #[test]
+    fn help_has_a_line_for_every_command() {
+        for name in [
+            "help",
+            "info",
+            "status",
+            "distance",
+            "stream",
+            "rows",
+            "black",
+            "calibration",
+        ] {
+            let lines = HELP
+                .split("\r\n")
+                .filter(|line| line.split([' ', '[']).next() == Some(name));
+            assert_eq!(lines.count(), 1, "{name}");
+        }
+        assert!(
+            HELP.split("\r\n")
+                .all(|line| line.len() <= 110 && !line.contains('\n'))
+        );
+    }
+}

@@ -1,0 +1,194 @@
+//! A line that a person or a program typed becomes a command.
+//!
+//! `NAME` reads, `NAME value` sets. Names are lower case; words are separated by blanks.
+
+use core::fmt;
+
+use crate::black_level::BlackLevel;
+use crate::frame::MAX_ROWS;
+use crate::units::Counts;
+
+/// The longest line that is read, in bytes, without its end.
+pub const MAX_LINE: usize = 64;
+
+/// The largest black level that can be fixed, in counts: that of a 12-bit converter.
+const MAX_BLACK: i32 = 4095;
+
+/// What the sensor is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Nothing: an empty line.
+    Nothing,
+    /// The list of commands.
+    Help,
+    /// What this sensor is.
+    Info,
+    /// How it fares.
+    Status,
+    /// One reading.
+    Distance,
+    /// Show whether readings stream, or set it.
+    Stream(Option<bool>),
+    /// Show how the black level is found, or set it.
+    Black(Option<BlackLevel>),
+    /// Show the rows in a frame, or set them.
+    Rows(Option<u16>),
+    /// Show the calibration in use, or switch it.
+    Calibration(Option<bool>),
+}
+
+/// Why a line is no command. `Display` is the answer, without its line end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Error {
+    /// The first word is no command.
+    Unknown,
+    /// A value is missing, not understood or one too many. Names the form that is.
+    Form(&'static str),
+    /// A number is too small or too large. Names the form and the range.
+    Range(&'static str),
+    /// The line is longer than [`MAX_LINE`].
+    TooLong,
+    /// The line has bytes that are not printable ASCII.
+    NotText,
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unknown => f.write_str("E1 unknown command, try help"),
+            Self::Form(form) => write!(f, "E2 expected {form}"),
+            Self::Range(range) => write!(f, "E3 out of range, expected {range}"),
+            Self::TooLong => write!(f, "E4 line longer than {MAX_LINE} characters"),
+            Self::NotText => f.write_str("E5 not ASCII text"),
+        }
+    }
+}
+
+impl core::error::Error for Error {}
+
+const BLACK: &str = "black fixed 0..4095|shielded|frame";
+const ROWS: &str = "rows 1..64";
+const STREAM: &str = "stream on|off";
+const CALIBRATION: &str = "calibration on|off";
+
+/// Reads a line (without its end).
+///
+/// # Errors
+/// The line is no command; [`Error`] says why.
+pub fn parse(line: &[u8]) -> Result<Command, Error> {
+    if line.len() > MAX_LINE {
+        return Err(Error::TooLong);
+    }
+    if !line.iter().all(|byte| matches!(byte, b' '..=b'~' | b'\t')) {
+        return Err(Error::NotText);
+    }
+    let line = core::str::from_utf8(line).map_err(|_| Error::NotText)?;
+    let mut words = line.split_ascii_whitespace();
+    let Some(name) = words.next() else {
+        return Ok(Command::Nothing);
+    };
+    let values = (words.next(), words.next(), words.next());
+    match name {
+        "help" => alone(values, Command::Help, "help"),
+        "info" => alone(values, Command::Info, "info"),
+        "status" => alone(values, Command::Status, "status"),
+        "distance" => alone(values, Command::Distance, "distance"),
+        "stream" => switch(values, STREAM).map(Command::Stream),
+        "calibration" => switch(values, CALIBRATION).map(Command::Calibration),
+        "black" => black(values).map(Command::Black),
+        "rows" => rows(values).map(Command::Rows),
+        _ => Err(Error::Unknown),
+    }
+}
+
+type Values<'a> = (Option<&'a str>, Option<&'a str>, Option<&'a str>);
+
+fn alone(values: Values<'_>, command: Command, form: &'static str) -> Result<Command, Error> {
+    match values {
+        (None, ..) => Ok(command),
+        _ => Err(Error::Form(form)),
+    }
+}
+
+fn switch(values: Values<'_>, form: &'static str) -> Result<Option<bool>, Error> {
+    match values {
+        (None, ..) => Ok(None),
+        (Some("on"), None, _) => Ok(Some(true)),
+        (Some("off"), None, _) => Ok(Some(false)),
+        _ => Err(Error::Form(form)),
+    }
+}
+
+fn black(values: Values<'_>) -> Result<Option<BlackLevel>, Error> {
+    match values {
+        (None, ..) => Ok(None),
+        (Some("shielded"), None, _) => Ok(Some(BlackLevel::Shielded)),
+        (Some("frame"), None, _) => Ok(Some(BlackLevel::Frame)),
+        (Some("fixed"), Some(counts), None) => match counts.parse::<i32>() {
+            Ok(counts @ 0..=MAX_BLACK) => Ok(Some(BlackLevel::Fixed(Counts::from_int(counts)))),
+            Ok(_) => Err(Error::Range(BLACK)),
+            Err(_) => Err(Error::Form(BLACK)),
+        },
+        _ => Err(Error::Form(BLACK)),
+    }
+}
+
+fn rows(values: Values<'_>) -> Result<Option<u16>, Error> {
+    match values {
+        (None, ..) => Ok(None),
+        (Some(rows), None, _) => match rows.parse::<u32>() {
+            Ok(rows @ 1..=MAX_ROWS) => Ok(Some(rows as u16)),
+            Ok(_) => Err(Error::Range(ROWS)),
+            Err(_) => Err(Error::Form(ROWS)),
+        },
+        _ => Err(Error::Form(ROWS)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_are_understood() {
+        assert_eq!(parse(b""), Ok(Command::Nothing));
+        assert_eq!(parse(b"  help "), Ok(Command::Help));
+        assert_eq!(parse(b"stream"), Ok(Command::Stream(None)));
+        assert_eq!(parse(b"stream off"), Ok(Command::Stream(Some(false))));
+        assert_eq!(
+            parse(b"black fixed 300"),
+            Ok(Command::Black(Some(BlackLevel::Fixed(Counts::from_int(
+                300
+            )))))
+        );
+        assert_eq!(
+            parse(b"black\tframe"),
+            Ok(Command::Black(Some(BlackLevel::Frame)))
+        );
+        assert_eq!(parse(b"rows 64"), Ok(Command::Rows(Some(64))));
+        assert_eq!(
+            parse(b"calibration on"),
+            Ok(Command::Calibration(Some(true)))
+        );
+    }
+
+    #[test]
+    fn what_is_no_command_is_said() {
+        assert_eq!(parse(b"Help"), Err(Error::Unknown));
+        assert_eq!(parse(b"help me"), Err(Error::Form("help")));
+        assert_eq!(parse(b"rows 0"), Err(Error::Range(ROWS)));
+        assert_eq!(parse(b"rows 65"), Err(Error::Range(ROWS)));
+        assert_eq!(parse(b"rows -1"), Err(Error::Form(ROWS)));
+        assert_eq!(parse(b"rows 4 4"), Err(Error::Form(ROWS)));
+        assert_eq!(parse(b"black fixed"), Err(Error::Form(BLACK)));
+        assert_eq!(parse(b"black fixed 4096"), Err(Error::Range(BLACK)));
+        assert_eq!(parse(b"stream on off"), Err(Error::Form(STREAM)));
+        assert_eq!(parse(&[b'a'; MAX_LINE + 1]), Err(Error::TooLong));
+        assert_eq!(parse(b"rows \xff"), Err(Error::NotText));
+        assert_eq!(parse(b"rows\x001"), Err(Error::NotText));
+        assert_eq!(
+            Error::Range(ROWS).to_string(),
+            "E3 out of range, expected rows 1..64"
+        );
+    }
+}

@@ -1,0 +1,115 @@
+//! What comes out: a reading, or a fault.
+
+use crate::units::{Counts, Micrometres, Pixels};
+
+/// A distance with its uncertainty and how it came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reading {
+    /// Distance to the target.
+    pub distance: Micrometres,
+    /// Standard uncertainty of the distance (one sigma): that of the centre through the slope of eq. (1).
+    pub uncertainty: Micrometres,
+    /// Centre of the spot on the light range.
+    pub centre: Pixels,
+    /// Standard uncertainty of the centre.
+    pub centre_uncertainty: Pixels,
+    /// The spot's height above the background, mean over the rows used.
+    pub amplitude: Counts,
+    /// The spot's width (a gaussian's sigma), mean over the rows used.
+    pub width: Pixels,
+    /// Rows whose centre went into the reading.
+    pub rows_used: u16,
+    /// Rows in the frame.
+    pub rows: u16,
+    /// What an unlit pixel reads.
+    pub black_level: Counts,
+}
+
+/// Why there is no distance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// No rows come, or words that no sensor makes.
+    SensorSilent,
+    /// Nothing in the row stands out of its noise.
+    NoSpot {
+        /// The height of the highest candidate.
+        amplitude: Counts,
+    },
+    /// A spot, too dim for a centre that can be trusted.
+    TooDim {
+        /// The spot's height.
+        amplitude: Counts,
+        /// The height that this spot would need.
+        needed: Counts,
+    },
+    /// Pixels of the spot are at full scale: its top is cut off.
+    Saturated {
+        /// How many.
+        pixels: u16,
+    },
+    /// The pixels around the spot that a fit needs reach over the sensor's edge.
+    SpotAtEdge {
+        /// Where the spot is, roughly.
+        centre: Pixels,
+    },
+    /// The centre lies where the calibration is not valid.
+    OutOfRange {
+        /// The centre.
+        centre: Pixels,
+    },
+    /// The sensor has no calibration; the centre is good.
+    NotCalibrated {
+        /// The centre.
+        centre: Pixels,
+        /// Its standard uncertainty.
+        uncertainty: Pixels,
+    },
+}
+
+impl Fault {
+    /// Number of kinds of fault.
+    pub const KINDS: usize = 7;
+
+    /// The kind as a number from 0 to [`Fault::KINDS`] - 1, to count by.
+    pub const fn kind(&self) -> usize {
+        match self {
+            Self::SensorSilent => 0,
+            Self::NoSpot { .. } => 1,
+            Self::TooDim { .. } => 2,
+            Self::Saturated { .. } => 3,
+            Self::SpotAtEdge { .. } => 4,
+            Self::OutOfRange { .. } => 5,
+            Self::NotCalibrated { .. } => 6,
+        }
+    }
+
+    /// The names of the kinds, in the order of [`Fault::kind`].
+    pub const NAMES: [&'static str; Self::KINDS] = [
+        "sensor silent",
+        "no spot",
+        "too dim",
+        "saturated",
+        "spot at the edge",
+        "out of range",
+        "not calibrated",
+    ];
+
+    /// The kind's name.
+    pub const fn name(&self) -> &'static str {
+        Self::NAMES[self.kind()]
+    }
+
+    /// What to do about it.
+    pub const fn advice(&self) -> &'static str {
+        match self {
+            Self::SensorSilent => "check the sensor head's supply and wires",
+            Self::NoSpot { .. } => "check that the laser is on and hits a target",
+            Self::TooDim { .. } => "more laser power, a brighter target or less ambient light",
+            Self::Saturated { .. } => "less laser power or a darker target",
+            Self::SpotAtEdge { .. } | Self::OutOfRange { .. } => {
+                "move the target into the range that `info` names"
+            }
+            Self::NotCalibrated { .. } => "`calibration on`",
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! A row, and the geometry of the sensor that made it.
+
+use core::ops::Range;
+
+/// Whether more light makes a converter word larger or smaller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Polarity {
+    /// A word rises with light.
+    Rising,
+    /// A word falls with light, from the full scale down.
+    Falling,
+}
+
+/// What the words of a row are, as its sensor's driver states it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Geometry {
+    /// Words in one read-out.
+    pub words: usize,
+    /// The words of the shielded pixels, from which the black level is read.
+    pub shielded: Range<usize>,
+    /// The words of the pixels that see light. Pixel 0 of a centre is the first of them.
+    pub light: Range<usize>,
+    /// What light does to a word.
+    pub polarity: Polarity,
+    /// The largest word the converter makes, in counts: 2^bits - 1, at most [`LARGEST_COUNT`].
+    pub full_scale: u16,
+    /// Variance of the light's shot noise in counts squared for each count of light, Q0.16: one over the electrons that
+    /// make a count, or 0 where it does not matter.
+    pub shot_variance_per_count_q16: u16,
+}
+
+/// The largest count that a row may hold, that of a 12-bit converter: what the arithmetic of the core is proven for.
+pub const LARGEST_COUNT: u16 = 4095;
+
+/// One read-out of the sensor, light positive, in counts of at most [`LARGEST_COUNT`].
+#[derive(Clone, Copy, Debug)]
+pub struct Row<'a> {
+    light: &'a [u16],
+    shielded: &'a [u16],
+}
+
+impl<'a> Row<'a> {
+    /// A row from its parts, light positive. [`Geometry::row`] makes one from a sensor's words.
+    ///
+    /// # Errors
+    /// A count is above [`LARGEST_COUNT`].
+    pub fn new(light: &'a [u16], shielded: &'a [u16]) -> Result<Self, RowError> {
+        match light
+            .iter()
+            .chain(shielded)
+            .copied()
+            .find(|&word| word > LARGEST_COUNT)
+        {
+            Some(word) => Err(RowError::Impossible { word }),
+            None => Ok(Self { light, shielded }),
+        }
+    }
+
+    /// The pixels that see light.
+    pub const fn light(&self) -> &'a [u16] {
+        self.light
+    }
+
+    /// The pixels under metal.
+    pub const fn shielded(&self) -> &'a [u16] {
+        self.shielded
+    }
+}
+
+/// Why words are no row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RowError {
+    /// Another number of words than the geometry says.
+    Length {
+        /// The number of words there were.
+        words: usize,
+    },
+    /// A word that the converter cannot make, as the sensor's line delivered it: a wire is open or shorted.
+    Impossible {
+        /// The word.
+        word: u16,
+    },
+    /// All words that see light are the same: no sensor answers.
+    Constant {
+        /// The word.
+        word: u16,
+    },
+}
+
+impl Geometry {
+    /// Turns the words of a read-out over where light makes them fall, in place, and gives its parts.
+    ///
+    /// # Errors
+    /// The words are no row of this sensor; their values are left as they are.
+    pub fn row<'a>(&self, words: &'a mut [u16]) -> Result<Row<'a>, RowError> {
+        let length = RowError::Length { words: words.len() };
+        if words.len() != self.words {
+            return Err(length);
+        }
+        let first = words.get(self.light.start).copied().ok_or(length)?;
+        let full_scale = self.full_scale.min(LARGEST_COUNT);
+        // Two questions in one pass without a branch a word.
+        let (largest, differs) = words.iter().fold((0, 0), |(largest, differs), &word| {
+            (word.max(largest), differs | (word ^ first))
+        });
+        if largest > full_scale {
+            return Err(RowError::Impossible { word: largest });
+        }
+        if differs == 0 {
+            return Err(RowError::Constant { word: first });
+        }
+        if self.polarity == Polarity::Falling {
+            for word in words.iter_mut() {
+                // No word is above the full scale here, so nothing saturates.
+                *word = full_scale.saturating_sub(*word);
+            }
+        }
+        let words = &*words;
+        match (
+            words.get(self.light.clone()),
+            words.get(self.shielded.clone()),
+        ) {
+            (Some(light), Some(shielded)) => Ok(Row { light, shielded }),
+            _ => Err(length),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn geometry() -> Geometry {
+        Geometry {
+            words: 8,
+            shielded: 1..3,
+            light: 3..7,
+            polarity: Polarity::Falling,
+            full_scale: 4095,
+            shot_variance_per_count_q16: 6554,
+        }
+    }
+
+    #[test]
+    fn falling_words_become_light_positive() {
+        let mut words = [0, 4000, 4001, 4095, 4000, 0, 3000, 7];
+        let row = geometry().row(&mut words).expect("a row");
+        assert_eq!(row.light(), [0, 95, 4095, 1095]);
+        assert_eq!(row.shielded(), [95, 94]);
+        let mut rising = [0, 1, 2, 3, 4, 5, 6, 7];
+        let geometry = Geometry {
+            polarity: Polarity::Rising,
+            ..geometry()
+        };
+        assert_eq!(
+            geometry.row(&mut rising).expect("a row").light(),
+            [3, 4, 5, 6]
+        );
+    }
+
+    #[test]
+    fn what_is_no_row_is_said_and_left_alone() {
+        let error = |words: &mut [u16]| geometry().row(words).expect_err("no row");
+        assert_eq!(error(&mut [1, 2, 3]), RowError::Length { words: 3 });
+        assert_eq!(error(&mut [7; 8]), RowError::Constant { word: 7 });
+        let mut words = [0, 1, 2, 3, 4, 5, 6, 0x8007];
+        assert_eq!(error(&mut words), RowError::Impossible { word: 0x8007 });
+        assert_eq!(words, [0, 1, 2, 3, 4, 5, 6, 0x8007]);
+        let beyond = Geometry {
+            light: 3..9,
+            ..geometry()
+        };
+        assert_eq!(
+            beyond
+                .row(&mut [0, 1, 2, 3, 4, 5, 6, 7])
+                .expect_err("no row"),
+            RowError::Length { words: 8 }
+        );
+        assert_eq!(
+            Row::new(&[1, 4096], &[]).expect_err("too large"),
+            RowError::Impossible { word: 4096 }
+        );
+    }
+}

@@ -1,0 +1,165 @@
+//! The numbers that cross a module: fixed point, with the unit in the type.
+//!
+//! `from_bits` and `to_bits` are the raw integer; every other constructor scales. `Display` is exact decimal
+//! arithmetic on the integer (no floating point is formatted on the chip) and rounds half away from zero.
+
+use core::fmt;
+
+macro_rules! quantity {
+    ($(#[$doc:meta])* $name:ident, $fraction:literal, $decimals:literal) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+        pub struct $name(i32);
+
+        impl $name {
+            /// Bits after the binary point.
+            pub const FRACTION: u32 = $fraction;
+            /// The smallest value that can be held.
+            pub const MIN: Self = Self(i32::MIN);
+            /// The largest value that can be held.
+            pub const MAX: Self = Self(i32::MAX);
+
+            /// The raw integer: the value times 2^`FRACTION`.
+            pub const fn from_bits(bits: i32) -> Self {
+                Self(bits)
+            }
+
+            /// The raw integer: the value times 2^`FRACTION`.
+            pub const fn to_bits(self) -> i32 {
+                self.0
+            }
+
+            /// A whole number of units, saturating at the ends of the range.
+            pub const fn from_int(value: i32) -> Self {
+                // An i32 times 2^FRACTION (< 2^31) fits an i64.
+                let bits = (value as i64) << $fraction;
+                if bits > i32::MAX as i64 {
+                    Self::MAX
+                } else if bits < i32::MIN as i64 {
+                    Self::MIN
+                } else {
+                    Self(bits as i32)
+                }
+            }
+
+            /// The nearest representable value, saturating; not-a-number becomes zero.
+            pub fn from_f32(value: f32) -> Self {
+                // `as` saturates and maps NaN to zero, by the language's definition.
+                Self(libm::roundf(value * (1u32 << $fraction) as f32) as i32)
+            }
+
+            /// The value as a float: exact to 24 bits.
+            pub const fn to_f32(self) -> f32 {
+                self.0 as f32 / (1u32 << $fraction) as f32
+            }
+
+            /// The value as a double: exact.
+            pub const fn to_f64(self) -> f64 {
+                self.0 as f64 / (1u32 << $fraction) as f64
+            }
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                decimal(f, self.0, $fraction, f.precision().unwrap_or($decimals))
+            }
+        }
+    };
+}
+
+quantity! {
+    /// A position or length on the row in pixels, Q16.16: ±32768 pixels in steps of 1.5e-5 pixel.
+    ///
+    /// Pixel *i* of the light range covers [i - 0.5, i + 0.5].
+    Pixels, 16, 5
+}
+
+quantity! {
+    /// Counts of the converter (its LSB), Q24.8: ±8.3 million counts in steps of 0.004.
+    Counts, 8, 1
+}
+
+quantity! {
+    /// A distance in micrometres, Q24.8: ±8.39 m in steps of 0.004 um.
+    Micrometres, 8, 0
+}
+
+/// A distance as millimetres with three decimals, to the micrometre: what a person reads.
+pub struct AsMillimetres(pub Micrometres);
+
+impl fmt::Display for AsMillimetres {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Rounded to whole micrometres; |bits| < 2^31, so the sum fits an i64.
+        let half = 1i64 << (Micrometres::FRACTION - 1);
+        let magnitude = (i64::from(self.0.to_bits()).abs() + half) >> Micrometres::FRACTION;
+        let sign = if self.0.to_bits() < 0 && magnitude != 0 {
+            "-"
+        } else {
+            ""
+        };
+        write!(f, "{sign}{}.{:03}", magnitude / 1000, magnitude % 1000)
+    }
+}
+
+/// Writes `bits` / 2^`fraction` with `decimals` (at most 6) digits after the point.
+fn decimal(f: &mut fmt::Formatter<'_>, bits: i32, fraction: u32, decimals: usize) -> fmt::Result {
+    let decimals = decimals.min(6);
+    let scale = 10u64.pow(decimals as u32);
+    // |bits| <= 2^31 and scale <= 10^6 < 2^20: the product is below 2^51.
+    let scaled = u64::from(bits.unsigned_abs()) * scale;
+    let rounded = (scaled + (1u64 << (fraction - 1))) >> fraction;
+    let sign = if bits < 0 && rounded != 0 { "-" } else { "" };
+    if decimals == 0 {
+        write!(f, "{sign}{rounded}")
+    } else {
+        write!(
+            f,
+            "{sign}{}.{:0decimals$}",
+            rounded / scale,
+            rounded % scale
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decimals_round_half_away_from_zero() {
+        assert_eq!(Pixels::from_bits(0x0001_8000).to_string(), "1.50000");
+        assert_eq!(format!("{:.0}", Pixels::from_bits(0x0001_8000)), "2");
+        assert_eq!(format!("{:.0}", Pixels::from_bits(-0x0001_8000)), "-2");
+        assert_eq!(format!("{:.2}", Pixels::from_bits(-1)), "0.00");
+        assert_eq!(Pixels::MIN.to_string(), "-32768.00000");
+        assert_eq!(Counts::MAX.to_string(), "8388608.0");
+        assert_eq!(
+            AsMillimetres(Micrometres::from_int(800_123)).to_string(),
+            "800.123"
+        );
+        assert_eq!(
+            AsMillimetres(Micrometres::from_int(-5)).to_string(),
+            "-0.005"
+        );
+        assert_eq!(AsMillimetres(Micrometres::MIN).to_string(), "-8388.608");
+    }
+
+    #[test]
+    fn five_decimals_tell_every_centre_apart() {
+        for bits in (-70_000..70_000).chain(239_000_000..239_100_000) {
+            assert_ne!(
+                Pixels::from_bits(bits).to_string(),
+                Pixels::from_bits(bits + 1).to_string()
+            );
+        }
+    }
+
+    #[test]
+    fn conversions_saturate() {
+        assert_eq!(Pixels::from_int(40_000), Pixels::MAX);
+        assert_eq!(Pixels::from_int(-40_000), Pixels::MIN);
+        assert_eq!(Pixels::from_f32(1e9), Pixels::MAX);
+        assert_eq!(Pixels::from_f32(f32::NAN), Pixels::from_int(0));
+        assert_eq!(Pixels::from_f32(-1.25).to_bits(), -0x0001_4000);
+    }
+}
