@@ -24,6 +24,6 @@ pub struct RowCentre {
 pub struct WidthClass {
     /// Index of the table.
     pub table: u8,
-    /// A sample is the sum of 2^`block_log2` pixels.
-    pub block_log2: u8,
+    /// Pixels in a sample.
+    pub block: u8,
 }

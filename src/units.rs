@@ -84,20 +84,20 @@ quantity! {
     Micrometres, 8, 0
 }
 
-/// A distance as millimetres with three decimals, to the micrometre: what a person reads.
+/// A distance as millimetres with four decimals, to a tenth of a micrometre: what a person reads.
 pub struct AsMillimetres(pub Micrometres);
 
 impl fmt::Display for AsMillimetres {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Rounded to whole micrometres; |bits| < 2^31, so the sum fits an i64.
+        // Rounded to tenths of micrometres; |bits| < 2^31, so ten times that fits an i64 with room.
         let half = 1i64 << (Micrometres::FRACTION - 1);
-        let magnitude = (i64::from(self.0.to_bits()).abs() + half) >> Micrometres::FRACTION;
-        let sign = if self.0.to_bits() < 0 && magnitude != 0 {
+        let tenths = (i64::from(self.0.to_bits()).abs() * 10 + half) >> Micrometres::FRACTION;
+        let sign = if self.0.to_bits() < 0 && tenths != 0 {
             "-"
         } else {
             ""
         };
-        write!(f, "{sign}{}.{:03}", magnitude / 1000, magnitude % 1000)
+        write!(f, "{sign}{}.{:04}", tenths / 10_000, tenths % 10_000)
     }
 }
 
@@ -135,13 +135,13 @@ mod tests {
         assert_eq!(Counts::MAX.to_string(), "8388608.0");
         assert_eq!(
             AsMillimetres(Micrometres::from_int(800_123)).to_string(),
-            "800.123"
+            "800.1230"
         );
         assert_eq!(
             AsMillimetres(Micrometres::from_int(-5)).to_string(),
-            "-0.005"
+            "-0.0050"
         );
-        assert_eq!(AsMillimetres(Micrometres::MIN).to_string(), "-8388.608");
+        assert_eq!(AsMillimetres(Micrometres::MIN).to_string(), "-8388.6080");
     }
 
     #[test]

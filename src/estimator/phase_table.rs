@@ -73,8 +73,20 @@ pub const LARGEST_SAMPLE: u16 = 8 * LARGEST_COUNT;
 /// The longest window in samples.
 pub const MAX_TAPS: usize = 96;
 
-/// The widest block has 2^5 = 32 pixels.
-const LARGEST_BLOCK_LOG2: u32 = 5;
+/// Pixels in a sample of a spot that is wider than any table. Up to 8 their sum fits [`LARGEST_SAMPLE`]; more are even, so that
+/// half of the sum does and a constant on the row still adds a whole number. With the widths of the tables there is a match
+/// to 4 % for every width of a spot.
+const BLOCKS: [u8; 11] = [2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16];
+
+const _: () = {
+    let mut i = 0;
+    while i < BLOCKS.len() {
+        let (block, halvings) = (BLOCKS[i] as u32, halvings(BLOCKS[i]));
+        assert!((block * LARGEST_COUNT as u32) >> halvings <= LARGEST_SAMPLE as u32);
+        assert!(block % (1 << halvings) == 0);
+        i += 1;
+    }
+};
 
 mod generated {
     use super::Table;
@@ -140,48 +152,56 @@ impl<'a> TableSet<'a> {
         self.0
     }
 
-    /// The samples' size and the table for a width in pixels.
-    fn choose(&self, width: f32) -> Option<(WidthClass, &'a Table<'a>)> {
+    /// The pixels in a sample and the table that match a width in pixels best, and how far they are from a match.
+    fn choose(&self, width: f32) -> Option<Match<'a>> {
         let widest = self.0.last()?.width;
-        let mut block_log2 = 0;
-        let mut samples = width;
-        while samples > widest * WIDEST_SERVED && block_log2 < LARGEST_BLOCK_LOG2 {
-            block_log2 += 1;
-            samples *= 0.5;
+        let single = width <= widest * WIDEST_SINGLE;
+        let blocks: &[u8] = if single { &[1] } else { &BLOCKS };
+        let mut best: Option<Match<'a>> = None;
+        for &block in blocks {
+            let samples = width / f32::from(block);
+            // Fewer samples a sigma lose accuracy.
+            if !single && samples * 2.0 < widest * WIDEST_SINGLE * 0.9 {
+                break;
+            }
+            for (index, table) in self.0.iter().enumerate() {
+                let off = mismatch(samples / table.width, block);
+                if best.as_ref().is_none_or(|best| off < best.off) {
+                    best = Some(Match {
+                        class: WidthClass {
+                            table: index as u8,
+                            block,
+                        },
+                        table,
+                        off,
+                    });
+                }
+            }
         }
-        let index = self
-            .0
-            .iter()
-            .skip(1)
-            .take_while(|wider| samples > wider.width * NARROWEST_SERVED)
-            .count();
-        let table = self.0.get(index)?;
-        Some((
-            WidthClass {
-                table: index as u8,
-                block_log2: block_log2 as u8,
-            },
-            table,
-        ))
-    }
-
-    /// Whether a table should go on serving a spot of this width: it would be chosen, or nearly so.
-    fn keeps(&self, class: WidthClass, width: f32, margin: f32) -> bool {
-        let chosen = |width| {
-            self.choose(width)
-                .is_some_and(|(chosen, _)| chosen == class)
-        };
-        chosen(width) || chosen(width * (1.0 - margin)) || chosen(width * (1.0 + margin))
+        best
     }
 }
 
-/// A table serves spots down to this much narrower than its own width, and the next narrower one takes over there. With
-/// r = 0.3 the standard deviation in white noise is 1.057 of the bound at the table's width, 1.083 here, and 1.02 where the
-/// spot is 1.2 * 0.95 times wider than the table; in pure shot noise it is 1.10, 1.09 and 1.16.
-const NARROWEST_SERVED: f32 = 0.95;
+/// A table that may serve a width.
+struct Match<'a> {
+    class: WidthClass,
+    table: &'a Table<'a>,
+    /// See [`mismatch`].
+    off: f32,
+}
 
-/// The widest table serves as far as if a table 1.2 times wider came next.
-const WIDEST_SERVED: f32 = 1.2 * NARROWEST_SERVED;
+/// How far a spot `ratio` times as wide as a table is from where the table serves best.
+///
+/// With single pixels the tables' widths are 1.2 apart, and a table serves from 0.95 to 1.14 of its own: with r = 0.3 the
+/// standard deviation in white noise is then 1.083 to 1.02 of the bound (1.057 at the table's width), and in pure shot noise
+/// 1.09 to 1.16 (1.10). Blocks can be chosen to match.
+fn mismatch(ratio: f32, block: u8) -> f32 {
+    let best = if block == 1 { 1.04 } else { 1.0 };
+    (ratio / best - 1.0).abs()
+}
+
+/// Spots up to this much wider than the widest table are fitted in single pixels.
+const WIDEST_SINGLE: f32 = 1.14;
 
 /// One row of weights: it sums to zero, and its inner product with samples up to [`LARGEST_SAMPLE`] fits an i32 at
 /// every step of the sum.
@@ -227,6 +247,12 @@ const MAX_PASSES: usize = 10;
 const fn slack(pass: usize) -> (f32, f32) {
     if pass < 4 { (0.55, 0.02) } else { (1.1, 0.1) }
 }
+
+/// No optics makes a spot narrower than this, in pixels: a hot pixel alone looks like one of 0.3.
+const NARROWEST: f32 = 0.6;
+
+/// Nor does a table serve spots wider than this times its width in the largest blocks.
+const WIDEST_BLOCK_SERVED: f32 = 1.2;
 
 /// A centre less certain than an eighth of the spot's width is not trusted: noise alone may look like that spot.
 const DIMMEST: f32 = 8.0;
@@ -293,7 +319,11 @@ fn settle<'a>(
     tables: &TableSet<'a>,
 ) -> Result<Fit<'a>, Unsettled> {
     let (mut at, mut width) = (start, start_width);
-    let (mut class, mut table) = tables.choose(width).ok_or(Unsettled::Shape)?;
+    let Match {
+        mut class,
+        mut table,
+        ..
+    } = tables.choose(width).ok_or(Unsettled::Shape)?;
     for pass in 0..MAX_PASSES {
         let (window, reference) = place(at, class, table);
         let products = inner_products(light, &window, table).ok_or(Unsettled::Edge(at))?;
@@ -301,7 +331,7 @@ fn settle<'a>(
             return Err(Unsettled::Shape);
         }
         let slope = products.slope as f32;
-        let block = (1u32 << class.block_log2) as f32;
+        let block = f32::from(class.block);
         // Clamped to one and a half widths, and to a bit less than half or twice the width: further off, the products
         // say the direction and no more.
         let reach = 1.5 * table.width;
@@ -322,13 +352,19 @@ fn settle<'a>(
         }
         let (half_phase, margin) = slack(pass);
         // Single pixels: the next phase would be nearer. Blocks: the window moves by pixels, a fraction of a block.
-        let steps = if class.block_log2 == 0 {
+        let steps = if class.block == 1 {
             f32::from(table.phases)
         } else {
             block
         };
-        let fits = tables.keeps(class, width, margin);
+        let better = tables.choose(width).ok_or(Unsettled::Shape)?;
+        let fits = mismatch(1.0 + stretch, class.block) <= better.off + margin;
         if fits && distance.abs() * steps <= half_phase {
+            let served =
+                NARROWEST..WIDEST_BLOCK_SERVED * f32::from(BLOCKS[BLOCKS.len() - 1]) * table.width;
+            if !served.contains(&width) {
+                return Err(Unsettled::Shape);
+            }
             return Ok(Fit {
                 centre: at,
                 width,
@@ -339,7 +375,7 @@ fn settle<'a>(
             });
         }
         if !fits {
-            (class, table) = tables.choose(width).ok_or(Unsettled::Shape)?;
+            (class, table) = (better.class, better.table);
         }
     }
     Err(Unsettled::Shape)
@@ -348,9 +384,9 @@ fn settle<'a>(
 impl Fit<'_> {
     /// Amplitude and uncertainty: the noise of the score through its slope.
     fn with_uncertainty(&self, noise: Counts, sensor: &Sensor) -> Result<RowCentre, Fault> {
-        let block = (1u32 << self.class.block_log2) as f32;
+        let block = f32::from(self.class.block);
         // A sample is the sum of a block's pixels over this.
-        let divisor = (1u32 << halvings(self.class.block_log2)) as f32;
+        let divisor = (1u32 << halvings(self.class.block)) as f32;
         let height = self.slope * self.table.height_per_slope;
         let read = noise.to_f32() * noise.to_f32() * block / (divisor * divisor);
         let shot_variance_per_count = f32::from(sensor.shot_variance_per_count_q16) / 65536.0;
@@ -391,9 +427,9 @@ fn place(at: Pixels, class: WidthClass, table: &Table<'_>) -> (Window, Pixels) {
     const HALF: i32 = 1 << (Pixels::FRACTION - 1);
     // Positions stay below 2^14 pixels and offsets below 2^5, so nothing here overflows an i32 in Q16.
     let at = at.to_bits();
-    let block = 1i32 << class.block_log2;
+    let block = i32::from(class.block);
     let phases = i32::from(table.phases);
-    let phase = if class.block_log2 == 0 {
+    let phase = if class.block == 1 {
         let nearest = at.saturating_add(HALF) >> Pixels::FRACTION;
         let from_its_edge = at - (nearest << Pixels::FRACTION) + HALF;
         ((from_its_edge * phases) >> Pixels::FRACTION).clamp(0, phases - 1)
@@ -425,7 +461,7 @@ struct Products {
 fn inner_products(light: &[u16], window: &Window, table: &Table<'_>) -> Option<Products> {
     let taps = table.taps();
     let first = usize::try_from(window.first).ok()?;
-    let pixels = light.get(first..first + (taps << window.class.block_log2))?;
+    let pixels = light.get(first..first + taps * usize::from(window.class.block))?;
     let phase = usize::try_from(window.phase).ok()?;
     let rows = phase * taps..(phase + 1) * taps;
     let (score, slope, stretch) = (
@@ -434,10 +470,10 @@ fn inner_products(light: &[u16], window: &Window, table: &Table<'_>) -> Option<P
         table.stretch.get(rows)?,
     );
     let mut sums = [0u16; MAX_TAPS];
-    let samples = if window.class.block_log2 == 0 {
+    let samples = if window.class.block == 1 {
         pixels
     } else {
-        sum_blocks(pixels, window.class.block_log2, &mut sums);
+        sum_blocks(pixels, window.class.block, &mut sums);
         sums.get(..taps)?
     };
     let mut products = Products {
@@ -456,18 +492,18 @@ fn inner_products(light: &[u16], window: &Window, table: &Table<'_>) -> Option<P
     Some(products)
 }
 
-/// How often the sum of a block is halved to fit [`LARGEST_SAMPLE`]: not at all up to 8 pixels.
-const fn halvings(block_log2: u8) -> u32 {
-    (block_log2 as u32).saturating_sub(3)
+/// How often the sum of a block is halved to fit [`LARGEST_SAMPLE`]: not at all up to 8 pixels, once up to 16.
+const fn halvings(block: u8) -> u32 {
+    block.div_ceil(8).next_power_of_two().ilog2()
 }
 
-/// Sums of 2, 4 or 8 pixels, and halved sums of more. Adding n to every pixel adds a whole number to every sample,
-/// because a block's size is a multiple of what it is divided by.
-fn sum_blocks(pixels: &[u16], block_log2: u8, sums: &mut [u16; MAX_TAPS]) {
-    for (sum, block) in sums.iter_mut().zip(pixels.chunks_exact(1 << block_log2)) {
-        // 32 pixels of 12 bits fit 17 bits.
-        *sum = (block.iter().map(|&count| u32::from(count)).sum::<u32>() >> halvings(block_log2))
-            as u16;
+/// The sums of blocks of pixels, halved to fit. Adding n to every pixel adds a whole number to every sample, because a
+/// block's size is a multiple of what its sum is divided by.
+fn sum_blocks(pixels: &[u16], block: u8, sums: &mut [u16; MAX_TAPS]) {
+    for (sum, pixels) in sums.iter_mut().zip(pixels.chunks_exact(usize::from(block))) {
+        // 16 pixels of 12 bits fit 16 bits.
+        *sum =
+            (pixels.iter().map(|&count| u32::from(count)).sum::<u32>() >> halvings(block)) as u16;
     }
 }
 

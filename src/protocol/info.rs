@@ -135,7 +135,7 @@ mod tests {
         .to_string();
         assert_eq!(
             info.lines().last(),
-            Some("info range x 1191 to 2654 px, 550.087 to 1099.718 mm"),
+            Some("info range x 1191 to 2654 px, 550.0874 to 1099.7177 mm"),
             "{info}"
         );
         assert!(

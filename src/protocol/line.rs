@@ -1,6 +1,6 @@
 //! Readings and faults as lines, without their line ends.
 //!
-//! A reading is `d 800.123 mm u 0.035 x 1823.12345 a 1830.2 n 16/16 b 312.3`: distance and its standard uncertainty in
+//! A reading is `d 800.1234 mm u 0.0035 x 1823.12345 a 1830 n 16/16 b 312.3`: distance and its standard uncertainty in
 //! millimetres, centre in pixels, amplitude in counts, rows used of the frame's, black level in counts. A fault is
 //! `f too dim: 35.2 counts, needs 60.1`. No line is longer than 64 bytes with its end, so that 115200 baud carries a
 //! line for every row.
@@ -14,7 +14,7 @@ impl fmt::Display for Reading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "d {} mm u {} x {:.5} a {:.1} n {}/{} b {:.1}",
+            "d {} mm u {} x {:.5} a {:.0} n {}/{} b {:.1}",
             AsMillimetres(self.distance),
             AsMillimetres(self.uncertainty),
             self.centre,
@@ -68,7 +68,7 @@ mod tests {
         };
         assert_eq!(
             reading.to_string(),
-            "d 800.123 mm u 0.035 x 1823.12500 a 1830.3 n 16/16 b 312.3"
+            "d 800.1230 mm u 0.0350 x 1823.12500 a 1830 n 16/16 b 312.3"
         );
         let longest = Reading {
             distance: Micrometres::from_int(1_050_000),
@@ -80,7 +80,7 @@ mod tests {
             black_level: Counts::from_int(4095),
             ..reading
         };
-        assert!(longest.to_string().len() <= 64, "{longest}");
+        assert!(longest.to_string().len() + 2 <= 64, "{longest}");
         let dim = Fault::TooDim {
             amplitude: Counts::from_f32(35.2),
             needed: Counts::from_f32(60.1),
