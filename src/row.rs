@@ -51,7 +51,7 @@ impl<'a> Row<'a> {
             .copied()
             .find(|&word| word > LARGEST_COUNT)
         {
-            Some(word) => Err(RowError::Impossible { word }),
+            Some(bits) => Err(RowError::Impossible { bits }),
             None => Ok(Self { light, shielded }),
         }
     }
@@ -75,15 +75,10 @@ pub enum RowError {
         /// The number of words there were.
         words: usize,
     },
-    /// A word that the converter cannot make, as the sensor's line delivered it: a wire is open or shorted.
+    /// Words that the converter cannot make: a wire is open or shorted.
     Impossible {
-        /// The word.
-        word: u16,
-    },
-    /// All words that see light are the same: no sensor answers.
-    Constant {
-        /// The word.
-        word: u16,
+        /// All bits that were set in any word.
+        bits: u16,
     },
 }
 
@@ -91,29 +86,24 @@ impl Geometry {
     /// Turns the words of a read-out over where light makes them fall, in place, and gives its parts.
     ///
     /// # Errors
-    /// The words are no row of this sensor; their values are left as they are.
+    /// The words are no row of this sensor. Their values are of no use then.
     pub fn row<'a>(&self, words: &'a mut [u16]) -> Result<Row<'a>, RowError> {
         let length = RowError::Length { words: words.len() };
         if words.len() != self.words {
             return Err(length);
         }
-        let first = words.get(self.light.start).copied().ok_or(length)?;
         let full_scale = self.full_scale.min(LARGEST_COUNT);
-        // Two questions in one pass without a branch a word.
-        let (largest, differs) = words.iter().fold((0, 0), |(largest, differs), &word| {
-            (word.max(largest), differs | (word ^ first))
-        });
-        if largest > full_scale {
-            return Err(RowError::Impossible { word: largest });
-        }
-        if differs == 0 {
-            return Err(RowError::Constant { word: first });
-        }
-        if self.polarity == Polarity::Falling {
-            for word in words.iter_mut() {
-                // No word is above the full scale here, so nothing saturates.
-                *word = full_scale.saturating_sub(*word);
+        // A full scale is 2^bits - 1: a word beyond it sets a bit that no other does.
+        let mut any = 0;
+        for word in words.iter_mut() {
+            any |= *word;
+            if self.polarity == Polarity::Falling {
+                // Wraps only where `any` makes the row an error.
+                *word = full_scale.wrapping_sub(*word);
             }
+        }
+        if any > full_scale {
+            return Err(RowError::Impossible { bits: any });
         }
         let words = &*words;
         match (
@@ -159,13 +149,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_row_is_said_and_left_alone() {
+    fn what_is_no_row_is_said() {
         let error = |words: &mut [u16]| geometry().row(words).expect_err("no row");
         assert_eq!(error(&mut [1, 2, 3]), RowError::Length { words: 3 });
-        assert_eq!(error(&mut [7; 8]), RowError::Constant { word: 7 });
-        let mut words = [0, 1, 2, 3, 4, 5, 6, 0x8007];
-        assert_eq!(error(&mut words), RowError::Impossible { word: 0x8007 });
-        assert_eq!(words, [0, 1, 2, 3, 4, 5, 6, 0x8007]);
+        assert_eq!(
+            error(&mut [0, 1, 2, 3, 4, 5, 6, 0x8007]),
+            RowError::Impossible { bits: 0x8007 }
+        );
         let beyond = Geometry {
             light: 3..9,
             ..geometry()
@@ -178,7 +168,7 @@ mod tests {
         );
         assert_eq!(
             Row::new(&[1, 4096], &[]).expect_err("too large"),
-            RowError::Impossible { word: 4096 }
+            RowError::Impossible { bits: 4096 }
         );
     }
 }

@@ -48,27 +48,30 @@ pub struct Background {
 ///
 /// # Errors
 /// [`Fault::NoSpot`] where nothing stands out, or the row is longer than [`MAX_PIXELS`] or shorter than 16 pixels.
+/// [`Fault::SensorSilent`] where all pixels read the same, which no sensor's noise allows.
 pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
     let light = row.light();
-    let background = background(light).ok_or(Fault::NoSpot {
+    let no_spot = Fault::NoSpot {
         amplitude: Counts::from_int(0),
-    })?;
-    let level = background.level.to_bits();
-    let mut best = Peak::at(sweep(light.iter().map(|&count| u32::from(count))), 0, level);
-    // Each pass halves the sums in place, so the buffer only shrinks.
-    let mut sums: Vec<u32, { MAX_PIXELS / 2 }> = Vec::new();
-    for pair in light.chunks_exact(2) {
-        // Rows too long for the buffer were refused with the background.
-        let _ = sums.push(pair.iter().map(|&count| u32::from(count)).sum());
+    };
+    if light.len() > MAX_PIXELS || light.len() < 16 {
+        return Err(no_spot);
     }
-    for block_log2 in 1..=LARGEST_BLOCK_LOG2 {
-        let peak = Peak::at(sweep(sums.iter().copied()), block_log2, level);
-        if peak.significance > best.significance {
-            best = peak;
-        }
-        halve(&mut sums);
+    if light.iter().all(|count| Some(count) == light.first()) {
+        return Err(Fault::SensorSilent);
     }
-    // The kernel's noise: (1 + 4 + 1) * 2^block_log2 pixels' variance. Q8 counts squared: noise < 2^20, so below 2^44.
+    let (peaks, level) = peaks(light).ok_or(no_spot)?;
+    let background = Background {
+        level,
+        noise: noise(light).ok_or(no_spot)?,
+    };
+    let best = peaks
+        .iter()
+        .enumerate()
+        .map(|(block_log2, peak)| Candidate::new(*peak, block_log2 as u32, level))
+        .max_by_key(|candidate| candidate.significance)
+        .ok_or(no_spot)?;
+    // The kernel's noise: (1 + 4 + 1) * 2^block_log2 pixels' variance. Q8 counts squared: noise < 2^20, so below 2^50.
     let noise = u64::from(background.noise.to_bits().unsigned_abs());
     let needed = 6 * noise * noise * DETECTION * DETECTION / 4;
     if best.significance < needed {
@@ -77,115 +80,169 @@ pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
         });
     }
     Ok(Spot {
-        centre: best.centre(),
+        centre: best.centre(light),
         block_log2: best.block_log2,
         background,
     })
 }
 
-/// The highest response at one block size.
+/// Number of block sizes: 1, 2, 4 ... 128 pixels.
+const SIZES: usize = LARGEST_BLOCK_LOG2 as usize + 1;
+
+/// The kernel's highest response at one block size, background included.
+#[derive(Clone, Copy, Default)]
 struct Peak {
+    /// The part of the row, in [`PART`]s of pairs of blocks, in which the kernel's last block is.
+    part: usize,
+    response: u32,
+}
+
+/// Pairs of blocks in a part. Noting where the maximum is for each part, and not for each block, halves the search's cost;
+/// [`locate`] looks into the part for the winner alone.
+const PART: usize = 16;
+
+/// The peaks at all block sizes, and the background's level: the median over the largest blocks of which the row has 16.
+fn peaks(light: &[u16]) -> Option<([Peak; SIZES], Counts)> {
+    let mut peaks = [Peak::default(); SIZES];
+    let mut level = None;
+    // Sums of a block size become those of the next in the other buffer.
+    let (mut sums, mut next) = ([0u32; MAX_PIXELS / 2], [0u32; MAX_PIXELS / 4]);
+    let pairs = light.as_chunks::<2>().0;
+    *peaks.first_mut()? = sweep(pairs, &mut sums);
+    let mut blocks = pairs.len();
+    for (block_log2, peak) in peaks.iter_mut().enumerate().skip(1) {
+        if (16..32).contains(&blocks) {
+            level = median_level(sums.get(..blocks)?, block_log2 as u32);
+        }
+        *peak = sweep(sums.get(..blocks)?.as_chunks::<2>().0, &mut next);
+        blocks /= 2;
+        sums.get_mut(..blocks)?.copy_from_slice(next.get(..blocks)?);
+    }
+    Some((peaks, level?))
+}
+
+/// Runs [1 2 1] over the values, which come in pairs, and puts each pair's sum into `sums`. What lies beyond both ends
+/// counts as zero.
+fn sweep<T: Copy + Into<u32>>(pairs: &[[T; 2]], sums: &mut [u32]) -> Peak {
+    let (mut last, mut last_two) = (0, 0);
+    let mut peak = Peak::default();
+    for (part, (pairs, sums)) in pairs.chunks(PART).zip(sums.chunks_mut(PART)).enumerate() {
+        let mut highest = 0;
+        for (&[a, b], sum) in pairs.iter().zip(sums) {
+            // Sums of at most 128 pixels of 12 bits: four of them stay below 2^21.
+            let (a, b) = (a.into(), b.into());
+            let (to_a, to_b) = (last + a, a + b);
+            // The kernel with its last block at a gives last_two + to_a, and at b to_a + to_b.
+            highest = highest.max(to_a + last_two.max(to_b));
+            *sum = to_b;
+            (last, last_two) = (b, to_b);
+        }
+        if highest > peak.response {
+            peak = Peak {
+                part,
+                response: highest,
+            };
+        }
+    }
+    peak
+}
+
+/// Index of the kernel's middle block where it has this response in this part.
+fn locate(light: &[u16], block_log2: u32, peak: Peak) -> usize {
+    let from = 2 * PART * peak.part;
+    let blocks = light
+        .chunks_exact(1 << block_log2)
+        .map(|block| block.iter().map(|&count| u32::from(count)).sum());
+    let (mut last, mut last_two) = (0, 0);
+    for (i, sum) in blocks.enumerate().skip(from.saturating_sub(2)) {
+        let sum: u32 = sum;
+        let two = last + sum;
+        if i >= from && last_two + two == peak.response {
+            return i.saturating_sub(1);
+        }
+        (last, last_two) = (sum, two);
+    }
+    from
+}
+
+/// A peak above the background.
+struct Candidate {
     block_log2: u32,
-    /// Index of the kernel's middle block.
-    block: usize,
+    peak: Peak,
     /// Response above the background, Q24.8 counts.
     response: i32,
     /// response^2 / block size: comparable between block sizes, and with the noise's variance.
     significance: u64,
 }
 
-impl Peak {
-    fn at((block, response): (usize, u32), block_log2: u32, level: i32) -> Self {
-        // A response is at most 4 * 128 * 4095 < 2^21 counts; so is the background under it: both fit in Q8.
-        let response = ((response << Counts::FRACTION) as i32 - ((level * 4) << block_log2)).max(0);
+impl Candidate {
+    fn new(peak: Peak, block_log2: u32, level: Counts) -> Self {
+        // A response is at most 4 * 128 * 4095 < 2^21 counts, and so is the background under it: both fit in Q8.
+        let response =
+            (peak.response << Counts::FRACTION) as i32 - ((level.to_bits() * 4) << block_log2);
+        let response = response.max(0);
         let significance =
             (u64::from(response.unsigned_abs()) * u64::from(response.unsigned_abs())) >> block_log2;
         Self {
             block_log2,
-            block,
+            peak,
             response,
             significance,
         }
     }
 
-    /// The kernel weighs a block's worth of pixels by 1 + 2 + 1; a matched gaussian fills 80 % of that.
+    /// The kernel weighs blocks by 1 + 2 + 1; its response over that is the height of a spot much wider than the kernel, and
+    /// less than that of others.
     fn height(&self) -> Counts {
         Counts::from_bits(self.response >> (2 + self.block_log2))
     }
 
-    fn centre(&self) -> usize {
-        (self.block << self.block_log2) + ((1usize << self.block_log2) / 2)
+    fn centre(&self, light: &[u16]) -> usize {
+        let block = locate(light, self.block_log2, self.peak);
+        (block << self.block_log2) + ((1usize << self.block_log2) / 2)
     }
 }
 
-/// The largest value of a + 2 b + c over three neighbours, and where b is. Zero at 0 where there are fewer than three.
-fn sweep(values: impl Iterator<Item = u32>) -> (usize, u32) {
-    let (mut previous, mut pair) = (0, 0);
-    let (mut best, mut best_at) = (0, 0);
-    for (i, value) in values.enumerate() {
-        // Sums of at most 128 pixels of 12 bits: four of them stay below 2^21.
-        let next = previous + value;
-        let response = pair + next;
-        if i >= 2 && response > best {
-            (best, best_at) = (response, i - 1);
-        }
-        (previous, pair) = (value, next);
-    }
-    (best_at, best)
+/// Most blocks of a median.
+const MEDIAN_BLOCKS: usize = 32;
+
+/// The median of the blocks' means.
+fn median_level(sums: &[u32], block_log2: u32) -> Option<Counts> {
+    let mut sums: Vec<u32, MEDIAN_BLOCKS> = Vec::from_slice(sums).ok()?;
+    let sum = median(&mut sums)?;
+    // At most 128 pixels of 12 bits in Q8: below 2^27.
+    Some(Counts::from_bits(
+        ((sum << Counts::FRACTION) >> block_log2) as i32,
+    ))
 }
 
-/// Sums of two neighbours take the place of their parts.
-fn halve(sums: &mut Vec<u32, { MAX_PIXELS / 2 }>) {
-    let half = sums.len() / 2;
-    for i in 0..half {
-        if let (Some(&a), Some(&b)) = (sums.get(2 * i), sums.get(2 * i + 1))
-            && let Some(sum) = sums.get_mut(i)
-        {
-            *sum = a + b;
-        }
-    }
-    sums.truncate(half);
-}
-
-/// Most blocks of the background's median.
-const BACKGROUND_BLOCKS: usize = 32;
-
-/// Level and noise as medians over blocks: the level from the blocks' means, the noise from their mean absolute
-/// differences of neighbours, which are sigma 2/sqrt(pi) for white noise.
-fn background(light: &[u16]) -> Option<Background> {
-    if light.len() > MAX_PIXELS || light.len() < 16 {
-        return None;
-    }
-    let block = light.len().div_ceil(BACKGROUND_BLOCKS).max(8);
-    let mut levels: Vec<u32, BACKGROUND_BLOCKS> = Vec::new();
-    let mut noises: Vec<u32, BACKGROUND_BLOCKS> = Vec::new();
-    for pixels in light.chunks_exact(block) {
-        let first = pixels.first().copied().unwrap_or_default();
-        let (mut sum, mut steps, mut last) = (0u32, 0u32, first);
-        for &count in pixels {
-            // At most 4096 pixels of 12 bits: both sums stay below 2^24, and times 2^8 below 2^32.
-            sum += u32::from(count);
-            steps += u32::from(count.abs_diff(last));
-            last = count;
-        }
-        let pixels = block as u32;
-        let _ = levels.push((sum << Counts::FRACTION) / pixels);
-        let _ = noises.push((steps << Counts::FRACTION) / (pixels - 1));
+/// The noise of a pixel, as the median over parts of the row of the mean absolute difference of neighbours, which is
+/// sigma 2/sqrt(pi) for white noise.
+fn noise(light: &[u16]) -> Option<Counts> {
+    let mut noises: Vec<u32, MEDIAN_BLOCKS> = Vec::new();
+    let part = light.len().div_ceil(MEDIAN_BLOCKS).max(8);
+    for pixels in light.chunks_exact(part) {
+        // Two pixels in four are enough: the noise is then known to 3 %.
+        let fours = pixels.as_chunks::<4>().0;
+        // At most 32 steps of 12 bits: below 2^17, and in Q8 below 2^25.
+        let steps: u32 = fours
+            .iter()
+            .map(|[a, b, ..]| u32::from(a.abs_diff(*b)))
+            .sum();
+        // There are 32 parts at most, and two steps in each at least.
+        let _ = noises.push((steps << Counts::FRACTION) / fours.len() as u32);
     }
     // sqrt(pi)/2 = 0.886227 as 58080/65536; a mean step is below 2^20 in Q8.
     let noise = (u64::from(median(&mut noises)?) * 58_080) >> 16;
-    const ROUNDING: i32 = 74; // 256 / sqrt(12)
-    Some(Background {
-        level: Counts::from_bits(median(&mut levels)? as i32),
-        noise: Counts::from_bits((noise as i32).max(ROUNDING)),
-    })
+    /// 1/sqrt(12) of a count in Q8.
+    const ROUNDING: i32 = 74;
+    Some(Counts::from_bits((noise as i32).max(ROUNDING)))
 }
 
-fn median(values: &mut Vec<u32, BACKGROUND_BLOCKS>) -> Option<u32> {
+fn median(values: &mut Vec<u32, MEDIAN_BLOCKS>) -> Option<u32> {
     values.sort_unstable();
     values.get(values.len() / 2).copied()
 }
 
 const _: () =
     assert!(4 * (LARGEST_COUNT as u64) << (LARGEST_BLOCK_LOG2 + Counts::FRACTION) < 1 << 31);
-const _: () = assert!((MAX_PIXELS as u64 * LARGEST_COUNT as u64) << Counts::FRACTION < 1 << 32);

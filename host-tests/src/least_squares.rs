@@ -25,35 +25,34 @@ impl Gaussian {
     }
 }
 
-/// Fits a gaussian to `row`, whose first pixel has number 0.
-///
-/// Starts at the largest pixel of the row smoothed over 5 pixels, fits the whole row, and then what lies within
-/// `half_window` sigma of the centre until that window rests. `None` where no fit is found.
-pub fn fit(row: &[f64], half_window: f64) -> Option<Gaussian> {
-    let smooth: Vec<f64> = row
-        .windows(5)
-        .map(|five| five.iter().sum::<f64>() / 5.0)
-        .collect();
-    let (peak, &top) = smooth
-        .iter()
-        .enumerate()
-        .max_by(|a, b| a.1.total_cmp(b.1))?;
-    let mut sorted = smooth.clone();
+/// Fits a gaussian to the spot of `row` that is highest near pixel `near`: first to what is within the half width at half
+/// maximum, and then to what lies within `half_window` sigma of the centre until that window rests. `None` where no fit is found.
+pub fn fit_near(row: &[f64], near: f64, half_window: f64) -> Option<Gaussian> {
+    // Spots of a pixel or of a hundred: the smoothed top's half height gives the start.
+    let mut sorted = row.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let level = sorted[sorted.len() / 4];
-    let above_half = smooth
+    let level = *sorted.get(sorted.len() / 4)?;
+    let middle = (near.round().max(0.0) as usize).min(row.len() - 1);
+    let top = mean(&row[middle.saturating_sub(2)..(middle + 3).min(row.len())]);
+    let half = (top + level) / 2.0;
+    let left = row[..middle]
         .iter()
-        .filter(|&&value| value > (top + level) / 2.0)
+        .rev()
+        .take_while(|&&count| count > half)
         .count();
-    let start = Gaussian {
-        centre: peak as f64 + 2.0,
-        width: (above_half as f64 / 2.355).max(0.5),
+    let right = row[middle..]
+        .iter()
+        .take_while(|&&count| count > half)
+        .count();
+    let width = ((left + right) as f64 / 2.355).max(0.5);
+    let mut best = Gaussian {
+        centre: near,
+        width,
         amplitude: top - level,
         level,
     };
-    let mut best = fit_from(row, 0, start)?;
     let mut window = 0..0;
-    for _ in 0..20 {
+    for _ in 0..30 {
         let from = (best.centre - half_window * best.width)
             .round()
             .clamp(0.0, row.len() as f64) as usize;
@@ -67,6 +66,10 @@ pub fn fit(row: &[f64], half_window: f64) -> Option<Gaussian> {
         best = fit_from(&row[window.clone()], from, best)?;
     }
     Some(best)
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }
 
 /// Fits the pixels given, the first of which has number `first`.
@@ -162,7 +165,7 @@ mod tests {
             level: 180.0,
         };
         let row: Vec<f64> = (0..900).map(|i| truth.at(f64::from(i))).collect();
-        let found = fit(&row, 4.0).expect("a fit");
+        let found = fit_near(&row, 300.0, 4.0).expect("a fit");
         assert!(
             (found.centre - truth.centre).abs() < 1e-6 && (found.width - truth.width).abs() < 1e-6,
             "{found:?}"

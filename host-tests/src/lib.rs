@@ -5,4 +5,5 @@ pub mod bound;
 pub mod core_tables;
 pub mod least_squares;
 pub mod optics;
+pub mod photograph;
 pub mod scene;

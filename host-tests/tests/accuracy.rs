@@ -263,7 +263,7 @@ fn noise_alone_is_no_spot() {
 }
 
 /// A row moved by whole blocks of 128 pixels has its centre moved by as many, bit for bit. Moved by any number of pixels, or
-/// mirrored, it has its centre there to within 0.3 of the claimed uncertainty: phases and blocks then lie otherwise, and
+/// mirrored, it has its centre there to within 0.35 of the claimed uncertainty, sqrt(1.06^2 - 1): phases and blocks then lie otherwise, and
 /// weigh the noise a little otherwise. (Between two tables' widths, which are left out here, it may be 0.9: either table may
 /// serve, and they weigh the noise differently.)
 #[test]
@@ -313,7 +313,7 @@ fn shifts_shift_and_mirrors_mirror() {
         }
     }
     println!("moved and mirrored rows: off by {worst:.3} of the claimed uncertainty at most");
-    assert!(worst <= 0.3, "{worst}");
+    assert!(worst <= 0.35, "{worst}");
 }
 
 /// Other tables can be handed in: those with least-squares weights reach the bound in white noise.

@@ -42,6 +42,8 @@ pub struct Status {
     pub rows_lost: u32,
     /// Read-outs that did not complete.
     pub rows_failed: u32,
+    /// Core cycles that the latest row took to compute, interrupts included.
+    pub row_cycles: u32,
     /// Frames that gave a distance.
     pub readings: u32,
     /// Frames that gave none, in the order of [`Fault::NAMES`].
@@ -75,6 +77,7 @@ impl fmt::Display for Status {
         write!(f, "\r\nstatus rows read {}", self.rows)?;
         write!(f, "\r\nstatus rows lost {}", self.rows_lost)?;
         write!(f, "\r\nstatus rows failed {}", self.rows_failed)?;
+        write!(f, "\r\nstatus row cycles {}", self.row_cycles)?;
         write!(f, "\r\nstatus readings {}", self.readings)?;
         for (name, count) in Fault::NAMES.iter().zip(self.faults) {
             write!(f, "\r\nstatus fault {name} {count}")?;
@@ -104,6 +107,7 @@ mod tests {
             rows: u32::MAX,
             rows_lost: u32::MAX,
             rows_failed: u32::MAX,
+            row_cycles: u32::MAX,
             readings: u32::MAX,
             faults: [u32::MAX; Fault::KINDS],
             lines_dropped: u32::MAX,

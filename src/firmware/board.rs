@@ -1,0 +1,252 @@
+//! The NUCLEO-F429ZI: clocks, pins, interrupts and their priorities. The one file to change for another board.
+//!
+//! | pin | | to |
+//! |---|---|---|
+//! | PE9 | TIM1 channel 1 | sensor, fM |
+//! | PF12 | output | sensor, ICG |
+//! | PF13 | output | sensor, SH |
+//! | PD14 | output | converter, chip select |
+//! | PA5, PA6, PA7 | SPI1 | converter, SCLK, DOUT, DIN |
+//! | PD8, PD9 | USART3 | ST-LINK's serial port, TX, RX |
+//!
+//! # Priorities
+//!
+//! From the most urgent down, each a level above the next:
+//! 1. DMA and TIM5 (the clock of embassy-time). Their handlers do no more than wake tasks, and say when a row is due.
+//! 2. UART4, which carries the urgent executor: from the tick to the pulses nothing but the handlers above.
+//! 3. USART3, a character every 87 us. It may wait for the pulses, 10 us, because a character may wait for the next.
+//! 4. Thread mode: computation and text. Whatever it does, rows are taken on time.
+
+use cortex_m::peripheral::DWT;
+use embassy_executor::{InterruptExecutor, SendSpawner};
+use embassy_stm32::gpio::{Level, Output, OutputType, Speed};
+use embassy_stm32::interrupt::typelevel::Handler;
+use embassy_stm32::interrupt::{InterruptExt, Priority};
+use embassy_stm32::mode::Async;
+use embassy_stm32::spi::mode::Master;
+use embassy_stm32::time::Hertz;
+use embassy_stm32::timer::low_level::CountingMode;
+use embassy_stm32::timer::simple_pwm::{PwmPin, SimplePwm};
+use embassy_stm32::usart::{self, BufferedUart};
+use embassy_stm32::wdg::IndependentWatchdog;
+use embassy_stm32::{Config, bind_interrupts, dma, interrupt, pac, peripherals, rcc, spi};
+use slitrange::protocol::status::StartCause;
+use static_cell::ConstStaticCell;
+
+use super::shared::COUNTERS;
+use super::tcd1304::{Pins, Tcd1304};
+
+/// The board's name.
+pub const NAME: &str = "NUCLEO-F429ZI";
+
+/// Core and TIM1 run at 168 MHz.
+pub const CORE_HZ: u32 = 168_000_000;
+
+/// The converter's clock: APB2 (84 MHz) / 8, exactly.
+const SCLK_HZ: u32 = 10_500_000;
+
+/// The sensor's master clock: SCLK / 4, from the same PLL, TIM1 (168 MHz) / 64 exactly.
+const MASTER_CLOCK_HZ: u32 = 2_625_000;
+
+/// Core cycles in a period of the sensor's master clock.
+pub const CYCLES_A_MASTER_CLOCK: u32 = CORE_HZ / MASTER_CLOCK_HZ;
+
+/// The serial line's speed, as `docs` and every terminal program's default say.
+const BAUD: u32 = 115_200;
+
+/// The interrupt of the serial line.
+pub const SERIAL_INTERRUPT: interrupt::Interrupt = interrupt::USART3;
+
+/// Outgoing characters: eight of the longest lines of readings.
+static TO_SEND: ConstStaticCell<[u8; 512]> = ConstStaticCell::new([0; 512]);
+
+/// Incoming characters: 44 ms of the line, more than thread mode computes without looking.
+static RECEIVED: ConstStaticCell<[u8; 512]> = ConstStaticCell::new([0; 512]);
+
+static URGENT: InterruptExecutor = InterruptExecutor::new();
+
+bind_interrupts!(struct Interrupts {
+    // In this order: errors are counted before their flags are cleared.
+    USART3 => CountSerialErrors, usart::BufferedInterruptHandler<peripherals::USART3>;
+    DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
+    DMA2_STREAM3 => dma::InterruptHandler<peripherals::DMA2_CH3>;
+});
+
+/// The board, ready.
+pub struct Board {
+    /// The sensor head.
+    pub sensor: Tcd1304,
+    /// The serial line.
+    pub serial: BufferedUart<'static>,
+    /// The watchdog. It runs: a start that does not get as far as to pet it starts again.
+    pub watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
+    /// What made the board start.
+    pub started_by: StartCause,
+}
+
+/// Sets up clocks and peripherals. To be called once, first.
+pub fn init() -> Board {
+    let p = embassy_stm32::init(config());
+    let started_by = start_cause();
+    defmt::info!(
+        "slitrange started by {}",
+        defmt::Display2Format(&started_by)
+    );
+
+    for (interrupt, priority) in [
+        (interrupt::TIM5, Priority::P1),
+        (interrupt::UART4, Priority::P2),
+        (SERIAL_INTERRUPT, Priority::P3),
+    ] {
+        interrupt.set_priority(priority);
+    }
+    count_cycles();
+
+    // A breakpoint stops the watchdog too.
+    pac::DBGMCU.apb1fzr().modify(|freeze| freeze.set_iwdg(true));
+    let mut watchdog = IndependentWatchdog::new(p.IWDG, super::watchdog::TIMEOUT_US);
+    watchdog.unleash();
+
+    let pin = PwmPin::new(p.PE9, OutputType::PushPull);
+    let mut master_clock = SimplePwm::new(
+        p.TIM1,
+        Some(pin),
+        None,
+        None,
+        None,
+        Hertz(MASTER_CLOCK_HZ),
+        CountingMode::EdgeAlignedUp,
+    );
+    master_clock.ch1().set_duty_cycle_fraction(1, 2);
+    master_clock.ch1().enable();
+
+    let mut config = spi::Config::default();
+    config.frequency = Hertz(SCLK_HZ);
+    config.mode = spi::MODE_3;
+    let sensor = Tcd1304::new(
+        spi::Spi::new(
+            p.SPI1, p.PA5, p.PA7, p.PA6, p.DMA2_CH3, p.DMA2_CH0, Interrupts, config,
+        ),
+        Pins {
+            icg: Output::new(p.PF12, Level::High, Speed::VeryHigh),
+            sh: Output::new(p.PF13, Level::Low, Speed::VeryHigh),
+            chip_select: Output::new(p.PD14, Level::High, Speed::VeryHigh),
+        },
+        master_clock,
+    );
+
+    let mut config = usart::Config::default();
+    config.baudrate = BAUD;
+    let serial = BufferedUart::new(
+        p.USART3,
+        p.PD9,
+        p.PD8,
+        TO_SEND.take(),
+        RECEIVED.take(),
+        Interrupts,
+        config,
+    );
+    // The configuration is constant: if it cannot be had, the first start shows it.
+    let serial = defmt::unwrap!(serial);
+
+    Board {
+        sensor,
+        serial,
+        watchdog,
+        started_by,
+    }
+}
+
+/// The sensor's converter.
+pub type Converter = spi::Spi<'static, Async, Master>;
+
+/// The sensor's master clock.
+pub type MasterClock = SimplePwm<'static, peripherals::TIM1>;
+
+/// Core cycles since the master clock rose: TIM1 counts at the core's speed, and its output rises as it wraps.
+pub fn cycles_since_master_clock_rose() -> u32 {
+    pac::TIM1.cnt().read().0 & 0xFFFF
+}
+
+/// Words that the read-out under way still has to bring: the count of the DMA stream that receives.
+pub fn words_to_come() -> u32 {
+    u32::from(pac::DMA2.st(0).ndtr().read().ndt())
+}
+
+/// Starts the executor for what must be on time.
+pub fn start_urgent_executor() -> SendSpawner {
+    URGENT.start(interrupt::UART4)
+}
+
+/// UART4 itself is not used; its interrupt is.
+#[interrupt]
+unsafe fn UART4() {
+    // SAFETY: this is the interrupt of the executor, and nothing else calls. It comes only after `start` enabled it.
+    unsafe { URGENT.on_interrupt() }
+}
+
+/// 8 MHz from the ST-LINK, 168 MHz for the core, 84 MHz for SPI1 (APB2), 42 MHz for USART3 (APB1).
+fn config() -> Config {
+    let mut config = Config::default();
+    config.rcc.hse = Some(rcc::Hse {
+        freq: Hertz(8_000_000),
+        mode: rcc::HseMode::Bypass,
+    });
+    config.rcc.pll_src = rcc::PllSource::HSE;
+    // 8 MHz / 4 * 168 / 2 = 168 MHz; / 7 = 48 MHz, for nothing yet, but the PLL must be within its limits.
+    config.rcc.pll = Some(rcc::Pll {
+        prediv: rcc::PllPreDiv::DIV4,
+        mul: rcc::PllMul::MUL168,
+        divp: Some(rcc::PllPDiv::DIV2),
+        divq: Some(rcc::PllQDiv::DIV7),
+        divr: None,
+    });
+    config.rcc.sys = rcc::Sysclk::PLL1_P;
+    config.rcc.ahb_pre = rcc::AHBPrescaler::DIV1;
+    config.rcc.apb1_pre = rcc::APBPrescaler::DIV4;
+    config.rcc.apb2_pre = rcc::APBPrescaler::DIV2;
+    config.dma_interrupt_priority = Priority::P1;
+    config
+}
+
+/// Reads the reset flags and clears them for the next start. A reset raises its own flag and the pin's, because the
+/// chip pulls its reset pin itself: the pin is to blame if nothing else is.
+fn start_cause() -> StartCause {
+    let flags = pac::RCC.csr().read();
+    pac::RCC.csr().modify(|csr| csr.set_rmvf(true));
+    if flags.wdgrstf() || flags.wwdgrstf() {
+        StartCause::Watchdog
+    } else if flags.sftrstf() {
+        StartCause::Software
+    } else if flags.porrstf() || flags.borrstf() {
+        StartCause::PowerOn
+    } else {
+        StartCause::ResetPin
+    }
+}
+
+/// Starts the core's cycle counter, by which the sensor's pulses are timed.
+fn count_cycles() {
+    // SAFETY: called once, before anything else could use these registers.
+    let mut core = unsafe { cortex_m::Peripherals::steal() };
+    core.DCB.enable_trace();
+    core.DWT.enable_cycle_counter();
+}
+
+/// The core's cycle counter. Wraps every 25 s; differences are good.
+pub fn cycles() -> u32 {
+    DWT::cycle_count()
+}
+
+/// Counts receive errors. embassy's driver clears them and logs them, but tells nobody.
+struct CountSerialErrors;
+
+impl Handler<interrupt::typelevel::USART3> for CountSerialErrors {
+    unsafe fn on_interrupt() {
+        // Reading SR alone clears nothing.
+        let flags = pac::USART3.sr().read();
+        COUNTERS.serial_noise.add_if(flags.ne());
+        COUNTERS.serial_framing.add_if(flags.fe());
+        COUNTERS.serial_overrun.add_if(flags.ore());
+    }
+}

@@ -1,0 +1,69 @@
+//! Rows become readings: the pure core, with rows and settings brought to it and results carried away.
+
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, with_timeout};
+use slitrange::black_level::BlackLevel;
+use slitrange::measurement::{Measurement, Settings};
+use slitrange::reading::{Fault, Reading};
+use slitrange::triangulation;
+
+use super::shared::{COUNTERS, FREE, FULL, RESULTS, SETTINGS, WORDS};
+use super::{board, tcd1304};
+
+/// Without a row for so long (17 of them) the sensor is silent.
+const SILENCE: Duration = Duration::from_millis(100);
+
+/// What is set at the start: 11 readings a second.
+pub fn default_settings() -> Settings {
+    Settings {
+        rows: 16,
+        black_level: BlackLevel::Shielded,
+        calibration: triangulation::NOMINAL.ok(),
+    }
+}
+
+/// Measures for ever. Deadline: a row within [`super::acquisition::ROW_PERIOD`], or rows are lost.
+#[embassy_executor::task]
+pub async fn measure(settings: Settings) {
+    let mut measurement = Measurement::new(tcd1304::geometry(), settings);
+    loop {
+        match select(with_timeout(SILENCE, FULL.receive()), SETTINGS.wait()).await {
+            Either::First(Ok(row)) => {
+                let start = board::cycles();
+                let result = measure_row(&mut measurement, row);
+                COUNTERS.row_cycles.set(board::cycles().wrapping_sub(start));
+                FREE.send(row).await;
+                if let Some(result) = result {
+                    publish(result);
+                }
+            }
+            Either::First(Err(_)) => publish(Err(measurement.silence())),
+            Either::Second(settings) => {
+                measurement.set(settings);
+                // The frame starts again. Someone who changes settings faster than frames end would otherwise have
+                // the watchdog take the lack of results for a fault.
+                COUNTERS.results.add();
+            }
+        }
+    }
+}
+
+/// All the computation that a row takes.
+///
+/// It keeps its name and stays a function so that a debugger finds it, its cost can be counted from its first
+/// instruction to its last, and a test on the virtual board can make it hang.
+#[inline(never)]
+#[unsafe(no_mangle)]
+fn measure_row(
+    measurement: &mut Measurement,
+    words: &mut [u16; WORDS],
+) -> Option<Result<Reading, Fault>> {
+    measurement.row(words)
+}
+
+/// Never waits: a serial line that is behind must not keep rows from being measured.
+fn publish(result: Result<Reading, Fault>) {
+    COUNTERS
+        .lines_dropped
+        .add_if(RESULTS.try_send(result).is_err());
+}

@@ -1,0 +1,221 @@
+//! Toshiba TCD1304DG behind an ADC122S101.
+//!
+//! The sensor integrates light all the time. A pulse on SH moves what has been gathered into its shift register, so the
+//! time from one pulse to the next is the exposure. ICG, low around SH, makes the register take it; when ICG rises the
+//! register puts out a pixel every four periods of fM, 3694 of them. fM never stops.
+//!
+//! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods from
+//! there on while chip select stays low. With fM = SCLK / 4, both from one PLL, a word is a pixel, and a row is one DMA
+//! transfer of 3694 words.
+//!
+//! # Design
+//!
+//! ```text
+//! fM      ‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_‾_
+//! ICG     ‾‾‾‾|_______________________________|‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾
+//! SH      _______|‾‾‾‾‾‾‾|______________________________________________________
+//! CS      ‾‾‾‾‾‾‾‾‾‾‾‾‾‾‾|______________________________________________________
+//! word                            |  0    |  1    |  2    |  3    |  4    |  ...
+//! output                                      |  D0   |  D1   |  D2   |  ...
+//! sampled                           ^       ^       ^       ^       ^       ^
+//! ```
+//!
+//! The program cannot say to a fraction of a pixel when the first word will start, but it can see that word arrive. So
+//! the converter runs first, and ICG rises on the edge of fM that is nearest to [`ICG_AFTER_WORD_1`] into word 1: the
+//! converter then samples each pixel in its second half, when the output has settled, and word 2 is D0
+//! ([`TCD1304DG_LEAD_IN`](slitrange::sensor_heads::TCD1304DG_LEAD_IN)). The two fM edges at which ICG falls and the
+//! transfer starts are fixed too, so that pixel and conversion keep their phase from row to row. All of them come a
+//! little after fM's edge: ICG has to rise while fM is high.
+//!
+//! The pulses are given within a critical section: an interrupt would stretch them.
+//!
+//! # Note
+//!
+//! * Pulses are timed by the cycle counter and not by delay loops, so that flash wait states do not stretch them.
+//! * embassy's `read` starts DMA and SPI within its first poll, which is why it is polled within the critical section.
+//!   It enables SPI1 there, after chip select fell. Until then nothing drives SCLK and its pull-up (which embassy sets
+//!   in mode 3) keeps it high: enabling makes no edge that the converter could count.
+//! * SPI mode 3, as in the converter's timing diagram: SCLK idles high, DOUT changes as it falls, is read as it rises.
+//!   DIN is low, which selects channel 1.
+//! * On silicon the phase at which a pixel is sampled wants a look with an oscilloscope: ICG_AFTER_WORD_1 is the knob.
+
+use core::future::{Future, poll_fn};
+use core::pin::pin;
+use core::task::Poll;
+
+use embassy_stm32::gpio::Output;
+use embassy_stm32::spi;
+use embassy_time::{Duration, with_timeout};
+use slitrange::row::Geometry;
+use slitrange::sensor_heads;
+
+use super::board::{self, CORE_HZ, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
+use super::shared::WORDS;
+
+/// The sensor head's name.
+pub const NAME: &str = "TCD1304DG";
+
+/// What the words of a row are.
+pub fn geometry() -> Geometry {
+    sensor_heads::tcd1304dg()
+}
+
+/// From a rise of fM to what is timed by it. fM is high for 32 cycles, and a wait ends some cycles late.
+const AFTER_MASTER_CLOCK_ROSE: u32 = CYCLES_A_MASTER_CLOCK / 8;
+
+/// From the fall of ICG to the rise of SH: 100 to 1000 ns (data sheet, t2).
+const ICG_TO_SH: u32 = cycles_in_ns(500);
+
+/// SH stays high for at least 1000 ns (data sheet, t3).
+const SH_HIGH: u32 = cycles_in_ns(1500);
+
+/// From the fall of ICG to the start of the transfer: a rise of fM, after SH fell and chip select had its 10 ns.
+const TRANSFER_START: u32 = 6 * CYCLES_A_MASTER_CLOCK;
+
+/// From the fall of ICG to its rise where nothing is read: SH fell 1000 ns ago at least (data sheet, t1).
+const ICG_LOW: u32 = 10 * CYCLES_A_MASTER_CLOCK;
+
+/// From the start of word 1 to the rise of ICG, to the nearest rise of fM. The converter samples word 2 3.5 SCLK into
+/// it: 16 + 3.5 SCLK (1857 ns) after the start of word 1. A pixel lasts 1524 ns; 70 % of it is 1067 ns.
+const ICG_AFTER_WORD_1: u32 = cycles_in_ns(1857 - 1067);
+
+/// A first word takes 1.5 us. If it has not come by then it will not come.
+const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
+
+/// A read-out takes 3694 words of 16 bits at 10.5 MHz: 5.63 ms.
+const READ_OUT_TIMEOUT: Duration = Duration::from_millis(20);
+
+/// The pulses keep what the data sheet asks for.
+const _: () = {
+    assert!(ICG_TO_SH > cycles_in_ns(100) && ICG_TO_SH < cycles_in_ns(1000));
+    assert!(SH_HIGH > cycles_in_ns(1000));
+    assert!(ICG_TO_SH + SH_HIGH < TRANSFER_START);
+    assert!(ICG_LOW - ICG_TO_SH - SH_HIGH > cycles_in_ns(1000));
+};
+
+/// Whole core cycles in a time, rounded up.
+const fn cycles_in_ns(ns: u32) -> u32 {
+    (ns as u64 * CORE_HZ as u64).div_ceil(1_000_000_000) as u32
+}
+
+/// The wires to the sensor head beside clock and SPI.
+pub struct Pins {
+    /// Integration clear gate, idle high.
+    pub icg: Output<'static>,
+    /// Shift gate, idle low.
+    pub sh: Output<'static>,
+    /// The converter's chip select, idle high.
+    pub chip_select: Output<'static>,
+}
+
+/// Why a read-out brought no row.
+#[derive(Clone, Copy, Debug, defmt::Format)]
+pub enum ReadOutError {
+    /// The SPI peripheral reports an error.
+    Spi(spi::Error),
+    /// The transfer did not end in its time.
+    Timeout,
+}
+
+/// The sensor head.
+pub struct Tcd1304 {
+    converter: Converter,
+    pins: Pins,
+    /// From the fall of ICG to its rise in periods of fM, as the last read-out had it.
+    icg_periods: u32,
+    /// Runs as long as it is kept.
+    _master_clock: MasterClock,
+}
+
+impl Tcd1304 {
+    /// A sensor head whose clock runs.
+    pub fn new(converter: Converter, pins: Pins, master_clock: MasterClock) -> Self {
+        Self {
+            converter,
+            pins,
+            icg_periods: 0,
+            _master_clock: master_clock,
+        }
+    }
+
+    /// Ends an exposure and lets the row go: the next one begins as if it had been read.
+    pub fn pulse(&mut self) {
+        cortex_m::interrupt::free(|_| {
+            let icg_fell = self.pins.shift();
+            wait_until(icg_fell, ICG_LOW);
+            self.pins.icg.set_high();
+        });
+    }
+
+    /// Ends an exposure and reads its row.
+    pub async fn read_out(&mut self, row: &mut [u16; WORDS]) -> Result<(), ReadOutError> {
+        let Self {
+            converter,
+            pins,
+            icg_periods,
+            ..
+        } = self;
+        let result = {
+            let mut transfer = pin!(converter.read(&mut row[..]));
+            let started = poll_fn(|context| {
+                Poll::Ready(cortex_m::interrupt::free(|_| {
+                    let icg_fell = pins.shift();
+                    pins.chip_select.set_low();
+                    wait_until(icg_fell, TRANSFER_START);
+                    let started = transfer.as_mut().poll(context);
+                    pins.let_go_after_word_0(icg_fell, icg_periods);
+                    started
+                }))
+            });
+            match started.await {
+                Poll::Ready(result) => result.map_err(ReadOutError::Spi),
+                Poll::Pending => match with_timeout(READ_OUT_TIMEOUT, transfer).await {
+                    Ok(result) => result.map_err(ReadOutError::Spi),
+                    Err(_) => Err(ReadOutError::Timeout),
+                },
+            }
+        };
+        self.pins.chip_select.set_high();
+        result
+    }
+}
+
+impl Pins {
+    /// ICG low and SH pulsed: the exposure is over. Returns when ICG fell, just after a rise of fM.
+    fn shift(&mut self) -> u32 {
+        // A rise that is far enough ahead not to be missed.
+        let icg_falls = board::cycles()
+            .wrapping_sub(board::cycles_since_master_clock_rose())
+            .wrapping_add(2 * CYCLES_A_MASTER_CLOCK + AFTER_MASTER_CLOCK_ROSE);
+        wait_until(icg_falls, 0);
+        self.icg.set_low();
+        wait_until(icg_falls, ICG_TO_SH);
+        self.sh.set_high();
+        wait_until(icg_falls, ICG_TO_SH + SH_HIGH);
+        self.sh.set_low();
+        icg_falls
+    }
+
+    /// Waits for the end of word 0, and raises ICG on the rise of fM that suits word 1. If no word comes ICG rises all
+    /// the same, and the transfer runs into its timeout.
+    fn let_go_after_word_0(&mut self, icg_fell: u32, icg_periods: &mut u32) {
+        while board::words_to_come() as usize >= WORDS
+            && board::cycles().wrapping_sub(icg_fell) < TRANSFER_START + FIRST_WORD_TIMEOUT
+        {
+        }
+        let wanted = board::cycles().wrapping_sub(icg_fell) + ICG_AFTER_WORD_1;
+        // The same program takes the same time to get here in every row, give or take some cycles. Where that would
+        // round up in one row and down in the next, the image would shift by a quarter of a pixel between them: keep
+        // the last row's choice while it is nearly right.
+        if wanted.abs_diff(*icg_periods * CYCLES_A_MASTER_CLOCK) > CYCLES_A_MASTER_CLOCK * 3 / 4 {
+            *icg_periods = (wanted + CYCLES_A_MASTER_CLOCK / 2) / CYCLES_A_MASTER_CLOCK;
+        }
+        wait_until(icg_fell, *icg_periods * CYCLES_A_MASTER_CLOCK);
+        self.icg.set_high();
+    }
+}
+
+/// Waits until `cycles` after `start`; both less than 12 s from now.
+fn wait_until(start: u32, cycles: u32) {
+    while (board::cycles().wrapping_sub(start).wrapping_sub(cycles) as i32) < 0 {}
+}

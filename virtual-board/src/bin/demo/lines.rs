@@ -1,0 +1,77 @@
+//! The firmware's lines, read back.
+
+use anyhow::{Context as _, Result};
+use slitrange::reading::Fault;
+
+/// A reading as the serial line gives it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// Distance in millimetres.
+    pub distance: f64,
+    /// Its standard uncertainty in millimetres.
+    pub uncertainty: f64,
+    /// Centre in pixels.
+    pub centre: f64,
+    /// Amplitude in counts.
+    pub amplitude: f64,
+    /// Rows that went into it.
+    pub rows: u16,
+}
+
+/// A line that is the result of a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Report {
+    /// A distance.
+    Reading(Reading),
+    /// Why there is none, as the line says it.
+    Fault(String),
+}
+
+impl Report {
+    /// `None` for a line that is no result (an answer, an error).
+    ///
+    /// # Errors
+    /// A line that begins like a reading and is none.
+    pub fn parse(line: &str) -> Result<Option<Self>> {
+        if let Some(fault) = line.strip_prefix("f ") {
+            let known = Fault::NAMES.iter().any(|name| fault.starts_with(name));
+            return Ok(known.then(|| Self::Fault(fault.to_owned())));
+        }
+        if !line.starts_with("d ") {
+            return Ok(None);
+        }
+        let words: Vec<&str> = line.split(' ').collect();
+        let [
+            "d",
+            distance,
+            "mm",
+            "u",
+            uncertainty,
+            "x",
+            centre,
+            "a",
+            amplitude,
+            "n",
+            rows,
+            "b",
+            _,
+        ] = words[..]
+        else {
+            anyhow::bail!("{line:?} is no reading");
+        };
+        let number = |word: &str| {
+            word.parse::<f64>()
+                .with_context(|| format!("{word:?} in {line:?} is no number"))
+        };
+        let used = rows.split('/').next().unwrap_or_default();
+        Ok(Some(Self::Reading(Reading {
+            distance: number(distance)?,
+            uncertainty: number(uncertainty)?,
+            centre: number(centre)?,
+            amplitude: number(amplitude)?,
+            rows: used
+                .parse()
+                .with_context(|| format!("{rows:?} in {line:?} is no count of rows"))?,
+        })))
+    }
+}

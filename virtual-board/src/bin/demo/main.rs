@@ -1,0 +1,59 @@
+//! `cargo demo`: the firmware as it is flashed, on the emulated board, measuring a target that moves.
+
+mod lines;
+mod moving_target;
+mod photograph;
+
+use std::path::PathBuf;
+
+use anyhow::{Context as _, Result};
+use clap::Parser;
+use virtual_board::Firmware;
+
+/// Builds the firmware, boots it on an emulated NUCLEO-F429ZI with sensor, laser and target, and shows what it reports.
+#[derive(Parser)]
+#[command(name = "cargo demo", bin_name = "cargo demo")]
+struct Options {
+    /// Keep the target at this distance in metres, instead of moving it from 0.60 to 1.02.
+    #[arg(long, value_name = "METRES")]
+    distance: Option<f64>,
+    /// Rows in a frame.
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=64))]
+    rows: u16,
+    /// Distances to measure at.
+    #[arg(long, default_value_t = 43, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    steps: u32,
+    /// Show the sensor the rows of a photograph (binary PGM, 8 or 16 bit), one after the other.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["distance", "steps", "pty"])]
+    pgm: Option<PathBuf>,
+    /// Open the serial line as a pseudo-terminal for tio or screen, and run on wall time until interrupted.
+    #[arg(long, conflicts_with = "json")]
+    pty: bool,
+    /// Print the summary as one JSON object on standard output, and everything else on standard error.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Where the table goes: standard error where standard output is for JSON.
+fn say(json: bool, text: &str) {
+    if json {
+        eprintln!("{text}");
+    } else {
+        println!("{text}");
+    }
+}
+
+fn main() -> Result<()> {
+    let options = Options::parse();
+    eprintln!("building the firmware ...");
+    let firmware = Firmware::build()?;
+    let summary = match &options.pgm {
+        Some(path) => serde_json::to_value(photograph::show(&firmware, path, options.json)?),
+        None if options.pty => return moving_target::serve(&firmware, &options),
+        None => serde_json::to_value(moving_target::measure(&firmware, &options)?),
+    };
+    if options.json {
+        println!("{}", summary.context("writing the summary as JSON")?);
+    }
+    Ok(())
+}

@@ -1,0 +1,244 @@
+//! A target that moves from step to step, and how far the firmware's readings lie from the truth.
+
+use std::time::Duration;
+
+use anyhow::{Context as _, Result, ensure};
+use host_tests::bound;
+use host_tests::scene::Scene;
+use serde::Serialize;
+use virtual_board::light::{Target, of_scene};
+use virtual_board::{Firmware, VirtualBoard};
+
+use crate::lines::Report;
+use crate::{Options, say};
+
+/// The range of the paper's position table, in metres.
+const NEAREST: f64 = 0.60;
+const FARTHEST: f64 = 1.02;
+
+/// Results at each step that count; those of frames in which the target moved come before and do not.
+const RESULTS_A_STEP: usize = 4;
+
+/// What the demo found.
+#[derive(Debug, Serialize)]
+pub struct Summary {
+    /// Root mean square error of the readings; none without readings.
+    rms_error_um: Option<f64>,
+    /// What the Cramér-Rao bound gives for the scene, root mean square over the readings.
+    bound_um: Option<f64>,
+    max_error_um: Option<f64>,
+    /// Share of readings whose error is within twice the claimed uncertainty.
+    within_2u: Option<f64>,
+    readings_per_s: f64,
+    rows_per_s: f64,
+    rows_lost: u64,
+    /// Share of time in which the core executes nothing.
+    sleep_share: f64,
+    faults: usize,
+}
+
+/// A reading beside the truth, in micrometres.
+struct Compared {
+    error: f64,
+    uncertainty: f64,
+    bound: f64,
+}
+
+/// Opens the serial line as a pseudo-terminal.
+#[cfg(unix)]
+pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
+    let target = Target::at(options.distance.unwrap_or(NEAREST));
+    let scene = Scene::white_paper();
+    let light = if options.distance.is_some() {
+        of_scene(scene, target)
+    } else {
+        // To the far end and back in 20 s of virtual time.
+        let mut light = of_scene(scene, target.clone());
+        Box::new(move |exposure: &virtual_board::Exposure| {
+            let turns = exposure.end as f64 * 1e-9 / 20.0;
+            let there = 1.0 - (2.0 * turns.fract() - 1.0).abs();
+            target.move_to(NEAREST + there * (FARTHEST - NEAREST));
+            light(exposure)
+        })
+    };
+    virtual_board::pty::serve(&mut VirtualBoard::power_on(firmware, light)?)
+}
+
+#[cfg(not(unix))]
+pub fn serve(_: &Firmware, _: &Options) -> Result<()> {
+    anyhow::bail!("--pty needs a system with pseudo-terminals")
+}
+
+/// Measures at each step and sums up.
+pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
+    let scene = Scene::white_paper();
+    let target = Target::at(NEAREST);
+    let mut board = VirtualBoard::power_on(firmware, of_scene(scene.clone(), target.clone()))?;
+    let frame = Duration::from_millis(6) * u32::from(options.rows);
+    // Boot, and the answer, wait behind at most a frame.
+    let patience = Duration::from_secs(1) + 4 * frame;
+    board.send(&format!("rows {}\r\n", options.rows));
+    board
+        .run_until_line(|line| line == format!("rows {}", options.rows), patience)
+        .context("the firmware did not take the command `rows`")?;
+
+    say(
+        options.json,
+        "   true mm  reported mm  error um  claimed u um  rows  virtual s",
+    );
+    let (started, first_row) = (board.now(), board.head(|head| head.row_count()));
+    let (mut results, mut faults, mut compared) = (0, 0, vec![]);
+    for step in 0..options.steps {
+        let share = f64::from(step) / f64::from(options.steps.max(2) - 1);
+        let distance = options
+            .distance
+            .unwrap_or(NEAREST + share * (FARTHEST - NEAREST));
+        target.move_to(distance);
+        // The row that is under way, and the one that is being computed, still show the old place: two frames at most
+        // end with such a row.
+        for result in 0..2 + RESULTS_A_STEP {
+            let line = board
+                .run_until_line(
+                    |line| matches!(Report::parse(line), Ok(Some(_)) | Err(_)),
+                    patience,
+                )
+                .context("the firmware reports nothing")?;
+            results += 1;
+            if result < 2 {
+                continue;
+            }
+            let report =
+                Report::parse(&line.text)?.context("the line was a result a moment ago")?;
+            let shown = result == 2;
+            match report {
+                Report::Reading(reading) => {
+                    let found = compare(
+                        &scene,
+                        &board.head(|head| head.last_row().map(|row| row.exposure.duration())),
+                        distance,
+                        &reading,
+                    )?;
+                    if shown {
+                        say(
+                            options.json,
+                            &format!(
+                                "{:>10.3} {:>12.4} {:>+9.2} {:>13.2} {:>5} {:>10.3}",
+                                distance * 1e3,
+                                reading.distance,
+                                found.error,
+                                found.uncertainty,
+                                reading.rows,
+                                line.at as f64 * 1e-9
+                            ),
+                        );
+                    }
+                    compared.push(found);
+                }
+                Report::Fault(fault) => {
+                    faults += 1;
+                    if shown {
+                        say(options.json, &format!("{:>10.3} {fault}", distance * 1e3));
+                    }
+                }
+            }
+        }
+    }
+    let seconds = (board.now() - started) as f64 * 1e-9;
+    let rows = board.head(|head| head.row_count()) - first_row;
+    let rows_lost = rows_lost(&mut board, patience)?;
+    let statistics = board.finish()?;
+    let summary = Summary {
+        rms_error_um: rms(compared.iter().map(|reading| reading.error)),
+        bound_um: rms(compared.iter().map(|reading| reading.bound)),
+        max_error_um: compared
+            .iter()
+            .map(|reading| reading.error.abs())
+            .reduce(f64::max),
+        within_2u: (!compared.is_empty()).then(|| {
+            let within = compared
+                .iter()
+                .filter(|reading| reading.error.abs() <= 2.0 * reading.uncertainty)
+                .count();
+            within as f64 / compared.len() as f64
+        }),
+        readings_per_s: results as f64 / seconds,
+        rows_per_s: rows as f64 / seconds,
+        rows_lost,
+        sleep_share: statistics.asleep(),
+        faults,
+    };
+    say(options.json, &summary.in_words(compared.len()));
+    Ok(summary)
+}
+
+/// A reading beside the truth and the bound for the scene.
+fn compare(
+    scene: &Scene,
+    exposure: &Option<u64>,
+    distance: f64,
+    reading: &crate::lines::Reading,
+) -> Result<Compared> {
+    let exposure = exposure.context("a reading came before any row")? as f64 * 1e-9;
+    let spot = scene.spot.context("the scene has no spot")?;
+    ensure!(reading.rows > 0, "a reading of no rows: {reading:?}");
+    let bound = bound::Spot {
+        width: spot.width,
+        amplitude: scene.amplitude(exposure),
+        noise: scene.read_noise.map_or(0.0, |noise| noise.counts),
+        electrons_per_count: scene.shot_noise.map(|noise| noise.electrons_per_count),
+    };
+    let metres_per_pixel = scene.optics.metres_per_pixel(scene.optics.centre(distance));
+    Ok(Compared {
+        error: (reading.distance - distance * 1e3) * 1e3,
+        uncertainty: reading.uncertainty * 1e3,
+        bound: bound.bound() / f64::from(reading.rows).sqrt() * metres_per_pixel * 1e6,
+    })
+}
+
+/// Rows that the firmware says it lost, or failed to read.
+fn rows_lost(board: &mut VirtualBoard, patience: Duration) -> Result<u64> {
+    board.send("status\r\n");
+    let mut lost = 0;
+    for name in ["status rows lost ", "status rows failed "] {
+        let line = board
+            .run_until_line(|line| line.starts_with(name), patience)
+            .context("the firmware did not answer `status`")?;
+        lost += line.text[name.len()..]
+            .parse::<u64>()
+            .with_context(|| format!("no count in {:?}", line.text))?;
+    }
+    Ok(lost)
+}
+
+/// Root mean square; none of nothing.
+pub fn rms(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
+    let count = values.len();
+    (count > 0).then(|| (values.map(|value| value * value).sum::<f64>() / count as f64).sqrt())
+}
+
+impl Summary {
+    fn in_words(&self, readings: usize) -> String {
+        let accuracy = match (
+            self.rms_error_um,
+            self.bound_um,
+            self.max_error_um,
+            self.within_2u,
+        ) {
+            (Some(rms), Some(bound), Some(largest), Some(within)) => format!(
+                "RMS error {rms:.2} um, {:.2} of the Cramér-Rao bound ({bound:.2} um); largest {largest:.2} um; \
+                 {:.1} % within twice the claimed uncertainty",
+                rms / bound,
+                within * 100.0
+            ),
+            _ => "no reading".to_owned(),
+        };
+        format!(
+            "{readings} readings: {accuracy}\n{:.1} readings and {:.1} rows a second, {} rows lost, {} faults; CPU asleep {:.1} % of the time",
+            self.readings_per_s,
+            self.rows_per_s,
+            self.rows_lost,
+            self.faults,
+            self.sleep_share * 100.0
+        )
+    }
+}

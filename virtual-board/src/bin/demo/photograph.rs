@@ -1,0 +1,212 @@
+//! The rows of a photograph, shown to the sensor one after the other, and how far the firmware's centres lie from a
+//! least-squares fit in f64.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use anyhow::{Context as _, Result, ensure};
+use host_tests::least_squares::{self, Gaussian};
+use host_tests::photograph::Photograph;
+use serde::Serialize;
+use virtual_board::light::{LIGHT, of_photograph_row, outputs};
+use virtual_board::{Exposure, FULL_SCALE, Firmware, VirtualBoard};
+
+use crate::lines::{Reading, Report};
+use crate::moving_target::rms;
+use crate::say;
+
+/// Rows whose spot is at least this high are compared: a twentieth of full scale. The noise of dimmer ones is a good part of
+/// what would be compared.
+const BRIGHT: f64 = FULL_SCALE as f64 / 20.0;
+
+/// The fit takes the pixels within this many sigma.
+const HALF_WINDOW: f64 = 4.0;
+
+/// Ahead of the photograph three rows show a spot where no picture has one, so that lines and rows can be matched.
+const MARKER: f64 = 1250.0;
+const MARKERS: usize = 3;
+
+/// What the demo found.
+#[derive(Debug, Serialize)]
+pub struct Summary {
+    rows: usize,
+    /// Rows with a centre.
+    centres: usize,
+    /// Rows whose centre was compared: the spot is bright, and whole within the photograph.
+    compared: usize,
+    /// Distance from the least-squares fit over the spot's sigma, root mean square and largest.
+    rms_sigma: Option<f64>,
+    max_sigma: Option<f64>,
+    /// Mean sigma of the compared rows in pixels.
+    mean_width_px: Option<f64>,
+    /// Rows without a centre, by fault.
+    faults: BTreeMap<String, usize>,
+}
+
+/// Shows a photograph.
+pub fn show(firmware: &Firmware, path: &Path, json: bool) -> Result<Summary> {
+    let photograph = Arc::new(Photograph::read(path)?);
+    let rows = photograph.height();
+    say(
+        json,
+        &format!(
+            "{}: {} x {rows} pixels, white is {}",
+            path.display(),
+            photograph.width(),
+            photograph.white()
+        ),
+    );
+    let reports = reports(firmware, &photograph)?;
+    ensure!(!reports.is_empty(), "the firmware reports nothing");
+
+    say(
+        json,
+        "   row  centre px  least squares px  off by (sigma)  amplitude  sigma px",
+    );
+    let (mut faults, mut offs, mut widths, mut centres) = (BTreeMap::new(), vec![], vec![], 0);
+    for (y, report) in reports.iter().enumerate() {
+        let reading = match report {
+            Report::Reading(reading) => reading,
+            Report::Fault(fault) => {
+                let name = fault.split(':').next().unwrap_or(fault);
+                *faults.entry(name.to_owned()).or_insert(0) += 1;
+                continue;
+            }
+        };
+        centres += 1;
+        let Some((fit, first)) =
+            fit(&photograph, y, reading).filter(|_| reading.amplitude >= BRIGHT)
+        else {
+            continue;
+        };
+        let off = (reading.centre - first as f64 - fit.centre) / fit.width;
+        if offs.len() % 20 == 0 {
+            say(
+                json,
+                &format!(
+                    "{y:>6} {:>10.3} {:>17.3} {off:>+15.4} {:>10.0} {:>9.2}",
+                    reading.centre - first as f64,
+                    fit.centre,
+                    reading.amplitude,
+                    fit.width
+                ),
+            );
+        }
+        offs.push(off);
+        widths.push(fit.width);
+    }
+    let summary = Summary {
+        rows,
+        centres,
+        compared: offs.len(),
+        rms_sigma: rms(offs.iter().copied()),
+        max_sigma: offs.iter().map(|off| off.abs()).reduce(f64::max),
+        mean_width_px: (!widths.is_empty())
+            .then(|| widths.iter().sum::<f64>() / widths.len() as f64),
+        faults,
+    };
+    say(json, &summary.in_words());
+    Ok(summary)
+}
+
+/// The firmware's result for each row.
+fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Report>> {
+    let shown = Arc::new(Mutex::new(None));
+    let next = Arc::clone(&shown);
+    let picture = Arc::clone(photograph);
+    let dark = vec![0.0; LIGHT.len()];
+    let marker: Vec<f32> = (0..LIGHT.len())
+        .map(|i| (2000.0 * (-0.5 * ((i as f64 - MARKER) / 5.0).powi(2)).exp()) as f32)
+        .collect();
+    let light = Box::new(move |_: &Exposure| {
+        let mut next = next.lock().unwrap_or_else(PoisonError::into_inner);
+        let row: Option<usize> = *next;
+        *next = row.map(|row| row + 1);
+        match row {
+            None => outputs(&dark, 0.0),
+            Some(row) if row < MARKERS => outputs(&marker, 0.0),
+            Some(row) => outputs(
+                &of_photograph_row(&picture, row - MARKERS)
+                    .map_or_else(|| dark.clone(), |(light, _)| light),
+                0.0,
+            ),
+        }
+    });
+    let mut board = VirtualBoard::power_on(firmware, light)?;
+    let patience = Duration::from_secs(2);
+    board.send("rows 1\r\n");
+    board
+        .run_until_line(|line| line == "rows 1", patience)
+        .context("the firmware did not take the command `rows`")?;
+    *shown.lock().unwrap_or_else(PoisonError::into_inner) = Some(0);
+
+    let mut markers = 0;
+    let mut reports = vec![];
+    while reports.len() < photograph.height() {
+        let line = board
+            .run_until_line(
+                |line| matches!(Report::parse(line), Ok(Some(_)) | Err(_)),
+                patience,
+            )
+            .context("the firmware reports nothing")?;
+        let report = Report::parse(&line.text)?.context("the line was a result a moment ago")?;
+        if markers == MARKERS {
+            reports.push(report);
+        } else if matches!(report, Report::Reading(Reading { centre, .. }) if (centre - MARKER).abs() < 1.0)
+        {
+            markers += 1;
+        }
+    }
+    board.send("status\r\n");
+    let dropped =
+        board.run_until_line(|line| line.starts_with("status lines dropped "), patience)?;
+    ensure!(
+        dropped.text.ends_with(" 0"),
+        "lines are missing, so lines and rows do not match: {}",
+        dropped.text
+    );
+    board.finish()?;
+    Ok(reports)
+}
+
+/// The least-squares fit of a row of counts, started where the firmware found the spot, and the pixel on which the picture
+/// begins. `None` where there is no fit, or the spot is not whole within the photograph.
+fn fit(photograph: &Photograph, y: usize, reading: &Reading) -> Option<(Gaussian, i64)> {
+    let (light, first) = of_photograph_row(photograph, y)?;
+    let counts: Vec<f64> = light.iter().map(|count| f64::from(count.round())).collect();
+    let from = usize::try_from(first.max(0)).ok()?;
+    let picture = counts.get(from..(from + photograph.width()).min(counts.len()))?;
+    let fit = least_squares::fit_near(picture, reading.centre - from as f64, HALF_WINDOW)?;
+    let whole = fit.centre - HALF_WINDOW * fit.width >= 0.0
+        && fit.centre + HALF_WINDOW * fit.width <= picture.len() as f64 - 1.0;
+    whole.then_some((fit, from as i64))
+}
+
+impl Summary {
+    fn in_words(&self) -> String {
+        let faults: Vec<String> = self
+            .faults
+            .iter()
+            .map(|(name, count)| format!("{count} {name}"))
+            .collect();
+        let compared = match (self.rms_sigma, self.max_sigma, self.mean_width_px) {
+            (Some(rms), Some(largest), Some(width)) => format!(
+                "{} of them bright (at least {BRIGHT:.0} counts) and whole in the picture: {rms:.4} sigma RMS from the least-squares \
+                 fit, {largest:.4} at most, sigma {width:.1} px",
+                self.compared
+            ),
+            _ => "none of them bright".to_owned(),
+        };
+        let faults = if faults.is_empty() {
+            "none".to_owned()
+        } else {
+            faults.join(", ")
+        };
+        format!(
+            "{} rows, {} centres, {compared}\nwithout a centre: {faults}",
+            self.rows, self.centres
+        )
+    }
+}

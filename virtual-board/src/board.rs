@@ -1,0 +1,97 @@
+//! The board: the processor, its crystal and supply, the sensor head and the serial line.
+
+use std::num::{NonZeroU32, NonZeroU64};
+use std::sync::{Arc, Mutex};
+
+use anyhow::{Context, Result};
+use rigless::cpu;
+use rigless::machine::{Board, Target, armv7m};
+use rigless::mcu::{Mcu, Operate};
+use rigless::snapshot::store;
+
+use crate::hang::{self, Hangs};
+use crate::sensor_head::pins::{self, SharedHead};
+use crate::serial_line::{FarEnd, SerialLine};
+use crate::stm32f429::Stm32f429;
+
+/// The processor's clock, Hz: the most an STM32F429 does without over-drive.
+pub const CLOCK_HZ: u64 = 168_000_000;
+
+/// Instructions that the emulated core retires in a second of virtual time. One a clock, so that the cycle counter
+/// (`DWT_CYCCNT`) counts instructions exactly; silicon needs more clocks than that.
+pub const INSTRUCTIONS_PER_SECOND: u64 = CLOCK_HZ;
+
+/// The NUCLEO's 8 MHz clock from its ST-LINK, Hz.
+const HSE_HZ: u64 = 8_000_000;
+/// No 32 kHz crystal is used.
+const LSE_HZ: u64 = 0;
+const SUPPLY_MILLIVOLTS: u32 = 3300;
+/// USART3, the ST-LINK's serial port, in rigless's order.
+pub(crate) const SERIAL_PORT: usize = 2;
+
+const fn nonzero(value: u64) -> NonZeroU64 {
+    NonZeroU64::new(value).expect("a rate is not zero")
+}
+
+/// A NUCLEO-F429ZI with the sensor head on its connectors.
+#[derive(Debug)]
+pub struct Nucleo {
+    /// The processor with all its peripherals.
+    pub processor: Stm32f429,
+    hangs: Arc<Mutex<Hangs>>,
+}
+store!(Nucleo {
+    values: [],
+    parts: [processor],
+    built: [hangs]
+});
+
+impl Nucleo {
+    pub(crate) fn new(
+        head: &Arc<SharedHead>,
+        line: Arc<Mutex<SerialLine>>,
+        hangs: Arc<Mutex<Hangs>>,
+    ) -> Result<Self> {
+        let mut processor = Stm32f429::new().context("putting the emulated STM32F427 together")?;
+        processor.part.rcc.attach_crystals(HSE_HZ, LSE_HZ);
+        processor.part.set_supply(SUPPLY_MILLIVOLTS);
+        pins::attach(&mut processor.part, head);
+        processor.part.usart[SERIAL_PORT].attach(FarEnd { line });
+        Ok(Self { processor, hangs })
+    }
+}
+
+impl Board for Nucleo {
+    fn name(&self) -> &'static str {
+        "nucleo-f429zi"
+    }
+
+    fn target_names(&self) -> Vec<&'static str> {
+        vec!["stm32f427"]
+    }
+
+    fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
+        (target == 0).then_some(&mut self.processor)
+    }
+
+    fn targets(&mut self) -> Vec<Target<'_>> {
+        let lines = u32::from(Operate::cpu(&self.processor).interrupt_lines);
+        let mut core = armv7m::Core {
+            variant: armv7m::Variant::M4,
+            clock_hz: nonzero(CLOCK_HZ),
+            interrupt_lines: NonZeroU32::new(lines).expect("the part has interrupt lines"),
+            priority_bits: 4,
+            // SysTick's other clock is HCLK / 8 (RM0090 section 6.2).
+            refclk_divider: NonZeroU32::new(8).expect("8 is not 0"),
+            instructions_per_second: nonzero(INSTRUCTIONS_PER_SECOND),
+            boot: "flash",
+        }
+        .spec_with_parts(
+            &cpu::armv7m::windows(Mcu::bus(&self.processor)),
+            armv7m::Fpu::FpV4Sp,
+            armv7m::MpuRegions::Eight,
+        );
+        hang::wrap(&mut core, Arc::clone(&self.hangs));
+        vec![Target::new("stm32f427", &mut self.processor, core)]
+    }
+}

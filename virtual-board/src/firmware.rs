@@ -1,0 +1,162 @@
+//! The firmware's ELF file: built by cargo, or loaded, with what the emulator and the log decoder need of it.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use rigless::image::Image;
+use rigless::symbols::Symbols;
+
+/// Variables that cargo sets for us, or that hold compiler flags meant for the PC (coverage, `target-cpu=native`).
+/// Inherited by the nested build they would rebuild the firmware, or break it.
+const NOT_FOR_THE_CHIP: [&str; 6] = [
+    "RUSTFLAGS",
+    "CARGO_ENCODED_RUSTFLAGS",
+    "CARGO_BUILD_TARGET",
+    "RUSTC_WORKSPACE_WRAPPER",
+    "CARGO_MANIFEST_DIR",
+    "CARGO_MANIFEST_PATH",
+];
+
+/// An ELF file for the board. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Firmware {
+    path: PathBuf,
+    pub(crate) image: Image,
+    pub(crate) symbols: Symbols,
+    pub(crate) log_table: Arc<defmt_decoder::Table>,
+}
+
+impl Firmware {
+    /// Builds slitrange's firmware as it is flashed (`cargo fw`) and loads it. An unchanged one costs a moment.
+    ///
+    /// # Errors
+    ///
+    /// The build fails, its messages then being on stderr or in the error, or what it built cannot be loaded.
+    pub fn build() -> Result<Self> {
+        let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+        let mut command = Command::new(&cargo);
+        command
+            .args(["build", "--release", "--target", "thumbv7em-none-eabihf"])
+            .args(["--package", "slitrange", "--bin", "slitrange"])
+            .arg("--message-format=json-render-diagnostics")
+            .current_dir(&workspace)
+            .stdin(Stdio::null());
+        for (name, _) in std::env::vars_os() {
+            let name_text = name.to_string_lossy();
+            if NOT_FOR_THE_CHIP.contains(&name_text.as_ref()) || name_text.starts_with("CARGO_PKG_")
+            {
+                command.env_remove(&name);
+            }
+        }
+        // A person sees the build's progress; a test's output stays clean unless the build fails.
+        if std::io::stderr().is_terminal() {
+            command.stderr(Stdio::inherit());
+        }
+        let output = command
+            .output()
+            .with_context(|| format!("{} did not start", cargo.to_string_lossy()))?;
+        if !output.status.success() {
+            bail!(
+                "the firmware did not build ({}); run `cargo fw` to see why\n{}",
+                output.status,
+                String::from_utf8_lossy(&output.stderr)
+            );
+        }
+        let path = executable(&output.stdout)
+            .context("cargo built the firmware and named no executable: is the package's binary still `slitrange`?")?;
+        Self::load(&path)
+    }
+
+    /// Loads the ELF file at `path`.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be read, is no ELF file, or has no defmt table.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path)
+            .with_context(|| format!("reading the firmware {}", path.display()))?;
+        let symbols = Symbols::read(&bytes, rigless::cpu::armv7m::code_address)
+            .with_context(|| format!("reading the symbols of {}", path.display()))?;
+        let log_table = defmt_decoder::Table::parse(&bytes)
+            .with_context(|| format!("reading the defmt table of {}", path.display()))?
+            .with_context(|| {
+                format!(
+                    "{} has no defmt table: link it with -Tdefmt.x",
+                    path.display()
+                )
+            })?;
+        let image =
+            Image::new(path, bytes, None).with_context(|| format!("loading {}", path.display()))?;
+        Ok(Self {
+            path: path.to_owned(),
+            image,
+            symbols,
+            log_table: Arc::new(log_table),
+        })
+    }
+
+    /// Where the ELF file is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The ELF file's bytes.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        self.image.bytes()
+    }
+
+    /// The address that `symbol` names; a function's is that of its first instruction, without the Thumb bit.
+    ///
+    /// # Errors
+    ///
+    /// The firmware has no such symbol. Rust mangles names: give what shall be found `#[unsafe(no_mangle)]`.
+    pub fn address_of(&self, symbol: &str) -> Result<u64> {
+        self.symbols
+            .get(symbol)
+            .with_context(|| format!("looking up {symbol} in {}", self.path.display()))
+    }
+}
+
+/// The executable that cargo's JSON messages name.
+fn executable(messages: &[u8]) -> Option<PathBuf> {
+    serde_json::Deserializer::from_slice(messages)
+        .into_iter::<serde_json::Value>()
+        .map_while(Result::ok)
+        .filter_map(|message| Some(PathBuf::from(message.get("executable")?.as_str()?)))
+        .last()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_executable_is_found_among_cargos_messages() {
+        let messages =
+            br#"{"reason":"compiler-artifact","target":{"name":"libm"},"executable":null}
+{"reason":"compiler-artifact","target":{"name":"slitrange"},"executable":"/t/release/slitrange"}
+{"reason":"build-finished","success":true}"#;
+        assert_eq!(
+            executable(messages),
+            Some(PathBuf::from("/t/release/slitrange"))
+        );
+        assert_eq!(
+            executable(b"{\"reason\":\"build-finished\",\"success\":true}"),
+            None
+        );
+    }
+
+    #[test]
+    fn a_file_that_is_no_firmware_is_refused_by_name() {
+        let error =
+            Firmware::load(Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml")).unwrap_err();
+        assert!(format!("{error:#}").contains("Cargo.toml"), "{error:#}");
+    }
+}

@@ -1,0 +1,92 @@
+//! The firmware's log: defmt frames in RTT's up-channel 0, read out of the emulated RAM as a debug probe does.
+
+use std::fmt;
+
+use defmt_decoder::{DecodeError, Table};
+use rigless::emulator::Host;
+use rigless::soc::Width;
+
+/// One message of the firmware's log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Message {
+    /// `trace`, `debug`, `info`, `warn`, `error`, or nothing for a bare print.
+    pub level: Option<String>,
+    /// What the firmware's clock read, as it formats it.
+    pub timestamp: Option<String>,
+    /// The message.
+    pub text: String,
+}
+
+impl fmt::Display for Message {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(timestamp) = &self.timestamp {
+            write!(formatter, "{timestamp} ")?;
+        }
+        if let Some(level) = &self.level {
+            write!(formatter, "{} ", level.to_uppercase())?;
+        }
+        formatter.write_str(&self.text)
+    }
+}
+
+/// Offsets in SEGGER's control block: the first up-channel's descriptor follows a 16-byte identifier and two counts.
+const UP_CHANNEL: u64 = 24;
+const BUFFER: u64 = UP_CHANNEL + 4;
+const SIZE: u64 = UP_CHANNEL + 8;
+const WRITE: u64 = UP_CHANNEL + 12;
+const READ: u64 = UP_CHANNEL + 16;
+
+/// Moves what up-channel 0 of the control block at `block` holds into `bytes`, and frees it for the firmware. Does
+/// nothing before the firmware has set the block up.
+pub(crate) fn drain(host: &mut dyn Host, block: u64, bytes: &mut Vec<u8>) {
+    let mut word = |at: u64| host.read(at, Width::W32).ok();
+    if word(block) != Some(u64::from(u32::from_le_bytes(*b"SEGG"))) {
+        return;
+    }
+    let (Some(buffer), Some(size), Some(write), Some(mut read)) = (
+        word(block + BUFFER),
+        word(block + SIZE),
+        word(block + WRITE),
+        word(block + READ),
+    ) else {
+        return;
+    };
+    // Both are the firmware's to write, and it may just have crashed over them.
+    if write >= size || read >= size || read == write {
+        return;
+    }
+    while read != write {
+        if let Ok(byte) = host.read(buffer + read, Width::W8) {
+            bytes.push(byte as u8);
+        }
+        read = (read + 1) % size;
+    }
+    // Refused only where the block isn't RAM, and then the firmware wrote nothing into it either.
+    let _ = host.write(block + READ, Width::W32, read);
+}
+
+/// Takes the whole frames off the front of `bytes` and decodes them. A frame that makes no sense, as one cut by a
+/// reset, is dropped.
+pub(crate) fn decode(table: &Table, bytes: &mut Vec<u8>) -> Vec<Message> {
+    // rzCOBS, defmt's encoding, ends each frame with a zero and has none inside.
+    let Some(end) = bytes.iter().rposition(|&byte| byte == 0) else {
+        return Vec::new();
+    };
+    let mut decoder = table.new_stream_decoder();
+    decoder.received(&bytes[..=end]);
+    bytes.drain(..=end);
+    let mut messages = Vec::new();
+    loop {
+        match decoder.decode() {
+            Ok(frame) => messages.push(Message {
+                level: frame.level().map(|level| level.as_str().to_owned()),
+                timestamp: frame
+                    .display_timestamp()
+                    .map(|timestamp| timestamp.to_string()),
+                text: frame.display_message().to_string(),
+            }),
+            Err(DecodeError::Malformed) => {}
+            Err(DecodeError::UnexpectedEof) => return messages,
+        }
+    }
+}

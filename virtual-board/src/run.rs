@@ -1,0 +1,587 @@
+//! Running the board from a test or a tool, step by step: the emulator works in a thread of its own and waits at each
+//! stop for what to do next, so that nothing happens while the caller looks, and the same calls give the same run.
+
+use std::fmt;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use rigless::chip::uart::Rate;
+use rigless::emulator::{self, Driver, Finished, Host, Settled, Start, Stop};
+use rigless::session::{Reset, Session};
+use rigless::soc::Width;
+use rigless::time::VirtualNanos;
+
+use crate::board::{INSTRUCTIONS_PER_SECOND, Nucleo, SERIAL_PORT};
+use crate::firmware::Firmware;
+use crate::hang::{self, Hangs};
+use crate::rtt::{self, Message};
+use crate::sensor_head::pins::{CONVERTER, CONVERTER_BUS, SharedHead};
+use crate::sensor_head::{LightSource, SensorHead};
+use crate::serial_line::{Line, SerialLine};
+use crate::{Nanos, Violation};
+
+/// How often the run stops to drain the log and look for violations. A firmware's log buffer holds about as much.
+const STEP: Nanos = 1_000_000;
+
+/// Something to do on the emulator's thread, between two instructions.
+type Errand = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) + Send>;
+
+/// What the emulator is to do next.
+enum Order {
+    RunTo(Nanos),
+    Do(Errand),
+    End,
+}
+
+/// A NUCLEO-F429ZI that runs slitrange's firmware, under the caller's control.
+pub struct VirtualBoard {
+    firmware: Firmware,
+    head: Arc<SharedHead>,
+    line: Arc<Mutex<SerialLine>>,
+    hangs: Arc<Mutex<Hangs>>,
+    log_bytes: Arc<Mutex<Vec<u8>>>,
+    orders: Sender<Order>,
+    stops: Receiver<Stop>,
+    emulator: Option<JoinHandle<Result<Finished<Nucleo, Steps>>>>,
+    now: Nanos,
+    instructions: u64,
+    expects_violations: bool,
+}
+
+impl fmt::Debug for VirtualBoard {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter
+            .debug_struct("VirtualBoard")
+            .field("now", &self.now)
+            .finish_non_exhaustive()
+    }
+}
+
+/// How a run went so far.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Statistics {
+    /// Virtual time since power-on, s.
+    pub seconds: f64,
+    /// Instructions that the core executed.
+    pub instructions: u64,
+    /// Rows read since power-on.
+    pub rows: u64,
+}
+
+impl Statistics {
+    /// The share of the time in which the core executed nothing, 0 to 1.
+    #[must_use]
+    pub fn asleep(&self) -> f64 {
+        1.0 - self.instructions as f64 / (INSTRUCTIONS_PER_SECOND as f64 * self.seconds)
+    }
+}
+
+impl VirtualBoard {
+    /// Puts a board together, flashes it with `firmware`, shows its sensor `light` and holds it before its first
+    /// instruction.
+    ///
+    /// # Errors
+    ///
+    /// The emulator refuses the board or the firmware.
+    pub fn power_on(firmware: &Firmware, light: LightSource) -> Result<Self> {
+        let head = SharedHead::new(SensorHead::new(light));
+        let line = Arc::<Mutex<SerialLine>>::default();
+        let trap = hang::find_trap(&firmware.image)
+            .context("the firmware has no `b .`, which hang_at needs")?;
+        let hangs = Arc::new(Mutex::new(Hangs {
+            trap,
+            ..Hangs::default()
+        }));
+        let log_bytes = Arc::<Mutex<Vec<u8>>>::default();
+        let (orders, taken_orders) = channel();
+        let (reported_stops, stops) = channel();
+        let steps = Steps {
+            orders: taken_orders,
+            stops: reported_stops,
+            head: Arc::clone(&head),
+            log_block: firmware.address_of("_SEGGER_RTT")?,
+            log_bytes: Arc::clone(&log_bytes),
+        };
+        let board = Nucleo::new(&head, Arc::clone(&line), Arc::clone(&hangs))?;
+        let session = Session::new(Box::new(board), 0, VirtualNanos(0))
+            .context("opening the emulator's session")?;
+        let images = [firmware.image.clone()];
+        let emulator = std::thread::Builder::new()
+            .name("emulator".to_owned())
+            .spawn(move || Ok(emulator::run(session, &Start::new(&images), steps)?))
+            .context("the emulator's thread did not start")?;
+        let mut board = Self {
+            firmware: firmware.clone(),
+            head,
+            line,
+            hangs,
+            log_bytes,
+            orders,
+            stops,
+            emulator: Some(emulator),
+            now: 0,
+            instructions: 0,
+            expects_violations: false,
+        };
+        board.await_stop()?;
+        Ok(board)
+    }
+
+    /// Virtual time since power-on. The core may be up to an instruction past it.
+    #[must_use]
+    pub fn now(&self) -> Nanos {
+        self.now
+    }
+
+    /// Lets the board run for `time`.
+    ///
+    /// # Errors
+    ///
+    /// The firmware violated one of the sensor head's limits and [`VirtualBoard::expect_violations`] was not called,
+    /// or the emulator failed.
+    pub fn run_for(&mut self, time: Duration) -> Result<()> {
+        self.run_to(self.now() + nanos(time))
+    }
+
+    /// Lets the board run until a line arrives that `wanted` accepts, and returns it. Lines that arrived before and
+    /// that no other wait has looked at count too.
+    ///
+    /// # Errors
+    ///
+    /// It does not arrive within `timeout` of virtual time, or as [`VirtualBoard::run_for`].
+    pub fn run_until_line(
+        &mut self,
+        mut wanted: impl FnMut(&str) -> bool,
+        timeout: Duration,
+    ) -> Result<Line> {
+        let deadline = self.now() + nanos(timeout);
+        loop {
+            if let Some(line) = self.line().find(&mut wanted) {
+                return Ok(line);
+            }
+            if self.now() >= deadline {
+                bail!(
+                    "the awaited line did not come within {timeout:?}; the last that came: {}",
+                    self.line().tail()
+                );
+            }
+            self.run_to(deadline.min(self.next_step()))?;
+        }
+    }
+
+    /// Lets the board run until `count` more rows have been read.
+    ///
+    /// # Errors
+    ///
+    /// They are not read within `timeout` of virtual time, or as [`VirtualBoard::run_for`].
+    pub fn run_until_rows(&mut self, count: u64, timeout: Duration) -> Result<()> {
+        let deadline = self.now() + nanos(timeout);
+        let first = self.head.lock().row_count();
+        loop {
+            let read = self.head.lock().row_count() - first;
+            if read >= count {
+                return Ok(());
+            }
+            ensure!(
+                self.now() < deadline,
+                "{read} of {count} rows were read within {timeout:?}"
+            );
+            self.run_to(deadline.min(self.next_step()))?;
+        }
+    }
+
+    /// Sends `text` to the firmware from now on.
+    pub fn send(&mut self, text: &str) {
+        self.send_at(self.now(), text.as_bytes());
+    }
+
+    /// Sends `bytes` to the firmware from `at` on, behind what is still to be sent.
+    pub fn send_at(&mut self, at: Nanos, bytes: &[u8]) {
+        self.line().say(at.max(self.now()), bytes);
+    }
+
+    /// Every line that the firmware sent since this was last asked.
+    pub fn take_lines(&mut self) -> Vec<Line> {
+        self.line().take_lines()
+    }
+
+    /// Every byte that the firmware sent since this was last asked, each with the end of its stop bit.
+    pub fn take_bytes(&mut self) -> Vec<(Nanos, u8)> {
+        self.line().take_bytes()
+    }
+
+    /// Every message of the firmware's log since this was last asked.
+    pub fn take_log(&mut self) -> Vec<Message> {
+        let mut bytes = self
+            .log_bytes
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        rtt::decode(&self.firmware.log_table, &mut bytes)
+    }
+
+    /// Garbles what the firmware receives from now on: of a million bytes, `noise` come with noise and `framing` with
+    /// a framing error, each with bits flipped. Which ones, `seed` decides.
+    ///
+    /// # Errors
+    ///
+    /// The emulator failed.
+    pub fn garble_serial_line(&mut self, noise: u32, framing: u32, seed: u64) -> Result<()> {
+        self.on_emulator(move |session, _, _| {
+            let errors = session.board_mut().processor.part.usart[SERIAL_PORT].errors_mut();
+            errors.seed = seed;
+            errors.noise = Rate {
+                name: "noise",
+                per_million: noise,
+            };
+            errors.framing = Rate {
+                name: "framing",
+                per_million: framing,
+            };
+        })
+    }
+
+    /// Shows the sensor `light` from the next read-out on.
+    pub fn set_light(&mut self, light: LightSource) {
+        self.head.lock().set_light(light);
+    }
+
+    /// Looks at the sensor head: its rows and violations.
+    pub fn head<T>(&mut self, look: impl FnOnce(&mut SensorHead) -> T) -> T {
+        look(&mut self.head.lock())
+    }
+
+    /// Cuts the converter off from the next chip select on, or connects it again. Words then read as zero.
+    ///
+    /// # Errors
+    ///
+    /// The emulator failed.
+    pub fn silence_sensor(&mut self, silent: bool) -> Result<()> {
+        let hangs_there = self.on_emulator(move |session, _, _| {
+            session.board_mut().processor.part.spi[CONVERTER_BUS].silence(CONVERTER, silent)
+        })?;
+        ensure!(
+            hangs_there,
+            "no converter hangs on SPI1: Nucleo::new hangs it there first"
+        );
+        Ok(())
+    }
+
+    /// Flips `mask`'s bits in the word of RAM at `address`, as an upset would.
+    ///
+    /// # Errors
+    ///
+    /// `address` is not in RAM or not a multiple of 4, or the emulator failed.
+    pub fn flip_bits(&mut self, address: u64, mask: u32) -> Result<()> {
+        let word = self.read_word(address)?;
+        self.write_word(address, word ^ mask)
+    }
+
+    /// The 32-bit word of memory at `address`. For peripherals see [`VirtualBoard::on_emulator`].
+    ///
+    /// # Errors
+    ///
+    /// `address` is not in memory or not a multiple of 4, or the emulator failed.
+    pub fn read_word(&mut self, address: u64) -> Result<u32> {
+        ensure!(
+            address.is_multiple_of(4),
+            "{address:#010x} is not the address of a word: it is no multiple of 4"
+        );
+        let word = self.on_emulator(move |_, host, _| host.read(address, Width::W32))?;
+        let word = word.with_context(|| format!("reading the word at {address:#010x}"))?;
+        Ok(u32::try_from(word).expect("32 bits were read"))
+    }
+
+    /// Writes the 32-bit word of RAM at `address`.
+    ///
+    /// # Errors
+    ///
+    /// `address` is not in RAM or not a multiple of 4, or the emulator failed.
+    pub fn write_word(&mut self, address: u64, word: u32) -> Result<()> {
+        ensure!(
+            address.is_multiple_of(4),
+            "{address:#010x} is not the address of a word: it is no multiple of 4"
+        );
+        let written =
+            self.on_emulator(move |_, host, _| host.write(address, Width::W32, word.into()))?;
+        written.with_context(|| format!("writing the word at {address:#010x}: is it in RAM?"))
+    }
+
+    /// Has the firmware hang at the next call of the function `symbol`, and at each after a reset, until
+    /// [`VirtualBoard::unhang`]. Interrupts go on.
+    ///
+    /// # Errors
+    ///
+    /// The firmware has no such symbol: it needs `#[unsafe(no_mangle)]` and `#[inline(never)]`.
+    pub fn hang_at(&mut self, symbol: &str) -> Result<()> {
+        let address = self.firmware.address_of(symbol)?;
+        self.hangs().at.insert(address);
+        Ok(())
+    }
+
+    /// Lets the function `symbol` run again. A core that hangs already goes on doing so until a reset.
+    ///
+    /// # Errors
+    ///
+    /// The firmware has no such symbol.
+    pub fn unhang(&mut self, symbol: &str) -> Result<()> {
+        let address = self.firmware.address_of(symbol)?;
+        self.hangs().at.remove(&address);
+        Ok(())
+    }
+
+    /// Presses the reset button.
+    ///
+    /// # Errors
+    ///
+    /// The emulator failed.
+    pub fn reset_pin(&mut self) -> Result<()> {
+        self.on_emulator(|session, host, stop| {
+            session.reset_by_pin(stop.at, stop.instruction_count, host)
+        })
+    }
+
+    /// Every reset since power-on, with its instant and cause: the pin, the firmware (`Core`) or the watchdog
+    /// (`Model("IWDG")`).
+    ///
+    /// # Errors
+    ///
+    /// The emulator failed.
+    pub fn resets(&mut self) -> Result<Vec<Reset>> {
+        self.on_emulator(|session, _, _| session.resets().to_vec())
+    }
+
+    /// How the run went so far.
+    #[must_use]
+    pub fn statistics(&self) -> Statistics {
+        Statistics {
+            seconds: self.now() as f64 / 1e9,
+            instructions: self.instructions,
+            rows: self.head.lock().row_count(),
+        }
+    }
+
+    /// From now on a violated limit is only recorded.
+    pub fn expect_violations(&mut self) {
+        self.expects_violations = true;
+    }
+
+    /// Does `errand` on the emulator's thread, between two instructions: the way to what has no method here.
+    ///
+    /// # Errors
+    ///
+    /// The emulator has failed.
+    pub fn on_emulator<T: Send + 'static>(
+        &mut self,
+        errand: impl FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) -> T + Send + 'static,
+    ) -> Result<T> {
+        let (answer, answered) = channel();
+        self.order(Order::Do(Box::new(move |session, host, stop| {
+            // Nobody listens only if the caller is gone.
+            let _ = answer.send(errand(session, host, stop));
+        })))?;
+        answered.recv().map_err(|_| self.what_ended_the_run())
+    }
+
+    /// Ends the run and reports on it.
+    ///
+    /// # Errors
+    ///
+    /// Lists every violation (unless they were expected), and whatever the firmware did that the emulated processor
+    /// does not model or forbids.
+    pub fn finish(mut self) -> Result<Statistics> {
+        let statistics = self.statistics();
+        self.order(Order::End)?;
+        let emulator = self.emulator.take().context("the run has ended already")?;
+        let finished = joined(emulator)?;
+        let mut faults = gaps(&finished.session);
+        let contentions = finished.session.board().processor.part.spi[CONVERTER_BUS].contentions();
+        if contentions > 0 {
+            faults.push(format!(
+                "{contentions} words on SPI1 had two chips selected"
+            ));
+        }
+        if !self.expects_violations {
+            faults.extend(self.violations());
+        }
+        ensure!(
+            faults.is_empty(),
+            "the run was not clean:\n  {}",
+            faults.join("\n  ")
+        );
+        Ok(statistics)
+    }
+
+    /// The next instant at which the run stops on its own: whole steps, and when a byte is to be sent, so that a run
+    /// is the same however the caller cuts it into pieces.
+    fn next_step(&self) -> Nanos {
+        let step = (self.now() / STEP + 1) * STEP;
+        self.line()
+            .next_due()
+            .filter(|&due| due > self.now())
+            .map_or(step, |due| due.min(step))
+    }
+
+    fn run_to(&mut self, deadline: Nanos) -> Result<()> {
+        while self.now() < deadline {
+            let next = deadline.min(self.next_step());
+            self.order(Order::RunTo(next))?;
+            self.await_stop()?;
+            self.now = next;
+            if !self.expects_violations && self.head.lock().violation_count() > 0 {
+                bail!(
+                    "the firmware violated the sensor head's limits:\n  {}",
+                    self.violations().join("\n  ")
+                );
+            }
+        }
+        Ok(())
+    }
+
+    fn violations(&self) -> Vec<String> {
+        let head = self.head.lock();
+        let mut lines: Vec<String> = head.violations().iter().map(Violation::to_string).collect();
+        let more = head.violation_count() - lines.len() as u64;
+        if more > 0 {
+            lines.push(format!("and {more} more"));
+        }
+        lines
+    }
+
+    fn line(&self) -> MutexGuard<'_, SerialLine> {
+        self.line.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn hangs(&self) -> MutexGuard<'_, Hangs> {
+        self.hangs.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn order(&mut self, order: Order) -> Result<()> {
+        self.orders
+            .send(order)
+            .map_err(|_| self.what_ended_the_run())
+    }
+
+    fn await_stop(&mut self) -> Result<()> {
+        let stop = self.stops.recv().map_err(|_| self.what_ended_the_run())?;
+        self.instructions = stop.instruction_count;
+        Ok(())
+    }
+
+    /// Why the emulator no longer answers.
+    fn what_ended_the_run(&mut self) -> anyhow::Error {
+        match self.emulator.take().map(joined) {
+            Some(Err(error)) => error,
+            Some(Ok(_)) => anyhow!("the firmware ended the run"),
+            None => anyhow!("the run has ended already"),
+        }
+    }
+}
+
+impl Drop for VirtualBoard {
+    fn drop(&mut self) {
+        if let Some(emulator) = self.emulator.take() {
+            // The emulator has gone already if it takes no orders, and whoever drops a board asks no questions.
+            let _ = self.orders.send(Order::End);
+            let _ = emulator.join();
+        }
+    }
+}
+
+fn nanos(time: Duration) -> Nanos {
+    Nanos::try_from(time.as_nanos()).unwrap_or(Nanos::MAX)
+}
+
+/// Waits for the emulator's thread, and makes a panic on it (of a light source, say) an error.
+fn joined(
+    emulator: JoinHandle<Result<Finished<Nucleo, Steps>>>,
+) -> Result<Finished<Nucleo, Steps>> {
+    emulator.join().unwrap_or_else(|panic| {
+        let words = panic.downcast_ref::<String>().map(String::as_str);
+        let words = words
+            .or_else(|| panic.downcast_ref::<&str>().copied())
+            .unwrap_or("no words");
+        Err(anyhow!("the emulator's thread panicked: {words}"))
+    })
+}
+
+/// What the firmware did that the emulated processor does not model, or says the manual forbids.
+fn gaps(session: &Session<Nucleo>) -> Vec<String> {
+    let mut gaps: Vec<String> = session.unmapped().iter().map(ToString::to_string).collect();
+    gaps.extend(
+        session
+            .refused()
+            .iter()
+            .map(|(address, fault)| format!("refused at={address:#010x} {fault:?}")),
+    );
+    gaps.extend(session.unimplemented().values().map(|gap| {
+        let (instance, register) = (gap.instance, gap.register);
+        let (reads, writes, pc) = (gap.reads, gap.writes, gap.program_counter);
+        format!("unimplemented {instance}.{register}: {reads} reads, {writes} writes, first from pc={pc:#010x}")
+    }));
+    gaps.extend(session.undefined().iter().map(|(address, gap)| {
+        format!(
+            "undefined at={address:#010x} in {}, first from pc={:#010x}",
+            gap.instance, gap.program_counter
+        )
+    }));
+    gaps.extend(session.unrouted().iter().map(|(instance, number)| {
+        format!("the core has no line for interrupt {number} of {instance}")
+    }));
+    gaps.extend(
+        session
+            .told()
+            .map(|told| format!("{}.{}: {}", told.instance, told.register, told.reason)),
+    );
+    gaps
+}
+
+/// The emulator's side: waits at each stop for orders.
+#[derive(Debug)]
+struct Steps {
+    orders: Receiver<Order>,
+    stops: Sender<Stop>,
+    head: Arc<SharedHead>,
+    log_block: u64,
+    log_bytes: Arc<Mutex<Vec<u8>>>,
+}
+
+impl Driver<Nucleo> for Steps {
+    fn on_settled(
+        &mut self,
+        session: &mut Session<Nucleo>,
+        _host: &mut dyn Host,
+        settled: Settled,
+    ) {
+        let now = match settled {
+            Settled::Access { access, .. } => access.virtual_time.0,
+            Settled::Stop(stop) => stop.at.0,
+            _ => return,
+        };
+        self.head.look_at(&mut session.board_mut().processor, now);
+    }
+
+    fn on_stop(
+        &mut self,
+        session: &mut Session<Nucleo>,
+        stop: Stop,
+        host: &mut dyn Host,
+    ) -> Option<VirtualNanos> {
+        let mut log = self
+            .log_bytes
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        rtt::drain(host, self.log_block, &mut log);
+        drop(log);
+        self.stops.send(stop).ok()?;
+        loop {
+            match self.orders.recv().ok()? {
+                Order::RunTo(instant) => return Some(VirtualNanos(instant)),
+                Order::Do(errand) => errand(session, host, stop),
+                Order::End => return None,
+            }
+        }
+    }
+}

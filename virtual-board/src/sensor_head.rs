@@ -1,0 +1,628 @@
+//! The sensor head: a TCD1304DG line sensor and a 12-bit converter (TI ADC122S101, continuous conversion), seen from
+//! the pins that the firmware drives.
+//!
+//! | pin | what |
+//! |---|---|
+//! | PE9 (TIM1 channel 1) | fM, the sensor's master clock |
+//! | PF12 | ICG, low while the charge is moved and high while it is read out |
+//! | PF13 | SH, high while the photodiodes hand over their charge |
+//! | PD14 | the converter's chip select, active low |
+//! | PA5, PA6, PA7 (SPI1) | the converter's serial interface |
+//!
+//! [`SensorHead`] is the state machine and knows no emulator: edges and words go in with their instants, words come
+//! out. `pins` hangs it on the emulated processor.
+//!
+//! **Exposure.** SH high hands the photodiodes' charge over, so an exposure lasts from the end of one SH pulse to the
+//! end of the next. The one that ends while ICG is low is the one that is read out.
+//!
+//! **Read-out.** From ICG's rise at t0, pixel n is at the output from t0 + 4n / fM to t0 + 4(n + 1) / fM; outside a
+//! read-out the output is unlit. The converter knows nothing of that: it holds what is there 3.5 SCLK into each word.
+//! Which pixel a word shows therefore depends on when the firmware starts the burst.
+//!
+//! **Polarity.** The TCD1304's output falls with light, so a word is 4095 minus the counts of light.
+
+use std::collections::VecDeque;
+use std::fmt;
+
+use crate::Nanos;
+
+pub mod limits;
+pub(crate) mod pins;
+
+pub use limits::PIXELS;
+
+/// Full scale of the 12-bit converter, counts.
+pub const FULL_SCALE: u16 = 4095;
+
+/// How many of the last rows are kept, unless all are.
+pub const ROWS_KEPT: usize = 64;
+
+/// How many violations are kept. The first ones say what is wrong.
+const VIOLATIONS_KEPT: usize = 200;
+
+/// When the light of a row was gathered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Exposure {
+    /// The end of the SH pulse before; 0 for the first one.
+    pub start: Nanos,
+    /// The end of the SH pulse that handed the charge over.
+    pub end: Nanos,
+}
+
+impl Exposure {
+    /// How long it lasted, ns.
+    #[must_use]
+    pub fn duration(&self) -> Nanos {
+        self.end - self.start
+    }
+}
+
+/// Asked for each row at the begin of its read-out: the [`PIXELS`] outputs in counts (0 to [`FULL_SCALE`]), light
+/// positive, black level and noise included, not yet quantised.
+pub type LightSource = Box<dyn FnMut(&Exposure) -> Vec<f32> + Send>;
+
+/// A row as it was read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// 0 for the first one since power-on.
+    pub number: u64,
+    /// When its light was gathered.
+    pub exposure: Exposure,
+    /// ICG's rise, t0.
+    pub read_out: Nanos,
+    /// The end of its last word.
+    pub last_word: Nanos,
+    /// How many words were sent before the one that shows pixel 0: word `n + lead_in` shows pixel n. Negative if the
+    /// burst came so late that the first pixels were missed.
+    pub lead_in: i64,
+    /// Where within a pixel's time the converter held it: least and greatest over the row, 0 to 1.
+    pub phase: (f64, f64),
+    /// [`PIXELS`] counts by pixel, light positive; a pixel that no word shows is unlit.
+    pub counts: Vec<u16>,
+    /// The words as they were sent: [`FULL_SCALE`] minus the counts, in the order of the burst.
+    pub words: Vec<u16>,
+}
+
+/// A limit that the firmware did not keep.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Violation {
+    /// When it was seen.
+    pub at: Nanos,
+    /// What happened, the limit, and where the limit comes from.
+    pub what: String,
+}
+
+impl fmt::Display for Violation {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            formatter,
+            "at {:.6} ms: {}",
+            self.at as f64 / 1e6,
+            self.what
+        )
+    }
+}
+
+/// A pin's level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// Ground.
+    Low,
+    /// Supply.
+    High,
+}
+
+/// The clocks that the processor gives the head.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clocks {
+    /// fM, Hz; 0 if it does not run.
+    pub master_hz: f64,
+    /// SCLK, Hz.
+    pub serial_hz: f64,
+}
+
+impl Clocks {
+    /// How long a pixel stays at the sensor's output, ns.
+    fn pixel_time(&self) -> f64 {
+        limits::MASTER_CLOCKS_PER_PIXEL * 1e9 / self.master_hz
+    }
+}
+
+/// A pin and when it last moved each way.
+#[derive(Debug)]
+struct Pin {
+    level: Level,
+    rose: Option<Nanos>,
+    fell: Option<Nanos>,
+}
+
+impl Pin {
+    const fn resting(level: Level) -> Self {
+        Self {
+            level,
+            rose: None,
+            fell: None,
+        }
+    }
+
+    /// Whether this is an edge.
+    fn moves(&mut self, level: Level, now: Nanos) -> bool {
+        if self.level == level {
+            return false;
+        }
+        self.level = level;
+        match level {
+            Level::High => self.rose = Some(now),
+            Level::Low => self.fell = Some(now),
+        }
+        true
+    }
+}
+
+/// A row on its way out of the sensor.
+#[derive(Debug)]
+struct ReadOut {
+    exposure: Exposure,
+    began: Nanos,
+    counts: Vec<u16>,
+    /// A fault of the clocks is reported once a row.
+    clocks_reported: bool,
+}
+
+/// The words of one chip select.
+#[derive(Debug, Default)]
+struct Burst {
+    words: Vec<u16>,
+    counts: Vec<Option<u16>>,
+    /// Word 0 of the burst shows this pixel; known from the first word that shows any.
+    first_pixel: Option<i64>,
+    phase: Option<(f64, f64)>,
+    odd_bits: Option<u8>,
+    unclocked: bool,
+    last_word: Nanos,
+}
+
+/// The sensor head.
+pub struct SensorHead {
+    light: LightSource,
+    icg: Pin,
+    sh: Pin,
+    chip_select: Pin,
+    clocks: Option<Clocks>,
+    /// The charge that was handed over while ICG is low.
+    handed_over: Option<Exposure>,
+    read_out: Option<ReadOut>,
+    burst: Option<Burst>,
+    /// What the output shows outside a read-out, counts of light: the last row's shielded pixels.
+    unlit: u16,
+    rows: VecDeque<Row>,
+    row_count: u64,
+    keeps_all: bool,
+    violations: Vec<Violation>,
+    violation_count: u64,
+}
+
+impl fmt::Debug for SensorHead {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter
+            .debug_struct("SensorHead")
+            .field("row_count", &self.row_count)
+            .field("violations", &self.violations)
+            .finish_non_exhaustive()
+    }
+}
+
+impl SensorHead {
+    /// A head at power-on that shows what `light` says.
+    #[must_use]
+    pub fn new(light: LightSource) -> Self {
+        Self {
+            light,
+            icg: Pin::resting(Level::High),
+            sh: Pin::resting(Level::Low),
+            chip_select: Pin::resting(Level::High),
+            clocks: None,
+            handed_over: None,
+            read_out: None,
+            burst: None,
+            unlit: 0,
+            rows: VecDeque::new(),
+            row_count: 0,
+            keeps_all: false,
+            violations: Vec::new(),
+            violation_count: 0,
+        }
+    }
+
+    /// Shows what `light` says from the next read-out on.
+    pub fn set_light(&mut self, light: LightSource) {
+        self.light = light;
+    }
+
+    /// The rows that are kept, oldest first: the last [`ROWS_KEPT`], or all.
+    pub fn rows(&self) -> impl DoubleEndedIterator<Item = &Row> + ExactSizeIterator {
+        self.rows.iter()
+    }
+
+    /// The row that was read last.
+    #[must_use]
+    pub fn last_row(&self) -> Option<&Row> {
+        self.rows.back()
+    }
+
+    /// How many rows were read since power-on.
+    #[must_use]
+    pub fn row_count(&self) -> u64 {
+        self.row_count
+    }
+
+    /// Whether all rows are kept from now on (15 KB each).
+    pub fn keep_all_rows(&mut self, all: bool) {
+        self.keeps_all = all;
+    }
+
+    /// The limits that the firmware did not keep, oldest first; at most 200.
+    #[must_use]
+    pub fn violations(&self) -> &[Violation] {
+        &self.violations
+    }
+
+    /// How many there were.
+    #[must_use]
+    pub fn violation_count(&self) -> u64 {
+        self.violation_count
+    }
+
+    /// ICG is at `level`.
+    pub fn icg(&mut self, level: Level, now: Nanos) {
+        if !self.icg.moves(level, now) {
+            return;
+        }
+        match level {
+            Level::Low => self.charge_is_to_be_moved(now),
+            Level::High => self.charge_is_moved(now),
+        }
+    }
+
+    fn charge_is_to_be_moved(&mut self, now: Nanos) {
+        if self.sh.level == Level::High {
+            self.violated(
+                now,
+                format!("ICG fell while SH was high; {}", sh_after_icg()),
+            );
+        }
+        if let (Some(_), Some(burst)) = (&self.read_out, &self.burst)
+            && (1..PIXELS).contains(&burst.words.len())
+        {
+            let words = burst.words.len();
+            self.violated(
+                now,
+                format!("ICG fell after word {words} of {PIXELS}: the row is cut short (TCD1304 timing chart 1)"),
+            );
+        }
+        self.read_out = None;
+        self.handed_over = None;
+    }
+
+    fn charge_is_moved(&mut self, now: Nanos) {
+        if self.sh.level == Level::High {
+            self.violated(
+                now,
+                format!("ICG rose while SH was high; {}", icg_after_sh()),
+            );
+        }
+        // ICG alone clears the shift register and shows nothing.
+        let Some(exposure) = self.handed_over.take() else {
+            return;
+        };
+        let gap = now - exposure.end;
+        if gap < limits::ICG_AFTER_SH {
+            self.violated(
+                now,
+                format!("ICG rose {gap} ns after SH fell; {}", icg_after_sh()),
+            );
+        }
+        let light = (self.light)(&exposure);
+        if light.len() != PIXELS {
+            self.violated(
+                now,
+                format!(
+                    "the light source gave {} pixels, and a row has {PIXELS}",
+                    light.len()
+                ),
+            );
+        }
+        let mut counts: Vec<u16> = light.into_iter().map(quantised).collect();
+        counts.resize(PIXELS, 0);
+        let shielded: u32 = counts[limits::SHIELDED]
+            .iter()
+            .copied()
+            .map(u32::from)
+            .sum();
+        self.unlit = (shielded / limits::SHIELDED.len() as u32) as u16;
+        self.read_out = Some(ReadOut {
+            exposure,
+            began: now,
+            counts,
+            clocks_reported: false,
+        });
+    }
+
+    /// SH is at `level`.
+    pub fn sh(&mut self, level: Level, now: Nanos) {
+        let last_fall = self.sh.fell;
+        if !self.sh.moves(level, now) {
+            return;
+        }
+        match level {
+            Level::High => {
+                if let (Level::Low, Some(fell)) = (self.icg.level, self.icg.fell) {
+                    let delay = now - fell;
+                    if !limits::SH_AFTER_ICG.contains(&delay) {
+                        self.violated(
+                            now,
+                            format!("SH rose {delay} ns after ICG fell; {}", sh_after_icg()),
+                        );
+                    }
+                }
+            }
+            Level::Low => {
+                let high = now - self.sh.rose.unwrap_or(now);
+                if high < limits::SH_HIGH {
+                    self.violated(
+                        now,
+                        format!(
+                            "SH was high for {high} ns; at least {} (TCD1304 t3)",
+                            limits::SH_HIGH
+                        ),
+                    );
+                }
+                let exposure = Exposure {
+                    start: last_fall.unwrap_or(0),
+                    end: now,
+                };
+                if last_fall.is_some() && exposure.duration() < limits::EXPOSURE {
+                    let (lasted, least) = (exposure.duration(), limits::EXPOSURE);
+                    self.violated(
+                        now,
+                        format!("the exposure was {lasted} ns; at least {least} (TCD1304 tINT)"),
+                    );
+                }
+                if self.icg.level == Level::Low {
+                    self.handed_over = Some(exposure);
+                }
+            }
+        }
+    }
+
+    /// The converter's chip select is at `level`.
+    pub fn chip_select(&mut self, level: Level, now: Nanos) {
+        if !self.chip_select.moves(level, now) {
+            return;
+        }
+        match level {
+            Level::Low => {
+                self.burst = Some(Burst {
+                    counts: vec![None; PIXELS],
+                    ..Burst::default()
+                })
+            }
+            Level::High => {
+                if let Some(burst) = self.burst.take() {
+                    self.finish(burst, now);
+                }
+            }
+        }
+    }
+
+    /// A word of `bits` bits has just been clocked: what the converter sent.
+    pub fn word(&mut self, bits: u8, now: Nanos) -> u16 {
+        let Some(burst) = &mut self.burst else {
+            self.violated(now, "a word was clocked with chip select high".to_owned());
+            return 0;
+        };
+        if bits != limits::WORD_BITS {
+            burst.odd_bits = Some(bits);
+        }
+        burst.last_word = now;
+        let mut counts = self.unlit;
+        match (&self.read_out, self.clocks) {
+            (Some(read_out), Some(clocks)) if clocks.master_hz > 0.0 && clocks.serial_hz > 0.0 => {
+                let held =
+                    now as f64 - (f64::from(bits) - limits::HOLD_AFTER) * 1e9 / clocks.serial_hz;
+                let position = (held - read_out.began as f64) / clocks.pixel_time();
+                let pixel = position.floor();
+                if (0.0..PIXELS as f64).contains(&pixel) {
+                    counts = read_out.counts[pixel as usize];
+                    burst.counts[pixel as usize] = Some(counts);
+                    burst
+                        .first_pixel
+                        .get_or_insert(pixel as i64 - burst.words.len() as i64);
+                    let phase = position - pixel;
+                    let (least, greatest) = burst.phase.unwrap_or((phase, phase));
+                    burst.phase = Some((least.min(phase), greatest.max(phase)));
+                }
+            }
+            (Some(_), _) => burst.unclocked = true,
+            (None, _) => {}
+        }
+        let word = FULL_SCALE - counts;
+        burst.words.push(word);
+        word
+    }
+
+    /// What the clocks are now. To be told after each edge of ICG and of chip select.
+    pub fn clocks(&mut self, clocks: Clocks, now: Nanos) {
+        self.clocks = Some(clocks);
+        let Some(read_out) = &mut self.read_out else {
+            return;
+        };
+        if read_out.clocks_reported {
+            return;
+        }
+        let faults = clock_faults(clocks);
+        read_out.clocks_reported = !faults.is_empty();
+        for fault in faults {
+            self.violated(now, fault);
+        }
+    }
+
+    /// A DMA stream that serves the converter uses memory at `address`.
+    pub fn dma_address(&mut self, address: u64, now: Nanos) {
+        if limits::CORE_COUPLED_RAM.contains(&address) {
+            self.violated(
+                now,
+                format!("a DMA buffer is at {address:#010x}, in core-coupled RAM that no DMA reaches (RM0090 2.3.1)"),
+            );
+        }
+    }
+
+    /// The processor restarted and let go of its pins, which the head's own resistors pull to rest.
+    pub fn restarted(&mut self) {
+        self.icg = Pin::resting(Level::High);
+        self.chip_select = Pin::resting(Level::High);
+        // The photodiodes go on gathering: the end of the last pulse stays.
+        self.sh.level = Level::Low;
+        self.handed_over = None;
+        self.read_out = None;
+        self.burst = None;
+    }
+
+    fn finish(&mut self, burst: Burst, now: Nanos) {
+        let words = burst.words.len();
+        if words != PIXELS {
+            self.violated(
+                now,
+                format!("chip select was low for {words} words; a row is exactly {PIXELS}"),
+            );
+        }
+        if let Some(bits) = burst.odd_bits {
+            let right = limits::WORD_BITS;
+            self.violated(
+                now,
+                format!("a word had {bits} bits; a conversion takes {right} SCLK (ADC122S101)"),
+            );
+        }
+        if burst.unclocked {
+            self.violated(
+                now,
+                "words were clocked during a read-out without the master clock fM".to_owned(),
+            );
+        }
+        let (Some(read_out), Some(first_pixel), Some(phase)) =
+            (&self.read_out, burst.first_pixel, burst.phase)
+        else {
+            self.violated(
+                now,
+                format!("{words} words were clocked and none showed a pixel: no read-out was under way (ICG rises first)"),
+            );
+            return;
+        };
+        let row = Row {
+            number: self.row_count,
+            exposure: read_out.exposure,
+            read_out: read_out.began,
+            last_word: burst.last_word,
+            lead_in: -first_pixel,
+            phase,
+            counts: burst
+                .counts
+                .into_iter()
+                .map(|counts| counts.unwrap_or(self.unlit))
+                .collect(),
+            words: burst.words,
+        };
+        if !(limits::HOLD_PHASE.contains(&phase.0) && limits::HOLD_PHASE.contains(&phase.1)) {
+            let (least, greatest) = (
+                limits::HOLD_PHASE.start() * 100.0,
+                limits::HOLD_PHASE.end() * 100.0,
+            );
+            self.violated(
+                now,
+                format!(
+                    "the converter held pixels at {:.1} % to {:.1} % of their time; within {least} % to {greatest} %, \
+                     where the output has settled: move the burst against ICG's rise",
+                    phase.0 * 100.0,
+                    phase.1 * 100.0
+                ),
+            );
+        }
+        if !self.keeps_all && self.rows.len() >= ROWS_KEPT {
+            self.rows.pop_front();
+        }
+        self.rows.push_back(row);
+        self.row_count += 1;
+    }
+
+    fn violated(&mut self, at: Nanos, what: String) {
+        self.violation_count += 1;
+        if self.violations.len() < VIOLATIONS_KEPT {
+            self.violations.push(Violation { at, what });
+        }
+    }
+}
+
+fn sh_after_icg() -> String {
+    let (least, greatest) = (limits::SH_AFTER_ICG.start(), limits::SH_AFTER_ICG.end());
+    format!("SH has to rise {least} to {greatest} ns after ICG falls (TCD1304 t2)")
+}
+
+fn icg_after_sh() -> String {
+    format!(
+        "ICG has to rise at least {} ns after SH falls (TCD1304 t1)",
+        limits::ICG_AFTER_SH
+    )
+}
+
+/// What the converter makes of `counts`; NaN is 0.
+fn quantised(counts: f32) -> u16 {
+    counts.round().clamp(0.0, f32::from(FULL_SCALE)) as u16
+}
+
+/// What is wrong with the clocks of a read-out.
+fn clock_faults(clocks: Clocks) -> Vec<String> {
+    let mut faults = Vec::new();
+    let Clocks {
+        master_hz,
+        serial_hz,
+    } = clocks;
+    if master_hz <= 0.0 {
+        faults.push(
+            "the master clock fM does not run during a read-out (TCD1304 timing chart 1)"
+                .to_owned(),
+        );
+        return faults;
+    }
+    let (least, greatest) = (
+        limits::MASTER_CLOCK.start() / 1e6,
+        limits::MASTER_CLOCK.end() / 1e6,
+    );
+    if !limits::MASTER_CLOCK.contains(&master_hz) {
+        faults.push(format!(
+            "fM is {} MHz; within {least} to {greatest} MHz (TCD1304)",
+            master_hz / 1e6
+        ));
+    }
+    let (least, greatest) = (
+        limits::SERIAL_CLOCK.start() / 1e6,
+        limits::SERIAL_CLOCK.end() / 1e6,
+    );
+    if !limits::SERIAL_CLOCK.contains(&serial_hz) {
+        faults.push(format!(
+            "SCLK is {} MHz; within {least} to {greatest} MHz (ADC122S101)",
+            serial_hz / 1e6
+        ));
+    }
+    let pixel = clocks.pixel_time();
+    let conversion = f64::from(limits::WORD_BITS) * 1e9 / serial_hz;
+    if (pixel / conversion - 1.0).abs() > limits::RATE_MISMATCH {
+        faults.push(format!(
+            "a pixel lasts {pixel:.3} ns (4 / fM) and a conversion {conversion:.3} ns (16 / SCLK); they may differ by {}",
+            limits::RATE_MISMATCH
+        ));
+    }
+    faults
+}
+
+#[cfg(test)]
+mod tests;

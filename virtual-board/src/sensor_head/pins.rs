@@ -1,0 +1,189 @@
+//! The sensor head on the emulated processor's pins.
+//!
+//! The emulator tells a chip on a serial interface of its chip select's edges as they happen, and any port pin can be
+//! one. So the converter hangs on SPI1 behind its chip select, and two chips without wires hang on SPI2 "behind" ICG
+//! and SH, where they cannot disturb the converter's words.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rigless::chip::{Timeline, spi};
+use rigless::device::Level as WireLevel;
+use rigless::snapshot::store;
+use rigless::soc::stm32f427::Stm32f427;
+use rigless::soc::stm32f427::generated::{dma2, spi1};
+use rigless::soc::stm32f427::peripherals::gpio::Pin as PortPin;
+use rigless::soc::stm32f427::peripherals::rcc::Apb;
+use rigless::soc::stm32f427::peripherals::spi::Select;
+
+use super::{Clocks, Level, SensorHead};
+use crate::Nanos;
+use crate::stm32f429::Stm32f429;
+
+/// SPI1, which the converter hangs on, in rigless's order.
+pub(crate) const CONVERTER_BUS: usize = 0;
+/// The converter's place on it.
+pub(crate) const CONVERTER: usize = 0;
+/// SPI2, which hears ICG and SH. The firmware does not use it.
+const EDGE_BUS: usize = 1;
+/// DMA2, which serves SPI1.
+const DMA2: usize = 1;
+
+/// SPI1's data register, where the DMA streams that serve the converter read and write.
+const SPI1_DATA: u64 = 0x4001_300C;
+
+/// The head, shared between its pins and whoever runs the board.
+#[derive(Debug)]
+pub(crate) struct SharedHead {
+    head: Mutex<SensorHead>,
+    /// An edge came at which the processor's clocks are to be looked at.
+    look: AtomicBool,
+}
+
+impl SharedHead {
+    pub(crate) fn new(head: SensorHead) -> Arc<Self> {
+        Arc::new(Self {
+            head: Mutex::new(head),
+            look: AtomicBool::new(false),
+        })
+    }
+
+    /// The head. A light source that panicked has ended the run, and what the head saw is still worth reading.
+    pub(crate) fn lock(&self) -> MutexGuard<'_, SensorHead> {
+        self.head.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Tells the head of the clocks and the DMA buffers if an edge asked for it. A chip cannot look at the processor
+    /// it hangs on, so this is called after each access that the processor made.
+    pub(crate) fn look_at(&self, processor: &mut Stm32f429, now: Nanos) {
+        if self.look.swap(false, Ordering::Relaxed) {
+            let clocks = clocks(processor);
+            let buffers = dma_addresses(&mut processor.part);
+            let mut head = self.lock();
+            head.clocks(clocks, now);
+            for address in buffers {
+                head.dma_address(address, now);
+            }
+        }
+    }
+}
+
+/// Hangs `head` on `processor`'s pins.
+pub(crate) fn attach(processor: &mut Stm32f427, head: &Arc<SharedHead>) {
+    let chip = |pin| HeadPin {
+        pin,
+        head: Arc::clone(head),
+    };
+    let select = |port, number, active| Select {
+        port,
+        pin: PortPin::new(number).expect("a port has sixteen pins"),
+        active,
+    };
+    processor.spi[CONVERTER_BUS].attach_selected(
+        chip(HeadPinName::ChipSelect),
+        select("GPIOD", 14, WireLevel::Low),
+    );
+    processor.spi[EDGE_BUS]
+        .attach_selected(chip(HeadPinName::Icg), select("GPIOF", 12, WireLevel::High));
+    processor.spi[EDGE_BUS]
+        .attach_selected(chip(HeadPinName::Sh), select("GPIOF", 13, WireLevel::High));
+}
+
+/// Which of the head's pins a chip stands for.
+#[derive(Clone, Copy, Debug)]
+enum HeadPinName {
+    ChipSelect,
+    Icg,
+    Sh,
+}
+
+/// One pin of the head as a chip behind a chip select.
+#[derive(Debug)]
+struct HeadPin {
+    pin: HeadPinName,
+    head: Arc<SharedHead>,
+}
+store!(HeadPin {
+    values: [],
+    parts: [],
+    built: [pin, head]
+});
+
+impl HeadPin {
+    fn edge(&self, selected: bool, now: Nanos) {
+        let mut head = self.head.lock();
+        match (self.pin, selected) {
+            (HeadPinName::ChipSelect, true) => head.chip_select(Level::Low, now),
+            (HeadPinName::ChipSelect, false) => head.chip_select(Level::High, now),
+            (HeadPinName::Icg, true) => head.icg(Level::High, now),
+            (HeadPinName::Icg, false) => head.icg(Level::Low, now),
+            (HeadPinName::Sh, true) => head.sh(Level::High, now),
+            (HeadPinName::Sh, false) => head.sh(Level::Low, now),
+        }
+        if !matches!(self.pin, HeadPinName::Sh) {
+            self.head.look.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+impl spi::Peer for HeadPin {
+    fn transfer(&mut self, _mosi: u32, bits: u8, context: &mut Timeline<'_, '_>) -> u32 {
+        match self.pin {
+            HeadPinName::ChipSelect => self.head.lock().word(bits, context.now().0).into(),
+            HeadPinName::Icg | HeadPinName::Sh => 0,
+        }
+    }
+
+    fn select(&mut self, context: &mut Timeline<'_, '_>) {
+        self.edge(true, context.now().0);
+    }
+
+    fn deselect(&mut self, context: &mut Timeline<'_, '_>) {
+        self.edge(false, context.now().0);
+    }
+
+    fn restarted(&mut self, _context: &mut Timeline<'_, '_>) {
+        self.head.lock().restarted();
+    }
+}
+
+/// The clocks at the head, from the processor's registers: rigless gives a pulse's period in whole nanoseconds, too
+/// coarse to compare two rates.
+fn clocks(processor: &mut Stm32f429) -> Clocks {
+    let master_ticks = processor.master_clock();
+    let (_, registers) = processor.part.serial(CONVERTER_BUS);
+    let divider = 2_u64 << spi1::cr1::BR.get(registers.get(spi1::Register::Cr1));
+    let (tree, registers) = processor.part.clocks();
+    let (timer_hz, bus_hz) = (tree.timer_clock(registers, Apb::Two), tree.pclk2(registers));
+    Clocks {
+        master_hz: master_ticks.map_or(0.0, |ticks| timer_hz as f64 / ticks as f64),
+        serial_hz: bus_hz as f64 / divider as f64,
+    }
+}
+
+/// Where the DMA streams that serve the converter read and write memory. Streams 0 and 2 receive from SPI1, 3 and 5
+/// send to it (RM0090 table 44).
+fn dma_addresses(processor: &mut Stm32f427) -> Vec<u64> {
+    use dma2::Register::{
+        S0cr, S0m0ar, S0m1ar, S0par, S2cr, S2m0ar, S2m1ar, S2par, S3cr, S3m0ar, S3m1ar, S3par,
+        S5cr, S5m0ar, S5m1ar, S5par,
+    };
+    const DOUBLE_BUFFER: u64 = 1 << 18;
+    let (_, registers) = processor.controller(DMA2);
+    let streams = [
+        (S0cr, S0par, S0m0ar, S0m1ar),
+        (S2cr, S2par, S2m0ar, S2m1ar),
+        (S3cr, S3par, S3m0ar, S3m1ar),
+        (S5cr, S5par, S5m0ar, S5m1ar),
+    ];
+    let mut addresses = Vec::new();
+    for (control, peripheral, first, second) in streams {
+        if registers.get(peripheral) == SPI1_DATA {
+            addresses.push(registers.get(first));
+            if registers.get(control) & DOUBLE_BUFFER != 0 {
+                addresses.push(registers.get(second));
+            }
+        }
+    }
+    addresses
+}

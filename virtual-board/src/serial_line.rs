@@ -1,0 +1,185 @@
+//! The far end of the serial line: what the firmware said and when, and what it is told and when.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rigless::chip::{Timeline, uart};
+use rigless::snapshot::store;
+use rigless::time::VirtualNanos;
+
+use crate::Nanos;
+
+/// A line that the firmware sent.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Line {
+    /// When its last byte, the line feed, had been sent.
+    pub at: Nanos,
+    /// The line without its end. Bytes that are no UTF-8 are replaced.
+    pub text: String,
+}
+
+impl fmt::Display for Line {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{:.6} s {}", self.at as f64 / 1e9, self.text)
+    }
+}
+
+/// The far end of the line.
+#[derive(Debug, Default)]
+pub struct SerialLine {
+    bytes: Vec<(Nanos, u8)>,
+    lines: Vec<Line>,
+    /// How many of `lines` a wait has seen already.
+    waited_for: usize,
+    unfinished: Vec<u8>,
+    due: VecDeque<(Nanos, u8)>,
+}
+
+impl SerialLine {
+    /// Has `bytes` sent to the firmware from `at` on, one after the other at the line's own rate, behind what is
+    /// still to be sent.
+    pub fn say(&mut self, at: Nanos, bytes: &[u8]) {
+        let at = self.due.back().map_or(at, |&(last, _)| at.max(last));
+        self.due.extend(bytes.iter().map(|&byte| (at, byte)));
+    }
+
+    /// When the next byte for the firmware is due.
+    #[must_use]
+    pub fn next_due(&self) -> Option<Nanos> {
+        self.due.front().map(|&(at, _)| at)
+    }
+
+    /// A byte from the firmware, whose stop bit ended at `at`.
+    pub fn hear(&mut self, at: Nanos, byte: u8) {
+        self.bytes.push((at, byte));
+        if byte == b'\n' {
+            let end = self
+                .unfinished
+                .strip_suffix(b"\r")
+                .unwrap_or(&self.unfinished);
+            self.lines.push(Line {
+                at,
+                text: String::from_utf8_lossy(end).into_owned(),
+            });
+            self.unfinished.clear();
+        } else {
+            self.unfinished.push(byte);
+        }
+    }
+
+    /// The byte for the firmware that is due by `now`.
+    fn next(&mut self, now: Nanos) -> Option<u8> {
+        self.due
+            .pop_front_if(|&mut (at, _)| at <= now)
+            .map(|(_, byte)| byte)
+    }
+
+    /// Every byte since this was last asked, each with the end of its stop bit.
+    pub fn take_bytes(&mut self) -> Vec<(Nanos, u8)> {
+        std::mem::take(&mut self.bytes)
+    }
+
+    /// Every line since this was last asked.
+    pub fn take_lines(&mut self) -> Vec<Line> {
+        self.waited_for = 0;
+        std::mem::take(&mut self.lines)
+    }
+
+    /// The first line that `wanted` accepts among those no wait has seen. A line is seen once; taking lines still
+    /// gives all of them.
+    pub fn find(&mut self, mut wanted: impl FnMut(&str) -> bool) -> Option<Line> {
+        while let Some(line) = self.lines.get(self.waited_for) {
+            self.waited_for += 1;
+            if wanted(&line.text) {
+                return Some(line.clone());
+            }
+        }
+        None
+    }
+
+    /// The last lines and what came after them, for an error message.
+    #[must_use]
+    pub fn tail(&self) -> String {
+        let mut tail = String::new();
+        for line in self.lines.iter().rev().take(5).rev() {
+            tail += &format!("\n  {line}");
+        }
+        if !self.unfinished.is_empty() {
+            tail += &format!(
+                "\n  (unfinished) {}",
+                String::from_utf8_lossy(&self.unfinished)
+            );
+        }
+        if tail.is_empty() {
+            "nothing".to_owned()
+        } else {
+            tail
+        }
+    }
+}
+
+/// The line as a chip on the processor's serial port.
+#[derive(Debug)]
+pub(crate) struct FarEnd {
+    pub(crate) line: Arc<Mutex<SerialLine>>,
+}
+store!(FarEnd {
+    values: [],
+    parts: [],
+    built: [line]
+});
+
+impl uart::Peer for FarEnd {
+    fn receive(&mut self, word: u16, context: &mut Timeline<'_, '_>) {
+        let [byte, _] = word.to_le_bytes();
+        self.line
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .hear(context.now().0, byte);
+    }
+
+    fn transmit(&mut self, now: VirtualNanos) -> Option<u16> {
+        self.line
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .next(now.0)
+            .map(u16::from)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_end_at_the_line_feed_and_keep_its_instant() {
+        let mut line = SerialLine::default();
+        for (at, &byte) in (1..).zip(b"one\r\ntwo\nthr") {
+            line.hear(at, byte);
+        }
+        assert_eq!(
+            line.find(|text| text == "two"),
+            Some(Line {
+                at: 9,
+                text: "two".into()
+            })
+        );
+        assert_eq!(line.find(|_| true), None, "each line is waited for once");
+        assert_eq!(line.take_lines().len(), 2, "waiting takes nothing away");
+        assert_eq!(line.take_bytes().len(), 12);
+        assert!(line.tail().contains("thr"));
+    }
+
+    #[test]
+    fn bytes_are_said_in_order_and_not_before_they_are_due() {
+        let mut line = SerialLine::default();
+        line.say(10, b"a");
+        line.say(5, b"b");
+        assert_eq!((line.next_due(), line.next(9)), (Some(10), None));
+        assert_eq!(
+            [line.next(10), line.next(10), line.next(10)],
+            [Some(b'a'), Some(b'b'), None]
+        );
+    }
+}

@@ -1,0 +1,211 @@
+//! The processor: rigless's STM32F427, with a TIM1 that sleeps while nobody would notice.
+//!
+//! TIM1 makes the sensor's master clock, and rigless wakes a timer at each of its counter's events: five million times
+//! a virtual second here, which made the emulation eight times slower than all else together. No pin of the model
+//! carries the clock, so nobody hears these events. `LazyTimer` skips them. An access catches up with all of them
+//! first, so the firmware sees what it would; reading the counter, which a firmware may do for each row, is arithmetic.
+
+use rigless::device::{
+    Device, DeviceContext, ErasedDevice, RegisterFile, RequestChange, ResetCause,
+};
+use rigless::edge::Pulse;
+use rigless::mcu::Mcu;
+use rigless::snapshot::{self, Reader, Store, Writer};
+use rigless::soc::stm32f427::Stm32f427;
+use rigless::soc::stm32f427::generated::tim1::{Register, cr1, cr2, smcr};
+use rigless::soc::stm32f427::peripherals::rcc;
+use rigless::soc::stm32f427::peripherals::tim::{Advanced, Channel, Counter, Tim};
+use rigless::soc::{Bus, Error, RegisterSpec};
+use rigless::time::{EventId, VirtualNanos};
+
+/// The board's processor.
+#[derive(Debug)]
+pub struct Stm32f429 {
+    /// rigless's model, whose own TIM1 (`advanced[0]`) nothing reaches.
+    pub part: Stm32f427,
+    tim1: LazyTimer,
+    tim1_slot: usize,
+}
+
+impl Stm32f429 {
+    pub(crate) fn new() -> Result<Self, Error> {
+        let part = Stm32f427::new()?;
+        let tim1_slot = part.bus().slot("TIM1")?;
+        Ok(Self {
+            part,
+            tim1: LazyTimer::new(),
+            tim1_slot,
+        })
+    }
+
+    /// If TIM1's channel 1 repeats a pulse: the timer clocks from one to the next.
+    pub(crate) fn master_clock(&self) -> Option<u64> {
+        let registers = self.part.bus().slots()[self.tim1_slot].registers();
+        let pulse = Channel::new(1).and_then(|channel| self.tim1.timer.pulse(channel, registers));
+        let Pulse { width, period } = pulse?;
+        (width.0 > 0 && width < period).then(|| period_clocks(registers))
+    }
+}
+
+/// The timer clocks of TIM1's period.
+fn period_clocks(registers: &RegisterFile) -> u64 {
+    (registers.get(Register::Psc) + 1) * (registers.get(Register::Arr) + 1)
+}
+
+impl Mcu for Stm32f429 {
+    fn bus(&self) -> &Bus {
+        self.part.bus()
+    }
+
+    fn bus_mut(&mut self) -> &mut Bus {
+        self.part.bus_mut()
+    }
+
+    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+        if slot == self.tim1_slot {
+            return (self.part.bus_mut(), Some(&mut self.tim1));
+        }
+        self.part.split(slot)
+    }
+
+    fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
+        self.part.reset(at, cause);
+        self.tim1 = LazyTimer::new();
+    }
+
+    fn poll(&mut self, now: VirtualNanos) {
+        self.part.poll(now);
+    }
+}
+
+/// No snapshot of this board is ever taken, so what would be missing from one is not missed.
+impl Store for Stm32f429 {
+    fn store(&self, to: &mut Writer) -> Result<(), snapshot::Error> {
+        self.part.store(to)
+    }
+
+    fn load(&mut self, from: &mut Reader) -> Result<(), snapshot::Error> {
+        self.part.load(from)
+    }
+}
+
+/// How long after a write all events are served, ns: some periods of a fast counter, for a new period or duty comes
+/// into force when the counter wraps.
+const AWAKE_AFTER_WRITE: u64 = 100_000;
+
+/// A counter that takes more timer clocks than this to wrap costs nothing (100 us at 168 MHz).
+const SLOW: u64 = 16_800;
+
+/// TIM1, which skips its counter's events while they could change nothing but its own state.
+#[derive(Debug)]
+struct LazyTimer {
+    timer: Tim<Advanced>,
+    awake_until: u64,
+}
+
+impl LazyTimer {
+    fn new() -> Self {
+        // As rigless's part makes it.
+        let timer =
+            Tim::with_clock(rcc::HSI_HZ, Counter::Narrow).breaks_on("RCC", rcc::CLOCK_FAILURE);
+        Self {
+            timer,
+            awake_until: 0,
+        }
+    }
+
+    /// Whether events are skipped: not while one of them reaches anything (an interrupt or a DMA request, the end of a
+    /// single pulse, another timer).
+    fn sleeps(&self, registers: &RegisterFile, now: VirtualNanos) -> bool {
+        now.0 >= self.awake_until
+            && period_clocks(registers) < SLOW
+            && registers.get(Register::Dier) == 0
+            && !cr1::OPM.is_set(registers.get(Register::Cr1))
+            && cr2::MMS.get(registers.get(Register::Cr2)) == 0
+            && smcr::SMS.get(registers.get(Register::Smcr)) == 0
+    }
+
+    /// The counter without the wraps that were skipped in between, where it can be had: counting up, it goes on to 16
+    /// bits, and the rest by a period that divides 2^16 is what it would be.
+    fn slept_count(&self, registers: &RegisterFile, now: VirtualNanos) -> Option<u64> {
+        let control = registers.get(Register::Cr1);
+        let counts_up = !cr1::DIR.is_set(control) && cr1::CMS.get(control) == 0;
+        let period = registers.get(Register::Arr) + 1;
+        if !(counts_up && period.is_power_of_two()) {
+            return None;
+        }
+        Device::peek(&self.timer, Register::Cnt, registers, now).map(|count| count % period)
+    }
+}
+
+impl Device for LazyTimer {
+    type Register = Register;
+
+    fn on_event(
+        &mut self,
+        event: EventId,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        if !self.sleeps(registers, context.now()) {
+            Device::on_event(&mut self.timer, event, registers, context);
+        }
+    }
+
+    fn read(
+        &mut self,
+        register: Register,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> Option<u64> {
+        if register == Register::Cnt
+            && self.sleeps(registers, context.now())
+            && let Some(count) = self.slept_count(registers, context.now())
+        {
+            return Some(count);
+        }
+        Device::read(&mut self.timer, register, registers, context)
+    }
+
+    fn write(
+        &mut self,
+        register: Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.awake_until = context.now().0 + AWAKE_AFTER_WRITE;
+        Device::write(&mut self.timer, register, value, registers, context);
+    }
+
+    fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64> {
+        Device::peek(&self.timer, register, registers, now)
+    }
+
+    // From here on everything is the timer's.
+
+    fn layout(&self) -> &'static [RegisterSpec] {
+        Device::layout(&self.timer)
+    }
+
+    fn on_request(
+        &mut self,
+        change: RequestChange,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        Device::on_request(&mut self.timer, change, registers, context);
+    }
+
+    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        Device::on_clock(&mut self.timer, hz, registers, context);
+    }
+
+    fn reset(&mut self) {
+        Device::reset(&mut self.timer);
+    }
+
+    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        Device::reset_line(&mut self.timer, registers, context);
+    }
+}
