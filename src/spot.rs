@@ -245,4 +245,4 @@ fn median(values: &mut Vec<u32, MEDIAN_BLOCKS>) -> Option<u32> {
 }
 
 const _: () =
-    assert!(4 * (LARGEST_COUNT as u64) << (LARGEST_BLOCK_LOG2 + Counts::FRACTION) < 1 << 31);
+    assert!((4 * LARGEST_COUNT as u64) << (LARGEST_BLOCK_LOG2 + Counts::FRACTION) < 1 << 31);

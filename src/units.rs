@@ -5,6 +5,8 @@
 
 use core::fmt;
 
+use micromath::F32Ext;
+
 macro_rules! quantity {
     ($(#[$doc:meta])* $name:ident, $fraction:literal, $decimals:literal) => {
         $(#[$doc])*
@@ -42,10 +44,10 @@ macro_rules! quantity {
                 }
             }
 
-            /// The nearest representable value, saturating; not-a-number becomes zero.
+            /// The nearest representable value as far as an f32's 24 bits tell, saturating; not-a-number becomes zero.
             pub fn from_f32(value: f32) -> Self {
-                // `as` saturates and maps NaN to zero, by the language's definition.
-                Self(libm::roundf(value * (1u32 << $fraction) as f32) as i32)
+                // micromath's `round` is an addition and a conversion. `as` saturates and maps NaN to zero.
+                Self(F32Ext::round(value * (1u32 << $fraction) as f32) as i32)
             }
 
             /// The value as a float: exact to 24 bits.

@@ -141,11 +141,11 @@ pub fn rust_source(tables: &[IntegerTable]) -> String {
     let mut source = format!("[Table<'static>; {}] = [\n", tables.len());
     for table in tables {
         // Writing to a String cannot fail.
-        let _ = write!(
+        let _ = writeln!(
             source,
             "Table {{ width: {:?}, half_width: {}, phases: {}, score: &{:?}, slope: &{:?}, stretch: &{:?}, \
              centre_per_ratio: {:?}, stretch_per_ratio: {:?}, height_per_slope: {:?}, variance_per_noise: {:?}, \
-             variance_per_height: {:?} }},\n",
+             variance_per_height: {:?} }},",
             table.shape.width as f32,
             table.shape.half_width,
             table.shape.phases,

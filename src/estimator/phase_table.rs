@@ -332,15 +332,19 @@ fn settle<'a>(
         }
         let slope = products.slope as f32;
         let block = f32::from(class.block);
-        // Limited (not with `clamp`, which can panic) to one and a half widths, and to a bit less than half or twice the width: further off, the products
+        // Limited to one and a half widths, and to a bit less than half or twice the width: further off, the products
         // say the direction and no more.
         let reach = 1.5 * table.width;
-        let distance = (products.score as f32 / slope * table.centre_per_ratio)
-            .max(-reach)
-            .min(reach);
-        let stretch = (products.stretch as f32 / slope * table.stretch_per_ratio)
-            .max(-0.4)
-            .min(0.7);
+        let distance = limited(
+            products.score as f32 / slope * table.centre_per_ratio,
+            -reach,
+            reach,
+        );
+        let stretch = limited(
+            products.stretch as f32 / slope * table.stretch_per_ratio,
+            -0.4,
+            0.7,
+        );
         // A position and a distance are each below 2^14 pixels (`new` bounds the widths), so nothing saturates.
         at = Pixels::from_bits(
             reference
@@ -382,6 +386,12 @@ fn settle<'a>(
         }
     }
     Err(Unsettled::Shape)
+}
+
+/// `f32::clamp` without its panic on bounds that are not in order, which brings 20 KB of formatting to the chip.
+#[allow(clippy::manual_clamp)]
+fn limited(value: f32, low: f32, high: f32) -> f32 {
+    value.max(low).min(high)
 }
 
 impl Fit<'_> {

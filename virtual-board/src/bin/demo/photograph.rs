@@ -140,16 +140,18 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
     board
         .run_until_line(|line| line == "rows 1", patience)
         .context("the firmware did not take the command `rows`")?;
+    // After power-up the firmware clears the sensor with pulses that read no row; a result means that it is past that.
+    let result = |line: &str| !matches!(Report::parse(line), Ok(None));
+    board
+        .run_until_line(result, patience)
+        .context("the firmware reports nothing")?;
     *shown.lock().unwrap_or_else(PoisonError::into_inner) = Some(0);
 
     let mut markers = 0;
     let mut reports = vec![];
     while reports.len() < photograph.height() {
         let line = board
-            .run_until_line(
-                |line| matches!(Report::parse(line), Ok(Some(_)) | Err(_)),
-                patience,
-            )
+            .run_until_line(result, patience)
             .context("the firmware reports nothing")?;
         let report = Report::parse(&line.text)?.context("the line was a result a moment ago")?;
         if markers == MARKERS {
