@@ -87,7 +87,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
         "   true mm  reported mm  error um  claimed u um  rows  virtual s",
     );
     let (started, first_row) = (board.now(), board.head(|head| head.row_count()));
-    let (mut results, mut faults, mut compared) = (0, 0, vec![]);
+    let (mut readings, mut faults, mut compared) = (0, 0, vec![]);
     for step in 0..options.steps {
         let share = f64::from(step) / f64::from(options.steps.max(2) - 1);
         let distance = options
@@ -103,12 +103,12 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                     patience,
                 )
                 .context("the firmware reports nothing")?;
-            results += 1;
+            let report =
+                Report::parse(&line.text)?.context("the line was a result a moment ago")?;
+            readings += u32::from(matches!(report, Report::Reading(_)));
             if result < 2 {
                 continue;
             }
-            let report =
-                Report::parse(&line.text)?.context("the line was a result a moment ago")?;
             let shown = result == 2;
             match report {
                 Report::Reading(reading) => {
@@ -161,7 +161,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                 .count();
             within as f64 / compared.len() as f64
         }),
-        readings_per_s: results as f64 / seconds,
+        readings_per_s: f64::from(readings) / seconds,
         rows_per_s: rows as f64 / seconds,
         rows_lost,
         sleep_share: statistics.asleep(),

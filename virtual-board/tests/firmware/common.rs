@@ -1,0 +1,177 @@
+//! What the tests share: a board that has booted, and asking it.
+
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use host_tests::scene::{Scene, Spot};
+use rigless::soc::stm32f427::generated::spi1;
+use slitrange::reading::Fault;
+use virtual_board::light::{Target, of_scene};
+use virtual_board::{Exposure, Firmware, LightSource, Line, VirtualBoard};
+
+/// Virtual time within which whatever is awaited comes: longer than any frame and any answer.
+pub const PATIENCE: Duration = Duration::from_secs(1);
+
+/// SPI1, where the converter hangs.
+pub const CONVERTER_BUS: usize = 0;
+
+/// In the middle of the calibrated range, m.
+pub const DISTANCE: f64 = 0.80;
+
+/// The ELF file that `cargo fw` builds.
+fn firmware() -> &'static Firmware {
+    static FIRMWARE: OnceLock<Firmware> = OnceLock::new();
+    FIRMWARE.get_or_init(|| Firmware::build().expect("the firmware builds"))
+}
+
+/// A board that has said its banner, and the banner.
+pub fn boot(light: LightSource) -> (VirtualBoard, Line) {
+    let mut board = VirtualBoard::power_on(firmware(), light).expect("the board starts");
+    let banner = board
+        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+        .expect("a banner");
+    (board, banner)
+}
+
+/// A board that looks at white paper at [`DISTANCE`] and puts `rows` rows into a frame.
+pub fn measuring(rows: u16) -> VirtualBoard {
+    let (mut board, _) = boot(paper());
+    set(&mut board, &format!("rows {rows}"));
+    board
+}
+
+/// White paper at [`DISTANCE`].
+pub fn paper() -> LightSource {
+    of_scene(Scene::white_paper(), Target::at(DISTANCE))
+}
+
+/// White paper whose spot is `height` counts high and lies at pixel `centre`.
+pub fn spot_at(centre: f64, height: f64) -> LightSource {
+    // The scene counts light a second: over an exposure of one second it is the height, whatever the firmware exposes.
+    let scene = Scene {
+        spot: Some(Spot {
+            width: 8.6,
+            counts_per_second: height,
+        }),
+        ..Scene::white_paper()
+    };
+    let mut row = 0;
+    Box::new(move |_: &Exposure| {
+        row += 1;
+        scene.row_with_centre(row, centre, 1.0)
+    })
+}
+
+/// Lets the board run into the middle of a read-out.
+pub fn run_into_a_row(board: &mut VirtualBoard) {
+    board.run_until_rows(1, PATIENCE).expect("a row");
+    board.run_for(Duration::from_millis(3)).expect("a run");
+}
+
+/// Takes away SPI1's requests for DMA, as an upset of its register would.
+pub fn stop_the_transfer(board: &mut VirtualBoard) {
+    board
+        .on_emulator(|session, _, _| {
+            let (_, registers) = session.board_mut().processor.part.serial(CONVERTER_BUS);
+            registers.set(spi1::Register::Cr2, 0);
+        })
+        .expect("the emulator");
+}
+
+/// Whether a line is a frame's result: a reading or a fault.
+pub fn is_result(line: &str) -> bool {
+    is_reading(line) || line.starts_with("f ")
+}
+
+/// Whether a line is a reading.
+pub fn is_reading(line: &str) -> bool {
+    line.starts_with("d ")
+}
+
+/// Sends a command and gives the first line after it that is no result.
+pub fn ask(board: &mut VirtualBoard, command: &str) -> String {
+    board.send(&format!("{command}\r\n"));
+    let answer = board.run_until_line(|line| !is_result(line), PATIENCE);
+    answer
+        .unwrap_or_else(|error| panic!("no answer to {command:?}: {error:#}"))
+        .text
+}
+
+/// Sends a command that sets something and is answered by itself.
+pub fn set(board: &mut VirtualBoard, command: &str) {
+    assert_eq!(ask(board, command), command);
+}
+
+/// Sends a command and gives the answer's `count` lines.
+pub fn ask_for_lines(board: &mut VirtualBoard, command: &str, count: usize) -> Vec<String> {
+    let mut lines = vec![ask(board, command)];
+    while lines.len() < count {
+        let line = board
+            .run_until_line(|line| !is_result(line), PATIENCE)
+            .unwrap_or_else(|error| panic!("{lines:#?} and then: {error:#}"));
+        lines.push(line.text);
+    }
+    lines
+}
+
+/// The next `count` results.
+pub fn results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
+    (0..count)
+        .map(|_| {
+            let line = board.run_until_line(is_result, PATIENCE);
+            line.expect("a result").text
+        })
+        .collect()
+}
+
+/// The next `count` results of frames that began after this call: of those under way, one waits for the serial line
+/// and one is not complete.
+pub fn fresh_results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
+    results(board, 2);
+    results(board, count)
+}
+
+/// Lines of the answer to `status`.
+const STATUS_LINES: usize = 11 + Fault::KINDS;
+
+/// The answer to `status`.
+#[derive(Debug)]
+pub struct Status(pub Vec<String>);
+
+impl Status {
+    /// Asks for it. At a row a frame the line has room for one such answer in 91 ms: then it is asked once.
+    pub fn ask(board: &mut VirtualBoard) -> Self {
+        Self(ask_for_lines(board, "status", STATUS_LINES))
+    }
+
+    /// The count under `name`.
+    pub fn count(&self, name: &str) -> u64 {
+        let name = format!("status {name} ");
+        let count = self
+            .0
+            .iter()
+            .find_map(|line| line.strip_prefix(&name)?.parse().ok());
+        count.unwrap_or_else(|| panic!("no count of {name:?} in {self:#?}"))
+    }
+
+    /// All of these are zero.
+    pub fn assert_none(&self, names: &[&str]) {
+        for name in names {
+            assert_eq!(self.count(name), 0, "{name}: {self:#?}");
+        }
+    }
+}
+
+/// The number between `before` and `after` in a line.
+pub fn number(line: &str, before: &str, after: &str) -> f64 {
+    line.split_once(before)
+        .and_then(|(_, rest)| {
+            let end = if after.is_empty() {
+                rest.len()
+            } else {
+                rest.find(after)?
+            };
+            rest[..end].parse().ok()
+        })
+        .unwrap_or_else(|| panic!("no number between {before:?} and {after:?} in {line:?}"))
+}

@@ -1,0 +1,251 @@
+//! Every fault, provoked: it is reported as what it is and never as a distance.
+
+use std::time::Duration;
+
+use host_tests::optics::Optics;
+use host_tests::scene::Scene;
+use slitrange::reading::Fault;
+use virtual_board::light::{Target, of_scene};
+use virtual_board::{FULL_SCALE, LightSource, VirtualBoard};
+
+use crate::common::{
+    CONVERTER_BUS, DISTANCE, PATIENCE, Status, boot, fresh_results, is_reading, is_result,
+    measuring, number, results, run_into_a_row, set, spot_at, stop_the_transfer,
+};
+
+/// A spot that is neither dim nor saturated, counts.
+const BRIGHT: f64 = 2000.0;
+
+/// Shows the firmware nothing but `light` from its first row on, makes sure that no line it says is anything but
+/// the fault of that name, with `distance` and without, and gives one.
+fn only_fault(name: &str, light: LightSource) -> String {
+    let (mut board, _) = boot(light);
+    set(&mut board, "rows 4");
+    results(&mut board, 8);
+    // All since the start, of whatever settings.
+    let lines: Vec<String> = board
+        .take_lines()
+        .into_iter()
+        .map(|line| line.text)
+        .filter(|line| is_result(line))
+        .collect();
+    assert_distance_gives_advice(&mut board, name);
+    assert_all_are(&lines, name);
+    println!("{} lines like: {}", lines.len(), lines[0]);
+    board.finish().expect("a clean run");
+    lines[0].clone()
+}
+
+/// `distance` is answered by the fault and what to do about it.
+fn assert_distance_gives_advice(board: &mut VirtualBoard, name: &str) {
+    board.take_lines();
+    board.send("distance\r\n");
+    board
+        .run_until_line(|line| line.starts_with('('), PATIENCE)
+        .expect("advice");
+    let lines: Vec<String> = board
+        .take_lines()
+        .into_iter()
+        .map(|line| line.text)
+        .collect();
+    let [.., fault, advice] = &lines[..] else {
+        panic!("advice without a fault: {lines:#?}");
+    };
+    assert_all_are(std::slice::from_ref(fault), name);
+    assert_eq!(*advice, format!("({})", advice_for(name)), "{lines:#?}");
+}
+
+fn assert_all_are(lines: &[String], name: &str) {
+    let fault = format!("f {name}");
+    let all = lines.iter().all(|line| {
+        line.strip_prefix(&fault)
+            .is_some_and(|rest| rest.is_empty() || rest.starts_with(": "))
+    });
+    assert!(
+        !lines.is_empty() && all,
+        "{fault} and nothing else: {lines:#?}"
+    );
+}
+
+/// What to do about the fault of that name.
+fn advice_for(name: &str) -> &'static str {
+    let zero = slitrange::units::Counts::from_int(0);
+    let centre = slitrange::units::Pixels::from_int(0);
+    [
+        Fault::SensorSilent,
+        Fault::NoSpot { amplitude: zero },
+        Fault::TooDim {
+            amplitude: zero,
+            needed: zero,
+        },
+        Fault::Saturated { pixels: 0 },
+        Fault::SpotAtEdge { centre },
+        Fault::OutOfRange { centre },
+        Fault::NotCalibrated {
+            centre,
+            uncertainty: centre,
+        },
+    ]
+    .iter()
+    .find(|fault| fault.name() == name)
+    .expect("the name of a fault")
+    .advice()
+}
+
+#[test]
+fn without_a_laser_there_is_no_spot() {
+    let scene = Scene {
+        spot: None,
+        ..Scene::white_paper()
+    };
+    let line = only_fault("no spot", of_scene(scene, Target::at(DISTANCE)));
+    let highest = number(&line, ": ", " counts at most");
+    assert!((0.0..20.0).contains(&highest), "noise of 4 counts: {line}");
+}
+
+#[test]
+fn a_spot_in_the_noise_is_too_dim() {
+    // With noise of 4 counts it is found from 6 counts on and trusted from 12 on.
+    let line = only_fault("too dim", spot_at(1800.0, 9.0));
+    let (height, needed) = (number(&line, ": ", " counts"), number(&line, "needs ", ""));
+    assert!((4.0..needed).contains(&height), "{line}");
+    assert!((9.0..16.0).contains(&needed), "{line}");
+}
+
+#[test]
+fn a_spot_with_its_top_cut_off_is_saturated() {
+    let line = only_fault("saturated", spot_at(1800.0, 3.0 * f64::from(FULL_SCALE)));
+    // A gaussian of sigma 8.6 that is three times as high is cut off over 26 pixels.
+    let pixels = number(&line, ": ", " pixels");
+    assert!((20.0..=30.0).contains(&pixels), "{line}");
+}
+
+#[test]
+fn a_spot_at_either_edge_is_said_to_be_there() {
+    for edge in [3.0, 3645.0] {
+        let line = only_fault("spot at the edge", spot_at(edge, BRIGHT));
+        let centre = number(&line, "x ", "");
+        assert!((centre - edge).abs() < 20.0, "{line}");
+    }
+}
+
+#[test]
+fn a_target_outside_the_calibration_is_out_of_range() {
+    for distance in [0.50, 1.20] {
+        let line = only_fault(
+            "out of range",
+            of_scene(Scene::white_paper(), Target::at(distance)),
+        );
+        let (centre, expected) = (number(&line, "x ", ""), Optics::nominal().centre(distance));
+        assert!((centre - expected).abs() < 0.2, "{expected}: {line}");
+    }
+}
+
+#[test]
+fn without_calibration_there_is_a_centre_and_no_distance() {
+    let mut board = measuring(4);
+    assert!(
+        fresh_results(&mut board, 2)
+            .iter()
+            .all(|line| is_reading(line))
+    );
+    set(&mut board, "calibration off");
+    let lines = fresh_results(&mut board, 4);
+    assert_all_are(&lines, "not calibrated");
+    let (centre, expected) = (
+        number(&lines[0], "x ", " "),
+        Optics::nominal().centre(DISTANCE),
+    );
+    assert!((centre - expected).abs() < 0.1, "{expected}: {lines:#?}");
+    let uncertainty = number(&lines[0], "u ", "");
+    assert!((0.001..0.1).contains(&uncertainty), "{lines:#?}");
+    assert_distance_gives_advice(&mut board, "not calibrated");
+
+    set(&mut board, "calibration on");
+    let lines = fresh_results(&mut board, 4);
+    println!("{lines:#?}");
+    assert_all_measure(&lines);
+    board.finish().expect("a clean run");
+}
+
+/// All lines are readings, of the target's distance.
+fn assert_all_measure(lines: &[String]) {
+    for line in lines {
+        assert!(is_reading(line), "readings and nothing else: {lines:#?}");
+        let error = number(line, "d ", " mm") - DISTANCE * 1e3;
+        assert!(error.abs() < 0.05, "{error} mm off: {lines:#?}");
+    }
+}
+
+#[test]
+fn a_converter_cut_off_is_a_silent_sensor_until_it_is_back() {
+    let mut board = measuring(4);
+    assert_all_measure(&fresh_results(&mut board, 2));
+    board.silence_sensor(true).expect("a converter");
+    let lines = fresh_results(&mut board, 6);
+    assert_all_are(&lines, "sensor silent");
+    assert_distance_gives_advice(&mut board, "sensor silent");
+    board.silence_sensor(false).expect("a converter");
+    assert_all_measure(&fresh_results(&mut board, 6));
+    println!("{} while cut off, readings before and after", lines[0]);
+    board.finish().expect("a clean run");
+}
+
+/// The converter's place on SPI1.
+const CONVERTER: usize = 0;
+
+#[test]
+fn a_data_line_stuck_high_is_a_silent_sensor() {
+    let mut board = measuring(4);
+    assert_all_measure(&fresh_results(&mut board, 2));
+    board.silence_sensor(true).expect("a converter");
+    // The row under way is still the converter's.
+    board.run_for(Duration::from_millis(12)).expect("a run");
+    board
+        .on_emulator(|session, _, _| {
+            session.board_mut().processor.part.spi[CONVERTER_BUS].drive_miso([0xFFFF]);
+        })
+        .expect("the emulator");
+    let lines = fresh_results(&mut board, 6);
+    assert_all_are(&lines, "sensor silent");
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn a_word_that_no_converter_makes_spoils_its_row_and_no_other() {
+    let mut board = measuring(1);
+    assert_all_measure(&fresh_results(&mut board, 2));
+    // A bit above the converter's twelve.
+    board
+        .on_emulator(|session, _, _| {
+            session.board_mut().processor.part.spi[CONVERTER_BUS]
+                .place_mut(CONVERTER)
+                .expect("a converter")
+                .flip(1 << 15);
+        })
+        .expect("the emulator");
+    let lines = results(&mut board, 10);
+    let (readings, faults): (Vec<_>, Vec<_>) = lines.iter().partition(|line| is_reading(line));
+    assert_eq!(faults, ["f sensor silent"], "{lines:#?}");
+    assert_eq!(readings.len(), 9);
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn a_read_out_that_stops_half_way_is_given_up_and_measuring_goes_on() {
+    let mut board = measuring(4);
+    assert_all_measure(&fresh_results(&mut board, 2));
+    // Its row has too few words, which the sensor head calls a violated limit; the firmware could not help it.
+    board.expect_violations();
+    run_into_a_row(&mut board);
+    let moment = board.now();
+    stop_the_transfer(&mut board);
+    assert_all_measure(&fresh_results(&mut board, 4));
+
+    let status = Status::ask(&mut board);
+    assert_eq!(status.count("rows failed"), 1, "{status:#?}");
+    let violations = board.head(|head| head.violations().to_vec());
+    println!("stopped at {:.3} ms: {violations:#?}", moment as f64 * 1e-6);
+    assert_eq!(violations.len(), 1, "and no other: {violations:#?}");
+    board.finish().expect("a clean run");
+}

@@ -1,0 +1,210 @@
+//! The chip and a PC find the same: the words that the sensor head sent go through the core on the PC with the
+//! chip's settings, and every line must be the same text.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use host_tests::scene::{Scene, Spot};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use slitrange::black_level::BlackLevel;
+use slitrange::estimator::phase_table;
+use slitrange::measurement::{Measurement, Settings};
+use slitrange::reading::Fault;
+use slitrange::{sensor_heads, spot, triangulation};
+use virtual_board::{Exposure, LightSource, Row};
+
+use crate::common::{PATIENCE, Status, boot, is_reading, is_result, set};
+
+/// Pixels that the estimator may put into a sample.
+const BLOCKS: [u8; 12] = [1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16];
+
+/// A spot of any kind on each row: anywhere and beyond the edges, of every width that is served and more, from lost in
+/// the noise to three times full scale.
+fn any_spots(seed: u64) -> LightSource {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut row = 0;
+    Box::new(move |_: &Exposure| {
+        row += 1;
+        let scene = Scene {
+            seed,
+            black_level: random.random_range(50.0..800.0),
+            spot: Some(Spot {
+                width: logarithmic(&mut random, 0.8, 130.0),
+                counts_per_second: logarithmic(&mut random, 4.0, 12_000.0),
+            }),
+            ..Scene::white_paper()
+        };
+        scene.row_with_centre(row, random.random_range(-20.0..3668.0), 1.0)
+    })
+}
+
+/// Spots that stay within a pixel or two of each other, so that frames agree more or less.
+fn spots_nearby(seed: u64) -> LightSource {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut row = 0;
+    Box::new(move |_: &Exposure| {
+        row += 1;
+        let scene = Scene {
+            seed,
+            spot: Some(Spot {
+                width: 8.6,
+                counts_per_second: logarithmic(&mut random, 8.0, 12_000.0),
+            }),
+            ..Scene::white_paper()
+        };
+        let scatter = if row % 50 < 25 { 0.0 } else { 2.0 };
+        scene.row_with_centre(row, 1800.0 + scatter * random.random_range(-1.0..1.0), 1.0)
+    })
+}
+
+fn logarithmic(random: &mut ChaCha8Rng, least: f64, most: f64) -> f64 {
+    random.random_range(least.ln()..most.ln()).exp()
+}
+
+/// Every row since the start of the firmware, and the results that it said since the commands were obeyed.
+fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<String>) {
+    let (mut board, _) = boot(light);
+    board.head(|head| head.keep_all_rows(true));
+    for command in commands {
+        set(&mut board, command);
+    }
+    board.take_lines();
+    board.run_until_rows(rows, 10 * PATIENCE).expect("rows");
+    // The last row becomes a line.
+    board.run_for(Duration::from_millis(5)).expect("a run");
+    let lines = board.take_lines().into_iter().map(|line| line.text);
+    let lines = lines.filter(|line| is_result(line)).collect();
+    let shown = board.head(|head| head.rows().cloned().collect());
+    // One that was lost or dropped would not be missed below where it lies between the lines.
+    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    board.finish().expect("a clean run");
+    (shown, lines)
+}
+
+/// The line for each frame of the rows.
+fn on_this_pc(rows: &[Row], settings: &Settings) -> Vec<String> {
+    let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings.clone());
+    rows.iter()
+        .filter_map(|row| measurement.row(&mut row.words.clone()))
+        .map(|result| match result {
+            Ok(reading) => reading.to_string(),
+            Err(fault) => fault.to_string(),
+        })
+        .collect()
+}
+
+/// The lines of the PC that the chip's begin with: before its settings were in force, it said others.
+fn aligned<'a>(pc: &'a [String], chip: &[String]) -> &'a [String] {
+    let from = (0..pc.len()).find(|&from| {
+        pc[from..]
+            .iter()
+            .zip(chip)
+            .take(4)
+            .all(|(pc, chip)| pc == chip)
+    });
+    &pc[from.unwrap_or_else(|| panic!("the PC nowhere says {:#?}", &chip[..4]))..]
+}
+
+/// How many pixels the estimator put into a sample, where it found a centre.
+fn block_of(row: &Row) -> Option<u8> {
+    let geometry = sensor_heads::tcd1304dg();
+    let mut words = row.words.clone();
+    let row = geometry.row(&mut words).ok()?;
+    let spot = spot::find(&row).ok()?;
+    let sensor = phase_table::Sensor {
+        full_scale: geometry.full_scale,
+        shot_variance_per_count_q16: geometry.shot_variance_per_count_q16,
+    };
+    let centre = phase_table::centre(&row, &spot, &sensor, &phase_table::GAUSSIAN).ok()?;
+    Some(centre.class.block)
+}
+
+/// Compares line by line, and counts them by what they are.
+fn assert_same(chip: &[String], pc: &[String]) -> BTreeMap<String, usize> {
+    let mut kinds = BTreeMap::new();
+    for (i, (chip, pc)) in chip.iter().zip(pc).enumerate() {
+        assert_eq!(chip, pc, "line {i}: the chip and the PC");
+        let kind = if is_reading(chip) {
+            "reading"
+        } else {
+            chip["f ".len()..].split(':').next().unwrap_or_default()
+        };
+        *kinds.entry(kind.to_owned()).or_insert(0) += 1;
+    }
+    kinds
+}
+
+#[test]
+fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
+    const ROWS: u64 = 420;
+    for (calibration, command) in [
+        (triangulation::NOMINAL.ok(), "calibration on"),
+        (None, "calibration off"),
+    ] {
+        let (rows, chip) = run(any_spots(5), &[command, "rows 1"], ROWS);
+        let settings = Settings {
+            rows: 1,
+            black_level: BlackLevel::Shielded,
+            calibration,
+        };
+        let pc = on_this_pc(&rows, &settings);
+        // The first of them may still be of a frame of 16 rows.
+        let chip = &chip[1..];
+        let pc = aligned(&pc, chip);
+        let missing = pc.len().abs_diff(chip.len());
+        assert!(
+            chip.len() >= 300 && missing <= 2,
+            "{} and {}",
+            chip.len(),
+            pc.len()
+        );
+        let kinds = assert_same(chip, pc);
+        println!("{command}: {} lines are the same: {kinds:?}", chip.len());
+
+        let mut blocks = BTreeMap::new();
+        for block in rows[rows.len() - pc.len()..].iter().filter_map(block_of) {
+            *blocks.entry(block).or_insert(0) += 1;
+        }
+        println!("centres by pixels in a sample: {blocks:?}");
+        assert!(blocks.keys().eq(&BLOCKS), "{blocks:?}");
+        for name in Fault::NAMES {
+            let here = match name {
+                "sensor silent" => false,
+                "out of range" => command.ends_with("on"),
+                "not calibrated" => command.ends_with("off"),
+                _ => true,
+            };
+            assert_eq!(kinds.contains_key(name), here, "{name}: {kinds:?}");
+        }
+        assert_eq!(
+            kinds.contains_key("reading"),
+            command.ends_with("on"),
+            "{kinds:?}"
+        );
+    }
+}
+
+#[test]
+fn every_frame_is_the_same_line_on_the_chip_and_on_a_pc() {
+    let (rows, chip) = run(spots_nearby(6), &["black frame", "rows 5"], 300);
+    let settings = Settings {
+        rows: 5,
+        black_level: BlackLevel::Frame,
+        calibration: triangulation::NOMINAL.ok(),
+    };
+    let chip = &chip[1..];
+    // Frames begin with whichever row was the first with the settings in force.
+    let pc: Vec<Vec<String>> = (0..5)
+        .map(|first| on_this_pc(&rows[first..], &settings))
+        .collect();
+    let pc = pc
+        .iter()
+        .find(|pc| pc.contains(&chip[0]))
+        .unwrap_or_else(|| panic!("the PC nowhere says {}", chip[0]));
+    let pc = aligned(pc, chip);
+    assert!(chip.len() >= 50 && pc.len().abs_diff(chip.len()) <= 1);
+    let kinds = assert_same(chip, pc);
+    println!("{} frames of 5 rows are the same: {kinds:?}", chip.len());
+    assert!(kinds["reading"] >= 20 && kinds.len() >= 2, "{kinds:?}");
+}

@@ -1,0 +1,14 @@
+//! The firmware as it is flashed, on the virtual board: it is shown light, told commands and done harm, and what it
+//! says is held against what it should.
+//!
+//! All topics are one program: the firmware is built and loaded once, and the tests share the processor's cores.
+
+mod commands;
+mod common;
+mod faults;
+mod identical;
+#[cfg(unix)]
+mod pseudo_terminal;
+mod sensor_head;
+mod serial_line;
+mod watchdog;
