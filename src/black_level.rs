@@ -31,14 +31,16 @@ pub struct BlackPixels {
 
 impl BlackPixels {
     /// Adds the row's black pixels for the given way of finding them. `background` is the row's own, where the row was
-    /// searched for a spot; without it the centroid cannot be told from the black level, and the row adds nothing.
+    /// searched for a spot. A row without it, or without a centroid, adds nothing to [`BlackLevel::Frame`].
     pub fn add(&mut self, how: BlackLevel, row: &Row<'_>, background: Option<Background>) {
         match (how, background) {
             (BlackLevel::Fixed(_), _) | (BlackLevel::Frame, None) => {}
             (BlackLevel::Shielded, _) => self.add_pixels(row.shielded()),
             (BlackLevel::Frame, Some(background)) => {
-                let centroid = centroid(row.light(), background).unwrap_or_default();
                 let light = row.light();
+                let Some(centroid) = centroid(light, background) else {
+                    return;
+                };
                 self.add_pixels(
                     light
                         .get(..centroid.saturating_sub(HALF_WINDOW))
@@ -50,7 +52,7 @@ impl BlackPixels {
     }
 
     fn add_pixels(&mut self, pixels: &[u16]) {
-        // A frame has at most 64 rows of 4096 pixels of 12 bits: 2^6 * 2^12 * 2^12 = 2^30.
+        // A row has at most 4096 pixels of 12 bits, below 2^24; a frame's 64 rows stay below 2^30.
         self.sum = self
             .sum
             .saturating_add(pixels.iter().map(|&count| u32::from(count)).sum());
@@ -74,12 +76,20 @@ impl BlackPixels {
 /// The centroid of a row, eq. (2), to a pixel. Of all pixels, black ones outweigh a spot by their number, so only what
 /// stands four standard deviations above the background counts. `None` where nothing does.
 pub fn centroid(light: &[u16], background: Background) -> Option<usize> {
-    let threshold =
-        (background.level.to_bits() + 4 * background.noise.to_bits()) >> Counts::FRACTION;
+    let threshold = background
+        .noise
+        .to_bits()
+        .saturating_mul(4)
+        .saturating_add(background.level.to_bits())
+        >> Counts::FRACTION;
     let (mut weight, mut moment) = (0u64, 0u64);
     for (i, &count) in light.iter().enumerate() {
-        // 4096 pixels of 12 bits at places of 12 bits: below 2^36.
-        let above = u64::from((i32::from(count) - threshold).max(0).unsigned_abs());
+        // 4096 pixels at places of 12 bits: below 2^36 for a row's counts; any threshold leaves less than 2^56.
+        let above = u64::from(
+            (i32::from(count).saturating_sub(threshold))
+                .max(0)
+                .unsigned_abs(),
+        );
         weight += above;
         moment += above * i as u64;
     }

@@ -2,7 +2,7 @@
 //!
 //! The frame's centre is the mean of its rows' centres, as in the paper. Its uncertainty is that of the rows
 //! propagated; where the rows scatter more than their uncertainties explain, it grows by the ratio (R. T. Birge, Phys.
-//! Rev. 40, 207 (1932)).
+//! Rev. 40, 207 (1932)). Rows that scatter by more than the spot's width are not of one spot, and have no centre.
 
 use heapless::Vec;
 
@@ -40,14 +40,14 @@ pub struct FrameCentre {
 }
 
 impl Frame {
-    /// Adds what came of a row. Rows beyond [`MAX_ROWS`] are not kept.
+    /// Adds what came of a row. Rows beyond [`MAX_ROWS`] do not count.
     pub fn add(&mut self, row: Result<RowCentre, Fault>) {
+        if u32::from(self.rows) >= MAX_ROWS {
+            return;
+        }
         match row {
-            Ok(centre) => {
-                if self.centres.push(centre).is_err() {
-                    return;
-                }
-            }
+            // There is room: rows and faults together are fewer than it holds.
+            Ok(centre) => drop(self.centres.push(centre)),
             Err(fault) => {
                 // In bounds: `kind` is below `KINDS`.
                 if let Some((count, latest)) = self.faults.get_mut(fault.kind()) {
@@ -67,7 +67,8 @@ impl Frame {
     /// What the rows agree on.
     ///
     /// # Errors
-    /// Half of the rows or more have no centre: the fault that most of those have, as it came last.
+    /// Half of the rows or more have no centre: the fault that most of those have, as it came last (of two as common, the one
+    /// that [`Fault::kind`] puts last). Or [`Fault::Unsteady`], where the rows' centres scatter by more than the spot's width.
     pub fn centre(&self) -> Result<FrameCentre, Fault> {
         let used = self.centres.len();
         if used * 2 <= usize::from(self.rows) {
@@ -93,16 +94,35 @@ impl Frame {
             })
             .sum();
         let uncertainty = libm::sqrtf(variance) / n * birge_ratio(chi_square, n - 1.0);
+        let width = Pixels::from_bits(mean(self.centres.iter().map(|row| row.width.to_bits())));
+        let scatter = self.scatter(centre);
+        if scatter > width {
+            return Err(Fault::Unsteady { scatter });
+        }
         Ok(FrameCentre {
             centre: Pixels::from_bits(centre),
             uncertainty: Pixels::from_f32(uncertainty),
             amplitude: Counts::from_bits(mean(
                 self.centres.iter().map(|row| row.amplitude.to_bits()),
             )),
-            width: Pixels::from_bits(mean(self.centres.iter().map(|row| row.width.to_bits()))),
+            width,
             rows_used: used as u16,
             rows: self.rows,
         })
+    }
+}
+
+impl Frame {
+    /// Standard deviation of the rows' centres about their mean (Q16.16 bits).
+    fn scatter(&self, mean: i32) -> Pixels {
+        let squares: f32 = self
+            .centres
+            .iter()
+            .map(|row| {
+                square(Pixels::from_bits(row.centre.to_bits().saturating_sub(mean)).to_f32())
+            })
+            .sum();
+        Pixels::from_f32(libm::sqrtf(squares / (self.centres.len().max(1) as f32)))
     }
 }
 
@@ -196,8 +216,26 @@ mod tests {
     }
 
     #[test]
+    fn rows_of_two_spots_have_no_centre() {
+        let two = frame((0..16).map(|i| row(if i < 9 { 1200.0 } else { 2400.0 }, 0.02)));
+        let Err(Fault::Unsteady { scatter }) = two.centre() else {
+            panic!("{:?}", two.centre())
+        };
+        // Nine and seven of sixteen, 1200 px apart: 1200 sqrt(9 * 7) / 16.
+        assert!(
+            (scatter.to_f64() - 1200.0 * 63f64.sqrt() / 16.0).abs() < 0.01,
+            "{scatter}"
+        );
+        // Width 9: the rows of a target that moves by 3 px a row scatter by 13.8 px, by 1 px a row by 4.6 px.
+        let moving =
+            |speed: f32| frame((0..16).map(|i| row(1200.0 + speed * i as f32, 0.02))).centre();
+        assert!(matches!(moving(3.0), Err(Fault::Unsteady { .. })) && moving(1.0).is_ok());
+    }
+
+    #[test]
     fn a_full_frame_takes_no_more() {
-        let full = frame((0..100).map(|_| row(5.0, 0.1)));
+        let mut full = frame((0..100).map(|_| row(5.0, 0.1)));
+        (0..100).for_each(|_| full.add(Err(Fault::SensorSilent)));
         assert_eq!(full.rows(), 64);
         assert_eq!(full.centre().expect("a centre").rows_used, 64);
     }

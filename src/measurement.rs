@@ -87,11 +87,7 @@ impl Measurement {
             row,
             spot.ok().map(|spot| spot.background),
         );
-        let sensor = phase_table::Sensor {
-            full_scale: self.geometry.full_scale,
-            shot_variance_per_count_q16: self.geometry.shot_variance_per_count_q16,
-        };
-        phase_table::centre(row, &spot?, &sensor, &phase_table::GAUSSIAN)
+        phase_table::centre(row, &spot?, &self.geometry, &phase_table::GAUSSIAN)
     }
 
     fn reading(&self) -> Result<Reading, Fault> {

@@ -30,7 +30,7 @@ pub struct Reading {
 pub enum Fault {
     /// No rows come, or words that no sensor makes.
     SensorSilent,
-    /// Nothing in the row stands out of its noise.
+    /// Nothing in the row stands out of its noise, or what does has not the shape of a spot.
     NoSpot {
         /// The height of the highest candidate.
         amplitude: Counts,
@@ -52,6 +52,11 @@ pub enum Fault {
         /// Where the spot is, roughly.
         centre: Pixels,
     },
+    /// The centres of the frame's rows lie further apart than the spot is wide: the target moved, or there are two spots.
+    Unsteady {
+        /// Standard deviation of the rows' centres.
+        scatter: Pixels,
+    },
     /// The centre lies where the calibration is not valid.
     OutOfRange {
         /// The centre.
@@ -68,7 +73,7 @@ pub enum Fault {
 
 impl Fault {
     /// Number of kinds of fault.
-    pub const KINDS: usize = 7;
+    pub const KINDS: usize = 8;
 
     /// The kind as a number from 0 to [`Fault::KINDS`] - 1, to count by.
     pub const fn kind(&self) -> usize {
@@ -78,8 +83,9 @@ impl Fault {
             Self::TooDim { .. } => 2,
             Self::Saturated { .. } => 3,
             Self::SpotAtEdge { .. } => 4,
-            Self::OutOfRange { .. } => 5,
-            Self::NotCalibrated { .. } => 6,
+            Self::Unsteady { .. } => 5,
+            Self::OutOfRange { .. } => 6,
+            Self::NotCalibrated { .. } => 7,
         }
     }
 
@@ -90,6 +96,7 @@ impl Fault {
         "too dim",
         "saturated",
         "spot at the edge",
+        "unsteady",
         "out of range",
         "not calibrated",
     ];
@@ -109,6 +116,7 @@ impl Fault {
             Self::SpotAtEdge { .. } | Self::OutOfRange { .. } => {
                 "move the target into the range that `info` names"
             }
+            Self::Unsteady { .. } => "hold the target still, or take fewer rows in a frame",
             Self::NotCalibrated { .. } => "`calibration on`",
         }
     }

@@ -22,8 +22,8 @@ pub struct Geometry {
     pub light: Range<usize>,
     /// What light does to a word.
     pub polarity: Polarity,
-    /// The largest word the converter makes, in counts: 2^bits - 1, at most [`LARGEST_COUNT`].
-    pub full_scale: u16,
+    /// Bits of the converter: its words go from 0 to 2^bits - 1. More than 12 count as 12.
+    pub bits: u8,
     /// Variance of the light's shot noise in counts squared for each count of light, Q0.16: one over the electrons that
     /// make a count, or 0 where it does not matter.
     pub shot_variance_per_count_q16: u16,
@@ -32,7 +32,10 @@ pub struct Geometry {
 /// The largest count that a row may hold, that of a 12-bit converter: what the arithmetic of the core is proven for.
 pub const LARGEST_COUNT: u16 = 4095;
 
-/// One read-out of the sensor, light positive, in counts of at most [`LARGEST_COUNT`].
+/// The longest row, in pixels of its light range, and likewise of its shielded one.
+pub const MAX_PIXELS: usize = 4096;
+
+/// One read-out of the sensor, light positive: at most [`MAX_PIXELS`] counts of at most [`LARGEST_COUNT`].
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
     light: &'a [u16],
@@ -43,17 +46,21 @@ impl<'a> Row<'a> {
     /// A row from its parts, light positive. [`Geometry::row`] makes one from a sensor's words.
     ///
     /// # Errors
-    /// A count is above [`LARGEST_COUNT`].
+    /// A count is above [`LARGEST_COUNT`], or there are more than [`MAX_PIXELS`].
     pub fn new(light: &'a [u16], shielded: &'a [u16]) -> Result<Self, RowError> {
-        match light
+        if light.len() > MAX_PIXELS || shielded.len() > MAX_PIXELS {
+            return Err(RowError::Length {
+                words: light.len().max(shielded.len()),
+            });
+        }
+        let bits = light
             .iter()
             .chain(shielded)
-            .copied()
-            .find(|&word| word > LARGEST_COUNT)
-        {
-            Some(bits) => Err(RowError::Impossible { bits }),
-            None => Ok(Self { light, shielded }),
+            .fold(0, |bits, &count| bits | count);
+        if bits > LARGEST_COUNT {
+            return Err(RowError::Impossible { bits });
         }
+        Ok(Self { light, shielded })
     }
 
     /// The pixels that see light.
@@ -70,7 +77,7 @@ impl<'a> Row<'a> {
 /// Why words are no row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowError {
-    /// Another number of words than the geometry says.
+    /// Another number of words than the geometry says, or more pixels than [`MAX_PIXELS`].
     Length {
         /// The number of words there were.
         words: usize,
@@ -83,6 +90,15 @@ pub enum RowError {
 }
 
 impl Geometry {
+    /// The largest word the converter makes, in counts.
+    pub const fn full_scale(&self) -> u16 {
+        if self.bits < 12 {
+            (1 << self.bits) - 1
+        } else {
+            LARGEST_COUNT
+        }
+    }
+
     /// Turns the words of a read-out over where light makes them fall, in place, and gives its parts.
     ///
     /// # Errors
@@ -92,7 +108,7 @@ impl Geometry {
         if words.len() != self.words {
             return Err(length);
         }
-        let full_scale = self.full_scale.min(LARGEST_COUNT);
+        let full_scale = self.full_scale();
         // A full scale is 2^bits - 1: a word beyond it sets a bit that no other does.
         let mut any = 0;
         for word in words.iter_mut() {
@@ -110,7 +126,9 @@ impl Geometry {
             words.get(self.light.clone()),
             words.get(self.shielded.clone()),
         ) {
-            (Some(light), Some(shielded)) => Ok(Row { light, shielded }),
+            (Some(light), Some(shielded)) if light.len().max(shielded.len()) <= MAX_PIXELS => {
+                Ok(Row { light, shielded })
+            }
             _ => Err(length),
         }
     }
@@ -126,7 +144,7 @@ mod tests {
             shielded: 1..3,
             light: 3..7,
             polarity: Polarity::Falling,
-            full_scale: 4095,
+            bits: 12,
             shot_variance_per_count_q16: 6554,
         }
     }
@@ -168,7 +186,7 @@ mod tests {
         );
         assert_eq!(
             Row::new(&[1, 4096], &[]).expect_err("too large"),
-            RowError::Impossible { bits: 4096 }
+            RowError::Impossible { bits: 4097 }
         );
     }
 }

@@ -24,7 +24,7 @@ pub const fn tcd1304dg() -> Geometry {
         shielded: D16..D16 + 13,
         light: S1..S1 + 3648,
         polarity: Polarity::Falling,
-        full_scale: 4095,
+        bits: 12,
         // One over ten.
         shot_variance_per_count_q16: 6554,
     }

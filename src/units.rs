@@ -44,7 +44,7 @@ macro_rules! quantity {
                 }
             }
 
-            /// The nearest representable value as far as an f32's 24 bits tell, saturating; not-a-number becomes zero.
+            /// The value to within a step (an f32 has 24 bits), saturating; not-a-number becomes zero.
             pub fn from_f32(value: f32) -> Self {
                 // micromath's `round` is an addition and a conversion. `as` saturates and maps NaN to zero.
                 Self(F32Ext::round(value * (1u32 << $fraction) as f32) as i32)

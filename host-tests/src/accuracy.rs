@@ -62,7 +62,7 @@ impl Cell {
                 shielded: 0..0,
                 light: 0..PIXELS,
                 polarity: Polarity::Rising,
-                full_scale: 4095,
+                bits: 12,
                 shot_variance_per_count_q16: self
                     .electrons_per_count
                     .map_or(0, |electrons| (65536.0 / electrons).round() as u16),
@@ -152,9 +152,5 @@ pub fn centre_of(
     tables: &phase_table::TableSet<'_>,
 ) -> Result<RowCentre, Fault> {
     let row = Row::new(light, &[]).expect("quantised to 12 bits");
-    let sensor = phase_table::Sensor {
-        full_scale: geometry.full_scale,
-        shot_variance_per_count_q16: geometry.shot_variance_per_count_q16,
-    };
-    phase_table::centre(&row, &spot::find(&row)?, &sensor, tables)
+    phase_table::centre(&row, &spot::find(&row)?, geometry, tables)
 }

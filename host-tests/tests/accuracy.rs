@@ -179,21 +179,22 @@ fn the_black_level_changes_no_bit() {
     }
 }
 
-/// The coarse search at a peak signal-to-noise ratio of 5, on rows as long as the sensor's. A failure is gross when the
-/// candidate is more than a block or two widths off. The best filter for a width of 1 pixel has a response of 6.66 standard
-/// deviations there, and in 3600 positions noise beats that in 0.4 % of the rows; the kernel has 6.4, which makes 1.2 %.
+/// The coarse search at a peak signal-to-noise ratio of 5, on rows as long as the sensor's. It fails when the candidate is more
+/// than a block and two widths off (gross), or none is found. For a width of 1 pixel the best filter has a response of 6.66
+/// standard deviations there, which noise in one of 3600 positions beats in 0.4 % of the rows; the kernel has 6.2 on average,
+/// which is below the threshold of 4.5 in 4.5 % of them. For 1.5 pixels they are 8.2 and 7.4, and both below 0.2 %.
 #[test]
 fn coarse_search_holds_at_a_signal_to_noise_ratio_of_five() {
     println!("coarse search at a peak signal-to-noise ratio of 5, 4000 rows of 3648 pixels");
-    for (width, allowed) in [
-        (1.0, 0.02),
-        (1.5, 0.001),
-        (2.0, 0.001),
-        (4.0, 0.0),
-        (8.0, 0.0),
-        (20.0, 0.0),
-        (50.0, 0.0),
-        (100.0, 0.0),
+    for (width, allowed_gross, allowed_missed) in [
+        (1.0, 0.004, 0.045),
+        (1.5, 0.001, 0.002),
+        (2.0, 0.0, 0.001),
+        (4.0, 0.0, 0.0),
+        (8.0, 0.0, 0.0),
+        (20.0, 0.0, 0.0),
+        (50.0, 0.0, 0.0),
+        (100.0, 0.0, 0.0),
     ] {
         let mut scene = Cell {
             width,
@@ -229,8 +230,12 @@ fn coarse_search_holds_at_a_signal_to_noise_ratio_of_five() {
             "sigma {width:>5}: gross {gross}, no spot {missed}, gross and confident {confident} of {rows}"
         );
         assert!(
-            f64::from(gross) <= allowed * rows as f64,
+            f64::from(gross) <= allowed_gross * rows as f64,
             "sigma {width}: {gross} gross"
+        );
+        assert!(
+            f64::from(missed) <= allowed_missed * rows as f64,
+            "sigma {width}: {missed} missed"
         );
         assert_eq!(confident, 0, "sigma {width}");
     }
@@ -334,5 +339,83 @@ fn least_squares_weights_reach_the_bound_in_white_noise() {
         let ratio = cell.run(&set).ratio();
         println!("r = infinity, sigma {width}: {ratio:.3} of the bound");
         assert!((0.98..=1.03).contains(&ratio), "sigma {width}: {ratio}");
+    }
+}
+
+/// Rows of every length that is served, from 32 pixels, have their spot found.
+#[test]
+fn rows_of_any_length_are_searched() {
+    let geometry = white_cell(1.2).scene().geometry;
+    for length in (32..=300).chain(1000..=1003).chain(4090..=4096) {
+        let truth = length as f64 / 2.0 + 0.2;
+        let counts: Vec<f32> = (0..length)
+            .map(|i| {
+                100.0 + 2000.0 * gaussian(i as f64 - truth, 1.2) as f32 + (i * 7 % 5) as f32 * 0.5
+            })
+            .collect();
+        let found = centre_of(&geometry, &quantise(&counts, 4095), &GAUSSIAN);
+        let centre = found
+            .unwrap_or_else(|fault| panic!("{length} pixels: {fault}"))
+            .centre
+            .to_f64();
+        assert!(
+            (centre - truth).abs() < 0.01,
+            "{length} pixels: {centre} for {truth}"
+        );
+    }
+}
+
+/// From the edge inwards a spot is cut, and from some place on it is whole: no hole between. The window reaches 4.5 widths and
+/// some pixels; the coarse search, which may take the spot for twice as wide, does not make it longer.
+#[test]
+fn whole_spots_are_not_called_cut() {
+    for width in [
+        1.0, 1.2, 1.7, 2.3, 3.1, 4.2, 5.5, 6.8, 8.0, 9.3, 10.5, 11.5, 13.4, 18.0, 24.0, 31.0, 40.0,
+        60.0, 90.0,
+    ] {
+        let cell = white_cell(width);
+        let scene = cell.scene();
+        let accepted = |centre: f64| {
+            let light = quantise(&scene.row_with_centre(1, centre, 1.0), 4095);
+            match centre_of(&scene.geometry, &light, &GAUSSIAN) {
+                Ok(found) => {
+                    assert!(
+                        (found.centre.to_f64() - centre).abs() < 0.1,
+                        "width {width} at {centre}: {found:?}"
+                    );
+                    true
+                }
+                Err(_) => false,
+            }
+        };
+        let reach = (8.0 * width) as i32 + 10;
+        let first = (0..reach)
+            .find(|&centre| accepted(f64::from(centre)))
+            .expect("a whole spot");
+        println!(
+            "sigma {width}: whole from pixel {first}, {:.1} widths",
+            f64::from(first) / width
+        );
+        assert!(
+            f64::from(first) <= 5.2 * width + 6.0,
+            "width {width}: {first}"
+        );
+        for centre in first..reach {
+            assert!(
+                accepted(f64::from(centre)),
+                "width {width}: whole at {first} and cut at {centre}"
+            );
+        }
+    }
+}
+
+fn white_cell(width: f64) -> Cell {
+    Cell {
+        width,
+        amplitude: 2000.0,
+        read_noise: 2.0,
+        electrons_per_count: None,
+        rows: 0,
+        seed: 8,
     }
 }

@@ -69,16 +69,16 @@ proptest! {
     #[test]
     fn any_geometry_and_length_is_borne(
         length in 0..6000usize,
-        geometry in (any::<[u16; 5]>(), any::<bool>(), any::<u16>()),
+        geometry in (any::<[u16; 5]>(), any::<bool>(), any::<u8>()),
         seed in any::<u32>(),
     ) {
-        let ([words, a, b, c, d], falling, full_scale) = geometry;
+        let ([words, a, b, c, d], falling, bits) = geometry;
         let geometry = Geometry {
             words: if words % 2 == 0 { length } else { usize::from(words) },
             shielded: usize::from(a % 100)..usize::from(b % 100),
             light: usize::from(c % 2000)..usize::from(d % 6000),
             polarity: if falling { Polarity::Falling } else { Polarity::Rising },
-            full_scale,
+            bits,
             shot_variance_per_count_q16: a,
         };
         let mut row: Vec<u16> =

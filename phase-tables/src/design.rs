@@ -138,7 +138,7 @@ fn slope(profile: Profile<'_>, shape: Shape, centre: f64, score: &DVector<f64>) 
     const SHIFTS: usize = 9;
     const WIDTHS: [f64; 3] = [0.9, 1.0, 1.1];
     /// Keeps the weights small where the basis is nearly dependent; far below the least-squares residual.
-    const RIDGE: f64 = 1e-8;
+    const RIDGE: f64 = 1e-10;
 
     let span = 0.75 / shape.phases as f64;
     let g = shape.sample(profile, centre, shape.width);
@@ -184,7 +184,7 @@ fn slope(profile: Profile<'_>, shape: Shape, centre: f64, score: &DVector<f64>) 
     }
     let responses = DMatrix::from_row_slice(targets.len(), basis.len(), &responses);
     let normal = responses.tr_mul(&responses);
-    let ridge = RIDGE * 1e-2 * normal.trace() / basis.len() as f64;
+    let ridge = RIDGE * normal.trace() / basis.len() as f64;
     let right = responses.tr_mul(&DVector::from_vec(targets));
     let coefficients = (normal + DMatrix::identity(basis.len(), basis.len()) * ridge)
         .cholesky()

@@ -19,15 +19,14 @@ mod quantise;
 pub use design::{Profile, Shape, Table, design, gaussian};
 pub use quantise::{IntegerTable, LARGEST_SAMPLE, rust_source};
 
-/// Ratio of one width to the next: a spot between two widths is then at most 9.5 % off the nearer table's, which costs
-/// at most 0.8 % in standard deviation.
+/// Ratio of one width to the next. The core says which spots a table serves, and what that costs.
 pub const WIDTH_RATIO: f64 = 1.2;
 
 /// The narrowest table's width in pixels.
 pub const NARROWEST: f64 = 0.8;
 
-/// Number of widths: 0.8 to 8.56 pixels. Wider spots are summed in blocks of 2, 4, 8 ... pixels until they fit, which
-/// leaves 4.3 samples or more a sigma and costs less than half a per cent.
+/// Number of widths: 0.8 to 8.56 pixels. Wider spots are summed in blocks of pixels until they fit; with four samples or
+/// more a sigma that costs less than half a per cent.
 pub const WIDTHS: usize = 14;
 
 /// Weight of read noise against the peak's shot noise that is at most 6 % worse than the best for pure read noise and at

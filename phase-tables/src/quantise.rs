@@ -6,8 +6,7 @@ use nalgebra::DVector;
 
 use crate::design::{Shape, Table};
 
-/// The largest sample that a table is proven for: eight pixels of a 12-bit converter, 8 * 4095. Wider blocks are halved
-/// until they fit.
+/// The largest sample that a table is proven for: eight pixels of a 12-bit converter, 8 * 4095. Sums of more are halved.
 pub const LARGEST_SAMPLE: i64 = 32_760;
 
 /// A table in 16-bit integers. Weights are stored phase after phase, `2 * half_width + 1` a phase.
@@ -183,8 +182,26 @@ mod tests {
                             .map(|&weight| i64::from(weight).abs() * super::LARGEST_SAMPLE)
                             .sum();
                         assert!(worst <= i64::from(i32::MAX));
-                        // A scale that wastes bits would pass the proof and lose accuracy.
                     }
+                    // A scale that wastes bits would pass the proof and lose accuracy.
+                    let sums = rows.chunks(taps).map(|row| {
+                        row.iter()
+                            .map(|&weight| i64::from(weight).abs())
+                            .sum::<i64>()
+                    });
+                    let of_sums = sums.max().unwrap_or(0) as f64 * super::LARGEST_SAMPLE as f64
+                        / f64::from(i32::MAX);
+                    let of_weights = rows
+                        .iter()
+                        .map(|weight| weight.unsigned_abs())
+                        .max()
+                        .unwrap_or(0);
+                    let used = of_sums.max(f64::from(of_weights) / f64::from(i16::MAX));
+                    assert!(
+                        used > 0.99,
+                        "width {}: {used} of the range is used",
+                        table.shape.width
+                    );
                 }
             }
             println!("r = {noise_ratio}: {} bytes of weights", 2 * weights);

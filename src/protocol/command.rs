@@ -3,6 +3,7 @@
 //! `NAME` reads, `NAME value` sets. Names are lower case; words are separated by blanks.
 
 use core::fmt;
+use core::ops::RangeInclusive;
 
 use crate::black_level::BlackLevel;
 use crate::frame::MAX_ROWS;
@@ -12,7 +13,7 @@ use crate::units::Counts;
 pub const MAX_LINE: usize = 64;
 
 /// The largest black level that can be fixed, in counts: that of a 12-bit converter.
-const MAX_BLACK: i32 = 4095;
+const MAX_BLACK: u32 = 4095;
 
 /// What the sensor is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,11 +125,10 @@ fn black(values: Values<'_>) -> Result<Option<BlackLevel>, Error> {
         (None, ..) => Ok(None),
         (Some("shielded"), None, _) => Ok(Some(BlackLevel::Shielded)),
         (Some("frame"), None, _) => Ok(Some(BlackLevel::Frame)),
-        (Some("fixed"), Some(counts), None) => match counts.parse::<i32>() {
-            Ok(counts @ 0..=MAX_BLACK) => Ok(Some(BlackLevel::Fixed(Counts::from_int(counts)))),
-            Ok(_) => Err(Error::Range(BLACK)),
-            Err(_) => Err(Error::Form(BLACK)),
-        },
+        (Some("fixed"), Some(counts), None) => {
+            let counts = number(counts, 0..=MAX_BLACK, BLACK)?;
+            Ok(Some(BlackLevel::Fixed(Counts::from_int(counts as i32))))
+        }
         _ => Err(Error::Form(BLACK)),
     }
 }
@@ -136,13 +136,20 @@ fn black(values: Values<'_>) -> Result<Option<BlackLevel>, Error> {
 fn rows(values: Values<'_>) -> Result<Option<u16>, Error> {
     match values {
         (None, ..) => Ok(None),
-        (Some(rows), None, _) => match rows.parse::<u32>() {
-            Ok(rows @ 1..=MAX_ROWS) => Ok(Some(rows as u16)),
-            Ok(_) => Err(Error::Range(ROWS)),
-            Err(_) => Err(Error::Form(ROWS)),
-        },
+        (Some(rows), None, _) => Ok(Some(number(rows, 1..=MAX_ROWS, ROWS)? as u16)),
         _ => Err(Error::Form(ROWS)),
     }
+}
+
+/// A whole number within a range.
+fn number(word: &str, range: RangeInclusive<u32>, form: &'static str) -> Result<u32, Error> {
+    if word.is_empty() || !word.bytes().all(|byte| byte.is_ascii_digit()) {
+        return Err(Error::Form(form));
+    }
+    word.parse()
+        .ok()
+        .filter(|number| range.contains(number))
+        .ok_or(Error::Range(form))
 }
 
 #[cfg(test)]
@@ -178,6 +185,8 @@ mod tests {
         assert_eq!(parse(b"help me"), Err(Error::Form("help")));
         assert_eq!(parse(b"rows 0"), Err(Error::Range(ROWS)));
         assert_eq!(parse(b"rows 65"), Err(Error::Range(ROWS)));
+        assert_eq!(parse(b"rows 99999999999"), Err(Error::Range(ROWS)));
+        assert_eq!(parse(b"black fixed -1"), Err(Error::Form(BLACK)));
         assert_eq!(parse(b"rows -1"), Err(Error::Form(ROWS)));
         assert_eq!(parse(b"rows 4 4"), Err(Error::Form(ROWS)));
         assert_eq!(parse(b"black fixed"), Err(Error::Form(BLACK)));

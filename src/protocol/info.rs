@@ -55,9 +55,9 @@ impl fmt::Display for Info<'_> {
             shielded,
             light,
             polarity,
-            full_scale,
             ..
         } = self.geometry;
+        let full_scale = self.geometry.full_scale();
         let polarity = match polarity {
             Polarity::Rising => "rise",
             Polarity::Falling => "fall",

@@ -2,8 +2,8 @@
 //!
 //! A reading is `d 800.1234 mm u 0.0035 x 1823.12345 a 1830 n 16/16 b 312.3`: distance and its standard uncertainty in
 //! millimetres, centre in pixels, amplitude in counts, rows used of the frame's, black level in counts. A fault is
-//! `f too dim: 35.2 counts, needs 60.1`. No line is longer than 64 bytes with its end, so that 115200 baud carries a
-//! line for every row.
+//! `f too dim: 35.2 counts, needs 60.1`. No line is longer than 64 bytes with its end (for distances that
+//! are positive and uncertainties below a metre), so that 115200 baud carries a line for every row.
 
 use core::fmt;
 
@@ -37,6 +37,7 @@ impl fmt::Display for Fault {
             }
             Self::Saturated { pixels } => write!(f, ": {pixels} pixels"),
             Self::SpotAtEdge { centre } => write!(f, ": x {centre:.1}"),
+            Self::Unsteady { scatter } => write!(f, ": rows scatter by {scatter:.2} px"),
             Self::OutOfRange { centre } => write!(f, ": x {centre:.5}"),
             Self::NotCalibrated {
                 centre,
@@ -71,8 +72,8 @@ mod tests {
             "d 800.1230 mm u 0.0350 x 1823.12500 a 1830 n 16/16 b 312.3"
         );
         let longest = Reading {
-            distance: Micrometres::from_int(1_050_000),
-            uncertainty: Micrometres::from_int(12_345),
+            distance: Micrometres::from_int(8_000_000),
+            uncertainty: Micrometres::from_int(999_999),
             centre: Pixels::from_int(3647),
             amplitude: Counts::from_int(4095),
             rows_used: 64,

@@ -80,6 +80,7 @@ fn advice_for(name: &str) -> &'static str {
         },
         Fault::Saturated { pixels: 0 },
         Fault::SpotAtEdge { centre },
+        Fault::Unsteady { scatter: centre },
         Fault::OutOfRange { centre },
         Fault::NotCalibrated {
             centre,
@@ -110,6 +111,26 @@ fn a_spot_in_the_noise_is_too_dim() {
     let (height, needed) = (number(&line, ": ", " counts"), number(&line, "needs ", ""));
     assert!((4.0..needed).contains(&height), "{line}");
     assert!((9.0..16.0).contains(&needed), "{line}");
+}
+
+#[test]
+fn rows_that_do_not_agree_are_unsteady() {
+    // Every other row of the frame shows the spot elsewhere: 50 px to either side of the mean, with a width of 8.6 px.
+    let (mut here, mut there) = (spot_at(1750.0, BRIGHT), spot_at(1850.0, BRIGHT));
+    let mut rows = 0;
+    let line = only_fault(
+        "unsteady",
+        Box::new(move |exposure| {
+            rows += 1;
+            if rows % 2 == 0 {
+                here(exposure)
+            } else {
+                there(exposure)
+            }
+        }),
+    );
+    let scatter = number(&line, "scatter by ", " px");
+    assert!((49.9..50.1).contains(&scatter), "{line}");
 }
 
 #[test]

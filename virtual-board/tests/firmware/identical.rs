@@ -112,11 +112,7 @@ fn block_of(row: &Row) -> Option<u8> {
     let mut words = row.words.clone();
     let row = geometry.row(&mut words).ok()?;
     let spot = spot::find(&row).ok()?;
-    let sensor = phase_table::Sensor {
-        full_scale: geometry.full_scale,
-        shot_variance_per_count_q16: geometry.shot_variance_per_count_q16,
-    };
-    let centre = phase_table::centre(&row, &spot, &sensor, &phase_table::GAUSSIAN).ok()?;
+    let centre = phase_table::centre(&row, &spot, &geometry, &phase_table::GAUSSIAN).ok()?;
     Some(centre.class.block)
 }
 
@@ -170,7 +166,8 @@ fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
         assert!(blocks.keys().eq(&BLOCKS), "{blocks:?}");
         for name in Fault::NAMES {
             let here = match name {
-                "sensor silent" => false,
+                // One row cannot disagree with itself.
+                "sensor silent" | "unsteady" => false,
                 "out of range" => command.ends_with("on"),
                 "not calibrated" => command.ends_with("off"),
                 _ => true,
