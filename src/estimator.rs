@@ -1,6 +1,7 @@
 //! The centre of a row's spot, to a fraction of a pixel.
 
 pub mod phase_table;
+pub mod tables;
 
 use crate::units::{Counts, Pixels};
 

@@ -3,7 +3,7 @@
 //! Words of a read-out -> [`Row`] -> [`Spot`](crate::spot::Spot) -> centre of the row -> centre of the frame -> distance.
 
 use crate::black_level::{BlackLevel, BlackPixels};
-use crate::estimator::{RowCentre, phase_table};
+use crate::estimator::{RowCentre, phase_table, tables};
 use crate::frame::Frame;
 use crate::reading::{Fault, Reading};
 use crate::row::{Geometry, Row};
@@ -87,7 +87,7 @@ impl Measurement {
             row,
             spot.ok().map(|spot| spot.background),
         );
-        phase_table::centre(row, &spot?, &self.geometry, &phase_table::GAUSSIAN)
+        phase_table::centre(row, &spot?, &self.geometry, &tables::GAUSSIAN)
     }
 
     fn reading(&self) -> Result<Reading, Fault> {

@@ -1,6 +1,7 @@
 //! Many seeded rows through the core: how far its centres lie from the truth, and from what it claims.
 
 use rayon::prelude::*;
+use slitrange::estimator::tables::TableSet;
 use slitrange::estimator::{RowCentre, phase_table};
 use slitrange::reading::Fault;
 use slitrange::row::{Geometry, Polarity, Row};
@@ -92,7 +93,7 @@ impl Cell {
     }
 
     /// Runs the core over the rows.
-    pub fn run(&self, tables: &phase_table::TableSet<'_>) -> Outcome {
+    pub fn run(&self, tables: &TableSet<'_>) -> Outcome {
         let scene = self.scene();
         let bound = bound::Spot {
             width: self.width,
@@ -149,7 +150,7 @@ impl Cell {
 pub fn centre_of(
     geometry: &Geometry,
     light: &[u16],
-    tables: &phase_table::TableSet<'_>,
+    tables: &TableSet<'_>,
 ) -> Result<RowCentre, Fault> {
     let row = Row::new(light, &[]).expect("quantised to 12 bits");
     phase_table::centre(&row, &spot::find(&row)?, geometry, tables)

@@ -4,7 +4,7 @@ use host_tests::accuracy::{Cell, PIXELS, centre_of};
 use host_tests::core_tables;
 use host_tests::scene::quantise;
 use phase_tables::gaussian;
-use slitrange::estimator::phase_table::{GAUSSIAN, TableSet};
+use slitrange::estimator::tables::{GAUSSIAN, TableSet};
 use slitrange::row::Row;
 use slitrange::spot;
 use slitrange::units::Pixels;

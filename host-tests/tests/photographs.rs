@@ -9,7 +9,7 @@ use host_tests::accuracy::centre_of;
 use host_tests::photograph::Photograph;
 use host_tests::{core_tables, least_squares};
 use phase_tables::gaussian;
-use slitrange::estimator::phase_table::{GAUSSIAN, TableSet};
+use slitrange::estimator::tables::{GAUSSIAN, TableSet};
 use slitrange::sensor_heads;
 
 /// A twentieth of full scale: the noise of dimmer rows is a good part of what is compared.

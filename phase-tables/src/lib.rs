@@ -11,7 +11,7 @@
 //! Every row of weights sums to zero exactly, so the black level drops out bit for bit.
 //!
 //! [`design`] makes the weights, [`Table::quantise`] makes integers of them, and [`rust_source`] writes them for the
-//! firmware. The core's `estimator::phase_table` is the reader.
+//! firmware. The core's `estimator::tables` is the reader.
 
 mod design;
 mod quantise;

@@ -8,7 +8,7 @@ use host_tests::scene::{Scene, Spot};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use slitrange::black_level::BlackLevel;
-use slitrange::estimator::phase_table;
+use slitrange::estimator::{phase_table, tables};
 use slitrange::measurement::{Measurement, Settings};
 use slitrange::reading::Fault;
 use slitrange::{sensor_heads, spot, triangulation};
@@ -112,7 +112,7 @@ fn block_of(row: &Row) -> Option<u8> {
     let mut words = row.words.clone();
     let row = geometry.row(&mut words).ok()?;
     let spot = spot::find(&row).ok()?;
-    let centre = phase_table::centre(&row, &spot, &geometry, &phase_table::GAUSSIAN).ok()?;
+    let centre = phase_table::centre(&row, &spot, &geometry, &tables::GAUSSIAN).ok()?;
     Some(centre.class.block)
 }
 
