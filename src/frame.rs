@@ -47,7 +47,9 @@ impl Frame {
         }
         match row {
             // There is room: rows and faults together are fewer than it holds.
-            Ok(centre) => drop(self.centres.push(centre)),
+            Ok(centre) => {
+                let _ = self.centres.push(centre);
+            }
             Err(fault) => {
                 // In bounds: `kind` is below `KINDS`.
                 if let Some((count, latest)) = self.faults.get_mut(fault.kind()) {
@@ -110,9 +112,7 @@ impl Frame {
             rows: self.rows,
         })
     }
-}
 
-impl Frame {
     /// Standard deviation of the rows' centres about their mean (Q16.16 bits).
     fn scatter(&self, mean: i32) -> Pixels {
         let squares: f32 = self
