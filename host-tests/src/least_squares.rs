@@ -18,6 +18,12 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
+    /// Whether all pixels that the fit wants are within a row of this length.
+    pub fn is_whole_in(&self, length: usize) -> bool {
+        let reach = HALF_WINDOW * self.width;
+        self.centre - reach >= 0.0 && self.centre + reach <= length as f64 - 1.0
+    }
+
     /// The value at a pixel.
     pub fn at(&self, pixel: f64) -> f64 {
         let u = (pixel - self.centre) / self.width;
@@ -25,9 +31,12 @@ impl Gaussian {
     }
 }
 
+/// The fit takes the pixels within this many sigma.
+const HALF_WINDOW: f64 = 4.0;
+
 /// Fits a gaussian to the spot of `row` that is highest near pixel `near`: first to what is within the half width at half
-/// maximum, and then to what lies within `half_window` sigma of the centre until that window rests. `None` where no fit is found.
-pub fn fit_near(row: &[f64], near: f64, half_window: f64) -> Option<Gaussian> {
+/// maximum, and then to what lies within four sigma of the centre until that window rests. `None` where no fit is found.
+pub fn fit_near(row: &[f64], near: f64) -> Option<Gaussian> {
     // Spots of a pixel or of a hundred: the smoothed top's half height gives the start.
     let mut sorted = row.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -53,10 +62,10 @@ pub fn fit_near(row: &[f64], near: f64, half_window: f64) -> Option<Gaussian> {
     };
     let mut window = 0..0;
     for _ in 0..30 {
-        let from = (best.centre - half_window * best.width)
+        let from = (best.centre - HALF_WINDOW * best.width)
             .round()
             .clamp(0.0, row.len() as f64) as usize;
-        let to = (best.centre + half_window * best.width + 1.0)
+        let to = (best.centre + HALF_WINDOW * best.width + 1.0)
             .round()
             .clamp(0.0, row.len() as f64) as usize;
         if (from..to) == window || to < from + 5 {
@@ -73,7 +82,7 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// Fits the pixels given, the first of which has number `first`.
-pub fn fit_from(pixels: &[f64], first: usize, start: Gaussian) -> Option<Gaussian> {
+fn fit_from(pixels: &[f64], first: usize, start: Gaussian) -> Option<Gaussian> {
     // Parameters in units of the start: (centre - start)/width, width/width, amplitude and level/amplitude.
     let problem = Problem {
         pixels,
@@ -165,7 +174,7 @@ mod tests {
             level: 180.0,
         };
         let row: Vec<f64> = (0..900).map(|i| truth.at(f64::from(i))).collect();
-        let found = fit_near(&row, 300.0, 4.0).expect("a fit");
+        let found = fit_near(&row, 300.0).expect("a fit");
         assert!(
             (found.centre - truth.centre).abs() < 1e-6 && (found.width - truth.width).abs() < 1e-6,
             "{found:?}"

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
+use slitrange::sensor_heads;
 
 /// A grey-scale picture, read from a binary PGM (`P5`, <https://netpbm.sourceforge.net/doc/pgm.html>).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -119,6 +120,31 @@ impl Photograph {
     pub fn rows(&self) -> impl ExactSizeIterator<Item = &[u16]> {
         self.pixels.chunks_exact(self.width)
     }
+
+    /// Row `y` as the TCD1304DG sees it, in counts before rounding: white is full scale, and the picture is in the middle of the
+    /// light range. Beside it go on the noise and the level of its outermost 32 pixels. A picture wider than the light range
+    /// loses its sides.
+    ///
+    /// Gives the light range, and the pixel on which the picture begins (negative where its side is lost).
+    #[must_use]
+    pub fn on_sensor(&self, y: usize) -> Option<(Vec<f32>, i64)> {
+        const BORDER: usize = 32;
+        let row = self.row(y)?;
+        let head = sensor_heads::tcd1304dg();
+        let pixels = head.light.len() as i64;
+        let first = (pixels - row.len() as i64) / 2;
+        let full_scale = f32::from(head.full_scale());
+        let counts = |x: usize| f32::from(row[x]) / f32::from(self.white) * full_scale;
+        let border = BORDER.min(row.len());
+        let light = (0..pixels)
+            .map(|pixel| match usize::try_from(pixel - first) {
+                Ok(x) if x < row.len() => counts(x),
+                Ok(x) => counts(row.len() - 1 - (x - row.len()) % border),
+                Err(_) => counts((first - pixel - 1) as usize % border),
+            })
+            .collect();
+        Some((light, first))
+    }
 }
 
 /// The next decimal number of a header, behind white space and comments (`#` to the end of its line).
@@ -148,6 +174,28 @@ fn header_number(rest: &mut &[u8], what: &str) -> Result<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn on_the_sensor_a_picture_is_in_the_middle_and_its_borders_go_on() {
+        let pixels: Vec<u8> = (0..100).collect();
+        let file = [b"P5 100 1 255\n".as_slice(), &pixels].concat();
+        let (light, first) = Photograph::parse(&file)
+            .expect("a picture")
+            .on_sensor(0)
+            .expect("a row");
+        assert_eq!((light.len(), first), (3648, 1774));
+        let counts = |value: u8| f32::from(value) / 255.0 * 4095.0;
+        let at = |pixel: usize| light[pixel];
+        assert_eq!([at(1774), at(1823), at(1873)], [0, 49, 99].map(counts));
+        assert_eq!(
+            [at(1773), at(1772), at(1742), at(1741)],
+            [0, 1, 31, 0].map(counts)
+        );
+        assert_eq!(
+            [at(1874), at(1875), at(1905), at(1906)],
+            [99, 98, 68, 99].map(counts)
+        );
+    }
 
     fn refusal(file: &[u8]) -> String {
         format!("{:#}", Photograph::parse(file).unwrap_err())

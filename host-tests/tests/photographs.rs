@@ -7,8 +7,10 @@ use std::path::PathBuf;
 
 use host_tests::accuracy::centre_of;
 use host_tests::photograph::Photograph;
+use host_tests::scene::quantise;
 use host_tests::{core_tables, least_squares};
 use phase_tables::gaussian;
+use slitrange::estimator::RowCentre;
 use slitrange::estimator::tables::{GAUSSIAN, TableSet};
 use slitrange::sensor_heads;
 
@@ -34,8 +36,8 @@ fn centres_lie_near_the_least_squares_fit() {
         let photograph =
             Photograph::read(folder.join(format!("{name}.pgm"))).expect("a photograph");
         let (mut default, mut least_squares) = (vec![], vec![]);
-        for row in photograph.rows() {
-            let Some((a, b)) = off(row, photograph.white(), &least_squares_tables) else {
+        for y in 0..photograph.height() {
+            let Some((a, b)) = off(&photograph, y, &least_squares_tables) else {
                 continue;
             };
             default.push(a);
@@ -60,30 +62,25 @@ fn centres_lie_near_the_least_squares_fit() {
 
 /// How far the centres of a row by the default and by other tables lie from the fit, in sigma; `None` for a row without a bright
 /// spot, or with one that the picture's edge cuts.
-fn off(row: &[u16], white: u16, other: &TableSet<'_>) -> Option<(f64, f64)> {
+fn off(photograph: &Photograph, y: usize, other: &TableSet<'_>) -> Option<(f64, f64)> {
     let geometry = sensor_heads::tcd1304dg();
-    let counts: Vec<u16> = row
+    let (light, first) = photograph.on_sensor(y)?;
+    let light = quantise(&light, geometry.full_scale());
+    let first = usize::try_from(first).expect("narrower than the sensor");
+    let picture: Vec<f64> = light[first..][..photograph.width()]
         .iter()
-        .map(|&value| (u32::from(value) * 4095 / u32::from(white)) as u16)
+        .map(|&count| f64::from(count))
         .collect();
-    let pixels: Vec<f64> = counts.iter().map(|&count| f64::from(count)).collect();
-    // The picture stands at the start of the row; its last pixels, to and fro, fill the rest.
-    let beside = counts[counts.len() - 32..]
-        .iter()
-        .cycle()
-        .take(geometry.light.len() - counts.len());
-    let light: Vec<u16> = counts.iter().chain(beside).copied().collect();
     let centre = centre_of(&geometry, &light, &GAUSSIAN)
         .ok()
         .filter(|centre| centre.amplitude.to_f64() >= BRIGHT)?;
-    let fit = least_squares::fit_near(&pixels, centre.centre.to_f64(), 4.0)?;
-    let whole =
-        fit.centre >= 4.0 * fit.width && fit.centre + 4.0 * fit.width <= pixels.len() as f64 - 1.0;
+    let in_picture = |centre: RowCentre| centre.centre.to_f64() - first as f64;
+    let fit = least_squares::fit_near(&picture, in_picture(centre))?;
     let other = centre_of(&geometry, &light, other).expect("a centre by the other tables too");
-    whole.then(|| {
+    fit.is_whole_in(picture.len()).then(|| {
         (
-            (centre.centre.to_f64() - fit.centre) / fit.width,
-            (other.centre.to_f64() - fit.centre) / fit.width,
+            (in_picture(centre) - fit.centre) / fit.width,
+            (in_picture(other) - fit.centre) / fit.width,
         )
     })
 }

@@ -188,7 +188,10 @@ fn settle<'a>(
             };
         }
         last = Some(fit);
-        if !fits {
+        if fits {
+            // A table of the spot's width has its window on the row: whatever keeps it from resting, no edge does.
+            cut = false;
+        } else {
             (class, table) = (better.class, better.table);
         }
     }

@@ -114,7 +114,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                 Report::Reading(reading) => {
                     let found = compare(
                         &scene,
-                        &board.head(|head| head.last_row().map(|row| row.exposure.duration())),
+                        board.head(|head| head.last_row().map(|row| row.exposure.duration())),
                         distance,
                         &reading,
                     )?;
@@ -174,7 +174,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
 /// A reading beside the truth and the bound for the scene.
 fn compare(
     scene: &Scene,
-    exposure: &Option<u64>,
+    exposure: Option<u64>,
     distance: f64,
     reading: &crate::lines::Reading,
 ) -> Result<Compared> {

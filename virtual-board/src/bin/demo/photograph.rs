@@ -10,7 +10,7 @@ use anyhow::{Context as _, Result, ensure};
 use host_tests::least_squares::{self, Gaussian};
 use host_tests::photograph::Photograph;
 use serde::Serialize;
-use virtual_board::light::{LIGHT, of_photograph_row, outputs};
+use virtual_board::light::{LIGHT, outputs};
 use virtual_board::{Exposure, FULL_SCALE, Firmware, VirtualBoard};
 
 use crate::lines::{Reading, Report};
@@ -20,9 +20,6 @@ use crate::say;
 /// Rows whose spot is at least this high are compared: a twentieth of full scale. The noise of dimmer ones is a good part of
 /// what would be compared.
 const BRIGHT: f64 = FULL_SCALE as f64 / 20.0;
-
-/// The fit takes the pixels within this many sigma.
-const HALF_WINDOW: f64 = 4.0;
 
 /// Ahead of the photograph three rows show a spot where no picture has one, so that lines and rows can be matched.
 const MARKER: f64 = 1250.0;
@@ -128,7 +125,8 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
             None => outputs(&dark, 0.0),
             Some(row) if row < MARKERS => outputs(&marker, 0.0),
             Some(row) => outputs(
-                &of_photograph_row(&picture, row - MARKERS)
+                &picture
+                    .on_sensor(row - MARKERS)
                     .map_or_else(|| dark.clone(), |(light, _)| light),
                 0.0,
             ),
@@ -176,14 +174,12 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
 /// The least-squares fit of a row of counts, started where the firmware found the spot, and the pixel on which the picture
 /// begins. `None` where there is no fit, or the spot is not whole within the photograph.
 fn fit(photograph: &Photograph, y: usize, reading: &Reading) -> Option<(Gaussian, i64)> {
-    let (light, first) = of_photograph_row(photograph, y)?;
+    let (light, first) = photograph.on_sensor(y)?;
     let counts: Vec<f64> = light.iter().map(|count| f64::from(count.round())).collect();
     let from = usize::try_from(first.max(0)).ok()?;
     let picture = counts.get(from..(from + photograph.width()).min(counts.len()))?;
-    let fit = least_squares::fit_near(picture, reading.centre - from as f64, HALF_WINDOW)?;
-    let whole = fit.centre - HALF_WINDOW * fit.width >= 0.0
-        && fit.centre + HALF_WINDOW * fit.width <= picture.len() as f64 - 1.0;
-    whole.then_some((fit, from as i64))
+    let fit = least_squares::fit_near(picture, reading.centre - from as f64)?;
+    fit.is_whole_in(picture.len()).then_some((fit, from as i64))
 }
 
 impl Summary {
