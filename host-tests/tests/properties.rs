@@ -16,6 +16,7 @@ fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measur
     Measurement::new(
         geometry,
         Settings {
+            estimator: slitrange::estimator::Estimator::default(),
             rows,
             black_level,
             calibration,

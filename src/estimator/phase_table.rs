@@ -238,6 +238,7 @@ impl Fit<'_> {
             amplitude: Counts::from_f32(amplitude),
             width: Pixels::from_f32(self.width),
             class: self.class,
+            misfit: false,
         })
     }
 }

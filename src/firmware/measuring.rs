@@ -16,6 +16,7 @@ const SILENCE: Duration = Duration::from_millis(100);
 /// What is set at the start: 11 readings a second.
 pub fn default_settings() -> Settings {
     Settings {
+        estimator: slitrange::estimator::Estimator::default(),
         rows: 16,
         black_level: BlackLevel::Shielded,
         calibration: triangulation::NOMINAL.ok(),

@@ -122,6 +122,7 @@ mod tests {
             format!("slitrange {VERSION} NUCLEO-F429ZI TCD1304DG, started by power-on")
         );
         let mut settings = Settings {
+            estimator: crate::estimator::Estimator::default(),
             rows: 16,
             black_level: BlackLevel::Shielded,
             calibration: triangulation::NOMINAL.ok(),

@@ -56,6 +56,7 @@ fn help_and_info_are_what_the_core_says() {
             hardware: &HARDWARE,
             geometry: &sensor_heads::tcd1304dg(),
             settings: &Settings {
+                estimator: slitrange::estimator::Estimator::default(),
                 rows: 16,
                 black_level: BlackLevel::Shielded,
                 calibration,

@@ -140,6 +140,7 @@ fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
     ] {
         let (rows, chip) = run(any_spots(5), &[command, "rows 1"], ROWS);
         let settings = Settings {
+            estimator: slitrange::estimator::Estimator::default(),
             rows: 1,
             black_level: BlackLevel::Shielded,
             calibration,
@@ -186,6 +187,7 @@ fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
 fn every_frame_is_the_same_line_on_the_chip_and_on_a_pc() {
     let (rows, chip) = run(spots_nearby(6), &["black frame", "rows 5"], 300);
     let settings = Settings {
+        estimator: slitrange::estimator::Estimator::default(),
         rows: 5,
         black_level: BlackLevel::Frame,
         calibration: triangulation::NOMINAL.ok(),

@@ -1,0 +1,3 @@
+//! Counts what each estimator takes on the chip.
+
+fn main() {}

@@ -1,0 +1,3 @@
+//! `cargo cost`: what accuracy costs in time.
+
+fn main() {}
