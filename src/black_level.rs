@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn three_ways() {
         let light = row_with_a_spot();
-        let row = Row::new(&light, &[90, 92, 94]).expect("a row");
+        let row = Row::new(&light, &[90, 92, 94], 4095).expect("a row");
         let background = Background {
             level: Counts::from_f32(100.5),
             noise: Counts::from_f32(1.0),

@@ -5,6 +5,7 @@
 pub mod phase_table;
 pub mod tables;
 
+use crate::estimator::tables::Sampling;
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
@@ -111,6 +112,11 @@ pub fn centre(
     before: Option<&RowCentre>,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
-    let _ = (estimator, before);
-    phase_table::centre(row, spot, geometry, &tables::GAUSSIAN)
+    let with =
+        |tables, sampling| phase_table::centre(row, spot, before, geometry, tables, sampling);
+    match estimator {
+        Estimator::Blocks => with(&tables::GAUSSIAN, Sampling::Coarse),
+        Estimator::Fraunhofer => with(&tables::SLIT, Sampling::Fine),
+        _ => with(&tables::GAUSSIAN, Sampling::Fine),
+    }
 }

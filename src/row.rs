@@ -40,14 +40,16 @@ pub const MAX_PIXELS: usize = 4096;
 pub struct Row<'a> {
     light: &'a [u16],
     shielded: &'a [u16],
+    reaches_full_scale: bool,
 }
 
 impl<'a> Row<'a> {
-    /// A row from its parts, light positive. [`Geometry::row`] makes one from a sensor's words.
+    /// A row from its parts, light positive, of a converter whose largest word is `full_scale`. [`Geometry::row`] makes one
+    /// from a sensor's words.
     ///
     /// # Errors
     /// A count is above [`LARGEST_COUNT`], or there are more than [`MAX_PIXELS`].
-    pub fn new(light: &'a [u16], shielded: &'a [u16]) -> Result<Self, RowError> {
+    pub fn new(light: &'a [u16], shielded: &'a [u16], full_scale: u16) -> Result<Self, RowError> {
         if light.len() > MAX_PIXELS || shielded.len() > MAX_PIXELS {
             return Err(RowError::Length {
                 words: light.len().max(shielded.len()),
@@ -60,7 +62,16 @@ impl<'a> Row<'a> {
         if bits > LARGEST_COUNT {
             return Err(RowError::Impossible { bits });
         }
-        Ok(Self { light, shielded })
+        Ok(Self {
+            light,
+            shielded,
+            reaches_full_scale: light.iter().any(|&count| count >= full_scale),
+        })
+    }
+
+    /// Whether any word of the read-out is at full scale. Where it is not, nobody needs to look for saturated pixels.
+    pub const fn reaches_full_scale(&self) -> bool {
+        self.reaches_full_scale
     }
 
     /// The pixels that see light.
@@ -109,15 +120,14 @@ impl Geometry {
             return Err(length);
         }
         let full_scale = self.full_scale();
-        // A full scale is 2^bits - 1: a word beyond it sets a bit that no other does.
-        let mut any = 0;
-        for word in words.iter_mut() {
-            any |= *word;
-            if self.polarity == Polarity::Falling {
-                // Wraps only where `any` makes the row an error.
-                *word = full_scale.wrapping_sub(*word);
+        let (any, reaches_full_scale) = match self.polarity {
+            Polarity::Falling => turn_over(words, full_scale),
+            Polarity::Rising => {
+                let any = words.iter().fold(0, |any, &word| any | word);
+                (any, words.iter().any(|&word| word >= full_scale))
             }
-        }
+        };
+        // A full scale is 2^bits - 1: a word beyond it sets a bit that no other does.
         if any > full_scale {
             return Err(RowError::Impossible { bits: any });
         }
@@ -127,11 +137,40 @@ impl Geometry {
             words.get(self.shielded.clone()),
         ) {
             (Some(light), Some(shielded)) if light.len().max(shielded.len()) <= MAX_PIXELS => {
-                Ok(Row { light, shielded })
+                Ok(Row {
+                    light,
+                    shielded,
+                    reaches_full_scale,
+                })
             }
             _ => Err(length),
         }
     }
+}
+
+/// Full scale less each word, in place. Gives all bits that were set in any word, and whether one was zero, which is the
+/// full scale of light. Two words at a time: this is done to every word of every row.
+fn turn_over(words: &mut [u16], full_scale: u16) -> (u16, bool) {
+    const ONES: u32 = 0x0001_0001;
+    let full_scales = u32::from(full_scale) * ONES;
+    let (mut any, mut borrows) = (0u32, 0u32);
+    let (pairs, last) = words.as_chunks_mut::<2>();
+    for pair in pairs {
+        let both = u32::from(pair[0]) | u32::from(pair[1]) << 16;
+        any |= both;
+        // The high bit of each half is set where one less borrows, which only zero does (A. Mycroft, 1987); a zero in the
+        // low half may show one in the high half too, which changes nothing.
+        borrows |= both.wrapping_sub(ONES) & !both;
+        // No half borrows from the other where both words are at most full scale; otherwise the row is an error.
+        let turned = full_scales.wrapping_sub(both);
+        *pair = [turned as u16, (turned >> 16) as u16];
+    }
+    for word in last {
+        any |= u32::from(*word);
+        borrows |= u32::from(word.wrapping_sub(1) & !*word);
+        *word = full_scale.wrapping_sub(*word);
+    }
+    ((any | any >> 16) as u16, borrows & 0x8000_8000 != 0)
 }
 
 #[cfg(test)]
@@ -185,7 +224,7 @@ mod tests {
             RowError::Length { words: 8 }
         );
         assert_eq!(
-            Row::new(&[1, 4096], &[]).expect_err("too large"),
+            Row::new(&[1, 4096], &[], LARGEST_COUNT).expect_err("too large"),
             RowError::Impossible { bits: 4097 }
         );
     }

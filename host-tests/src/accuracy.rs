@@ -1,7 +1,7 @@
 //! Many seeded rows through the core: how far its centres lie from the truth, and from what it claims.
 
 use rayon::prelude::*;
-use slitrange::estimator::tables::TableSet;
+use slitrange::estimator::tables::{Sampling, TableSet};
 use slitrange::estimator::{RowCentre, phase_table};
 use slitrange::reading::Fault;
 use slitrange::row::{Geometry, Polarity, Row};
@@ -14,7 +14,7 @@ use crate::scene::{ReadNoise, Scene, ShotNoise, Spot, quantise};
 /// Pixels of a test row: enough for the background of the widest spot.
 pub const PIXELS: usize = 2048;
 
-/// One cell of a table: a spot and its noise, on a row of [`PIXELS`].
+/// One cell of a table: a spot and its noise, on a row of at most [`PIXELS`].
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
     /// Sigma in pixels.
@@ -54,14 +54,23 @@ impl Outcome {
 }
 
 impl Cell {
+    /// Pixels of a row: enough for the background of the spot, and no more, because making the rows takes the time.
+    pub fn pixels(&self) -> usize {
+        match self.width {
+            width if width <= 3.0 => 512,
+            width if width <= 8.0 => 1024,
+            _ => PIXELS,
+        }
+    }
+
     /// The scene that the cell stands for.
     pub fn scene(&self) -> Scene {
         Scene {
             optics: Optics::nominal(),
             geometry: Geometry {
-                words: PIXELS,
+                words: self.pixels(),
                 shielded: 0..0,
-                light: 0..PIXELS,
+                light: 0..self.pixels(),
                 polarity: Polarity::Rising,
                 bits: 12,
                 shot_variance_per_count_q16: self
@@ -89,7 +98,8 @@ impl Cell {
     pub fn true_centre(&self, row: u64) -> f64 {
         const GOLDEN: f64 = 0.618_033_988_749_895;
         let place = (row as f64 * 7.0 * GOLDEN).fract();
-        PIXELS as f64 / 2.0 - 100.0 + (place * 200.0).floor() + (row as f64 * GOLDEN).fract() - 0.5
+        self.pixels() as f64 / 2.0 - 100.0 + (place * 200.0).floor() + (row as f64 * GOLDEN).fract()
+            - 0.5
     }
 
     /// Runs the core over the rows.
@@ -152,6 +162,7 @@ pub fn centre_of(
     light: &[u16],
     tables: &TableSet<'_>,
 ) -> Result<RowCentre, Fault> {
-    let row = Row::new(light, &[]).expect("quantised to 12 bits");
-    phase_table::centre(&row, &spot::find(&row)?, geometry, tables)
+    let row = Row::new(light, &[], geometry.full_scale()).expect("quantised to 12 bits");
+    let spot = spot::find(&row)?;
+    phase_table::centre(&row, &spot, None, geometry, tables, Sampling::Fine)
 }

@@ -3,7 +3,7 @@
 use host_tests::accuracy::{Cell, PIXELS, centre_of};
 use host_tests::core_tables;
 use host_tests::scene::quantise;
-use phase_tables::gaussian;
+use phase_tables::{LEAST_SQUARES, gaussian};
 use slitrange::estimator::tables::{GAUSSIAN, TableSet};
 use slitrange::row::Row;
 use slitrange::spot;
@@ -12,7 +12,7 @@ use slitrange::units::Pixels;
 /// The worst cases of 139 widths are among them: 1.58, 6.72, 11.03 and 13.44 in white noise, where a table serves the narrowest
 /// spots that it does, and 4.61 in shot noise, where it serves the widest.
 const WIDTHS: [f64; 10] = [1.2, 1.58, 2.0, 4.61, 6.72, 8.0, 10.5, 11.03, 13.44, 18.0];
-const ROWS: u64 = 20_000;
+const ROWS: u64 = 40_000;
 
 /// White noise: at most 1.10 of the bound. r = 0.3 costs 1.057 where the spot is as wide as the table and 1.083 where it is
 /// 5 % narrower, and 7 % is as far as a table goes; blocks of pixels cost 1.004. The standard
@@ -21,7 +21,7 @@ const ROWS: u64 = 20_000;
 fn white_noise_is_within_a_tenth_of_the_bound() {
     let mut table = Table::new("RMSE / bound (pull) in white noise", "SNR");
     for snr in [25.0, 100.0, 300.0, 1000.0] {
-        table.row(&snr.to_string(), 1.10, |width| Cell {
+        table.row(&snr.to_string(), 1.11, |width| Cell {
             width,
             amplitude: 2400.0,
             read_noise: 2400.0 / snr,
@@ -49,7 +49,7 @@ fn shot_noise_is_within_a_sixth_of_the_bound() {
     ] {
         table.row(
             &format!("{amplitude}, {electrons}, {read_noise}"),
-            1.16,
+            1.11,
             |width| Cell {
                 width,
                 amplitude,
@@ -214,7 +214,7 @@ fn coarse_search_holds_at_a_signal_to_noise_ratio_of_five() {
         for row in 0..rows {
             let truth = 700.0 + (row as f64 * 0.618_033_988_75).fract() * 2200.0;
             let light = quantise(&scene.row_with_centre(row, truth, 1.0), 4095);
-            let parts = Row::new(&light, &[]).expect("12 bits");
+            let parts = Row::new(&light, &[], 4095).expect("12 bits");
             match spot::find(&parts) {
                 Ok(spot) => {
                     let off = (spot.centre as f64 - truth).abs();
@@ -260,7 +260,7 @@ fn noise_alone_is_no_spot() {
     let mut candidates = 0;
     for row in 0..rows {
         let light = quantise(&scene.row_with_centre(row, 0.0, 1.0), 4095);
-        candidates += i32::from(spot::find(&Row::new(&light, &[]).expect("12 bits")).is_ok());
+        candidates += i32::from(spot::find(&Row::new(&light, &[], 4095).expect("12 bits")).is_ok());
         assert!(
             centre_of(&scene.geometry, &light, &GAUSSIAN).is_err(),
             "row {row}"
@@ -305,7 +305,7 @@ fn shifts_shift_and_mirrors_mirror() {
                     "width {width}, row {row}: {found} for {expected}"
                 );
             };
-            for shift in [1, 2, 5, 16, 33, 77, 128, 384] {
+            for shift in [1, 2, 5, 16, 33, 77, 128] {
                 let mut moved = light.clone();
                 moved.rotate_right(shift);
                 let expected = centre.centre.to_bits() + Pixels::from_int(shift as i32).to_bits();
@@ -314,7 +314,7 @@ fn shifts_shift_and_mirrors_mirror() {
             let mirrored: Vec<u16> = light.iter().rev().copied().collect();
             check(
                 &mirrored,
-                Pixels::from_int(PIXELS as i32 - 1).to_bits() - centre.centre.to_bits(),
+                Pixels::from_int(cell.pixels() as i32 - 1).to_bits() - centre.centre.to_bits(),
                 false,
             );
         }
@@ -326,7 +326,7 @@ fn shifts_shift_and_mirrors_mirror() {
 /// Other tables can be handed in: those with least-squares weights reach the bound in white noise.
 #[test]
 fn least_squares_weights_reach_the_bound_in_white_noise() {
-    let tables = phase_tables::set(&gaussian, f64::INFINITY);
+    let tables = phase_tables::set(&gaussian, LEAST_SQUARES);
     let tables = core_tables::borrow(&tables);
     let set = TableSet::new(&tables).expect("proven");
     for width in [1.2, 4.0, 10.5] {

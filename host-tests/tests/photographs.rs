@@ -9,7 +9,7 @@ use host_tests::accuracy::centre_of;
 use host_tests::photograph::Photograph;
 use host_tests::scene::quantise;
 use host_tests::{core_tables, least_squares};
-use phase_tables::gaussian;
+use phase_tables::{LEAST_SQUARES, gaussian};
 use slitrange::estimator::RowCentre;
 use slitrange::estimator::tables::{GAUSSIAN, TableSet};
 use slitrange::sensor_heads;
@@ -29,7 +29,7 @@ fn centres_lie_near_the_least_squares_fit() {
         );
         return;
     }
-    let least_squares_tables = phase_tables::set(&gaussian, f64::INFINITY);
+    let least_squares_tables = phase_tables::set(&gaussian, LEAST_SQUARES);
     let least_squares_tables = core_tables::borrow(&least_squares_tables);
     let least_squares_tables = TableSet::new(&least_squares_tables).expect("proven");
     for name in ["TEM00_200mm", "t-580mm", "t-hene"] {

@@ -2,6 +2,8 @@
 //!
 //! The crate `phase-tables` designs the weights and explains them; `build.rs` writes those of the gaussian.
 
+use dual_mac::{Pair, Pairs};
+
 use crate::estimator::WidthClass;
 use crate::row::LARGEST_COUNT;
 
@@ -14,14 +16,14 @@ pub struct Table<'a> {
     pub half_width: u16,
     /// Number of sub-pixel phases; phase k is at (k - (phases - 1)/2) / phases samples from the middle.
     pub phases: u16,
-    /// Weights of the score, phase after phase.
-    pub score: &'a [i16],
-    /// Weights of its slope.
-    pub slope: &'a [i16],
-    /// Weights of the stretch.
-    pub stretch: &'a [i16],
+    /// Weights of the score and of its slope, phase after phase: [`Table::pairs`] a phase, the last sample's being zero.
+    pub weights: &'a [Pairs],
+    /// Weights of the stretch, likewise.
+    pub stretch: &'a [Pair],
     /// Samples that score / slope = 1 stands for.
     pub centre_per_ratio: f32,
+    /// With q samples by that ratio, q - bend q^3 is the distance, in 1/samples^2.
+    pub bend: f32,
     /// Relative excess of width that stretch / slope = 1 stands for.
     pub stretch_per_ratio: f32,
     /// Counts of a sample at the peak that slope = 1 stands for.
@@ -57,13 +59,14 @@ pub enum TableError {
 /// The largest sample that tables are proven for.
 pub const LARGEST_SAMPLE: u16 = 8 * LARGEST_COUNT;
 
-/// The longest window in samples.
-pub const MAX_TAPS: usize = 96;
+const _: () = assert!(LARGEST_SAMPLE <= dual_mac::LARGEST_SAMPLE);
 
-/// Pixels in a sample of a spot that is wider than any table. Up to 8 their sum fits [`LARGEST_SAMPLE`]; more are even, so that
-/// half of the sum does and a constant on the row still adds a whole number. With the widths of the tables there is a match
-/// to 5 % for every width up to 144 pixels, but for 7 % near 11 and 13 (a test says so).
-const BLOCKS: [u8; 11] = [2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16];
+/// The longest window in samples, with the one that makes it even.
+pub const MAX_TAPS: usize = 106;
+
+/// Pixels in a sample. Up to 8 their sum fits [`LARGEST_SAMPLE`]; of 16 half of the sum does, and a constant on the row still
+/// adds a whole number.
+pub const BLOCKS: [u8; 5] = [1, 2, 4, 8, 16];
 
 const _: () = {
     let mut i = 0;
@@ -77,15 +80,64 @@ const _: () = {
 
 mod generated {
     use super::Table;
-    include!(concat!(env!("OUT_DIR"), "/gaussian.rs"));
-    pub(super) static GAUSSIAN: &[Table<'static>] = &TABLES;
+    use dual_mac::{Pair, Pairs};
+    include!(concat!(env!("OUT_DIR"), "/tables.rs"));
 }
 
-/// The tables of the gaussian at r = 0.3: at most 1.10 of the bound in white noise, and 1.16 in pure shot noise.
-pub static GAUSSIAN: TableSet<'static> = match TableSet::new(generated::GAUSSIAN) {
-    Ok(set) => set,
-    Err(_) => panic!("the generated tables are unfit"),
-};
+/// One set for every row: where the table's width is the spot's, at most 1.08 of the bound in read noise and 1.09 in shot noise.
+pub static GAUSSIAN: TableSet<'static> = proven(generated::GAUSSIAN);
+
+/// For the diffraction pattern of a slit, eq. (6).
+pub static SLIT: TableSet<'static> = proven(generated::SLIT);
+
+/// For a background that rises or falls along the row.
+pub static TILTED: TableSet<'static> = proven(generated::TILTED);
+
+/// Tables for a mix of noise.
+#[derive(Clone, Copy, Debug)]
+pub struct Mix {
+    /// The least ratio that they serve: the read noise's variance over the shot noise's at the peak.
+    pub least: f32,
+    /// The tables.
+    pub tables: &'static TableSet<'static>,
+}
+
+/// The best tables for each mix of noise, from read noise alone (least squares) to shot noise alone. They are designed for
+/// ratios of infinity, 0.22, 0.07, 0.02 and 0.006; in between, at worst, 1.5 % is lost.
+pub static MIXES: [Mix; 5] = [
+    Mix {
+        least: 0.9,
+        tables: &READ_NOISE,
+    },
+    Mix {
+        least: 0.12,
+        tables: &GAUSSIAN,
+    },
+    Mix {
+        least: 0.037,
+        tables: &MOSTLY_SHOT_NOISE,
+    },
+    Mix {
+        least: 0.011,
+        tables: &SHOT_NOISE,
+    },
+    Mix {
+        least: 0.0,
+        tables: &PURE_SHOT_NOISE,
+    },
+];
+
+static READ_NOISE: TableSet<'static> = proven(generated::READ_NOISE);
+static MOSTLY_SHOT_NOISE: TableSet<'static> = proven(generated::MOSTLY_SHOT_NOISE);
+static SHOT_NOISE: TableSet<'static> = proven(generated::SHOT_NOISE);
+static PURE_SHOT_NOISE: TableSet<'static> = proven(generated::PURE_SHOT_NOISE);
+
+const fn proven(tables: &'static [Table<'static>]) -> TableSet<'static> {
+    match TableSet::new(tables) {
+        Ok(set) => set,
+        Err(_) => panic!("the generated tables are unfit"),
+    }
+}
 
 impl<'a> TableSet<'a> {
     /// Takes tables after proving them: sums of zero, and no overflow with samples up to [`LARGEST_SAMPLE`].
@@ -102,14 +154,11 @@ impl<'a> TableSet<'a> {
             let table = &tables[i];
             let taps = table.taps();
             // Bounded first, so that their product cannot overflow.
-            if taps > MAX_TAPS || table.phases == 0 || table.phases > 64 {
+            if taps >= MAX_TAPS || table.phases == 0 || table.phases > 64 {
                 return Err(TableError::Shape);
             }
-            let weights = taps * table.phases as usize;
-            if table.score.len() != weights
-                || table.slope.len() != weights
-                || table.stretch.len() != weights
-            {
+            let pairs = table.pairs() * table.phases as usize;
+            if table.weights.len() != pairs || table.stretch.len() != pairs {
                 return Err(TableError::Shape);
             }
             // Not `<=`: a width that is not a number must not pass either.
@@ -121,17 +170,11 @@ impl<'a> TableSet<'a> {
                 return Err(TableError::Scales);
             }
             let mut start = 0;
-            while start < weights {
-                if let Err(error) = prove(table.score, start, taps) {
+            while start < pairs {
+                if let Err(error) = prove(table, start) {
                     return Err(error);
                 }
-                if let Err(error) = prove(table.slope, start, taps) {
-                    return Err(error);
-                }
-                if let Err(error) = prove(table.stretch, start, taps) {
-                    return Err(error);
-                }
-                start += taps;
+                start += table.pairs();
             }
             i += 1;
         }
@@ -145,81 +188,105 @@ impl<'a> TableSet<'a> {
 
     /// Whether a spot of this width in pixels is one.
     pub(super) fn serves(&self, width: f32) -> bool {
-        let largest_block = f32::from(BLOCKS[BLOCKS.len() - 1]);
-        let widest = self.0.last().map_or(0.0, |table| table.width);
-        (NARROWEST..widest * largest_block * WIDEST_SERVED).contains(&width)
+        (NARROWEST..WIDEST).contains(&width)
     }
 
-    /// The pixels in a sample and the table that match a width in pixels best, and how far they are from a match.
-    pub(super) fn choose(&self, width: f32) -> Option<Match<'a>> {
-        let widest = self.0.last()?.width;
-        let single = width <= widest * WIDEST_SINGLE;
-        let blocks: &[u8] = if single { &[1] } else { &BLOCKS };
-        let mut best: Option<Match<'a>> = None;
-        for &block in blocks {
-            let samples = width / f32::from(block);
-            if !single && samples < FEWEST_SAMPLES && best.is_some() {
-                break;
-            }
-            for (index, table) in self.0.iter().enumerate() {
-                let off = mismatch(samples / table.width, block);
-                if best.as_ref().is_none_or(|best| off < best.off) {
-                    best = Some(Match {
-                        class: WidthClass {
-                            table: index as u8,
-                            block,
-                        },
-                        table,
-                        off,
-                    });
-                }
-            }
+    /// The table of a class, where there is one.
+    pub(super) fn get(&self, class: WidthClass) -> Option<&'a Table<'a>> {
+        let table = self.0.get(usize::from(class.table))?;
+        BLOCKS.contains(&class.block).then_some(table)
+    }
+
+    /// The pixels in a sample and the table that match a width in pixels best.
+    pub(super) fn choose(
+        &self,
+        width: f32,
+        sampling: Sampling,
+    ) -> Option<(WidthClass, &'a Table<'a>)> {
+        let [block, ..] = BLOCKS;
+        let widest = self.0.last()?.width * 1.05;
+        let block = match sampling {
+            Sampling::Fine => BLOCKS
+                .into_iter()
+                .find(|&block| width <= widest * f32::from(block))
+                .or(BLOCKS.last().copied()),
+            Sampling::Coarse => BLOCKS
+                .into_iter()
+                .rfind(|&block| width >= FEWEST_SAMPLES * f32::from(block)),
         }
-        best
+        .unwrap_or(block);
+        let samples = width / f32::from(block);
+        // The widths are a geometric series: from the geometric mean with the next one on, the next one is nearer.
+        let index = self
+            .0
+            .iter()
+            .zip(self.0.iter().skip(1))
+            .take_while(|(table, next)| samples * samples > table.width * next.width)
+            .count();
+        let class = WidthClass {
+            table: index as u8,
+            block,
+        };
+        Some((class, self.0.get(index)?))
     }
 }
 
-/// A table that may serve a width.
-pub(super) struct Match<'a> {
-    pub(super) class: WidthClass,
-    pub(super) table: &'a Table<'a>,
-    /// See [`mismatch`].
-    pub(super) off: f32,
+/// How many pixels go into a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampling {
+    /// As few as there are tables for.
+    Fine,
+    /// As many as leave [`FEWEST_SAMPLES`] a sigma.
+    Coarse,
 }
 
-/// How far a spot `ratio` times as wide as a table is from where the table serves best.
-///
-/// With single pixels the tables' widths are 1.2 apart, and a table serves from 0.95 to 1.14 of its own: with r = 0.3 the
-/// standard deviation in white noise is then 1.083 to 1.02 of the bound (1.057 at the table's width), and in pure shot noise
-/// 1.09 to 1.16 (1.10). Blocks can be chosen to match.
-pub(super) fn mismatch(ratio: f32, block: u8) -> f32 {
-    let best = if block == 1 { 1.04 } else { 1.0 };
-    (ratio / best - 1.0).abs()
-}
+/// At 1.15 samples a sigma, 4 % of accuracy are lost in white noise.
+const FEWEST_SAMPLES: f32 = 1.15;
 
-/// Spots up to this much wider than the widest table are fitted in single pixels.
-const WIDEST_SINGLE: f32 = 1.14;
-
-/// Samples a sigma of a spot in blocks: fewer lose accuracy (2.6 cost 0.9 %).
-const FEWEST_SAMPLES: f32 = 3.4;
-
-/// One row of weights: it sums to zero, and its inner product with samples up to [`LARGEST_SAMPLE`] fits an i32 at
-/// every step of the sum.
-const fn prove(weights: &[i16], start: usize, taps: usize) -> Result<(), TableError> {
-    let (mut sum, mut largest) = (0i64, 0i64);
+/// Each row of weights sums to zero, and its inner product with samples up to [`LARGEST_SAMPLE`] fits an i32 at every step of
+/// the sum.
+const fn prove(table: &Table<'_>, start: usize) -> Result<(), TableError> {
+    let (mut score, mut slope, mut stretch) = (Row::new(), Row::new(), Row::new());
     let mut i = start;
-    while i < start + taps {
-        let weight = weights[i] as i64;
-        sum += weight;
-        largest += weight.abs() * LARGEST_SAMPLE as i64;
+    while i < start + table.pairs() {
+        score.add(table.weights[i].0);
+        slope.add(table.weights[i].1);
+        stretch.add(table.stretch[i]);
         i += 1;
     }
-    if sum != 0 {
-        Err(TableError::Sum)
-    } else if largest > i32::MAX as i64 {
-        Err(TableError::Overflow)
-    } else {
-        Ok(())
+    let rows = [score, slope, stretch];
+    let mut i = 0;
+    while i < rows.len() {
+        if rows[i].sum != 0 {
+            return Err(TableError::Sum);
+        }
+        if rows[i].magnitudes * LARGEST_SAMPLE as i64 > i32::MAX as i64 {
+            return Err(TableError::Overflow);
+        }
+        i += 1;
+    }
+    Ok(())
+}
+
+/// What a row of weights adds up to.
+#[derive(Clone, Copy)]
+struct Row {
+    sum: i64,
+    magnitudes: i64,
+}
+
+impl Row {
+    const fn new() -> Self {
+        Self {
+            sum: 0,
+            magnitudes: 0,
+        }
+    }
+
+    const fn add(&mut self, pair: Pair) {
+        // At most MAX_TAPS weights of 16 bits.
+        self.sum += pair.0 as i64 + pair.1 as i64;
+        self.magnitudes += (pair.0 as i64).abs() + (pair.1 as i64).abs();
     }
 }
 
@@ -227,6 +294,16 @@ impl Table<'_> {
     /// Samples in a window.
     pub const fn taps(&self) -> usize {
         2 * self.half_width as usize + 1
+    }
+
+    /// Pairs of weights in a window.
+    pub const fn pairs(&self) -> usize {
+        self.half_width as usize + 1
+    }
+
+    /// How far a width in pixels is from this table's, in samples of so many pixels: relative, without sign.
+    pub(super) fn mismatch(&self, width: f32, block: u8) -> f32 {
+        (width / (self.width * f32::from(block)) - 1.0).abs()
     }
 
     const fn scales_are_positive(&self) -> bool {
@@ -251,8 +328,8 @@ impl Table<'_> {
 /// No optics makes a spot narrower than this, in pixels: a hot pixel alone looks like one of 0.3.
 pub(super) const NARROWEST: f32 = 0.6;
 
-/// No table serves spots wider than this times the widest one's width in the largest blocks: 151 pixels.
-const WIDEST_SERVED: f32 = 1.1;
+/// The coarse search finds no wider spots, in pixels.
+const WIDEST: f32 = 150.0;
 
 /// How often the sum of a block is halved to fit [`LARGEST_SAMPLE`]: not at all up to 8 pixels, once up to 16.
 pub(super) const fn halvings(block: u8) -> u32 {
@@ -265,27 +342,33 @@ mod tests {
 
     #[test]
     fn every_width_has_a_table_that_matches() {
-        let (mut off_single, mut off_blocks) = (0.0f32, 0.0f32);
-        for step in 0..5200 {
+        let (mut fine, mut coarse) = (0.0f32, 0.0f32);
+        for step in 0..5100 {
             let width = 0.8 * libm::powf(1.001, step as f32);
-            let Match { class, off, .. } = GAUSSIAN.choose(width).expect("a table");
-            let worst = if class.block == 1 {
-                &mut off_single
-            } else {
-                &mut off_blocks
-            };
-            *worst = worst.max(if width > 144.0 { 0.0 } else { off });
+            for (tables, worst) in [(&GAUSSIAN, &mut fine), (&PURE_SHOT_NOISE, &mut coarse)] {
+                let (class, table) = tables.choose(width, Sampling::Fine).expect("a table");
+                *worst = worst.max(table.mismatch(width, class.block));
+            }
         }
-        println!("off by {off_single} in single pixels, by {off_blocks} in blocks");
-        assert!(
-            off_single <= 0.1 && off_blocks <= 0.072,
-            "{off_single} {off_blocks}"
-        );
+        println!("off by {fine} in the fine tables, by {coarse} in the coarse ones");
+        // The square roots of 1.1 and 1.2.
+        assert!(fine < 0.051 && coarse < 0.1, "{fine} {coarse}");
+    }
+
+    #[test]
+    fn coarse_samples_are_as_many_as_asked_for() {
+        for step in 0..5000 {
+            let width = 1.2 * libm::powf(1.001, step as f32);
+            let (class, _) = GAUSSIAN.choose(width, Sampling::Coarse).expect("a table");
+            let samples = width / f32::from(class.block);
+            assert!(samples >= FEWEST_SAMPLES, "{width} {class:?}");
+            assert!(samples < 2.0 * FEWEST_SAMPLES || class.block == 16);
+        }
     }
 
     #[test]
     fn unfit_tables_are_refused() {
-        let good = generated::GAUSSIAN[5];
+        let good = generated::GAUSSIAN[12];
         let error = |table: Table<'_>| TableSet::new(&[table]).err();
         assert_eq!(error(good), None);
         assert_eq!(TableSet::new(&[]).err(), Some(TableError::Count));
@@ -326,25 +409,26 @@ mod tests {
             }),
             Some(TableError::Scales)
         );
-        let mut weights = good.score.to_vec();
-        weights[0] += 1;
+        let mut weights = good.weights.to_vec();
+        weights[0].0.0 += 1;
         assert_eq!(
             error(Table {
-                score: &weights,
+                weights: &weights,
                 ..good
             }),
             Some(TableError::Sum)
         );
-        let large: std::vec::Vec<i16> = (0..weights.len())
-            .map(|i| [30_000, -30_000, 0][i % good.taps() % 3])
-            .collect();
-        let error = error(Table {
-            score: &large,
-            ..good
-        });
-        assert!(
-            matches!(error, Some(TableError::Overflow | TableError::Sum)),
-            "{error:?}"
+        let mut stretch = good.stretch.to_vec();
+        stretch[1] = Pair(30_000, -30_000);
+        stretch[2] = Pair(30_000, -30_000);
+        stretch[0].0 +=
+            good.stretch[1].0 + good.stretch[1].1 + good.stretch[2].0 + good.stretch[2].1;
+        assert_eq!(
+            error(Table {
+                stretch: &stretch,
+                ..good
+            }),
+            Some(TableError::Overflow)
         );
     }
 }

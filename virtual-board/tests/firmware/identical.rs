@@ -8,7 +8,7 @@ use host_tests::scene::{Scene, Spot};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use slitrange::black_level::BlackLevel;
-use slitrange::estimator::{phase_table, tables};
+use slitrange::estimator::{self, Estimator};
 use slitrange::measurement::{Measurement, Settings};
 use slitrange::reading::Fault;
 use slitrange::{sensor_heads, spot, triangulation};
@@ -17,7 +17,7 @@ use virtual_board::{Exposure, LightSource, Row};
 use crate::common::{PATIENCE, Status, boot, is_reading, is_result, set};
 
 /// Pixels that the estimator may put into a sample.
-const BLOCKS: [u8; 12] = [1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16];
+const BLOCKS: [u8; 5] = slitrange::estimator::tables::BLOCKS;
 
 /// A spot of any kind on each row: anywhere and beyond the edges, of every width that is served and more, from lost in
 /// the noise to three times full scale.
@@ -112,7 +112,7 @@ fn block_of(row: &Row) -> Option<u8> {
     let mut words = row.words.clone();
     let row = geometry.row(&mut words).ok()?;
     let spot = spot::find(&row).ok()?;
-    let centre = phase_table::centre(&row, &spot, &geometry, &tables::GAUSSIAN).ok()?;
+    let centre = estimator::centre(Estimator::default(), &row, &spot, None, &geometry).ok()?;
     Some(centre.class.block)
 }
 
@@ -140,7 +140,7 @@ fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
     ] {
         let (rows, chip) = run(any_spots(5), &[command, "rows 1"], ROWS);
         let settings = Settings {
-            estimator: slitrange::estimator::Estimator::default(),
+            estimator: Estimator::default(),
             rows: 1,
             black_level: BlackLevel::Shielded,
             calibration,
@@ -187,7 +187,7 @@ fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
 fn every_frame_is_the_same_line_on_the_chip_and_on_a_pc() {
     let (rows, chip) = run(spots_nearby(6), &["black frame", "rows 5"], 300);
     let settings = Settings {
-        estimator: slitrange::estimator::Estimator::default(),
+        estimator: Estimator::default(),
         rows: 5,
         black_level: BlackLevel::Frame,
         calibration: triangulation::NOMINAL.ok(),
