@@ -2,6 +2,7 @@
 //!
 //! All take the same and give the same: see [`centre`].
 
+pub mod figures;
 pub mod phase_table;
 pub mod tables;
 
@@ -67,6 +68,27 @@ impl Estimator {
             Self::Fraunhofer => "fraunhofer",
         }
     }
+
+    /// The rung of that [`name`](Self::name).
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|rung| rung.name() == name)
+    }
+
+    /// The letter that stands for it in the line of a reading, which has no room for a name.
+    pub const fn letter(self) -> char {
+        match self {
+            Self::Centroid => 'c',
+            Self::Parabola => 'p',
+            Self::LogParabola => 'l',
+            Self::ZeroCrossing => 'z',
+            Self::Blocks => 'b',
+            Self::PhaseTable => 't',
+            Self::Adaptive => 'a',
+            Self::Robust => 'r',
+            Self::GaussNewton => 'g',
+            Self::Fraunhofer => 'f',
+        }
+    }
 }
 
 /// What an estimator finds in a row.
@@ -118,5 +140,30 @@ pub fn centre(
         Estimator::Blocks => with(&tables::GAUSSIAN, Sampling::Coarse),
         Estimator::Fraunhofer => with(&tables::SLIT, Sampling::Fine),
         _ => with(&tables::GAUSSIAN, Sampling::Fine),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_letters_tell_the_rungs_apart() {
+        for rung in Estimator::ALL {
+            assert_eq!(Estimator::named(rung.name()), Some(rung));
+            let same = Estimator::ALL
+                .into_iter()
+                .filter(|other| other.letter() == rung.letter());
+            assert_eq!(same.count(), 1, "{}", rung.letter());
+        }
+        for name in ["", "Adaptive", "adaptive ", "t"] {
+            assert_eq!(Estimator::named(name), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn every_rung_has_figures() {
+        let with_figures = figures::FIGURES.map(|figures| figures.estimator);
+        assert_eq!(with_figures, Estimator::ALL);
     }
 }

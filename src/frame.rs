@@ -37,6 +37,8 @@ pub struct FrameCentre {
     pub rows_used: u16,
     /// Rows in the frame.
     pub rows: u16,
+    /// Of the rows that had a centre, those with [`RowCentre::misfit`].
+    pub misfits: u16,
 }
 
 impl Frame {
@@ -110,6 +112,8 @@ impl Frame {
             width,
             rows_used: used as u16,
             rows: self.rows,
+            // At most the 64 rows there are.
+            misfits: self.centres.iter().filter(|row| row.misfit).count() as u16,
         })
     }
 
@@ -180,6 +184,22 @@ mod tests {
         assert!((centre.centre.to_f64() - 100.01).abs() < 2e-5);
         assert!((centre.uncertainty.to_f64() - 0.025).abs() < 2e-5);
         assert_eq!((centre.rows_used, centre.rows), (2, 2));
+    }
+
+    #[test]
+    fn misfits_are_counted_among_the_rows_used() {
+        let misfit = || {
+            row(100.0, 0.03).map(|centre| RowCentre {
+                misfit: true,
+                ..centre
+            })
+        };
+        let good = || row(100.0, 0.03);
+        let silent = || Err(Fault::SensorSilent);
+        let centre = frame([good(), misfit(), silent(), good(), misfit()]).centre();
+        let centre = centre.expect("a centre");
+        assert_eq!((centre.misfits, centre.rows_used, centre.rows), (2, 4, 5));
+        assert_eq!(frame([good()]).centre().expect("a centre").misfits, 0);
     }
 
     #[test]

@@ -111,6 +111,8 @@ impl Measurement {
             rows_used: frame.rows_used,
             rows: frame.rows,
             black_level: self.black.level(self.settings.black_level),
+            estimator: self.settings.estimator,
+            misfits: frame.misfits,
         })
     }
 }

@@ -4,8 +4,9 @@ pub mod answer;
 pub mod command;
 pub mod info;
 pub mod input;
+pub mod ladder;
 pub mod line;
 pub mod status;
 
-/// The longest answer, in bytes with its line ends: `help` and `status` are the long ones.
+/// The longest answer, in bytes with its line ends: `help`, `help estimator` and `status` are the long ones.
 pub const MAX_ANSWER: usize = 1024;

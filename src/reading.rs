@@ -1,5 +1,6 @@
 //! What comes out: a reading, or a fault.
 
+use crate::estimator::Estimator;
 use crate::units::{Counts, Micrometres, Pixels};
 
 /// A distance with its uncertainty and how it came about.
@@ -23,6 +24,11 @@ pub struct Reading {
     pub rows: u16,
     /// What an unlit pixel reads.
     pub black_level: Counts,
+    /// How the rows' centres were found.
+    pub estimator: Estimator,
+    /// Of the rows used, those whose pixels lie further from the fitted spot than their noise explains.
+    /// See [`RowCentre::misfit`](crate::estimator::RowCentre::misfit).
+    pub misfits: u16,
 }
 
 /// Why there is no distance.

@@ -30,6 +30,7 @@ use embassy_stm32::timer::simple_pwm::{PwmPin, SimplePwm};
 use embassy_stm32::usart::{self, BufferedUart};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Config, bind_interrupts, dma, interrupt, pac, peripherals, rcc, spi};
+use slitrange::protocol::MAX_ANSWER;
 use slitrange::protocol::status::StartCause;
 use static_cell::ConstStaticCell;
 
@@ -57,8 +58,9 @@ const BAUD: u32 = 115_200;
 /// The interrupt of the serial line.
 pub const SERIAL_INTERRUPT: interrupt::Interrupt = interrupt::USART3;
 
-/// Outgoing characters: eight of the longest lines of readings.
-static TO_SEND: ConstStaticCell<[u8; 512]> = ConstStaticCell::new([0; 512]);
+/// Outgoing characters: the longest answer, and as many of readings, which come meanwhile if a frame is a row. With less, lines
+/// are dropped after `help estimator`.
+static TO_SEND: ConstStaticCell<[u8; 2 * MAX_ANSWER]> = ConstStaticCell::new([0; 2 * MAX_ANSWER]);
 
 /// Incoming characters: 44 ms of the line, more than thread mode computes without looking.
 static RECEIVED: ConstStaticCell<[u8; 512]> = ConstStaticCell::new([0; 512]);

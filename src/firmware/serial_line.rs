@@ -23,6 +23,7 @@ use slitrange::protocol::answer::HELP;
 use slitrange::protocol::command::Command;
 use slitrange::protocol::info::{Banner, Hardware, Info};
 use slitrange::protocol::input::Input;
+use slitrange::protocol::ladder::Ladder;
 use slitrange::protocol::status::{SerialErrors, StartCause, Status};
 use slitrange::reading::{Fault, Reading};
 use slitrange::triangulation;
@@ -128,6 +129,7 @@ impl Session {
         match command {
             Command::Nothing => {}
             Command::Help => self.tx.send(format_args!("{HELP}")).await,
+            Command::HelpEstimator => self.tx.send(format_args!("{Ladder}")).await,
             Command::Info => {
                 let geometry = tcd1304::geometry();
                 let info = Info {
@@ -164,6 +166,18 @@ impl Session {
                     .send(format_args!(
                         "{}",
                         Command::Black(Some(self.settings.black_level))
+                    ))
+                    .await;
+            }
+            Command::Estimator(estimator) => {
+                if let Some(estimator) = estimator {
+                    self.settings.estimator = estimator;
+                    self.apply();
+                }
+                self.tx
+                    .send(format_args!(
+                        "{}",
+                        Command::Estimator(Some(self.settings.estimator))
                     ))
                     .await;
             }

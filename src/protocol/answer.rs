@@ -7,13 +7,14 @@ use crate::black_level::BlackLevel;
 
 /// The answer to `help`: a line a command.
 pub const HELP: &str = "\
-help                                   this list\r
+help [estimator]                       this list, or what each estimator costs and gives\r
 info                                   what this sensor is, its calibration and its range\r
 status                                 how it fares: rows, readings, faults and errors since the start\r
 distance                               the next frame's reading, or its fault and what to do about it\r
 stream [on|off]                        a line for every frame\r
 rows [1..64]                           rows in a frame\r
 black [shielded|frame|fixed 0..4095]   how the black level is found\r
+estimator [NAME]                       how the centre of a row is found\r
 calibration [on|off]                   distances, or centres only\r
 \x20                                      a name alone shows its value; d is a reading, f a fault, E an error";
 
@@ -23,6 +24,7 @@ impl fmt::Display for Command {
         match self {
             Self::Nothing => Ok(()),
             Self::Help => f.write_str("help"),
+            Self::HelpEstimator => f.write_str("help estimator"),
             Self::Info => f.write_str("info"),
             Self::Status => f.write_str("status"),
             Self::Distance => f.write_str("distance"),
@@ -34,6 +36,8 @@ impl fmt::Display for Command {
             Self::Black(Some(BlackLevel::Fixed(counts))) => write!(f, "black fixed {counts:.0}"),
             Self::Rows(None) => f.write_str("rows"),
             Self::Rows(Some(rows)) => write!(f, "rows {rows}"),
+            Self::Estimator(None) => f.write_str("estimator"),
+            Self::Estimator(Some(estimator)) => write!(f, "estimator {}", estimator.name()),
             Self::Calibration(None) => f.write_str("calibration"),
             Self::Calibration(Some(on)) => write!(f, "calibration {}", switch(*on)),
         }
@@ -47,6 +51,7 @@ const fn switch(on: bool) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::estimator::Estimator;
     use crate::protocol::command::parse;
     use crate::units::Counts;
 
@@ -55,6 +60,7 @@ mod tests {
         for command in [
             Command::Nothing,
             Command::Help,
+            Command::HelpEstimator,
             Command::Info,
             Command::Status,
             Command::Distance,
@@ -67,10 +73,14 @@ mod tests {
             Command::Black(Some(BlackLevel::Fixed(Counts::from_int(4095)))),
             Command::Rows(None),
             Command::Rows(Some(64)),
+            Command::Estimator(None),
             Command::Calibration(None),
             Command::Calibration(Some(true)),
             Command::Calibration(Some(false)),
-        ] {
+        ]
+        .into_iter()
+        .chain(Estimator::ALL.map(|estimator| Command::Estimator(Some(estimator))))
+        {
             assert_eq!(parse(command.to_string().as_bytes()), Ok(command));
         }
     }
@@ -85,6 +95,7 @@ mod tests {
             "stream",
             "rows",
             "black",
+            "estimator",
             "calibration",
         ] {
             let lines = HELP
@@ -96,5 +107,6 @@ mod tests {
             HELP.split("\r\n")
                 .all(|line| line.len() <= 110 && !line.contains('\n'))
         );
+        assert!(HELP.len() + 2 <= crate::protocol::MAX_ANSWER);
     }
 }

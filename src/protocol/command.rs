@@ -6,6 +6,7 @@ use core::fmt;
 use core::ops::RangeInclusive;
 
 use crate::black_level::BlackLevel;
+use crate::estimator::Estimator;
 use crate::frame::MAX_ROWS;
 use crate::units::Counts;
 
@@ -22,6 +23,8 @@ pub enum Command {
     Nothing,
     /// The list of commands.
     Help,
+    /// The list of estimators, with what each costs and gives.
+    HelpEstimator,
     /// What this sensor is.
     Info,
     /// How it fares.
@@ -34,6 +37,8 @@ pub enum Command {
     Black(Option<BlackLevel>),
     /// Show the rows in a frame, or set them.
     Rows(Option<u16>),
+    /// Show how the centre of a row is found, or set it.
+    Estimator(Option<Estimator>),
     /// Show the calibration in use, or switch it.
     Calibration(Option<bool>),
 }
@@ -51,6 +56,8 @@ pub enum Error {
     TooLong,
     /// The line has bytes that are not printable ASCII.
     NotText,
+    /// No estimator has that name.
+    NoEstimator,
 }
 
 impl fmt::Display for Error {
@@ -61,6 +68,7 @@ impl fmt::Display for Error {
             Self::Range(range) => write!(f, "E3 out of range, expected {range}"),
             Self::TooLong => write!(f, "E4 line longer than {MAX_LINE} characters"),
             Self::NotText => f.write_str("E5 not ASCII text"),
+            Self::NoEstimator => f.write_str("E6 unknown estimator, try help estimator"),
         }
     }
 }
@@ -70,6 +78,8 @@ impl core::error::Error for Error {}
 const BLACK: &str = "black fixed 0..4095|shielded|frame";
 const ROWS: &str = "rows 1..64";
 const STREAM: &str = "stream on|off";
+const HELP: &str = "help [estimator]";
+const ESTIMATOR: &str = "estimator NAME, try help estimator";
 const CALIBRATION: &str = "calibration on|off";
 
 /// Reads a line (without its end).
@@ -90,7 +100,7 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
     };
     let values = (words.next(), words.next(), words.next());
     match name {
-        "help" => alone(values, Command::Help, "help"),
+        "help" => help(values),
         "info" => alone(values, Command::Info, "info"),
         "status" => alone(values, Command::Status, "status"),
         "distance" => alone(values, Command::Distance, "distance"),
@@ -98,6 +108,7 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         "calibration" => switch(values, CALIBRATION).map(Command::Calibration),
         "black" => black(values).map(Command::Black),
         "rows" => rows(values).map(Command::Rows),
+        "estimator" => estimator(values).map(Command::Estimator),
         _ => Err(Error::Unknown),
     }
 }
@@ -108,6 +119,14 @@ fn alone(values: Values<'_>, command: Command, form: &'static str) -> Result<Com
     match values {
         (None, ..) => Ok(command),
         _ => Err(Error::Form(form)),
+    }
+}
+
+fn help(values: Values<'_>) -> Result<Command, Error> {
+    match values {
+        (None, ..) => Ok(Command::Help),
+        (Some("estimator"), None, _) => Ok(Command::HelpEstimator),
+        _ => Err(Error::Form(HELP)),
     }
 }
 
@@ -138,6 +157,14 @@ fn rows(values: Values<'_>) -> Result<Option<u16>, Error> {
         (None, ..) => Ok(None),
         (Some(rows), None, _) => Ok(Some(number(rows, 1..=MAX_ROWS, ROWS)? as u16)),
         _ => Err(Error::Form(ROWS)),
+    }
+}
+
+fn estimator(values: Values<'_>) -> Result<Option<Estimator>, Error> {
+    match values {
+        (None, ..) => Ok(None),
+        (Some(name), None, _) => Estimator::named(name).map(Some).ok_or(Error::NoEstimator),
+        _ => Err(Error::Form(ESTIMATOR)),
     }
 }
 
@@ -177,12 +204,25 @@ mod tests {
             parse(b"calibration on"),
             Ok(Command::Calibration(Some(true)))
         );
+        assert_eq!(parse(b"help estimator"), Ok(Command::HelpEstimator));
+        assert_eq!(parse(b"estimator"), Ok(Command::Estimator(None)));
+        assert_eq!(
+            parse(b"estimator  gauss-newton "),
+            Ok(Command::Estimator(Some(Estimator::GaussNewton)))
+        );
     }
 
     #[test]
     fn what_is_no_command_is_said() {
         assert_eq!(parse(b"Help"), Err(Error::Unknown));
-        assert_eq!(parse(b"help me"), Err(Error::Form("help")));
+        assert_eq!(parse(b"help me"), Err(Error::Form(HELP)));
+        assert_eq!(parse(b"help estimator adaptive"), Err(Error::Form(HELP)));
+        assert_eq!(parse(b"estimator Adaptive"), Err(Error::NoEstimator));
+        assert_eq!(parse(b"estimator t"), Err(Error::NoEstimator));
+        assert_eq!(
+            parse(b"estimator gauss newton"),
+            Err(Error::Form(ESTIMATOR))
+        );
         assert_eq!(parse(b"rows 0"), Err(Error::Range(ROWS)));
         assert_eq!(parse(b"rows 65"), Err(Error::Range(ROWS)));
         assert_eq!(parse(b"rows 99999999999"), Err(Error::Range(ROWS)));

@@ -77,6 +77,7 @@ impl fmt::Display for Info<'_> {
             shielded.start, shielded.end
         )?;
         write!(f, "\r\ninfo rate a row every {row_us} us, exposed as long")?;
+        write!(f, "\r\ninfo estimator {}", self.settings.estimator.name())?;
         let Some(curve) = &self.settings.calibration else {
             return f.write_str("\r\ninfo calibration off");
         };
@@ -142,6 +143,10 @@ mod tests {
         assert!(
             info.split("\r\n")
                 .all(|line| line.starts_with("info ") && line.len() <= 110),
+            "{info}"
+        );
+        assert!(
+            info.contains("\r\ninfo estimator phase-table\r\n"),
             "{info}"
         );
         settings.calibration = None;

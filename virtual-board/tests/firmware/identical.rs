@@ -207,3 +207,38 @@ fn every_frame_is_the_same_line_on_the_chip_and_on_a_pc() {
     println!("{} frames of 5 rows are the same: {kinds:?}", chip.len());
     assert!(kinds["reading"] >= 20 && kinds.len() >= 2, "{kinds:?}");
 }
+
+/// The rungs that compute in other ways than the default: sums of pixels, a second set of weights, residuals, floats.
+#[test]
+fn every_estimator_says_the_same_on_the_chip_and_on_a_pc() {
+    const ROWS: u64 = 70;
+    for estimator in [
+        Estimator::Centroid,
+        Estimator::Adaptive,
+        Estimator::Robust,
+        Estimator::GaussNewton,
+    ] {
+        let command = format!("estimator {}", estimator.name());
+        // Without a calibration, a line gives all bits of a centre; with it, the misfits.
+        for (calibration, switch, centre) in [
+            (triangulation::NOMINAL.ok(), "calibration on", "reading"),
+            (None, "calibration off", "not calibrated"),
+        ] {
+            let (rows, chip) = run(any_spots(7), &[switch, "rows 1", &command], ROWS);
+            let settings = Settings {
+                estimator,
+                rows: 1,
+                black_level: BlackLevel::Shielded,
+                calibration,
+            };
+            let pc = on_this_pc(&rows, &settings);
+            // The first two may still be of the estimator before.
+            let chip = &chip[2..];
+            let pc = aligned(&pc, chip);
+            assert!(chip.len() >= 40 && pc.len().abs_diff(chip.len()) <= 2);
+            let kinds = assert_same(chip, pc);
+            println!("{command}, {switch}: {kinds:?}");
+            assert!(kinds[centre] >= 5, "{kinds:?}");
+        }
+    }
+}

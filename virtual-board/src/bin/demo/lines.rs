@@ -55,6 +55,9 @@ impl Report {
             rows,
             "b",
             _,
+            "e",
+            _,
+            ..,
         ] = words[..]
         else {
             anyhow::bail!("{line:?} is no reading");
