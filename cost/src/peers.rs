@@ -241,7 +241,7 @@ impl<'a> Given<'a> {
     fn new(scene: &Scene, windows: &'a [Window]) -> anyhow::Result<Self> {
         let rows = windows
             .iter()
-            .map(|window| Row::new(&window.pixels, &[]).map(|row| (row, window)))
+            .map(|window| Row::new(&window.pixels, &[], 4095).map(|row| (row, window)))
             .collect::<Result<_, _>>();
         Ok(Self {
             geometry: scene.geometry(),

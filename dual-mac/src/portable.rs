@@ -12,14 +12,26 @@ pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
     sum
 }
 
-/// Two such sums over the same samples.
+/// Two such sums over the same samples. Four samples at a time keep a PC's vector unit busy; sums that wrap may be taken in any
+/// order.
 pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
-    let (mut first, mut second) = (0i32, 0i32);
-    for (&[even, odd], weight) in samples.as_chunks::<2>().0.iter().zip(weights) {
-        first = first.wrapping_add(two_products(even, odd, weight.0));
-        second = second.wrapping_add(two_products(even, odd, weight.1));
+    let pairs = (samples.len() / 2).min(weights.len());
+    let samples = samples.get(..2 * pairs).unwrap_or_default();
+    let weights = weights.get(..pairs).unwrap_or_default();
+    let (fours, two) = samples.as_chunks::<4>();
+    let (weight_pairs, last) = weights.as_chunks::<2>();
+    let mut sums = [0i32; 4];
+    for (&[a, b, c, d], [even, odd]) in fours.iter().zip(weight_pairs) {
+        sums[0] = sums[0].wrapping_add(two_products(a, b, even.0));
+        sums[1] = sums[1].wrapping_add(two_products(a, b, even.1));
+        sums[2] = sums[2].wrapping_add(two_products(c, d, odd.0));
+        sums[3] = sums[3].wrapping_add(two_products(c, d, odd.1));
     }
-    (first, second)
+    if let (&[a, b], [weight]) = (two, last) {
+        sums[0] = sums[0].wrapping_add(two_products(a, b, weight.0));
+        sums[1] = sums[1].wrapping_add(two_products(a, b, weight.1));
+    }
+    (sums[0].wrapping_add(sums[2]), sums[1].wrapping_add(sums[3]))
 }
 
 fn two_products(even: u16, odd: u16, weight: Pair) -> i32 {

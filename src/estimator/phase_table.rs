@@ -243,7 +243,7 @@ fn settle<'a>(
         {
             return Err(Unsettled::Shape);
         }
-        let (half_phase, margin) = slack(pass);
+        let (half_phase, margin) = slack(if cut { 0 } else { pass });
         let (better_class, better) = tables.choose(width, sampling).ok_or(Unsettled::Shape)?;
         let fits = table.mismatch(width, class.block)
             <= better.mismatch(width, better_class.block) + margin;

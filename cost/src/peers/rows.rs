@@ -145,7 +145,7 @@ fn window(scene: &scene::Scene, row: u64) -> anyhow::Result<Window> {
     let earlier = quantise(&earlier.row_with_centre(2 * row, moved, 1.0), full_scale);
     let words = quantise(&scene.row_with_centre(2 * row + 1, truth, 1.0), full_scale);
 
-    let earlier = Row::new(&earlier, &[]).map_err(|error| anyhow!("{error:?}"))?;
+    let earlier = Row::new(&earlier, &[], 4095).map_err(|error| anyhow!("{error:?}"))?;
     let earlier_spot = spot::find(&earlier).map_err(|fault| anyhow!("{fault:?}"))?;
     let found = |estimator| {
         estimator::centre(estimator, &earlier, &earlier_spot, None, &scene.geometry)
@@ -161,7 +161,7 @@ fn window(scene: &scene::Scene, row: u64) -> anyhow::Result<Window> {
     };
     let before = on_window(before);
 
-    let whole = Row::new(&words, &[]).map_err(|error| anyhow!("{error:?}"))?;
+    let whole = Row::new(&words, &[], 4095).map_err(|error| anyhow!("{error:?}"))?;
     let spot = spot::find(&whole).map_err(|fault| anyhow!("{fault:?}"))?;
     Ok(Window {
         pixels: words[first..first + WINDOW].try_into()?,
