@@ -2,6 +2,7 @@
 //!
 //! All take the same and give the same: see [`centre`].
 
+pub mod adaptive;
 pub mod figures;
 pub mod phase_table;
 pub mod tables;
@@ -112,6 +113,8 @@ pub struct RowCentre {
 /// Which table served: its place in the set, and the pixels in a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WidthClass {
+    /// Number of the set.
+    pub set: u8,
     /// Index of the table.
     pub table: u8,
     /// Pixels in a sample.
@@ -138,6 +141,7 @@ pub fn centre(
         |tables, sampling| phase_table::centre(row, spot, before, geometry, tables, sampling);
     match estimator {
         Estimator::Blocks => with(&tables::GAUSSIAN, Sampling::Coarse),
+        Estimator::Adaptive => adaptive::centre(row, spot, before, geometry),
         Estimator::Fraunhofer => with(&tables::SLIT, Sampling::Fine),
         _ => with(&tables::GAUSSIAN, Sampling::Fine),
     }

@@ -7,7 +7,7 @@ use crate::estimator::{self, Estimator, RowCentre};
 use crate::frame::Frame;
 use crate::reading::{Fault, Reading};
 use crate::row::{Geometry, Row};
-use crate::spot;
+use crate::spot::{self, Spot};
 use crate::triangulation::Eq1;
 use crate::units::Micrometres;
 
@@ -31,6 +31,8 @@ pub struct Measurement {
     settings: Settings,
     frame: Frame,
     black: BlackPixels,
+    /// The row before, where it is of the same frame and had a centre.
+    before: Option<(Spot, RowCentre)>,
 }
 
 impl Measurement {
@@ -41,6 +43,7 @@ impl Measurement {
             settings,
             frame: Frame::default(),
             black: BlackPixels::default(),
+            before: None,
         }
     }
 
@@ -80,16 +83,31 @@ impl Measurement {
     fn start_frame(&mut self) {
         self.frame = Frame::default();
         self.black = BlackPixels::default();
+        self.before = None;
     }
 
+    /// The first row of a frame is searched and measured in full; what it says spares the next ones most of the work.
     fn centre(&mut self, row: &Row<'_>) -> Result<RowCentre, Fault> {
-        let spot = spot::find(row);
+        let before = self.before.take();
+        let spot = match &before {
+            Some((spot, centre)) => spot::find_again(row, spot, centre.width),
+            None => spot::find(row),
+        };
         self.black.add(
             self.settings.black_level,
             row,
             spot.ok().map(|spot| spot.background),
         );
-        estimator::centre(self.settings.estimator, row, &spot?, None, &self.geometry)
+        let spot = spot?;
+        let centre = estimator::centre(
+            self.settings.estimator,
+            row,
+            &spot,
+            before.as_ref().map(|(_, centre)| centre),
+            &self.geometry,
+        )?;
+        self.before = Some((spot, centre));
+        Ok(centre)
     }
 
     fn reading(&self) -> Result<Reading, Fault> {

@@ -12,7 +12,7 @@ use heapless::Vec;
 
 use crate::reading::Fault;
 use crate::row::{LARGEST_COUNT, MAX_PIXELS, Row};
-use crate::units::Counts;
+use crate::units::{Counts, Pixels};
 
 /// The shortest row that is searched, in pixels of its light range.
 pub const MIN_PIXELS: usize = 32;
@@ -74,10 +74,7 @@ pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
         .map(|(block_log2, peak)| Candidate::new(*peak, block_log2 as u32, level))
         .max_by_key(|candidate| candidate.significance)
         .ok_or(no_spot)?;
-    // The kernel's noise: (1 + 4 + 1) * 2^block_log2 pixels' variance. Q8 counts squared: noise < 2^20, so below 2^50.
-    let noise = u64::from(background.noise.to_bits().unsigned_abs());
-    let needed = 6 * noise * noise * DETECTION * DETECTION / 4;
-    if best.significance < needed {
+    if best.significance < needed(background.noise) {
         return Err(Fault::NoSpot {
             amplitude: best.height(),
         });
@@ -88,6 +85,115 @@ pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
         height: best.height(),
         background,
     })
+}
+
+/// Finds the spot again in the next row: in blocks of 8 pixels or more, a multiple of them that fits the width it had, and above
+/// the background and the noise it had. That takes a tenth of the work. Narrower spots are looked for as in [`find`].
+///
+/// # Errors
+/// As [`find`].
+pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, Fault> {
+    let light = row.light();
+    // The kernel fits a width of 0.9 of its block best, and widths from 0.64 to 1.28 better than that of another size.
+    let block_log2 = (BLOCK_LOG2..=LARGEST_BLOCK_LOG2)
+        .take_while(|&log2| width.to_bits() >= (41 << log2) << (Pixels::FRACTION - 6))
+        .last();
+    let Some(block_log2) = block_log2.filter(|_| light.len() >= MIN_PIXELS) else {
+        return find(row);
+    };
+    let mut sums = [0u16; MAX_PIXELS >> BLOCK_LOG2];
+    let peak = sweep_blocks(light.as_chunks().0, &mut sums);
+    let blocks = light.len() >> BLOCK_LOG2;
+    let peak = match (block_log2, sums.get(..blocks)) {
+        (BLOCK_LOG2, _) => peak,
+        (_, Some(sums)) => sweep_sums(sums, block_log2 - BLOCK_LOG2),
+        // There are as many sums as blocks.
+        (_, None) => return find(row),
+    };
+    let level = before.background.level;
+    // A response is at most 4 * 128 * 4095 < 2^21 counts, and so is the background under it: both fit in Q8.
+    let response =
+        (peak.response << Counts::FRACTION) as i32 - ((level.to_bits() * 4) << block_log2);
+    let response = response.max(0);
+    let height = Counts::from_bits(response >> (2 + block_log2));
+    let significance = square(response.unsigned_abs()) >> block_log2;
+    // What is left of a spot that went away is not looked for in noise; and rows without change tell that no sensor is there.
+    if significance < needed(before.background.noise) {
+        return find(row);
+    }
+    Ok(Spot {
+        centre: (peak.block << block_log2) + ((1usize << block_log2) / 2),
+        block_log2,
+        height,
+        background: before.background,
+    })
+}
+
+/// Blocks of 2^3 = 8 pixels: their sums fit 16 bits, and four words of two pixels make one.
+const BLOCK_LOG2: u32 = 3;
+
+const _: () = assert!((LARGEST_COUNT as u32) << BLOCK_LOG2 <= u16::MAX as u32);
+
+/// The kernel's highest response, background included, and its middle block.
+#[derive(Clone, Copy, Default)]
+struct Highest {
+    block: usize,
+    response: u32,
+}
+
+/// Runs [1 2 1] over the sums of blocks, which go into `sums`.
+#[inline(never)]
+fn sweep_blocks(blocks: &[[u16; 8]], sums: &mut [u16]) -> Highest {
+    let mut highest = Highest::default();
+    let (mut last, mut last_two) = (0u32, 0u32);
+    for (i, (&[a, b, c, d, e, f, g, h], sum)) in blocks.iter().zip(sums).enumerate() {
+        // Two at a time: four counts of 12 bits fit the 16 bits that each half has.
+        let both = (pair(a, b) + pair(c, d)) + (pair(e, f) + pair(g, h));
+        let block = (both & 0xffff) + (both >> 16);
+        *sum = block as u16;
+        let two = last + block;
+        // The first two blocks make no kernel: what is missing counts as zero, below any background.
+        let response = last_two + two;
+        if response > highest.response {
+            highest = Highest { block: i, response };
+        }
+        (last, last_two) = (block, two);
+    }
+    // The response was noted at the kernel's last block.
+    highest.block = highest.block.saturating_sub(1);
+    highest
+}
+
+fn pair(low: u16, high: u16) -> u32 {
+    u32::from(low) | u32::from(high) << 16
+}
+
+/// Runs [1 2 1] over sums of 2^`log2` sums.
+#[inline(never)]
+fn sweep_sums(sums: &[u16], log2: u32) -> Highest {
+    let mut highest = Highest::default();
+    let (mut last, mut last_two) = (0u32, 0u32);
+    for (i, sums) in sums.chunks_exact(1 << log2).enumerate() {
+        let block = sums.iter().map(|&sum| u32::from(sum)).sum::<u32>();
+        let two = last + block;
+        let response = last_two + two;
+        if response > highest.response {
+            highest = Highest { block: i, response };
+        }
+        (last, last_two) = (block, two);
+    }
+    highest.block = highest.block.saturating_sub(1);
+    highest
+}
+
+/// The significance that a spot has at least: see [`DETECTION`]. The kernel's noise is (1 + 4 + 1) * 2^block_log2 pixels'
+/// variance; Q8 counts squared: noise < 2^20, so below 2^50.
+fn needed(noise: Counts) -> u64 {
+    6 * square(noise.to_bits().unsigned_abs()) * DETECTION * DETECTION / 4
+}
+
+fn square(value: u32) -> u64 {
+    u64::from(value) * u64::from(value)
 }
 
 /// Number of block sizes: 1, 2, 4 ... 128 pixels.
@@ -193,8 +299,7 @@ impl Candidate {
         let response =
             (peak.response << Counts::FRACTION) as i32 - ((level.to_bits() * 4) << block_log2);
         let response = response.max(0);
-        let significance =
-            (u64::from(response.unsigned_abs()) * u64::from(response.unsigned_abs())) >> block_log2;
+        let significance = square(response.unsigned_abs()) >> block_log2;
         Self {
             block_log2,
             peak,

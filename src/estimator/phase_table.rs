@@ -66,8 +66,25 @@ pub fn centre(
     tables: &TableSet<'_>,
     sampling: Sampling,
 ) -> Result<RowCentre, Fault> {
-    fit(row, spot, before, geometry, tables, sampling)?
-        .with_uncertainty(spot.background.noise, geometry)
+    fit(
+        row,
+        spot,
+        before,
+        geometry,
+        tables,
+        Width::TakenOver,
+        sampling,
+    )?
+    .with_uncertainty(spot.background.noise, geometry)
+}
+
+/// Where the width comes from that says which table serves, where there is a row before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Width {
+    /// From the row before, as it was there.
+    TakenOver,
+    /// From the third product, smoothed over the rows.
+    Measured,
 }
 
 /// The table that fits, and what it says.
@@ -80,9 +97,10 @@ pub(super) fn fit<'a>(
     before: Option<&RowCentre>,
     geometry: &Geometry,
     tables: &TableSet<'a>,
+    width: Width,
     sampling: Sampling,
 ) -> Result<Fit<'a>, Fault> {
-    let followed = before.and_then(|before| follow(row.light(), spot, before, tables));
+    let followed = before.and_then(|before| follow(row.light(), spot, before, tables, width));
     let fit = match followed {
         Some(fit) => fit,
         None => fit_afresh(row, spot, geometry, tables, sampling)?,
@@ -112,16 +130,17 @@ fn follow<'a>(
     spot: &Spot,
     before: &RowCentre,
     tables: &TableSet<'a>,
+    source: Width,
 ) -> Option<Fit<'a>> {
-    let table = tables.get(before.class)?;
-    let width = before.width.to_f32();
     if !is_near(spot, before) {
         return None;
     }
-    let (block, steps) = resolution(before.class, table);
+    let mut width = before.width.to_f32();
+    let (class, table) = tables.of(before.class, width)?;
+    let (block, steps) = resolution(class, table);
     let mut at = before.centre;
     for _ in 0..MAX_FOLLOWING {
-        let (window, reference) = place(at, before.class, table);
+        let (window, reference) = place(at, class, table);
         let products = inner_products(light, &window, table)?;
         if products.slope <= 0 {
             return None;
@@ -129,18 +148,52 @@ fn follow<'a>(
         let slope = products.slope as f32;
         let distance = distance(products.score as f32 / slope, table);
         at = moved(reference, distance * block);
-        if distance.abs() * steps <= slack(0).0 {
-            return Some(Fit {
-                centre: at,
-                width,
-                stretch: width / (table.width * block) - 1.0,
-                slope,
-                class: before.class,
-                table,
-            });
+        if distance.abs() * steps > slack(0).0 {
+            continue;
         }
+        if source == Width::Measured {
+            let measured = table.width * block * (1.0 + stretch(light, &window, table, slope));
+            width += (measured - width) * SMOOTHING;
+            if table.mismatch(width, class.block) > tables.reach() {
+                return None;
+            }
+        }
+        return Some(Fit {
+            centre: at,
+            width,
+            stretch: width / (table.width * block) - 1.0,
+            slope,
+            class,
+            table,
+        });
     }
     None
+}
+
+/// The share of a row in the width: what it says is averaged over about seven rows.
+const SMOOTHING: f32 = 0.25;
+
+/// The same spot with the tables of another set, from one look at the place that is known. `None` where that set's window
+/// reaches over the sensor's edge.
+#[inline(never)]
+pub(super) fn refit<'a>(light: &[u16], fit: &Fit<'_>, tables: &TableSet<'a>) -> Option<Fit<'a>> {
+    let (class, table) = tables.choose(fit.width, Sampling::Fine)?;
+    let (window, reference) = place(fit.centre, class, table);
+    let products = inner_products(light, &window, table)?;
+    if products.slope <= 0 {
+        return None;
+    }
+    let slope = products.slope as f32;
+    let (block, _) = resolution(class, table);
+    let distance = distance(products.score as f32 / slope, table);
+    Some(Fit {
+        centre: moved(reference, distance * block),
+        width: fit.width,
+        stretch: fit.width / (table.width * block) - 1.0,
+        slope,
+        class,
+        table,
+    })
 }
 
 /// Passes before a spot that moved is looked for afresh.

@@ -36,7 +36,11 @@ pub struct Table<'a> {
 
 /// Tables for rising widths, proven.
 #[derive(Clone, Copy, Debug)]
-pub struct TableSet<'a>(&'a [Table<'a>]);
+pub struct TableSet<'a> {
+    tables: &'a [Table<'a>],
+    /// Tells the sets of the core apart in a [`WidthClass`].
+    number: u8,
+}
 
 /// Why tables cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,13 +89,13 @@ mod generated {
 }
 
 /// One set for every row: where the table's width is the spot's, at most 1.08 of the bound in read noise and 1.09 in shot noise.
-pub static GAUSSIAN: TableSet<'static> = proven(generated::GAUSSIAN);
+pub static GAUSSIAN: TableSet<'static> = proven(0, generated::GAUSSIAN);
 
 /// For the diffraction pattern of a slit, eq. (6).
-pub static SLIT: TableSet<'static> = proven(generated::SLIT);
+pub static SLIT: TableSet<'static> = proven(1, generated::SLIT);
 
 /// For a background that rises or falls along the row.
-pub static TILTED: TableSet<'static> = proven(generated::TILTED);
+pub static TILTED: TableSet<'static> = proven(2, generated::TILTED);
 
 /// Tables for a mix of noise.
 #[derive(Clone, Copy, Debug)]
@@ -127,14 +131,14 @@ pub static MIXES: [Mix; 5] = [
     },
 ];
 
-static READ_NOISE: TableSet<'static> = proven(generated::READ_NOISE);
-static MOSTLY_SHOT_NOISE: TableSet<'static> = proven(generated::MOSTLY_SHOT_NOISE);
-static SHOT_NOISE: TableSet<'static> = proven(generated::SHOT_NOISE);
-static PURE_SHOT_NOISE: TableSet<'static> = proven(generated::PURE_SHOT_NOISE);
+static READ_NOISE: TableSet<'static> = proven(3, generated::READ_NOISE);
+static MOSTLY_SHOT_NOISE: TableSet<'static> = proven(4, generated::MOSTLY_SHOT_NOISE);
+static SHOT_NOISE: TableSet<'static> = proven(5, generated::SHOT_NOISE);
+static PURE_SHOT_NOISE: TableSet<'static> = proven(6, generated::PURE_SHOT_NOISE);
 
-const fn proven(tables: &'static [Table<'static>]) -> TableSet<'static> {
+const fn proven(number: u8, tables: &'static [Table<'static>]) -> TableSet<'static> {
     match TableSet::new(tables) {
-        Ok(set) => set,
+        Ok(set) => TableSet { number, ..set },
         Err(_) => panic!("the generated tables are unfit"),
     }
 }
@@ -178,12 +182,12 @@ impl<'a> TableSet<'a> {
             }
             i += 1;
         }
-        Ok(Self(tables))
+        Ok(Self { tables, number: 0 })
     }
 
     /// The tables.
     pub const fn tables(&self) -> &'a [Table<'a>] {
-        self.0
+        self.tables
     }
 
     /// Whether a spot of this width in pixels is one.
@@ -191,10 +195,22 @@ impl<'a> TableSet<'a> {
         (NARROWEST..WIDEST).contains(&width)
     }
 
-    /// The table of a class, where there is one.
-    pub(super) fn get(&self, class: WidthClass) -> Option<&'a Table<'a>> {
-        let table = self.0.get(usize::from(class.table))?;
-        BLOCKS.contains(&class.block).then_some(table)
+    /// The table of the class that the row before had, or where that was of another set, the one for its width.
+    pub(super) fn of(&self, class: WidthClass, width: f32) -> Option<(WidthClass, &'a Table<'a>)> {
+        if class.set != self.number {
+            return self.choose(width, Sampling::Fine);
+        }
+        let table = self.tables.get(usize::from(class.table))?;
+        BLOCKS.contains(&class.block).then_some((class, table))
+    }
+
+    /// How far a spot's width may be from a table's before another serves it better: half a step between the widths, and
+    /// a tenth of a step for noise.
+    pub(super) fn reach(&self) -> f32 {
+        match self.tables {
+            [first, second, ..] => 0.6 * (second.width / first.width - 1.0),
+            _ => f32::INFINITY,
+        }
     }
 
     /// The pixels in a sample and the table that match a width in pixels best.
@@ -204,7 +220,7 @@ impl<'a> TableSet<'a> {
         sampling: Sampling,
     ) -> Option<(WidthClass, &'a Table<'a>)> {
         let [block, ..] = BLOCKS;
-        let widest = self.0.last()?.width * 1.05;
+        let widest = self.tables.last()?.width * 1.05;
         let block = match sampling {
             Sampling::Fine => BLOCKS
                 .into_iter()
@@ -218,16 +234,17 @@ impl<'a> TableSet<'a> {
         let samples = width / f32::from(block);
         // The widths are a geometric series: from the geometric mean with the next one on, the next one is nearer.
         let index = self
-            .0
+            .tables
             .iter()
-            .zip(self.0.iter().skip(1))
+            .zip(self.tables.iter().skip(1))
             .take_while(|(table, next)| samples * samples > table.width * next.width)
             .count();
         let class = WidthClass {
+            set: self.number,
             table: index as u8,
             block,
         };
-        Some((class, self.0.get(index)?))
+        Some((class, self.tables.get(index)?))
     }
 }
 
