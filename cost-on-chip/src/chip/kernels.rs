@@ -42,7 +42,11 @@ pub fn compare() {
         let (chip, twin) = (dual_mac::square_root(value), portable::square_root(value));
         judge(chip.to_bits() == twin.to_bits() || (chip.is_nan() && twin.is_nan()));
     }
-    defmt::println!("kernels compared {} different {}", compared, different);
+    defmt::println!(
+        "kernels dual-mac compared {} different {}",
+        compared,
+        different
+    );
     super::board::let_the_log_out();
 }
 

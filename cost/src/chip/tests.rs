@@ -1,0 +1,1 @@
+//! The chip and a PC.
