@@ -31,29 +31,35 @@ pub fn geometry() -> Geometry {
     sensor_heads::tcd1304dg()
 }
 
-/// One of two rows of the same spot.
+/// Which row of a spot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turn {
-    /// The row before.
+    /// The row before, the target at rest: the same spot, other noise.
     Before,
+    /// The row before, the target on the move: the spot lies up to half a pixel beside where it will be, its width is up to 5 %
+    /// another, and its height 10 %.
+    BeforeMoved,
     /// The row that is measured.
     Now,
 }
 
 /// Writes a row's pixels: a spot of the given width, the `row`-th of [`ROWS`].
 pub fn light(width: f32, row: usize, turn: Turn, pixels: &mut [u16; PIXELS]) {
-    const GOLDEN: f64 = 0.618_033_988_749_895;
-    let phase = row as f64 * GOLDEN;
-    let centre = 1800.0 + phase - libm::floor(phase) - 0.5 + 16.0 * row as f64;
-    let mut random = ChaCha8Rng::seed_from_u64(u64::from(width.to_bits()));
+    let moved = if turn == Turn::BeforeMoved { 1.0 } else { 0.0 };
+    // Irrational steps, each of its own, spread evenly.
+    let centre = 1800.0 + 16.0 * row as f64 + 0.5 * even(row, 1.618_033_988_749_895);
+    let centre = centre + moved * 0.5 * even(row + 1, 2.645_751_311_064_591);
+    let width = f64::from(width) * (1.0 + moved * 0.05 * even(row + 1, core::f64::consts::SQRT_2));
+    let amplitude = AMPLITUDE * (1.0 + moved * 0.1 * even(row + 1, 1.732_050_807_568_877));
+    let mut random = ChaCha8Rng::seed_from_u64(width.to_bits());
     random.set_stream(2 * row as u64 + u64::from(turn == Turn::Now));
     // Variance of the light's own noise in counts squared a count.
     let shot = f64::from(geometry().shot_variance_per_count_q16) / 65536.0;
     for (i, pixel) in pixels.iter_mut().enumerate() {
-        let from_centre = (i as f64 - centre) / f64::from(width);
+        let from_centre = (i as f64 - centre) / width;
         // Beyond eight widths it is below a millionth of a count.
         let signal = if from_centre > -8.0 && from_centre < 8.0 {
-            AMPLITUDE * libm::exp(-0.5 * from_centre * from_centre)
+            amplitude * libm::exp(-0.5 * from_centre * from_centre)
         } else {
             0.0
         };
@@ -61,6 +67,12 @@ pub fn light(width: f32, row: usize, turn: Turn, pixels: &mut [u16; PIXELS]) {
         // `as` takes the whole part, and saturates.
         *pixel = (BLACK_LEVEL + signal + noise * nearly_normal(random.next_u32()) + 0.5) as u16;
     }
+}
+
+/// The `n`-th of numbers from -1 to 1 that are a step apart, modulo 2.
+fn even(n: usize, step: f64) -> f64 {
+    let place = n as f64 * step;
+    2.0 * (place - libm::floor(place)) - 1.0
 }
 
 /// A number of nearly normal distribution, mean 0 and standard deviation 1, from 32 random bits: the sum of four bytes,

@@ -1,7 +1,7 @@
 //! What each rung costs on the chip: the program of `cost-on-chip`, built, run on the emulated board and read.
 //!
-//! - **Instructions** are exact: the emulated core's cycle counter counts one for each instruction that it executes (the
-//!   program checks that on a function of a hundred). Beside them stands what a call costs that does nothing.
+//! - **Instructions** of a rung are exact: those that the emulated core executed from the rung's first one to its return.
+//!   The program's own count is checked against them: its cycle counter, which there counts one for each instruction.
 //! - **Cycles** are an estimate from the instructions that were executed: see [`cycles`].
 //! - **Code** is the size of all functions that can be reached from the rung's own, with what they share with other rungs
 //!   counted for each: see [`program`]. **Tables** are the weights that the rung reads.
@@ -16,12 +16,16 @@ mod run;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
+use serde::Serialize;
 use slitrange::estimator::Estimator;
 use slitrange::estimator::tables::{self, TableSet};
+
+use virtual_board::trace::Call;
 
 use cycles::Model;
 use lines::{Kind, Line};
@@ -34,8 +38,11 @@ const PACKAGE: &str = "cost-on-chip";
 /// The function that does one iteration of the Gauss-Newton rung, as Rust names it.
 const GAUSS_NEWTON_ITERATION: &str = "slitrange::estimator::gauss_newton::iterate";
 
+/// The emulator makes its cycle counter from whole nanoseconds, of which a cycle has six: a difference is off by up to this.
+const CLOCK_ROUNDS: u64 = 2;
+
 /// What was counted on the chip.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Chip {
     /// Every rung at every width, the widths rising for each rung.
     pub rungs: Vec<RungOnChip>,
@@ -53,16 +60,12 @@ pub struct Chip {
     pub distance_instructions: u64,
     /// What one would use instead.
     pub peers: Vec<PeerOnChip>,
-    /// Times that an inner product or a square root in assembly was compared with its portable twin.
+    /// Times that an inner product or a square root in assembly was compared with its portable twin, and was the same.
     pub kernels_compared: u64,
-    /// How often they differed.
-    pub kernels_different: u64,
-    /// What the rungs found in each row.
-    pub found: Vec<Found>,
 }
 
 /// One rung at one width, over several rows: the spot is known, and so is what the rung found in the row before.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RungOnChip {
     /// The estimator's name.
     pub name: String,
@@ -85,27 +88,14 @@ pub struct RungOnChip {
 }
 
 /// A peer's fit of eq. (5) to 127 pixels.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PeerOnChip {
-    /// Its name.
+    /// The crate, its numbers' type, and where it starts if not from the row before of a target on the move.
     pub name: String,
     /// Instructions, the median over the rows.
     pub instructions: u64,
     /// Bytes of stack.
     pub stack_bytes: u64,
-}
-
-/// What a rung found in a row.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Found {
-    /// The estimator's name.
-    pub name: String,
-    /// Sigma in pixels.
-    pub width: f64,
-    /// The row's number.
-    pub row: usize,
-    /// The bits of centre and uncertainty, or the fault's name.
-    pub found: Result<(i32, i32), String>,
 }
 
 /// Builds the program, runs it on the emulated board and reads what it says.
@@ -137,12 +127,18 @@ pub fn on_board() -> Result<()> {
 }
 
 fn chip(run: &Run) -> Result<Chip> {
+    check_the_counter(run)?;
     let program = Program::of(&run.firmware)?;
     let model = Model::of(&program);
     let step = |name| lines::find(&run.lines, Kind::Step, name);
     let per_item =
         |line: &Line| Ok::<f64, anyhow::Error>(line.number("cycles")? / line.number("items")?);
     let kernels = lines::find(&run.lines, Kind::Kernels, "dual-mac")?;
+    let different = kernels.whole("different")?;
+    ensure!(
+        different == 0,
+        "on the chip {different} inner products or square roots in assembly are not what they are elsewhere"
+    );
     Ok(Chip {
         rungs: rungs(run, &program, &model)?,
         sweep_instructions_per_pixel: per_item(step("spot-find")?)?,
@@ -158,48 +154,90 @@ fn chip(run: &Run) -> Result<Chip> {
             .map(peer)
             .collect::<Result<_>>()?,
         kernels_compared: kernels.whole("compared")?,
-        kernels_different: kernels.whole("different")?,
-        found: lines::all(&run.lines, Kind::Row)
-            .map(found)
-            .collect::<Result<_>>()?,
     })
 }
 
+/// The program's count of a function of a hundred instructions and eight bytes of stack.
+fn check_the_counter(run: &Run) -> Result<()> {
+    let known = lines::find(&run.lines, Kind::Known, "hundred-instructions")?;
+    let (cycles, stack) = (known.whole("cycles")?, known.whole("stack")?);
+    ensure!(
+        cycles.abs_diff(100) <= CLOCK_ROUNDS && stack == 8,
+        "a hundred instructions and 8 bytes of stack were counted as {cycles} and {stack}"
+    );
+    Ok(())
+}
+
 fn rungs(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<RungOnChip>> {
+    let calls = calls_of_rungs(run, program)?;
     let mut rungs = Vec::new();
     for estimator in Estimator::ALL {
         let name = estimator.name();
-        let wrapper = wrapper(name);
-        let mut calls = run.calls_of(program, &wrapper)?;
+        let code_bytes = program.reachable_bytes(&wrapper(name))?;
         for line in lines::all(&run.lines, Kind::Rung).filter(|line| line.name == name) {
-            let rows = lines::all(&run.lines, Kind::Row).filter(|row| {
-                row.name == name && row.values.get("width") == line.values.get("width")
-            });
-            let faults: Vec<Option<String>> = rows.map(|row| row.fault.clone()).collect();
-            let mut cycles: Vec<u64> = calls
-                .by_ref()
-                .take(faults.len())
-                .map(|call| model.cycles(call))
-                .collect();
+            let width = line.number("width")?;
+            let rows = || {
+                calls
+                    .iter()
+                    .filter(|(row, _)| row.name == name && row.values.get("width") == Some(&width))
+            };
+            let instructions = sorted(rows().map(|(_, call)| call.instructions()));
+            let cycles = sorted(rows().map(|(_, call)| model.cycles(call)));
+            let (Some(median), Some(most)) = (middle(&instructions), instructions.last()) else {
+                bail!("the chip's program ran {name} on no row of width {width}");
+            };
+            let counted = line.whole("cycles")?;
             ensure!(
-                cycles.len() == faults.len() && !cycles.is_empty(),
-                "{wrapper} was called fewer times than it printed a row"
+                counted.abs_diff(median) <= CLOCK_ROUNDS,
+                "{name} at width {width} executes {median} instructions, but the cycle counter says {counted}"
             );
-            cycles.sort_unstable();
             rungs.push(RungOnChip {
                 name: name.to_owned(),
-                width: line.number("width")?,
-                instructions: line.whole("cycles")?,
-                instructions_most: line.whole("most")?,
-                cycles_estimated: cycles[cycles.len() / 2],
-                code_bytes: program.reachable_bytes(&wrapper)?,
+                width,
+                instructions: median,
+                instructions_most: *most,
+                cycles_estimated: middle(&cycles).unwrap_or_default(),
+                code_bytes,
                 table_bytes: table_bytes(estimator),
                 stack_bytes: line.whole("stack")?,
-                fault: faults.into_iter().flatten().next(),
+                fault: rows().find_map(|(row, _)| row.fault.clone()),
             });
         }
     }
     Ok(rungs)
+}
+
+/// The program prints a line for each call of a rung, in the order of the calls: each line with its call.
+fn calls_of_rungs<'a>(run: &'a Run, program: &Program) -> Result<Vec<(&'a Line, &'a Call)>> {
+    // Functions of the same instructions are one, so an address may stand for several rungs.
+    let wrappers: BTreeSet<u64> = Estimator::ALL
+        .into_iter()
+        .filter_map(|estimator| program.address(&wrapper(estimator.name())))
+        .collect();
+    let calls: Vec<&Call> = run
+        .calls
+        .iter()
+        .filter(|call| wrappers.contains(&call.function))
+        .collect();
+    let rows: Vec<&Line> = lines::all(&run.lines, Kind::Row).collect();
+    ensure!(
+        calls.len() == rows.len(),
+        "the chip's program called {} rungs and spoke of {}",
+        calls.len(),
+        rows.len()
+    );
+    Ok(rows.into_iter().zip(calls).collect())
+}
+
+fn sorted(numbers: impl Iterator<Item = u64>) -> Vec<u64> {
+    let mut numbers: Vec<u64> = numbers.collect();
+    numbers.sort_unstable();
+    numbers
+}
+
+/// The median of sorted numbers, the upper one of two.
+fn middle(sorted: &[u64]) -> Option<u64> {
+    sorted.get(sorted.len() / 2).copied()
 }
 
 /// The function on the chip that is a rung alone.
@@ -240,31 +278,20 @@ fn gauss_newton_iteration(run: &Run, program: &Program) -> Option<f64> {
         .calls
         .iter()
         .filter(|call| call.function == iteration)
-        .map(virtual_board::trace::Call::instructions)
+        .map(Call::instructions)
         .collect();
     (!counts.is_empty()).then(|| counts.iter().sum::<u64>() as f64 / counts.len() as f64)
 }
 
 fn peer(line: &Line) -> Result<PeerOnChip> {
     Ok(PeerOnChip {
-        name: line.name.clone(),
+        name: line
+            .name
+            .replace("-f32", " f32")
+            .replace("-f64", " f64")
+            .replace("-at-rest", ", target at rest")
+            .replace("-from-search", ", started from the search"),
         instructions: line.whole("cycles")?,
         stack_bytes: line.whole("stack")?,
-    })
-}
-
-fn found(line: &Line) -> Result<Found> {
-    Ok(Found {
-        name: line.name.clone(),
-        width: line.number("width")?,
-        row: usize::try_from(line.whole("number")?)?,
-        found: match &line.fault {
-            Some(fault) => Err(fault.clone()),
-            // Whole numbers of 32 bits, which a double holds.
-            None => Ok((
-                line.number("centre")? as i32,
-                line.number("uncertainty")? as i32,
-            )),
-        },
     })
 }

@@ -21,13 +21,25 @@ fn main() -> anyhow::Result<()> {
             rung.fault.as_deref().unwrap_or_default(),
         );
     }
+    for peer in &chip.peers {
+        println!(
+            "{}: {} instructions, stack {}",
+            peer.name, peer.instructions, peer.stack_bytes
+        );
+    }
     println!(
-        "{:#?}",
-        chip::Chip {
-            rungs: Vec::new(),
-            found: Vec::new(),
-            ..chip
-        }
+        "sweep {:.3} a pixel, tracked {:?}",
+        chip.sweep_instructions_per_pixel, chip.tracked_sweep_instructions_per_pixel
     );
+    println!("geometry {:.3} a word", chip.geometry_instructions_per_word);
+    println!(
+        "gauss-newton {:?} an iteration",
+        chip.gauss_newton_instructions_per_iteration
+    );
+    println!(
+        "measurement {} a row, distance {}",
+        chip.measurement_instructions_per_row, chip.distance_instructions
+    );
+    println!("kernels compared {}", chip.kernels_compared);
     Ok(())
 }

@@ -5,7 +5,7 @@ use cost_on_chip::rows::{self, PIXELS, ROWS, Turn};
 use embedded_alloc::LlffHeap;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{Const, OMatrix, OVector, Owned, U4};
-use slitrange::estimator::{Estimator, RowCentre};
+use slitrange::estimator::Estimator;
 
 use super::board::let_the_log_out;
 use super::counter::{self, Cost, Counted};
@@ -20,10 +20,6 @@ type Fitted = Const<FITTED>;
 
 /// The width of the spot, the paper's.
 const WIDTH: f32 = 10.5;
-
-/// The fit ends when a step changes sum or parameters by less than this part: the crate's default for f32. Its default for
-/// f64 asks for fifteen digits, which no row has and which would only make it slower.
-const TOLERANCE: f32 = 30.0 * f32::EPSILON;
 
 /// The pixels and where the fit starts, as it is known from the row before.
 struct Input {
@@ -40,29 +36,64 @@ struct Found {
     evaluations: usize,
 }
 
-/// Counts both on [`ROWS`] rows.
-pub fn measure() {
-    measure_one("levenberg-marquardt-f32", peer_levenberg_marquardt_f32);
-    measure_one("levenberg-marquardt-f64", peer_levenberg_marquardt_f64);
+/// Where a fit starts.
+#[derive(Clone, Copy)]
+enum Start {
+    /// What the default rung found in the row before, the target on the move: as the peers on a PC start.
+    Moved,
+    /// The same of a target at rest: as the rungs on this chip start.
+    AtRest,
+    /// What the coarse search found: half a block from the centre, a factor of two from the width.
+    Search,
 }
 
-fn measure_one(name: &str, peer: Counted<Input, Found>) {
+/// Counts fits with the crate's default tolerances on [`ROWS`] rows.
+pub fn measure() {
+    let (single, double) = (peer_levenberg_marquardt_f32, peer_levenberg_marquardt_f64);
+    measure_one("levenberg-marquardt-f32", Start::Moved, single);
+    measure_one("levenberg-marquardt-f64", Start::Moved, double);
+    measure_one("levenberg-marquardt-f32-at-rest", Start::AtRest, single);
+    measure_one("levenberg-marquardt-f32-from-search", Start::Search, single);
+}
+
+fn measure_one(name: &str, start: Start, peer: Counted<Input, Found>) {
     let geometry = rows::geometry();
     let (mut before, mut now) = ([0; PIXELS], [0; PIXELS]);
     let mut costs = [Cost::default(); ROWS];
     let mut evaluations = 0;
     for (row, cost) in costs.iter_mut().enumerate() {
-        rows::light(WIDTH, row, Turn::Before, &mut before);
+        let turn = match start {
+            Start::Moved => Turn::BeforeMoved,
+            Start::AtRest | Start::Search => Turn::Before,
+        };
+        rows::light(WIDTH, row, turn, &mut before);
         rows::light(WIDTH, row, Turn::Now, &mut now);
         let searched = defmt::unwrap!(inputs::searched(&before).ok());
         let now_searched = defmt::unwrap!(inputs::searched(&now).ok());
+        let spot = now_searched.spot;
         let known = inputs::input(Estimator::default(), &searched, now_searched, &geometry);
         let known = defmt::unwrap!(known.before);
-        let level = now_searched.spot.background.level.to_f32();
-        let first = known.centre.to_f32() as usize - FITTED / 2;
+        let (amplitude, centre, width) = match start {
+            Start::Moved | Start::AtRest => (
+                known.amplitude.to_f32(),
+                known.centre.to_f32(),
+                known.width.to_f32(),
+            ),
+            Start::Search => (
+                spot.height.to_f32(),
+                spot.centre as f32,
+                0.9 * (1u32 << spot.block_log2) as f32,
+            ),
+        };
+        let first = centre as usize - FITTED / 2;
         let input = Input {
             pixels: defmt::unwrap!(now[first..][..FITTED].try_into().ok()),
-            start: start(&known, first, level),
+            start: [
+                amplitude,
+                centre - first as f32,
+                core::f32::consts::FRAC_1_SQRT_2 / width,
+                spot.background.level.to_f32(),
+            ],
         };
         let mut found = Found::default();
         *cost = counter::count(peer, &input, &mut found);
@@ -85,15 +116,6 @@ fn measure_one(name: &str, peer: Counted<Input, Found>) {
         evaluations
     );
     let_the_log_out();
-}
-
-fn start(known: &RowCentre, first: usize, level: f32) -> [f32; 4] {
-    [
-        known.amplitude.to_f32(),
-        known.centre.to_f32() - first as f32,
-        core::f32::consts::FRAC_1_SQRT_2 / known.width.to_f32(),
-        level,
-    ]
 }
 
 /// Eq. (5): a exp(-(s (x - x0))^2) + black level.
@@ -183,9 +205,7 @@ extern "C" fn peer_levenberg_marquardt_f32(input: &Input, found: &mut Found) {
         counts: input.pixels.map(f32::from),
         parameters: OVector::from(input.start),
     };
-    let (problem, report) = LevenbergMarquardt::new()
-        .with_tol(TOLERANCE)
-        .minimize(problem);
+    let (problem, report) = LevenbergMarquardt::new().minimize(problem);
     *found = Found {
         centre: f64::from(problem.parameters[1]),
         evaluations: report.number_of_evaluations,
@@ -199,9 +219,7 @@ extern "C" fn peer_levenberg_marquardt_f64(input: &Input, found: &mut Found) {
         counts: input.pixels.map(f64::from),
         parameters: OVector::from(input.start.map(f64::from)),
     };
-    let (problem, report) = LevenbergMarquardt::new()
-        .with_tol(f64::from(TOLERANCE))
-        .minimize(problem);
+    let (problem, report) = LevenbergMarquardt::new().minimize(problem);
     *found = Found {
         centre: problem.parameters[1],
         evaluations: report.number_of_evaluations,

@@ -136,3 +136,66 @@ fn pipelined(instruction: &Instruction, next: &Instruction) -> bool {
         .split([',', ']', ' '])
         .any(|register| register == loaded)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    /// A loop as the inner product's, four times, and the timings of the manual: 10 instructions.
+    #[test]
+    fn a_loop() {
+        let program = Program::of_lines(
+            "100: e8f1 2302 	ldrd	r2, r3, [r1], #8
+             104: f850 4b04 	ldr	r4, [r0], #4
+             108: f850 5b04 	ldr	r5, [r0], #4
+             10c: fb24 6602 	smlad	r6, r4, r2, r6
+             110: fb25 6603 	smlad	r6, r5, r3, r6
+             114: 3f01      	subs	r7, #1
+             116: d1f3      	bne	0x100 <dot>
+             118: eeb1 0ac0 	vsqrt.f32	s0, s0
+             11c: bd70      	pop	{r4, r5, r6, pc}",
+        );
+        let addresses = [0x100, 0x104, 0x108, 0x10c, 0x110, 0x114, 0x116];
+        let mut steps = BTreeMap::new();
+        for (from, to) in addresses.into_iter().zip(addresses.into_iter().skip(1)) {
+            steps.insert((from, to), 4);
+        }
+        steps.insert((0x116, 0x100), 3);
+        steps.insert((0x116, 0x118), 1);
+        steps.insert((0x118, 0x11c), 1);
+        steps.insert((0x11c, 0x40), 1);
+        let call = Call {
+            function: 0x100,
+            steps,
+        };
+        // LDRD 3, LDR 2 less 1 for the LDR behind it, which has 2, SMLAD, SMLAD, SUBS, BNE 1 and 3 times 2 more; VSQRT; POP.
+        let expected = 4 * (3 + 1 + 2 + 1 + 1 + 1 + 1) + 3 * 2 + 14 + (1 + 4 + 2);
+        assert_eq!(Model::of(&program).cycles(&call), expected);
+        assert_eq!(call.instructions(), 4 * 7 + 2);
+    }
+
+    #[test]
+    fn a_load_waits_for_its_address() {
+        let program = Program::of_lines(
+            "100: 6808 	ldr	r0, [r1]
+             102: 6843 	ldr	r3, [r0, #4]
+             104: 6053 	str	r3, [r2, #4]
+             106: ed90 0a00 	vldr	s0, [r0]
+             10a: fb90 f0f1 	sdiv	r0, r0, r1",
+        );
+        let model = Model::of(&program);
+        let cycles = |addresses: &[u64]| {
+            let pairs = addresses.windows(2).map(|pair| ((pair[0], pair[1]), 1));
+            let call = Call {
+                function: addresses[0],
+                steps: pairs.collect(),
+            };
+            model.cycles(&call)
+        };
+        assert_eq!(cycles(&[0x100, 0x102]), 2);
+        assert_eq!(cycles(&[0x102, 0x104]), 1);
+        assert_eq!(cycles(&[0x104, 0x106, 0x10a, 0x10e]), 1 + 2 + 8);
+    }
+}

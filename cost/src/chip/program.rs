@@ -62,6 +62,16 @@ impl Program {
         })
     }
 
+    /// A program of the disassembler's lines.
+    #[cfg(test)]
+    pub fn of_lines(text: &str) -> Self {
+        Self {
+            functions: BTreeMap::new(),
+            addresses: BTreeMap::new(),
+            instructions: text.lines().filter_map(parse).collect(),
+        }
+    }
+
     /// The address of a function that keeps its name.
     pub fn address(&self, symbol: &str) -> Option<u64> {
         self.addresses.get(symbol).copied()
@@ -196,8 +206,9 @@ fn objdump() -> Result<PathBuf> {
     Ok(tool)
 }
 
-/// A line ` 80001b0: f00f fc4e    	bl	0x800fa50 <__pre_init>  @ imm = #0xf89c`: address, halfwords, tab, name, tab, operands,
-/// remarks. Data among the code have a name that begins with a dot, and are left out.
+/// A line of address, halfwords, name, operands and remarks, the latter three after tabs:
+/// ` 80001b0: f00f fc4e bl 0x800fa50 <__pre_init> @ imm = #0xf89c`. Data among the code have a name that begins with a dot,
+/// and are left out.
 fn parse(line: &str) -> Option<(u64, Instruction)> {
     let (address, rest) = line.split_once(':')?;
     let address = u64::from_str_radix(address.trim(), 16).ok()?;

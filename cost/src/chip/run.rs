@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use virtual_board::trace::Call;
 use virtual_board::{Firmware, PIXELS, VirtualBoard};
 
@@ -54,20 +54,5 @@ impl Run {
                 bail!("the chip's program did not end within {AT_MOST:?}");
             }
         }
-    }
-
-    /// The calls of a function, in the order in which they returned.
-    pub fn calls_of(
-        &self,
-        program: &Program,
-        function: &str,
-    ) -> Result<impl Iterator<Item = &Call>> {
-        let address = program
-            .address(function)
-            .with_context(|| format!("the chip's program has no function {function}"))?;
-        Ok(self
-            .calls
-            .iter()
-            .filter(move |call| call.function == address))
     }
 }
