@@ -9,10 +9,10 @@ use rigless::machine::{Board, Target, armv7m};
 use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::store;
 
-use crate::watched_core::{self, Watched};
 use crate::sensor_head::pins::{self, SharedHead};
 use crate::serial_line::{FarEnd, SerialLine};
 use crate::stm32f429::Stm32f429;
+use crate::watched_core::{self, Watched};
 
 /// The processor's clock, Hz: the most an STM32F429 does without over-drive.
 pub const CLOCK_HZ: u64 = 168_000_000;

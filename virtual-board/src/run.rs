@@ -16,13 +16,13 @@ use rigless::time::VirtualNanos;
 
 use crate::board::{INSTRUCTIONS_PER_SECOND, Nucleo, SERIAL_PORT};
 use crate::firmware::Firmware;
-use crate::watched_core::Watched;
 use crate::hang::{self, Hangs};
 use crate::rtt::{self, Message};
 use crate::sensor_head::pins::{CONVERTER, CONVERTER_BUS, SharedHead};
 use crate::sensor_head::{LightSource, SensorHead};
 use crate::serial_line::{Line, SerialLine};
 use crate::trace::{self, Call};
+use crate::watched_core::Watched;
 use crate::{Nanos, Violation};
 
 /// How often the run stops to drain the log and look for violations. A firmware's log buffer holds about as much.

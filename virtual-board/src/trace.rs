@@ -1,7 +1,7 @@
 //! Which instructions a function executes, each time it is called: what an estimate of its time on silicon is made from.
 //!
-//! While a traced function and what it calls are being executed, the core runs an instruction at a time, which is a
-//! hundred times slower than otherwise and changes nothing that the firmware can see.
+//! While a traced function and what it calls are being executed, the core runs an instruction at a time, which is many times
+//! slower than otherwise and changes nothing that the firmware can see.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
