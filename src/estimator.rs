@@ -130,6 +130,8 @@ pub struct WidthClass {
 /// [`Fault::SpotAtEdge`] where the pixels that the estimator needs reach over the sensor's edge, [`Fault::Saturated`] where a
 /// pixel within two widths of the centre is at full scale, [`Fault::TooDim`] where the noise leaves the centre uncertain by
 /// more than an eighth of the width, [`Fault::NoSpot`] where what is there has not the shape of a spot.
+// Inlined so that a rung that is fixed at compile time brings no other one's code with it.
+#[inline(always)]
 pub fn centre(
     estimator: Estimator,
     row: &Row<'_>,

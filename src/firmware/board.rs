@@ -86,9 +86,20 @@ pub struct Board {
     pub started_by: StartCause,
 }
 
+/// Caches and prefetch, which hide most of flash's five wait states (RM0090 section 3.5). embassy-stm32 0.6.0 sets the wait states
+/// only.
+fn enable_flash_accelerator() {
+    embassy_stm32::pac::FLASH.acr().modify(|acr| {
+        acr.set_icen(true);
+        acr.set_dcen(true);
+        acr.set_prften(true);
+    });
+}
+
 /// Sets up clocks and peripherals. To be called once, first.
 pub fn init() -> Board {
     let p = embassy_stm32::init(config());
+    enable_flash_accelerator();
     let started_by = start_cause();
     defmt::info!(
         "slitrange started by {}",

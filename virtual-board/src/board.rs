@@ -9,10 +9,10 @@ use rigless::machine::{Board, Target, armv7m};
 use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::store;
 
-use crate::hang::{self, Hangs};
 use crate::sensor_head::pins::{self, SharedHead};
 use crate::serial_line::{FarEnd, SerialLine};
 use crate::stm32f429::Stm32f429;
+use crate::watched_core::{self, Watched};
 
 /// The processor's clock, Hz: the most an STM32F429 does without over-drive.
 pub const CLOCK_HZ: u64 = 168_000_000;
@@ -38,26 +38,26 @@ const fn nonzero(value: u64) -> NonZeroU64 {
 pub struct Nucleo {
     /// The processor with all its peripherals.
     pub processor: Stm32f429,
-    hangs: Arc<Mutex<Hangs>>,
+    watched: Watched,
 }
 store!(Nucleo {
     values: [],
     parts: [processor],
-    built: [hangs]
+    built: [watched]
 });
 
 impl Nucleo {
     pub(crate) fn new(
         head: &Arc<SharedHead>,
         line: Arc<Mutex<SerialLine>>,
-        hangs: Arc<Mutex<Hangs>>,
+        watched: Watched,
     ) -> Result<Self> {
         let mut processor = Stm32f429::new().context("putting the emulated STM32F427 together")?;
         processor.part.rcc.attach_crystals(HSE_HZ, LSE_HZ);
         processor.part.set_supply(SUPPLY_MILLIVOLTS);
         pins::attach(&mut processor.part, head);
         processor.part.usart[SERIAL_PORT].attach(FarEnd { line });
-        Ok(Self { processor, hangs })
+        Ok(Self { processor, watched })
     }
 }
 
@@ -76,7 +76,7 @@ impl Board for Nucleo {
 
     fn targets(&mut self) -> Vec<Target<'_>> {
         let lines = u32::from(Operate::cpu(&self.processor).interrupt_lines);
-        let mut core = armv7m::Core {
+        let mut spec = armv7m::Core {
             variant: armv7m::Variant::M4,
             clock_hz: nonzero(CLOCK_HZ),
             interrupt_lines: NonZeroU32::new(lines).expect("the part has interrupt lines"),
@@ -91,7 +91,7 @@ impl Board for Nucleo {
             armv7m::Fpu::FpV4Sp,
             armv7m::MpuRegions::Eight,
         );
-        hang::wrap(&mut core, Arc::clone(&self.hangs));
-        vec![Target::new("stm32f427", &mut self.processor, core)]
+        watched_core::wrap(&mut spec, self.watched.clone());
+        vec![Target::new("stm32f427", &mut self.processor, spec)]
     }
 }

@@ -34,14 +34,23 @@ impl Firmware {
     ///
     /// # Errors
     ///
-    /// The build fails, its messages then being on stderr or in the error, or what it built cannot be loaded.
+    /// As [`Firmware::build_package`].
     pub fn build() -> Result<Self> {
+        Self::build_package("slitrange")
+    }
+
+    /// Builds the program of a package of this workspace, which is named as its package, and loads it.
+    ///
+    /// # Errors
+    ///
+    /// The build fails, its messages then being on stderr or in the error, or what it built cannot be loaded.
+    pub fn build_package(package: &str) -> Result<Self> {
         let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let mut command = Command::new(&cargo);
         command
             .args(["build", "--release", "--target", "thumbv7em-none-eabihf"])
-            .args(["--package", "slitrange", "--bin", "slitrange"])
+            .args(["--package", package, "--bin", package])
             .arg("--message-format=json-render-diagnostics")
             .current_dir(&workspace)
             .stdin(Stdio::null());
@@ -61,13 +70,14 @@ impl Firmware {
             .with_context(|| format!("{} did not start", cargo.to_string_lossy()))?;
         if !output.status.success() {
             bail!(
-                "the firmware did not build ({}); run `cargo fw` to see why\n{}",
+                "the chip's program {package} did not build ({}); to see why, run\n\
+                 cargo build --release --target thumbv7em-none-eabihf --package {package}\n{}",
                 output.status,
                 String::from_utf8_lossy(&output.stderr)
             );
         }
         let path = executable(&output.stdout)
-            .context("cargo built the firmware and named no executable: is the package's binary still `slitrange`?")?;
+            .with_context(|| format!("cargo built {package} and named no executable"))?;
         Self::load(&path)
     }
 

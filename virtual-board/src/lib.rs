@@ -35,6 +35,8 @@ pub mod run;
 pub mod sensor_head;
 pub mod serial_line;
 pub mod stm32f429;
+pub mod trace;
+mod watched_core;
 
 pub use firmware::Firmware;
 

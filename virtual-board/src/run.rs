@@ -21,6 +21,8 @@ use crate::rtt::{self, Message};
 use crate::sensor_head::pins::{CONVERTER, CONVERTER_BUS, SharedHead};
 use crate::sensor_head::{LightSource, SensorHead};
 use crate::serial_line::{Line, SerialLine};
+use crate::trace::{self, Call};
+use crate::watched_core::Watched;
 use crate::{Nanos, Violation};
 
 /// How often the run stops to drain the log and look for violations. A firmware's log buffer holds about as much.
@@ -41,7 +43,7 @@ pub struct VirtualBoard {
     firmware: Firmware,
     head: Arc<SharedHead>,
     line: Arc<Mutex<SerialLine>>,
-    hangs: Arc<Mutex<Hangs>>,
+    watched: Watched,
     log_bytes: Arc<Mutex<Vec<u8>>>,
     orders: Sender<Order>,
     stops: Receiver<Stop>,
@@ -91,10 +93,13 @@ impl VirtualBoard {
         let line = Arc::<Mutex<SerialLine>>::default();
         let trap = hang::find_trap(&firmware.image)
             .context("the firmware has no `b .`, which hang_at needs")?;
-        let hangs = Arc::new(Mutex::new(Hangs {
-            trap,
-            ..Hangs::default()
-        }));
+        let watched = Watched {
+            hangs: Arc::new(Mutex::new(Hangs {
+                trap,
+                ..Hangs::default()
+            })),
+            ..Watched::default()
+        };
         let log_bytes = Arc::<Mutex<Vec<u8>>>::default();
         let (orders, taken_orders) = channel();
         let (reported_stops, stops) = channel();
@@ -105,7 +110,7 @@ impl VirtualBoard {
             log_block: firmware.address_of("_SEGGER_RTT")?,
             log_bytes: Arc::clone(&log_bytes),
         };
-        let board = Nucleo::new(&head, Arc::clone(&line), Arc::clone(&hangs))?;
+        let board = Nucleo::new(&head, Arc::clone(&line), watched.clone())?;
         let session = Session::new(Box::new(board), 0, VirtualNanos(0))
             .context("opening the emulator's session")?;
         let images = [firmware.image.clone()];
@@ -117,7 +122,7 @@ impl VirtualBoard {
             firmware: firmware.clone(),
             head,
             line,
-            hangs,
+            watched,
             log_bytes,
             orders,
             stops,
@@ -332,6 +337,16 @@ impl VirtualBoard {
         Ok(())
     }
 
+    /// Has each call of the function at `address` traced from now on, and of what it calls: see [`crate::trace`].
+    pub fn trace_calls_of(&mut self, address: u64) {
+        trace::lock(&self.watched.traces).functions.insert(address);
+    }
+
+    /// Every call of a traced function that returned since this was last asked, in that order.
+    pub fn take_calls(&mut self) -> Vec<Call> {
+        std::mem::take(&mut trace::lock(&self.watched.traces).calls)
+    }
+
     /// Presses the reset button.
     ///
     /// # Errors
@@ -455,7 +470,10 @@ impl VirtualBoard {
     }
 
     fn hangs(&self) -> MutexGuard<'_, Hangs> {
-        self.hangs.lock().unwrap_or_else(PoisonError::into_inner)
+        self.watched
+            .hangs
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 
     fn order(&mut self, order: Order) -> Result<()> {

@@ -1,0 +1,11 @@
+//! All that exists only on the chip.
+
+pub mod board;
+pub mod counter;
+pub mod kernels;
+pub mod peers;
+pub mod rungs;
+pub mod steps;
+
+// Linked for what they define: where the log goes, and what a panic does.
+use {defmt_rtt as _, panic_probe as _};

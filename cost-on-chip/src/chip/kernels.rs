@@ -1,0 +1,66 @@
+//! The assembly of `dual_mac` against its portable twin.
+
+use dual_mac::{Pair, Pairs, portable};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{RngCore as _, SeedableRng as _};
+
+/// The longest inner product in samples, one more than a window's so that a last one without a partner is among them.
+const LONGEST: usize = 100;
+
+/// Times that each length is tried.
+const ROUNDS: usize = 20;
+
+/// Square roots that are tried.
+const ROOTS: usize = 5000;
+
+/// Compares on seeded random numbers: inner products of all lengths, from even and from odd pixels on, with weights as many
+/// and fewer; a quarter of all numbers is extreme. Square roots of any 32 bits.
+pub fn compare() {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let (mut compared, mut different) = (0u32, 0u32);
+    let mut judge = |same: bool| {
+        compared += 1;
+        different += u32::from(!same);
+    };
+    for samples in 0..=LONGEST {
+        for round in 0..ROUNDS {
+            let mut row = [0u16; LONGEST + 1];
+            row.fill_with(|| number(&mut random));
+            let mut weights = [Pairs::default(); LONGEST / 2];
+            weights.fill_with(|| Pairs(pair(&mut random), pair(&mut random)));
+            let single = weights.map(|Pairs(first, _)| first);
+            let start = round % 2;
+            let row = &row[start..start + samples];
+            let weights_given = (samples / 2).saturating_sub(if round < 4 { round } else { 0 });
+            let (single, double) = (&single[..weights_given], &weights[..weights_given]);
+            judge(dual_mac::dot(row, single) == portable::dot(row, single));
+            judge(dual_mac::dot2(row, double) == portable::dot2(row, double));
+        }
+    }
+    for _ in 0..ROOTS {
+        let value = f32::from_bits(random.next_u32());
+        let (chip, twin) = (dual_mac::square_root(value), portable::square_root(value));
+        judge(chip.to_bits() == twin.to_bits() || (chip.is_nan() && twin.is_nan()));
+    }
+    defmt::println!(
+        "kernels dual-mac compared {} different {}",
+        compared,
+        different
+    );
+    super::board::let_the_log_out();
+}
+
+fn pair(random: &mut ChaCha8Rng) -> Pair {
+    Pair(number(random) as i16, number(random) as i16)
+}
+
+/// Any 16 bits, or an extreme of them.
+fn number(random: &mut ChaCha8Rng) -> u16 {
+    const EXTREMES: [u16; 8] = [0, 1, 0x7FFF, 0x8000, 0x8001, 0xFFFF, 4095, 32_760];
+    let bits = random.next_u32();
+    if bits >> 30 == 0 {
+        EXTREMES[(bits >> 16) as usize % EXTREMES.len()]
+    } else {
+        bits as u16
+    }
+}

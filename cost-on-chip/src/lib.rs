@@ -1,0 +1,7 @@
+//! What the program on the chip computes with, apart from the counting: the same rows on the chip and on a PC, so that
+//! both can be asked for the same centres.
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod inputs;
+pub mod rows;

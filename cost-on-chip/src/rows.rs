@@ -1,0 +1,93 @@
+//! Rows of pixels with a gaussian spot on them, made from a seed: bit for bit the same on the chip and on a PC.
+//!
+//! So all is integers, single IEEE 754 operations or functions of `libm`.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{RngCore as _, SeedableRng as _};
+use slitrange::row::Geometry;
+use slitrange::sensor_heads;
+
+/// Pixels of a row that see light: those of the TCD1304DG.
+pub const PIXELS: usize = 3648;
+
+/// Words of its read-out.
+pub const WORDS: usize = 3694;
+
+/// The widths (sigma in pixels) that are measured: 11.3 has the longest window.
+pub const WIDTHS: [f32; 5] = [1.5, 4.5, 10.5, 11.3, 25.0];
+
+/// Rows that are measured at each width. Each has another sub-pixel phase.
+pub const ROWS: usize = 8;
+
+/// The spot's height and the black level in counts.
+const AMPLITUDE: f64 = 2000.0;
+const BLACK_LEVEL: f64 = 300.0;
+
+/// White noise in counts.
+const READ_NOISE: f64 = 4.0;
+
+/// What a row reads: the TCD1304DG's counts, light positive.
+pub fn geometry() -> Geometry {
+    sensor_heads::tcd1304dg()
+}
+
+/// Which row of a spot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Turn {
+    /// The row before, the target at rest: the same spot, other noise.
+    Before,
+    /// The row before, the target on the move: the spot lies up to half a pixel beside where it will be, its width is up to 5 %
+    /// another, and its height 10 %.
+    BeforeMoved,
+    /// The row that is measured.
+    Now,
+}
+
+/// Writes a row's pixels: a spot of the given width, the `row`-th of [`ROWS`].
+pub fn light(width: f32, row: usize, turn: Turn, pixels: &mut [u16; PIXELS]) {
+    let moved = if turn == Turn::BeforeMoved { 1.0 } else { 0.0 };
+    // Irrational steps, each of its own, spread evenly.
+    let centre = 1800.0 + 16.0 * row as f64 + 0.5 * even(row, 1.618_033_988_749_895);
+    let centre = centre + moved * 0.5 * even(row + 1, 2.645_751_311_064_591);
+    let width = f64::from(width) * (1.0 + moved * 0.05 * even(row + 1, core::f64::consts::SQRT_2));
+    let amplitude = AMPLITUDE * (1.0 + moved * 0.1 * even(row + 1, 1.732_050_807_568_877));
+    let mut random = ChaCha8Rng::seed_from_u64(width.to_bits());
+    random.set_stream(2 * row as u64 + u64::from(turn == Turn::Now));
+    // Variance of the light's own noise in counts squared a count.
+    let shot = f64::from(geometry().shot_variance_per_count_q16) / 65536.0;
+    for (i, pixel) in pixels.iter_mut().enumerate() {
+        let from_centre = (i as f64 - centre) / width;
+        // Beyond eight widths it is below a millionth of a count.
+        let signal = if from_centre > -8.0 && from_centre < 8.0 {
+            amplitude * libm::exp(-0.5 * from_centre * from_centre)
+        } else {
+            0.0
+        };
+        let noise = libm::sqrt(READ_NOISE * READ_NOISE + shot * signal);
+        // `as` takes the whole part, and saturates.
+        *pixel = (BLACK_LEVEL + signal + noise * nearly_normal(random.next_u32()) + 0.5) as u16;
+    }
+}
+
+/// The `n`-th of numbers from -1 to 1 that are a step apart, modulo 2.
+fn even(n: usize, step: f64) -> f64 {
+    let place = n as f64 * step;
+    2.0 * (place - libm::floor(place)) - 1.0
+}
+
+/// A number of nearly normal distribution, mean 0 and standard deviation 1, from 32 random bits: the sum of four bytes,
+/// each of variance (256^2 - 1)/12. It stays within 3.5.
+fn nearly_normal(bits: u32) -> f64 {
+    let sum: i32 = bits.to_le_bytes().iter().map(|&byte| i32::from(byte)).sum();
+    f64::from(sum - 2 * 255) / 147.801_217_4
+}
+
+/// Writes the words of a read-out whose light is `pixels`: the TCD1304DG's output falls with light.
+pub fn words(pixels: &[u16; PIXELS], words: &mut [u16; WORDS]) {
+    let geometry = geometry();
+    words.fill(geometry.full_scale() - BLACK_LEVEL as u16);
+    let light = words.get_mut(geometry.light.clone()).unwrap_or_default();
+    for (word, pixel) in light.iter_mut().zip(pixels) {
+        *word = geometry.full_scale() - pixel;
+    }
+}

@@ -1,0 +1,290 @@
+//! rigless's core, wrapped for what it does not offer itself: to hang at a function ([`crate::hang`]) and to write down
+//! which instructions a function executes ([`crate::trace`]).
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rigless::emulator::{
+    BitAlias, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall, Processor, Queued,
+};
+use rigless::soc::{Endian, Width};
+use rigless::time::VirtualNanos;
+
+use crate::hang::Hangs;
+use crate::trace::{self, Recorder, Traces};
+
+/// The core's registers, as GDB numbers those of ARMv7-M.
+const LINK_REGISTER: usize = 14;
+const PROGRAM_COUNTER: usize = 15;
+
+/// What a wrapped core looks up each time it runs.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Watched {
+    /// Where it hangs.
+    pub(crate) hangs: Arc<Mutex<Hangs>>,
+    /// What it traces.
+    pub(crate) traces: Arc<Mutex<Traces>>,
+}
+
+/// Has the core that `spec` makes do what `watched` says.
+pub(crate) fn wrap(spec: &mut CoreSpec, watched: Watched) {
+    let make = Arc::clone(&spec.processor);
+    spec.processor = Arc::new(move |endian| {
+        Ok(Box::new(Core {
+            inner: make(endian)?,
+            watched: watched.clone(),
+            hangs_at: BTreeSet::new(),
+            traced: BTreeSet::new(),
+            recorder: Recorder::default(),
+        }))
+    });
+}
+
+/// The wrapped core.
+#[derive(Debug)]
+struct Core {
+    inner: Box<dyn Processor>,
+    watched: Watched,
+    /// The addresses that `inner` stops at to hang.
+    hangs_at: BTreeSet<u64>,
+    /// The addresses that `inner` stops at to trace.
+    traced: BTreeSet<u64>,
+    recorder: Recorder,
+}
+
+impl Core {
+    /// Has `inner` stop at `wanted`, and no longer elsewhere.
+    fn arm(inner: &mut dyn Processor, armed: &mut BTreeSet<u64>, wanted: &BTreeSet<u64>) {
+        if armed == wanted {
+            return;
+        }
+        for &address in wanted.difference(armed) {
+            inner.add_breakpoint(address);
+        }
+        for &address in armed.difference(wanted) {
+            inner.remove_breakpoint(address);
+        }
+        armed.clone_from(wanted);
+    }
+
+    /// Where the function that the core has just called returns to.
+    fn return_address(&self) -> u64 {
+        let register = self.inner.gdb_register(LINK_REGISTER).unwrap_or_default();
+        let register = <[u8; 4]>::try_from(register).map_or(0, u32::from_le_bytes);
+        u64::from(register & !1)
+    }
+
+    /// Runs one instruction and writes it down.
+    fn step(&mut self, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let from = self.inner.pc();
+        if self.traced.contains(&from) {
+            self.recorder.enter(from, self.return_address());
+            self.inner.pass_breakpoint(from);
+        }
+        let (exit, ran) = self.inner.run(1, bus);
+        if ran > 0 {
+            let done = self.recorder.step(from, self.inner.pc());
+            trace::lock(&self.watched.traces).calls.extend(done);
+        }
+        (exit, ran)
+    }
+
+    /// Runs as `inner` does, a step at a time while a traced function is being executed.
+    fn run_traced(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let mut total = 0;
+        while total < u64::from(budget) {
+            let arrived = self.traced.contains(&self.inner.pc());
+            let (exit, ran) = if arrived || self.recorder.is_recording() {
+                self.step(bus)
+            } else {
+                // Below `budget`, which is 32 bits.
+                self.inner.run((u64::from(budget) - total) as u32, bus)
+            };
+            total += ran;
+            let goes_on = match exit {
+                Exit::Budget => ran > 0,
+                Exit::Breakpoint => self.traced.contains(&self.inner.pc()),
+                _ => false,
+            };
+            if !goes_on {
+                return (exit, total);
+            }
+        }
+        (Exit::Budget, total)
+    }
+}
+
+impl Processor for Core {
+    fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let trap = {
+            let hangs = self
+                .watched
+                .hangs
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner);
+            Self::arm(&mut *self.inner, &mut self.hangs_at, &hangs.at);
+            hangs.trap
+        };
+        {
+            let traces = trace::lock(&self.watched.traces);
+            Self::arm(&mut *self.inner, &mut self.traced, &traces.functions);
+        }
+        let (exit, ran) = if self.traced.is_empty() {
+            self.inner.run(budget, bus)
+        } else {
+            self.run_traced(budget, bus)
+        };
+        if exit == Exit::Breakpoint && self.hangs_at.contains(&self.inner.pc()) {
+            self.inner
+                .set_gdb_register(PROGRAM_COUNTER, &trap.to_le_bytes());
+            return (Exit::Returned, ran);
+        }
+        (exit, ran)
+    }
+
+    // From here on everything is the inner core's.
+
+    unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
+        // SAFETY: the caller's promise, passed on as it is.
+        unsafe { self.inner.map(start, length, host, writable) }
+    }
+
+    fn retired(&self) -> u64 {
+        self.inner.retired()
+    }
+
+    fn ask(&mut self, queued: Queued) {
+        self.inner.ask(queued);
+    }
+
+    fn maps(&self, start: u64, length: u64) -> bool {
+        self.inner.maps(start, length)
+    }
+
+    fn page_size(&self) -> u64 {
+        self.inner.page_size()
+    }
+
+    fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
+        self.inner.boot(table, read);
+    }
+
+    fn reset(&mut self) {
+        self.inner.reset();
+    }
+
+    fn take_reset_request(&mut self) -> bool {
+        self.inner.take_reset_request()
+    }
+
+    fn next_event(&self) -> Option<VirtualNanos> {
+        self.inner.next_event()
+    }
+
+    fn on_event(&mut self, now: VirtualNanos) {
+        self.inner.on_event(now);
+    }
+
+    fn waiting(&self) -> bool {
+        self.inner.waiting()
+    }
+
+    fn pc(&self) -> u64 {
+        self.inner.pc()
+    }
+
+    fn add_breakpoint(&mut self, address: u64) -> bool {
+        self.inner.add_breakpoint(address)
+    }
+
+    fn remove_breakpoint(&mut self, address: u64) {
+        self.inner.remove_breakpoint(address);
+    }
+
+    fn pass_breakpoint(&mut self, address: u64) {
+        self.inner.pass_breakpoint(address);
+    }
+
+    fn attach_debugger(&mut self, attached: bool) {
+        self.inner.attach_debugger(attached);
+    }
+
+    fn hold_interrupts(&mut self, held: bool) {
+        self.inner.hold_interrupts(held);
+    }
+
+    fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
+        self.inner.gdb_register(number)
+    }
+
+    fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
+        self.inner.set_gdb_register(number, bytes)
+    }
+
+    fn debugger_access(
+        &mut self,
+        write: Option<u64>,
+        address: u64,
+        width: Width,
+        now: VirtualNanos,
+    ) -> Option<u64> {
+        self.inner.debugger_access(write, address, width, now)
+    }
+
+    fn take_debugger_trace(&mut self) -> Vec<u8> {
+        self.inner.take_debugger_trace()
+    }
+
+    fn target_xml(&self) -> &'static str {
+        self.inner.target_xml()
+    }
+
+    fn data_model(&self) -> DataModel {
+        self.inner.data_model()
+    }
+
+    fn byte_order(&self, address: u64) -> Endian {
+        self.inner.byte_order(address)
+    }
+
+    fn save(&self) -> Vec<u8> {
+        self.inner.save()
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.inner.load(bytes)
+    }
+
+    fn monitor_command(&mut self, command: &str) -> Option<String> {
+        self.inner.monitor_command(command)
+    }
+
+    fn debugger_halted(&mut self, why: HaltReason) -> bool {
+        self.inner.debugger_halted(why)
+    }
+
+    fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias> {
+        self.inner.bit_alias(address, width)
+    }
+
+    fn own_ranges(&self) -> Vec<Range<u64>> {
+        self.inner.own_ranges()
+    }
+
+    fn check_reads(&mut self, every: bool) {
+        self.inner.check_reads(every);
+    }
+
+    fn check_words(&mut self, words: &[u64]) {
+        self.inner.check_words(words);
+    }
+
+    fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
+        self.inner.host_call(read)
+    }
+
+    fn answer_host_call(&mut self, answer: Option<u64>) {
+        self.inner.answer_host_call(answer);
+    }
+}
