@@ -253,11 +253,12 @@ fn table_bytes(estimator: Estimator) -> u64 {
         | Estimator::LogParabola
         | Estimator::ZeroCrossing
         | Estimator::GaussNewton => 0,
-        Estimator::Blocks
-        | Estimator::PhaseTable
-        | Estimator::Adaptive
-        | Estimator::Robust
-        | Estimator::Fraunhofer => bytes_of(&tables::GAUSSIAN),
+        Estimator::Blocks | Estimator::PhaseTable => bytes_of(&tables::GAUSSIAN),
+        Estimator::Fraunhofer => bytes_of(&tables::SLIT),
+        Estimator::Adaptive | Estimator::Robust => {
+            let mixes = tables::MIXES.iter().map(|mix| bytes_of(mix.tables));
+            mixes.sum::<u64>() + bytes_of(&tables::TILTED)
+        }
     }
 }
 
@@ -265,9 +266,7 @@ fn table_bytes(estimator: Estimator) -> u64 {
 fn bytes_of(set: &TableSet<'_>) -> u64 {
     set.tables()
         .iter()
-        .map(|table| {
-            size_of_val(table.score) + size_of_val(table.slope) + size_of_val(table.stretch)
-        })
+        .map(|table| size_of_val(table.weights) + size_of_val(table.stretch))
         .sum::<usize>() as u64
 }
 
