@@ -2,8 +2,13 @@
 //!
 //! All take the same and give the same: see [`centre`].
 
+pub mod centroid;
+pub mod half_width;
+pub mod parabola;
 pub mod phase_table;
+pub mod plausible;
 pub mod tables;
+pub mod zero_crossing;
 
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
@@ -111,6 +116,11 @@ pub fn centre(
     before: Option<&RowCentre>,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
-    let _ = (estimator, before);
-    phase_table::centre(row, spot, geometry, &tables::GAUSSIAN)
+    match estimator {
+        Estimator::Centroid => centroid::centre(row, spot, before, geometry),
+        Estimator::Parabola => parabola::parabola(row, spot, before, geometry),
+        Estimator::LogParabola => parabola::log_parabola(row, spot, before, geometry),
+        Estimator::ZeroCrossing => zero_crossing::centre(row, spot, before, geometry),
+        _ => phase_table::centre(row, spot, geometry, &tables::GAUSSIAN),
+    }
 }
