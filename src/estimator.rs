@@ -3,6 +3,7 @@
 //! All take the same and give the same: see [`centre`].
 
 pub mod centroid;
+pub mod gauss_newton;
 pub mod half_width;
 pub mod parabola;
 pub mod phase_table;
@@ -121,6 +122,7 @@ pub fn centre(
         Estimator::Parabola => parabola::parabola(row, spot, before, geometry),
         Estimator::LogParabola => parabola::log_parabola(row, spot, before, geometry),
         Estimator::ZeroCrossing => zero_crossing::centre(row, spot, before, geometry),
+        Estimator::GaussNewton => gauss_newton::centre(row, spot, before, geometry),
         _ => phase_table::centre(row, spot, geometry, &tables::GAUSSIAN),
     }
 }
