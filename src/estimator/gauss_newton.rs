@@ -143,8 +143,8 @@ pub fn centre(
         pixels => Fault::Saturated { pixels },
     };
     let fit = fit(window.samples(), window.parameters(&start), shot).ok_or(unfit)?;
-    let (near, masked) = window.near(&fit.parameters);
-    if masked > 0 && near < FEWEST_SAMPLES {
+    let cut_off = window.cut_off(&fit.parameters);
+    if cut_off == CutOff::TooMuch {
         return Err(unfit);
     }
     let found = window.row_centre(&fit);
@@ -157,7 +157,11 @@ pub fn centre(
     let (uncertainty, width) = (found.uncertainty.to_f32(), found.width.to_f32());
     certain(found.amplitude.to_f32(), uncertainty, width).map_err(|too_dim| {
         // It is not for want of light.
-        if masked > 0 { unfit } else { too_dim }
+        if cut_off == CutOff::No {
+            too_dim
+        } else {
+            unfit
+        }
     })?;
     if fit.last_step <= ARRIVED && WIDTHS.contains(&width) {
         Ok(found)
@@ -223,6 +227,8 @@ struct Window {
     samples: [Sample; SAMPLES],
     /// How many there are: fewer than [`SAMPLES`] at the sensor's edge.
     length: usize,
+    /// How many of them are at full scale.
+    masked: usize,
 }
 
 impl Window {
@@ -231,7 +237,7 @@ impl Window {
             usize::try_from(start.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
         let samples_a_pixel = SAMPLES as f32 / (2.0 * HALF_WINDOW * start.width);
         // `as` cuts off: one pixel up to a width of 12.8.
-        let block = ((1.0 / samples_a_pixel) as usize + 1).min(LARGEST_SAMPLE);
+        let block = ((1.0 / samples_a_pixel) as usize).min(LARGEST_SAMPLE - 1) + 1;
         let first = middle.saturating_sub(block * SAMPLES / 2).min(light.len());
         let end = (middle + block * SAMPLES / 2).min(light.len());
         let pixels = light.get(first..end).unwrap_or_default();
@@ -244,6 +250,7 @@ impl Window {
             block,
             samples: [Sample::default(); SAMPLES],
             length: 0,
+            masked: 0,
         };
         for (sample, pixels) in window.samples.iter_mut().zip(pixels.chunks_exact(block)) {
             let (mut sum, mut highest) = (0, 0);
@@ -251,14 +258,12 @@ impl Window {
                 sum += i32::from(count);
                 highest = highest.max(count);
             }
+            let full = highest >= full_scale;
             *sample = Sample {
                 counts: ((sum << Counts::FRACTION) - level) as f32 / 256.0,
-                variance: if highest >= full_scale {
-                    MASKED
-                } else {
-                    noise * block as f32
-                },
+                variance: if full { MASKED } else { noise * block as f32 },
             };
+            window.masked += usize::from(full);
             window.length += 1;
         }
         window
@@ -287,18 +292,25 @@ impl Window {
         }
     }
 
-    /// Samples below full scale within three widths of the centre, and samples at full scale within two.
-    fn near(&self, fit: &Parameters) -> (usize, usize) {
-        let (mut near, mut masked) = (0, 0);
+    /// How much of the spot is at full scale.
+    fn cut_off(&self, fit: &Parameters) -> CutOff {
+        if self.masked == 0 {
+            return CutOff::No;
+        }
+        let (mut fitted, mut full) = (0, 0);
         for (i, sample) in self.samples().iter().enumerate() {
             let distance = (i as f32 - fit.centre).abs();
             if sample.variance < MASKED {
-                near += usize::from(distance <= 3.0 * fit.width);
+                fitted += usize::from(distance <= 3.0 * fit.width);
             } else {
-                masked += usize::from(distance <= 2.0 * fit.width);
+                full += usize::from(distance <= 2.0 * fit.width);
             }
         }
-        (near, masked)
+        match (full, fitted) {
+            (0, _) => CutOff::No,
+            (_, FEWEST_SAMPLES..) => CutOff::Top,
+            _ => CutOff::TooMuch,
+        }
     }
 
     /// A fit in pixels.
@@ -312,11 +324,8 @@ impl Window {
         } = fit.parameters;
         let width = dual_mac::square_root((s * s - 1.0 / 12.0).max(0.0)) * block;
         let from_first = Pixels::from_f32(centre * block + self.half_sample());
-        let fitted = self
-            .samples()
-            .iter()
-            .filter(|sample| sample.variance < MASKED);
-        let freedom = fitted.count() as f32 - 4.0;
+        // No more than 128 each.
+        let freedom = self.length as f32 - self.masked as f32 - 4.0;
         let known = NOISE_SQUARED * freedom;
         let scatter = dual_mac::square_root((2.0 * freedom + known * known).max(0.0));
         RowCentre {
@@ -331,6 +340,17 @@ impl Window {
             misfit: fit.squares > freedom + MISFIT * scatter,
         }
     }
+}
+
+/// What full scale leaves of a spot.
+#[derive(Clone, Copy, PartialEq)]
+enum CutOff {
+    /// All of it.
+    No,
+    /// Flanks that can be fitted: at least [`FEWEST_SAMPLES`] within three widths.
+    Top,
+    /// Less.
+    TooMuch,
 }
 
 /// Where the steps ended.

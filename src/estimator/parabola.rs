@@ -11,9 +11,9 @@
 //! wide ones: the uncertainty is 0.94 sigma^1.5 times the bound, because three pixels are all that is used.
 //!
 //! In more noise than that, u near a pixel, the highest pixel is not the one at the top. The choice makes the measured D
-//! larger than the spot's, so for spots of [`WIDE`] pixels or more the D of a gaussian of that width stands in
+//! larger than the spot's, so for spots of `WIDE` pixels or more the D of a gaussian of that width stands in
 //! the uncertainty. But a pixel at a distance a is lower by D a^2 / 2, so that noise moves the choice by the square root of
-//! noise / D only: by sqrt([`WANDER`] u) root mean square, as measured for widths of 4 to 30. The smaller of the two is claimed.
+//! noise / D only: by sqrt(`WANDER` u) root mean square, as measured for widths of 4 to 30. The smaller of the two is claimed.
 //!
 //! A parabola is not a gaussian: narrow spots are found too near to the highest pixel's middle, by up to 0.064 pixel (width
 //! 0.8), 0.031 (1.2), 0.012 (2), falling as 1 / width^2. Averaged over the phases that is in the uncertainty too. The logarithms
