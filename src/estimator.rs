@@ -3,9 +3,15 @@
 //! All take the same and give the same: see [`centre`].
 
 pub mod adaptive;
+pub mod centroid;
 pub mod figures;
+pub mod gauss_newton;
+pub mod half_width;
+pub mod parabola;
 pub mod phase_table;
+pub mod plausible;
 pub mod tables;
+pub mod zero_crossing;
 
 use crate::estimator::tables::Sampling;
 use crate::reading::Fault;
@@ -143,9 +149,14 @@ pub fn centre(
         |tables, sampling| phase_table::centre(row, spot, before, geometry, tables, sampling);
     match estimator {
         Estimator::Blocks => with(&tables::GAUSSIAN, Sampling::Coarse),
+        Estimator::Centroid => centroid::centre(row, spot, before, geometry),
+        Estimator::Parabola => parabola::parabola(row, spot, before, geometry),
+        Estimator::LogParabola => parabola::log_parabola(row, spot, before, geometry),
+        Estimator::ZeroCrossing => zero_crossing::centre(row, spot, before, geometry),
+        Estimator::GaussNewton => gauss_newton::centre(row, spot, before, geometry),
         Estimator::Adaptive => adaptive::centre(row, spot, before, geometry),
         Estimator::Fraunhofer => with(&tables::SLIT, Sampling::Fine),
-        _ => with(&tables::GAUSSIAN, Sampling::Fine),
+        Estimator::PhaseTable | Estimator::Robust => with(&tables::GAUSSIAN, Sampling::Fine),
     }
 }
 
