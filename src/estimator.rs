@@ -3,14 +3,17 @@
 //! All take the same and give the same: see [`centre`].
 
 pub mod adaptive;
+pub mod blocks;
 pub mod centroid;
 pub mod figures;
+pub mod fraunhofer;
 pub mod gauss_newton;
 pub mod half_width;
 pub mod parabola;
 pub mod phase_table;
 pub mod plausible;
 pub mod tables;
+mod window;
 pub mod zero_crossing;
 
 use crate::estimator::tables::Sampling;
@@ -145,18 +148,23 @@ pub fn centre(
     before: Option<&RowCentre>,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
-    let with =
-        |tables, sampling| phase_table::centre(row, spot, before, geometry, tables, sampling);
     match estimator {
-        Estimator::Blocks => with(&tables::GAUSSIAN, Sampling::Coarse),
+        Estimator::Blocks => blocks::centre(row, spot, before, geometry),
         Estimator::Centroid => centroid::centre(row, spot, before, geometry),
         Estimator::Parabola => parabola::parabola(row, spot, before, geometry),
         Estimator::LogParabola => parabola::log_parabola(row, spot, before, geometry),
         Estimator::ZeroCrossing => zero_crossing::centre(row, spot, before, geometry),
         Estimator::GaussNewton => gauss_newton::centre(row, spot, before, geometry),
         Estimator::Adaptive => adaptive::centre(row, spot, before, geometry),
-        Estimator::Fraunhofer => with(&tables::SLIT, Sampling::Fine),
-        Estimator::PhaseTable | Estimator::Robust => with(&tables::GAUSSIAN, Sampling::Fine),
+        Estimator::Fraunhofer => fraunhofer::centre(row, spot, before, geometry),
+        Estimator::PhaseTable | Estimator::Robust => phase_table::centre(
+            row,
+            spot,
+            before,
+            geometry,
+            &tables::GAUSSIAN,
+            Sampling::Fine,
+        ),
     }
 }
 

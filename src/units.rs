@@ -5,8 +5,6 @@
 
 use core::fmt;
 
-use micromath::F32Ext;
-
 macro_rules! quantity {
     ($(#[$doc:meta])* $name:ident, $fraction:literal, $decimals:literal) => {
         $(#[$doc])*
@@ -46,8 +44,15 @@ macro_rules! quantity {
 
             /// The value to within a step (an f32 has 24 bits), saturating; not-a-number becomes zero.
             pub fn from_f32(value: f32) -> Self {
-                // micromath's `round` is an addition and a conversion. `as` saturates and maps NaN to zero.
-                Self(F32Ext::round(value * (1u32 << $fraction) as f32) as i32)
+                // `as` takes the whole part, saturates, and maps NaN to zero.
+                let scaled = value * (1u32 << $fraction) as f32;
+                Self((scaled + 0.5f32.copysign(scaled)) as i32)
+            }
+
+            /// The same for a value that is not negative, in fewer instructions; a negative one may be a step off.
+            #[inline(always)]
+            pub fn from_positive_f32(value: f32) -> Self {
+                Self((value * (1u32 << $fraction) as f32 + 0.5) as i32)
             }
 
             /// The value as a float: exact to 24 bits.

@@ -36,7 +36,7 @@ use run::Run;
 const PACKAGE: &str = "cost-on-chip";
 
 /// The function that does one iteration of the Gauss-Newton rung, as Rust names it.
-const GAUSS_NEWTON_ITERATION: &str = "slitrange::estimator::gauss_newton::iterate";
+const GAUSS_NEWTON_ITERATION: &str = "slitrange::estimator::gauss_newton::normal_equations";
 
 /// The emulator makes its cycle counter from whole nanoseconds, of which a cycle has six: a difference is off by up to this.
 const CLOCK_ROUNDS: u64 = 2;

@@ -1,51 +1,74 @@
 //! The assembly.
 
-use core::arch::{asm, naked_asm};
+use core::arch::asm;
 
 use crate::{Pair, Pairs};
 
 /// See [`crate::portable::dot`].
 pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
     let pairs = (samples.len() / 2).min(weights.len());
-    let (fours, ones) = (pairs / 4, pairs % 4);
     let mut sum = 0i32;
-    // SAFETY: 4 bytes are read `pairs` times from each slice, which both are long enough for. LDR takes any address;
-    // LDRD takes a multiple of 4, which `Pair` is aligned to. Nothing is written.
+    // SAFETY: 4 bytes are read `pairs` times from each slice, which both are long enough for. LDR takes any address; LDM
+    // takes a multiple of 4, which `Pair` is aligned to. Nothing is written. CBZ takes low registers only.
     unsafe {
         asm!(
+            // Eight pairs at a time, then four, then the rest.
+            "lsrs r2, r3, #3",
             "cbz r2, 3f",
             "2:",
-            "ldrd {w0}, {w1}, [{weight}], #8",
-            "ldr {x0}, [{sample}], #4",
-            "ldr {x1}, [{sample}], #4",
-            "smlad {sum}, {x0}, {w0}, {sum}",
-            "smlad {sum}, {x1}, {w1}, {sum}",
-            "ldrd {w0}, {w1}, [{weight}], #8",
-            "ldr {x0}, [{sample}], #4",
-            "ldr {x1}, [{sample}], #4",
-            "smlad {sum}, {x0}, {w0}, {sum}",
-            "smlad {sum}, {x1}, {w1}, {sum}",
+            "ldm {weight}!, {{r4, r5, r8, r10}}",
+            "ldr {x}, [{sample}], #4",
+            "ldr {y}, [{sample}], #4",
+            "smlad {sum}, {x}, r4, {sum}",
+            "smlad {sum}, {y}, r5, {sum}",
+            "ldr {x}, [{sample}], #4",
+            "ldr {y}, [{sample}], #4",
+            "smlad {sum}, {x}, r8, {sum}",
+            "smlad {sum}, {y}, r10, {sum}",
+            "ldm {weight}!, {{r4, r5, r8, r10}}",
+            "ldr {x}, [{sample}], #4",
+            "ldr {y}, [{sample}], #4",
+            "smlad {sum}, {x}, r4, {sum}",
+            "smlad {sum}, {y}, r5, {sum}",
+            "ldr {x}, [{sample}], #4",
+            "ldr {y}, [{sample}], #4",
+            "smlad {sum}, {x}, r8, {sum}",
+            "smlad {sum}, {y}, r10, {sum}",
             "subs r2, #1",
             "bne 2b",
             "3:",
-            "cbz r3, 5f",
+            "tst r3, #4",
+            "beq 4f",
+            "ldm {weight}!, {{r4, r5, r8, r10}}",
+            "ldr {x}, [{sample}], #4",
+            "ldr {y}, [{sample}], #4",
+            "smlad {sum}, {x}, r4, {sum}",
+            "smlad {sum}, {y}, r5, {sum}",
+            "ldr {x}, [{sample}], #4",
+            "ldr {y}, [{sample}], #4",
+            "smlad {sum}, {x}, r8, {sum}",
+            "smlad {sum}, {y}, r10, {sum}",
             "4:",
-            "ldr {w0}, [{weight}], #4",
-            "ldr {x0}, [{sample}], #4",
-            "smlad {sum}, {x0}, {w0}, {sum}",
-            "subs r3, #1",
-            "bne 4b",
+            "ands r3, #3",
+            "beq 6f",
             "5:",
-            // CBZ takes r0 to r7 only.
-            inout("r2") fours => _,
-            inout("r3") ones => _,
+            "ldr r4, [{weight}], #4",
+            "ldr {x}, [{sample}], #4",
+            "smlad {sum}, {x}, r4, {sum}",
+            "subs r3, #1",
+            "bne 5b",
+            "6:",
+            inout("r3") pairs => _,
+            out("r2") _,
             sample = inout(reg) samples.as_ptr() => _,
             weight = inout(reg) weights.as_ptr() => _,
             sum = inout(reg) sum,
-            x0 = out(reg) _,
-            x1 = out(reg) _,
-            w0 = out(reg) _,
-            w1 = out(reg) _,
+            x = out(reg) _,
+            y = out(reg) _,
+            out("r4") _,
+            out("r5") _,
+            out("r8") _,
+            out("r10") _,
             options(readonly, nostack),
         );
     }
@@ -53,68 +76,112 @@ pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
 }
 
 /// See [`crate::portable::dot2`].
+#[inline(always)]
 pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
     let pairs = (samples.len() / 2).min(weights.len());
-    let (fours, ones) = (pairs / 4, pairs % 4);
-    let (mut first, mut second) = (0i32, 0i32);
+    let (first, second): (i32, i32);
     // SAFETY: `pairs` times 4 bytes are read from the samples and 8 from the weights, which both are long enough for.
-    // LDR takes any address; LDRD takes a multiple of 4, which `Pairs` is aligned to. Nothing is written.
+    // LDR takes any address; LDM takes a multiple of 4, which `Pairs` is aligned to. Nothing is written.
     unsafe {
         asm!(
-            "cbz r2, 3f",
+            // Eight pairs at a time, then four, then the rest.
+            "movs {first}, #0",
+            "movs {second}, #0",
+            "subs r3, #8",
+            "blo 3f",
             "2:",
+            "ldm {weight}!, {{r2, r4, r5, r8}}",
             "ldr {x}, [{sample}], #4",
-            "ldrd {v}, {w}, [{weight}], #8",
-            "smlad {first}, {x}, {v}, {first}",
-            "smlad {second}, {x}, {w}, {second}",
+            "ldr {y}, [{sample}], #4",
+            "smlad {first}, {x}, r2, {first}",
+            "smlad {second}, {x}, r4, {second}",
+            "smlad {first}, {y}, r5, {first}",
+            "smlad {second}, {y}, r8, {second}",
+            "ldm {weight}!, {{r2, r4, r5, r8}}",
             "ldr {x}, [{sample}], #4",
-            "ldrd {v}, {w}, [{weight}], #8",
-            "smlad {first}, {x}, {v}, {first}",
-            "smlad {second}, {x}, {w}, {second}",
+            "ldr {y}, [{sample}], #4",
+            "smlad {first}, {x}, r2, {first}",
+            "smlad {second}, {x}, r4, {second}",
+            "smlad {first}, {y}, r5, {first}",
+            "smlad {second}, {y}, r8, {second}",
+            "ldm {weight}!, {{r2, r4, r5, r8}}",
             "ldr {x}, [{sample}], #4",
-            "ldrd {v}, {w}, [{weight}], #8",
-            "smlad {first}, {x}, {v}, {first}",
-            "smlad {second}, {x}, {w}, {second}",
+            "ldr {y}, [{sample}], #4",
+            "smlad {first}, {x}, r2, {first}",
+            "smlad {second}, {x}, r4, {second}",
+            "smlad {first}, {y}, r5, {first}",
+            "smlad {second}, {y}, r8, {second}",
+            "ldm {weight}!, {{r2, r4, r5, r8}}",
             "ldr {x}, [{sample}], #4",
-            "ldrd {v}, {w}, [{weight}], #8",
-            "smlad {first}, {x}, {v}, {first}",
-            "smlad {second}, {x}, {w}, {second}",
-            "subs r2, #1",
-            "bne 2b",
+            "ldr {y}, [{sample}], #4",
+            "smlad {first}, {x}, r2, {first}",
+            "smlad {second}, {x}, r4, {second}",
+            "smlad {first}, {y}, r5, {first}",
+            "smlad {second}, {y}, r8, {second}",
+            "subs r3, #8",
+            "bhs 2b",
             "3:",
-            "cbz r3, 5f",
-            "4:",
+            // What is left, less eight: its low bits are those of what is left.
+            "tst r3, #4",
+            "beq 4f",
+            "ldm {weight}!, {{r2, r4, r5, r8}}",
             "ldr {x}, [{sample}], #4",
-            "ldrd {v}, {w}, [{weight}], #8",
-            "smlad {first}, {x}, {v}, {first}",
-            "smlad {second}, {x}, {w}, {second}",
-            "subs r3, #1",
-            "bne 4b",
+            "ldr {y}, [{sample}], #4",
+            "smlad {first}, {x}, r2, {first}",
+            "smlad {second}, {x}, r4, {second}",
+            "smlad {first}, {y}, r5, {first}",
+            "smlad {second}, {y}, r8, {second}",
+            "ldm {weight}!, {{r2, r4, r5, r8}}",
+            "ldr {x}, [{sample}], #4",
+            "ldr {y}, [{sample}], #4",
+            "smlad {first}, {x}, r2, {first}",
+            "smlad {second}, {x}, r4, {second}",
+            "smlad {first}, {y}, r5, {first}",
+            "smlad {second}, {y}, r8, {second}",
+            "4:",
+            "ands r3, #3",
+            "beq 6f",
             "5:",
-            // CBZ takes r0 to r7 only.
-            inout("r2") fours => _,
-            inout("r3") ones => _,
+            "ldm {weight}!, {{r2, r4}}",
+            "ldr {x}, [{sample}], #4",
+            "smlad {first}, {x}, r2, {first}",
+            "smlad {second}, {x}, r4, {second}",
+            "subs r3, #1",
+            "bne 5b",
+            "6:",
+            inout("r3") pairs => _,
             sample = inout(reg) samples.as_ptr() => _,
             weight = inout(reg) weights.as_ptr() => _,
-            first = inout(reg) first,
-            second = inout(reg) second,
+            first = out(reg) first,
+            second = out(reg) second,
             x = out(reg) _,
-            v = out(reg) _,
-            w = out(reg) _,
-            options(readonly, nostack),
+            y = out(reg) _,
+            out("r2") _,
+            out("r4") _,
+            out("r5") _,
+            out("r8") _,
+            options(readonly, nostack, pure),
         );
     }
     (first, second)
 }
 
 /// The square root: VSQRT, which rounds to nearest as IEEE 754 asks. Stable Rust without `std` has no other way to it.
+#[inline]
 pub fn square_root(value: f32) -> f32 {
-    vsqrt(value)
-}
-
-/// In the hard-float ABI the argument and the result are in s0.
-#[unsafe(naked)]
-extern "C" fn vsqrt(value: f32) -> f32 {
-    // Rust does not tell the assembler of this target's floating-point unit.
-    naked_asm!(".fpu fpv4-sp-d16", "vsqrt.f32 s0, s0", "bx lr")
+    let mut bits = value.to_bits();
+    // SAFETY: works on registers only. Rust knows neither this target's floating-point unit nor its registers by class, but
+    // takes one of them as clobbered.
+    unsafe {
+        asm!(
+            ".fpu fpv4-sp-d16",
+            "vmov s0, {bits}",
+            "vsqrt.f32 s0, s0",
+            "vmov {bits}, s0",
+            bits = inout(reg) bits,
+            out("s0") _,
+            options(pure, nomem, nostack, preserves_flags),
+        );
+    }
+    f32::from_bits(bits)
 }

@@ -13,6 +13,7 @@ pub fn borrow(tables: &[IntegerTable]) -> Vec<Table<'_>> {
             phases: u16::try_from(table.shape.phases).expect("phases are few"),
             weights: &table.weights,
             stretch: &table.stretch,
+            nearest: table.shape.nearest() as f32,
             centre_per_ratio: table.centre_per_ratio as f32,
             bend: table.bend as f32,
             stretch_per_ratio: table.stretch_per_ratio as f32,

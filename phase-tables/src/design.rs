@@ -55,6 +55,11 @@ impl Shape {
         (k as f64 - (self.phases as f64 - 1.0) / 2.0) / self.phases as f64
     }
 
+    /// A centre that is fewer pixels from its phase has none that is much nearer: half a phase, and a tenth of that for noise.
+    pub fn nearest(&self) -> f64 {
+        0.55 / self.phases as f64
+    }
+
     /// Weights in a row: 2 half widths and the middle.
     pub fn taps(&self) -> usize {
         2 * self.half_width + 1

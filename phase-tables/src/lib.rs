@@ -39,10 +39,10 @@ pub const FINE: Widths = Widths {
     count: 34,
 };
 
-/// Widths for weights that are the best for the noise they serve: 0.8 to 10.3 pixels. What they lose with the spot's width
+/// Widths for weights that are the best for the noise they serve: 0.86 to 11.04 pixels. What they lose with the spot's width
 /// is of second order: at most 0.8 % within 9.5 % to either side.
 pub const COARSE: Widths = Widths {
-    narrowest: 0.8,
+    narrowest: 0.86,
     ratio: 1.2,
     count: 15,
 };

@@ -184,14 +184,15 @@ pub fn rust_source(tables: &[IntegerTable]) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(
             source,
-            "Table {{ width: {:?}, half_width: {}, phases: {}, weights: &{:?}, stretch: &{:?}, centre_per_ratio: {:?}, \
-             bend: {:?}, stretch_per_ratio: {:?}, height_per_slope: {:?}, variance_per_noise: {:?}, \
+            "Table {{ width: {:?}, half_width: {}, phases: {}, weights: &{:?}, stretch: &{:?}, nearest: {:?}, \
+             centre_per_ratio: {:?}, bend: {:?}, stretch_per_ratio: {:?}, height_per_slope: {:?}, variance_per_noise: {:?}, \
              variance_per_height: {:?} }},",
             table.shape.width as f32,
             table.shape.half_width,
             table.shape.phases,
             table.weights,
             table.stretch,
+            table.shape.nearest() as f32,
             table.centre_per_ratio as f32,
             table.bend as f32,
             table.stretch_per_ratio as f32,

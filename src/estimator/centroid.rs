@@ -63,7 +63,7 @@ pub fn centre(
     let light = row.light();
     let mut at = on_the_row(light, spot)?;
     let width = half_width::width(light, spot, before)?;
-    unsaturated(light, at, width, geometry)?;
+    unsaturated(row, at, width, geometry)?;
     let level = level_bits(&spot.background);
     // At most 510 pixels, because a width is at most 170.
     let half_window = Pixels::from_f32(HALF_WINDOW * width);
@@ -87,7 +87,7 @@ pub fn centre(
             break;
         }
     }
-    unsaturated(light, at, width, geometry)?;
+    unsaturated(row, at, width, geometry)?;
     let (noise, shot) = variances(&spot.background, geometry);
     let h = HALF_WINDOW * width;
     let slope = WINDOW_FACTOR * gathered;

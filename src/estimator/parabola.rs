@@ -85,7 +85,7 @@ fn centre(
     let light = row.light();
     let start = on_the_row(light, spot)?;
     let width = half_width::width(light, spot, before)?;
-    unsaturated(light, start, width, geometry)?;
+    unsaturated(row, start, width, geometry)?;
     let level = Counts::from_bits(level_bits(&spot.background)).to_f32();
     let (highest, counts) = highest(light, spot).ok_or(Fault::SpotAtEdge { centre: start })?;
     let heights = counts.map(|count| f32::from(count) - level);
@@ -109,7 +109,7 @@ fn centre(
     // The highest pixel is below 4096, and the vertex within half a pixel of it.
     let at =
         Pixels::from_bits((highest << Pixels::FRACTION) + Pixels::from_f32(vertex.place).to_bits());
-    unsaturated(light, at, width, geometry)?;
+    unsaturated(row, at, width, geometry)?;
     let amplitude = if logarithms {
         libm::expf(vertex.value)
     } else {

@@ -1,7 +1,7 @@
 //! What every rung asks of its centre before it lets it out: no pixel cut off at full scale, and a certain place.
 
 use crate::reading::Fault;
-use crate::row::{Geometry, LARGEST_COUNT};
+use crate::row::{Geometry, LARGEST_COUNT, Row};
 use crate::spot::{Background, Spot};
 use crate::units::{Counts, Pixels};
 
@@ -12,19 +12,25 @@ const DIMMEST: f32 = 8.0;
 ///
 /// # Errors
 /// [`Fault::Saturated`] with the number of such pixels.
+#[inline]
 pub fn unsaturated(
-    light: &[u16],
+    row: &Row<'_>,
     centre: Pixels,
     width: f32,
     geometry: &Geometry,
 ) -> Result<(), Fault> {
-    match saturated_pixels(light, centre, width, geometry) {
+    // Most rows reach full scale nowhere.
+    if !row.reaches_full_scale() {
+        return Ok(());
+    }
+    match saturated_pixels(row.light(), centre, width, geometry) {
         0 => Ok(()),
         pixels => Err(Fault::Saturated { pixels }),
     }
 }
 
 /// Counts the pixels at full scale within two widths of the centre.
+#[inline(never)]
 pub fn saturated_pixels(light: &[u16], centre: Pixels, width: f32, geometry: &Geometry) -> u16 {
     let full_scale = geometry.full_scale();
     let centre = usize::try_from(centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
@@ -44,14 +50,20 @@ pub fn saturated_pixels(light: &[u16], centre: Pixels, width: f32, geometry: &Ge
 ///
 /// # Errors
 /// [`Fault::TooDim`], with the height at which it would be certain in noise that does not grow with the light.
+#[inline]
 pub fn certain(amplitude: f32, uncertainty: f32, width: f32) -> Result<(), Fault> {
     if uncertainty * DIMMEST <= width {
         return Ok(());
     }
-    Err(Fault::TooDim {
+    Err(too_dim(amplitude, uncertainty, width))
+}
+
+#[cold]
+fn too_dim(amplitude: f32, uncertainty: f32, width: f32) -> Fault {
+    Fault::TooDim {
         amplitude: Counts::from_f32(amplitude),
         needed: Counts::from_f32(amplitude * uncertainty * DIMMEST / width),
-    })
+    }
 }
 
 /// The spot's pixel as a position.
@@ -90,10 +102,17 @@ pub fn level_bits(background: &Background) -> i32 {
     background.level.to_bits().clamp(0, LARGEST)
 }
 
-/// `f32::clamp` without its panic on bounds that are not in order, which brings 20 KB of formatting to the chip.
-#[allow(clippy::manual_clamp)]
+/// `f32::clamp` without its panic on bounds that are not in order, which brings 20 KB of formatting to the chip, and
+/// without `max` and `min`, whose rules for not-a-number take ten instructions each. Not-a-number stays what it is.
+#[inline(always)]
 pub fn limited(value: f32, low: f32, high: f32) -> f32 {
-    value.max(low).min(high)
+    if value > high {
+        high
+    } else if value < low {
+        low
+    } else {
+        value
+    }
 }
 
 #[cfg(test)]

@@ -20,6 +20,8 @@ pub struct Table<'a> {
     pub weights: &'a [Pairs],
     /// Weights of the stretch, likewise.
     pub stretch: &'a [Pair],
+    /// 0.55 / phases: a centre that is fewer samples from its phase has none that is much nearer.
+    pub nearest: f32,
     /// Samples that score / slope = 1 stands for.
     pub centre_per_ratio: f32,
     /// With q samples by that ratio, q - bend q^3 is the distance, in 1/samples^2.
@@ -40,6 +42,9 @@ pub struct TableSet<'a> {
     tables: &'a [Table<'a>],
     /// Tells the sets of the core apart in a [`WidthClass`].
     number: u8,
+    /// How far a spot's width may be from a table's before another serves it better: half a step between the widths, and
+    /// a tenth of a step for noise.
+    reach: f32,
 }
 
 /// Why tables cannot be used.
@@ -56,7 +61,7 @@ pub enum TableError {
     Overflow,
     /// The widths are not positive, do not rise, or are wider than their window.
     Widths,
-    /// A scale is not positive and finite.
+    /// A scale is not positive and finite, or half a phase is bent by 5 % or more.
     Scales,
 }
 
@@ -66,7 +71,7 @@ pub const LARGEST_SAMPLE: u16 = 8 * LARGEST_COUNT;
 const _: () = assert!(LARGEST_SAMPLE <= dual_mac::LARGEST_SAMPLE);
 
 /// The longest window in samples, with the one that makes it even.
-pub const MAX_TAPS: usize = 106;
+pub const MAX_TAPS: usize = 116;
 
 /// Pixels in a sample. Up to 8 their sum fits [`LARGEST_SAMPLE`]; of 16 half of the sum does, and a constant on the row still
 /// adds a whole number.
@@ -170,7 +175,9 @@ impl<'a> TableSet<'a> {
                 return Err(TableError::Widths);
             }
             narrower = table.width;
-            if !table.scales_are_positive() {
+            // A bend that is not a number must not pass either.
+            let bent = table.bend.abs() / (table.phases as f32 * table.phases as f32);
+            if !table.scales_are_positive() || !(bent <= 0.2) {
                 return Err(TableError::Scales);
             }
             let mut start = 0;
@@ -182,7 +189,16 @@ impl<'a> TableSet<'a> {
             }
             i += 1;
         }
-        Ok(Self { tables, number: 0 })
+        let reach = if tables.len() > 1 {
+            0.6 * (tables[1].width / tables[0].width - 1.0)
+        } else {
+            f32::INFINITY
+        };
+        Ok(Self {
+            tables,
+            number: 0,
+            reach,
+        })
     }
 
     /// The tables.
@@ -196,21 +212,27 @@ impl<'a> TableSet<'a> {
     }
 
     /// The table of the class that the row before had, or where that was of another set, the one for its width.
+    #[inline]
     pub(super) fn of(&self, class: WidthClass, width: f32) -> Option<(WidthClass, &'a Table<'a>)> {
         if class.set != self.number {
             return self.choose(width, Sampling::Fine);
         }
         let table = self.tables.get(usize::from(class.table))?;
-        BLOCKS.contains(&class.block).then_some((class, table))
+        (class.block.is_power_of_two() && class.block <= 16).then_some((class, table))
     }
 
-    /// How far a spot's width may be from a table's before another serves it better: half a step between the widths, and
-    /// a tenth of a step for noise.
-    pub(super) fn reach(&self) -> f32 {
-        match self.tables {
-            [first, second, ..] => 0.6 * (second.width / first.width - 1.0),
-            _ => f32::INFINITY,
+    /// The table of a class of one-pixel samples. `None` where it is not of this set.
+    #[inline(always)]
+    pub(super) fn in_pixels(&self, class: WidthClass) -> Option<&'a Table<'a>> {
+        if class.set != self.number || class.block != 1 {
+            return None;
         }
+        self.tables.get(usize::from(class.table))
+    }
+
+    /// See the field.
+    pub(super) const fn reach(&self) -> f32 {
+        self.reach
     }
 
     /// The pixels in a sample and the table that match a width in pixels best.
@@ -220,7 +242,8 @@ impl<'a> TableSet<'a> {
         sampling: Sampling,
     ) -> Option<(WidthClass, &'a Table<'a>)> {
         let [block, ..] = BLOCKS;
-        let widest = self.tables.last()?.width * 1.05;
+        // Half a step beyond the widest table it still serves.
+        let widest = self.tables.last()?.width * (1.0 + self.reach());
         let block = match sampling {
             Sampling::Fine => BLOCKS
                 .into_iter()
@@ -325,6 +348,7 @@ impl Table<'_> {
 
     const fn scales_are_positive(&self) -> bool {
         let scales = [
+            self.nearest,
             self.centre_per_ratio,
             self.stretch_per_ratio,
             self.height_per_slope,
