@@ -131,13 +131,13 @@ pub const SITUATIONS: [Situation; 4] = [
         hot_pixel: None,
     },
     Situation {
-        name: "Narrow: the same, σ 1.5 px",
+        name: "Shot noise, 2000 counts, a narrow spot: σ 1.5 px",
         chip_width: 1.5,
         noise: shot(2000.0, 5.0, 2.0),
         hot_pixel: None,
     },
     Situation {
-        name: "A hot pixel: +1000 counts, σ 10.5 px",
+        name: "Shot noise, 2000 counts, σ 10.5 px, and a hot pixel of 1000 counts",
         chip_width: 10.5,
         noise: shot(2000.0, 5.0, 2.0),
         hot_pixel: Some(1000.0),

@@ -1,20 +1,29 @@
 //! TEMPORARY stub with made-up numbers, to be replaced by the measurement on the emulated chip.
 
 /// What was measured on the chip.
+#[allow(dead_code, reason = "temporary")]
 pub struct Chip {
     pub rungs: Vec<RungOnChip>,
     pub sweep_instructions_per_pixel: f64,
     pub gauss_newton_instructions_per_iteration: Option<f64>,
     pub peers: Vec<PeerOnChip>,
     pub kernels_compared: u64,
+    pub kernels_different: u64,
+    pub tracked_sweep_instructions_per_pixel: Option<f64>,
+    pub geometry_instructions_per_word: f64,
+    pub measurement_instructions_per_row: u64,
+    pub distance_instructions: u64,
+    pub found: Vec<()>,
 }
 
 /// A rung at one width.
-#[derive(Clone, Debug, serde::Serialize)]
+#[derive(Clone, Debug)]
+#[allow(dead_code, reason = "temporary")]
 pub struct RungOnChip {
     pub name: String,
     pub width: f64,
     pub instructions: u64,
+    pub instructions_most: u64,
     pub cycles_estimated: u64,
     pub code_bytes: u64,
     pub table_bytes: u64,
@@ -23,10 +32,11 @@ pub struct RungOnChip {
 }
 
 /// A peer.
-#[expect(dead_code, reason = "temporary")]
+#[allow(dead_code, reason = "temporary")]
 pub struct PeerOnChip {
     pub name: String,
     pub instructions: u64,
+    pub stack_bytes: u64,
 }
 
 /// Made-up numbers.
@@ -55,6 +65,7 @@ pub fn measure() -> anyhow::Result<Chip> {
                         name: name.into(),
                         width,
                         instructions,
+                        instructions_most: instructions,
                         cycles_estimated: instructions * 14 / 10,
                         code_bytes: code,
                         table_bytes: tables,
@@ -69,8 +80,15 @@ pub fn measure() -> anyhow::Result<Chip> {
         peers: vec![PeerOnChip {
             name: "levenberg-marquardt f32".into(),
             instructions: 623_407,
+            stack_bytes: 0,
         }],
         kernels_compared: 0,
+        kernels_different: 0,
+        tracked_sweep_instructions_per_pixel: None,
+        geometry_instructions_per_word: 0.0,
+        measurement_instructions_per_row: 0,
+        distance_instructions: 0,
+        found: vec![],
     })
 }
 

@@ -91,6 +91,7 @@ fn chip() -> Chip {
                 name: estimator.name().into(),
                 width,
                 instructions,
+                instructions_most: instructions,
                 cycles_estimated: instructions * 14 / 10,
                 code_bytes,
                 table_bytes,
@@ -105,6 +106,12 @@ fn chip() -> Chip {
         gauss_newton_instructions_per_iteration: Some(12_500.0),
         peers: vec![],
         kernels_compared: 0,
+        kernels_different: 0,
+        tracked_sweep_instructions_per_pixel: None,
+        geometry_instructions_per_word: 0.0,
+        measurement_instructions_per_row: 0,
+        distance_instructions: 0,
+        found: vec![],
     }
 }
 
@@ -115,7 +122,7 @@ fn readings() -> Vec<Point> {
             let n = rows as f64;
             let micrometres = match light {
                 Light::NoiseAlone => 6.5 / n.sqrt(),
-                Light::Speckle => 580.0 / (1.0 + 0.005 * n),
+                Light::SpeckleMoving => 580.0 / (1.0 + 0.005 * n),
                 Light::SpeckleAtRest => 590.0,
             };
             points.push(Point {

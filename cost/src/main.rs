@@ -94,11 +94,7 @@ fn measure(options: &Options) -> anyhow::Result<Measured> {
         .map(|&estimator| host_time::nanoseconds(estimator))
         .collect();
     let peers = match options.peers {
-        true => Some(
-            peers::run(&peers::Options::default())
-                .context("the peers")?
-                .peers,
-        ),
+        true => Some(peers_beside(&chip)?),
         false => None,
     };
     Ok(Measured {
@@ -109,6 +105,22 @@ fn measure(options: &Options) -> anyhow::Result<Measured> {
         host_ns,
         peers,
     })
+}
+
+/// The peers, with their instructions on the chip over the default rung's for a window of 96 pixels.
+fn peers_beside(chip: &chip::Chip) -> anyhow::Result<peers::Peers> {
+    let mut peers = peers::run(&peers::Options::default()).context("the peers")?;
+    let default = report::on_chip(chip, Estimator::default(), report::WINDOW_OF_96)
+        .context("the default rung finds no centre on the chip")?;
+    for peer in &chip.peers {
+        let ratio = peer.instructions as f64 / default.instructions as f64;
+        anyhow::ensure!(
+            peers.set_chip_instruction_ratio(&peer.name, ratio),
+            "{} ran on the chip only",
+            peer.name
+        );
+    }
+    Ok(peers)
 }
 
 /// Rewrites the tables and figures under `docs/`, and the firmware's own copy of the figures.

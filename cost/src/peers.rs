@@ -38,3 +38,18 @@ pub fn run(_: &Options) -> anyhow::Result<Peers> {
         ],
     })
 }
+
+impl Peers {
+    /// Sets a peer's ratio on the chip; false where there is none of that name.
+    pub fn set_chip_instruction_ratio(&mut self, name: &str, ratio: f64) -> bool {
+        let peer = self.peers.iter_mut().find(|peer| peer.name == name);
+        peer.map(|peer| peer.chip_instruction_ratio = Some(ratio))
+            .is_some()
+    }
+}
+
+impl std::fmt::Display for Peers {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        writeln!(f, "made up")
+    }
+}

@@ -45,21 +45,21 @@ pub enum Light {
     /// Nothing.
     NoiseAlone,
     /// Speckle that changes from row to row.
-    Speckle,
+    SpeckleMoving,
     /// Speckle that stays.
     SpeckleAtRest,
 }
 
 impl Light {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::NoiseAlone, Self::Speckle, Self::SpeckleAtRest];
+    pub const ALL: [Self; 3] = [Self::NoiseAlone, Self::SpeckleMoving, Self::SpeckleAtRest];
 
     /// Displacements of a reading's rows in pixels.
     fn displacements(self, pitch: f64, random: &mut ChaCha8Rng) -> Vec<f64> {
         let deviation = DISPLACEMENT * 1e-6 / pitch;
         let kept = match self {
             Self::NoiseAlone => return vec![0.0; MOST_ROWS],
-            Self::Speckle => (-1.0 / CORRELATION).exp(),
+            Self::SpeckleMoving => (-1.0 / CORRELATION).exp(),
             Self::SpeckleAtRest => 1.0,
         };
         let fresh = (1.0 - kept * kept).sqrt();
@@ -212,7 +212,7 @@ mod tests {
             .map(|k| (n - f64::from(k)) * (-f64::from(k) / CORRELATION).exp())
             .sum();
         let expected = ((n + 2.0 * sum) / (n * n)).sqrt();
-        let speckle = at(Light::Speckle, 64) / at(Light::Speckle, 1);
+        let speckle = at(Light::SpeckleMoving, 64) / at(Light::SpeckleMoving, 1);
         println!("speckle: 64 rows leave {speckle}, expected {expected}");
         assert!((speckle / expected - 1.0).abs() < 0.1);
     }

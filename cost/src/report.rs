@@ -9,7 +9,7 @@ use slitrange::estimator::Estimator;
 
 use crate::accuracy::{Accuracy, Noise, SITUATIONS, Worst};
 use crate::chip::{Chip, RungOnChip};
-use crate::peers::Peer;
+use crate::peers::{Peer, Peers};
 use crate::reading_time;
 
 /// The chip's clock in MHz.
@@ -31,7 +31,14 @@ pub struct Measured {
     /// The whole sensor.
     pub readings: Vec<reading_time::Point>,
     /// The peers, where they were run.
-    pub peers: Option<Vec<Peer>>,
+    pub peers: Option<Peers>,
+}
+
+/// A rung on the chip at a width, where it found a centre there.
+pub fn on_chip(chip: &Chip, estimator: Estimator, width: f64) -> Option<&RungOnChip> {
+    chip.rungs.iter().find(|rung| {
+        rung.name == estimator.name() && (rung.width - width).abs() < 1e-9 && rung.fault.is_none()
+    })
 }
 
 /// What `--json` prints. A figure that does not apply, or that no row gave, is null.
@@ -66,11 +73,7 @@ struct Rung {
 impl Measured {
     /// A rung on the chip at a width, where it found a centre there.
     pub fn on_chip(&self, estimator: Estimator, width: f64) -> Option<&RungOnChip> {
-        self.chip.rungs.iter().find(|rung| {
-            rung.name == estimator.name()
-                && (rung.width - width).abs() < 1e-9
-                && rung.fault.is_none()
-        })
+        on_chip(&self.chip, estimator, width)
     }
 
     /// A rung's time per row on the chip at a width, in microseconds.
@@ -99,7 +102,7 @@ impl Measured {
             gauss_newton_instructions_per_iteration: self
                 .chip
                 .gauss_newton_instructions_per_iteration,
-            peers: self.peers.clone(),
+            peers: self.peers.as_ref().map(|peers| peers.peers.clone()),
         }
     }
 
@@ -150,12 +153,17 @@ impl Measured {
                 "Gauss-Newton: {iteration:.0} instructions an iteration."
             );
         }
+        let _ = writeln!(
+            out,
+            "Assembly and its portable twin compared {} times: {} differ.",
+            self.chip.kernels_compared, self.chip.kernels_different
+        );
         out +=
             "\nThe whole sensor, target at 0.8 m, default rung: error of a reading in um (RMS)\n";
         out += &table(&self.reading_table());
         if let Some(peers) = &self.peers {
-            out += "\nPeers on the same rows, over the default rung\n";
-            out += &table(&peer_table(peers));
+            let _ = writeln!(out, "\n{peers}\nPeers over the default rung");
+            out += &table(&peer_table(&peers.peers));
         }
         out
     }
@@ -242,8 +250,8 @@ impl Measured {
             "ms",
             "noise alone",
             "bound",
-            "speckle",
-            "speckle at rest",
+            "speckle, moving",
+            "speckle, at rest",
         ])];
         let of = |light, rows| {
             let point = self
@@ -259,7 +267,7 @@ impl Measured {
                     format!("{:.1}", point.milliseconds),
                     format!("{:.2}", point.micrometres),
                     format!("{:.2}", point.bound_micrometres),
-                    format!("{:.0}", of(reading_time::Light::Speckle, point.rows)),
+                    format!("{:.0}", of(reading_time::Light::SpeckleMoving, point.rows)),
                     format!("{:.0}", of(reading_time::Light::SpeckleAtRest, point.rows)),
                 ]);
             }
@@ -277,15 +285,10 @@ impl Measured {
         write_csv(&directory.join("accuracy.csv"), self.cells())?;
         write_csv(&directory.join("bias.csv"), self.biases())?;
         write_csv(&directory.join("situations.csv"), self.situations())?;
-        let chip = self.chip.rungs.iter().filter(|rung| {
-            self.estimators
-                .iter()
-                .any(|estimator| estimator.name() == rung.name)
-        });
-        write_csv(&directory.join("chip.csv"), chip)?;
+        write_csv(&directory.join("chip.csv"), self.on_chips())?;
         write_csv(&directory.join("reading-time.csv"), &self.readings)?;
         if let Some(peers) = &self.peers {
-            write_csv(&directory.join("peers.csv"), peers)?;
+            write_csv(&directory.join("peers.csv"), &peers.peers)?;
         }
         Ok(())
     }
@@ -315,6 +318,20 @@ impl Measured {
                 faults: cell.outcome.faults,
                 gross: cell.outcome.gross,
             }
+        })
+    }
+
+    fn on_chips(&self) -> impl Iterator<Item = ChipRecord<'_>> {
+        self.chip.rungs.iter().map(|rung| ChipRecord {
+            rung: &rung.name,
+            width_px: rung.width,
+            instructions: rung.instructions,
+            cycles_estimated: rung.cycles_estimated,
+            microseconds: round(rung.cycles_estimated as f64 / CLOCK_MHZ),
+            code_bytes: rung.code_bytes,
+            table_bytes: rung.table_bytes,
+            stack_bytes: rung.stack_bytes,
+            fault: rung.fault.as_deref(),
         })
     }
 
@@ -359,6 +376,19 @@ struct CellRecord {
     pull: f64,
     faults: u64,
     gross: u64,
+}
+
+#[derive(Serialize)]
+struct ChipRecord<'a> {
+    rung: &'a str,
+    width_px: f64,
+    instructions: u64,
+    cycles_estimated: u64,
+    microseconds: f64,
+    code_bytes: u64,
+    table_bytes: u64,
+    stack_bytes: u64,
+    fault: Option<&'a str>,
 }
 
 #[derive(Serialize)]
@@ -482,8 +512,7 @@ mod tests {
     /// The keys that others rely on.
     #[test]
     fn the_json_has_its_shape() {
-        let mut measured = made_up::measured();
-        measured.peers = None;
+        let measured = made_up::measured();
         let json = serde_json::to_value(measured.json()).expect("JSON");
         assert!(json.get("peers").is_none());
         assert!(json["sweep_instructions_per_pixel"].is_f64());
@@ -511,15 +540,18 @@ mod tests {
                 worst("rmse_over_bound_max_white").max(worst("rmse_over_bound_max_shot"))
             );
         }
-        measured.peers = Some(vec![Peer {
+        let peer = Peer {
             name: "a".into(),
             host_time_ratio: Some(2.0),
             chip_instruction_ratio: None,
             rmse_over_bound: Some(1.5),
-        }]);
-        let json = serde_json::to_value(measured.json()).expect("JSON");
+        };
+        let json = serde_json::to_value(Json {
+            peers: Some(vec![peer]),
+            ..measured.json()
+        });
         assert_eq!(
-            json["peers"],
+            json.expect("JSON")["peers"],
             serde_json::json!([{"name": "a", "host_time_ratio": 2.0, "chip_instruction_ratio": null, "rmse_over_bound": 1.5}])
         );
     }

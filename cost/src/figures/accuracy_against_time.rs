@@ -7,7 +7,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::axes::{Area, Axis, RATIOS, Scale, panel};
 use super::labels::{self, Box, Line, Point};
-use super::style::{BOUND, TEXT, bold, colour, is_default, text};
+use super::style::{BAND, BOUND, TEXT, TITLE, bold, colour, is_default, text};
 use crate::accuracy::{InSituation, SITUATIONS};
 use crate::pareto;
 use crate::report::Measured;
@@ -22,8 +22,12 @@ const TIMES: [f64; 10] = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 50
 
 /// Draws the figure.
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
-    let root = SVGBackend::new(path, (1000, 1720)).into_drawing_area();
+    let root = SVGBackend::new(path, (1000, 1500)).into_drawing_area();
     root.fill(&WHITE)?;
+    let root = root.titled(
+        "What a row's time buys (filled points: no faster rung is as accurate)",
+        bold(TITLE, BLACK),
+    )?;
     let times = |of: &&InSituation| {
         measured.microseconds(of.estimator, SITUATIONS[of.situation].chip_width)
     };
@@ -39,13 +43,15 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
         all().fold(0.0, f64::max) * 1.7,
     );
     for (i, area) in root.split_evenly((SITUATIONS.len(), 1)).iter().enumerate() {
-        let points: Vec<(&InSituation, f64)> = measured
+        let mut points: Vec<(&InSituation, f64)> = measured
             .accuracy
             .situations
             .iter()
             .filter(|of| of.situation == i && of.outcome.rmse.is_finite())
             .filter_map(|of| Some((of, times(&of)?)))
             .collect();
+        // Drawn last, the default lies on top.
+        points.sort_by_key(|(of, _)| is_default(of.estimator));
         draw_situation(area, SITUATIONS[i].name, range, &points)?;
     }
     root.present()?;
@@ -74,7 +80,7 @@ fn draw_situation(
     };
     let mut panel = panel(area, title, 20, &x, &y)?;
     let bound = [(times.0, 1.0), (times.1, 1.0)];
-    panel.draw_series([PathElement::new(bound, BOUND.stroke_width(3))])?;
+    panel.draw_series([PathElement::new(bound, BAND.stroke_width(9))])?;
 
     let worth: Vec<(f64, f64)> = points
         .iter()
@@ -82,8 +88,7 @@ fn draw_situation(
         .collect();
     let front = pareto::front(&worth, CHANCE);
     let line: Vec<(f64, f64)> = front.iter().map(|&i| worth[i]).collect();
-    let grey = RGBColor(0x99, 0x99, 0x99);
-    panel.draw_series([PathElement::new(line.clone(), grey.stroke_width(3))])?;
+    panel.draw_series([PathElement::new(line.clone(), BOUND.stroke_width(2))])?;
     for (i, (of, time)) in points.iter().enumerate() {
         let at = (*time, of.outcome.ratio());
         let colour = colour(of.estimator);
@@ -112,17 +117,17 @@ fn draw_situation(
             (pixel(&(*time, ratio)), text)
         })
         .collect();
-    let mut lines: Vec<Line> = line
+    let lines: Vec<Line> = line
         .windows(2)
         .map(|ends| (pixel(&ends[0]), pixel(&ends[1])))
         .collect();
-    lines.push((pixel(&bound[0]), pixel(&bound[1])));
     let (columns, rows) = panel.plotting_area().get_pixel_range();
     let inside = Box {
         left: f64::from(columns.start) + 4.0,
         top: f64::from(rows.start) + 4.0,
         right: f64::from(columns.end) - 4.0,
-        bottom: f64::from(rows.end) - 4.0,
+        // Below the bound is its name.
+        bottom: pixel(&bound[0]).1 - 5.0,
     };
     let (left, top) = area.get_base_pixel();
     let local = |(x, y): Point| (x as i32 - left, y as i32 - top);

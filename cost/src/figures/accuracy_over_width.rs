@@ -6,7 +6,6 @@ use plotters::prelude::*;
 
 use super::axes::{Axis, RATIOS, Scale};
 use super::curves::{Curve, draw_curves};
-use super::style::BOUND;
 use crate::accuracy::{Noise, WIDTHS};
 use crate::report::Measured;
 
@@ -52,13 +51,7 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
                 Curve::of(estimator, points)
             })
             .collect();
-        let bound = Curve {
-            name: "bound".into(),
-            colour: BOUND,
-            bold: false,
-            dashed: false,
-            points: WIDTHS.map(|width| (width, 1.0)).to_vec(),
-        };
+        let bound = Curve::bound("bound", WIDTHS.map(|width| (width, 1.0)).to_vec());
         draw_curves(area, title, &x, &y, &[&[bound], &curves[..]].concat())?;
     }
     root.present()?;

@@ -110,7 +110,7 @@ pub fn panel<'a, 'b>(
         .margin_left(6)
         .margin_bottom(6)
         .margin_right(right)
-        .x_label_area_size(2 * TEXT + 28)
+        .x_label_area_size(TEXT + TITLE + 16)
         .y_label_area_size(4 * TEXT + 8);
     if !title.is_empty() {
         chart.caption(title, text(TITLE, BLACK));

@@ -7,7 +7,6 @@ use plotters::prelude::*;
 
 use super::axes::{Axis, Scale};
 use super::curves::{Curve, draw_curves};
-use super::style::BOUND;
 use crate::accuracy::WIDTHS;
 use crate::report::Measured;
 
@@ -30,15 +29,15 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
         range: (SMALLEST, 1.0),
         ticks: &[1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0],
         name: "largest bias over the phase, px",
-        tick: &|value| value.to_string(),
+        tick: &|value| match value <= SMALLEST {
+            true => "≤ 1e-5".into(),
+            false => value.to_string(),
+        },
     };
-    let mut curves = vec![Curve {
-        name: "bound, one row".into(),
-        colour: BOUND,
-        bold: false,
-        dashed: true,
-        points: WIDTHS.map(|width| (width, bright(width))).to_vec(),
-    }];
+    let mut curves = vec![Curve::bound(
+        "bound, one row",
+        WIDTHS.map(|width| (width, bright(width))).to_vec(),
+    )];
     curves.extend(measured.estimators.iter().map(|&estimator| {
         let biases = measured.accuracy.biases.iter();
         let points = biases

@@ -8,6 +8,17 @@ use super::axes::{Area, Axis, panel};
 use super::labels::spread;
 use super::style::{self, TEXT, bold, text};
 
+/// What a curve shows.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Something measured.
+    Measured,
+    /// The measurement that the reader looks for first.
+    Default,
+    /// The bound: a broad band below the others, so that it shows where one lies on it.
+    Bound,
+}
+
 /// A curve.
 #[derive(Clone)]
 pub struct Curve {
@@ -15,22 +26,32 @@ pub struct Curve {
     pub name: String,
     /// Of the line and of the name.
     pub colour: RGBColor,
-    /// Stands out.
-    pub bold: bool,
-    /// A line that is no measurement is dashed and has no points.
-    pub dashed: bool,
+    /// How it is drawn.
+    pub kind: Kind,
     /// From left to right.
     pub points: Vec<(f64, f64)>,
 }
 
 impl Curve {
+    /// Of the bound.
+    pub fn bound(name: &str, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            name: name.into(),
+            colour: style::BOUND,
+            kind: Kind::Bound,
+            points,
+        }
+    }
+
     /// Of a rung; values that are no numbers leave a gap.
     pub fn of(estimator: Estimator, points: impl Iterator<Item = (f64, f64)>) -> Self {
         Self {
             name: estimator.name().into(),
             colour: style::colour(estimator),
-            bold: style::is_default(estimator),
-            dashed: false,
+            kind: match style::is_default(estimator) {
+                true => Kind::Default,
+                false => Kind::Measured,
+            },
             points: points.filter(|(_, y)| y.is_finite()).collect(),
         }
     }
@@ -52,22 +73,17 @@ pub fn draw_curves(
 ) -> anyhow::Result<()> {
     let mut panel = panel(area, title, NAMES, x, y)?;
     for curve in curves {
-        let width = if curve.bold { 4 } else { 2 };
-        let line = curve.points.iter().copied();
-        if curve.dashed {
-            panel.draw_series(DashedLineSeries::new(
-                line,
-                9,
-                6,
-                curve.colour.stroke_width(width),
-            ))?;
-            continue;
+        let (width, colour) = match curve.kind {
+            Kind::Measured => (2, curve.colour),
+            Kind::Default => (4, curve.colour),
+            Kind::Bound => (9, style::BAND),
+        };
+        let line = curve.points.clone();
+        panel.draw_series([PathElement::new(line, colour.stroke_width(width))])?;
+        if curve.kind != Kind::Bound {
+            let points = curve.points.iter();
+            panel.draw_series(points.map(|&at| Circle::new(at, width + 1, colour.filled())))?;
         }
-        panel.draw_series([PathElement::new(
-            line.clone().collect::<Vec<_>>(),
-            curve.colour.stroke_width(width),
-        )])?;
-        panel.draw_series(line.map(|at| Circle::new(at, width + 1, curve.colour.filled())))?;
     }
 
     // Names from top to bottom, apart, and a line to each from its curve's end.
@@ -90,9 +106,9 @@ pub fn draw_curves(
             [(x - left + 4, y - top), (name - 5, height as i32 - top)],
             curve.colour.stroke_width(1),
         ))?;
-        let style = match curve.bold {
-            true => bold(TEXT, curve.colour),
-            false => text(TEXT, curve.colour),
+        let style = match curve.kind {
+            Kind::Default => bold(TEXT, curve.colour),
+            Kind::Measured | Kind::Bound => text(TEXT, curve.colour),
         };
         area.draw(&Text::new(
             curve.name.clone(),

@@ -5,8 +5,7 @@ use std::path::Path;
 use plotters::prelude::*;
 
 use super::axes::{Axis, Scale};
-use super::curves::{Curve, draw_curves};
-use super::style::BOUND;
+use super::curves::{Curve, Kind, draw_curves};
 use crate::reading_time::{Light, Point, ROWS, ROWS_PER_SECOND};
 
 /// Draws the figure.
@@ -28,32 +27,28 @@ pub fn draw(points: &[Point], path: &Path) -> anyhow::Result<()> {
     };
     let y = Axis {
         scale: Scale::Log,
-        range: (0.5, 1000.0),
+        range: (0.5, 2000.0),
         ticks: &[
-            0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0,
+            0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0,
         ],
         name: "RMS error of the distance, µm",
         tick: &|value| value.to_string(),
     };
     let of = |light| points.iter().filter(move |point| point.light == light);
-    let curve = |name: &str, light, colour, bold| Curve {
+    let curve = |name: &str, light, colour, kind| Curve {
         name: name.into(),
         colour,
-        bold,
-        dashed: false,
+        kind,
         points: of(light)
             .map(|point| (point.milliseconds, point.micrometres))
             .collect(),
     };
-    let bound = Curve {
-        name: "bound".into(),
-        colour: BOUND,
-        bold: false,
-        dashed: true,
-        points: of(Light::NoiseAlone)
+    let bound = Curve::bound(
+        "bound",
+        of(Light::NoiseAlone)
             .map(|point| (point.milliseconds, point.bound_micrometres))
             .collect(),
-    };
+    );
     draw_curves(
         &root,
         "A reading at 0.8 m: rows help against noise, hardly against speckle",
@@ -61,13 +56,18 @@ pub fn draw(points: &[Point], path: &Path) -> anyhow::Result<()> {
         &y,
         &[
             bound,
-            curve("noise alone", Light::NoiseAlone, BLACK, true),
-            curve("speckle", Light::Speckle, RGBColor(0xc6, 0x20, 0x20), false),
+            curve("noise alone", Light::NoiseAlone, BLACK, Kind::Default),
+            curve(
+                "speckle, moving",
+                Light::SpeckleMoving,
+                RGBColor(0xc6, 0x20, 0x20),
+                Kind::Measured,
+            ),
             curve(
                 "speckle, at rest",
                 Light::SpeckleAtRest,
                 RGBColor(0x15, 0x55, 0xd0),
-                false,
+                Kind::Measured,
             ),
         ],
     )?;

@@ -11,6 +11,8 @@ pub const TITLE: i32 = 21;
 pub const CHARACTER: f64 = 0.56;
 /// The Cramér-Rao bound.
 pub const BOUND: RGBColor = RGBColor(0x55, 0x55, 0x55);
+/// The same as a broad line behind others.
+pub const BAND: RGBColor = RGBColor(0xb8, 0xb8, 0xb8);
 /// Lines of the grid.
 pub const GRID: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
 
