@@ -10,7 +10,7 @@ use slitrange::reading::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 
-use crate::accuracy::{Cell, Outcome};
+use crate::accuracy::{Cell, Outcome, PIXELS};
 use crate::bound;
 use crate::scene::{Scene, quantise};
 
@@ -22,12 +22,6 @@ const FASTEST_DRIFT: f64 = 0.6;
 
 /// Additive recurrence over two dimensions, the most even there is: 1/p and 1/p^2 of the plastic number p, p^3 = p + 1.
 const EVEN: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
-
-/// Pixels of the rows for a spot of this width: enough for the medians of the background to see little of the spot, and no
-/// more, because making rows is what takes the time.
-pub fn pixels(width: f64) -> usize {
-    256 + (40.0 * width).ceil() as usize
-}
 
 /// A cell's rows, and what is amiss with them.
 #[derive(Clone, Copy, Debug)]
@@ -47,15 +41,6 @@ impl Rows {
         }
     }
 
-    /// The scene, on a row of [`pixels`].
-    fn scene(&self) -> Scene {
-        let mut scene = self.cell.scene();
-        let pixels = pixels(self.cell.width);
-        scene.geometry.words = pixels;
-        scene.geometry.light = 0..pixels;
-        scene
-    }
-
     /// The Cramér-Rao bound in pixels, of a row with nothing amiss.
     pub fn bound(&self) -> f64 {
         bound::Spot {
@@ -72,7 +57,7 @@ impl Rows {
     pub fn true_centre(&self, row: u64) -> f64 {
         let series = row / SERIES;
         let [place, drift] = EVEN.map(|step| (series as f64 * step).fract());
-        let start = pixels(self.cell.width) as f64 / 2.0 + 128.0 * (place - 0.5);
+        let start = PIXELS as f64 / 2.0 + 128.0 * (place - 0.5);
         start + (row % SERIES) as f64 * FASTEST_DRIFT * (2.0 * drift - 1.0)
     }
 
@@ -95,7 +80,7 @@ impl Rows {
     pub fn run(&self, estimators: &[Estimator]) -> Vec<Outcome> {
         let bound = self.bound();
         let gross = (0.5 * self.cell.width).max(8.0 * bound);
-        let scene = self.scene();
+        let scene = self.cell.scene();
         // Collected in order before they are added up: the sums are then the same on any number of cores.
         let series: Vec<Vec<Sums>> = (0..self.cell.rows.div_ceil(SERIES))
             .into_par_iter()
@@ -200,15 +185,15 @@ pub fn largest_bias(estimator: Estimator, width: f64) -> Option<f64> {
     shots
         .into_iter()
         .map(|electrons_per_count| {
-            let rows = Rows::of(Cell {
+            let cell = Cell {
                 width,
                 amplitude: 3800.0,
                 read_noise: 0.0,
                 electrons_per_count,
                 rows: 0,
                 seed: 0,
-            });
-            bias(estimator, width, &rows.scene().geometry)
+            };
+            bias(estimator, width, &cell.scene().geometry)
         })
         .try_fold(0.0f64, |worst, bias| Some(worst.max(bias?)))
 }
@@ -271,7 +256,7 @@ mod tests {
         })
     }
 
-    /// The same spot through `Cell::run`, whose rows are longer, stand elsewhere and have no row before: 4000 rows give the
+    /// The same spot through `Cell::run`, whose spots stand elsewhere and have no row before: 4000 rows give the
     /// ratio to 1.1 %, so the difference of two is within 5 % with three standard deviations to spare.
     #[test]
     fn agrees_with_the_cell_on_its_own() {
@@ -288,12 +273,11 @@ mod tests {
     #[test]
     fn true_centres_are_even_over_the_phases_and_far_from_the_edges() {
         let rows = rows();
-        let pixels = pixels(rows.cell.width) as f64;
         let mut tenths = [0; 10];
         for row in 0..16_000 {
             let centre = rows.true_centre(row);
             assert!(
-                (centre - pixels / 2.0).abs() <= 64.0 + 0.6 * 15.0,
+                (centre - PIXELS as f64 / 2.0).abs() <= 64.0 + 0.6 * 15.0,
                 "{centre}"
             );
             tenths[(centre.fract() * 10.0) as usize] += 1;
