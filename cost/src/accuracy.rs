@@ -144,6 +144,9 @@ pub const SITUATIONS: [Situation; 4] = [
     },
 ];
 
+/// Where more of the rows than this have no centre, the error of the others is not the rung's: those are the easy ones.
+pub const MOST_FAULTS: f64 = 0.1;
+
 /// A rung in a situation.
 #[derive(Clone, Copy, Debug)]
 pub struct InSituation {
@@ -242,6 +245,11 @@ pub struct Worst {
 }
 
 impl Accuracy {
+    /// The part of a cell's rows that has no centre.
+    pub fn faults(&self, outcome: &Outcome) -> f64 {
+        outcome.faults as f64 / self.rows as f64
+    }
+
     /// A rung's worst figures.
     pub fn worst(&self, estimator: Estimator) -> Worst {
         let cells = || {

@@ -8,7 +8,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::axes::{Area, Axis, RATIOS, Scale, panel};
 use super::labels::{self, Box, Line, Point};
 use super::style::{BAND, BOUND, TEXT, TITLE, bold, colour, is_default, text};
-use crate::accuracy::{InSituation, SITUATIONS};
+use crate::accuracy::{InSituation, MOST_FAULTS, SITUATIONS};
 use crate::pareto;
 use crate::report::Measured;
 
@@ -47,7 +47,8 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
             .accuracy
             .situations
             .iter()
-            .filter(|of| of.situation == i && of.outcome.rmse.is_finite())
+            .filter(|of| of.situation == i)
+            .filter(|of| measured.accuracy.faults(&of.outcome) <= MOST_FAULTS)
             .filter_map(|of| Some((of, times(&of)?)))
             .collect();
         // Drawn last, the default lies on top.

@@ -6,7 +6,7 @@ use plotters::prelude::*;
 
 use super::axes::{Axis, RATIOS, Scale};
 use super::curves::{Curve, draw_curves};
-use crate::accuracy::{Noise, WIDTHS};
+use crate::accuracy::{MOST_FAULTS, Noise, WIDTHS};
 use crate::report::Measured;
 
 const PANELS: [(&str, Noise); 2] = [
@@ -47,6 +47,7 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
                 let cells = measured.accuracy.cells.iter();
                 let points = cells
                     .filter(|cell| cell.estimator == estimator && cell.noise == noise)
+                    .filter(|cell| measured.accuracy.faults(&cell.outcome) <= MOST_FAULTS)
                     .map(|cell| (cell.width, cell.outcome.ratio()));
                 Curve::of(estimator, points)
             })

@@ -43,7 +43,7 @@ impl Curve {
         }
     }
 
-    /// Of a rung; values that are no numbers leave a gap.
+    /// Of a rung; values that are no numbers are left out.
     pub fn of(estimator: Estimator, points: impl Iterator<Item = (f64, f64)>) -> Self {
         Self {
             name: estimator.name().into(),

@@ -95,7 +95,7 @@ pub fn place(points: &[(Point, String)], lines: &[Line], area: Box) -> Vec<Place
     let mut order: Vec<usize> = (0..points.len()).collect();
     let mut best: Option<(f64, Vec<Placed>)> = None;
     let mut random = 1u32;
-    for _ in 0..80 {
+    for _ in 0..120 {
         let (cost, placed) = place_in_order(points, lines, area, &order);
         if best.as_ref().is_none_or(|(least, _)| cost < *least) {
             best = Some((cost, placed));
@@ -177,14 +177,16 @@ fn cost(
         points.iter().filter(|(other, _)| on_point(other)).count(),
     );
     charge(
-        80.0,
+        100.0,
         lines
             .iter()
             .filter(|line| here.text.crosses(**line))
             .count(),
     );
     let to = here.text.nearest(point);
-    charge(1.0, (to.0 - point.0).hypot(to.1 - point.1) as usize);
+    let far = (to.0 - point.0).hypot(to.1 - point.1);
+    // A long line to a label is worse than two short ones.
+    charge(1.0, (far + far * far / 60.0) as usize);
     for other in others {
         // A line over a label, either way, or over a line.
         let over = other

@@ -8,7 +8,7 @@ pub const TEXT: i32 = 19;
 /// The names of axes and panels.
 pub const TITLE: i32 = 21;
 /// Width of a character over the text's size, on average, in the fonts that a browser takes for sans-serif.
-pub const CHARACTER: f64 = 0.56;
+pub const CHARACTER: f64 = 0.6;
 /// The Cramér-Rao bound.
 pub const BOUND: RGBColor = RGBColor(0x55, 0x55, 0x55);
 /// The same as a broad line behind others.
