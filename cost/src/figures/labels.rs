@@ -59,15 +59,24 @@ impl Box {
         )
     }
 
+    /// Whether a part of the line lies in the box (Liang and Barsky's clipping).
     fn crosses(&self, (from, to): Line) -> bool {
-        // A step a pixel or two: the lines are short.
-        (0..=200).any(|i| {
-            let part = f64::from(i) / 200.0;
-            self.contains((
-                from.0 + part * (to.0 - from.0),
-                from.1 + part * (to.1 - from.1),
-            ))
-        })
+        let (mut enters, mut leaves) = (0.0f64, 1.0f64);
+        for (start, length, least, most) in [
+            (from.0, to.0 - from.0, self.left, self.right),
+            (from.1, to.1 - from.1, self.top, self.bottom),
+        ] {
+            if length == 0.0 {
+                if start < least || start > most {
+                    return false;
+                }
+                continue;
+            }
+            let (a, b) = ((least - start) / length, (most - start) / length);
+            enters = enters.max(a.min(b));
+            leaves = leaves.min(a.max(b));
+        }
+        enters <= leaves
     }
 }
 
@@ -90,12 +99,13 @@ pub struct Placed {
 const POINT: f64 = 9.0;
 
 /// Places a label for each point: within the area, on no other label and on no point, if possible on none of the lines, and
-/// near. A number of orders are tried and the best is taken; always the same one for the same points.
+/// near. From a number of orders in which they find their places, and then make room for each other, the best is
+/// taken; always the same one for the same points.
 pub fn place(points: &[(Point, String)], lines: &[Line], area: Box) -> Vec<Placed> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     let mut best: Option<(f64, Vec<Placed>)> = None;
     let mut random = 1u32;
-    for _ in 0..120 {
+    for _ in 0..100 {
         let (cost, placed) = place_in_order(points, lines, area, &order);
         if best.as_ref().is_none_or(|(least, _)| cost < *least) {
             best = Some((cost, placed));
@@ -109,6 +119,9 @@ pub fn place(points: &[(Point, String)], lines: &[Line], area: Box) -> Vec<Place
     best.map(|(_, placed)| placed).unwrap_or_default()
 }
 
+/// Rounds in which each label looks for a better place among the others.
+const ROUNDS: usize = 4;
+
 fn place_in_order(
     points: &[(Point, String)],
     lines: &[Line],
@@ -116,18 +129,19 @@ fn place_in_order(
     order: &[usize],
 ) -> (f64, Vec<Placed>) {
     let mut placed: Vec<Option<Placed>> = vec![None; points.len()];
-    let mut total = 0.0;
-    for &i in order {
+    let mut costs = vec![0.0; points.len()];
+    for &i in order.iter().cycle().take(ROUNDS * order.len()) {
         let (point, text) = &points[i];
+        placed[i] = None;
         let others: Vec<Placed> = placed.iter().flatten().copied().collect();
         let (cost, here) = candidates(*point, text)
             .map(|here| (cost(&here, *point, points, &others, lines, area), here))
             .min_by(|(a, _), (b, _)| a.total_cmp(b))
             .expect("there are candidates");
-        total += cost;
+        costs[i] = cost;
         placed[i] = Some(here);
     }
-    (total, placed.into_iter().flatten().collect())
+    (costs.iter().sum(), placed.into_iter().flatten().collect())
 }
 
 /// All around the point, near and far.
@@ -296,6 +310,20 @@ mod tests {
             for (point, _) in &points {
                 assert!(!here.text.contains(*point), "{here:?} {point:?}");
             }
+        }
+    }
+
+    #[test]
+    fn a_line_crosses_a_box_or_misses_it() {
+        for (line, crosses) in [
+            (((-10.0, 200.0), (700.0, 210.0)), true),
+            (((10.0, 10.0), (20.0, 20.0)), true),
+            (((-10.0, 50.0), (-10.0, 350.0)), false),
+            (((-100.0, 200.0), (-1.0, 200.0)), false),
+            (((-50.0, 10.0), (10.0, -60.0)), false),
+            (((-50.0, 60.0), (60.0, -50.0)), true),
+        ] {
+            assert_eq!(AREA.crosses(line), crosses, "{line:?}");
         }
     }
 
