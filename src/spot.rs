@@ -94,21 +94,17 @@ pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
 /// As [`find`].
 pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, Fault> {
     let light = row.light();
-    // The kernel fits a width of 0.9 of its block best, and widths from 0.64 to 1.28 better than that of another size.
+    // The kernel fits a width of 0.9 of its block best, and one of 0.75 or 1.5 nearly as well.
     let block_log2 = (BLOCK_LOG2..=LARGEST_BLOCK_LOG2)
-        .take_while(|&log2| width.to_bits() >= (41 << log2) << (Pixels::FRACTION - 6))
+        .take_while(|&log2| width >= Pixels::from_int((3 << log2) / 4))
         .last();
     let Some(block_log2) = block_log2.filter(|_| light.len() >= MIN_PIXELS) else {
         return find(row);
     };
-    let mut sums = [0u16; MAX_PIXELS >> BLOCK_LOG2];
-    let peak = sweep_blocks(light.as_chunks().0, &mut sums);
-    let blocks = light.len() >> BLOCK_LOG2;
-    let peak = match (block_log2, sums.get(..blocks)) {
-        (BLOCK_LOG2, _) => peak,
-        (_, Some(sums)) => sweep_sums(sums, block_log2 - BLOCK_LOG2),
-        // There are as many sums as blocks.
-        (_, None) => return find(row),
+    let blocks = light.as_chunks().0;
+    let peak = match block_log2 {
+        BLOCK_LOG2 => sweep_blocks(blocks),
+        _ => sweep_groups(blocks, block_log2 - BLOCK_LOG2),
     };
     let level = before.background.level;
     // A response is at most 4 * 128 * 4095 < 2^21 counts, and so is the background under it: both fit in Q8.
@@ -141,49 +137,70 @@ struct Highest {
     response: u32,
 }
 
-/// Runs [1 2 1] over the sums of blocks, which go into `sums`.
+/// Runs [1 2 1] over blocks.
 #[inline(never)]
-fn sweep_blocks(blocks: &[[u16; 8]], sums: &mut [u16]) -> Highest {
-    let mut highest = Highest::default();
-    let (mut last, mut last_two) = (0u32, 0u32);
-    for (i, (&[a, b, c, d, e, f, g, h], sum)) in blocks.iter().zip(sums).enumerate() {
-        // Two at a time: four counts of 12 bits fit the 16 bits that each half has.
-        let both = (pair(a, b) + pair(c, d)) + (pair(e, f) + pair(g, h));
-        let block = (both & 0xffff) + (both >> 16);
-        *sum = block as u16;
-        let two = last + block;
-        // The first two blocks make no kernel: what is missing counts as zero, below any background.
-        let response = last_two + two;
-        if response > highest.response {
-            highest = Highest { block: i, response };
-        }
-        (last, last_two) = (block, two);
+fn sweep_blocks(blocks: &[[u16; 8]]) -> Highest {
+    let mut kernel = Kernel::default();
+    for block in blocks {
+        kernel.take(sum(block));
     }
-    // The response was noted at the kernel's last block.
-    highest.block = highest.block.saturating_sub(1);
-    highest
+    kernel.highest()
 }
 
+/// Runs [1 2 1] over groups of 2^`log2` blocks.
+#[inline(never)]
+fn sweep_groups(blocks: &[[u16; 8]], log2: u32) -> Highest {
+    let mut kernel = Kernel::default();
+    for group in blocks.chunks_exact(1 << log2) {
+        kernel.take(group.iter().map(sum).sum());
+    }
+    kernel.highest()
+}
+
+/// The kernel [1 2 1], which takes one sum after the other.
+#[derive(Default)]
+struct Kernel {
+    last: u32,
+    last_two: u32,
+    taken: usize,
+    highest: Highest,
+}
+
+impl Kernel {
+    #[inline(always)]
+    fn take(&mut self, sum: u32) {
+        let two = self.last + sum;
+        // What is missing before the first two counts as zero, below any background.
+        let response = self.last_two + two;
+        if response > self.highest.response {
+            self.highest = Highest {
+                block: self.taken,
+                response,
+            };
+        }
+        (self.last, self.last_two) = (sum, two);
+        self.taken += 1;
+    }
+
+    /// The response was noted at the kernel's last block.
+    fn highest(self) -> Highest {
+        Highest {
+            block: self.highest.block.saturating_sub(1),
+            ..self.highest
+        }
+    }
+}
+
+/// The sum of a block, two pixels at a time: four counts of 12 bits fit the 16 bits that each half has.
+#[inline(always)]
+fn sum(&[a, b, c, d, e, f, g, h]: &[u16; 8]) -> u32 {
+    let both = (pair(a, b) + pair(c, d)) + (pair(e, f) + pair(g, h));
+    (both & 0xffff) + (both >> 16)
+}
+
+#[inline(always)]
 fn pair(low: u16, high: u16) -> u32 {
     u32::from(low) | u32::from(high) << 16
-}
-
-/// Runs [1 2 1] over sums of 2^`log2` sums.
-#[inline(never)]
-fn sweep_sums(sums: &[u16], log2: u32) -> Highest {
-    let mut highest = Highest::default();
-    let (mut last, mut last_two) = (0u32, 0u32);
-    for (i, sums) in sums.chunks_exact(1 << log2).enumerate() {
-        let block = sums.iter().map(|&sum| u32::from(sum)).sum::<u32>();
-        let two = last + block;
-        let response = last_two + two;
-        if response > highest.response {
-            highest = Highest { block: i, response };
-        }
-        (last, last_two) = (block, two);
-    }
-    highest.block = highest.block.saturating_sub(1);
-    highest
 }
 
 /// The significance that a spot has at least: see [`DETECTION`]. The kernel's noise is (1 + 4 + 1) * 2^block_log2 pixels'

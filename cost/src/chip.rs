@@ -46,10 +46,10 @@ const CLOCK_ROUNDS: u64 = 2;
 pub struct Chip {
     /// Every rung at every width, the widths rising for each rung.
     pub rungs: Vec<RungOnChip>,
-    /// The coarse search of a whole row.
+    /// The coarse search of a whole row, the spot's width being known from the row before.
     pub sweep_instructions_per_pixel: f64,
-    /// The coarse search near the row before's spot, over the row's pixels, where there is one.
-    pub tracked_sweep_instructions_per_pixel: Option<f64>,
+    /// The same for a spot of any width: the first row of a frame.
+    pub search_instructions_per_pixel: f64,
     /// Turning the words of a read-out into a row.
     pub geometry_instructions_per_word: f64,
     /// One iteration of the Gauss-Newton rung, the mean over all of its rows, where it iterates.
@@ -141,11 +141,8 @@ fn chip(run: &Run) -> Result<Chip> {
     );
     Ok(Chip {
         rungs: rungs(run, &program, &model)?,
-        sweep_instructions_per_pixel: per_item(step("spot-find")?)?,
-        tracked_sweep_instructions_per_pixel: step("spot-find-again")
-            .ok()
-            .map(per_item)
-            .transpose()?,
+        search_instructions_per_pixel: per_item(step("spot-find")?)?,
+        sweep_instructions_per_pixel: per_item(step("spot-find-again")?)?,
         geometry_instructions_per_word: per_item(step("geometry-row")?)?,
         gauss_newton_instructions_per_iteration: gauss_newton_iteration(run, &program),
         measurement_instructions_per_row: step("measurement-row")?.whole("cycles")?,
