@@ -191,9 +191,9 @@ impl Kernel {
     }
 }
 
-/// The sum of a block, two pixels at a time: four counts of 12 bits fit the 16 bits that each half has.
+/// The sum of a block of 8 pixels, two at a time: four counts of 12 bits fit the 16 bits that each half has.
 #[inline(always)]
-fn sum(&[a, b, c, d, e, f, g, h]: &[u16; 8]) -> u32 {
+pub(crate) fn sum(&[a, b, c, d, e, f, g, h]: &[u16; 8]) -> u32 {
     let both = (pair(a, b) + pair(c, d)) + (pair(e, f) + pair(g, h));
     (both & 0xffff) + (both >> 16)
 }

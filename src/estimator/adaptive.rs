@@ -5,14 +5,12 @@
 //! beside the spot is tilted, the tables of [`TILTED`] take over, whose score and slope answer to no tilt: they cost 5 % of
 //! accuracy in white noise, where a tilt of a count a pixel would shift the centre by a fifth of one.
 
-use dual_mac::square_root;
-
 use crate::estimator::RowCentre;
 use crate::estimator::phase_table::{self, Fit, Width};
 use crate::estimator::tables::{MIXES, Sampling, TILTED, TableSet};
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
-use crate::spot::Spot;
+use crate::spot::{self, Spot};
 use crate::units::{Counts, Pixels};
 
 /// The centre of a spot.
@@ -32,6 +30,7 @@ pub fn centre(
 ///
 /// # Errors
 /// See [`crate::estimator::centre`].
+#[inline(always)]
 pub(super) fn fit(
     row: &Row<'_>,
     spot: &Spot,
@@ -76,6 +75,9 @@ fn for_mix(noise: Counts, height: f32, geometry: &Geometry) -> &'static TableSet
 /// Pixels of either flank that tell a tilt.
 const FLANK: usize = 16;
 
+/// The standard deviation of the flanks' difference, over that of a pixel: sqrt(2 * FLANK).
+const DEVIATION: f32 = 5.657;
+
 /// Standard deviations of the flanks' difference from which on it is a tilt: noise alone gets there in one row of 16,000.
 const TILT: f32 = 4.0;
 
@@ -94,19 +96,10 @@ fn is_tilted(light: &[u16], fit: &Fit<'_>, noise: Counts) -> bool {
         return false;
     };
     let difference = sum(left).abs_diff(sum(right)) as f32;
-    // Both flanks' variance: 2 * FLANK pixels'.
-    let deviation = noise.to_f32() * square_root((2 * FLANK) as f32);
-    difference > TILT * deviation
+    difference > TILT * DEVIATION * noise.to_f32()
 }
 
-/// The sum of a flank: 16 counts of 12 bits fit 16 bits, so that two are added at a time.
+/// The sum of a flank.
 fn sum(flank: &[u16]) -> u32 {
-    let pairs = flank.as_chunks::<2>().0;
-    let both: u32 = pairs
-        .iter()
-        .map(|&[low, high]| u32::from(low) | u32::from(high) << 16)
-        .fold(0, u32::wrapping_add);
-    (both & 0xffff) + (both >> 16)
+    flank.as_chunks().0.iter().map(spot::sum).sum()
 }
-
-const _: () = assert!(FLANK / 2 * crate::row::LARGEST_COUNT as usize <= u16::MAX as usize);

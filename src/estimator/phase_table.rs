@@ -57,21 +57,53 @@ pub fn centre(
     tables: &TableSet<'_>,
     sampling: Sampling,
 ) -> Result<RowCentre, Fault> {
-    let noise = spot.background.noise;
-    if let Some(before) = before
-        && let Some(fit) = glance(row, spot, before, tables, Width::TakenOver)
-    {
-        unsaturated(row, fit.centre, fit.width, geometry)?;
-        return fit
-            .with_uncertainty(noise, geometry)
-            .map(|centre| RowCentre {
-                width: before.width,
-                ..centre
-            });
+    if let Some(before) = before {
+        if before.class.block == 1 {
+            // Samples of one pixel, which are usual, are a constant in what is inlined here.
+            let class = WidthClass {
+                block: 1,
+                ..before.class
+            };
+            if let Some(fit) = glance(row, spot, before, class, tables, Width::TakenOver) {
+                return finish(row, spot, before, &fit, geometry);
+            }
+        } else if let Some(centre) = glance_at_blocks(row, spot, before, geometry, tables) {
+            return centre;
+        }
     }
     let width = Width::TakenOver;
     fit_at_length(row, spot, before, geometry, tables, width, sampling)?
-        .with_uncertainty(noise, geometry)
+        .with_uncertainty(spot.background.noise, geometry)
+}
+
+#[cold]
+#[inline(never)]
+fn glance_at_blocks(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: &RowCentre,
+    geometry: &Geometry,
+    tables: &TableSet<'_>,
+) -> Option<Result<RowCentre, Fault>> {
+    let fit = glance(row, spot, before, before.class, tables, Width::TakenOver)?;
+    Some(finish(row, spot, before, &fit, geometry))
+}
+
+/// A fit whose width is that of the row before becomes a centre.
+#[inline(always)]
+fn finish(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: &RowCentre,
+    fit: &Fit<'_>,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    unsaturated(row, fit.centre, fit.width, geometry)?;
+    let centre = fit.with_uncertainty(spot.background.noise, geometry)?;
+    Ok(RowCentre {
+        width: before.width,
+        ..centre
+    })
 }
 
 /// Where the width comes from that says which table serves, where there is a row before.
@@ -97,7 +129,14 @@ pub(super) fn fit<'a>(
     width: Width,
     sampling: Sampling,
 ) -> Result<Fit<'a>, Fault> {
-    if let Some(fit) = before.and_then(|before| glance(row, spot, before, tables, width)) {
+    if let Some(before) = before
+        && before.class.block == 1
+        && let class = (WidthClass {
+            block: 1,
+            ..before.class
+        })
+        && let Some(fit) = glance(row, spot, before, class, tables, width)
+    {
         unsaturated(row, fit.centre, fit.width, geometry)?;
         return Ok(fit);
     }
@@ -105,6 +144,7 @@ pub(super) fn fit<'a>(
 }
 
 /// The same without the first glance.
+#[cold]
 #[inline(never)]
 fn fit_at_length<'a>(
     row: &Row<'_>,
@@ -137,21 +177,18 @@ pub(super) struct Fit<'a> {
     pub(super) table: &'a Table<'a>,
 }
 
-/// One look where the row before had its spot, in single pixels: all that it takes where the target rests. `None` where that
-/// does not do. Everything is inlined into one straight line, in which samples of one pixel are a constant.
+/// One look where the row before had its spot: all that it takes where the target rests. `None` where that does not do. All of
+/// it is inlined into one straight line.
 #[inline(always)]
 fn glance<'a>(
     row: &Row<'_>,
     spot: &Spot,
     before: &RowCentre,
+    class: WidthClass,
     tables: &TableSet<'a>,
     source: Width,
 ) -> Option<Fit<'a>> {
-    let table = tables.in_pixels(before.class)?;
-    let class = WidthClass {
-        block: 1,
-        ..before.class
-    };
+    let table = tables.get(class)?;
     if !is_near(spot, before) {
         return None;
     }

@@ -217,14 +217,14 @@ impl<'a> TableSet<'a> {
         if class.set != self.number {
             return self.choose(width, Sampling::Fine);
         }
-        let table = self.tables.get(usize::from(class.table))?;
-        (class.block.is_power_of_two() && class.block <= 16).then_some((class, table))
+        Some((class, self.get(class)?))
     }
 
-    /// The table of a class of one-pixel samples. `None` where it is not of this set.
+    /// The table of a class. `None` where it is not of this set.
     #[inline(always)]
-    pub(super) fn in_pixels(&self, class: WidthClass) -> Option<&'a Table<'a>> {
-        if class.set != self.number || class.block != 1 {
+    pub(super) fn get(&self, class: WidthClass) -> Option<&'a Table<'a>> {
+        let is_block = class.block.is_power_of_two() && class.block <= 16;
+        if class.set != self.number || !is_block {
             return None;
         }
         self.tables.get(usize::from(class.table))
@@ -372,9 +372,10 @@ pub(super) const NARROWEST: f32 = 0.6;
 /// The coarse search finds no wider spots, in pixels.
 const WIDEST: f32 = 150.0;
 
-/// How often the sum of a block is halved to fit [`LARGEST_SAMPLE`]: not at all up to 8 pixels, once up to 16.
+/// How often the sum of a block is halved to fit [`LARGEST_SAMPLE`]: not at all up to 8 pixels, once for 16.
+#[inline(always)]
 pub(super) const fn halvings(block: u8) -> u32 {
-    block.div_ceil(8).next_power_of_two().ilog2()
+    (block > 8) as u32
 }
 
 #[cfg(test)]

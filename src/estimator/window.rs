@@ -141,7 +141,7 @@ impl<'r, 't> Window<'r, 't> {
     }
 
     /// The spot's width over the table's, less one. Limited to a bit less than half or twice the width, like the distance.
-    #[inline]
+    #[inline(always)]
     pub(super) fn stretch(&self, slope: f32) -> f32 {
         // The set has as many weights of the stretch as of the others.
         let weights = self
@@ -165,9 +165,16 @@ impl<'r, 't> Window<'r, 't> {
 
     #[inline(never)]
     fn look_at_blocks(&self) -> (i32, i32) {
-        let mut sums = [0; MAX_TAPS];
-        sum_blocks(self.pixels, self.block, &mut sums);
-        dot2(&sums, self.weights)
+        // Coarse samples are few, and clearing room for more takes time.
+        if self.weights.len() <= FEW_TAPS / 2 {
+            let mut sums = [0; FEW_TAPS];
+            sum_blocks(self.pixels, self.block, &mut sums);
+            dot2(&sums, self.weights)
+        } else {
+            let mut sums = [0; MAX_TAPS];
+            sum_blocks(self.pixels, self.block, &mut sums);
+            dot2(&sums, self.weights)
+        }
     }
 
     #[inline(never)]
@@ -178,9 +185,12 @@ impl<'r, 't> Window<'r, 't> {
     }
 }
 
+/// Samples of a spot in coarse samples: up to 2.3 a sigma, and the tables' windows reach four or five sigma to either side.
+const FEW_TAPS: usize = 24;
+
 /// The sums of blocks of pixels, halved to fit. Adding n to every pixel adds a whole number to every sample, because a
 /// block's size is a multiple of what its sum is divided by.
-fn sum_blocks(pixels: &[u16], block: u8, sums: &mut [u16; MAX_TAPS]) {
+fn sum_blocks(pixels: &[u16], block: u8, sums: &mut [u16]) {
     match block {
         2 => sum_chunks(pixels.as_chunks::<2>().0, 2, sums),
         4 => sum_chunks(pixels.as_chunks::<4>().0, 4, sums),
@@ -190,7 +200,7 @@ fn sum_blocks(pixels: &[u16], block: u8, sums: &mut [u16; MAX_TAPS]) {
 }
 
 #[inline(always)]
-fn sum_chunks<const BLOCK: usize>(chunks: &[[u16; BLOCK]], block: u8, sums: &mut [u16; MAX_TAPS]) {
+fn sum_chunks<const BLOCK: usize>(chunks: &[[u16; BLOCK]], block: u8, sums: &mut [u16]) {
     for (sum, chunk) in sums.iter_mut().zip(chunks) {
         // Two at a time: half of a block of 16 pixels of 12 bits fits 16 bits.
         let both: u32 = chunk
