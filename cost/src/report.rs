@@ -150,6 +150,13 @@ impl Measured {
              sigma {WINDOW_OF_96} (96 pixels).\nCoarse search: {:.2} instructions a pixel; of the first row of a frame, at all widths: {:.2}.",
             self.chip.sweep_instructions_per_pixel, self.chip.search_instructions_per_pixel
         );
+        let _ = writeln!(
+            out,
+            "Words into a row: {:.2} instructions a word. A row in all, default rung: {} instructions. Eq. (1), once a reading: {}.",
+            self.chip.geometry_instructions_per_word,
+            self.chip.measurement_instructions_per_row,
+            self.chip.distance_instructions,
+        );
         if let Some(iteration) = self.chip.gauss_newton_instructions_per_iteration {
             let _ = writeln!(
                 out,
@@ -175,12 +182,16 @@ impl Measured {
     pub fn markdown(&self) -> String {
         format!(
             "{} rows a cell; the worst over widths from 1.2 to 18 px.\n\n{}\n{}\nThe coarse search takes {:.2} \
-             instructions a pixel, and {:.2} in the first row of a frame, whose spot may be of any width.\n",
+             instructions a pixel, and {:.2} in the first row of a frame, whose spot may be of any width; turning a \
+             read-out into a row takes {:.2} a word. A row takes {} in all, with the default rung, from the second of a \
+             frame on.\n",
             self.accuracy.rows,
             markdown(&self.accuracy_table()),
             markdown(&self.cost_table()),
             self.chip.sweep_instructions_per_pixel,
             self.chip.search_instructions_per_pixel,
+            self.chip.geometry_instructions_per_word,
+            self.chip.measurement_instructions_per_row,
         )
     }
 

@@ -80,7 +80,7 @@ impl Rows {
     pub fn run(&self, estimators: &[Estimator]) -> Vec<Outcome> {
         let bound = self.bound();
         let gross = (0.5 * self.cell.width).max(8.0 * bound);
-        let scene = self.cell.scene();
+        let scene = self.cell.scene_of(PIXELS);
         // Collected in order before they are added up: the sums are then the same on any number of cores.
         let series: Vec<Vec<Sums>> = (0..self.cell.rows.div_ceil(SERIES))
             .into_par_iter()
