@@ -333,11 +333,13 @@ impl Row {
 
 impl Table<'_> {
     /// Samples in a window.
+    #[inline]
     pub const fn taps(&self) -> usize {
         2 * self.half_width as usize + 1
     }
 
     /// Pairs of weights in a window.
+    #[inline]
     pub const fn pairs(&self) -> usize {
         self.half_width as usize + 1
     }
