@@ -195,6 +195,36 @@ impl Measured {
         )
     }
 
+    /// The table of the README.
+    pub fn short_markdown(&self) -> String {
+        let mut rows = vec![strings(&[
+            "estimator",
+            "white noise",
+            "shot noise",
+            "instructions a row",
+            "us at 168 MHz",
+        ])];
+        rows.extend(self.estimators.iter().map(|&estimator| {
+            let worst = self.accuracy.worst(estimator);
+            vec![
+                format!("`{}`", estimator.name()),
+                ratio(worst.white),
+                ratio(worst.shot),
+                self.nominal(estimator)
+                    .map_or("-".into(), |rung| rung.instructions.to_string()),
+                self.microseconds(estimator, WINDOW_OF_96)
+                    .map_or("-".into(), |us| format!("{us:.1}")),
+            ]
+        }));
+        format!(
+            "{}\nRMS error over the bound, the worst of {} rows a cell over widths from 1.2 to 18 px; instructions for a window of \
+             96 pixels, microseconds estimated from them. The search for the spot takes {:.1} instructions a pixel.\n",
+            markdown(&rows),
+            self.accuracy.rows,
+            self.chip.sweep_instructions_per_pixel,
+        )
+    }
+
     fn accuracy_table(&self) -> Vec<Vec<String>> {
         let mut rows = vec![strings(&[
             "rung",
