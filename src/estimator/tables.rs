@@ -177,7 +177,7 @@ impl<'a> TableSet<'a> {
             narrower = table.width;
             // A bend that is not a number must not pass either.
             let bent = table.bend.abs() / (table.phases as f32 * table.phases as f32);
-            if !table.scales_are_positive() || !(bent <= 0.2) {
+            if !table.scales_are_positive() || bent.is_nan() || bent > 0.2 {
                 return Err(TableError::Scales);
             }
             let mut start = 0;
