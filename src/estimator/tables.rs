@@ -276,7 +276,7 @@ impl<'a> TableSet<'a> {
 pub enum Sampling {
     /// As few as there are tables for.
     Fine,
-    /// As many as leave [`FEWEST_SAMPLES`] a sigma.
+    /// As many as leave 1.15 of them or more a sigma.
     Coarse,
 }
 
