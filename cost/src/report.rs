@@ -165,6 +165,14 @@ impl Measured {
         }
         let _ = writeln!(
             out,
+            "From words to the frame, by the default rung: {} instructions a row, {:.2} a word of them to turn the words \
+             over; a distance, once a frame: {}.",
+            self.chip.measurement_instructions_per_row,
+            self.chip.geometry_instructions_per_word,
+            self.chip.distance_instructions,
+        );
+        let _ = writeln!(
+            out,
             "Assembly and its portable twin compared {} times: none differs.",
             self.chip.kernels_compared
         );

@@ -177,8 +177,7 @@ impl<'a> TableSet<'a> {
             narrower = table.width;
             // A bend that is not a number must not pass either.
             let bent = table.bend.abs() / (table.phases as f32 * table.phases as f32);
-            let is_straight = bent <= 0.2;
-            if !table.scales_are_positive() || !is_straight {
+            if !table.scales_are_positive() || bent.is_nan() || bent > 0.2 {
                 return Err(TableError::Scales);
             }
             let mut start = 0;
@@ -277,7 +276,7 @@ impl<'a> TableSet<'a> {
 pub enum Sampling {
     /// As few as there are tables for.
     Fine,
-    /// As many as leave [`FEWEST_SAMPLES`] a sigma.
+    /// As many as leave 1.15 of them or more a sigma.
     Coarse,
 }
 
