@@ -26,7 +26,8 @@ fn white_noise_is_within_three_per_cent_of_the_bound() {
     table.check("white_noise");
 }
 
-/// Shot and read noise: at most 1.04 of the bound.
+/// Shot and read noise: at most 1.04 of the bound. The worst is the first, whose r of 0.8 lies furthest from those that there are
+/// tables for.
 #[test]
 fn shot_noise_is_within_four_per_cent_of_the_bound() {
     let mut table = Table::new("shot and read noise", "counts, e/count, read");
@@ -45,7 +46,7 @@ fn shot_noise_is_within_four_per_cent_of_the_bound() {
             read_noise,
             electrons_per_count: Some(electrons),
             rows: ROWS,
-            seed: (amplitude + read_noise) as u64,
+            seed: (amplitude / electrons) as u64,
         });
     }
     table.check("shot_noise");
@@ -59,7 +60,7 @@ struct Table {
 
 impl Table {
     fn new(title: &str, left: &str) -> Self {
-        let widths = WIDTHS.map(|width| format!("{width:>14}")).concat();
+        let widths = WIDTHS.map(|width| format!("{width:>12}")).concat();
         Self {
             text: format!(
                 "RMSE / bound (pull) of the adaptive rung in {title}, {ROWS} rows a cell; sigma in pixels\n{left:>22}{:>11}{widths}\n",
@@ -86,7 +87,7 @@ impl Table {
             self.text += &format!("{name:>22}{how:>11}");
             for (width, outcomes) in WIDTHS.into_iter().zip(&outcomes) {
                 let outcome = outcomes[i];
-                self.text += &format!("{:>7.3} ({:.2})", outcome.ratio(), outcome.pull);
+                self.text += &format!("{:>6.2} ({:.2})", outcome.ratio(), outcome.pull);
                 let good = (outcome.faults, outcome.gross) == (0, 0)
                     && outcome.ratio() <= limit
                     && (0.95..=1.05).contains(&outcome.pull);
