@@ -81,12 +81,6 @@ pub const LEAST_SQUARES: Plan = Plan {
     ..DEFAULT
 };
 
-/// Sub-pixel phases for a width in pixels: the narrower the spot, the smaller the range over which score / slope is
-/// nearly straight. A third of the width from one to the next.
-pub fn phases(width: f64) -> usize {
-    (3.0 / width).ceil() as usize
-}
-
 impl Plan {
     /// Half of the window in pixels for a width, with up to one more pixel for the phase: beyond 4 sigma a window gains less
     /// than 0.1 % in white noise. Where shot noise dominates the flanks weigh more, and a tilt is told apart from a spot
@@ -100,12 +94,20 @@ impl Plan {
         (reach * width + 1.0) as usize
     }
 
+    /// Sub-pixel phases for a width in pixels: the narrower the spot, the smaller the range over which score / slope is nearly
+    /// straight. A third of the width from one to the next; a quarter for weights that reach far out, where profiles
+    /// differ, and so do their bends.
+    pub fn phases(&self, width: f64) -> usize {
+        let to_the_width = if self.noise_ratio > 0.1 { 3.0 } else { 4.0 };
+        (to_the_width / width).ceil() as usize
+    }
+
     /// The shape of a width's table.
     pub fn shape(&self, width: f64) -> Shape {
         Shape {
             width,
             half_width: self.half_width(width),
-            phases: phases(width),
+            phases: self.phases(width),
         }
     }
 }
