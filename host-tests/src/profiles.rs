@@ -3,11 +3,15 @@
 use std::f64::consts::{PI, SQRT_2, TAU};
 
 use nalgebra::{Matrix4, Vector4};
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use slitrange::estimator::RowCentre;
 use slitrange::reading::Fault;
+use slitrange::row::Geometry;
 
-use crate::scene::quantise;
+use crate::accuracy::Cell;
+use crate::scene::{Scene, quantise, with_shot_noise};
 use crate::{bound, least_squares};
 
 /// Light along the row, in units of the spot's width, and what a pixel gathers of it.
@@ -225,6 +229,77 @@ pub fn bound(curve: &Curve, spot: &bound::Spot, reach: f64) -> f64 {
 /// not depend on that where the tables are given.
 pub fn pixels(width: f64) -> usize {
     (64.0 + 24.0 * width) as usize
+}
+
+/// Seeded rows of a spot of any profile.
+#[derive(Clone, Copy, Debug)]
+pub struct Rows<'a> {
+    /// The profile.
+    pub curve: &'a Curve,
+    /// The spot and its noise, number of rows, and seed.
+    pub cell: Cell,
+}
+
+impl Rows<'_> {
+    /// The sensor's geometry: [`pixels`] of light.
+    pub fn geometry(&self) -> Geometry {
+        let pixels = pixels(self.cell.width);
+        Geometry {
+            words: pixels,
+            light: 0..pixels,
+            ..self.cell.scene().geometry
+        }
+    }
+
+    /// A row's counts, light positive, and where its spot is: evenly over 16 pixels and their phases.
+    pub fn row(&self, row: u64) -> (Vec<u16>, f64) {
+        const GOLDEN: f64 = 0.618_033_988_749_895;
+        let pixels = pixels(self.cell.width);
+        let centre = pixels as f64 / 2.0 - 8.0 + 16.0 * (row as f64 * GOLDEN).fract();
+        let scene = Scene {
+            spot: None,
+            geometry: self.geometry(),
+            ..self.cell.scene()
+        };
+        let mut random = ChaCha8Rng::seed_from_u64(!self.cell.seed);
+        random.set_stream(row);
+        let mut counts = scene.row_with_centre(row, centre, 1.0);
+        for (i, count) in counts.iter_mut().enumerate() {
+            let light =
+                self.cell.amplitude * self.curve.at(i as f64 - centre, self.cell.width);
+            *count += match self.cell.electrons_per_count {
+                Some(electrons) => with_shot_noise(light, electrons, &mut random),
+                None => light,
+            } as f32;
+        }
+        (quantise(&counts, 4095), centre)
+    }
+
+    /// The errors of estimators in pixels and the uncertainties that they claim, for each estimator and row.
+    ///
+    /// # Errors
+    /// That of the first row without a centre.
+    pub fn errors(&self, estimates: &[Estimate<'_>]) -> Result<Vec<Vec<(f64, f64)>>, Fault> {
+        let rows: Vec<Vec<(f64, f64)>> = (0..self.cell.rows)
+            .into_par_iter()
+            .map(|row| {
+                let (counts, truth) = self.row(row);
+                let error = |centre: RowCentre| {
+                    (
+                        centre.centre.to_f64() - truth,
+                        centre.uncertainty.to_f64(),
+                    )
+                };
+                estimates
+                    .iter()
+                    .map(|estimate| estimate(&counts, None).map(error))
+                    .collect()
+            })
+            .collect::<Result<_, Fault>>()?;
+        Ok((0..estimates.len())
+            .map(|i| rows.iter().map(|errors| errors[i]).collect())
+            .collect())
+    }
 }
 
 /// Phases over a pixel at which the bias is looked for.
