@@ -12,6 +12,7 @@ pub mod half_width;
 pub mod parabola;
 pub mod phase_table;
 pub mod plausible;
+pub mod robust;
 pub mod tables;
 mod window;
 pub mod zero_crossing;
@@ -157,7 +158,8 @@ pub fn centre(
         Estimator::GaussNewton => gauss_newton::centre(row, spot, before, geometry),
         Estimator::Adaptive => adaptive::centre(row, spot, before, geometry),
         Estimator::Fraunhofer => fraunhofer::centre(row, spot, before, geometry),
-        Estimator::PhaseTable | Estimator::Robust => phase_table::centre(
+        Estimator::Robust => robust::centre(row, spot, before, geometry),
+        Estimator::PhaseTable => phase_table::centre(
             row,
             spot,
             before,

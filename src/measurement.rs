@@ -1,6 +1,6 @@
 //! Rows in, readings out: the whole pipeline, pure.
 //!
-//! Words of a read-out -> [`Row`] -> [`Spot`](crate::spot::Spot) -> centre of the row -> centre of the frame -> distance.
+//! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> centre of the frame -> distance.
 
 use crate::black_level::{BlackLevel, BlackPixels};
 use crate::estimator::{self, Estimator, RowCentre};

@@ -70,16 +70,19 @@ impl<'a> Row<'a> {
     }
 
     /// Whether any word of the read-out is at full scale. Where it is not, nobody needs to look for saturated pixels.
+    #[inline]
     pub const fn reaches_full_scale(&self) -> bool {
         self.reaches_full_scale
     }
 
     /// The pixels that see light.
+    #[inline]
     pub const fn light(&self) -> &'a [u16] {
         self.light
     }
 
     /// The pixels under metal.
+    #[inline]
     pub const fn shielded(&self) -> &'a [u16] {
         self.shielded
     }
@@ -102,6 +105,7 @@ pub enum RowError {
 
 impl Geometry {
     /// The largest word the converter makes, in counts.
+    #[inline]
     pub const fn full_scale(&self) -> u16 {
         if self.bits < 12 {
             (1 << self.bits) - 1

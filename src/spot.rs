@@ -88,7 +88,9 @@ pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
 }
 
 /// Finds the spot again in the next row: in blocks of 8 pixels or more, a multiple of them that fits the width it had, and above
-/// the background and the noise it had. That takes a tenth of the work. Narrower spots are looked for as in [`find`].
+/// the background and the noise it had. That takes a tenth of the work. Narrower spots are looked for as in [`find`], and so is
+/// what turns up more than its width and a block from where it was, or on another background. Light that changed all at once
+/// changed the noise too; by the old background and the old noise, noise might pass for a spot.
 ///
 /// # Errors
 /// As [`find`].
@@ -102,27 +104,61 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
         return find(row);
     };
     let blocks = light.as_chunks().0;
+    let log2 = block_log2 - BLOCK_LOG2;
     let peak = match block_log2 {
         BLOCK_LOG2 => sweep_blocks(blocks),
-        _ => sweep_groups(blocks, block_log2 - BLOCK_LOG2),
+        _ => sweep_groups(blocks, log2),
     };
-    let level = before.background.level;
     // A response is at most 4 * 128 * 4095 < 2^21 counts, and so is the background under it: both fit in Q8.
-    let response =
-        (peak.response << Counts::FRACTION) as i32 - ((level.to_bits() * 4) << block_log2);
-    let response = response.max(0);
-    let height = Counts::from_bits(response >> (2 + block_log2));
+    let background = (before.background.level.to_bits() * 4) << block_log2;
+    let response = ((peak.response << Counts::FRACTION) as i32 - background).max(0);
     let significance = square(response.unsigned_abs()) >> block_log2;
+    let block = 1usize << block_log2;
+    let centre = (peak.block << block_log2) + block / 2;
+    // At least three quarters of a block, by which the block was chosen, so not negative.
+    let width = (width.to_bits() >> Pixels::FRACTION) as usize;
     // What is left of a spot that went away is not looked for in noise; and rows without change tell that no sensor is there.
-    if significance < needed(before.background.noise) {
+    if significance < needed(before.background.noise)
+        || centre.abs_diff(before.centre) > width + block
+        || is_on_another(
+            background,
+            response,
+            background_beside(blocks, log2, peak.block),
+        )
+    {
         return find(row);
     }
     Ok(Spot {
-        centre: (peak.block << block_log2) + ((1usize << block_log2) / 2),
+        centre,
         block_log2,
-        height,
+        height: Counts::from_bits(response >> (2 + block_log2)),
         background: before.background,
     })
+}
+
+/// Whether the background beside the spot differs from the one it had by more than a quarter of the spot's response; all as the
+/// kernel weighs them, in Q24.8 counts. Less changes no centre: a quarter of a response does not pass for the whole.
+fn is_on_another(background: i32, response: i32, beside: Option<i32>) -> bool {
+    beside.is_none_or(|beside| beside.abs_diff(background) > response.unsigned_abs() / 4)
+}
+
+/// Groups of blocks from the spot's to those beside it. A group has 2/3 to 4/3 of the width: their nearest pixels are
+/// 2.7 widths from the centre, where a gaussian has 3 % of its height left.
+const BESIDE: usize = 5;
+
+/// The background to the left and right of a group of 2^`log2` blocks, as the kernel [1 2 1] weighs it, in Q24.8 counts. `None`
+/// where the row has neither.
+fn background_beside(blocks: &[[u16; 8]], log2: u32, group: usize) -> Option<i32> {
+    let sum_of = |group: usize| {
+        let start = group << log2;
+        let blocks = blocks.get(start..start + (1 << log2))?;
+        Some(blocks.iter().map(sum).sum::<u32>())
+    };
+    let left = group.checked_sub(BESIDE).and_then(sum_of);
+    let right = sum_of(group + BESIDE);
+    let both = left.or(right)? + right.or(left)?;
+    // A group has at most 128 pixels of 12 bits: four of them, in Q8, are below 2^29.
+    Some(((2 * both) << Counts::FRACTION) as i32)
 }
 
 /// Blocks of 2^3 = 8 pixels: their sums fit 16 bits, and four words of two pixels make one.

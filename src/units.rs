@@ -20,16 +20,19 @@ macro_rules! quantity {
             pub const MAX: Self = Self(i32::MAX);
 
             /// The raw integer: the value times 2^`FRACTION`.
+            #[inline]
             pub const fn from_bits(bits: i32) -> Self {
                 Self(bits)
             }
 
             /// The raw integer: the value times 2^`FRACTION`.
+            #[inline]
             pub const fn to_bits(self) -> i32 {
                 self.0
             }
 
             /// A whole number of units, saturating at the ends of the range.
+            #[inline]
             pub const fn from_int(value: i32) -> Self {
                 // An i32 times 2^FRACTION (< 2^31) fits an i64.
                 let bits = (value as i64) << $fraction;
@@ -43,6 +46,7 @@ macro_rules! quantity {
             }
 
             /// The value to within a step (an f32 has 24 bits), saturating; not-a-number becomes zero.
+            #[inline]
             pub fn from_f32(value: f32) -> Self {
                 // `as` takes the whole part, saturates, and maps NaN to zero.
                 let scaled = value * (1u32 << $fraction) as f32;
@@ -56,11 +60,13 @@ macro_rules! quantity {
             }
 
             /// The value as a float: exact to 24 bits.
+            #[inline]
             pub const fn to_f32(self) -> f32 {
                 self.0 as f32 / (1u32 << $fraction) as f32
             }
 
             /// The value as a double: exact.
+            #[inline]
             pub const fn to_f64(self) -> f64 {
                 self.0 as f64 / (1u32 << $fraction) as f64
             }

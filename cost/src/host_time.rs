@@ -23,7 +23,7 @@ pub fn nanoseconds(estimator: Estimator) -> Option<f64> {
         rows: ROWS,
         seed: 4,
     };
-    let scene = cell.scene();
+    let scene = cell.scene_of(PIXELS);
     let counts: Vec<Vec<u16>> = (0..ROWS)
         .map(|row| {
             let centre = PIXELS as f64 / 2.0 + row as f64 / ROWS as f64;

@@ -127,9 +127,14 @@ fn write(measured: &Measured) -> anyhow::Result<()> {
         .context("the workspace")?;
     measured.write_csv(&root.join("docs/cost"))?;
     figures::draw(measured, &root.join("docs/figures"))?;
-    let page = root.join("docs/accuracy.md");
-    let text = std::fs::read_to_string(&page).with_context(|| page.display().to_string())?;
-    std::fs::write(&page, docs::with_block(&text, &measured.markdown())?)?;
+    for (page, block) in [
+        ("docs/accuracy.md", measured.markdown()),
+        ("README.md", measured.short_markdown()),
+    ] {
+        let page = root.join(page);
+        let text = std::fs::read_to_string(&page).with_context(|| page.display().to_string())?;
+        std::fs::write(&page, docs::with_block(&text, &block)?)?;
+    }
     std::fs::write(
         root.join("src/estimator/figures/measured.rs"),
         figures_for_help::source(measured),

@@ -150,12 +150,27 @@ impl Measured {
              sigma {WINDOW_OF_96} (96 pixels).\nCoarse search: {:.2} instructions a pixel; of the first row of a frame, at all widths: {:.2}.",
             self.chip.sweep_instructions_per_pixel, self.chip.search_instructions_per_pixel
         );
+        let _ = writeln!(
+            out,
+            "Words into a row: {:.2} instructions a word. A row in all, default rung: {} instructions. Eq. (1), once a reading: {}.",
+            self.chip.geometry_instructions_per_word,
+            self.chip.measurement_instructions_per_row,
+            self.chip.distance_instructions,
+        );
         if let Some(iteration) = self.chip.gauss_newton_instructions_per_iteration {
             let _ = writeln!(
                 out,
                 "Gauss-Newton: {iteration:.0} instructions an iteration."
             );
         }
+        let _ = writeln!(
+            out,
+            "From words to the frame, by the default rung: {} instructions a row, {:.2} a word of them to turn the words \
+             over; a distance, once a frame: {}.",
+            self.chip.measurement_instructions_per_row,
+            self.chip.geometry_instructions_per_word,
+            self.chip.distance_instructions,
+        );
         let _ = writeln!(
             out,
             "Assembly and its portable twin compared {} times: none differs.",
@@ -175,12 +190,46 @@ impl Measured {
     pub fn markdown(&self) -> String {
         format!(
             "{} rows a cell; the worst over widths from 1.2 to 18 px.\n\n{}\n{}\nThe coarse search takes {:.2} \
-             instructions a pixel, and {:.2} in the first row of a frame, whose spot may be of any width.\n",
+             instructions a pixel, and {:.2} in the first row of a frame, whose spot may be of any width; turning a \
+             read-out into a row takes {:.2} a word. A row takes {} in all, with the default rung, from the second of a \
+             frame on.\n",
             self.accuracy.rows,
             markdown(&self.accuracy_table()),
             markdown(&self.cost_table()),
             self.chip.sweep_instructions_per_pixel,
             self.chip.search_instructions_per_pixel,
+            self.chip.geometry_instructions_per_word,
+            self.chip.measurement_instructions_per_row,
+        )
+    }
+
+    /// The table of the README.
+    pub fn short_markdown(&self) -> String {
+        let mut rows = vec![strings(&[
+            "estimator",
+            "white noise",
+            "shot noise",
+            "instructions a row",
+            "us at 168 MHz",
+        ])];
+        rows.extend(self.estimators.iter().map(|&estimator| {
+            let worst = self.accuracy.worst(estimator);
+            vec![
+                format!("`{}`", estimator.name()),
+                ratio(worst.white),
+                ratio(worst.shot),
+                self.nominal(estimator)
+                    .map_or("-".into(), |rung| rung.instructions.to_string()),
+                self.microseconds(estimator, WINDOW_OF_96)
+                    .map_or("-".into(), |us| format!("{us:.1}")),
+            ]
+        }));
+        format!(
+            "{}\nRMS error over the bound, the worst of {} rows a cell over widths from 1.2 to 18 px; instructions for a window of \
+             96 pixels, microseconds estimated from them. The search for the spot takes {:.1} instructions a pixel.\n",
+            markdown(&rows),
+            self.accuracy.rows,
+            self.chip.sweep_instructions_per_pixel,
         )
     }
 

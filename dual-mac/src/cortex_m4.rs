@@ -1,16 +1,27 @@
 //! The assembly.
+//!
+//! What holds for both inner products: LDM loads registers in the order of their numbers, so r2, r4, r5 and r8 are named, and so
+//! is the counter r3; the address that LDM moves on is an operand, which the compiler puts into none of them. SMLAD multiplies
+//! the low halves of two words and their high halves; the first of a pair is the low one, because this core is little-endian.
+//! The options: nothing but the two slices is read, and nothing written (`pure`, `readonly`), the stack is left alone
+//! (`nostack`), and the flags are not (SUBS, TST, ANDS, and Q where a sum wraps), so `preserves_flags` is not among them.
 
 use core::arch::asm;
 
 use crate::{Pair, Pairs};
+
+// What the assembly takes for granted of its weights.
+const _: () = assert!(size_of::<Pair>() == 4 && align_of::<Pair>() == 4);
+const _: () = assert!(size_of::<Pairs>() == 8 && align_of::<Pairs>() == 4);
 
 /// See [`crate::portable::dot`].
 #[inline(always)]
 pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
     let pairs = (samples.len() / 2).min(weights.len());
     let sum: i32;
-    // SAFETY: 4 bytes are read `pairs` times from each slice, which both are long enough for. LDR takes any address; LDM
-    // takes a multiple of 4, which `Pair` is aligned to. Nothing is written.
+    // SAFETY: 4 bytes are read `pairs` times from each slice, which both are long enough for; of none of them where it is empty.
+    // LDR takes any address of normal memory, as long as CCR.UNALIGN_TRP is clear, as it is from reset; samples are aligned to
+    // 2. LDM takes a multiple of 4, which `Pair` is aligned to. Nothing is written.
     unsafe {
         asm!(
             // Eight pairs at a time, then four, then the rest.
@@ -83,7 +94,7 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
     let pairs = (samples.len() / 2).min(weights.len());
     let (first, second): (i32, i32);
     // SAFETY: `pairs` times 4 bytes are read from the samples and 8 from the weights, which both are long enough for.
-    // LDR takes any address; LDM takes a multiple of 4, which `Pairs` is aligned to. Nothing is written.
+    // Addresses are as in `dot`, and `Pairs` is aligned to 4. Nothing is written.
     unsafe {
         asm!(
             // Eight pairs at a time, then four, then the rest.
@@ -173,7 +184,7 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
 pub fn square_root(value: f32) -> f32 {
     let mut bits = value.to_bits();
     // SAFETY: works on registers only. Rust knows neither this target's floating-point unit nor its registers by class, but
-    // takes one of them as clobbered.
+    // takes one of them as clobbered. No `preserves_flags`: VSQRT sets FPSCR's exception flags, inexact above all.
     unsafe {
         asm!(
             ".fpu fpv4-sp-d16",
@@ -182,7 +193,7 @@ pub fn square_root(value: f32) -> f32 {
             "vmov {bits}, s0",
             bits = inout(reg) bits,
             out("s0") _,
-            options(pure, nomem, nostack, preserves_flags),
+            options(pure, nomem, nostack),
         );
     }
     f32::from_bits(bits)

@@ -8,6 +8,9 @@
 //! Sums wrap in both, as SMLAD does. Who must not wrap proves it of the weights: sum |weight| * largest sample < 2^31.
 #![no_std]
 
+#[cfg(not(target_os = "none"))]
+extern crate std;
+
 pub mod portable;
 
 #[cfg(all(target_arch = "arm", target_os = "none", target_abi = "eabihf"))]

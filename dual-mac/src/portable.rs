@@ -41,6 +41,14 @@ fn two_products(even: u16, odd: u16, weight: Pair) -> i32 {
 }
 
 /// The square root, rounded to nearest as IEEE 754 asks.
+#[cfg(target_os = "none")]
 pub fn square_root(value: f32) -> f32 {
     libm::sqrtf(value)
+}
+
+/// The square root, rounded to nearest as IEEE 754 asks: an instruction of every PC.
+#[cfg(not(target_os = "none"))]
+#[inline]
+pub fn square_root(value: f32) -> f32 {
+    value.sqrt()
 }

@@ -65,12 +65,17 @@ impl Cell {
 
     /// The scene that the cell stands for.
     pub fn scene(&self) -> Scene {
+        self.scene_of(self.pixels())
+    }
+
+    /// The same with rows of another length.
+    pub fn scene_of(&self, pixels: usize) -> Scene {
         Scene {
             optics: Optics::nominal(),
             geometry: Geometry {
-                words: self.pixels(),
+                words: pixels,
                 shielded: 0..0,
-                light: 0..self.pixels(),
+                light: 0..pixels,
                 polarity: Polarity::Rising,
                 bits: 12,
                 shot_variance_per_count_q16: self

@@ -73,13 +73,6 @@ impl Rows {
         start + (row % SERIES) as f64 * FASTEST_DRIFT * (2.0 * drift - 1.0)
     }
 
-    fn scene(&self) -> Scene {
-        let mut scene = self.cell.scene();
-        scene.geometry.words = self.pixels;
-        scene.geometry.light = 0..self.pixels;
-        scene
-    }
-
     /// A row's counts, light positive, and where its spot is.
     fn row(&self, scene: &Scene, row: u64) -> (Vec<u16>, f64) {
         let centre = self.true_centre(row);
@@ -105,7 +98,7 @@ impl Rows {
     pub fn run_each(&self, estimators: &[(Estimator, Before)]) -> Vec<Outcome> {
         let bound = self.bound();
         let gross = (0.5 * self.cell.width).max(8.0 * bound);
-        let scene = self.scene();
+        let scene = self.cell.scene_of(self.pixels);
         // Collected in order before they are added up: the sums are then the same on any number of cores.
         let series: Vec<Vec<Sums>> = (0..self.cell.rows.div_ceil(SERIES))
             .into_par_iter()

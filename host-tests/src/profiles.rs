@@ -243,30 +243,26 @@ pub struct Rows<'a> {
 impl Rows<'_> {
     /// The sensor's geometry: [`pixels`] of light.
     pub fn geometry(&self) -> Geometry {
-        let pixels = pixels(self.cell.width);
-        Geometry {
-            words: pixels,
-            light: 0..pixels,
-            ..self.cell.scene().geometry
+        self.scene().geometry
+    }
+
+    fn scene(&self) -> Scene {
+        Scene {
+            spot: None,
+            ..self.cell.scene_of(pixels(self.cell.width))
         }
     }
 
     /// A row's counts, light positive, and where its spot is: evenly over 16 pixels and their phases.
     pub fn row(&self, row: u64) -> (Vec<u16>, f64) {
         const GOLDEN: f64 = 0.618_033_988_749_895;
-        let pixels = pixels(self.cell.width);
-        let centre = pixels as f64 / 2.0 - 8.0 + 16.0 * (row as f64 * GOLDEN).fract();
-        let scene = Scene {
-            spot: None,
-            geometry: self.geometry(),
-            ..self.cell.scene()
-        };
+        let middle = pixels(self.cell.width) as f64 / 2.0;
+        let centre = middle - 8.0 + 16.0 * (row as f64 * GOLDEN).fract();
         let mut random = ChaCha8Rng::seed_from_u64(!self.cell.seed);
         random.set_stream(row);
-        let mut counts = scene.row_with_centre(row, centre, 1.0);
+        let mut counts = self.scene().row_with_centre(row, centre, 1.0);
         for (i, count) in counts.iter_mut().enumerate() {
-            let light =
-                self.cell.amplitude * self.curve.at(i as f64 - centre, self.cell.width);
+            let light = self.cell.amplitude * self.curve.at(i as f64 - centre, self.cell.width);
             *count += match self.cell.electrons_per_count {
                 Some(electrons) => with_shot_noise(light, electrons, &mut random),
                 None => light,
@@ -285,10 +281,7 @@ impl Rows<'_> {
             .map(|row| {
                 let (counts, truth) = self.row(row);
                 let error = |centre: RowCentre| {
-                    (
-                        centre.centre.to_f64() - truth,
-                        centre.uncertainty.to_f64(),
-                    )
+                    (centre.centre.to_f64() - truth, centre.uncertainty.to_f64())
                 };
                 estimates
                     .iter()
@@ -310,8 +303,7 @@ const PHASES: u32 = 40;
 const DITHERS: u32 = 64;
 
 /// A centre of the light on a row, given what the same estimator found in the row before.
-pub type Estimate<'a> =
-    &'a (dyn Fn(&[u16], Option<&RowCentre>) -> Result<RowCentre, Fault> + Sync);
+pub type Estimate<'a> = &'a (dyn Fn(&[u16], Option<&RowCentre>) -> Result<RowCentre, Fault> + Sync);
 
 /// The mean errors in pixels over the sub-pixel phases, on noiseless spots of 3800 counts, without knowledge of the row before and
 /// with it.
@@ -353,7 +345,11 @@ pub fn bias(curve: &Curve, width: f64, estimate: Estimate<'_>) -> Result<[Vec<f6
         let sum: f64 = errors.iter().map(|errors| errors[known][phase]).sum();
         sum / f64::from(DITHERS)
     };
-    Ok([0, 1].map(|known| (0..PHASES as usize).map(|phase| mean(known, phase)).collect()))
+    Ok([0, 1].map(|known| {
+        (0..PHASES as usize)
+            .map(|phase| mean(known, phase))
+            .collect()
+    }))
 }
 
 #[cfg(test)]
@@ -371,7 +367,10 @@ mod tests {
                 for step in -400..400 {
                     let offset = f64::from(step) / 100.0 * width;
                     let (curve, exact) = (curve.at(offset, width), profile(offset, width));
-                    assert!((curve - exact).abs() < 1e-8, "{offset} {width}: {curve} {exact}");
+                    assert!(
+                        (curve - exact).abs() < 1e-8,
+                        "{offset} {width}: {curve} {exact}"
+                    );
                 }
             }
         }
@@ -402,7 +401,11 @@ mod tests {
             ..nominal
         };
         let expected = 0.779_893_4f64.powi(2) + 0.438_259_1f64.powi(2);
-        assert!((slit.light(0.0) - expected).abs() < 1e-6, "{}", slit.light(0.0));
+        assert!(
+            (slit.light(0.0) - expected).abs() < 1e-6,
+            "{}",
+            slit.light(0.0)
+        );
     }
 
     /// The nominal geometry is no case for Fraunhofer: the first minimum, which would be zero at lambda z / w = 162.5 um, is 4.5 % of

@@ -28,6 +28,9 @@ pub struct Widths {
     pub ratio: f64,
     /// Number of widths.
     pub count: usize,
+    /// Sub-pixel phases in a width: the narrower the spot, the smaller the range in pixels over which score / slope is nearly
+    /// straight.
+    pub phases: f64,
 }
 
 /// Widths for the weights that serve every kind of noise: 0.79 to 11.66 pixels. Weights that are no kind's best lose or gain with
@@ -37,6 +40,7 @@ pub const FINE: Widths = Widths {
     narrowest: 0.79,
     ratio: 1.085,
     count: 34,
+    phases: 3.0,
 };
 
 /// Widths for weights that are the best for the noise they serve: 0.86 to 11.04 pixels. What they lose with the spot's width
@@ -45,6 +49,7 @@ pub const COARSE: Widths = Widths {
     narrowest: 0.86,
     ratio: 1.2,
     count: 15,
+    phases: 4.0,
 };
 
 /// What a set of tables is for.
@@ -94,20 +99,12 @@ impl Plan {
         (reach * width + 1.0) as usize
     }
 
-    /// Sub-pixel phases for a width in pixels: the narrower the spot, the smaller the range over which score / slope is nearly
-    /// straight. A third of the width from one to the next; a quarter for weights that reach far out, where profiles
-    /// differ, and so do their bends.
-    pub fn phases(&self, width: f64) -> usize {
-        let to_the_width = if self.noise_ratio > 0.1 { 3.0 } else { 4.0 };
-        (to_the_width / width).ceil() as usize
-    }
-
     /// The shape of a width's table.
     pub fn shape(&self, width: f64) -> Shape {
         Shape {
             width,
             half_width: self.half_width(width),
-            phases: self.phases(width),
+            phases: (self.widths.phases / width).ceil() as usize,
         }
     }
 }

@@ -76,6 +76,9 @@ const NOISE_SQUARED: f32 = 0.06;
 /// The variance of a sample at full scale, in counts squared: it then weighs nothing beside any other.
 const MASKED: f32 = 1e30;
 
+/// The same for a sample that is left out for another reason.
+const LEFT_OUT: f32 = 2e30;
+
 /// A sample of the window.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
@@ -83,6 +86,20 @@ pub struct Sample {
     pub counts: f32,
     /// Variance in counts squared, without the light's shot noise.
     pub variance: f32,
+}
+
+impl Sample {
+    /// Leaves the sample out, until [`Window::unmask`].
+    pub(super) fn mask(&mut self) {
+        if !self.is_masked() {
+            self.variance = LEFT_OUT;
+        }
+    }
+
+    /// Whether it weighs nothing.
+    pub(super) fn is_masked(&self) -> bool {
+        self.variance >= MASKED
+    }
 }
 
 /// What is fitted, in samples and counts above the row's level.
@@ -171,15 +188,15 @@ pub fn centre(
 }
 
 /// What the fit starts from, in pixels and counts.
-struct Start {
-    centre: Pixels,
-    width: f32,
-    amplitude: f32,
+pub(super) struct Start {
+    pub(super) centre: Pixels,
+    pub(super) width: f32,
+    pub(super) amplitude: f32,
 }
 
 impl Start {
     /// The half maximum. Of a spot that the sensor's edge cuts, one half of it.
-    fn find(light: &[u16], spot: &Spot, geometry: &Geometry) -> Result<Self, Fault> {
+    pub(super) fn find(light: &[u16], spot: &Spot, geometry: &Geometry) -> Result<Self, Fault> {
         let half = half_width::find(light, spot)?;
         let (offset, half_maximum) = match (half.left, half.right) {
             (Some(left), Some(right)) => (0.5 * (right - left), 0.5 * (left + right)),
@@ -219,20 +236,23 @@ fn flat_top(light: &[u16], place: Pixels, geometry: &Geometry) -> usize {
 }
 
 /// The samples that are fitted.
-struct Window {
+#[derive(Clone)]
+pub(super) struct Window {
     /// The first sample's first pixel.
     first: usize,
     /// Pixels in a sample.
     block: usize,
-    samples: [Sample; SAMPLES],
+    pub(super) samples: [Sample; SAMPLES],
     /// How many there are: fewer than [`SAMPLES`] at the sensor's edge.
     length: usize,
     /// How many of them are at full scale.
     masked: usize,
+    /// The variance of a sample that is not.
+    variance: f32,
 }
 
 impl Window {
-    fn around(light: &[u16], spot: &Spot, start: &Start, geometry: &Geometry) -> Self {
+    pub(super) fn around(light: &[u16], spot: &Spot, start: &Start, geometry: &Geometry) -> Self {
         let middle =
             usize::try_from(start.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
         let samples_a_pixel = SAMPLES as f32 / (2.0 * HALF_WINDOW * start.width);
@@ -251,6 +271,7 @@ impl Window {
             samples: [Sample::default(); SAMPLES],
             length: 0,
             masked: 0,
+            variance: noise * block as f32,
         };
         for (sample, pixels) in window.samples.iter_mut().zip(pixels.chunks_exact(block)) {
             let (mut sum, mut highest) = (0, 0);
@@ -261,7 +282,7 @@ impl Window {
             let full = highest >= full_scale;
             *sample = Sample {
                 counts: ((sum << Counts::FRACTION) - level) as f32 / 256.0,
-                variance: if full { MASKED } else { noise * block as f32 },
+                variance: if full { MASKED } else { window.variance },
             };
             window.masked += usize::from(full);
             window.length += 1;
@@ -269,7 +290,37 @@ impl Window {
         window
     }
 
-    fn samples(&self) -> &[Sample] {
+    /// Masks the samples that are further than this many widths from the spot.
+    pub(super) fn mask_beyond(&mut self, widths: f32, at: &Parameters) {
+        for (i, sample) in self.samples.iter_mut().enumerate() {
+            if (i as f32 - at.centre).abs() > widths * at.width {
+                sample.mask();
+            }
+        }
+    }
+
+    /// Takes back what was left out. What is at full scale stays masked.
+    pub(super) fn unmask(&mut self) {
+        for sample in &mut self.samples {
+            if sample.variance >= LEFT_OUT {
+                sample.variance = self.variance;
+            }
+        }
+    }
+
+    /// Whether more than an eighth of the spot within three widths is masked.
+    pub(super) fn masks_the_spot(&self, at: &Parameters) -> bool {
+        let (mut all, mut masked) = (0, 0);
+        for (i, sample) in self.samples().iter().enumerate() {
+            if (i as f32 - at.centre).abs() <= 3.0 * at.width {
+                all += 1;
+                masked += usize::from(sample.is_masked());
+            }
+        }
+        8 * masked > all
+    }
+
+    pub(super) fn samples(&self) -> &[Sample] {
         self.samples.get(..self.length).unwrap_or_default()
     }
 
@@ -279,7 +330,7 @@ impl Window {
     }
 
     /// A start in samples.
-    fn parameters(&self, start: &Start) -> Parameters {
+    pub(super) fn parameters(&self, start: &Start) -> Parameters {
         let block = self.block as f32;
         // Below 2^12 pixels, in Q16.
         let from_first = start.centre.to_bits() - ((self.first as i32) << Pixels::FRACTION);
@@ -314,7 +365,7 @@ impl Window {
     }
 
     /// A fit in pixels.
-    fn row_centre(&self, fit: &Fit) -> RowCentre {
+    pub(super) fn row_centre(&self, fit: &Fit) -> RowCentre {
         let block = self.block as f32;
         let Parameters {
             centre,
@@ -326,8 +377,6 @@ impl Window {
         let from_first = Pixels::from_f32(centre * block + self.half_sample());
         // No more than 128 each.
         let freedom = self.length as f32 - self.masked as f32 - 4.0;
-        let known = NOISE_SQUARED * freedom;
-        let scatter = dual_mac::square_root((2.0 * freedom + known * known).max(0.0));
         RowCentre {
             centre: Pixels::from_bits(
                 ((self.first as i32) << Pixels::FRACTION).saturating_add(from_first.to_bits()),
@@ -337,9 +386,42 @@ impl Window {
             amplitude: Counts::from_f32(amplitude * s / width),
             width: Pixels::from_f32(width),
             class: WidthClass::default(),
-            misfit: fit.squares > freedom + MISFIT * scatter,
+            misfit: fit.squares > freedom + allowed_scatter(freedom),
         }
     }
+}
+
+/// How far the sum of squares may be above its expectation, which is that of its degrees of freedom.
+pub(super) fn allowed_scatter(freedom: f32) -> f32 {
+    let known = NOISE_SQUARED * freedom;
+    MISFIT * dual_mac::square_root((2.0 * freedom + known * known).max(0.0))
+}
+
+/// The spot's light in each sample of a window, over its height: by the recurrence of [`normal_equations`].
+pub(super) fn exponentials(at: &Parameters) -> [f32; SAMPLES] {
+    let mut light = [0.0; SAMPLES];
+    let middle = ((at.centre + 0.5) as usize).min(SAMPLES);
+    let (left, right) = light.split_at_mut_checked(middle).unwrap_or_default();
+    let pitch = 1.0 / at.width;
+    let u = (middle as f32 - at.centre) * pitch;
+    let falls = libm::expf(-pitch * pitch);
+    let side = |u: f32, pitch: f32| {
+        let first = libm::expf(-0.5 * u * u);
+        (first, libm::expf(-pitch * (u + 0.5 * pitch)))
+    };
+    let (mut e, mut ratio) = side(u, pitch);
+    for light in right {
+        *light = e;
+        e *= ratio;
+        ratio *= falls;
+    }
+    let (mut e, mut ratio) = side(u - pitch, -pitch);
+    for light in left.iter_mut().rev() {
+        *light = e;
+        e *= ratio;
+        ratio *= falls;
+    }
+    light
 }
 
 /// What full scale leaves of a spot.
@@ -355,8 +437,8 @@ enum CutOff {
 
 /// Where the steps ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Fit {
-    parameters: Parameters,
+pub(super) struct Fit {
+    pub(super) parameters: Parameters,
     /// Standard deviation of the centre in samples, the other parameters being unknown too.
     uncertainty: f32,
     /// The sum of squares over the variances.
@@ -366,7 +448,7 @@ struct Fit {
 }
 
 /// Steps from a start. `None` where the samples do not tell four parameters apart.
-fn fit(samples: &[Sample], start: Parameters, shot: f32) -> Option<Fit> {
+pub(super) fn fit(samples: &[Sample], start: Parameters, shot: f32) -> Option<Fit> {
     let mut at = start;
     let mut last = None;
     for _ in 0..MAX_STEPS {

@@ -177,7 +177,7 @@ impl<'a> TableSet<'a> {
             narrower = table.width;
             // A bend that is not a number must not pass either.
             let bent = table.bend.abs() / (table.phases as f32 * table.phases as f32);
-            if !table.scales_are_positive() || !(bent <= 0.2) {
+            if !table.scales_are_positive() || bent.is_nan() || bent > 0.2 {
                 return Err(TableError::Scales);
             }
             let mut start = 0;
@@ -276,7 +276,7 @@ impl<'a> TableSet<'a> {
 pub enum Sampling {
     /// As few as there are tables for.
     Fine,
-    /// As many as leave [`FEWEST_SAMPLES`] a sigma.
+    /// As many as leave 1.15 of them or more a sigma.
     Coarse,
 }
 
@@ -332,11 +332,13 @@ impl Row {
 
 impl Table<'_> {
     /// Samples in a window.
+    #[inline]
     pub const fn taps(&self) -> usize {
         2 * self.half_width as usize + 1
     }
 
     /// Pairs of weights in a window.
+    #[inline]
     pub const fn pairs(&self) -> usize {
         self.half_width as usize + 1
     }
@@ -393,8 +395,8 @@ mod tests {
             }
         }
         println!("off by {fine} in the fine tables, by {coarse} in the coarse ones");
-        // The square roots of 1.1 and 1.2.
-        assert!(fine < 0.051 && coarse < 0.1, "{fine} {coarse}");
+        // The square roots of 1.085 and 1.2, and beyond the widest table a tenth of a step more.
+        assert!(fine < 0.052 && coarse < 0.121, "{fine} {coarse}");
     }
 
     #[test]

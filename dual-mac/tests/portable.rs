@@ -1,0 +1,120 @@
+//! The portable twins against sums in 64 bits. What runs on the chip is compared with them there, by `cost-on-chip`.
+
+use dual_mac::portable::{dot, dot2, square_root};
+use dual_mac::{LARGEST_SAMPLE, Pair, Pairs};
+use proptest::prelude::*;
+
+/// Longer than the longest window of the phase tables, which has 116 samples.
+const LONGEST: usize = 120;
+
+/// The sum in 64 bits, over as many pairs as there are of both. Samples are signed to the instruction.
+fn sum(samples: &[u16], weights: impl Iterator<Item = Pair>) -> i64 {
+    samples
+        .as_chunks::<2>()
+        .0
+        .iter()
+        .zip(weights)
+        .map(|(samples, Pair(even, odd))| {
+            i64::from(samples[0] as i16) * i64::from(even)
+                + i64::from(samples[1] as i16) * i64::from(odd)
+        })
+        .sum()
+}
+
+fn pair() -> impl Strategy<Value = Pair> {
+    let weight = || prop_oneof![any::<i16>(), -300..300i16, Just(i16::MIN), Just(i16::MAX)];
+    (weight(), weight()).prop_map(|(even, odd)| Pair(even, odd))
+}
+
+fn weights() -> impl Strategy<Value = Vec<Pairs>> {
+    let pairs = (pair(), pair()).prop_map(|(first, second)| Pairs(first, second));
+    prop::collection::vec(pairs, 0..=LONGEST / 2)
+}
+
+fn samples(largest: u16) -> impl Strategy<Value = Vec<u16>> {
+    let sample = prop_oneof![0..=largest, Just(largest)];
+    prop::collection::vec(sample, 0..=LONGEST)
+}
+
+/// Halves weights until their sum with the largest samples fits, as the tables' weights do.
+fn without_overflow(mut weights: Vec<Pairs>) -> Vec<Pairs> {
+    let magnitude = |pair: &Pair| i64::from(pair.0).abs() + i64::from(pair.1).abs();
+    let fits = |weights: &[Pairs]| {
+        let first: i64 = weights.iter().map(|pairs| magnitude(&pairs.0)).sum();
+        let second: i64 = weights.iter().map(|pairs| magnitude(&pairs.1)).sum();
+        first.max(second) * i64::from(LARGEST_SAMPLE) < 1 << 31
+    };
+    while !fits(&weights) {
+        for Pairs(first, second) in &mut weights {
+            for pair in [first, second] {
+                *pair = Pair(pair.0 / 2, pair.1 / 2);
+            }
+        }
+    }
+    weights
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(5000))]
+
+    /// Where nothing overflows both are the sum itself.
+    #[test]
+    fn inner_products_are_sums(
+        samples in samples(LARGEST_SAMPLE),
+        weights in weights().prop_map(without_overflow),
+    ) {
+        let firsts: Vec<Pair> = weights.iter().map(|pairs| pairs.0).collect();
+        let first = sum(&samples, weights.iter().map(|pairs| pairs.0));
+        let second = sum(&samples, weights.iter().map(|pairs| pairs.1));
+        let (one, two) = dot2(&samples, &weights);
+        prop_assert_eq!((i64::from(one), i64::from(two)), (first, second));
+        prop_assert_eq!(i64::from(dot(&samples, &firsts)), first);
+    }
+
+    /// Any samples and weights: the sum's low 32 bits, and no panic.
+    #[test]
+    fn inner_products_wrap(samples in samples(u16::MAX), weights in weights()) {
+        let seconds: Vec<Pair> = weights.iter().map(|pairs| pairs.1).collect();
+        let first = sum(&samples, weights.iter().map(|pairs| pairs.0)) as i32;
+        let second = sum(&samples, weights.iter().map(|pairs| pairs.1)) as i32;
+        prop_assert_eq!(dot2(&samples, &weights), (first, second));
+        prop_assert_eq!(dot(&samples, &seconds), second);
+    }
+
+    /// As IEEE 754 asks, which is what `std` has.
+    #[test]
+    fn square_roots_are_rounded_to_nearest(bits in any::<u32>()) {
+        let value = f32::from_bits(bits);
+        let (root, expected) = (square_root(value), value.sqrt());
+        prop_assert!(root.to_bits() == expected.to_bits() || root.is_nan() && expected.is_nan());
+    }
+}
+
+/// Each length by itself, with fewer weights, as many, and more: a sample or a pair too many or too few is seen, since all are one.
+#[test]
+fn every_length_takes_the_samples_that_have_a_weight() {
+    let ones = [Pairs(Pair(1, 1), Pair(-2, -2)); LONGEST / 2 + 1];
+    let first_ones = ones.map(|pairs| pairs.0);
+    let samples = [1u16; LONGEST + 1];
+    for length in 0..=LONGEST + 1 {
+        for pairs in 0..=LONGEST / 2 + 1 {
+            let expected = 2 * (length / 2).min(pairs) as i32;
+            let samples = &samples[..length];
+            assert_eq!(dot(samples, &first_ones[..pairs]), expected);
+            let both = dot2(samples, &ones[..pairs]);
+            assert_eq!(both, (expected, -2 * expected), "{length} {pairs}");
+        }
+    }
+}
+
+/// The one sum of two products that does not fit, and the largest that does.
+#[test]
+fn the_extremes() {
+    const LOW: u16 = i16::MIN as u16;
+    let weights = [Pair(i16::MIN, i16::MIN)];
+    assert_eq!(dot(&[LOW, LOW], &weights), i32::MIN);
+    assert_eq!(dot(&[LOW, 0], &weights), 1 << 30);
+    let twice = [Pairs(weights[0], weights[0])];
+    assert_eq!(dot2(&[LOW, LOW], &twice), (i32::MIN, i32::MIN));
+    assert_eq!(dot2(&[LOW, 0], &twice), (1 << 30, 1 << 30));
+}
