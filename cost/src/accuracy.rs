@@ -207,8 +207,8 @@ pub fn measure(estimators: &[Estimator], rows: u64) -> Accuracy {
     }
     for (i, situation) in SITUATIONS.iter().enumerate() {
         let rows = Rows {
-            cell: situation.noise.cell(situation.chip_width, rows),
             hot_pixel: situation.hot_pixel,
+            ..Rows::of(situation.noise.cell(situation.chip_width, rows))
         };
         let outcomes = rows.run(estimators);
         accuracy.situations.extend(

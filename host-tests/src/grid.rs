@@ -30,14 +30,26 @@ pub struct Rows {
     pub cell: Cell,
     /// Counts added to one pixel within three widths of the centre, another in each row.
     pub hot_pixel: Option<f64>,
+    /// Pixels of a row.
+    pub pixels: usize,
+}
+
+/// Whether an estimator is given what it found in the row before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Before {
+    /// It is, except in a series' first row.
+    Known,
+    /// Never.
+    Unknown,
 }
 
 impl Rows {
-    /// Rows with nothing amiss.
+    /// Rows with nothing amiss, so long that the noise is known on them as well as on a sensor's.
     pub fn of(cell: Cell) -> Self {
         Self {
             cell,
             hot_pixel: None,
+            pixels: PIXELS,
         }
     }
 
@@ -57,7 +69,7 @@ impl Rows {
     pub fn true_centre(&self, row: u64) -> f64 {
         let series = row / SERIES;
         let [place, drift] = EVEN.map(|step| (series as f64 * step).fract());
-        let start = PIXELS as f64 / 2.0 + 128.0 * (place - 0.5);
+        let start = self.pixels as f64 / 2.0 + 128.0 * (place - 0.5);
         start + (row % SERIES) as f64 * FASTEST_DRIFT * (2.0 * drift - 1.0)
     }
 
@@ -78,9 +90,15 @@ impl Rows {
     /// Runs the estimators over the rows: an outcome for each, in their order. Every row that has a centre counts, a gross
     /// error as any other.
     pub fn run(&self, estimators: &[Estimator]) -> Vec<Outcome> {
+        let known = |&estimator| (estimator, Before::Known);
+        self.run_each(&estimators.iter().map(known).collect::<Vec<_>>())
+    }
+
+    /// The same for estimators that know the row before, and that do not.
+    pub fn run_each(&self, estimators: &[(Estimator, Before)]) -> Vec<Outcome> {
         let bound = self.bound();
         let gross = (0.5 * self.cell.width).max(8.0 * bound);
-        let scene = self.cell.scene_of(PIXELS);
+        let scene = self.cell.scene_of(self.pixels);
         // Collected in order before they are added up: the sums are then the same on any number of cores.
         let series: Vec<Vec<Sums>> = (0..self.cell.rows.div_ceil(SERIES))
             .into_par_iter()
@@ -101,7 +119,7 @@ impl Rows {
         &self,
         scene: &Scene,
         series: u64,
-        estimators: &[Estimator],
+        estimators: &[(Estimator, Before)],
         gross: f64,
     ) -> Vec<Sums> {
         let from = series * SERIES;
@@ -112,12 +130,14 @@ impl Rows {
             let (counts, truth) = self.row(scene, row);
             let row = Row::new(&counts, &[], 4095).expect("quantised to 12 bits");
             let spot = spot::find(&row);
-            for ((&estimator, sums), before) in estimators.iter().zip(&mut sums).zip(&mut before) {
+            for ((&(estimator, knows), sums), before) in
+                estimators.iter().zip(&mut sums).zip(&mut before)
+            {
                 let centre = spot.and_then(|spot| {
                     estimator::centre(estimator, &row, &spot, before.as_ref(), &scene.geometry)
                 });
                 sums.count(centre, truth, gross);
-                *before = centre.ok();
+                *before = centre.ok().filter(|_| knows == Before::Known);
             }
         }
         sums

@@ -8,4 +8,5 @@ pub mod ladder;
 pub mod least_squares;
 pub mod optics;
 pub mod photograph;
+pub mod profiles;
 pub mod scene;

@@ -140,7 +140,12 @@ impl Scene {
     }
 }
 
-fn with_shot_noise(counts: f64, electrons_per_count: f64, random: &mut ChaCha8Rng) -> f64 {
+/// Counts of light with the scatter of its electrons.
+pub(crate) fn with_shot_noise(
+    counts: f64,
+    electrons_per_count: f64,
+    random: &mut ChaCha8Rng,
+) -> f64 {
     // `Poisson::new` refuses a mean of zero, which needs no random number.
     Poisson::new(counts * electrons_per_count).map_or(0.0, |electrons| electrons.sample(random))
         / electrons_per_count

@@ -65,6 +65,20 @@ impl Shape {
         2 * self.half_width + 1
     }
 
+    /// d(profile)/d(centre).
+    fn by_centre(&self, profile: Profile<'_>, centre: f64) -> DVector<f64> {
+        let h = 1e-4 * self.width;
+        let sample = |centre| self.sample(profile, centre, self.width);
+        (sample(centre + h) - sample(centre - h)) / (2.0 * h)
+    }
+
+    /// width * d(profile)/d(width).
+    fn by_width(&self, profile: Profile<'_>, centre: f64) -> DVector<f64> {
+        let h = 1e-4;
+        let sample = |factor: f64| self.sample(profile, centre, factor * self.width);
+        (sample(1.0 + h) - sample(1.0 - h)) / (2.0 * h)
+    }
+
     fn sample(&self, profile: Profile<'_>, centre: f64, width: f64) -> DVector<f64> {
         DVector::from_fn(self.taps(), |i, _| {
             profile(i as f64 - self.half_width as f64 - centre, width)
@@ -79,11 +93,11 @@ pub struct Table {
     pub shape: Shape,
     /// Response 1 to d(profile)/d(centre), 0 to the profile, to a constant and to d(profile)/d(width).
     pub score: Vec<DVector<f64>>,
-    /// With q = score / slope, q - bend * q^3 = distance in pixels, over three quarters of a phase to either side and for
-    /// widths 10 % off.
+    /// -d(score)/d(centre). The score's response is zero wherever a spot is centred, so this response is that of the score to a
+    /// shift, whatever the profile: score / slope is a small distance in pixels of any spot that is symmetric.
     pub slope: Vec<DVector<f64>>,
-    /// See `slope`; in 1/pixels^2. A gaussian obeys the heat equation, so weights whose response does not change with the
-    /// spot's width have a response that falls with its distance: faster than score / distance does.
+    /// With q = score / slope, q - bend * q^3 = distance, over three quarters of a phase to either side; in 1/pixels^2. The
+    /// score falls behind a larger distance, and its derivative three times as much.
     pub bend: f64,
     /// Response 1 to width * d(profile)/d(width), 0 to the profile, to a constant and to d(profile)/d(centre).
     pub stretch: Vec<DVector<f64>>,
@@ -94,13 +108,6 @@ pub struct Table {
 }
 
 /// Designs the weights of one width.
-///
-/// On a tilted background the Jacobian has a fifth column, the pixels' places, and the tilt drops out too.
-///
-/// With the Jacobian J = [d/d(centre), profile, 1, d/d(width)] and the noise's covariance V = diag(profile + r), the
-/// score and the stretch are rows of (J^T V^-1 J)^-1 J^T V^-1: the best linear unbiased estimates of a small shift
-/// and a small stretch, with amplitude and black level projected out. They are one Gauss-Newton step of a weighted
-/// four-parameter fit, taken in advance.
 pub fn design(
     profile: Profile<'_>,
     shape: Shape,
@@ -116,47 +123,61 @@ pub fn design(
         profile: vec![],
         gradient: vec![],
     };
+    let weights = |centre| weights(profile, shape, noise_ratio, background, centre);
     for k in 0..shape.phases {
         let centre = shape.phase(k);
-        let g = shape.sample(profile, centre, shape.width);
-        let h = 1e-4 * shape.width;
-        let d_centre = (shape.sample(profile, centre + h, shape.width)
-            - shape.sample(profile, centre - h, shape.width))
-            / (2.0 * h);
-        let d_width = (shape.sample(profile, centre, shape.width + h)
-            - shape.sample(profile, centre, shape.width - h))
-            / (2.0 * h)
-            * shape.width;
-        let ones = DVector::from_element(shape.taps(), 1.0);
-        let inverse_noise = g.map(|light| {
-            if noise_ratio.is_finite() {
-                1.0 / (light + noise_ratio)
-            } else {
-                1.0
-            }
-        });
-        let places = DVector::from_fn(shape.taps(), |i, _| {
-            i as f64 - shape.half_width as f64 - centre
-        });
-        let columns = [&d_centre, &g, &ones, &d_width, &places];
-        let columns = match background {
-            Background::Level => &columns[..4],
-            Background::Tilted => &columns[..],
-        };
-        let rows = best_linear_unbiased(columns, &inverse_noise);
-        let (score, stretch) = (rows[0].clone(), rows[3].clone());
+        let [score, stretch] = weights(centre);
+        let h = 0.01 * shape.width;
+        let [before, _] = weights(centre - h);
+        let [after, _] = weights(centre + h);
         table.score.push(score);
+        table.slope.push((before - after) / (2.0 * h));
         table.stretch.push(stretch);
-        table.profile.push(g);
-        table.gradient.push(d_centre);
+        table
+            .profile
+            .push(shape.sample(profile, centre, shape.width));
+        table.gradient.push(shape.by_centre(profile, centre));
     }
-    let fits: Vec<SlopeFit> = (0..shape.phases)
-        .map(|k| SlopeFit::new(profile, shape, shape.phase(k), &table.score[k]))
-        .collect();
-    // One bend serves all phases of a table.
-    table.bend = fits.iter().map(SlopeFit::bend).sum::<f64>() / shape.phases as f64;
-    table.slope = fits.iter().map(|fit| fit.slope(table.bend)).collect();
+    table.bend = bend(profile, &table);
     table
+}
+
+/// The score's and the stretch's weights for a spot anywhere in the window.
+///
+/// With the Jacobian J = [d/d(centre), profile, 1, d/d(width)] and the noise's covariance V = diag(profile + r), they are
+/// rows of (J^T V^-1 J)^-1 J^T V^-1: the best linear unbiased estimates of a small shift and a small stretch, with amplitude
+/// and black level projected out. They are one Gauss-Newton step of a weighted four-parameter fit, taken in advance. On a
+/// tilted background the Jacobian has a fifth column, the pixels' places, and the tilt drops out too.
+fn weights(
+    profile: Profile<'_>,
+    shape: Shape,
+    noise_ratio: f64,
+    background: Background,
+    centre: f64,
+) -> [DVector<f64>; 2] {
+    let g = shape.sample(profile, centre, shape.width);
+    let d_centre = shape.by_centre(profile, centre);
+    let d_width = shape.by_width(profile, centre);
+    let ones = DVector::from_element(shape.taps(), 1.0);
+    let half_width = shape.half_width as f64;
+    let places = DVector::from_fn(shape.taps(), |i, _| i as f64 - half_width - centre);
+    let inverse_noise = g.zip_map(&places, |light, place| {
+        // The window reaches as far to one side of the centre as to the other: its last pixels count in part. Otherwise light
+        // that is left there, and that the profile does not know of, would pull at the centre.
+        let inside = (half_width + 0.5 - place.abs()).clamp(0.0, 1.0);
+        if noise_ratio.is_finite() {
+            inside / (light + noise_ratio)
+        } else {
+            inside
+        }
+    });
+    let columns = [&d_centre, &g, &ones, &d_width, &places];
+    let columns = match background {
+        Background::Level => &columns[..4],
+        Background::Tilted => &columns[..],
+    };
+    let rows = best_linear_unbiased(columns, &inverse_noise);
+    [rows[0].clone(), rows[3].clone()]
 }
 
 /// (J^T V^-1 J)^-1 J^T V^-1 with J's columns given and V^-1 diagonal. Columns are scaled to unit length first, which keeps
@@ -190,99 +211,27 @@ fn best_linear_unbiased(
         .collect()
 }
 
-/// The least-squares fit of the slope's weights, from a basis of smooth functions that sum to zero: their response to the
-/// profile shifted by d shall be (1 - bend d^2) score(d) / d, for the shifts and widths that a table serves.
-struct SlopeFit {
-    basis: Vec<DVector<f64>>,
-    /// A row for each shift and width, a column for each function of the basis.
-    responses: DMatrix<f64>,
-    /// score(d) / d.
-    targets: DVector<f64>,
-    /// d^2 score(d) / d.
-    bent: DVector<f64>,
-}
+/// The least-squares fit of the bend to the profile, shifted as far and as much wider or narrower as a table serves.
+fn bend(profile: Profile<'_>, table: &Table) -> f64 {
+    const SHIFTS: i32 = 4;
+    const WIDTHS: [f64; 3] = [0.9, 1.0, 1.1];
 
-impl SlopeFit {
-    fn new(profile: Profile<'_>, shape: Shape, centre: f64, score: &DVector<f64>) -> Self {
-        const SHIFTS: usize = 9;
-        const WIDTHS: [f64; 3] = [0.9, 1.0, 1.1];
-
-        let span = 0.75 / shape.phases as f64;
-        let g = shape.sample(profile, centre, shape.width);
-        let half = 0.5 * shape.width;
-        let curvature = shape.sample(profile, centre + half, shape.width) - 2.0 * &g
-            + shape.sample(profile, centre - half, shape.width);
-        let h = 1e-4 * shape.width;
-        let d_width = (shape.sample(profile, centre, shape.width + h)
-            - shape.sample(profile, centre, shape.width - h))
-            / (2.0 * h)
-            * shape.width;
-        let u = DVector::from_fn(shape.taps(), |i, _| {
-            (i as f64 - shape.half_width as f64 - centre) / shape.width
-        });
-        let basis: Vec<DVector<f64>> = [
-            g.clone(),
-            curvature.clone(),
-            g.component_mul(&u),
-            d_width,
-            curvature.component_mul(&u),
-            g.component_mul(&u.map(|u| u.powi(4))),
-        ]
-        .into_iter()
-        .map(|function| function.add_scalar(-function.mean()))
-        .collect();
-
-        let (mut responses, mut targets, mut bent) = (vec![], vec![], vec![]);
+    let shape = table.shape;
+    let span = 0.75 / shape.phases as f64;
+    let (mut product, mut square) = (0.0, 0.0);
+    for (k, (score, slope)) in table.score.iter().zip(&table.slope).enumerate() {
         for width in WIDTHS.map(|w| w * shape.width) {
-            let at_rest = score.dot(&shape.sample(profile, centre, width));
-            for step in 0..SHIFTS {
-                let fraction = step as f64 / (SHIFTS - 1) as f64 * 2.0 - 1.0;
-                // At rest the ratio is 0/0: a shift too small to matter stands for it.
-                let shift = if fraction == 0.0 {
-                    1e-3
-                } else {
-                    fraction * span
-                };
-                let light = shape.sample(profile, centre + shift, width);
-                responses.extend(basis.iter().map(|function| function.dot(&light)));
-                let target = (score.dot(&light) - at_rest) / shift;
-                targets.push(target);
-                bent.push(shift * shift * target);
+            let at_rest = score.dot(&shape.sample(profile, shape.phase(k), width));
+            for step in (-SHIFTS..=SHIFTS).filter(|&step| step != 0) {
+                let shift = f64::from(step) / f64::from(SHIFTS) * span;
+                let light = shape.sample(profile, shape.phase(k) + shift, width);
+                // Where slope = (1 - bend shift^2) score / shift, shift^2 score is this much of the difference.
+                let straight = (score.dot(&light) - at_rest) / shift;
+                let bent = shift * shift * straight;
+                product += bent * (straight - slope.dot(&light));
+                square += bent * bent;
             }
         }
-        Self {
-            responses: DMatrix::from_row_slice(targets.len(), basis.len(), &responses),
-            basis,
-            targets: DVector::from_vec(targets),
-            bent: DVector::from_vec(bent),
-        }
     }
-
-    /// The bend that leaves the least residual.
-    fn bend(&self) -> f64 {
-        // What the basis can make of targets and bend is taken out; what is left of the one is explained by the other.
-        let left = |of: &DVector<f64>| of - &self.responses * self.solve(of);
-        let (targets, bent) = (left(&self.targets), left(&self.bent));
-        targets.dot(&bent) / bent.norm_squared()
-    }
-
-    fn slope(&self, bend: f64) -> DVector<f64> {
-        let coefficients = self.solve(&(&self.targets - bend * &self.bent));
-        self.basis
-            .iter()
-            .zip(coefficients.iter())
-            .map(|(function, &c)| function * c)
-            .sum()
-    }
-
-    fn solve(&self, targets: &DVector<f64>) -> DVector<f64> {
-        /// Keeps the weights small where the basis is nearly dependent; far below the least-squares residual.
-        const RIDGE: f64 = 1e-10;
-        let normal = self.responses.tr_mul(&self.responses);
-        let ridge = RIDGE * normal.trace() / self.basis.len() as f64;
-        (normal + DMatrix::identity(self.basis.len(), self.basis.len()) * ridge)
-            .cholesky()
-            .expect("a ridge makes the normal matrix positive definite")
-            .solve(&self.responses.tr_mul(targets))
-    }
+    product / square
 }

@@ -81,25 +81,37 @@ const DEVIATION: f32 = 5.657;
 /// Standard deviations of the flanks' difference from which on it is a tilt: noise alone gets there in one row of 16,000.
 const TILT: f32 = 4.0;
 
-/// Whether the background beside the spot, beyond four widths, is higher on one side than on the other. Not where a flank
-/// reaches over the sensor's edge.
+/// Widths from the centre to the flanks. The side lobes of a slit's diffraction pattern, which are 7 % of its peak at four
+/// widths, are 1 % there.
+const CLEAR: f32 = 6.0;
+
+/// Whether the background beside the spot is higher on one side than on the other. Not where a flank reaches over the sensor's
+/// edge.
 fn is_tilted(light: &[u16], fit: &Fit<'_>, noise: Counts) -> bool {
-    // The larger half of a pixel more, so that neither flank begins within four widths.
-    let reach = Pixels::from_f32(4.0 * fit.width + 1.0).to_bits();
-    let pixel = |bits: i32| usize::try_from(bits >> Pixels::FRACTION).ok();
-    // A centre is below 2^12 pixels, a width below 2^8.
-    let centre = fit.centre.to_bits();
-    let (Some(left), Some(right)) = (
-        pixel(centre - reach).and_then(|end| light.get(end.checked_sub(FLANK)?..end)),
-        pixel(centre + reach).and_then(|start| light.get(start + 1..start + 1 + FLANK)),
-    ) else {
+    let Some((left, right)) = flanks(light, fit) else {
         return false;
     };
     let difference = sum(left).abs_diff(sum(right)) as f32;
     difference > TILT * DEVIATION * noise.to_f32()
 }
 
+/// The pixels to the left and to the right, as far from the centre to half a pixel, so that what a spot that is symmetric leaves there
+/// is no tilt.
+fn flanks<'a>(light: &'a [u16], fit: &Fit<'_>) -> Option<(&'a [u16; FLANK], &'a [u16; FLANK])> {
+    const HALF: i32 = 1 << (Pixels::FRACTION - 1);
+    // A centre is below 2^13 pixels, a width below 2^8.
+    let centre = fit.centre.to_bits();
+    let reach = Pixels::from_positive_f32(CLEAR * fit.width).to_bits();
+    let right = ((centre + reach) >> Pixels::FRACTION) + 1;
+    // The mirror image of the pixel before, which is where the flank ends.
+    let left = ((2 * centre + 3 * HALF) >> Pixels::FRACTION) - right;
+    let from = usize::try_from(left).ok()?.checked_sub(FLANK)?;
+    let to = usize::try_from(right).ok()? + FLANK;
+    let pixels = light.get(from..to)?;
+    Some((pixels.first_chunk()?, pixels.last_chunk()?))
+}
+
 /// The sum of a flank.
-fn sum(flank: &[u16]) -> u32 {
+fn sum(flank: &[u16; FLANK]) -> u32 {
     flank.as_chunks().0.iter().map(spot::sum).sum()
 }
