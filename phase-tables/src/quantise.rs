@@ -287,7 +287,7 @@ mod tests {
             for (k, [score, slope, _]) in table.rows().iter().enumerate() {
                 for step in -10..=10 {
                     for mismatch in [0.95, 1.0, 1.05] {
-                        let shift = f64::from(step) / 10.0 * 0.5 / table.shape.phases as f64;
+                        let shift = f64::from(step) / 10.0 * table.shape.nearest();
                         let dot = |weights: &[i16]| {
                             weights
                                 .iter()
