@@ -48,11 +48,11 @@ const fn purpose(estimator: Estimator) -> &'static str {
         Estimator::Parabola => "three pixels, narrow spots",
         Estimator::LogParabola => "the same, without its bias",
         Estimator::ZeroCrossing => "cheap, for wide spots",
-        Estimator::Blocks => "little time, sums of pixels",
+        Estimator::Blocks => "sums of pixels",
         Estimator::PhaseTable => "the default",
         Estimator::Adaptive => "the most accurate tables",
         Estimator::Robust => "hot pixels, second spots",
-        Estimator::GaussNewton => "spots cut by the edge",
+        Estimator::GaussNewton => "spots cut off",
         Estimator::Fraunhofer => "laser spots below 1 mm",
     }
 }
