@@ -46,7 +46,7 @@ impl Default for Options {
             rows: 20_000,
             timed_rows: 4096,
             rounds: 5,
-            scipy_rows: 2000,
+            scipy_rows: 20_000,
             scipy_variant_rows: 400,
         }
     }

@@ -150,13 +150,6 @@ impl Measured {
              sigma {WINDOW_OF_96} (96 pixels).\nCoarse search: {:.2} instructions a pixel; of the first row of a frame, at all widths: {:.2}.",
             self.chip.sweep_instructions_per_pixel, self.chip.search_instructions_per_pixel
         );
-        let _ = writeln!(
-            out,
-            "Words into a row: {:.2} instructions a word. A row in all, default rung: {} instructions. Eq. (1), once a reading: {}.",
-            self.chip.geometry_instructions_per_word,
-            self.chip.measurement_instructions_per_row,
-            self.chip.distance_instructions,
-        );
         if let Some(iteration) = self.chip.gauss_newton_instructions_per_iteration {
             let _ = writeln!(
                 out,

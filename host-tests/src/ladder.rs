@@ -8,7 +8,7 @@ use slitrange::reading::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 
-use crate::accuracy::{Cell, Outcome};
+use crate::accuracy::{Cell, Outcome, PIXELS};
 use crate::bound;
 use crate::scene::quantise;
 
@@ -41,7 +41,7 @@ pub fn run_at(
     bound: f64,
     true_centre: impl Fn(u64) -> f64 + Sync,
 ) -> Outcome {
-    let scene = cell.scene();
+    let scene = cell.scene_of(PIXELS);
     let errors: Vec<(f64, f64)> = (0..cell.rows)
         .into_par_iter()
         .filter_map(|row| {

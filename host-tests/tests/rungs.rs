@@ -163,7 +163,7 @@ fn bias_over_the_phase_is_the_methods_own() {
         // As the fit in f64: a pixel's own width.
         _ => [0.0003, 0.0001, 0.0001, 0.0001, 0.0001, 0.0001, 0.0001],
     };
-    let geometry = cell(1.0, ("", 1.0, 0.0, None), 0).scene().geometry;
+    let geometry = cell(1.0, ("", 1.0, 0.0, None), 0).scene_of(PIXELS).geometry;
     let mut text = format!(
         "largest bias over 40 phases in pixels, noiseless; sigma in pixels\n{:>14}{}\n",
         "",
@@ -258,7 +258,7 @@ fn a_cut_spot_is_fitted_at_its_own_bound() {
 fn what_is_not_on_the_sensor_is_a_fault() {
     for width in [2.0, 4.0, 10.5, 30.0] {
         let cell = cell(width, ("", 2000.0, 2.0, Some(5.0)), 0);
-        let scene = cell.scene();
+        let scene = cell.scene_of(PIXELS);
         for row in 0..400 {
             let beside = -0.5 - width * (0.1 + 2.0 * row as f64 / 400.0);
             let light = quantise(&scene.row_with_centre(row, beside, 1.0), 4095);
@@ -310,7 +310,7 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
             (outcome.pull - 1.0).abs() <= 0.06,
             "{width} {factor}: {outcome:?}"
         );
-        let scene = cell.scene();
+        let scene = cell.scene_of(PIXELS);
         let light = quantise(&scene.row_with_centre(0, cell.true_centre(0), 1.0), 4095);
         for rung in RUNGS {
             let found = centre_of(&scene.geometry, &light, rung);
@@ -328,7 +328,7 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
 fn what_is_no_gaussian_is_a_misfit() {
     for (width, noise) in [(2.0, 4.0), (10.5, 4.0), (30.0, 4.0)] {
         let cell = cell(width, ("", 2000.0, noise, Some(10.0)), 0);
-        let scene = cell.scene();
+        let scene = cell.scene_of(PIXELS);
         let misfit = |light: &[u16]| {
             let found = centre_of(&scene.geometry, light, Estimator::GaussNewton);
             found.expect("a centre").misfit
@@ -364,7 +364,7 @@ fn the_black_level_changes_no_bit() {
     for rung in RUNGS {
         for width in [0.8, 1.2, 4.0, 10.5, 30.0] {
             let cell = cell(width, ("", 1500.0, 3.0, Some(10.0)), 0);
-            let scene = cell.scene();
+            let scene = cell.scene_of(PIXELS);
             for row in 0..20 {
                 let light = quantise(
                     &scene.row_with_centre(row, cell.true_centre(row), 1.0),
@@ -396,7 +396,7 @@ fn mirrors_mirror() {
         let mut worst = 0.0f64;
         for width in [1.2, 4.0, 10.5] {
             let cell = cell(width, ("", 2400.0, 4.8, None), 0);
-            let scene = cell.scene();
+            let scene = cell.scene_of(PIXELS);
             for row in 0..200 {
                 let light = quantise(
                     &scene.row_with_centre(row, cell.true_centre(row), 1.0),
@@ -431,7 +431,7 @@ fn the_row_before_is_followed() {
             let width = 8.0 + row as f64 * 0.04;
             let cell = cell(width, ("", 2400.0, 4.8, None), 0);
             let truth = 900.0 + row as f64 * 2.37;
-            let scene = cell.scene();
+            let scene = cell.scene_of(PIXELS);
             let light = quantise(&scene.row_with_centre(row, truth, 1.0), 4095);
             let row = Row::new(&light, &[], 4095).expect("12 bits");
             let spot = slitrange::spot::find(&row).expect("a spot");

@@ -55,9 +55,10 @@ impl Shape {
         (k as f64 - (self.phases as f64 - 1.0) / 2.0) / self.phases as f64
     }
 
-    /// A centre that is fewer pixels from its phase has none that is much nearer: half a phase, and a tenth of that for noise.
+    /// A centre that is fewer pixels from its phase need not be looked at from a nearer one: half a phase, and a tenth of that for
+    /// noise, or a tenth of the width, up to which score / slope is straight to 4e-6 of the width.
     pub fn nearest(&self) -> f64 {
-        0.55 / self.phases as f64
+        (0.55 / self.phases as f64).max(0.1 * self.width)
     }
 
     /// Weights in a row: 2 half widths and the middle.

@@ -173,6 +173,8 @@ pub(super) struct Fit<'a> {
     /// The spot's width over the table's.
     pub(super) ratio: f32,
     pub(super) slope: f32,
+    /// One over that.
+    pub(super) per_slope: f32,
     pub(super) class: WidthClass,
     pub(super) table: &'a Table<'a>,
 }
@@ -248,7 +250,7 @@ fn look_again<'a>(
     let mut width = width.to_f32();
     let table_width = table.width * f32::from(class.block);
     if source == Width::Measured {
-        let measured = table_width * (1.0 + window.stretch(look.slope));
+        let measured = table_width * (1.0 + window.stretch(&look));
         width += (measured - width) * SMOOTHING;
         if table.mismatch(width, class.block) > tables.reach() {
             return None;
@@ -259,6 +261,7 @@ fn look_again<'a>(
         width,
         ratio: width / table_width,
         slope: look.slope,
+        per_slope: look.per_slope,
         class,
         table,
     }))
@@ -278,6 +281,7 @@ pub(super) fn refit<'a>(light: &[u16], fit: &Fit<'_>, tables: &TableSet<'a>) -> 
         width: fit.width,
         ratio: fit.width / (table.width * f32::from(class.block)),
         slope: look.slope,
+        per_slope: look.per_slope,
         class,
         table,
     })
@@ -356,7 +360,7 @@ fn settle<'a>(
             continue;
         };
         let look = window.look().ok_or(Unsettled::Shape)?;
-        let stretch = window.stretch(look.slope);
+        let stretch = window.stretch(&look);
         at = look.centre;
         width = table.width * f32::from(class.block) * (1.0 + stretch);
         if at.to_bits().abs_diff(start.to_bits())
@@ -373,6 +377,7 @@ fn settle<'a>(
             width,
             ratio: 1.0 + stretch,
             slope: look.slope,
+            per_slope: look.per_slope,
             class,
             table,
         };
@@ -422,7 +427,7 @@ impl Fit<'_> {
         // 1.60 over the tables).
         let shot = height / divisor * shot_variance_per_count * (1.5 * self.ratio - 0.5);
         let variance = self.table.variance_per_noise * read + self.table.variance_per_height * shot;
-        let uncertainty = square_root(variance) / self.slope * block;
+        let uncertainty = square_root(variance) * self.per_slope * block;
         let amplitude = height * divisor / block;
         certain(amplitude, uncertainty, self.width)?;
         Ok(RowCentre {

@@ -20,7 +20,7 @@ pub struct Table<'a> {
     pub weights: &'a [Pairs],
     /// Weights of the stretch, likewise.
     pub stretch: &'a [Pair],
-    /// 0.55 / phases: a centre that is fewer samples from its phase has none that is much nearer.
+    /// A centre that is fewer samples from its phase need not be looked at from a nearer one.
     pub nearest: f32,
     /// Samples that score / slope = 1 stands for.
     pub centre_per_ratio: f32,

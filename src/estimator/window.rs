@@ -7,8 +7,9 @@ use crate::estimator::plausible::limited;
 use crate::estimator::tables::{MAX_TAPS, Table, halvings};
 use crate::units::Pixels;
 
-/// A centre this many steps from the window's is as near as it gets: half a step, and a tenth of that for noise.
-pub(super) const NEAR: f32 = 0.55;
+/// A centre so many pixels from that of a window of blocks need not be looked at from another window: half a pixel, and a tenth
+/// of that for noise.
+const NEAR: f32 = 0.55;
 
 /// A table's window on the row.
 pub(super) struct Window<'r, 't> {
@@ -27,12 +28,14 @@ pub(super) struct Look {
     pub(super) centre: Pixels,
     /// How far it is from the window's phase, in samples.
     pub(super) distance: f32,
-    /// Beyond that another phase would be nearer, or with blocks, whose window moves by pixels, another window.
+    /// Beyond that another phase or window would be nearer.
     pub(super) nearest: f32,
     /// Whether this is the nearest.
     pub(super) near: bool,
     /// Never zero or below.
     pub(super) slope: f32,
+    /// One over that: one division serves all that is over the slope.
+    pub(super) per_slope: f32,
 }
 
 impl<'r, 't> Window<'r, 't> {
@@ -104,11 +107,13 @@ impl<'r, 't> Window<'r, 't> {
             return None;
         }
         let slope = slope as f32;
-        let straight = score as f32 / slope * self.table.centre_per_ratio;
+        let per_slope = 1.0 / slope;
+        let straight = score as f32 * per_slope * self.table.centre_per_ratio;
         let block = f32::from(self.block);
         let nearest = if self.block == 1 {
             self.table.nearest
         } else {
+            // The window moves by pixels.
             NEAR / block
         };
         let near = straight.abs() <= nearest;
@@ -129,6 +134,7 @@ impl<'r, 't> Window<'r, 't> {
             nearest,
             near,
             slope,
+            per_slope,
         })
     }
 
@@ -142,7 +148,7 @@ impl<'r, 't> Window<'r, 't> {
 
     /// The spot's width over the table's, less one. Limited to a bit less than half or twice the width, like the distance.
     #[inline(always)]
-    pub(super) fn stretch(&self, slope: f32) -> f32 {
+    pub(super) fn stretch(&self, look: &Look) -> f32 {
         // The set has as many weights of the stretch as of the others.
         let weights = self
             .table
@@ -155,7 +161,7 @@ impl<'r, 't> Window<'r, 't> {
             self.stretch_of_blocks(weights)
         };
         limited(
-            product as f32 / slope * self.table.stretch_per_ratio,
+            product as f32 * look.per_slope * self.table.stretch_per_ratio,
             -0.4,
             0.7,
         )

@@ -46,6 +46,11 @@ pub fn measure() {
         search_again[row] = counter::count(step_spot_find_again, &(light, before), &mut spot);
         defmt::assert!(matches!(spot, Some(Ok(found)) if found.centre.abs_diff(first.centre) < 16));
 
+        // As in a frame: the row before had the same spot.
+        rows::light(WIDTH, row, Turn::Before, &mut pixels);
+        rows::words(&pixels, &mut words);
+        defmt::assert!(measurement.row(&mut words).is_none());
+        rows::light(WIDTH, row, Turn::Now, &mut pixels);
         rows::words(&pixels, &mut words);
         let mut pipeline = Pipeline {
             measurement: &mut measurement,
@@ -71,7 +76,7 @@ pub fn measure() {
 /// As the firmware starts with, and with more rows in a frame than are given: no call ends a frame.
 fn settings() -> Settings {
     Settings {
-        rows: 2 * ROWS as u16,
+        rows: 4 * ROWS as u16,
         estimator: Estimator::default(),
         black_level: BlackLevel::Shielded,
         calibration: triangulation::NOMINAL.ok(),
