@@ -77,7 +77,7 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     const EVERY_MIX: [u16; 5] = [0, 6, 30, 90, 6554];
 
     let mut text = format!(
-        "largest bias over 40 phases in 1e-5 px, with the row before and without; sigma in pixels\n{:>28}{}\n",
+        "largest bias over 40 phases in 1e-4 px, with the row before and without; sigma in pixels\n{:>28}{}\n",
         "",
         WIDTHS.map(|width| format!("{width:>6}")).concat()
     );
@@ -114,7 +114,7 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
                         errors.iter().flatten().fold(0.0f64, |a, e| a.max(e.abs()))
                     })
                     .fold(0.0, f64::max);
-                text += &format!("{:>6.0}", worst * 1e5);
+                text += &format!("{:>6.0}", worst * 1e4);
                 let limit = match (name, rung) {
                     ("gaussian", Estimator::Fraunhofer) => 0.0026,
                     ("gaussian", _) => 0.0005,
@@ -231,7 +231,7 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
     let mut text = format!(
         "RMSE of tables of a profile measured on {MEASURED_ROWS} rows, and of the gaussian's, over that of tables of the true profile,\n\
          and of these over the bound; 20000 rows a cell; for the asymmetric spot without the mean\n\
-         {:>14}{:>7}{:>21}{:>26}{:>26}\n",
+         {:>14}{:>7}{:>22}{:>26}{:>26}\n",
         "", "sigma", "counts, e/count, read", "default r", "r for the noise"
     );
     let mut failures = vec![];
@@ -255,7 +255,7 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
                 let measured = measure(&curve, cell);
                 let electrons = electrons_per_count.map_or("none".into(), |e| f64::to_string(&e));
                 text += &format!(
-                    "{name:>14}{width:>7}{:>21}",
+                    "{name:>14}{width:>7}{:>22}",
                     format!("{amplitude}, {electrons}, {noise}")
                 );
                 for noise_ratio in [DEFAULT.noise_ratio, noise_ratio] {
@@ -274,7 +274,7 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
                     };
                     let bound = profiles::bound(&curve, &spot_of(&cell), 8.0);
                     text += &format!(
-                        "{:>10.3}{:>8.3}{:>8.3}",
+                        "{:>10.2}{:>8.2}{:>8.2}",
                         measured / truth,
                         gaussian / truth,
                         truth / bound
@@ -340,8 +340,8 @@ fn errors_with(curve: &Curve, cell: Cell, tables: &[Vec<IntegerTable>; 3]) -> Ve
     errors.expect("centres")
 }
 
-/// Bias over the phase of tables of a measured asymmetric profile, about the mean, which is a convention: at most 0.001 px. The
-/// gaussian's tables are off by some hundredths of a pixel there, as one table or its neighbour serves, or by a tenth.
+/// Bias over the phase of tables of a measured asymmetric profile, about the mean, which is a convention: at most 0.001 px. With the
+/// gaussian's tables it is up to 0.05 px, as one table or its neighbour serves.
 #[test]
 fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
     let curve = profiles::tailed();
@@ -379,7 +379,7 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
             };
             let own = largest(&|offset, width| measured.at(offset, width));
             let gaussian = largest(&phase_tables::gaussian);
-            text += &format!("sigma {width:>2}, r {noise_ratio:>4}: {own:.5} {gaussian:.5}\n");
+            text += &format!("sigma {width:>2}, r {noise_ratio:>4}: {own:.4} {gaussian:.4}\n");
             assert!(own <= 0.001, "{width} {noise_ratio}: {own}");
         }
     }
@@ -467,7 +467,7 @@ fn a_wrong_width_costs_a_twentieth_at_most() {
             let [best, narrow, right, wide] = root_mean_squares(&errors.expect("centres"));
             let bound = spot_of(&rows.cell).bound();
             let ratios = [narrow, right, wide].map(|error| error / best);
-            text += &format!("{:>7.3}{:>6.3}{:>6.3}", ratios[0], ratios[1], ratios[2]);
+            text += &format!("{:>7.2}{:>6.2}{:>6.2}", ratios[0], ratios[1], ratios[2]);
             for (mean, ratio) in means.iter_mut().zip(ratios) {
                 *mean += ratio / WIDTHS.len() as f64;
             }
