@@ -94,8 +94,9 @@ pub struct Table {
     pub shape: Shape,
     /// Response 1 to d(profile)/d(centre), 0 to the profile, to a constant and to d(profile)/d(width).
     pub score: Vec<DVector<f64>>,
-    /// -d(score)/d(centre). The score's response is zero wherever a spot is centred, so this response is that of the score to a
-    /// shift, whatever the profile: score / slope is a small distance in pixels of any spot that is symmetric.
+    /// -d(score)/d(centre), less a part of the score where the profile is not symmetric. The score's response is zero wherever a
+    /// spot is centred, so this one is that of the score to a shift, whatever the profile: score / slope is a small distance
+    /// in pixels of any spot that is symmetric.
     pub slope: Vec<DVector<f64>>,
     /// With q = score / slope, q - bend * q^3 = distance, over three quarters of a phase to either side; in 1/pixels^2. The
     /// score falls behind a larger distance, and its derivative three times as much.
@@ -125,21 +126,26 @@ pub fn design(
         gradient: vec![],
     };
     let weights = |centre| weights(profile, shape, noise_ratio, background, centre);
+    let mut fit = BendFit::default();
     for k in 0..shape.phases {
         let centre = shape.phase(k);
         let [score, stretch] = weights(centre);
         let h = 0.01 * shape.width;
         let [before, _] = weights(centre - h);
         let [after, _] = weights(centre + h);
+        let derivative = (before - after) / (2.0 * h);
+        let spots = served(profile, shape, centre, &score);
+        let slope = &derivative - skew(&spots, &score, &derivative) * &score;
+        fit.add(&spots, &slope);
         table.score.push(score);
-        table.slope.push((before - after) / (2.0 * h));
+        table.slope.push(slope);
         table.stretch.push(stretch);
         table
             .profile
             .push(shape.sample(profile, centre, shape.width));
         table.gradient.push(shape.by_centre(profile, centre));
     }
-    table.bend = bend(profile, &table);
+    table.bend = fit.bend();
     table
 }
 
@@ -212,27 +218,66 @@ fn best_linear_unbiased(
         .collect()
 }
 
-/// The least-squares fit of the bend to the profile, shifted as far and as much wider or narrower as a table serves.
-fn bend(profile: Profile<'_>, table: &Table) -> f64 {
+/// A spot that is off its phase.
+struct Shifted {
+    shift: f64,
+    light: DVector<f64>,
+    /// The score's response, over the shift.
+    straight: f64,
+}
+
+/// Spots as far off their phase, and as much wider and narrower, as a table serves.
+fn served(profile: Profile<'_>, shape: Shape, centre: f64, score: &DVector<f64>) -> Vec<Shifted> {
     const SHIFTS: i32 = 4;
     const WIDTHS: [f64; 3] = [0.9, 1.0, 1.1];
 
-    let shape = table.shape;
     let span = 0.75 / shape.phases as f64;
-    let (mut product, mut square) = (0.0, 0.0);
-    for (k, (score, slope)) in table.score.iter().zip(&table.slope).enumerate() {
-        for width in WIDTHS.map(|w| w * shape.width) {
-            let at_rest = score.dot(&shape.sample(profile, shape.phase(k), width));
-            for step in (-SHIFTS..=SHIFTS).filter(|&step| step != 0) {
-                let shift = f64::from(step) / f64::from(SHIFTS) * span;
-                let light = shape.sample(profile, shape.phase(k) + shift, width);
-                // Where slope = (1 - bend shift^2) score / shift, shift^2 score is this much of the difference.
-                let straight = (score.dot(&light) - at_rest) / shift;
-                let bent = shift * shift * straight;
-                product += bent * (straight - slope.dot(&light));
-                square += bent * bent;
-            }
+    let mut spots = vec![];
+    for width in WIDTHS.map(|w| w * shape.width) {
+        let at_rest = score.dot(&shape.sample(profile, centre, width));
+        for step in (-SHIFTS..=SHIFTS).filter(|&step| step != 0) {
+            let shift = f64::from(step) / f64::from(SHIFTS) * span;
+            let light = shape.sample(profile, centre + shift, width);
+            spots.push(Shifted {
+                shift,
+                straight: (score.dot(&light) - at_rest) / shift,
+                light,
+            });
         }
     }
+    spots
+}
+
+/// How much of the score is to be taken from its derivative. Where the profile is not symmetric the score is shift + s shift^2, and its
+/// derivative 1 + 2 s shift: s times the score less, it is score / shift. Least squares.
+fn skew(spots: &[Shifted], score: &DVector<f64>, derivative: &DVector<f64>) -> f64 {
+    let (mut product, mut square) = (0.0, 0.0);
+    for spot in spots {
+        let response = score.dot(&spot.light);
+        product += response * (derivative.dot(&spot.light) - spot.straight);
+        square += response * response;
+    }
     product / square
+}
+
+/// The least-squares fit of the bend: one serves all phases of a table.
+#[derive(Default)]
+struct BendFit {
+    product: f64,
+    square: f64,
+}
+
+impl BendFit {
+    fn add(&mut self, spots: &[Shifted], slope: &DVector<f64>) {
+        for spot in spots {
+            // Where slope = (1 - bend shift^2) score / shift, this is what bend = 1 takes away.
+            let bent = spot.shift * spot.shift * spot.straight;
+            self.product += bent * (spot.straight - slope.dot(&spot.light));
+            self.square += bent * bent;
+        }
+    }
+
+    fn bend(&self) -> f64 {
+        self.product / self.square
+    }
 }
