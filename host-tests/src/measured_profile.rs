@@ -28,7 +28,7 @@ const SPLINES: usize = (2.0 * REACH / KNOT) as usize + 4;
 const SMOOTHNESS: f64 = 1e-4;
 
 impl MeasuredProfile {
-    /// The profile of rows whose centres an estimator found: [`SPLINES`] coefficients want some hundred rows.
+    /// The profile of rows whose centres an estimator found; some hundred rows smooth the noise away.
     ///
     /// # Panics
     /// Where there are no rows, or they do not reach far enough beyond the spot.
