@@ -23,8 +23,8 @@ const KNOT: f64 = 0.36;
 
 const SPLINES: usize = (2.0 * REACH / KNOT) as usize + 4;
 
-/// Weight of the squared third differences of the coefficients (P. Eilers and B. Marx, 1996), for each pixel that went in: what a
-/// profile has of them costs nothing, and noise is smoothed where the light is even.
+/// Weight of the squared third differences of the coefficients (P. Eilers and B. Marx, 1996) over that of the samples of a spline: too
+/// small to bend the profile, enough to hold splines that few samples reach.
 const SMOOTHNESS: f64 = 1e-4;
 
 impl MeasuredProfile {
