@@ -23,12 +23,12 @@ const KNOT: f64 = 0.36;
 
 const SPLINES: usize = (2.0 * REACH / KNOT) as usize + 4;
 
-/// Weight of the squared third differences of the coefficients (P. Eilers and B. Marx, 1996), for each pixel that went in: what a
-/// profile has of them costs nothing, and noise is smoothed where the light is even.
+/// Weight of the squared third differences of the coefficients (P. Eilers and B. Marx, 1996) over that of the samples of a spline: too
+/// small to bend the profile, enough to hold splines that few samples reach.
 const SMOOTHNESS: f64 = 1e-4;
 
 impl MeasuredProfile {
-    /// The profile of rows whose centres an estimator found: [`SPLINES`] coefficients want some hundred rows.
+    /// The profile of rows whose centres an estimator found; some hundred rows smooth the noise away.
     ///
     /// # Panics
     /// Where there are no rows, or they do not reach far enough beyond the spot.
