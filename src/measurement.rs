@@ -63,7 +63,10 @@ impl Measurement {
     pub fn row(&mut self, words: &mut [u16]) -> Option<Result<Reading, Fault>> {
         let centre = match self.geometry.row(words) {
             Ok(row) => self.centre(&row),
-            Err(_) => Err(Fault::SensorSilent),
+            Err(_) => {
+                self.before = None;
+                Err(Fault::SensorSilent)
+            }
         };
         self.frame.add(centre);
         let rows = self.settings.rows.clamp(1, crate::frame::MAX_ROWS as u16);

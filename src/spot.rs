@@ -137,7 +137,8 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
 }
 
 /// Whether the background beside the spot differs from the one it had by more than a quarter of the spot's response; all as the
-/// kernel weighs them, in Q24.8 counts. Less changes no centre: a quarter of a response does not pass for the whole.
+/// kernel weighs them, in Q24.8 counts. Less changes no centre of a phase table: a quarter of a
+/// response does not pass for the whole. The rungs that take the level off are off by that.
 fn is_on_another(background: i32, response: i32, beside: Option<i32>) -> bool {
     beside.is_none_or(|beside| beside.abs_diff(background) > response.unsigned_abs() / 4)
 }

@@ -183,7 +183,8 @@ impl Measured {
     pub fn markdown(&self) -> String {
         format!(
             "{} rows a cell; the worst over widths from 1.2 to 18 px.\n\n{}\n{}\nThe coarse search takes {:.2} \
-             instructions a pixel, and {:.2} in the first row of a frame, whose spot may be of any width; turning a \
+             instructions a pixel, and {:.2} in the first row of a frame, whose spot may be of any width, and for spots narrower than \
+             6 pixels; turning a \
              read-out into a row takes {:.2} a word. A row takes {} in all, with the default rung, from the second of a \
              frame on.\n",
             self.accuracy.rows,
@@ -219,7 +220,8 @@ impl Measured {
         }));
         format!(
             "{}\nRMS error over the bound, the worst of {} rows a cell over widths from 1.2 to 18 px; instructions for a window of \
-             96 pixels, microseconds estimated from them. The search for the spot takes {:.1} instructions a pixel.\n",
+             96 pixels, microseconds estimated from them. The search for the spot takes {:.1} instructions a \
+             pixel, of spots from 6 pixels on.\n",
             markdown(&rows),
             self.accuracy.rows,
             self.chip.sweep_instructions_per_pixel,

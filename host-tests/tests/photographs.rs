@@ -44,7 +44,7 @@ fn centres_lie_near_the_least_squares_fit() {
             least_squares.push(b);
         }
         for (tables, offs, limit) in [
-            ("r = 0.3", &default, 0.02),
+            ("r = 0.23", &default, 0.02),
             ("r = infinity", &least_squares, 0.002),
         ] {
             let rms = (offs.iter().map(|off| off * off).sum::<f64>() / offs.len() as f64).sqrt();

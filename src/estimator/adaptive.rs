@@ -3,7 +3,8 @@
 //! The tables of [`MIXES`] are each the best for one ratio r of the read noise's variance to the shot noise's at the peak.
 //! The row's own r chooses among them. The width follows the third product, smoothed over the rows. Where the background
 //! beside the spot is tilted, the tables of [`TILTED`] take over, whose score and slope answer to no tilt: they cost 5 % of
-//! accuracy in white noise, where a tilt of a count a pixel would shift the centre by a fifth of one.
+//! accuracy in white noise, where a tilt of one count a pixel would shift a centre by hundredths of a pixel (narrow
+//! spots) to whole ones (wide, dim ones). That takes two looks more, for as long as the tilt lasts.
 
 use crate::estimator::RowCentre;
 use crate::estimator::phase_table::{self, Fit, Width};
@@ -81,7 +82,7 @@ const DEVIATION: f32 = 5.657;
 /// Standard deviations of the flanks' difference from which on it is a tilt: noise alone gets there in one row of 16,000.
 const TILT: f32 = 4.0;
 
-/// Widths from the centre to the flanks. The side lobes of a slit's diffraction pattern, which are 7 % of its peak at four
+/// Widths from the centre to the flanks. The side lobes of a slit's diffraction pattern, which are 4.5 % of its peak at four
 /// widths, are 1 % there.
 const CLEAR: f32 = 6.0;
 
@@ -91,8 +92,31 @@ fn is_tilted(light: &[u16], fit: &Fit<'_>, noise: Counts) -> bool {
     let Some((left, right)) = flanks(light, fit) else {
         return false;
     };
-    let difference = sum(left).abs_diff(sum(right)) as f32;
-    difference > TILT * DEVIATION * noise.to_f32()
+    let difference = sum(right) as f32 - sum(left) as f32;
+    difference.abs() > TILT * DEVIATION * noise.to_f32()
+        && is_straight(left, right, difference, fit.width, noise)
+}
+
+/// Whether the flanks rise as the difference between them says. A second spot on one of them makes a difference too, and does not.
+#[cold]
+fn is_straight(
+    left: &[u16; FLANK],
+    right: &[u16; FLANK],
+    difference: f32,
+    width: f32,
+    noise: Counts,
+) -> bool {
+    // Counts a pixel, from flank to flank, and within a flank from one half of it to the other.
+    let tilt = difference / FLANK as f32 / (2.0 * CLEAR * width + FLANK as f32);
+    const HALF: usize = FLANK / 2;
+    let within = |flank: &[u16; FLANK]| {
+        let (first, second) = flank.split_at(HALF);
+        let sum = |half: &[u16]| half.iter().map(|&count| i32::from(count)).sum::<i32>();
+        (sum(second) - sum(first)) as f32 / (HALF * HALF) as f32
+    };
+    // The standard deviation within a flank is sqrt(2 HALF) / HALF^2 = 1/16 of a pixel's.
+    let allowed = 0.5 * tilt.abs() + TILT / 16.0 * noise.to_f32();
+    (within(left) - tilt).abs() <= allowed && (within(right) - tilt).abs() <= allowed
 }
 
 /// The pixels to the left and to the right, as far from the centre to half a pixel, so that what a spot that is symmetric leaves there

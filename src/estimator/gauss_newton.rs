@@ -1,6 +1,6 @@
 //! A weighted least-squares fit of eq. (5) on a level: centre, width, height and level by the Gauss-Newton method, in f32.
 //!
-//! The only rung that fits a spot which the sensor's edge cuts, or whose top is at full scale: it takes the pixels that
+//! The rung that fits a spot which the sensor's edge cuts, or whose top is at full scale: it takes the pixels that
 //! there are, and its uncertainty is that of the four parameters together, so what those pixels cannot tell apart makes
 //! it larger.
 //!
@@ -76,7 +76,8 @@ const NOISE_SQUARED: f32 = 0.06;
 /// The variance of a sample at full scale, in counts squared: it then weighs nothing beside any other.
 const MASKED: f32 = 1e30;
 
-/// The same for a sample that is left out for another reason.
+/// The same for a sample that is left out for another reason. [`Window::row_centre`] counts it among the degrees of freedom; who
+/// leaves samples out looks at the misfit again.
 const LEFT_OUT: f32 = 2e30;
 
 /// A sample of the window.
@@ -180,7 +181,7 @@ pub fn centre(
             unfit
         }
     })?;
-    if fit.last_step <= ARRIVED && WIDTHS.contains(&width) {
+    if fit.has_arrived() && WIDTHS.contains(&width) {
         Ok(found)
     } else {
         Err(unfit)
@@ -288,6 +289,11 @@ impl Window {
             window.length += 1;
         }
         window
+    }
+
+    /// Whether the centre is among the samples, and so on the sensor.
+    pub(super) fn holds(&self, at: &Parameters) -> bool {
+        (-0.5..self.length as f32 - 0.5).contains(&at.centre)
     }
 
     /// Masks the samples that are further than this many widths from the spot.
@@ -445,6 +451,13 @@ pub(super) struct Fit {
     squares: f32,
     /// Square of the last step in standard deviations.
     last_step: f32,
+}
+
+impl Fit {
+    /// Whether the last step was short.
+    fn has_arrived(&self) -> bool {
+        self.last_step <= ARRIVED
+    }
 }
 
 /// Steps from a start. `None` where the samples do not tell four parameters apart.

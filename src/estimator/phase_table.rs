@@ -270,12 +270,15 @@ fn look_again<'a>(
 /// The share of a row in the width: what it says is averaged over about seven rows.
 const SMOOTHING: f32 = 0.25;
 
-/// The same spot with the tables of another set, from one look at the place that is known. `None` where that set's window
+/// The same spot with the tables of another set, from the place that is known. `None` where that set's window
 /// reaches over the sensor's edge.
 #[inline(never)]
 pub(super) fn refit<'a>(light: &[u16], fit: &Fit<'_>, tables: &TableSet<'a>) -> Option<Fit<'a>> {
     let (class, table) = tables.choose(fit.width, Sampling::Fine)?;
-    let look = Window::place(light, fit.centre, class, table)?.look()?;
+    let mut look = Window::place(light, fit.centre, class, table)?.look()?;
+    if !look.near {
+        look = Window::place(light, look.centre, class, table)?.look()?;
+    }
     Some(Fit {
         centre: look.centre,
         width: fit.width,

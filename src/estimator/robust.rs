@@ -1,7 +1,7 @@
 //! The adaptive phase-table score with a second look: pixels that do not belong to the spot are found and left out.
 //!
 //! The first look is [`adaptive`]'s. The second compares the row with the spot that it found. Where all pixels agree, which is
-//! usual, the first look's centre stands, and the second has cost a tenth of a least-squares fit. Where some do not (hot
+//! usual, the first look's centre stands. Where some do not (hot
 //! and dead pixels, a second spot, a reflection), they are masked, the worst first, and [`gauss_newton`] fits what is left, until
 //! no more pixels leave. A spot whose top is at full scale goes there at once.
 //!
@@ -14,6 +14,7 @@
 
 use crate::estimator::gauss_newton::{self, Parameters, SAMPLES, Sample, Start, Window};
 use crate::estimator::plausible::{certain, variances};
+use crate::estimator::tables::{NARROWEST, TILTED};
 use crate::estimator::{RowCentre, adaptive};
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
@@ -38,28 +39,27 @@ pub fn centre(
     before: Option<&RowCentre>,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
-    let first_look = adaptive::centre(row, spot, before, geometry);
-    let start = match first_look {
-        Ok(found) => Start {
-            centre: found.centre,
-            width: found.width.to_f32(),
-            amplitude: found.amplitude.to_f32(),
-        },
+    let found = match adaptive::centre(row, spot, before, geometry) {
+        // A tilt is nothing to these tables, and would be an outlier to what follows.
+        Ok(found) if found.class.set == TILTED.number() => return Ok(found),
+        Ok(found) => found,
         Err(Fault::Saturated { .. }) => {
             return gauss_newton::centre(row, spot, before, geometry);
         }
-        // An outlier may have hidden the spot's shape.
-        Err(Fault::NoSpot { .. }) => Start::find(row.light(), spot, geometry)?,
+        // Where the first look sees no spot there is none: what the second would make of a hot pixel is not to be trusted.
         Err(fault) => return Err(fault),
+    };
+    let start = Start {
+        centre: found.centre,
+        width: found.width.to_f32(),
+        amplitude: found.amplitude.to_f32(),
     };
     let (_, shot) = variances(&spot.background, geometry);
     let window = Window::around(row.light(), spot, &start, geometry);
     let mut at = window.parameters(&start);
     at.level = level(&window, &at);
     let look = Look::at(&window, &at, shot);
-    if look.worst <= OUTLIER
-        && let Ok(found) = first_look
-    {
+    if look.worst <= OUTLIER {
         return Ok(RowCentre {
             misfit: look.scatters(),
             ..found
@@ -80,22 +80,29 @@ pub fn centre(
         // Among the few pixels of a narrow spot one bad pixel makes all of them look bad: each in turn.
         refit = without_one(&window, &at, shot).or(refit);
     }
-    let Some(Refit { centre, fits }) = refit else {
+    let Some(Refit { centre, .. }) = refit else {
         // Too little is left: the first look is all there is, and it does not fit.
-        return first_look.map(|found| RowCentre {
+        return Ok(RowCentre {
             misfit: true,
             ..found
         });
     };
-    if let (Err(fault), false) = (first_look, fits) {
-        return Err(fault);
-    }
+    // A first look that was far off is a reason to doubt the second.
+    let moved = found.centre.to_bits().abs_diff(centre.centre.to_bits())
+        > found.width.to_bits().unsigned_abs();
     let (uncertainty, width) = (centre.uncertainty.to_f32(), centre.width.to_f32());
     certain(centre.amplitude.to_f32(), uncertainty, width)?;
     Ok(RowCentre {
-        class: first_look.map_or(centre.class, |found| found.class),
+        class: found.class,
+        misfit: centre.misfit || moved,
         ..centre
     })
+}
+
+/// Whether a fit is of what can be a spot: a hot pixel alone is narrower than any.
+fn is_sound(window: &Window, fit: &gauss_newton::Fit) -> bool {
+    let found = window.row_centre(fit);
+    found.width.to_f32() >= NARROWEST && window.holds(&fit.parameters)
 }
 
 /// A fit of what was left.
@@ -137,7 +144,10 @@ fn without_one(window: &Window, at: &Parameters, shot: f32) -> Option<Refit> {
             continue;
         };
         let look = Look::at(&window, &fit.parameters, shot);
-        if look.fits() && best.is_none_or(|(least, _)| look.squares < least) {
+        if is_sound(&window, &fit)
+            && look.fits()
+            && best.is_none_or(|(least, _)| look.squares < least)
+        {
             let found = RowCentre {
                 misfit: false,
                 ..window.row_centre(&fit)
@@ -161,8 +171,10 @@ fn without_outliers(
     if leave == Leave::Worst {
         mask(&mut window, &look, &at, leave);
     }
+    let mut sound = false;
     for _ in 0..ROUNDS {
         let fit = gauss_newton::fit(window.samples(), at, shot)?;
+        sound = is_sound(&window, &fit);
         at = fit.parameters;
         if leave == Leave::All {
             window.unmask();
@@ -176,7 +188,7 @@ fn without_outliers(
     }
     let found = found?;
     look = Look::at(&window, &at, shot);
-    let fits = look.fits();
+    let fits = sound && look.fits();
     Some(Refit {
         centre: RowCentre {
             misfit: !fits || window.masks_the_spot(&at),
