@@ -1,9 +1,10 @@
 //! What stands on the paper's table: laser, camera, slit or lens. Lengths in metres.
 
+use crate::field::{Laser, SlitAperture};
 use crate::optics::Optics;
 use crate::paper::camera::{COLUMNS, PITCH};
 use crate::paper::lens_effects::Distortion;
-use crate::paper::stub_field::{Laser, LensAperture, SlitAperture};
+use crate::paper::stub_field::LensAperture;
 
 /// What the camera looks through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +48,7 @@ pub const CAPTURES: usize = 5;
 pub const LASER: Laser = Laser {
     wavelength: 650e-9,
     linewidth: 1e-9,
+    wavelengths: 5,
     waist_diameter: 0.42e-3,
     waist_distance: 0.81,
 };
@@ -70,13 +72,9 @@ pub fn lens() -> LensAperture {
         focus_distance: BASELINE.hypot(0.5 * (TABLE.0 + TABLE.1)),
         coma: 0.25,
         full_field: 0.5 * COLUMNS as f64 * PITCH,
+        pixel: PITCH,
+        samples: 2,
     }
-}
-
-/// From the lens to the sensor, by the lens equation for the distance in focus.
-pub fn image_distance() -> f64 {
-    let lens = lens();
-    1.0 / (1.0 / lens.focal_length - 1.0 / lens.focus_distance)
 }
 
 /// Eq. (1) of the apparatus without aberrations. Chosen: tan u = 2.6, which puts the table's range in the middle of the sensor to
@@ -87,7 +85,7 @@ pub fn optics(aperture: Aperture) -> Optics {
         baseline: BASELINE,
         focal_length: match aperture {
             Aperture::Slit => SLIT.to_sensor,
-            Aperture::Lens => image_distance(),
+            Aperture::Lens => lens().to_sensor(),
         },
         angle: 2.6f64.atan(),
         pitch: PITCH,
@@ -120,7 +118,10 @@ mod tests {
             let ends = [TABLE.0, TABLE.1].map(|distance| centre(aperture, distance));
             println!("{}: {ends:.1?}", aperture.name());
             // With 80 pixels to spare at either end: half of the spot's image through a slit.
-            assert!(ends.iter().all(|end| (80.0..COLUMNS as f64 - 80.0).contains(end)));
+            assert!(
+                ends.iter()
+                    .all(|end| (80.0..COLUMNS as f64 - 80.0).contains(end))
+            );
         }
     }
 }

@@ -28,6 +28,9 @@ pub const READ_NOISE: f64 = 6.83 / ELECTRONS_PER_COUNT;
 /// method depends on it, as long as noise does not reach zero.
 pub const BLACK_LEVEL: f64 = 240.0;
 
+/// The mean peak of a data set's images in counts: a quarter of full scale, because the peaks of speckle are several times its mean.
+pub const PEAK: f64 = 0.25 * FULL_SCALE as f64;
+
 /// What the core is told of a row of this many pixels. `shot_noise` is what it takes the light's noise to be.
 pub fn geometry(pixels: usize, shot_noise: ShotNoise) -> Geometry {
     Geometry {
@@ -84,11 +87,16 @@ impl Exposure {
     /// A capture: the light with noise of its own, in counts of 12 bits.
     pub fn capture(&self, random: &mut ChaCha8Rng, counts: &mut Vec<u16>) {
         counts.clear();
-        counts.extend(self.mean.iter().zip(&self.deviation).map(|(mean, deviation)| {
-            let normal: f32 = StandardNormal.sample(random);
-            // `as` cuts off the fraction, and saturates below zero.
-            (mean + deviation * normal).min(f32::from(FULL_SCALE)) as u16
-        }));
+        counts.extend(
+            self.mean
+                .iter()
+                .zip(&self.deviation)
+                .map(|(mean, deviation)| {
+                    let normal: f32 = StandardNormal.sample(random);
+                    // `as` cuts off the fraction, and saturates below zero.
+                    (mean + deviation * normal).min(f32::from(FULL_SCALE)) as u16
+                }),
+        );
     }
 }
 
@@ -115,8 +123,7 @@ mod tests {
             let mean = counts.iter().map(|&c| f64::from(c)).sum::<f64>() / n;
             let square = |c: &u16| (f64::from(*c) - mean).powi(2);
             let variance = counts.iter().map(square).sum::<f64>() / n;
-            let expected =
-                light / ELECTRONS_PER_COUNT + READ_NOISE * READ_NOISE + 1.0 / 12.0;
+            let expected = light / ELECTRONS_PER_COUNT + READ_NOISE * READ_NOISE + 1.0 / 12.0;
             println!("{light}: {mean:.3}, {variance:.3} against {expected:.3}");
             // Five standard deviations of the mean and of the variance, which is normal: sqrt(2/n).
             assert!((mean - BLACK_LEVEL - light).abs() < 5.0 * (expected / n).sqrt());

@@ -341,8 +341,7 @@ mod tests {
             // A standard deviation of 2000 values is known to 1.6 %.
             assert!((ratio - 1.0).abs() < 0.05);
             for j in 0..i {
-                let correlation =
-                    |m: &Matrix3<f64>| m[(i, j)] / (m[(i, i)] * m[(j, j)]).sqrt();
+                let correlation = |m: &Matrix3<f64>| m[(i, j)] / (m[(i, i)] * m[(j, j)]).sqrt();
                 let [claimed, found] = [correlation(&claimed), correlation(&scatter)];
                 assert!((claimed - found).abs() < 0.01, "{i} {j}: {claimed} {found}");
             }
@@ -364,7 +363,11 @@ mod tests {
         let straight: Vec<(f64, f64)> = (0..10)
             .map(|i| (f64::from(i), 1.0 + f64::from(i)))
             .collect();
-        assert!(error(&straight).contains("straight"), "{}", error(&straight));
+        assert!(
+            error(&straight).contains("straight"),
+            "{}",
+            error(&straight)
+        );
         let hyperbola: Vec<(f64, f64)> = (0..10)
             .map(|i| (f64::from(i), 1.0 + 1.0 / (f64::from(i) - 4.3)))
             .collect();

@@ -33,16 +33,28 @@ pub type Tables = Vec<Option<ResidualTable>>;
 ///
 /// # Errors
 /// Eq. (1) does not fit.
-pub fn judge(aperture: Aperture, centres: &Centres, tables: &Tables) -> anyhow::Result<Vec<Judged>> {
+pub fn judge(
+    aperture: Aperture,
+    centres: &Centres,
+    tables: &Tables,
+) -> anyhow::Result<Vec<Judged>> {
     let methods: Vec<(Method, usize)> = CentreMethod::all(aperture)
         .into_iter()
         .enumerate()
         .flat_map(|(column, centre)| {
-            [Calibration::Eq1, Calibration::Eq1AndTable]
-                .map(|calibration| (Method { centre, calibration }, column))
+            [Calibration::Eq1, Calibration::Eq1AndTable].map(|calibration| {
+                (
+                    Method {
+                        centre,
+                        calibration,
+                    },
+                    column,
+                )
+            })
         })
         .filter(|(method, column)| {
-            method.calibration == Calibration::Eq1 || tables.get(*column).is_some_and(Option::is_some)
+            method.calibration == Calibration::Eq1
+                || tables.get(*column).is_some_and(Option::is_some)
         })
         .collect();
     methods
@@ -52,8 +64,13 @@ pub fn judge(aperture: Aperture, centres: &Centres, tables: &Tables) -> anyhow::
                 Calibration::Eq1 => None,
                 Calibration::Eq1AndTable => tables[column].as_ref(),
             };
-            of_method(method, &centres.distances, &centres.of_methods[column], table)
-                .with_context(|| method.name())
+            of_method(
+                method,
+                &centres.distances,
+                &centres.of_methods[column],
+                table,
+            )
+            .with_context(|| method.name())
         })
         .collect()
 }
@@ -84,7 +101,12 @@ fn of_method(
             }
         })
         .collect();
-    let absolute = || errors.iter().filter(|error| error.is_finite()).map(|error| f64::from(error.abs()));
+    let absolute = || {
+        errors
+            .iter()
+            .filter(|error| error.is_finite())
+            .map(|error| f64::from(error.abs()))
+    };
     Ok(Judged {
         method,
         mae: absolute().sum::<f64>() / points.len() as f64,

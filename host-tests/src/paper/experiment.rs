@@ -1,7 +1,7 @@
 //! One material through one aperture: training, acquisition, judgement.
 
 use crate::paper::apparatus::{Aperture, CAPTURES};
-use crate::paper::data_set::{self, DataSet, JUDGED, Piece};
+use crate::paper::data_set::{self, DataSet, JUDGED};
 use crate::paper::errors::{self, Judged};
 use crate::paper::reference::{self, Difference};
 use crate::paper::training;
@@ -61,19 +61,18 @@ impl Experiment {
         let set = DataSet {
             material,
             aperture,
-            surface: Piece {
-                seed: self.seed,
-                number: JUDGED,
-            },
+            seed: self.seed,
+            piece: JUDGED,
             distances: data_set::positions(self.stride),
             captures: CAPTURES,
         };
         training::with_tables(measured.as_deref(), |tables| {
-            let trained = training::centres(&training_sets, tables, done);
+            let trained = training::centres(&training_sets, tables, done)?;
             let residuals = errors::tables(&trained)?;
-            let centres = set.measure(tables, done);
+            let centres = set.measure(tables, done)?;
             let reference = (aperture == Aperture::Slit)
-                .then(|| reference::compare(&set, tables, set.distances.len().div_ceil(REFERENCES)));
+                .then(|| reference::compare(&set, tables, set.distances.len().div_ceil(REFERENCES)))
+                .transpose()?;
             Ok(Outcome {
                 material,
                 aperture,

@@ -76,7 +76,14 @@ impl Flare {
 
     /// Adds flare to the image of a spot, whose first pixel is at `column` and `row`, and whose centre is at `centre`, pixels all.
     /// The sensor's axis is at ([`AXIS`], `axis_row`).
-    pub fn add(&self, image: &mut [f32], columns: usize, first: Place, centre: Place, axis_row: f64) {
+    pub fn add(
+        &self,
+        image: &mut [f32],
+        columns: usize,
+        first: Place,
+        centre: Place,
+        axis_row: f64,
+    ) {
         let energy: f64 = image.iter().map(|&light| f64::from(light)).sum();
         let ghost = Place {
             column: AXIS - self.ghost.magnification * (centre.column - AXIS),
@@ -85,8 +92,7 @@ impl Flare {
         let radius = self.ghost.radius / PITCH;
         let ghost_light = self.ghost.share * energy / (std::f64::consts::PI * radius * radius);
         let width = self.veil.width / PITCH;
-        let veil_light =
-            self.veil.share * energy / (std::f64::consts::TAU * width * width);
+        let veil_light = self.veil.share * energy / (std::f64::consts::TAU * width * width);
         for (y, row) in (0..).zip(image.chunks_exact_mut(columns)) {
             let y = first.row + f64::from(y);
             for (x, light) in (0..).zip(row) {
@@ -133,9 +139,9 @@ mod tests {
             flare.add(&mut image, SIZE, first, centre, 300.0);
             image[310 * SIZE + 370] = 0.0;
             let sum: f64 = image.iter().map(|&light| f64::from(light)).sum();
-            let by_column = (0..).zip(&image).map(|(i, &light)| {
-                (f64::from(i) % SIZE as f64) * f64::from(light)
-            });
+            let by_column = (0..)
+                .zip(&image)
+                .map(|(i, &light)| (f64::from(i) % SIZE as f64) * f64::from(light));
             (sum, by_column.sum::<f64>() / sum)
         };
         let chosen = Flare::CHOSEN;

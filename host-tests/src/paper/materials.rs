@@ -3,7 +3,7 @@
 //!
 //! How much light a material reflects does not matter: each data set is exposed so that its mean peak is a quarter of full scale.
 
-use crate::paper::stub_field::Scattering;
+use crate::field::Scattering;
 
 /// A material.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +48,7 @@ impl Material {
         Scattering {
             polarisations: self.polarisations,
             path_spread: self.path_spread,
+            ..Scattering::surface()
         }
     }
 }

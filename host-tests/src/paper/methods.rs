@@ -139,8 +139,13 @@ mod tests {
         let mut names: Vec<String> = CentreMethod::all(Aperture::Slit)
             .into_iter()
             .flat_map(|centre| {
-                [Calibration::Eq1, Calibration::Eq1AndTable]
-                    .map(|calibration| Method { centre, calibration }.name())
+                [Calibration::Eq1, Calibration::Eq1AndTable].map(|calibration| {
+                    Method {
+                        centre,
+                        calibration,
+                    }
+                    .name()
+                })
             })
             .collect();
         let all = names.len();

@@ -3,8 +3,7 @@
 use rayon::prelude::*;
 
 use crate::least_squares;
-use crate::paper::camera;
-use crate::paper::data_set::DataSet;
+use crate::paper::data_set::{DataSet, Target};
 use crate::paper::methods::RowEstimator;
 use crate::paper::row_mean::{RowFit, RowMean};
 use crate::paper::slit_path::{self, COLUMNS, RowTables};
@@ -23,15 +22,18 @@ pub struct Difference {
 }
 
 /// Compares on the first capture of every `stride`-th position of a data set.
-pub fn compare(set: &DataSet, tables: &RowTables<'_>, stride: usize) -> Difference {
-    let surface = set.surface();
+///
+/// # Errors
+/// The surface cannot be made.
+pub fn compare(set: &DataSet, tables: &RowTables<'_>, stride: usize) -> anyhow::Result<Difference> {
+    let target = Target::new(set)?;
     let positions: Vec<usize> = (0..set.distances.len()).step_by(stride).collect();
     let differences: Vec<[f64; 2]> = positions
         .par_iter()
         .filter_map(|&position| {
-            let (exposure, _) = slit_path::expose(set, &surface, set.distances[position]);
+            let (exposure, _) = target.expose(position).ok()?;
             let mut counts = vec![];
-            exposure.capture(&mut camera::noise(set.noise_seed(), position as u64, 0), &mut counts);
+            target.capture(&exposure, position, 0, &mut counts);
             let core = slit_path::fit_rows(&counts, tables);
             let of_core = |estimator: RowEstimator| RowMean::Plain.of(&core[estimator as usize]);
             let (gaussian, sinc) = reference(&counts);
@@ -45,11 +47,11 @@ pub fn compare(set: &DataSet, tables: &RowTables<'_>, stride: usize) -> Differen
         let squares = differences.iter().map(|difference| difference[i].powi(2));
         (squares.sum::<f64>() / differences.len() as f64).sqrt()
     };
-    Difference {
+    Ok(Difference {
         gaussian: root_mean_square(0),
         fraunhofer: root_mean_square(1),
         frames: differences.len(),
-    }
+    })
 }
 
 /// The rows of a frame fitted with eq. (5) and with eq. (6).
@@ -60,7 +62,9 @@ fn reference(counts: &[u16]) -> (Vec<RowFit>, Vec<RowFit>) {
         // Rows that the core calls too dim have a centre that is uncertain by an eighth of the width. For the reference: a height of
         // ten times the noise.
         let Some(top) = brightest(&row) else { continue };
-        let Some(fit) = least_squares::fit_near(&row, top) else { continue };
+        let Some(fit) = least_squares::fit_near(&row, top) else {
+            continue;
+        };
         if fit.amplitude < 10.0 || !(3.0..40.0).contains(&fit.width) || !fit.is_whole_in(COLUMNS) {
             continue;
         }

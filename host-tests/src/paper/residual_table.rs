@@ -52,8 +52,7 @@ impl ResidualTable {
         for start in 0..SPLINES - 3 {
             for i in 0..4 {
                 for j in 0..4 {
-                    normal[(start + i, start + j)] +=
-                        smoothness * differences[i] * differences[j];
+                    normal[(start + i, start + j)] += smoothness * differences[i] * differences[j];
                 }
             }
         }
@@ -64,7 +63,9 @@ impl ResidualTable {
     /// The curve at a centre in pixels; beyond the ends, as at the end.
     pub fn at(&self, centre: f64) -> f64 {
         let (start, weights) = self.splines(centre);
-        (0..4).map(|i| weights[i] * self.coefficients[start + i]).sum()
+        (0..4)
+            .map(|i| weights[i] * self.coefficients[start + i])
+            .sum()
     }
 
     /// The first of the four splines that reach to a place, and their values there.

@@ -111,8 +111,9 @@ mod tests {
 
     #[test]
     fn the_biweight_leaves_outliers_out() {
-        let mut centres: Vec<(f64, f64)> =
-            (0..21).map(|i| (100.0 + f64::from(i - 10), 500.0)).collect();
+        let mut centres: Vec<(f64, f64)> = (0..21)
+            .map(|i| (100.0 + f64::from(i - 10), 500.0))
+            .collect();
         let good = RowMean::Tukey.of(&rows(&centres)).expect("a mean");
         assert!((good - 100.0).abs() < 1e-9, "{good}");
         centres.push((400.0, 5000.0));

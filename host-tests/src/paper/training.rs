@@ -13,8 +13,8 @@ use crate::core_tables;
 use crate::measured_profile::MeasuredProfile;
 use crate::paper::apparatus::{Aperture, TABLE};
 use crate::paper::camera::{self, FULL_SCALE, ShotNoise};
-use crate::paper::data_set::{Centres, DataSet, JUDGED, Piece};
-use crate::paper::slit_path::{self, COLUMNS, NARROW, RowTables};
+use crate::paper::data_set::{Centres, DataSet, JUDGED, Target};
+use crate::paper::slit_path::{COLUMNS, NARROW, RowTables};
 
 /// Pieces of a material that are measured. Speckle is new on each.
 pub const PIECES: u64 = 8;
@@ -29,10 +29,8 @@ pub fn data_sets(material: usize, aperture: Aperture, seed: u64) -> Vec<DataSet>
         .map(|piece| DataSet {
             material,
             aperture,
-            surface: Piece {
-                seed,
-                number: JUDGED + 1 + piece,
-            },
+            seed,
+            piece: JUDGED + 1 + piece,
             distances: (0..positions)
                 .map(|i| TABLE.0 + STEP * (i as f64 + piece as f64 / PIECES as f64))
                 .collect(),
@@ -43,16 +41,26 @@ pub fn data_sets(material: usize, aperture: Aperture, seed: u64) -> Vec<DataSet>
 
 /// Positions for a training.
 pub fn positions() -> usize {
-    data_sets(0, Aperture::Slit, 0).iter().map(|set| set.distances.len()).sum()
+    data_sets(0, Aperture::Slit, 0)
+        .iter()
+        .map(|set| set.distances.len())
+        .sum()
 }
 
 /// Measures all of the data sets.
-pub fn centres(sets: &[DataSet], tables: &RowTables<'_>, done: &(dyn Fn() + Sync)) -> Centres {
+///
+/// # Errors
+/// A surface cannot be made.
+pub fn centres(
+    sets: &[DataSet],
+    tables: &RowTables<'_>,
+    done: &(dyn Fn() + Sync),
+) -> anyhow::Result<Centres> {
     let mut all = Centres::default();
     for set in sets {
-        all.append(set.measure(tables, done));
+        all.append(set.measure(tables, done)?);
     }
-    all
+    Ok(all)
 }
 
 /// The narrow table, see [`RowTables`].
@@ -71,34 +79,41 @@ const ROWS_APART: usize = 8;
 /// # Errors
 /// No row has a centre.
 pub fn measured_tables(set: &DataSet) -> anyhow::Result<Vec<IntegerTable>> {
-    let surface = set.surface();
+    let target = Target::new(set)?;
     let geometry = camera::geometry(COLUMNS, ShotNoise::Known);
     let positions: Vec<usize> = (0..set.distances.len()).step_by(POSITIONS_APART).collect();
     let rows_of = |&position: &usize| {
-        let (exposure, _) = slit_path::expose(set, &surface, set.distances[position]);
+        let (exposure, _) = target.expose(position)?;
         let mut counts = vec![];
-        exposure.capture(&mut camera::noise(set.noise_seed(), position as u64, 0), &mut counts);
+        target.capture(&exposure, position, 0, &mut counts);
         let rows = counts.chunks_exact(COLUMNS).step_by(ROWS_APART);
-        rows.filter_map(|counts| {
+        let found = rows.filter_map(|counts| {
             let row = Row::new(counts, &[], FULL_SCALE).ok()?;
             let spot = spot::find(&row).ok()?;
             let centre =
                 phase_table::centre(&row, &spot, None, &geometry, &GAUSSIAN, Sampling::Fine);
             Some((counts.to_vec(), centre.ok()?))
-        })
-        .collect::<Vec<(Vec<u16>, RowCentre)>>()
+        });
+        Ok(found.collect())
     };
-    let mut rows: Vec<(Vec<u16>, RowCentre)> =
-        positions.par_iter().flat_map_iter(rows_of).collect();
-    let mean = rows.iter().map(|(_, row)| row.amplitude.to_f64()).sum::<f64>() / rows.len() as f64;
+    let of_positions = positions.par_iter().map(rows_of);
+    let mut rows: Vec<(Vec<u16>, RowCentre)> = of_positions
+        .collect::<anyhow::Result<Vec<Vec<_>>>>()?
+        .concat();
+    let mean = rows
+        .iter()
+        .map(|(_, row)| row.amplitude.to_f64())
+        .sum::<f64>()
+        / rows.len() as f64;
     rows.retain(|(_, row)| row.amplitude.to_f64() > mean);
     anyhow::ensure!(!rows.is_empty(), "no row of a training set has a centre");
     let profile = MeasuredProfile::of(&rows);
-    // The default's widths, from a third below the measured one to a third above.
+    // The default's widths, from a third below the measured one to a third above, in samples of two pixels: the core's windows
+    // have no room for as many pixels.
     let steps = 4;
     let plan = Plan {
         widths: Widths {
-            narrowest: profile.width / FINE.ratio.powi(steps),
+            narrowest: 0.5 * profile.width / FINE.ratio.powi(steps),
             count: 2 * steps as usize + 1,
             ..FINE
         },

@@ -40,7 +40,12 @@ fn material(name: &str) -> Result<usize, String> {
     MATERIALS
         .iter()
         .position(|material| named(material.name))
-        .ok_or_else(|| format!("there are {}", MATERIALS.map(|material| material.name).join(", ")))
+        .ok_or_else(|| {
+            format!(
+                "there are {}",
+                MATERIALS.map(|material| material.name).join(", ")
+            )
+        })
 }
 
 fn aperture(name: &str) -> Result<Aperture, String> {

@@ -88,7 +88,10 @@ impl Report {
 
     /// What a method gains over the paper's gaussian on each material.
     fn gains(&self, method: &Method) -> Vec<Gain> {
-        let slits = self.outcomes.iter().filter(|outcome| outcome.aperture == Aperture::Slit);
+        let slits = self
+            .outcomes
+            .iter()
+            .filter(|outcome| outcome.aperture == Aperture::Slit);
         slits
             .filter_map(|outcome| {
                 let papers = find(&outcome.judged, &Method::PAPERS_GAUSSIAN)?.mae;
@@ -108,12 +111,16 @@ impl Report {
         let mut text = String::new();
         self.write_table_1(&mut text).expect("a string takes all");
         self.write_methods(&mut text).expect("a string takes all");
-        self.write_references(&mut text).expect("a string takes all");
+        self.write_references(&mut text)
+            .expect("a string takes all");
         text
     }
 
     fn write_table_1(&self, text: &mut String) -> std::fmt::Result {
-        writeln!(text, "Table 1: errors in um, simulated (the paper's; the ratio of the two)\n")?;
+        writeln!(
+            text,
+            "Table 1: errors in um, simulated (the paper's; the ratio of the two)\n"
+        )?;
         write!(text, "{:<20}", "")?;
         for (name, _) in PAPERS_METHODS {
             write!(text, "{name:>46}")?;
@@ -129,7 +136,9 @@ impl Report {
             for (_, method) in PAPERS_METHODS {
                 let outcomes = self.outcomes.iter();
                 let of_material = outcomes.filter(|o| MATERIALS[o.material].name == material.name);
-                let judged = of_material.flat_map(|o| &o.judged).find(|j| j.method == method);
+                let judged = of_material
+                    .flat_map(|o| &o.judged)
+                    .find(|j| j.method == method);
                 let paper = of_paper(paper, &method);
                 match (judged, paper) {
                     (Some(judged), Some(paper)) => {
@@ -137,7 +146,11 @@ impl Report {
                         for (ours, paper) in [(judged.max, paper.max), (judged.mae, paper.mae)] {
                             let ours = ours * MICROMETRES;
                             let ratio = ours / paper;
-                            write!(line, "{:>23}", format!("{ours:.0} ({paper:.0}; {ratio:.2})"))?;
+                            write!(
+                                line,
+                                "{:>23}",
+                                format!("{ours:.0} ({paper:.0}; {ratio:.2})")
+                            )?;
                         }
                     }
                     _ => write!(line, "{:>46}", "-")?,
@@ -151,9 +164,18 @@ impl Report {
     }
 
     fn write_methods(&self, text: &mut String) -> std::fmt::Result {
-        let slits = || self.outcomes.iter().filter(|o| o.aperture == Aperture::Slit);
-        let Some(first) = slits().next() else { return Ok(()) };
-        writeln!(text, "Slit: MAE of every method in um, and what it gains over the paper's gaussian in %\n")?;
+        let slits = || {
+            self.outcomes
+                .iter()
+                .filter(|o| o.aperture == Aperture::Slit)
+        };
+        let Some(first) = slits().next() else {
+            return Ok(());
+        };
+        writeln!(
+            text,
+            "Slit: MAE of every method in um, and what it gains over the paper's gaussian in %\n"
+        )?;
         write!(text, "{:<28}", "")?;
         for outcome in slits() {
             write!(text, "{:>20}", MATERIALS[outcome.material].name)?;
@@ -167,7 +189,8 @@ impl Report {
             let mark = if Some(method) == self.best { " *" } else { "" };
             write!(text, "{:<28}", method.name() + mark)?;
             for outcome in slits() {
-                let mae = |method| find(&outcome.judged, method).map_or(f64::NAN, |judged| judged.mae);
+                let mae =
+                    |method| find(&outcome.judged, method).map_or(f64::NAN, |judged| judged.mae);
                 let gain = 100.0 * (1.0 - mae(&method) / mae(&Method::PAPERS_GAUSSIAN));
                 let cell = format!("{:.1} ({gain:+.1})", mae(&method) * MICROMETRES);
                 write!(text, "{cell:>20}")?;
@@ -180,7 +203,12 @@ impl Report {
 
     fn write_references(&self, text: &mut String) -> std::fmt::Result {
         for outcome in &self.outcomes {
-            let without = outcome.judged.iter().map(|j| j.without_centre).max().unwrap_or(0);
+            let without = outcome
+                .judged
+                .iter()
+                .map(|j| j.without_centre)
+                .max()
+                .unwrap_or(0);
             write!(
                 text,
                 "{}, {}: {} captures, {without} without a centre at most",
@@ -229,7 +257,11 @@ fn of_paper(row: &host_tests::paper::published::Published, method: &Method) -> O
 /// The method for the slit whose MAE over that of the paper's gaussian is the least, as the mean over the materials, on the data that
 /// were trained on.
 fn best(outcomes: &[Outcome]) -> Option<Method> {
-    let slits = || outcomes.iter().filter(|outcome| outcome.aperture == Aperture::Slit);
+    let slits = || {
+        outcomes
+            .iter()
+            .filter(|outcome| outcome.aperture == Aperture::Slit)
+    };
     let ratio = |method: &Method| -> f64 {
         slits()
             .map(|outcome| {
