@@ -21,7 +21,7 @@
 mod complex;
 mod fresnel;
 mod laser;
-//mod lens;
+mod lens;
 mod mean;
 mod quadrature;
 mod slit;
@@ -30,8 +30,8 @@ mod surface;
 
 pub use fresnel::fresnel;
 pub use laser::{Beam, Laser, SpectralLine};
-//pub use lens::{LensAperture, lens_image};
-pub use mean::slit_mean;
+pub use lens::{LensAperture, lens_image};
+pub use mean::{lens_mean, slit_mean};
 pub use slit::{SlitAperture, slit_image};
 pub use surface::{Scattering, Surface};
 

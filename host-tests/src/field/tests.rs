@@ -51,12 +51,29 @@ fn time_of_a_view() {
                 .light[80];
         }
         let slit = start.elapsed().as_secs_f64() / 100.0;
+        let (columns, rows) = (pixels(48, 1), pixels(48, 1));
+        let start = Instant::now();
+        for i in 0..100 {
+            let view = View::at(0.6 + 25e-6 * f64::from(i));
+            sum += lens_image(
+                &surface,
+                &view,
+                &LensAperture::nominal(0.85),
+                0.0,
+                &columns,
+                &rows,
+            )
+            .unwrap()
+            .light[80];
+        }
+        let lens = start.elapsed().as_secs_f64() / 100.0;
         println!(
-            "{} mm, {} terms: surface {:.1} ms, slit {:.3} ms ({sum})",
+            "{} mm, {} terms: surface {:.1} ms, slit {:.3} ms, lens {:.3} ms ({sum})",
             diameter * 1e3,
             surface.terms.len(),
             prepared * 1e3,
-            slit * 1e3
+            slit * 1e3,
+            lens * 1e3
         );
     }
 }
