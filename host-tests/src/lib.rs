@@ -3,6 +3,7 @@
 pub mod accuracy;
 pub mod bound;
 pub mod core_tables;
+pub mod docs;
 pub mod field;
 pub mod grid;
 pub mod ladder;
