@@ -1,0 +1,24 @@
+//! The target shines towards its mirror direction.
+
+use serde::{Deserialize, Serialize};
+
+/// A glossy surface scatters a share of the light into a lobe about the mirror direction, which is back into the laser for one that is square to it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SpecularLobe {
+    /// Brightness of the lobe's middle over that of the surface without it.
+    pub strength: f64,
+    /// Sigma of the lobe, in radians.
+    pub width: f64,
+    /// Tilt of the surface towards the sensor, in radians.
+    #[serde(default)]
+    pub tilt: f64,
+}
+
+impl SpecularLobe {
+    /// Brightness over that of the surface without a lobe, seen at an angle from the laser in radians.
+    pub fn factor(&self, angle: f64) -> f64 {
+        let off = (angle - 2.0 * self.tilt) / self.width;
+        1.0 + self.strength * (-0.5 * off * off).exp()
+    }
+}

@@ -1,0 +1,27 @@
+//! The sensor warms up, and its geometry with it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::optics::Optics;
+
+/// Casing, slit mount and sensor grow with temperature.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Temperature {
+    /// Kelvin a second by which the sensor warms up from the temperature at which it was calibrated.
+    pub kelvin_per_second: f64,
+    /// Expansion of the baseline and of the slit's mount, per kelvin: 23e-6 for aluminium.
+    pub expansion: f64,
+}
+
+impl Temperature {
+    /// The geometry after a time in seconds.
+    pub fn optics(&self, optics: &Optics, time: f64) -> Optics {
+        let scale = 1.0 + self.expansion * self.kelvin_per_second * time;
+        Optics {
+            baseline: optics.baseline * scale,
+            focal_length: optics.focal_length * scale,
+            ..*optics
+        }
+    }
+}
