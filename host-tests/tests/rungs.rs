@@ -435,7 +435,7 @@ fn the_row_before_is_followed() {
             let light = quantise(&scene.row_with_centre(row, truth, 1.0), 4095);
             let row = Row::new(&light, &[], 4095).expect("12 bits");
             let spot = slitrange::spot::find(&row).expect("a spot");
-            let found = estimator::centre(rung, &row, &spot, before.as_ref(), &scene.geometry);
+            let found = estimator::centre(rung, &row, &spot, before.as_ref(), &scene.geometry());
             let found = found.expect("a centre");
             let error = found.centre.to_f64() - truth;
             squares += (found.width.to_f64() / width - 1.0).powi(2) / 100.0;
