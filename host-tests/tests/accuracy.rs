@@ -168,12 +168,12 @@ fn the_black_level_changes_no_bit() {
                 &scene.row_with_centre(row, cell.true_centre(row), 1.0),
                 2000,
             );
-            let at_rest = centre_of(&scene.geometry, &light, &GAUSSIAN)
+            let at_rest = centre_of(&scene.geometry(), &light, &GAUSSIAN)
                 .map(|row| (row.centre, row.width, row.amplitude));
             assert!(at_rest.is_ok(), "{at_rest:?}");
             for offset in [1, 2, 3, 7, 100, 777, 2094] {
                 let shifted: Vec<u16> = light.iter().map(|&count| count + offset).collect();
-                let centre = centre_of(&scene.geometry, &shifted, &GAUSSIAN)
+                let centre = centre_of(&scene.geometry(), &shifted, &GAUSSIAN)
                     .map(|row| (row.centre, row.width, row.amplitude));
                 assert_eq!(centre, at_rest, "width {width}, row {row}, {offset} counts");
             }
@@ -207,8 +207,8 @@ fn coarse_search_holds_at_a_signal_to_noise_ratio_of_five() {
             seed: 4,
         }
         .scene();
-        scene.geometry.words = 3648;
-        scene.geometry.light = 0..3648;
+        scene.geometry().words = 3648;
+        scene.geometry().light = 0..3648;
         let rows = 4000u64;
         let (mut gross, mut missed, mut confident) = (0, 0, 0);
         for row in 0..rows {
@@ -222,7 +222,7 @@ fn coarse_search_holds_at_a_signal_to_noise_ratio_of_five() {
                         gross += 1;
                         // What noise made must not become a centre.
                         confident +=
-                            i32::from(centre_of(&scene.geometry, &light, &GAUSSIAN).is_ok());
+                            i32::from(centre_of(&scene.geometry(), &light, &GAUSSIAN).is_ok());
                     }
                 }
                 Err(_) => missed += 1,
@@ -262,7 +262,7 @@ fn noise_alone_is_no_spot() {
         let light = quantise(&scene.row_with_centre(row, 0.0, 1.0), 4095);
         candidates += i32::from(spot::find(&Row::new(&light, &[], 4095).expect("12 bits")).is_ok());
         assert!(
-            centre_of(&scene.geometry, &light, &GAUSSIAN).is_err(),
+            centre_of(&scene.geometry(), &light, &GAUSSIAN).is_err(),
             "row {row}"
         );
     }
@@ -291,9 +291,9 @@ fn shifts_shift_and_mirrors_mirror() {
                 &scene.row_with_centre(row, cell.true_centre(row), 1.0),
                 4095,
             );
-            let centre = centre_of(&scene.geometry, &light, &GAUSSIAN).expect("a centre");
+            let centre = centre_of(&scene.geometry(), &light, &GAUSSIAN).expect("a centre");
             let mut check = |other: &[u16], expected: i32, exact: bool| {
-                let found = centre_of(&scene.geometry, other, &GAUSSIAN)
+                let found = centre_of(&scene.geometry(), other, &GAUSSIAN)
                     .expect("a centre")
                     .centre
                     .to_bits();
@@ -379,7 +379,7 @@ fn whole_spots_are_not_called_cut() {
         let scene = cell.scene();
         let accepted = |centre: f64| {
             let light = quantise(&scene.row_with_centre(1, centre, 1.0), 4095);
-            match centre_of(&scene.geometry, &light, &GAUSSIAN) {
+            match centre_of(&scene.geometry(), &light, &GAUSSIAN) {
                 Ok(found) => {
                     assert!(
                         (found.centre.to_f64() - centre).abs() < 0.1,
