@@ -1,7 +1,7 @@
 //! Rows that follow one another: what the first row of a frame says spares the next ones work, and must not lead them astray.
 //! Every figure asserted is printed.
 
-use host_tests::scene::{self, BlackLevel, ReadNoise, Scene, Sensor, ShotNoise, quantise};
+use host_tests::scene::{self, ReadNoise, Scene, Sensor, ShotNoise, quantise};
 use proptest::prelude::*;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -47,7 +47,7 @@ impl Shown {
     fn counts(&self, number: u64) -> Vec<u16> {
         let scene = Scene {
             seed: 8,
-            black_level: Some(BlackLevel::steady(self.black_level)),
+            black_level: Some(scene::BlackLevel::steady(self.black_level)),
             spot: (self.amplitude > 0.0).then_some(scene::Spot {
                 width: self.width,
                 counts_per_second: self.amplitude,
