@@ -117,7 +117,7 @@ fn bias_over_the_phase_is_below_half_a_thousandth_of_a_pixel() {
         rows: 0,
         seed: 0,
     };
-    let geometry = cell.scene().geometry;
+    let geometry = cell.scene().geometry();
     println!("largest bias over 40 phases, noiseless");
     for width in [
         1.2, 1.26, 1.5, 2.0, 2.6, 3.0, 4.0, 5.4, 6.5, 8.0, 9.4, 10.5, 13.4, 18.0,
@@ -198,7 +198,7 @@ fn coarse_search_holds_at_a_signal_to_noise_ratio_of_five() {
         (50.0, 0.0, 0.0),
         (100.0, 0.0, 0.0),
     ] {
-        let mut scene = Cell {
+        let scene = Cell {
             width,
             amplitude: 100.0,
             read_noise: 20.0,
@@ -206,9 +206,7 @@ fn coarse_search_holds_at_a_signal_to_noise_ratio_of_five() {
             rows: 0,
             seed: 4,
         }
-        .scene();
-        scene.geometry().words = 3648;
-        scene.geometry().light = 0..3648;
+        .scene_of(3648);
         let rows = 4000u64;
         let (mut gross, mut missed, mut confident) = (0, 0, 0);
         for row in 0..rows {
@@ -347,7 +345,7 @@ fn least_squares_weights_reach_the_bound_in_white_noise() {
 /// Rows of every length that is served, from 32 pixels, have their spot found.
 #[test]
 fn rows_of_any_length_are_searched() {
-    let geometry = white_cell(1.2).scene().geometry;
+    let geometry = white_cell(1.2).scene().geometry();
     for length in (32..=300).chain(1000..=1003).chain(4090..=4096) {
         let truth = length as f64 / 2.0 + 0.2;
         let counts: Vec<f32> = (0..length)
