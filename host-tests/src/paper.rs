@@ -25,5 +25,4 @@ pub mod reference;
 pub mod residual_table;
 pub mod row_mean;
 pub mod slit_path;
-pub mod stub_field;
 pub mod training;

@@ -1,10 +1,9 @@
 //! What stands on the paper's table: laser, camera, slit or lens. Lengths in metres.
 
-use crate::field::{Laser, SlitAperture};
+use crate::field::{Laser, LensAperture, SlitAperture};
 use crate::optics::{self, Optics};
 use crate::paper::camera::{COLUMNS, PITCH};
 use crate::paper::lens_effects::Distortion;
-use crate::paper::stub_field::LensAperture;
 
 /// What the camera looks through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

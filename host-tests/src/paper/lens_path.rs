@@ -1,11 +1,10 @@
 //! The lens's captures: images in, the centres of gaussians in the plane out, in f64.
 
-use crate::field::{Image, Surface, View};
-use crate::paper::apparatus::{self, Aperture};
+use crate::field::{Image, Surface, View, lens_image};
+use crate::paper::apparatus::{self, AXIS, Aperture};
 use crate::paper::camera::{BLACK_LEVEL, PITCH, ROWS};
 use crate::paper::lens_effects::{Flare, Place};
 use crate::paper::plane_gaussian::PlaneGaussian;
-use crate::paper::stub_field::lens_image;
 
 /// Pixels to either side of the image that is simulated, around the spot. The spot is 5 to 15 pixels wide; what lies further
 /// out is too dark to move a fit of its core. The ghost and the veil reach beyond, and are cut.
@@ -31,6 +30,7 @@ pub fn image(surface: &Surface, view: &View) -> anyhow::Result<(Image, usize)> {
         surface,
         view,
         &apparatus::lens(),
+        (centre - AXIS) * PITCH,
         &along(first, centre),
         &along(first_row, AXIS_ROW),
     )?;
@@ -50,7 +50,8 @@ pub fn image(surface: &Surface, view: &View) -> anyhow::Result<(Image, usize)> {
 /// # Errors
 /// The spot is larger than the surface.
 pub fn density(surface: &Surface, view: &View) -> anyhow::Result<f64> {
-    Ok(lens_image(surface, view, &apparatus::lens(), &[0.0], &[0.0])?.density)
+    let field = (apparatus::centre(Aperture::Lens, view.distance) - AXIS) * PITCH;
+    Ok(lens_image(surface, view, &apparatus::lens(), field, &[0.0], &[0.0])?.density)
 }
 
 /// The centre of a capture, by the one method, in pixels from the image's first column; not a number where there is none.

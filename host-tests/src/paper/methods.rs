@@ -18,9 +18,8 @@ pub enum RowEstimator {
     Robust,
     /// The default rung's score with tables of the profile that the sensor's own rows have.
     MeasuredProfile,
-    /// The score with one table of a gaussian narrower than the spot. In speckle the flanks tell less than in noise, because they are
-    /// as wrong as they are bright; where the spot is steep, its place shows best.
-    Narrow,
+    /// The score with one table that is made for speckle: [`slit_path::speckle_table`](crate::paper::slit_path::speckle_table).
+    Speckle,
 }
 
 impl RowEstimator {
@@ -32,7 +31,7 @@ impl RowEstimator {
         Self::Adaptive,
         Self::Robust,
         Self::MeasuredProfile,
-        Self::Narrow,
+        Self::Speckle,
     ];
 
     /// Its name in tables.
@@ -44,7 +43,7 @@ impl RowEstimator {
             Self::Adaptive => "adaptive",
             Self::Robust => "robust",
             Self::MeasuredProfile => "measured-profile",
-            Self::Narrow => "narrow",
+            Self::Speckle => "speckle",
         }
     }
 }

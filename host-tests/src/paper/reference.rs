@@ -71,6 +71,7 @@ fn reference(counts: &[u16]) -> (Vec<RowFit>, Vec<RowFit>) {
         gaussians.push(RowFit {
             centre: fit.centre,
             amplitude: fit.amplitude,
+            place: 0.0,
         });
         let start = Sinc {
             centre: fit.centre,
@@ -81,6 +82,7 @@ fn reference(counts: &[u16]) -> (Vec<RowFit>, Vec<RowFit>) {
         sincs.extend(sinc_fit::fit_from(&row, start).map(|fit| RowFit {
             centre: fit.centre,
             amplitude: fit.amplitude,
+            place: 0.0,
         }));
     }
     (gaussians, sincs)

@@ -14,7 +14,7 @@ use crate::measured_profile::MeasuredProfile;
 use crate::paper::apparatus::{Aperture, TABLE};
 use crate::paper::camera::{self, FULL_SCALE, ShotNoise};
 use crate::paper::data_set::{Centres, DataSet, JUDGED, Target};
-use crate::paper::slit_path::{COLUMNS, NARROW, RowTables};
+use crate::paper::slit_path::{self, COLUMNS, RowTables};
 
 /// Pieces of a material that are measured. Speckle is new on each.
 pub const PIECES: u64 = 8;
@@ -61,11 +61,6 @@ pub fn centres(
         all.append(set.measure(tables, done)?);
     }
     Ok(all)
-}
-
-/// The narrow table, see [`RowTables`].
-pub fn narrow_tables() -> Vec<IntegerTable> {
-    phase_tables::set(&phase_tables::gaussian, NARROW)
 }
 
 /// Of a data set's positions, every so many give rows for the profile.
@@ -133,20 +128,20 @@ pub fn with_tables<T>(
     measured: Option<&[IntegerTable]>,
     then: impl FnOnce(&RowTables<'_>) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
-    let narrow = narrow_tables();
-    let [narrow, measured] = [&narrow[..], measured.unwrap_or_default()].map(core_tables::borrow);
+    let speckle = [slit_path::speckle_table()];
+    let [speckle, measured] = [&speckle[..], measured.unwrap_or_default()].map(core_tables::borrow);
     let set = |tables| {
         TableSet::new(tables)
             .map_err(|error| anyhow::anyhow!("{error:?}"))
             .context("the core refuses the tables")
     };
-    let narrow = set(&narrow)?;
+    let speckle = set(&speckle)?;
     let measured = match measured.is_empty() {
         true => None,
         false => Some(set(&measured)?),
     };
     then(&RowTables {
         measured: measured.as_ref(),
-        narrow: &narrow,
+        speckle: &speckle,
     })
 }
