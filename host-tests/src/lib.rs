@@ -3,6 +3,7 @@
 pub mod accuracy;
 pub mod bound;
 pub mod core_tables;
+pub mod field;
 pub mod grid;
 pub mod ladder;
 pub mod least_squares;
