@@ -44,7 +44,9 @@ impl Gap {
         // Of a wave this is 32 knots.
         let step = self.detail() / 32.0;
         match by {
-            Diffraction::Fraunhofer => Pattern::new(step, reach, |x| sinc_squared(x / self.detail())),
+            Diffraction::Fraunhofer => {
+                Pattern::new(step, reach, |x| sinc_squared(x / self.detail()))
+            }
             Diffraction::Fresnel => Pattern::symmetric(step, &self.fresnel(step, reach)),
         }
     }

@@ -5,9 +5,6 @@ use serde::{Deserialize, Serialize};
 use crate::scene::spot::Spot;
 
 /// Light that reaches the sensor by way of a shiny surface beside the target, or from a second layer of a clear one: a gaussian beside the spot.
-///
-/// For a sheet of glass of thickness t and index n before the target, the target's own spot is t (1 - 1/n) nearer than it is, and the
-/// glass's reflection lies by its own distance's centre, eq. (1): the offset here is the difference of the two centres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SecondReflection {
