@@ -161,7 +161,8 @@ impl Pupil {
 
     /// Rays through evenly weighted parts of the pupil, close enough together for a gaussian of this sigma on the sensor.
     pub fn rays(&self, sigma: f64) -> Vec<Ray> {
-        let nodes = 2 * (4.0 + 2.0 * self.farthest_ray() / sigma).ceil() as usize;
+        // At most pi/2 farthest_ray / (nodes / 2) apart, which is 1.3 sigma.
+        let nodes = 2 * (4.0 + 1.25 * self.farthest_ray() / sigma).ceil() as usize;
         let scale = self.to_sensor / self.radius;
         let mut rays = vec![];
         for (t, weight_t) in both_sides(nodes) {
