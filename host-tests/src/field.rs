@@ -21,7 +21,7 @@
 mod complex;
 mod fresnel;
 mod laser;
-//mod lens;
+mod lens;
 mod mean;
 pub(crate) mod quadrature;
 mod slit;
@@ -30,8 +30,8 @@ mod surface;
 
 pub use fresnel::fresnel;
 pub use laser::{Beam, Laser, SpectralLine};
-//pub use lens::{LensAperture, lens_image};
-pub use mean::slit_mean;
+pub use lens::{LensAperture, lens_image};
+pub use mean::{lens_mean, slit_mean};
 pub use slit::{SlitAperture, slit_image};
 pub use surface::{Scattering, Surface};
 
@@ -95,8 +95,9 @@ impl Image {
         self.light.len() / self.columns
     }
 
-    /// An image of every `step`-th row of `rows` rows becomes one of all rows, by linear interpolation. The pattern of a slit varies
-    /// slowly along the slit. Rows after the last computed one repeat it; [`every`] gives the places to compute.
+    /// An image of every `step`-th row of `rows` rows becomes one of all rows, by linear interpolation. Along the slit the
+    /// pattern varies slowly, but for faint fringes of the slit's ends: with every fourth row the frame's centre moves by 0.02
+    /// pixels. Rows after the last computed one repeat it; [`every`] gives the places to compute.
     pub fn with_rows_between(&self, step: usize, rows: usize) -> Self {
         let mut light = Vec::with_capacity(rows * self.columns);
         let last = self.rows() - 1;

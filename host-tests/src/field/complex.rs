@@ -1,7 +1,7 @@
 //! Phase factors, and products of complex matrices: where the time goes.
 //!
-//! Sums are written out in lanes that the compiler turns into vector instructions. Their order is fixed, no fused operations are used, and
-//! sine and cosine are our own, so that results are the same on every machine.
+//! Sums are written out in lanes that the compiler turns into vector instructions. Their order is fixed, no fused operations are
+//! used, and sine and cosine are our own, so that results are the same on every machine.
 
 use std::f32::consts::PI;
 
@@ -38,6 +38,8 @@ pub const LANES: usize = 8;
 pub struct Matrix {
     /// Rows.
     pub rows: usize,
+    /// Columns without the filling.
+    pub columns: usize,
     /// Columns with the filling.
     pub stride: usize,
     /// Real parts.
@@ -52,6 +54,7 @@ impl Matrix {
         let stride = columns.next_multiple_of(LANES);
         Self {
             rows,
+            columns,
             stride,
             re: vec![0.0; rows * stride],
             im: vec![0.0; rows * stride],
@@ -80,10 +83,29 @@ impl Matrix {
         (&self.re[range.clone()], &self.im[range])
     }
 
-    /// Becomes the product of a and b: as many rows as a, as many columns as b. Columns of a beyond the rows of b are filling.
+    /// Rows and columns exchanged.
+    pub fn transposed(&self) -> Self {
+        Self::from_fn(self.columns, self.rows, |row, column| {
+            let at = column * self.stride + row;
+            (self.re[at], self.im[at])
+        })
+    }
+
+    /// sum |element|^2 of each row.
+    pub fn row_sums(&self) -> Vec<f64> {
+        (0..self.rows)
+            .map(|row| {
+                let (re, im) = self.row(row);
+                let squares = re.iter().zip(im).map(|(re, im)| re * re + im * im);
+                squares.map(f64::from).sum()
+            })
+            .collect()
+    }
+
+    /// Becomes the product of a and b: as many rows as a, as many columns as b.
     pub fn set_product(&mut self, a: &Matrix, b: &Matrix) {
         assert!(
-            self.rows == a.rows && self.stride == b.stride && a.stride >= b.rows,
+            self.rows == a.rows && self.stride == b.stride && a.columns == b.rows,
             "sizes of a product"
         );
         let mut panel = vec![([0.0; LANES], [0.0; LANES]); b.rows];
@@ -111,8 +133,7 @@ impl Matrix {
 
     /// Adds `weight` |element|^2 to an image without filling, row by row.
     pub fn add_light(&self, weight: f32, light: &mut [f32]) {
-        let columns = light.len() / self.rows;
-        for (row, light) in light.chunks_exact_mut(columns).enumerate() {
+        for (row, light) in light.chunks_exact_mut(self.columns).enumerate() {
             let (re, im) = self.row(row);
             for (light, (re, im)) in light.iter_mut().zip(re.iter().zip(im)) {
                 *light += weight * (re * re + im * im);

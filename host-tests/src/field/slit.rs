@@ -31,8 +31,8 @@ impl SlitAperture {
         }
     }
 
-    /// Places across the slit's width, all positive ones and then their negatives, and the weights of Gauss-Legendre quadrature in metres.
-    /// Enough of them for the waves from the beam's edge to the farthest of the image's columns.
+    /// Places across the slit's width, all positive ones and then their negatives, and the weights of Gauss-Legendre quadrature
+    /// in metres. Enough of them for the waves from the beam's edge to the farthest of the image's columns.
     pub(super) fn places(&self, lit: &Lit, laser: &Laser, columns: &[f64]) -> Vec<(f64, f64)> {
         let half = 0.5 * self.width;
         let farthest = columns.iter().fold(0.0f64, |far, x| far.max(x.abs()));
@@ -49,8 +49,8 @@ impl SlitAperture {
         right.chain(left).collect()
     }
 
-    /// From places in the slit's width (rows) to columns X of the image: Fresnel's kernel exp(i k (X - u)^2 / 2z), without the phase that a
-    /// column has in common.
+    /// From places in the slit's width (rows) to columns X of the image: Fresnel's kernel exp(i k (X - u)^2 / 2z), without the
+    /// phase that a column has in common.
     pub(super) fn across(
         &self,
         lit: &Lit,
@@ -113,11 +113,12 @@ impl SlitAperture {
         across: &Matrix,
     ) -> Vec<f64> {
         let u: Vec<f64> = places.iter().map(|&(u, _)| u).collect();
-        let fields = lit.mean_fields(&u);
-        let mut waves = Matrix::zeros(fields.rows, across.stride);
+        let from = lit.mean_places(self.width);
+        let fields = lit.mean_fields(&from, &u);
+        let mut waves = Matrix::zeros(fields.rows, across.columns);
         waves.set_product(&fields, across);
-        let mut mean = vec![0.0; across.stride];
-        for (row, (_, light)) in lit.mean_places().into_iter().enumerate() {
+        let mut mean = vec![0.0; across.columns];
+        for (row, (_, light)) in from.into_iter().enumerate() {
             let (re, im) = waves.row(row);
             for (mean, (re, im)) in mean.iter_mut().zip(re.iter().zip(im)) {
                 *mean += light * f64::from(re * re + im * im);
@@ -134,38 +135,15 @@ impl SlitAperture {
         places: &[(f64, f64)],
     ) -> (f64, f64) {
         let across = self.mean_across(lit, places, &self.across(lit, laser, places, &[0.0]))[0];
-        let along = mean_along(&self.along(lit, laser, &[0.0]))[0];
-        let sources: f64 = lit
-            .mean_places()
-            .iter()
-            .map(|&(_, light)| light)
-            .sum::<f64>()
-            * lit
-                .y
-                .iter()
-                .map(|&y| f64::from(lit.of_row(y, y).0).powi(2))
-                .sum::<f64>();
-        let through = sources * self.width * self.height;
+        let along = self.along(lit, laser, &[0.0]).row_sums()[0];
+        let through = lit.light() * self.width * self.height;
         let spread = (laser.wavelength * self.to_sensor).powi(2);
         (across * along, across * along / (spread * through))
     }
 }
 
-/// Mean |field|^2 in each row of the image.
-pub(super) fn mean_along(along: &Matrix) -> Vec<f64> {
-    (0..along.rows)
-        .map(|row| {
-            let (re, im) = along.row(row);
-            re.iter()
-                .zip(im)
-                .map(|(re, im)| f64::from(re * re + im * im))
-                .sum()
-        })
-        .collect()
-}
-
-/// The light that a slit lets onto the sensor, at columns X and rows Y in metres from the geometric centre: at the pixels' middles, as the
-/// pattern's finest detail, lambda z / width, is 28 pixels of the paper's sensor.
+/// The light that a slit lets onto the sensor, at columns X and rows Y in metres from the geometric centre: at the pixels'
+/// middles, as the pattern's finest detail, lambda z / width, is 28 pixels of the paper's sensor.
 ///
 /// # Errors
 /// If the beam is larger than the surface.

@@ -82,26 +82,38 @@ impl Lit {
         -u * x * self.angle.1 / (self.range * self.wavelength)
     }
 
-    /// Places x over the beam, symmetrical to its axis and close enough for means, and how much light a unit of amplitude stands for: the number
-    /// of scatterers times the beam's intensity.
-    pub fn mean_places(&self) -> Vec<(f64, f64)> {
-        // Ten to a radius: the trapezoidal rule over a gaussian is exact to 1e-9.
-        const HALF: i32 = 23;
-        let step = REACH * self.beam.radius / f64::from(HALF);
-        (-HALF..=HALF)
+    /// Places x over the beam, close enough for the mean through an aperture so many metres wide, and the light from each, in
+    /// units of one scatterer of amplitude 1.
+    pub fn mean_places(&self, aperture: f64) -> Vec<(f64, f64)> {
+        // The trapezoidal rule. It is exact to 1e-9 for a gaussian at five steps to a radius, and for the aperture's diffraction
+        // at one step to lambda R / aperture / cos(theta).
+        let detail = 0.9 * self.wavelength * self.range / aperture;
+        let step = (0.2 * self.beam.radius).min(detail);
+        let half = (REACH * self.beam.radius / step).ceil() as i32;
+        let step = REACH * self.beam.radius / f64::from(half);
+        (-half..=half)
             .map(|i| {
                 let x = f64::from(i) * step;
-                let ends = if i.abs() == HALF { 0.5 } else { 1.0 };
+                let ends = if i.abs() == half { 0.5 } else { 1.0 };
                 let light = libm::exp(-2.0 * (x / self.beam.radius).powi(2));
                 (x, ends * light * step / self.pitch)
             })
             .collect()
     }
 
-    /// The fields at places `u` of the aperture (columns) that light from each of [`Lit::mean_places`] (rows) makes, without what
+    /// All light of the beam on the surface, in the mean, in units of one scatterer of amplitude 1.
+    pub fn light(&self) -> f64 {
+        let across: f64 = self.mean_places(0.0).iter().map(|&(_, light)| light).sum();
+        let amplitudes = self.y.iter().map(|&y| f64::from(self.of_row(y, y).0));
+        across
+            * amplitudes
+                .map(|amplitude| amplitude * amplitude)
+                .sum::<f64>()
+    }
+
+    /// The fields at places `u` of the aperture (columns) that light from each of the places x (rows) makes, without what
     /// [`Lit::of_place`] gives.
-    pub fn mean_fields(&self, u: &[f64]) -> Matrix {
-        let from = self.mean_places();
+    pub fn mean_fields(&self, from: &[(f64, f64)], u: &[f64]) -> Matrix {
         Matrix::from_fn(from.len(), u.len(), |x, column| {
             phasor(self.tilt(u[column], from[x].0 - self.shift))
         })
@@ -203,8 +215,8 @@ impl<'a> RowSums<'a> {
         }
     }
 
-    /// As cos(tilt) is even in x and sin(tilt) odd, only sums and differences of the waves left and right of the axis are needed: half the
-    /// products, and both places of a pair at once another half.
+    /// As cos(tilt) is even in x and sin(tilt) odd, only sums and differences of the waves left and right of the axis are needed:
+    /// half the products, and both places of a pair at once another half.
     fn fold(&mut self) {
         let half = self.lit.half;
         let [sum_re, sum_im, difference_re, difference_im] = &mut self.sums;
