@@ -161,7 +161,7 @@ impl Pupil {
 
     /// Rays through evenly weighted parts of the pupil, close enough together for a gaussian of this sigma on the sensor.
     pub fn rays(&self, sigma: f64) -> Vec<Ray> {
-        // At most pi/2 farthest_ray / (nodes / 2) apart, which is 1.3 sigma.
+        // At most pi farthest_ray / nodes apart, which is 1.3 sigma.
         let nodes = 2 * (4.0 + 1.25 * self.farthest_ray() / sigma).ceil() as usize;
         let scale = self.to_sensor / self.radius;
         let mut rays = vec![];
