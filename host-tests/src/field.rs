@@ -116,7 +116,7 @@ impl Image {
 }
 
 /// The places of every `step`-th row, and of one after the last where needed: the rows between them are
-/// [`Image::with_rows_between`]. Rows are evenly spaced, in metres.
+/// [`Image::with_rows_between`]. Rows are evenly spaced, in metres, at least one, and so is the step.
 pub fn every(rows: &[f64], step: usize) -> Vec<f64> {
     let pitch = if rows.len() > 1 {
         rows[1] - rows[0]
