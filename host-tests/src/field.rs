@@ -23,7 +23,7 @@ mod fresnel;
 mod laser;
 mod lens;
 mod mean;
-mod quadrature;
+pub(crate) mod quadrature;
 mod slit;
 mod source;
 mod surface;
