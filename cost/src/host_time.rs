@@ -24,6 +24,7 @@ pub fn nanoseconds(estimator: Estimator) -> Option<f64> {
         seed: 4,
     };
     let scene = cell.scene_of(PIXELS);
+    let geometry = scene.geometry();
     let counts: Vec<Vec<u16>> = (0..ROWS)
         .map(|row| {
             let centre = PIXELS as f64 / 2.0 + row as f64 / ROWS as f64;
@@ -35,7 +36,7 @@ pub fn nanoseconds(estimator: Estimator) -> Option<f64> {
     for counts in &counts {
         let row = Row::new(counts, &[], 4095).ok()?;
         let spot = spot::find(&row).ok()?;
-        let centre = estimator::centre(estimator, &row, &spot, before.as_ref(), &scene.geometry);
+        let centre = estimator::centre(estimator, &row, &spot, before.as_ref(), &geometry);
         rows.push((row, spot, before));
         before = Some(centre.ok()?);
     }
@@ -48,7 +49,7 @@ pub fn nanoseconds(estimator: Estimator) -> Option<f64> {
                     black_box(row),
                     spot,
                     before.as_ref(),
-                    &scene.geometry,
+                    &geometry,
                 ));
             }
             start.elapsed().as_nanos() as f64 / rows.len() as f64

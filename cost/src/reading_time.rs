@@ -139,7 +139,7 @@ fn bound(scene: &Scene) -> f64 {
     let spot = scene.spot.expect("white paper shows a spot");
     let pixels = bound::Spot {
         width: spot.width,
-        amplitude: scene.amplitude(EXPOSURE),
+        amplitude: spot.counts_per_second * EXPOSURE,
         noise: scene.read_noise.map_or(0.0, |noise| noise.counts),
         electrons_per_count: scene.shot_noise.map(|noise| noise.electrons_per_count),
     }
@@ -159,10 +159,10 @@ fn read(scene: &Scene, light: Light, reading: u64) -> Vec<Option<(f64, f64)>> {
             black_level: BlackLevel::Shielded,
             calibration: triangulation::NOMINAL.ok(),
         };
-        Measurement::new(scene.geometry.clone(), settings)
+        Measurement::new(scene.geometry(), settings)
     });
     let mut results = vec![None; ROWS.len()];
-    let full_scale = scene.geometry.full_scale();
+    let full_scale = scene.geometry().full_scale();
     for (row, displacement) in (1u64..).zip(displacements) {
         let centre = scene.optics.centre(DISTANCE) + displacement;
         let index = reading * MOST_ROWS as u64 + row;

@@ -4,12 +4,11 @@ use rayon::prelude::*;
 use slitrange::estimator::tables::{Sampling, TableSet};
 use slitrange::estimator::{RowCentre, phase_table};
 use slitrange::reading::Fault;
-use slitrange::row::{Geometry, Polarity, Row};
+use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 
 use crate::bound;
-use crate::optics::Optics;
-use crate::scene::{ReadNoise, Scene, ShotNoise, Spot, quantise};
+use crate::scene::{BlackLevel, ReadNoise, Scene, Sensor, ShotNoise, Spot, quantise};
 
 /// Pixels of a test row: enough for the background of the widest spot.
 pub const PIXELS: usize = 2048;
@@ -71,19 +70,10 @@ impl Cell {
     /// The same with rows of another length.
     pub fn scene_of(&self, pixels: usize) -> Scene {
         Scene {
-            optics: Optics::nominal(),
-            geometry: Geometry {
-                words: pixels,
-                shielded: 0..0,
-                light: 0..pixels,
-                polarity: Polarity::Rising,
-                bits: 12,
-                shot_variance_per_count_q16: self
-                    .electrons_per_count
-                    .map_or(0, |electrons| (65536.0 / electrons).round() as u16),
-            },
             seed: self.seed,
-            black_level: (8.0 * self.read_noise).clamp(60.0, 1000.0).round(),
+            black_level: Some(BlackLevel::steady(
+                (8.0 * self.read_noise).clamp(60.0, 1000.0).round(),
+            )),
             spot: Some(Spot {
                 width: self.width,
                 counts_per_second: self.amplitude,
@@ -96,6 +86,7 @@ impl Cell {
             read_noise: (self.read_noise > 0.0).then_some(ReadNoise {
                 counts: self.read_noise,
             }),
+            ..Scene::dark(Sensor::Row(pixels))
         }
     }
 
@@ -124,7 +115,7 @@ impl Cell {
                 (
                     truth,
                     centre_of(
-                        &scene.geometry,
+                        &scene.geometry(),
                         &quantise(&scene.row_with_centre(row, truth, 1.0), 4095),
                         tables,
                     ),

@@ -134,7 +134,7 @@ impl Rows {
                 estimators.iter().zip(&mut sums).zip(&mut before)
             {
                 let centre = spot.and_then(|spot| {
-                    estimator::centre(estimator, &row, &spot, before.as_ref(), &scene.geometry)
+                    estimator::centre(estimator, &row, &spot, before.as_ref(), &scene.geometry())
                 });
                 sums.count(centre, truth, gross);
                 *before = centre.ok().filter(|_| knows == Before::Known);
@@ -213,7 +213,7 @@ pub fn largest_bias(estimator: Estimator, width: f64) -> Option<f64> {
                 rows: 0,
                 seed: 0,
             };
-            bias(estimator, width, &cell.scene().geometry)
+            bias(estimator, width, &cell.scene().geometry())
         })
         .try_fold(0.0f64, |worst, bias| Some(worst.max(bias?)))
 }

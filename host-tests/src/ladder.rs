@@ -47,7 +47,7 @@ pub fn run_at(
         .filter_map(|row| {
             let truth = true_centre(row);
             let light = quantise(&scene.row_with_centre(row, truth, 1.0), 4095);
-            centre_of(&scene.geometry, &light, estimator)
+            centre_of(&scene.geometry(), &light, estimator)
                 .ok()
                 .map(|found| (found.centre.to_f64() - truth, found.uncertainty.to_f64()))
         })

@@ -1,7 +1,42 @@
 //! Eq. (1) of the paper as it stands there, with its trigonometry, in metres: the simulation's truth.
 
-/// A slit in front of a line sensor, and the laser beside it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+use serde::{Deserialize, Serialize};
+
+use crate::scene::Sensor;
+
+/// What the light passes on its way to the sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Aperture {
+    /// A slit, across the row.
+    Slit {
+        /// Along the row, in metres.
+        width: f64,
+        /// Across the row, in metres.
+        height: f64,
+    },
+    /// A lens, which images the target on the sensor.
+    Lens {
+        /// Diameter of its pupil, in metres.
+        diameter: f64,
+    },
+}
+
+impl Aperture {
+    /// The paper's slit (section 3): 200 um x 3 mm.
+    pub const PAPER_SLIT: Self = Self::Slit {
+        width: 200e-6,
+        height: 3e-3,
+    };
+    /// The paper's lens (section 3): 50 mm at f/12.
+    pub const PAPER_LENS: Self = Self::Lens {
+        diameter: 50e-3 / 12.0,
+    };
+}
+
+/// A slit or a lens in front of a line sensor, and the laser beside it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Optics {
     /// d0: from the laser's origin to the casing's front, in metres.
     pub offset: f64,
@@ -15,18 +50,29 @@ pub struct Optics {
     pub pitch: f64,
     /// The pixel on the optical axis.
     pub axis: f64,
+    /// The light's wavelength in metres.
+    pub wavelength: f64,
+    /// Slit or lens.
+    pub aperture: Aperture,
 }
 
 impl Optics {
     /// The geometry for which the firmware carries its nominal calibration: 300 mm, 50 mm, tan u = 2.6, 8 um pixels.
     pub fn nominal() -> Self {
+        Self::nominal_on(Sensor::Tcd1304dg)
+    }
+
+    /// The same in front of a sensor, whose middle is on the axis.
+    pub fn nominal_on(sensor: Sensor) -> Self {
         Self {
             offset: 0.0,
             baseline: 0.3,
             focal_length: 0.05,
             angle: 2.6f64.atan(),
-            pitch: 8e-6,
-            axis: 1823.5,
+            pitch: sensor.pitch(),
+            axis: (sensor.geometry().light.len() as f64 - 1.0) / 2.0,
+            wavelength: 650e-9,
+            aperture: Aperture::PAPER_SLIT,
         }
     }
 
@@ -40,6 +86,16 @@ impl Optics {
     pub fn centre(&self, distance: f64) -> f64 {
         let alpha = self.angle - ((distance - self.offset) / self.baseline).atan();
         self.axis + self.focal_length * alpha.tan() / self.pitch
+    }
+
+    /// The angle between the laser's beam and the light that reaches the sensor, in radians, for a target at a distance in metres.
+    pub fn viewing_angle(&self, distance: f64) -> f64 {
+        (self.baseline / (distance - self.offset)).atan()
+    }
+
+    /// From the target at a distance to the slit, in metres.
+    pub fn range(&self, distance: f64) -> f64 {
+        self.baseline.hypot(distance - self.offset)
     }
 
     /// Metres a pixel at a centre, without sign.

@@ -11,7 +11,7 @@ use slitrange::reading::Fault;
 use slitrange::row::Geometry;
 
 use crate::accuracy::Cell;
-use crate::scene::{Scene, quantise, with_shot_noise};
+use crate::scene::{Scene, ShotNoise, quantise};
 use crate::{bound, least_squares};
 
 /// Light along the row, in units of the spot's width, and what a pixel gathers of it.
@@ -243,7 +243,7 @@ pub struct Rows<'a> {
 impl Rows<'_> {
     /// The sensor's geometry: [`pixels`] of light.
     pub fn geometry(&self) -> Geometry {
-        self.scene().geometry
+        self.scene().geometry()
     }
 
     fn scene(&self) -> Scene {
@@ -261,12 +261,18 @@ impl Rows<'_> {
         let mut random = ChaCha8Rng::seed_from_u64(!self.cell.seed);
         random.set_stream(row);
         let mut counts = self.scene().row_with_centre(row, centre, 1.0);
-        for (i, count) in counts.iter_mut().enumerate() {
-            let light = self.cell.amplitude * self.curve.at(i as f64 - centre, self.cell.width);
-            *count += match self.cell.electrons_per_count {
-                Some(electrons) => with_shot_noise(light, electrons, &mut random),
-                None => light,
-            } as f32;
+        let mut light: Vec<f32> = (0..counts.len())
+            .map(|i| self.cell.amplitude * self.curve.at(i as f64 - centre, self.cell.width))
+            .map(|light| light as f32)
+            .collect();
+        if let Some(electrons_per_count) = self.cell.electrons_per_count {
+            ShotNoise {
+                electrons_per_count,
+            }
+            .apply(&mut light, &mut random);
+        }
+        for (count, light) in counts.iter_mut().zip(light) {
+            *count += light;
         }
         (quantise(&counts, 4095), centre)
     }

@@ -117,7 +117,7 @@ fn bias_over_the_phase_is_below_half_a_thousandth_of_a_pixel() {
         rows: 0,
         seed: 0,
     };
-    let geometry = cell.scene().geometry;
+    let geometry = cell.scene().geometry();
     println!("largest bias over 40 phases, noiseless");
     for width in [
         1.2, 1.26, 1.5, 2.0, 2.6, 3.0, 4.0, 5.4, 6.5, 8.0, 9.4, 10.5, 13.4, 18.0,
@@ -168,12 +168,12 @@ fn the_black_level_changes_no_bit() {
                 &scene.row_with_centre(row, cell.true_centre(row), 1.0),
                 2000,
             );
-            let at_rest = centre_of(&scene.geometry, &light, &GAUSSIAN)
+            let at_rest = centre_of(&scene.geometry(), &light, &GAUSSIAN)
                 .map(|row| (row.centre, row.width, row.amplitude));
             assert!(at_rest.is_ok(), "{at_rest:?}");
             for offset in [1, 2, 3, 7, 100, 777, 2094] {
                 let shifted: Vec<u16> = light.iter().map(|&count| count + offset).collect();
-                let centre = centre_of(&scene.geometry, &shifted, &GAUSSIAN)
+                let centre = centre_of(&scene.geometry(), &shifted, &GAUSSIAN)
                     .map(|row| (row.centre, row.width, row.amplitude));
                 assert_eq!(centre, at_rest, "width {width}, row {row}, {offset} counts");
             }
@@ -198,7 +198,7 @@ fn coarse_search_holds_at_a_signal_to_noise_ratio_of_five() {
         (50.0, 0.0, 0.0),
         (100.0, 0.0, 0.0),
     ] {
-        let mut scene = Cell {
+        let scene = Cell {
             width,
             amplitude: 100.0,
             read_noise: 20.0,
@@ -206,9 +206,7 @@ fn coarse_search_holds_at_a_signal_to_noise_ratio_of_five() {
             rows: 0,
             seed: 4,
         }
-        .scene();
-        scene.geometry.words = 3648;
-        scene.geometry.light = 0..3648;
+        .scene_of(3648);
         let rows = 4000u64;
         let (mut gross, mut missed, mut confident) = (0, 0, 0);
         for row in 0..rows {
@@ -222,7 +220,7 @@ fn coarse_search_holds_at_a_signal_to_noise_ratio_of_five() {
                         gross += 1;
                         // What noise made must not become a centre.
                         confident +=
-                            i32::from(centre_of(&scene.geometry, &light, &GAUSSIAN).is_ok());
+                            i32::from(centre_of(&scene.geometry(), &light, &GAUSSIAN).is_ok());
                     }
                 }
                 Err(_) => missed += 1,
@@ -262,7 +260,7 @@ fn noise_alone_is_no_spot() {
         let light = quantise(&scene.row_with_centre(row, 0.0, 1.0), 4095);
         candidates += i32::from(spot::find(&Row::new(&light, &[], 4095).expect("12 bits")).is_ok());
         assert!(
-            centre_of(&scene.geometry, &light, &GAUSSIAN).is_err(),
+            centre_of(&scene.geometry(), &light, &GAUSSIAN).is_err(),
             "row {row}"
         );
     }
@@ -291,9 +289,9 @@ fn shifts_shift_and_mirrors_mirror() {
                 &scene.row_with_centre(row, cell.true_centre(row), 1.0),
                 4095,
             );
-            let centre = centre_of(&scene.geometry, &light, &GAUSSIAN).expect("a centre");
+            let centre = centre_of(&scene.geometry(), &light, &GAUSSIAN).expect("a centre");
             let mut check = |other: &[u16], expected: i32, exact: bool| {
-                let found = centre_of(&scene.geometry, other, &GAUSSIAN)
+                let found = centre_of(&scene.geometry(), other, &GAUSSIAN)
                     .expect("a centre")
                     .centre
                     .to_bits();
@@ -347,7 +345,7 @@ fn least_squares_weights_reach_the_bound_in_white_noise() {
 /// Rows of every length that is served, from 32 pixels, have their spot found.
 #[test]
 fn rows_of_any_length_are_searched() {
-    let geometry = white_cell(1.2).scene().geometry;
+    let geometry = white_cell(1.2).scene().geometry();
     for length in (32..=300).chain(1000..=1003).chain(4090..=4096) {
         let truth = length as f64 / 2.0 + 0.2;
         let counts: Vec<f32> = (0..length)
@@ -379,7 +377,7 @@ fn whole_spots_are_not_called_cut() {
         let scene = cell.scene();
         let accepted = |centre: f64| {
             let light = quantise(&scene.row_with_centre(1, centre, 1.0), 4095);
-            match centre_of(&scene.geometry, &light, &GAUSSIAN) {
+            match centre_of(&scene.geometry(), &light, &GAUSSIAN) {
                 Ok(found) => {
                     assert!(
                         (found.centre.to_f64() - centre).abs() < 0.1,

@@ -59,7 +59,9 @@ fn run(estimator: Estimator, width: f64, flaw: Flaw) -> Outcome {
             let near = (truth + random.random_range(-3.0 * width..3.0 * width)).round() as usize;
             match flaw {
                 Flaw::Hot(height) => counts[near] += height,
-                Flaw::Dead => counts[near] = scene.black_level as f32,
+                Flaw::Dead => {
+                    counts[near] = scene.black_level.map_or(0.0, |black| black.counts) as f32
+                }
                 Flaw::Second(height, widths) => {
                     for (i, count) in counts.iter_mut().enumerate() {
                         let offset = i as f64 - truth - widths * width;
@@ -71,7 +73,7 @@ fn run(estimator: Estimator, width: f64, flaw: Flaw) -> Outcome {
             let light = quantise(&counts, 4095);
             let parts = Row::new(&light, &[], 4095).expect("12 bits");
             let found = spot::find(&parts).and_then(|spot| {
-                estimator::centre(estimator, &parts, &spot, None, &scene.geometry)
+                estimator::centre(estimator, &parts, &spot, None, &scene.geometry())
             });
             (truth, found)
         })
@@ -182,7 +184,7 @@ fn a_hot_pixel_alone_is_no_spot() {
         let light = quantise(&counts, 4095);
         let parts = Row::new(&light, &[], 4095).expect("12 bits");
         let found = spot::find(&parts).and_then(|spot| {
-            estimator::centre(Estimator::Robust, &parts, &spot, None, &scene.geometry)
+            estimator::centre(Estimator::Robust, &parts, &spot, None, &scene.geometry())
         });
         centres += i32::from(found.is_ok_and(|found| !found.misfit));
     }
@@ -213,7 +215,7 @@ fn a_tilt_is_no_outlier() {
             let light = quantise(&counts, 4095);
             let parts = Row::new(&light, &[], 4095).expect("12 bits");
             let found = spot::find(&parts).and_then(|spot| {
-                estimator::centre(Estimator::Robust, &parts, &spot, None, &scene.geometry)
+                estimator::centre(Estimator::Robust, &parts, &spot, None, &scene.geometry())
             });
             if let Ok(found) = found
                 && !found.misfit

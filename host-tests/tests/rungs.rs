@@ -163,7 +163,9 @@ fn bias_over_the_phase_is_the_methods_own() {
         // As the fit in f64: a pixel's own width.
         _ => [0.0003, 0.0001, 0.0001, 0.0001, 0.0001, 0.0001, 0.0001],
     };
-    let geometry = cell(1.0, ("", 1.0, 0.0, None), 0).scene_of(PIXELS).geometry;
+    let geometry = cell(1.0, ("", 1.0, 0.0, None), 0)
+        .scene_of(PIXELS)
+        .geometry();
     let mut text = format!(
         "largest bias over 40 phases in pixels, noiseless; sigma in pixels\n{:>14}{}\n",
         "",
@@ -265,7 +267,7 @@ fn what_is_not_on_the_sensor_is_a_fault() {
             let mirrored: Vec<u16> = light.iter().rev().copied().collect();
             for light in [light, mirrored] {
                 for rung in RUNGS {
-                    let found = centre_of(&scene.geometry, &light, rung);
+                    let found = centre_of(&scene.geometry(), &light, rung);
                     assert!(found.is_err(), "{rung:?}, {width} at {beside}: {found:?}");
                 }
             }
@@ -273,7 +275,7 @@ fn what_is_not_on_the_sensor_is_a_fault() {
             let cut = width * (2.0 * row as f64 / 400.0) - 0.4;
             let light = quantise(&scene.row_with_centre(row, cut, 1.0), 4095);
             for rung in [Estimator::Centroid, Estimator::ZeroCrossing] {
-                let found = centre_of(&scene.geometry, &light, rung);
+                let found = centre_of(&scene.geometry(), &light, rung);
                 assert!(found.is_err(), "{rung:?}, {width} at {cut}: {found:?}");
             }
         }
@@ -313,7 +315,7 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
         let scene = cell.scene_of(PIXELS);
         let light = quantise(&scene.row_with_centre(0, cell.true_centre(0), 1.0), 4095);
         for rung in RUNGS {
-            let found = centre_of(&scene.geometry, &light, rung);
+            let found = centre_of(&scene.geometry(), &light, rung);
             assert!(
                 rung == Estimator::GaussNewton || matches!(found, Err(Fault::Saturated { .. })),
                 "{rung:?}: {found:?}"
@@ -330,7 +332,7 @@ fn what_is_no_gaussian_is_a_misfit() {
         let cell = cell(width, ("", 2000.0, noise, Some(10.0)), 0);
         let scene = cell.scene_of(PIXELS);
         let misfit = |light: &[u16]| {
-            let found = centre_of(&scene.geometry, light, Estimator::GaussNewton);
+            let found = centre_of(&scene.geometry(), light, Estimator::GaussNewton);
             found.expect("a centre").misfit
         };
         let (mut clean, rows) = (0, 2000);
@@ -370,10 +372,10 @@ fn the_black_level_changes_no_bit() {
                     &scene.row_with_centre(row, cell.true_centre(row), 1.0),
                     2000,
                 );
-                let at_rest = centre_of(&scene.geometry, &light, rung);
+                let at_rest = centre_of(&scene.geometry(), &light, rung);
                 for offset in [1, 2, 3, 7, 100, 777, 2094] {
                     let shifted: Vec<u16> = light.iter().map(|&count| count + offset).collect();
-                    let found = centre_of(&scene.geometry, &shifted, rung);
+                    let found = centre_of(&scene.geometry(), &shifted, rung);
                     assert_eq!(
                         found, at_rest,
                         "{rung:?} {width}, row {row}, {offset} counts"
@@ -403,8 +405,8 @@ fn mirrors_mirror() {
                     4095,
                 );
                 let mirrored: Vec<u16> = light.iter().rev().copied().collect();
-                let centre = centre_of(&scene.geometry, &light, rung).expect("a centre");
-                let other = centre_of(&scene.geometry, &mirrored, rung).expect("a centre");
+                let centre = centre_of(&scene.geometry(), &light, rung).expect("a centre");
+                let other = centre_of(&scene.geometry(), &mirrored, rung).expect("a centre");
                 let highest = light.iter().max();
                 let plateau = light.iter().filter(|&count| Some(count) == highest).count() > 1;
                 if plateau && rung.name().ends_with("parabola") {
@@ -435,7 +437,7 @@ fn the_row_before_is_followed() {
             let light = quantise(&scene.row_with_centre(row, truth, 1.0), 4095);
             let row = Row::new(&light, &[], 4095).expect("12 bits");
             let spot = slitrange::spot::find(&row).expect("a spot");
-            let found = estimator::centre(rung, &row, &spot, before.as_ref(), &scene.geometry);
+            let found = estimator::centre(rung, &row, &spot, before.as_ref(), &scene.geometry());
             let found = found.expect("a centre");
             let error = found.centre.to_f64() - truth;
             squares += (found.width.to_f64() / width - 1.0).powi(2) / 100.0;

@@ -1,8 +1,7 @@
 //! Rows that follow one another: what the first row of a frame says spares the next ones work, and must not lead them astray.
 //! Every figure asserted is printed.
 
-use host_tests::optics::Optics;
-use host_tests::scene::{self, ReadNoise, Scene, ShotNoise, quantise};
+use host_tests::scene::{self, ReadNoise, Scene, Sensor, ShotNoise, quantise};
 use proptest::prelude::*;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -47,10 +46,8 @@ impl Shown {
     /// The counts of a row; `number` selects the noise.
     fn counts(&self, number: u64) -> Vec<u16> {
         let scene = Scene {
-            optics: Optics::nominal(),
-            geometry: geometry(),
             seed: 8,
-            black_level: self.black_level,
+            black_level: Some(scene::BlackLevel::steady(self.black_level)),
             spot: (self.amplitude > 0.0).then_some(scene::Spot {
                 width: self.width,
                 counts_per_second: self.amplitude,
@@ -61,6 +58,7 @@ impl Shown {
             read_noise: Some(ReadNoise {
                 counts: self.read_noise,
             }),
+            ..Scene::dark(Sensor::Row(PIXELS))
         };
         quantise(&scene.row_with_centre(number, self.centre, 1.0), 4095)
     }

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use host_tests::scene::Scene;
+use host_tests::scene::{Scene, Simulation};
 
 use crate::{Exposure, LightSource, PIXELS};
 
@@ -29,10 +29,11 @@ impl Target {
 
 /// A scene's rows. The target stands still during an exposure: it is where it was found at the end.
 pub fn of_scene(scene: Scene, target: Target) -> LightSource {
+    let simulation = Simulation::new(scene);
     let mut row = 0;
     Box::new(move |exposure: &Exposure| {
         row += 1;
-        scene.row(row, target.distance(), exposure.duration() as f64 * 1e-9)
+        simulation.row(row, target.distance(), exposure.duration() as f64 * 1e-9)
     })
 }
 

@@ -82,13 +82,8 @@ impl Scene {
     }
 
     fn whole_row(&self) -> scene::Scene {
-        let mut scene = self.cell().scene();
-        scene.black_level = self.black_level;
-        scene.geometry = Geometry {
-            words: PIXELS,
-            light: 0..PIXELS,
-            ..scene.geometry
-        };
+        let mut scene = self.cell().scene_of(PIXELS);
+        scene.black_level = Some(scene::BlackLevel::steady(self.black_level));
         scene
     }
 
@@ -97,7 +92,7 @@ impl Scene {
         Geometry {
             words: WINDOW,
             light: 0..WINDOW,
-            ..self.whole_row().geometry
+            ..self.whole_row().geometry()
         }
     }
 
@@ -141,14 +136,14 @@ fn window(scene: &scene::Scene, row: u64) -> anyhow::Result<Window> {
         spot.counts_per_second *= 1.0 + 0.1 * even(row, 3f64.sqrt());
     }
     let moved = truth + 0.5 * even(row, 7f64.sqrt());
-    let full_scale = scene.geometry.full_scale();
+    let full_scale = scene.geometry().full_scale();
     let earlier = quantise(&earlier.row_with_centre(2 * row, moved, 1.0), full_scale);
     let words = quantise(&scene.row_with_centre(2 * row + 1, truth, 1.0), full_scale);
 
     let earlier = Row::new(&earlier, &[], 4095).map_err(|error| anyhow!("{error:?}"))?;
     let earlier_spot = spot::find(&earlier).map_err(|fault| anyhow!("{fault:?}"))?;
     let found = |estimator| {
-        estimator::centre(estimator, &earlier, &earlier_spot, None, &scene.geometry)
+        estimator::centre(estimator, &earlier, &earlier_spot, None, &scene.geometry())
             .map_err(|fault| anyhow!("{fault:?}"))
     };
     let (before, adaptive_before) = (found(Estimator::PhaseTable)?, found(Estimator::Adaptive)?);

@@ -1,7 +1,7 @@
 //! Phase factors, and products of complex matrices: where the time goes.
 //!
-//! Sums are written out in lanes that the compiler turns into vector instructions. Their order is fixed, no fused operations are used, and
-//! sine and cosine are our own, so that results are the same on every machine.
+//! Sums are written out in lanes that the compiler turns into vector instructions. Their order is fixed, no fused operations are
+//! used, and sine and cosine are our own, so that results are the same on every machine.
 
 use std::f32::consts::PI;
 

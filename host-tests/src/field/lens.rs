@@ -10,7 +10,8 @@ use super::source::{Lit, RowSums};
 use super::surface::{REACH, Surface};
 use super::{Image, View};
 
-/// A lens before a sensor. It has defocus and, where asked for, coma; a distorted image is one whose centre is moved, which the caller does.
+/// A lens before a sensor. It has defocus and, where asked for, coma; a distorted image is one whose centre is moved, which the
+/// caller does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensAperture {
     /// Diameter of the pupil in metres.
@@ -20,6 +21,7 @@ pub struct LensAperture {
     /// R of a target that is in focus, in metres.
     pub focus_distance: f64,
     /// Seidel coma W131: waves at the pupil's edge for an image `full_field` from the axis; 0 for none.
+    /// Positive: the tail points away from the axis, and the centroid with it, by lambda z W131 / a.
     pub coma: f64,
     /// From the axis to the edge of the image along the row, in metres.
     pub full_field: f64,
@@ -89,13 +91,14 @@ impl<'a> Pupil<'a> {
     ) -> Self {
         let z = lens.to_sensor();
         let coma = lens.coma_at(field);
-        // A grid of n places repeats the image after n lambda z / diameter, which must be farther than from the window's edge to the
-        // light's edge on the other side: the spot's image with its defocus, coma (whose tail is 6 waves of it long) and some diffraction.
+        // A grid of n places repeats the image after n lambda z / diameter, which must be farther than from the window's edge to
+        // the light's edge on the other side: the spot's image with its defocus, coma (whose tail is 6 waves of it long) and some
+        // diffraction.
         let airy = laser.wavelength * z / lens.diameter;
         let defocus = 0.5 * lens.diameter * z * (1.0 / lit.range - 1.0 / lens.focus_distance).abs();
         let light = REACH * lit.beam.radius * z / lit.range + defocus;
         let pairs = (0.5 * ((reach + light) / airy + 6.0 * coma.abs() + 5.0)).ceil() as usize;
-        let pairs = pairs.max(8);
+        let pairs = pairs.max(16);
         let step = 0.5 * lens.diameter / pairs as f64;
         let right = (0..pairs).map(|i| (i as f64 + 0.5) * step);
         let places: Vec<f64> = right.clone().chain(right.map(|u| -u)).collect();
@@ -108,8 +111,9 @@ impl<'a> Pupil<'a> {
             let (u, v) = (places[column], places[row]);
             let covered = covered(u, v, step, 0.5 * lens.diameter) * step * step;
             let square = u * u + v * v;
-            // Against the wave from R, which is in `along` and `of_place`, the lens sets that from where it is in focus: the difference is
-            // the defocus r^2/2 (1/R - 1/R_focus). Seidel's coma is W131 (field / full field) (r/a)^3 cos(angle to the row).
+            // Against the wave from R, which is in `along` and `of_place`, the lens sets that from where it is in focus: the
+            // difference is the defocus r^2/2 (1/R - 1/R_focus). Seidel's coma is W131 (field / full field) (r/a)^3 cos(angle to
+            // the row).
             let focus = -0.5 * square / (lens.focus_distance * laser.wavelength);
             let coma = coma * square * u / (0.5 * lens.diameter).powi(3);
             let (re, im) = phasor(lit.of_place(u) + focus + coma);
@@ -167,8 +171,8 @@ impl<'a> Pupil<'a> {
     }
 }
 
-/// The light that a lens lets onto the sensor, in pixels whose middles are at columns X and rows Y in metres from the geometric centre, which
-/// is `field` metres along the row from the axis of the lens.
+/// The light that a lens lets onto the sensor, in pixels whose middles are at columns X and rows Y in metres from the geometric
+/// centre, which is `field` metres along the row from the axis of the lens.
 ///
 /// A pixel's light is the mean of `samples` x `samples` places in it: the finest detail is lambda z / diameter, 8.3 um at f/12, no
 /// more than a pixel and a half.

@@ -82,11 +82,11 @@ impl Lit {
         -u * x * self.angle.1 / (self.range * self.wavelength)
     }
 
-    /// Places x over the beam, close enough for the mean through an aperture so many metres wide, and the light from each, in units of one
-    /// scatterer of amplitude 1.
+    /// Places x over the beam, close enough for the mean through an aperture so many metres wide, and the light from each, in
+    /// units of one scatterer of amplitude 1.
     pub fn mean_places(&self, aperture: f64) -> Vec<(f64, f64)> {
-        // The trapezoidal rule. It is exact to 1e-9 for a gaussian at five steps to a radius, and for the aperture's diffraction at one step
-        // to lambda R / aperture / cos(theta).
+        // The trapezoidal rule. It is exact to 1e-9 for a gaussian at five steps to a radius, and for the aperture's diffraction
+        // at one step to lambda R / aperture / cos(theta).
         let detail = 0.9 * self.wavelength * self.range / aperture;
         let step = (0.2 * self.beam.radius).min(detail);
         let half = (REACH * self.beam.radius / step).ceil() as i32;
@@ -215,8 +215,8 @@ impl<'a> RowSums<'a> {
         }
     }
 
-    /// As cos(tilt) is even in x and sin(tilt) odd, only sums and differences of the waves left and right of the axis are needed: half the
-    /// products, and both places of a pair at once another half.
+    /// As cos(tilt) is even in x and sin(tilt) odd, only sums and differences of the waves left and right of the axis are needed:
+    /// half the products, and both places of a pair at once another half.
     fn fold(&mut self) {
         let half = self.lit.half;
         let [sum_re, sum_im, difference_re, difference_im] = &mut self.sums;

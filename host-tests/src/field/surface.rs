@@ -18,8 +18,8 @@ pub struct Scattering {
     /// From scatterer to scatterer along x and y, in metres.
     ///
     /// Along x the field repeats when sin(theta) changes by lambda / pitch. The table's 0.6 to 1.02 m are 0.166 of sin(theta), an
-    /// aperture adds 0.006: below 3.8 um. Along y it repeats within the aperture at lambda R / pitch; R is 0.67 m and more, the aperture
-    /// 4.2 mm at most: below 104 um, less a speckle's size.
+    /// aperture adds 0.006: below 3.8 um. Along y it repeats within the aperture at lambda R / pitch; R is 0.67 m and more, the
+    /// aperture 4.2 mm at most: below 104 um, less a speckle's size.
     pub pitch: [f64; 2],
     /// Size of the surface in metres, beyond which it repeats. A beam larger than that is refused.
     pub size: [f64; 2],
@@ -67,8 +67,8 @@ pub(super) struct Term {
 }
 
 impl Surface {
-    /// A surface of circular complex gaussian scatterers. The random numbers of a polarisation's row of scatterers are a stream of their
-    /// own.
+    /// A surface of circular complex gaussian scatterers. The random numbers of a polarisation's row of scatterers are a stream
+    /// of their own.
     ///
     /// # Errors
     /// If polarisations are neither 1 nor 2, or a pitch or size is not positive.
@@ -134,8 +134,8 @@ impl Surface {
         })
     }
 
-    /// The same with a texture: the reflectance at each place (x, y) in metres from the surface's middle, within half its size. Its mean
-    /// should be 1, as the unit of light is that of a surface without texture.
+    /// The same with a texture: the reflectance at each place (x, y) in metres from the surface's middle, within half its size.
+    /// Its mean should be 1, as the unit of light is that of a surface without texture.
     #[must_use]
     pub fn with_reflectance(mut self, reflectance: impl Fn(f64, f64) -> f64) -> Self {
         let [columns, rows] = self.scatterers;

@@ -1,7 +1,7 @@
 //! What stands on the paper's table: laser, camera, slit or lens. Lengths in metres.
 
 use crate::field::{Laser, LensAperture, SlitAperture};
-use crate::optics::Optics;
+use crate::optics::{self, Optics};
 use crate::paper::camera::{COLUMNS, PITCH};
 use crate::paper::lens_effects::Distortion;
 
@@ -89,6 +89,11 @@ pub fn optics(aperture: Aperture) -> Optics {
         angle: 2.6f64.atan(),
         pitch: PITCH,
         axis: AXIS,
+        wavelength: LASER.wavelength,
+        aperture: match aperture {
+            Aperture::Slit => optics::Aperture::PAPER_SLIT,
+            Aperture::Lens => optics::Aperture::PAPER_LENS,
+        },
     }
 }
 

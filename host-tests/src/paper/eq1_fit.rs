@@ -219,6 +219,7 @@ impl Scale {
 mod tests {
     use super::*;
     use crate::optics::Optics;
+    use crate::scene::Sensor;
     use rand::SeedableRng as _;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution as _, StandardNormal};
@@ -269,8 +270,7 @@ mod tests {
             baseline,
             focal_length: focal_length * 5.86e-6,
             angle: t.atan(),
-            pitch: 5.86e-6,
-            axis: 959.5,
+            ..Optics::nominal_on(Sensor::Camera)
         };
         println!("f {} mm, b {} mm", other.focal_length * 1e3, baseline * 1e3);
         for (centre, distance) in points {

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use host_tests::scene::{Scene, Spot};
+use host_tests::scene::{self, Scene, Spot};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use slitrange::black_level::BlackLevel;
@@ -28,7 +28,7 @@ fn any_spots(seed: u64) -> LightSource {
         row += 1;
         let scene = Scene {
             seed,
-            black_level: random.random_range(50.0..800.0),
+            black_level: Some(scene::BlackLevel::steady(random.random_range(50.0..800.0))),
             spot: Some(Spot {
                 width: logarithmic(&mut random, 0.8, 130.0),
                 counts_per_second: logarithmic(&mut random, 4.0, 12_000.0),

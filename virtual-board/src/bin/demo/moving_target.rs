@@ -183,7 +183,7 @@ fn compare(
     ensure!(reading.rows > 0, "a reading of no rows: {reading:?}");
     let bound = bound::Spot {
         width: spot.width,
-        amplitude: scene.amplitude(exposure),
+        amplitude: spot.counts_per_second * exposure,
         noise: scene.read_noise.map_or(0.0, |noise| noise.counts),
         electrons_per_count: scene.shot_noise.map(|noise| noise.electrons_per_count),
     };

@@ -1,0 +1,27 @@
+//! Unlit pixels differ (dark signal non-uniformity).
+
+use rand_distr::{Distribution as _, StandardNormal};
+use serde::{Deserialize, Serialize};
+
+use crate::scene::{Effect, random};
+
+/// Each pixel's black level differs from the mean by an offset of its own, which stays (EMVA standard 1288, DSNU).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FixedPattern {
+    /// Standard deviation in counts.
+    pub counts: f64,
+}
+
+impl FixedPattern {
+    /// The offsets of a sensor's outputs in counts.
+    pub fn offsets(&self, seed: u64, outputs: usize) -> Vec<f32> {
+        let mut random = random::of_scene(seed, Effect::FixedPattern);
+        (0..outputs)
+            .map(|_| {
+                let normal: f32 = StandardNormal.sample(&mut random);
+                self.counts as f32 * normal
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,135 @@
+//! From a scene to its rows: the order in which the effects are computed.
+//!
+//! Each effect that is listed is one pass over the row, or over the few pixels that it touches; one that is not listed is one test a row.
+
+use crate::scene::laser_light::LaserLight;
+use crate::scene::{Effect, Scene, random};
+
+/// A scene, and what it draws and computes once for all of its rows.
+#[derive(Clone, Debug)]
+pub struct Simulation {
+    scene: Scene,
+    prepared: Prepared,
+}
+
+impl Simulation {
+    /// Prepares a scene.
+    pub fn new(scene: Scene) -> Self {
+        let prepared = Prepared::new(&scene);
+        Self { scene, prepared }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// As [`Scene::row`].
+    pub fn row(&self, row: u64, distance: f64, exposure: f64) -> Vec<f32> {
+        self::row(&self.scene, &self.prepared, row, distance, exposure)
+    }
+
+    /// The target's distance in metres in the middle of a row's exposure, where it is at `distance` in that of the first row: what an
+    /// estimate is to be compared with.
+    pub fn true_distance(&self, row: u64, distance: f64) -> f64 {
+        match &self.scene.motion {
+            Some(motion) => motion.distance(distance, time(&self.scene, row)),
+            None => distance,
+        }
+    }
+
+    /// The centre in pixels that a perfect sensor has for that distance, by eq. (1) as it was calibrated: what moves the spot besides the target -
+    /// temperature, distortion, obliquity, aberrations, texture, speckle - is an error.
+    pub fn true_centre(&self, row: u64, distance: f64) -> f64 {
+        self.scene.optics.centre(self.true_distance(row, distance))
+    }
+}
+
+/// What listed effects draw or compute once.
+#[derive(Clone, Debug)]
+pub(crate) struct Prepared {
+    /// The laser's.
+    laser_light: LaserLight,
+    /// [`crate::scene::Response`]: a factor for each light pixel.
+    response: Option<Vec<f32>>,
+    /// [`crate::scene::FixedPattern`]: an offset for each output.
+    fixed_pattern: Option<Vec<f32>>,
+    /// [`crate::scene::HotPixels`]: numbers of light pixels.
+    hot_pixels: Option<Vec<usize>>,
+}
+
+impl Prepared {
+    pub(crate) fn new(scene: &Scene) -> Self {
+        let (seed, geometry) = (scene.seed, scene.sensor.geometry());
+        let pixels = geometry.light.len();
+        Self {
+            laser_light: LaserLight::new(scene),
+            response: scene.response.map(|it| it.factors(seed, pixels)),
+            fixed_pattern: (scene.fixed_pattern).map(|it| it.offsets(seed, geometry.words)),
+            hot_pixels: scene.hot_pixels.map(|it| it.places(seed, pixels)),
+        }
+    }
+}
+
+/// Seconds from the middle of the first row's exposure to that of another. Rows of one frame are exposed at once.
+fn time(scene: &Scene, row: u64) -> f64 {
+    (row / scene.sensor.rows()) as f64 * scene.sensor.period()
+}
+
+/// As [`Scene::row`].
+pub(crate) fn row(
+    scene: &Scene,
+    prepared: &Prepared,
+    row: u64,
+    distance: f64,
+    exposure: f64,
+) -> Vec<f32> {
+    let geometry = scene.sensor.geometry();
+    let time = time(scene, row);
+    let mut counts = vec![0.0; geometry.words];
+
+    let light = &mut counts[geometry.light.clone()];
+    (prepared.laser_light).add(scene, light, row, time, distance, exposure);
+    if let Some(ambient) = &scene.ambient {
+        ambient.add(light, exposure);
+    }
+    if let Some(factors) = &prepared.response {
+        for (light, factor) in light.iter_mut().zip(factors) {
+            *light *= factor;
+        }
+    }
+    if let (Some(hot), Some(places)) = (&scene.hot_pixels, &prepared.hot_pixels) {
+        for &place in places {
+            light[place] += (hot.counts_per_second * exposure) as f32;
+        }
+    }
+    if let Some(noise) = &scene.shot_noise {
+        noise.apply(
+            light,
+            &mut random::of_row(scene.seed, Effect::ShotNoise, row),
+        );
+    }
+    if let Some(saturation) = &scene.saturation {
+        saturation.apply(light);
+    }
+
+    if let Some(black_level) = &scene.black_level {
+        let level = black_level.after(time) as f32;
+        counts.iter_mut().for_each(|count| *count += level);
+    }
+    if let Some(offsets) = &prepared.fixed_pattern {
+        for (count, offset) in counts.iter_mut().zip(offsets) {
+            *count += offset;
+        }
+    }
+    if let Some(noise) = &scene.read_noise {
+        noise.apply(
+            &mut counts,
+            &mut random::of_row(scene.seed, Effect::ReadNoise, row),
+        );
+    }
+    if let Some(quantisation) = &scene.quantisation {
+        quantisation.apply(&mut counts);
+    }
+    counts
+}
