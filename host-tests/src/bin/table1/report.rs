@@ -2,9 +2,11 @@
 
 use std::fmt::Write as _;
 
-use host_tests::paper::apparatus::Aperture;
+use host_tests::paper::apparatus::{self, Aperture, LASER, TAN_ANGLE, WANDER};
+use host_tests::paper::camera::{FULL_SCALE, PEAK};
 use host_tests::paper::errors::Judged;
 use host_tests::paper::experiment::Outcome;
+use host_tests::paper::lens_effects::{Distortion, Flare};
 use host_tests::paper::materials::MATERIALS;
 use host_tests::paper::methods::{Calibration, Method};
 use host_tests::paper::published::{Errors, TABLE_1};
@@ -69,7 +71,8 @@ impl Report {
 
     /// Every figure as comma-separated values.
     pub fn csv(&self) -> String {
-        let mut text = String::from("material,optics,method,mae_um,max_um,paper_mae_um,paper_max_um\n");
+        let mut text =
+            String::from("material,optics,method,mae_um,max_um,paper_mae_um,paper_max_um\n");
         for cell in self.json().cells {
             let figures = [
                 Some(cell.mae_um),
@@ -77,7 +80,8 @@ impl Report {
                 cell.paper_mae_um,
                 cell.paper_max_um,
             ];
-            let figures = figures.map(|figure| figure.map_or(String::new(), |um| format!("{um:.1}")));
+            let figures =
+                figures.map(|figure| figure.map_or(String::new(), |um| format!("{um:.1}")));
             // No name has a comma.
             let Cell {
                 material,
@@ -109,7 +113,8 @@ impl Report {
                 let paper = of_paper(paper, &method);
                 for figure in [|errors: Errors| errors.max, |errors: Errors| errors.mae] {
                     let ours = ours.map_or("-".into(), |ours| format!("{:.0}", figure(ours)));
-                    let paper = paper.map_or(String::new(), |paper| format!(" ({:.0})", figure(paper)));
+                    let paper =
+                        paper.map_or(String::new(), |paper| format!(" ({:.0})", figure(paper)));
                     line += &format!(" {ours}{paper} |");
                 }
             }
@@ -125,7 +130,8 @@ impl Report {
                 gains().fold(f64::NEG_INFINITY, f64::max)
             );
         }
-        text + "\nThe paper leaves these open; they were chosen, the same for the lens and the slit:\n\n" + &chosen()
+        text + "\nThe paper leaves these open; they were chosen, the same for the lens and the slit:\n\n"
+            + &chosen()
     }
 
     /// What a method makes of a material.
@@ -349,4 +355,33 @@ fn best(outcomes: &[Outcome]) -> Option<Method> {
     };
     let methods = slits().next()?.trained.iter().map(|&(method, _)| method);
     methods.min_by(|a, b| ratio(a).total_cmp(&ratio(b)))
+}
+
+/// What the paper leaves open and was chosen, as a list.
+fn chosen() -> String {
+    let Flare { ghost, veil } = Flare::CHOSEN;
+    let lens = apparatus::lens();
+    let mut list = format!(
+        "- laser: linewidth {:.1} nm, waist {:.2} mm at {:.2} m, {:.1} mrad to the table\n\
+         - axis of the camera: tan u = {TAN_ANGLE}\n\
+         - lens: in focus at {:.2} m, distortion {:+.1} % and coma of {:.2} waves at the edge of the field\n\
+         - lens flare: a ghost of {:.1} % of the light, {:.2} mm in radius, at -{:.1} times the spot's place; a veil of {:.1} %, {:.1} mm wide\n\
+         - exposure: mean peak {PEAK:.0} of {FULL_SCALE} counts\n",
+        LASER.linewidth * 1e9,
+        LASER.waist_diameter * 1e3,
+        LASER.waist_distance,
+        WANDER * 1e3,
+        lens.focus_distance,
+        100.0 * Distortion::CHOSEN.share,
+        lens.coma,
+        100.0 * ghost.share,
+        ghost.radius * 1e3,
+        ghost.magnification,
+        100.0 * veil.share,
+        veil.width * 1e3,
+    );
+    for material in &MATERIALS {
+        list += &format!("- {}\n", material.description());
+    }
+    list
 }
