@@ -3,11 +3,13 @@
 pub mod accuracy;
 pub mod bound;
 pub mod core_tables;
+pub mod field;
 pub mod grid;
 pub mod ladder;
 pub mod least_squares;
 pub mod measured_profile;
 pub mod optics;
+pub mod paper;
 pub mod photograph;
 pub mod profiles;
 pub mod scene;

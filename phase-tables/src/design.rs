@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::{Background, Plan};
+use crate::Background;
 
 /// A spot's profile: (offset of a pixel's centre from the spot's, the spot's width), both in pixels, to the light that the
 /// pixel gathers, where a pixel at the peak of a very wide spot gathers 1.
@@ -110,7 +110,12 @@ pub struct Table {
 }
 
 /// Designs the weights of one width.
-pub fn design(profile: Profile<'_>, shape: Shape, plan: &Plan) -> Table {
+pub fn design(
+    profile: Profile<'_>,
+    shape: Shape,
+    noise_ratio: f64,
+    background: Background,
+) -> Table {
     let mut table = Table {
         shape,
         score: vec![],
@@ -120,7 +125,7 @@ pub fn design(profile: Profile<'_>, shape: Shape, plan: &Plan) -> Table {
         profile: vec![],
         gradient: vec![],
     };
-    let weights = |centre| weights(profile, shape, plan, centre);
+    let weights = |centre| weights(profile, shape, noise_ratio, background, centre);
     let mut fit = BendFit::default();
     for k in 0..shape.phases {
         let centre = shape.phase(k);
@@ -150,7 +155,13 @@ pub fn design(profile: Profile<'_>, shape: Shape, plan: &Plan) -> Table {
 /// rows of (J^T V^-1 J)^-1 J^T V^-1: the best linear unbiased estimates of a small shift and a small stretch, with amplitude
 /// and black level projected out. They are one Gauss-Newton step of a weighted four-parameter fit, taken in advance. On a
 /// tilted background the Jacobian has a fifth column, the pixels' places, and the tilt drops out too.
-fn weights(profile: Profile<'_>, shape: Shape, plan: &Plan, centre: f64) -> [DVector<f64>; 2] {
+fn weights(
+    profile: Profile<'_>,
+    shape: Shape,
+    noise_ratio: f64,
+    background: Background,
+    centre: f64,
+) -> [DVector<f64>; 2] {
     let g = shape.sample(profile, centre, shape.width);
     let d_centre = shape.by_centre(profile, centre);
     let d_width = shape.by_width(profile, centre);
@@ -161,28 +172,19 @@ fn weights(profile: Profile<'_>, shape: Shape, plan: &Plan, centre: f64) -> [DVe
         // The window reaches as far to one side of the centre as to the other: its last pixels count in part. Otherwise light
         // that is left there, and that the profile does not know of, would pull at the centre.
         let inside = (half_width + 0.5 - place.abs()).clamp(0.0, 1.0);
-        if plan.noise_ratio.is_finite() {
-            inside / (light + plan.noise_ratio)
+        if noise_ratio.is_finite() {
+            inside / (light + noise_ratio)
         } else {
             inside
         }
     });
     let columns = [&d_centre, &g, &ones, &d_width, &places];
-    let columns = match plan.background {
+    let columns = match background {
         Background::Level => &columns[..4],
         Background::Tilted => &columns[..],
     };
     let rows = best_linear_unbiased(columns, &inverse_noise);
-    let stretch = rows[3].clone();
-    if plan.focus.is_infinite() {
-        return [rows[0].clone(), stretch];
-    }
-    let focused = inverse_noise.zip_map(&places, |weight, place| {
-        let place = place / (plan.focus * shape.width);
-        weight * (-0.5 * place * place).exp()
-    });
-    let rows = best_linear_unbiased(columns, &focused);
-    [rows[0].clone(), stretch]
+    [rows[0].clone(), rows[3].clone()]
 }
 
 /// (J^T V^-1 J)^-1 J^T V^-1 with J's columns given and V^-1 diagonal. Columns are scaled to unit length first, which keeps

@@ -59,11 +59,6 @@ pub struct Plan {
     pub noise_ratio: f64,
     /// What is under the spot.
     pub background: Background,
-    /// Widths from the centre at which a pixel's weight in the score falls to 60 %, as a gaussian; infinity: it does not.
-    ///
-    /// Noise is not all that moves a spot: speckle does, and it distorts the flanks more than the top. Its score is best near the
-    /// middle, where a fit to little noise would not look.
-    pub focus: f64,
     /// For which widths.
     pub widths: Widths,
 }
@@ -82,17 +77,7 @@ pub enum Background {
 pub const DEFAULT: Plan = Plan {
     noise_ratio: 0.23,
     background: Background::Level,
-    focus: f64::INFINITY,
     widths: FINE,
-};
-
-/// For speckle, where noise is small beside it: least squares on the spot's top. The score is the derivative of a gaussian 0.4 times as wide
-/// as the spot, which a simulation of speckle found to be within 1 % of the best (`cargo table1`).
-pub const SPECKLE: Plan = Plan {
-    noise_ratio: f64::INFINITY,
-    // 1 / sqrt(1/0.4^2 - 1): the product of the spot's gaussian and the weight's is 0.4 widths wide.
-    focus: 0.436,
-    ..DEFAULT
 };
 
 /// Least squares, the best for read noise alone.
@@ -129,7 +114,13 @@ pub fn set(profile: Profile<'_>, plan: Plan) -> Vec<IntegerTable> {
     (0..plan.widths.count)
         .map(|i| {
             let width = plan.widths.narrowest * plan.widths.ratio.powi(i as i32);
-            design(profile, plan.shape(width), &plan).quantise()
+            design(
+                profile,
+                plan.shape(width),
+                plan.noise_ratio,
+                plan.background,
+            )
+            .quantise()
         })
         .collect()
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::scene::spot;
+use crate::scene::spot::Spot;
 
 /// Light that reaches the sensor by way of a shiny surface beside the target, or from a second layer of a clear one: a gaussian beside the spot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,7 +19,7 @@ pub struct SecondReflection {
 impl SecondReflection {
     /// Adds it to a row of light whose spot is `amplitude` counts high at pixel `centre`.
     pub fn add(&self, light: &mut [f32], centre: f64, amplitude: f64) {
-        let spot = spot::Spot {
+        let spot = Spot {
             width: self.width,
             counts_per_second: 0.0,
         };

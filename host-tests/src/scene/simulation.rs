@@ -2,6 +2,7 @@
 //!
 //! Each effect that is listed is one pass over the row, or over the few pixels that it touches; one that is not listed is one test a row.
 
+use crate::scene::laser_light::LaserLight;
 use crate::scene::{Effect, Scene, random};
 
 /// A scene, and what it draws and computes once for all of its rows.
@@ -27,11 +28,28 @@ impl Simulation {
     pub fn row(&self, row: u64, distance: f64, exposure: f64) -> Vec<f32> {
         self::row(&self.scene, &self.prepared, row, distance, exposure)
     }
+
+    /// The target's distance in metres in the middle of a row's exposure, where it is at `distance` in that of the first row: what an
+    /// estimate is to be compared with.
+    pub fn true_distance(&self, row: u64, distance: f64) -> f64 {
+        match &self.scene.motion {
+            Some(motion) => motion.distance(distance, time(&self.scene, row)),
+            None => distance,
+        }
+    }
+
+    /// The centre in pixels that a perfect sensor has for that distance, by eq. (1) as it was calibrated: what moves the spot besides the target -
+    /// temperature, distortion, obliquity, aberrations, texture, speckle - is an error.
+    pub fn true_centre(&self, row: u64, distance: f64) -> f64 {
+        self.scene.optics.centre(self.true_distance(row, distance))
+    }
 }
 
 /// What listed effects draw or compute once.
 #[derive(Clone, Debug)]
 pub(crate) struct Prepared {
+    /// The laser's.
+    laser_light: LaserLight,
     /// [`crate::scene::Response`]: a factor for each light pixel.
     response: Option<Vec<f32>>,
     /// [`crate::scene::FixedPattern`]: an offset for each output.
@@ -45,11 +63,17 @@ impl Prepared {
         let (seed, geometry) = (scene.seed, scene.sensor.geometry());
         let pixels = geometry.light.len();
         Self {
+            laser_light: LaserLight::new(scene),
             response: scene.response.map(|it| it.factors(seed, pixels)),
             fixed_pattern: (scene.fixed_pattern).map(|it| it.offsets(seed, geometry.words)),
             hot_pixels: scene.hot_pixels.map(|it| it.places(seed, pixels)),
         }
     }
+}
+
+/// Seconds from the middle of the first row's exposure to that of another. Rows of one frame are exposed at once.
+fn time(scene: &Scene, row: u64) -> f64 {
+    (row / scene.sensor.rows()) as f64 * scene.sensor.period()
 }
 
 /// As [`Scene::row`].
@@ -61,12 +85,11 @@ pub(crate) fn row(
     exposure: f64,
 ) -> Vec<f32> {
     let geometry = scene.sensor.geometry();
-    // Rows of one frame are exposed at once.
-    let time = (row / scene.sensor.rows()) as f64 * scene.sensor.period();
+    let time = time(scene, row);
     let mut counts = vec![0.0; geometry.words];
 
     let light = &mut counts[geometry.light.clone()];
-    add_laser_light(scene, prepared, light, row, time, distance, exposure);
+    (prepared.laser_light).add(scene, light, row, time, distance, exposure);
     if let Some(ambient) = &scene.ambient {
         ambient.add(light, exposure);
     }
@@ -109,35 +132,4 @@ pub(crate) fn row(
         quantisation.apply(&mut counts);
     }
     counts
-}
-
-/// Adds what comes of the laser: the spot, and what goes with it.
-fn add_laser_light(
-    scene: &Scene,
-    _prepared: &Prepared,
-    light: &mut [f32],
-    _row: u64,
-    time: f64,
-    distance: f64,
-    exposure: f64,
-) {
-    let Some(spot) = &scene.spot else {
-        return;
-    };
-    let optics = match &scene.temperature {
-        Some(temperature) => temperature.optics(&scene.optics, time),
-        None => scene.optics,
-    };
-    let mut amplitude = spot.counts_per_second * exposure;
-    if let Some(lobe) = &scene.specular_lobe {
-        amplitude *= lobe.factor(optics.viewing_angle(distance));
-    }
-    let mut centre = optics.centre(distance);
-    if let Some(distortion) = &scene.distortion {
-        centre = distortion.displaced(centre, optics.axis, optics.pitch);
-    }
-    spot.add(light, centre, amplitude);
-    if let Some(reflection) = &scene.second_reflection {
-        reflection.add(light, centre, amplitude);
-    }
 }

@@ -4,6 +4,10 @@ use phase_tables::gaussian;
 use serde::{Deserialize, Serialize};
 
 /// A gaussian along the row (eq. (5) of the paper), where no effect gives it another shape.
+///
+/// On a sensor of many rows it is as tall as the slit's shadow, or round where a lens makes it. The height is that of the whole spot, in
+/// focus, as the sensor sees it: neither [`crate::scene::Diffraction`] nor [`crate::scene::LaserSpot`] changes it. What spreads light
+/// besides - defocus, coma, motion - conserves the light and so lowers the spot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spot {
@@ -28,8 +32,14 @@ pub fn within(
     centre: f64,
     width: f64,
 ) -> impl Iterator<Item = (usize, &mut f32)> {
+    let reach = 7.0 * width;
+    between(light, centre - reach - 1.0, centre + reach + 2.0)
+}
+
+/// The pixels from one place to another, with their numbers.
+pub fn between(light: &mut [f32], from: f64, to: f64) -> impl Iterator<Item = (usize, &mut f32)> {
     let end = light.len() as f64;
-    let from = (centre - 7.0 * width - 1.0).floor().clamp(0.0, end) as usize;
-    let to = (centre + 7.0 * width + 2.0).ceil().clamp(0.0, end) as usize;
+    let from = from.floor().clamp(0.0, end) as usize;
+    let to = to.ceil().clamp(0.0, end) as usize;
     light.iter_mut().enumerate().take(to).skip(from)
 }

@@ -1,0 +1,171 @@
+//! What comes of the laser in a row: the spot, and what goes with it.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::optics::Optics;
+use crate::scene::obliquity::Oblique;
+use crate::scene::pattern::Pattern;
+use crate::scene::shape::{self, Shape};
+use crate::scene::spot::{Spot, between};
+use crate::scene::{Motion, Scene, texture};
+
+/// What the laser's light needs that is drawn or computed once.
+#[derive(Debug, Default)]
+pub struct LaserLight {
+    /// [`crate::scene::Texture`].
+    surface: Option<texture::Surface>,
+    /// The last shape and its distance: a target at rest has one shape for all rows.
+    last: Mutex<Option<(f64, Arc<Shape>)>>,
+}
+
+impl Clone for LaserLight {
+    fn clone(&self) -> Self {
+        Self {
+            surface: self.surface.clone(),
+            last: Mutex::default(),
+        }
+    }
+}
+
+impl LaserLight {
+    /// Draws what the scene's effects need.
+    pub fn new(scene: &Scene) -> Self {
+        Self {
+            surface: scene.texture.map(|it| it.surface(scene.seed)),
+            last: Mutex::default(),
+        }
+    }
+
+    /// Adds it to a row of light. `distance` is that of [`Scene::row`], `time` that of the row.
+    pub fn add(
+        &self,
+        scene: &Scene,
+        light: &mut [f32],
+        row: u64,
+        time: f64,
+        distance: f64,
+        exposure: f64,
+    ) {
+        let Some(spot) = &scene.spot else {
+            return;
+        };
+        let distance = match &scene.motion {
+            Some(motion) => motion.distance(distance, time),
+            None => distance,
+        };
+        let optics = match &scene.temperature {
+            Some(temperature) => temperature.optics(&scene.optics, time),
+            None => scene.optics,
+        };
+        let centre_at = |distance: f64| {
+            let centre = optics.centre(distance);
+            match &scene.distortion {
+                Some(distortion) => distortion.displaced(centre, optics.axis, optics.pitch),
+                None => centre,
+            }
+        };
+        let mut amplitude = spot.counts_per_second * exposure;
+        if let Some(lobe) = &scene.specular_lobe {
+            amplitude *= lobe.factor(optics.viewing_angle(distance));
+        }
+        let row = (row % scene.sensor.rows()) as usize;
+
+        if Shape::is_needed(scene) {
+            let shape = self.shape(scene, distance);
+            if let Some((pattern, factor)) = shape.row(row) {
+                let width = shape.width() / optics.pitch;
+                let amplitude = amplitude * factor;
+                exposures(
+                    scene,
+                    distance,
+                    exposure,
+                    width,
+                    centre_at,
+                    |centre, part| {
+                        if scene.obliquity.is_some() {
+                            add_oblique(light, pattern, &optics, centre, amplitude * part);
+                        } else {
+                            add(light, pattern, optics.pitch, centre, amplitude * part);
+                        }
+                    },
+                );
+            }
+        } else {
+            let spot = Spot {
+                width: shape::gaussian_width(scene, distance),
+                ..*spot
+            };
+            let amplitude = amplitude * shape::gaussian_height(scene, distance, row);
+            exposures(
+                scene,
+                distance,
+                exposure,
+                spot.width,
+                centre_at,
+                |centre, part| {
+                    spot.add(light, centre, amplitude * part);
+                },
+            );
+        }
+
+        let centre = centre_at(distance);
+        if let Some(flare) = &scene.flare {
+            let rows_off = shape::place_across(scene, row) / optics.pitch;
+            flare.add(light, rows_off, centre, optics.axis, amplitude);
+        }
+        if let Some(reflection) = &scene.second_reflection {
+            reflection.add(light, centre, amplitude);
+        }
+    }
+
+    /// The shape at a distance: the last one, if it has not changed.
+    fn shape(&self, scene: &Scene, distance: f64) -> Arc<Shape> {
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((at, shape)) = &*last
+            && at.to_bits() == distance.to_bits()
+        {
+            return shape.clone();
+        }
+        let shape = Arc::new(Shape::incoherent(scene, self.surface.as_ref(), distance));
+        *last = Some((distance, shape.clone()));
+        shape
+    }
+}
+
+/// The spot's centres during an exposure, and the share of the light that falls while it is there: one for a target at rest.
+/// `width` is the spot's in pixels.
+fn exposures(
+    scene: &Scene,
+    distance: f64,
+    exposure: f64,
+    width: f64,
+    centre_at: impl Fn(f64) -> f64,
+    mut expose: impl FnMut(f64, f64),
+) {
+    let Some(motion) = &scene.motion else {
+        return expose(centre_at(distance), 1.0);
+    };
+    let half_way = 0.5 * motion.speed * exposure;
+    let moved = centre_at(distance - half_way) - centre_at(distance + half_way);
+    let steps = Motion::steps(moved / width);
+    for distance in motion.distances(distance, exposure, steps) {
+        expose(centre_at(distance), 1.0 / f64::from(steps));
+    }
+}
+
+fn add(light: &mut [f32], pattern: &Pattern, pitch: f64, centre: f64, amplitude: f64) {
+    let reach = pattern.reach() / pitch + 1.0;
+    for (i, light) in between(light, centre - reach, centre + reach) {
+        *light += (amplitude * pattern.at((i as f64 - centre) * pitch)) as f32;
+    }
+}
+
+fn add_oblique(light: &mut [f32], pattern: &Pattern, optics: &Optics, centre: f64, amplitude: f64) {
+    let oblique = Oblique::new((centre - optics.axis) * optics.pitch, optics.focal_length);
+    let end = |q: f64| optics.axis + oblique.place(q) / optics.pitch;
+    let (from, to) = (end(-pattern.reach()), end(pattern.reach()));
+    for (i, light) in between(light, from - 1.0, to + 2.0) {
+        let (q, factor) = oblique.seen((i as f64 - optics.axis) * optics.pitch);
+        *light += (amplitude * factor * pattern.at(q)) as f32;
+    }
+}

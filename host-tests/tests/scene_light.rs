@@ -1,0 +1,808 @@
+//! Each effect of a scene's light against a closed form, or against a computation of another kind.
+
+use std::f64::consts::{PI, SQRT_2, TAU};
+
+use host_tests::optics::{Aperture, Optics};
+use host_tests::profiles;
+use host_tests::scene::diffraction::Gap;
+use host_tests::scene::lens::{Across, Pupil};
+use host_tests::scene::pattern::Pattern;
+use host_tests::scene::{
+    Coma, Defocus, Diffraction, Distortion, Flare, LaserSpot, Motion, Obliquity, Scene,
+    SecondReflection, Sensor, Simulation, SpecularLobe, Spot, Temperature, Texture,
+};
+
+/// A gaussian spot of 8.6 pixels, 1000 counts high after a second, on 3648 pixels of 8 um, without noise.
+fn plain() -> Scene {
+    Scene {
+        spot: Some(Spot {
+            width: 8.6,
+            counts_per_second: 1000.0,
+        }),
+        ..Scene::dark(Sensor::Row(3648))
+    }
+}
+
+/// The same behind the paper's lens.
+fn behind_a_lens() -> Scene {
+    let plain = plain();
+    Scene {
+        spot: Some(Spot {
+            width: 2.0,
+            counts_per_second: 1000.0,
+        }),
+        optics: Optics {
+            aperture: Aperture::PAPER_LENS,
+            ..plain.optics
+        },
+        ..plain
+    }
+}
+
+/// Sum, centre of mass and variance of a row, in counts, pixels and square pixels.
+fn moments(row: &[f32]) -> (f64, f64, f64) {
+    let places = || row.iter().map(|&light| f64::from(light)).zip(0..);
+    let sum: f64 = places().map(|(light, _)| light).sum();
+    let mean = |value: &dyn Fn(f64) -> f64| {
+        places()
+            .map(|(light, i)| light * value(f64::from(i)))
+            .sum::<f64>()
+            / sum
+    };
+    let centre = mean(&|x| x);
+    (sum, centre, mean(&|x| (x - centre).powi(2)))
+}
+
+/// What one row has more than another.
+fn difference(more: &[f32], less: &[f32]) -> Vec<f32> {
+    more.iter().zip(less).map(|(a, b)| a - b).collect()
+}
+
+/// Simpson's rule.
+fn integral(from: f64, to: f64, steps: usize, value: impl Fn(f64) -> f64) -> f64 {
+    let h = (to - from) / (2 * steps) as f64;
+    let sum: f64 = (0..=2 * steps)
+        .map(|i| {
+            let weight = match i {
+                0 => 1.0,
+                _ if i == 2 * steps => 1.0,
+                _ if i % 2 == 1 => 4.0,
+                _ => 2.0,
+            };
+            weight * value(from + h * i as f64)
+        })
+        .sum();
+    sum * h / 3.0
+}
+
+fn sinc_squared(x: f64) -> f64 {
+    if x == 0.0 {
+        1.0
+    } else {
+        ((PI * x).sin() / (PI * x)).powi(2)
+    }
+}
+
+#[test]
+fn fraunhofers_slit_has_its_first_zero_at_lambda_z_over_a() {
+    // Pixels of a hundredth of lambda z / a = 162.5 um.
+    let mut scene = Scene {
+        diffraction: Some(Diffraction::Fraunhofer),
+        ..plain()
+    };
+    scene.optics.pitch = 1.625e-6;
+    let centre = 1800.0;
+    let row = scene.row_with_centre(0, centre, 1.0);
+    for (pixel, expected) in [
+        (1800, 1.0),
+        (1850, sinc_squared(0.5)),
+        (1950, sinc_squared(1.5)),
+    ] {
+        println!("pixel {pixel}: {} for {}", row[pixel], 1000.0 * expected);
+        // A pixel's mean over a hundredth of a lobe is off by (pi / 100)^2 / 36 or less.
+        assert!((f64::from(row[pixel]) - 1000.0 * expected).abs() < 0.05);
+    }
+    for zero in [1500, 1600, 1700, 1900, 2000, 2100] {
+        println!(
+            "zero at {zero}: {:.5} {:.5} {:.5}",
+            row[zero - 3],
+            row[zero],
+            row[zero + 3]
+        );
+        // Over its width of 1/100 a pixel at a zero gathers (pi / 100)^2 / 12 / n^2 of the peak: 0.0822 of 1000 for n = 1.
+        assert!(
+            row[zero] < 0.09 && row[zero - 3] > 5.0 * row[zero] && row[zero + 3] > 5.0 * row[zero]
+        );
+    }
+}
+
+/// The spot as the sensor's pixels gather it, sinc^2 averaged over each pixel by quadrature, wherever it lies between pixels.
+#[test]
+fn pixels_gather_the_pattern_over_their_width() {
+    let scene = Scene {
+        diffraction: Some(Diffraction::Fraunhofer),
+        ..plain()
+    };
+    let first_zero = 162.5 / 8.0;
+    let mut worst = 0.0f64;
+    for phase in [0.0, 0.13, 0.5, 0.77] {
+        let centre = 1800.0 + phase;
+        let row = scene.row_with_centre(0, centre, 1.0);
+        for pixel in 1500..2100 {
+            let x = pixel as f64 - centre;
+            let expected = 1000.0 * integral(x - 0.5, x + 0.5, 8, |x| sinc_squared(x / first_zero));
+            worst = worst.max((f64::from(row[pixel]) - expected).abs());
+        }
+    }
+    println!("off by {worst:.4} of 1000 counts at most");
+    assert!(worst < 0.01);
+}
+
+/// |int exp(i pi (u^2 (1/R + 1/z) - 2 u x/z) / lambda) du|^2 over the slit, by quadrature, over that at the middle.
+fn fresnel_by_quadrature(gap: &Gap, x: f64) -> f64 {
+    let light = |x: f64| {
+        let phase = |u: f64| {
+            PI / gap.wavelength
+                * (u * u * (1.0 / gap.to_light + 1.0 / gap.to_sensor) - 2.0 * u * x / gap.to_sensor)
+        };
+        let half = 0.5 * gap.width;
+        let part = |wave: fn(f64) -> f64| integral(-half, half, 3000, |u| wave(phase(u)));
+        part(f64::cos).powi(2) + part(f64::sin).powi(2)
+    };
+    light(x) / light(0.0)
+}
+
+#[test]
+fn fresnels_slit_is_its_integral() {
+    for (width, reach) in [
+        (200e-6, 5e-3),
+        (100e-6, 5e-3),
+        (600e-6, 2e-3),
+        (3e-3, 2.2e-3),
+    ] {
+        let gap = Gap {
+            width,
+            to_light: 0.854,
+            to_sensor: 0.05,
+            wavelength: 650e-9,
+        };
+        let pattern = gap.pattern(Diffraction::Fresnel, 1.2 * reach);
+        let mut worst = 0.0f64;
+        for i in -50..=50 {
+            let x = f64::from(i) / 50.0 * reach;
+            worst = worst.max((pattern.at(x) - fresnel_by_quadrature(&gap, x)).abs());
+        }
+        println!(
+            "slit of {:.0} um: off by {worst:.1e} of the middle",
+            width * 1e6
+        );
+        assert!(worst < 3e-5, "{worst}");
+    }
+}
+
+/// Fresnel's pattern of a laser spot, in the row, as `profiles::Slit` has it, which sums over points and integrates by Simpson's
+/// rule.
+#[test]
+fn a_row_through_a_slit_is_that_of_the_profiles() {
+    for diameter in [0.5e-3, 1e-3, 3e-3] {
+        let scene = Scene {
+            diffraction: Some(Diffraction::Fresnel),
+            laser_spot: Some(LaserSpot {
+                waist: diameter,
+                waist_distance: 0.8,
+                wander: 0.0,
+            }),
+            ..plain()
+        };
+        let optics = &scene.optics;
+        let centre = optics.centre(0.8);
+        let row = scene.row(0, 0.8, 1.0);
+        let slit = profiles::Slit {
+            to_spot: optics.range(0.8),
+            // As the sensor sees it.
+            ..profiles::Slit::nominal(diameter * 0.8 / optics.range(0.8))
+        };
+        let mut worst = 0.0f64;
+        for pixel in (centre as usize - 60)..(centre as usize + 60) {
+            let x = pixel as f64 - centre;
+            let light = |x: f64| slit.light(x * optics.pitch) / slit.light(0.0);
+            let expected = 1000.0 * integral(x - 0.5, x + 0.5, 2, light);
+            worst = worst.max((f64::from(row[pixel]) - expected).abs());
+        }
+        println!("{:.1} mm: off by {worst:.4} of 1000 counts", diameter * 1e3);
+        assert!(worst < 0.02);
+    }
+}
+
+#[test]
+fn a_laser_spot_widens_a_gaussian_in_quadrature() {
+    let waist = 0.5e-3;
+    let spot = LaserSpot {
+        waist,
+        waist_distance: 0.75,
+        wander: 0.0,
+    };
+    // A Rayleigh length from the waist, 0.302 m, a beam is sqrt 2 as wide.
+    let rayleigh = PI * waist * waist / (4.0 * 650e-9);
+    let diameter = spot.diameter(0.75 + rayleigh, 650e-9);
+    println!("{diameter} for {}", SQRT_2 * waist);
+    assert!((diameter / (SQRT_2 * waist) - 1.0).abs() < 1e-12);
+
+    for distance in [0.65, 0.75, 0.75 + rayleigh] {
+        let scene = Scene {
+            laser_spot: Some(spot),
+            ..plain()
+        };
+        // z/R as large, seen under the angle whose cosine is d/R, at 8 um a pixel.
+        let range = 0.3f64.hypot(distance);
+        let image = spot.diameter(distance, 650e-9) / 4.0 * (distance / range) * (0.05 / range);
+        let expected = 8.6 * 8.6 + (image / 8e-6).powi(2) + 1.0 / 12.0;
+        let row = scene.row(0, distance, 1.0);
+        let (_, centre, variance) = moments(&row);
+        println!("{distance:.3} m: variance {variance:.4} for {expected:.4}");
+        assert!((variance / expected - 1.0).abs() < 1e-5);
+        assert!((centre - scene.optics.centre(distance)).abs() < 1e-4);
+        // The height stays, but for the mean over a pixel: 1 / (24 sigma^2) less.
+        let peak = row.iter().fold(0.0f32, |peak, &light| peak.max(light));
+        assert!((990.0..1000.0).contains(&peak), "{peak}");
+
+        // The other way, as a sum of patterns of points: a texture of no contrast.
+        let summed = Scene {
+            texture: Some(Texture {
+                contrast: 0.0,
+                length: 1.0,
+            }),
+            ..scene.clone()
+        };
+        let apart = difference(&summed.row(0, distance, 1.0), &row);
+        let worst = apart.iter().fold(0.0f32, |worst, off| worst.max(off.abs()));
+        println!("summed: off by {worst} of 1000 counts");
+        assert!(worst < 0.02);
+    }
+}
+
+#[test]
+fn off_the_axis_a_gaussian_leans_outwards() {
+    let oblique = Scene {
+        obliquity: Some(Obliquity {}),
+        ..plain()
+    };
+    let optics = &oblique.optics;
+    for centre in [300.0, 1000.0, 1823.5, 3000.0, 3400.0] {
+        let row = oblique.row_with_centre(0, centre, 1.0);
+        let x = (centre - optics.axis) * optics.pitch;
+        let (sin, cos) = (x / optics.focal_length).atan().sin_cos();
+        let sigma = 8.6 * optics.pitch;
+        // As the documentation derives it, in pixels.
+        let expected =
+            sigma * sigma * sin / (2.0 * optics.focal_length * cos.powi(5)) / optics.pitch;
+        let (sum, mean, _) = moments(&row);
+        println!(
+            "centre {centre}: off by {:.6} for {expected:.6} pixels; cos^4 {:.4}",
+            mean - centre,
+            cos.powi(4)
+        );
+        assert!((mean - centre - expected).abs() < 0.01 * expected.abs() + 2e-6);
+        // cos^4, over a width of 1/cos^3.
+        let plain_sum = 1000.0 * 8.6 * TAU.sqrt();
+        assert!((sum / plain_sum / cos - 1.0).abs() < 1e-4);
+    }
+}
+
+#[test]
+fn the_zeros_of_an_oblique_pattern_are_even_in_the_sine() {
+    let mut scene = Scene {
+        diffraction: Some(Diffraction::Fraunhofer),
+        obliquity: Some(Obliquity {}),
+        ..plain()
+    };
+    // 2 um, so that 3648 pixels are 7.3 mm, beginning 8 mm from the axis.
+    scene.optics.pitch = 2e-6;
+    scene.optics.axis = -4000.0;
+    let centre = 1800.0;
+    let row = scene.row_with_centre(0, centre, 1.0);
+    let sine = {
+        let x = (centre - scene.optics.axis) * 2e-6;
+        x / x.hypot(0.05)
+    };
+    for order in [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0f64] {
+        // sin(a) = sin(a0) + n lambda / slit width.
+        let zero = (sine + order * 650e-9 / 200e-6).asin().tan() * 0.05;
+        let expected = zero / 2e-6 + scene.optics.axis.abs() * -1.0;
+        let near = (expected.round() as usize - 20)..(expected.round() as usize + 20);
+        let darkest = near
+            .min_by(|&a, &b| row[a].total_cmp(&row[b]))
+            .expect("40 pixels");
+        let even = centre + order * 162.5 / 2.0;
+        println!("order {order}: pixel {darkest} for {expected:.2}; {even:.2} if it were even");
+        assert!((darkest as f64 - expected).abs() <= 1.0);
+    }
+}
+
+#[test]
+fn texture_shifts_the_centre_by_chance_and_for_good() {
+    const SEEDS: u64 = 1500;
+    let diameter = 1e-3;
+    for length in [0.1e-3, 0.4e-3, 2e-3] {
+        let contrast = 0.1;
+        let scene = |seed| Scene {
+            seed,
+            texture: Some(Texture { contrast, length }),
+            laser_spot: Some(LaserSpot {
+                waist: diameter,
+                waist_distance: 0.8,
+                wander: 0.0,
+            }),
+            ..plain()
+        };
+        let truth = scene(0).optics.centre(0.8);
+        let (mut squares, mut brightness) = (0.0, 0.0);
+        for seed in 0..SEEDS {
+            let (sum, centre, _) = moments(&scene(seed).row(0, 0.8, 1.0));
+            squares += (centre - truth).powi(2) / SEEDS as f64;
+            brightness += sum / SEEDS as f64;
+        }
+        // For a gaussian window of sigma s on a field of correlation exp(-(x/l)^2), to first order in the contrast c:
+        // var = c^2 int int x x' g(x) g(x') exp(-(x - x')^2 / l^2) = 2 c^2 s^4 / (l^2 (1 + 4 s^2/l^2)^(3/2)).
+        let s = diameter / 4.0;
+        let on_target = 2.0 * contrast.powi(2) * s.powi(4)
+            / (length.powi(2) * (1.0 + 4.0 * (s / length).powi(2)).powf(1.5));
+        let range = 0.3f64.hypot(0.8);
+        let scale = 0.8 / range * 0.05 / range / 8e-6;
+        let expected = on_target.sqrt() * scale;
+        println!(
+            "length {:.1} mm: shift of {:.5} for {expected:.5} pixels; brightness {brightness:.1}",
+            length * 1e3,
+            squares.sqrt()
+        );
+        // 1500 surfaces: a standard deviation within 1.8 %, and within 6 % almost surely; the contrast's second order is 1 %.
+        assert!((squares.sqrt() / expected - 1.0).abs() < 0.07);
+        // The mean reflectance is 1: a tenth over sqrt(1500).
+        let plain_sum = plain_sum_of_spot(&scene(0));
+        assert!((brightness / plain_sum - 1.0).abs() < 0.01);
+    }
+    // The surface is the same wherever it stands, and another when it slides.
+    let at = |wander: f64, distance: f64| {
+        let scene = Scene {
+            texture: Some(Texture {
+                contrast: 0.3,
+                length: 0.2e-3,
+            }),
+            laser_spot: Some(LaserSpot {
+                waist: diameter,
+                waist_distance: distance,
+                wander,
+            }),
+            ..plain()
+        };
+        let range = scene.optics.range(distance);
+        let (_, centre, _) = moments(&scene.row(0, distance, 1.0));
+        // On the target, in micrometres.
+        (centre - scene.optics.centre(distance)) * 8.0 * range / 0.05 * range / distance
+    };
+    let (near, far, slid) = (at(0.0, 0.7), at(0.0, 0.9), at(0.005, 0.9));
+    println!("{near:.2} um at 0.7 m, {far:.2} um at 0.9 m, {slid:.2} um when it slides");
+    assert!((near / far - 1.0).abs() < 0.01 && (slid / far - 1.0).abs() > 0.1);
+}
+
+/// The sum of a row of the same scene without texture.
+fn plain_sum_of_spot(scene: &Scene) -> f64 {
+    let without = Scene {
+        texture: None,
+        ..scene.clone()
+    };
+    moments(&without.row(0, 0.8, 1.0)).0
+}
+
+#[test]
+fn a_lobe_brightens_what_is_seen_near_the_mirror_direction() {
+    let lobe = SpecularLobe {
+        strength: 3.0,
+        width: 0.15,
+        tilt: 0.05,
+    };
+    let scene = Scene {
+        specular_lobe: Some(lobe),
+        ..plain()
+    };
+    for distance in [0.6, 0.8, 1.0] {
+        let ratio =
+            moments(&scene.row(0, distance, 1.0)).0 / moments(&plain().row(0, distance, 1.0)).0;
+        let off = (0.3f64 / distance).atan() - 2.0 * 0.05;
+        let expected = 1.0 + 3.0 * (-0.5 * (off / 0.15).powi(2)).exp();
+        println!("{distance} m: {ratio:.5} for {expected:.5}");
+        assert!((ratio / expected - 1.0).abs() < 1e-6);
+    }
+    assert_eq!(lobe.factor(0.1), 4.0, "seen in the mirror direction");
+}
+
+#[test]
+fn distortion_grows_with_the_cube() {
+    let scene = Scene {
+        distortion: Some(Distortion {
+            share: 0.002,
+            field: 5.6e-3,
+        }),
+        ..behind_a_lens()
+    };
+    for x in [-5.6e-3, -2.8e-3, 1e-3, 5.6e-3] {
+        let centre = scene.optics.axis + x / 8e-6;
+        let (_, mean, _) = moments(&scene.row_with_centre(0, centre, 1.0));
+        let expected = 0.002 * x.powi(3) / 5.6e-3f64.powi(2) / 8e-6;
+        println!(
+            "{x} m: off by {:.5} for {expected:.5} pixels",
+            mean - centre
+        );
+        assert!((mean - centre - expected).abs() < 1e-5);
+    }
+}
+
+/// A pupil of the paper's lens with aberrations in metres.
+fn pupil(defocus: f64, coma: f64) -> Pupil {
+    Pupil {
+        radius: 25e-3 / 12.0,
+        to_sensor: 0.05,
+        wavelength: 650e-9,
+        defocus,
+        coma,
+    }
+}
+
+const POINT: Across = Across::Pixel {
+    place: 0.0,
+    height: 0.0,
+    blur: 0.0,
+};
+
+#[test]
+fn a_round_pupil_makes_airys_pattern() {
+    let ideal = pupil(0.0, 0.0);
+    let detail = 650e-9 * 0.05 / (50e-3 / 12.0);
+    assert!((ideal.detail() / detail - 1.0).abs() < 1e-12);
+    let step = detail / 16.0;
+    let across = |chords: &host_tests::scene::lens::Chords, y: f64| {
+        let pixel = Across::Pixel {
+            place: y,
+            height: 0.0,
+            blur: 0.0,
+        };
+        Pattern::from_knots(step, chords.row(pixel))
+    };
+    let chords = ideal.chords(step, 10.0 * detail, 10.0 * detail);
+    let row = across(&chords, 0.0);
+    let middle = row.at(0.0);
+    // The zero of J1 at 3.8317 = 1.2197 pi.
+    let zero = row.at(1.219_67 * detail) / middle;
+    println!("at 1.22 lambda z / D: {zero:.1e}");
+    assert!(zero.abs() < 1e-5);
+    let airy = |r: f64| {
+        let v = PI * r / detail;
+        if v == 0.0 {
+            1.0
+        } else {
+            (2.0 * libm::j1(v) / v).powi(2)
+        }
+    };
+    let mut worst = 0.0f64;
+    for y in [0.0, 0.7, 3.1, 6.0] {
+        let row = across(&chords, y * detail);
+        for i in -128..=128 {
+            let x = f64::from(i) / 16.0;
+            let light = row.at(x * detail) / middle;
+            worst = worst.max((light - airy(x.hypot(y) * detail)).abs());
+        }
+    }
+    println!("off by {worst:.1e} of the middle");
+    assert!(worst < 1e-8);
+
+    // All of y: the integral of Airy's pattern, which falls with y^-3.
+    let all = Pattern::from_knots(step, chords.row(Across::All));
+    let line = |x: f64| integral(-300.0, 300.0, 12_000, |y| airy(x.hypot(y) * detail));
+    for x in [0.0, 0.5, 1.0, 2.2, 5.0] {
+        let (light, expected) = (all.at(x * detail) / all.at(0.0), line(x) / line(0.0));
+        println!("line at {x}: {light:.6} for {expected:.6}");
+        assert!((light - expected).abs() < 1e-5);
+    }
+}
+
+/// The same as a scene's rows: a pupil so small that the pattern is wide.
+#[test]
+fn a_small_pupil_on_a_camera_shows_rings() {
+    let camera = Scene::dark(Sensor::Camera);
+    let scene = Scene {
+        spot: plain().spot,
+        diffraction: Some(Diffraction::Fresnel),
+        optics: Optics {
+            aperture: Aperture::Lens { diameter: 0.3e-3 },
+            ..camera.optics
+        },
+        ..camera
+    };
+    let simulation = Simulation::new(scene.clone());
+    let detail = 650e-9 * 0.05 / 0.3e-3;
+    let centre = 960.0;
+    let distance = scene.optics.distance(centre);
+    let mut worst = 0.0f64;
+    for row in [300, 310, 322, 340, 277] {
+        let light = simulation.row(row, distance, 1.0);
+        let y = (row as f64 - 299.5) * 5.86e-6;
+        for pixel in 900..1020 {
+            let x = (pixel as f64 - centre) * 5.86e-6;
+            let v = PI * x.hypot(y) / detail;
+            let expected = 1000.0 * (2.0 * libm::j1(v) / v).powi(2);
+            worst = worst.max((f64::from(light[pixel]) - expected).abs());
+        }
+    }
+    // A pixel of 0.054 details gathers less at the top than there is: (pi^2 / 4) 0.054^2 / 12 in each direction.
+    println!("off by {worst:.2} of 1000 counts");
+    assert!(worst < 1.5);
+}
+
+#[test]
+fn defocus_makes_a_disc() {
+    // On the axis |int exp(i k W t) dt|^2 over 0 < t = rho^2 < 1: sinc^2(W / lambda).
+    for waves in [0.25, 0.5, 0.8, 1.3] {
+        let (sharp, blurred) = (pupil(0.0, 0.0), pupil(waves * 650e-9, 0.0));
+        let light = |pupil: Pupil| {
+            let chords = pupil.chords(1e-6, 2e-6, 0.0);
+            Pattern::from_knots(1e-6, chords.row(POINT)).at(0.0)
+        };
+        let ratio = light(blurred) / light(sharp);
+        println!("{waves} waves: {ratio:.9} for {:.9}", sinc_squared(waves));
+        assert!((ratio - sinc_squared(waves)).abs() < 1e-6);
+    }
+
+    // Focused at 0.9 m, a point at 0.6 m makes a disc of D z |1/d - 1/f| = 116 um.
+    let scene = Scene {
+        defocus: Some(Defocus {
+            focus_distance: 0.9,
+        }),
+        ..behind_a_lens()
+    };
+    let distance = 0.6f64;
+    let range = 0.3f64.hypot(distance);
+    let centre = scene.optics.centre(distance);
+    let x = (centre - scene.optics.axis) * 8e-6;
+    let depth = range * 0.05 / x.hypot(0.05);
+    let disc = 50e-3 / 12.0 * 0.05 * (1.0 / depth - 1.0 / 0.9f64).abs() / 8e-6;
+    let sharp = behind_a_lens().row(0, distance, 1.0);
+    let by_rays = scene.row(0, distance, 1.0);
+    // A disc's variance along a row is that of its chords: diameter^2 / 16.
+    let more = moments(&by_rays).2 - moments(&sharp).2;
+    println!(
+        "disc of {disc:.2} pixels: variance {more:.3} for {:.3}",
+        disc * disc / 16.0
+    );
+    assert!((more / (disc * disc / 16.0) - 1.0).abs() < 1e-3);
+    assert!(
+        (moments(&by_rays).0 / moments(&sharp).0 - 1.0).abs() < 1e-5,
+        "light is conserved"
+    );
+
+    // Six waves out of focus, with a laser spot, waves make the disc that rays make, with softer edges.
+    let spread = |diffraction, width| {
+        let scene = Scene {
+            diffraction,
+            defocus: Some(Defocus {
+                focus_distance: 0.3,
+            }),
+            laser_spot: Some(LaserSpot {
+                waist: 1e-3,
+                waist_distance: distance,
+                wander: 0.0,
+            }),
+            spot: Some(Spot {
+                width,
+                counts_per_second: 1000.0,
+            }),
+            ..scene.clone()
+        };
+        let row = scene.row(0, distance, 1.0);
+        let sum = moments(&row).0;
+        row.iter()
+            .map(|light| f64::from(*light) / sum)
+            .collect::<Vec<f64>>()
+    };
+    let half_width = |row: &[f64]| {
+        let half = 0.5 * row.iter().fold(0.0f64, |peak, &light| peak.max(light));
+        let above: Vec<usize> = (0..row.len()).filter(|&i| row[i] > half).collect();
+        let edge = |inner: usize, outer: usize| (row[inner] - half) / (row[inner] - row[outer]);
+        let (first, last) = (above[0], above[above.len() - 1]);
+        (last - first) as f64 + edge(first, first - 1) + edge(last, last + 1)
+    };
+    let waves = half_width(&spread(Some(Diffraction::Fresnel), 0.0));
+    let rays = half_width(&spread(None, 0.4));
+    println!("half as bright over {waves:.2} pixels by waves and {rays:.2} by rays");
+    assert!((waves / rays - 1.0).abs() < 0.05);
+}
+
+#[test]
+fn coma_moves_the_centre_of_mass() {
+    let at = |diffraction, x: f64| {
+        let scene = Scene {
+            diffraction,
+            coma: Some(Coma {
+                waves: 1.5,
+                field: 5.6e-3,
+            }),
+            ..behind_a_lens()
+        };
+        let centre = scene.optics.axis + x / 8e-6;
+        let (sum, mean, _) = moments(&scene.row_with_centre(0, centre, 1.0));
+        (sum, mean - centre)
+    };
+    for x in [-5.6e-3, 2.8e-3, 5.6e-3] {
+        // z <dW/du> = z W131 / a, W131 = 1.5 waves times x / 5.6 mm.
+        let expected = 0.05 * 1.5 * 650e-9 * (x / 5.6e-3) / (25e-3 / 12.0) / 8e-6;
+        let (rays, waves) = (at(None, x).1, at(Some(Diffraction::Fresnel), x).1);
+        println!("{x} m: rays {rays:.4}, waves {waves:.4} for {expected:.4} pixels");
+        assert!((rays / expected - 1.0).abs() < 1e-3);
+        // Where the table of the waves ends there is a little light yet.
+        assert!((waves / expected - 1.0).abs() < 0.03);
+    }
+    let (comatic, plain) = (at(None, 5.6e-3).0, at(None, 0.0).0);
+    assert!((comatic / plain - 1.0).abs() < 1e-5, "light is conserved");
+}
+
+#[test]
+fn a_ghost_moves_against_the_spot() {
+    let flare = Flare {
+        magnification: 0.6,
+        width: 30.0,
+        strength: 0.02,
+        veil: 0.0,
+    };
+    let scene = Scene {
+        flare: Some(flare),
+        ..behind_a_lens()
+    };
+    for centre in [1200.0, 1823.5, 2600.0] {
+        let ghost = difference(
+            &scene.row_with_centre(0, centre, 1.0),
+            &behind_a_lens().row_with_centre(0, centre, 1.0),
+        );
+        let (sum, mean, variance) = moments(&ghost);
+        let expected = 1823.5 - 0.6 * (centre - 1823.5);
+        println!("spot at {centre}: ghost at {mean:.3} for {expected}, variance {variance:.1}");
+        assert!((mean - expected).abs() < 0.01 && (variance - 900.0).abs() < 2.0);
+        assert!((sum / (20.0 * 30.0 * TAU.sqrt()) - 1.0).abs() < 1e-3);
+    }
+    let veiled = Scene {
+        flare: Some(Flare {
+            veil: 0.004,
+            ..flare
+        }),
+        ..behind_a_lens()
+    };
+    let veil = difference(
+        &veiled.row_with_centre(0, 1200.0, 1.0),
+        &scene.row_with_centre(0, 1200.0, 1.0),
+    );
+    assert!(veil.iter().all(|veil| (veil - 4.0).abs() < 1e-3));
+}
+
+#[test]
+fn a_second_reflection_is_a_second_gaussian() {
+    let scene = Scene {
+        second_reflection: Some(SecondReflection {
+            offset: 60.0,
+            width: 12.0,
+            strength: 0.1,
+        }),
+        ..plain()
+    };
+    let more = difference(
+        &scene.row_with_centre(0, 1500.25, 1.0),
+        &plain().row_with_centre(0, 1500.25, 1.0),
+    );
+    let (sum, mean, variance) = moments(&more);
+    println!("{sum:.1} counts at {mean:.4}, variance {variance:.3}");
+    assert!((mean - 1560.25).abs() < 1e-3 && (variance - 144.0 - 1.0 / 12.0).abs() < 0.05);
+    assert!((sum / (100.0 * 12.0 * TAU.sqrt()) - 1.0).abs() < 1e-4);
+}
+
+#[test]
+fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
+    let exposure = 0.005;
+    // 0.1 to 20 pixels during an exposure at 178 um a pixel of 8 um near 0.6 m.
+    for (speed, diffraction) in [
+        (0.01, None),
+        (0.5, None),
+        (-0.9, None),
+        (0.5, Some(Diffraction::Fresnel)),
+    ] {
+        let mut scene = Scene {
+            motion: Some(Motion { speed }),
+            diffraction,
+            ..plain()
+        };
+        if let Some(spot) = &mut scene.spot {
+            spot.counts_per_second = 1000.0 / exposure;
+        }
+        let simulation = Simulation::new(scene.clone());
+        let still = Scene {
+            motion: None,
+            ..scene.clone()
+        };
+        for row in [0, 7] {
+            // A row every 1/175.4 s.
+            let distance = 0.6 + speed * row as f64 / 175.4;
+            assert!((simulation.true_distance(row, 0.6) - distance).abs() < 1e-12);
+            let centre = simulation.true_centre(row, 0.6);
+            assert!((centre - scene.optics.centre(distance)).abs() < 1e-9);
+            let moved = scene.optics.centre(distance - 0.5 * speed * exposure)
+                - scene.optics.centre(distance + 0.5 * speed * exposure);
+            let (light, at_rest) = (
+                simulation.row(row, 0.6, exposure),
+                still.row(row, distance, exposure),
+            );
+            let (sum, mean, variance) = moments(&light);
+            let (sum_at_rest, mean_at_rest, variance_at_rest) = moments(&at_rest);
+            println!(
+                "{speed} m/s, row {row}: {moved:.3} pixels, at {:.5}, variance {:.4} for {:.4}",
+                mean - centre,
+                variance - variance_at_rest,
+                moved * moved / 12.0
+            );
+            assert!((sum / sum_at_rest - 1.0).abs() < 1e-5, "light is conserved");
+            assert!((mean_at_rest - centre).abs() < 2e-3);
+            // Eq. (1) is bent: its second derivative times way^2 / 24.
+            let bent = scene.optics.centre(distance - 0.5 * speed * exposure)
+                + scene.optics.centre(distance + 0.5 * speed * exposure)
+                - 2.0 * scene.optics.centre(distance);
+            assert!((mean - mean_at_rest - bent / 6.0).abs() < 1e-3);
+            // Short exposures n leave out 1/n^2 of the variance.
+            let off = (variance - variance_at_rest - moved * moved / 12.0).abs();
+            assert!(off < 0.01 + 0.005 * moved * moved / 12.0);
+
+            // Against the integral over the exposure of what pixels gather of the gaussian: 1e-4 of the peak, and f32's rounding.
+            if diffraction.is_none() {
+                let phi = |x: f64| libm::erf(x / (8.6 * SQRT_2));
+                let mut worst = 0.0f64;
+                for (pixel, &light) in light
+                    .iter()
+                    .enumerate()
+                    .skip(centre as usize - 80)
+                    .take(160)
+                {
+                    let gathered = |way: f64| {
+                        let x =
+                            pixel as f64 - scene.optics.centre(distance + speed * exposure * way);
+                        1000.0 * 8.6 * (PI / 2.0).sqrt() * (phi(x + 0.5) - phi(x - 0.5))
+                    };
+                    let expected = integral(-0.5, 0.5, 100, gathered);
+                    worst = worst.max((f64::from(light) - expected).abs());
+                }
+                println!("off by {worst:.4} of 1000 counts");
+                assert!(worst < 0.1 + 1e-3);
+            }
+        }
+    }
+}
+
+#[test]
+fn warmth_moves_the_centre() {
+    let scene = Scene {
+        temperature: Some(Temperature {
+            kelvin_per_second: 0.1,
+            expansion: 23e-6,
+        }),
+        ..plain()
+    };
+    let simulation = Simulation::new(scene.clone());
+    // After 100 s it is 10 kelvin warmer.
+    let row = 17_540;
+    for distance in [0.62, 0.8, 1.0f64] {
+        let (_, mean, _) = moments(&simulation.row(row, distance, 1.0));
+        let off = mean - simulation.true_centre(row, distance);
+        let e = 23e-6 * 10.0;
+        let a = 2.6f64.atan() - (distance / 0.3).atan();
+        // f tan(a) grows with f; a grows with b by d / (b^2 + d^2).
+        let expected = e
+            * 0.05
+            * (a.tan() + 0.3 * distance / (0.3f64.powi(2) + distance.powi(2)) / a.cos().powi(2))
+            / 8e-6;
+        println!("{distance} m: off by {off:.5} for {expected:.5} pixels");
+        assert!((off / expected - 1.0).abs() < 2e-3);
+    }
+}
