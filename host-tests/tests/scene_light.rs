@@ -2,6 +2,7 @@
 
 use std::f64::consts::{PI, SQRT_2, TAU};
 
+use host_tests::field::{self, Laser, LensAperture, Scattering, SlitAperture, View};
 use host_tests::optics::{Aperture, Optics};
 use host_tests::profiles;
 use host_tests::scene::diffraction::Gap;
@@ -9,7 +10,7 @@ use host_tests::scene::lens::{Across, Pupil};
 use host_tests::scene::pattern::Pattern;
 use host_tests::scene::{
     Coma, Defocus, Diffraction, Distortion, Flare, LaserSpot, Motion, Obliquity, Scene,
-    SecondReflection, Sensor, Simulation, SpecularLobe, Spot, Temperature, Texture,
+    SecondReflection, Sensor, Simulation, Speckle, SpecularLobe, Spot, Temperature, Texture,
 };
 
 /// A gaussian spot of 8.6 pixels, 1000 counts high after a second, on 3648 pixels of 8 um, without noise.
@@ -495,9 +496,12 @@ fn a_round_pupil_makes_airys_pattern() {
     println!("off by {worst:.1e} of the middle");
     assert!(worst < 1e-8);
 
-    // All of y: the integral of Airy's pattern, which falls with y^-3.
+    // All of y: the integral of Airy's pattern, which falls with y^-3, in metres.
     let all = Pattern::from_knots(step, chords.row(Across::All));
+    let height = all.at(0.0) / middle / detail;
     let line = |x: f64| integral(-300.0, 300.0, 12_000, |y| airy(x.hypot(y) * detail));
+    println!("as high as {height:.6} for {:.6} details", line(0.0));
+    assert!((height / line(0.0) - 1.0).abs() < 1e-5);
     for x in [0.0, 0.5, 1.0, 2.2, 5.0] {
         let (light, expected) = (all.at(x * detail) / all.at(0.0), line(x) / line(0.0));
         println!("line at {x}: {light:.6} for {expected:.6}");
@@ -780,6 +784,31 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
     }
 }
 
+/// The width that an estimator is to expect: the notes' 10.5 pixels of 5.86 um for a point through the paper's slit, and 11.8 for a
+/// spot that is seen 2 mm wide, of which 8 um take 7.7 and 8.6.
+#[test]
+fn the_expected_width_is_that_of_the_best_gaussian() {
+    let mut widths = vec![];
+    for waist in [0.1e-3, 2e-3 * 0.3f64.hypot(0.8) / 0.8] {
+        let scene = Scene {
+            diffraction: Some(Diffraction::Fresnel),
+            laser_spot: Some(LaserSpot {
+                waist,
+                waist_distance: 0.8,
+                wander: 0.0,
+            }),
+            ..plain()
+        };
+        widths.push(Simulation::new(scene).spot_width(0.8));
+    }
+    println!("{widths:.2?} pixels");
+    assert!((widths[0] - 7.7).abs() < 0.1 && (widths[1] - 8.65).abs() < 0.15);
+    let gaussian = Simulation::new(plain()).spot_width(0.8);
+    println!("gaussian of 8.6: {gaussian:.4}");
+    // A pixel adds 1/12 to the variance.
+    assert!((gaussian - (8.6f64 * 8.6 + 1.0 / 12.0).sqrt()).abs() < 1e-3);
+}
+
 #[test]
 fn warmth_moves_the_centre() {
     let scene = Scene {
@@ -805,4 +834,279 @@ fn warmth_moves_the_centre() {
         println!("{distance} m: off by {off:.5} for {expected:.5} pixels");
         assert!((off / expected - 1.0).abs() < 2e-3);
     }
+}
+
+/// A laser spot of a 1/e^2 diameter of 1 mm at 0.8 m.
+const MILLIMETRE: LaserSpot = LaserSpot {
+    waist: 1e-3,
+    waist_distance: 0.8,
+    wander: 0.0,
+};
+
+fn camera(aperture: Aperture) -> Scene {
+    let camera = Scene::dark(Sensor::Camera);
+    Scene {
+        spot: plain().spot,
+        diffraction: Some(Diffraction::Fresnel),
+        laser_spot: Some(MILLIMETRE),
+        optics: Optics {
+            aperture,
+            ..camera.optics
+        },
+        ..camera
+    }
+}
+
+/// Light that adds up without interference, by this module's patterns and by the mean of the field, point by point: two
+/// computations that share no formula.
+#[test]
+fn rows_of_a_camera_are_the_mean_of_the_field() {
+    let laser = Laser::focused(1e-3, 0.8);
+    let view = View::at(0.8);
+    let scattering = Scattering::surface();
+
+    let slit = camera(Aperture::PAPER_SLIT);
+    let centre = slit.optics.centre(0.8);
+    let simulation = Simulation::new(slit);
+    let pixels: Vec<usize> = (0..12).map(|i| centre as usize - 40 + 7 * i).collect();
+    let columns: Vec<f64> = pixels
+        .iter()
+        .map(|&pixel| (pixel as f64 - centre) * 5.86e-6)
+        .collect();
+    // The middle, the shadow's end with its fringes, and beyond.
+    let rows = [299u64, 200, 90, 60, 45, 38, 32, 29, 20, 560, 575];
+    let places: Vec<f64> = rows
+        .iter()
+        .map(|&row| (row as f64 - 299.5) * 5.86e-6)
+        .collect();
+    let mean = field::slit_mean(
+        &laser,
+        &scattering,
+        &view,
+        &SlitAperture::nominal(),
+        &columns,
+        &places,
+    );
+    let mut worst = 0.0f64;
+    for (i, &row) in rows.iter().enumerate() {
+        let light = simulation.row(row, 0.8, 1.0);
+        for (&pixel, &mean) in pixels.iter().zip(mean.row(i)) {
+            worst = worst.max((f64::from(light[pixel]) / 1000.0 - f64::from(mean)).abs());
+        }
+        println!(
+            "slit, row {row}: {:.1} counts at most",
+            light.iter().fold(0.0f32, |a, &b| a.max(b))
+        );
+    }
+    // The field's scatterers reach to 2.25 radii of the beam, and it is sampled at the pixels' middles.
+    println!("slit: off by {worst:.5} of the middle");
+    assert!(worst < 4e-3);
+
+    let defocused = |field_coma: f64, focus: f64| Scene {
+        defocus: Some(Defocus {
+            focus_distance: focus,
+        }),
+        coma: Some(Coma {
+            waves: field_coma,
+            field: 5.6e-3,
+        }),
+        ..camera(Aperture::PAPER_LENS)
+    };
+    for (waves, focus) in [(0.0, None), (1.0, None), (0.7, Some(0.7))] {
+        let distance = 0.8;
+        let range = view.range();
+        let mut scene = defocused(waves, 1.0);
+        let centre = scene.optics.centre(distance);
+        let x = (centre - scene.optics.axis) * 5.86e-6;
+        // From the lens to the target along the axis.
+        let depth = range * 0.05 / x.hypot(0.05);
+        scene.defocus = focus.map(|focus| Defocus {
+            focus_distance: focus,
+        });
+        // What is in focus, for the field: the range with the same defocus.
+        let sharp = focus.map_or(range, |focus: f64| {
+            1.0 / (1.0 / range - 1.0 / depth + 1.0 / focus)
+        });
+        let lens = LensAperture {
+            diameter: 50e-3 / 12.0,
+            focal_length: 1.0 / (1.0 / 0.05 + 1.0 / sharp),
+            focus_distance: sharp,
+            coma: waves,
+            full_field: 5.6e-3,
+            pixel: 5.86e-6,
+            samples: 1,
+        };
+        let ideal = LensAperture {
+            focal_length: 1.0 / (1.0 / 0.05 + 1.0 / range),
+            focus_distance: range,
+            coma: 0.0,
+            ..lens
+        };
+        let simulation = Simulation::new(scene);
+        let pixels: Vec<usize> = (0..9).map(|i| centre as usize - 12 + 3 * i).collect();
+        let columns: Vec<f64> = pixels
+            .iter()
+            .map(|&pixel| (pixel as f64 - centre) * 5.86e-6)
+            .collect();
+        let rows = [300u64, 303, 294, 310];
+        let places: Vec<f64> = rows
+            .iter()
+            .map(|&row| (row as f64 - 299.5) * 5.86e-6)
+            .collect();
+        let mean = field::lens_mean(&laser, &scattering, &view, &lens, x, &columns, &places);
+        let unit = mean.density
+            / field::lens_mean(&laser, &scattering, &view, &ideal, x, &[0.0], &[0.0]).density;
+        let mut worst = 0.0f64;
+        for (i, &row) in rows.iter().enumerate() {
+            let light = simulation.row(row, distance, 1.0);
+            for (&pixel, &mean) in pixels.iter().zip(mean.row(i)) {
+                worst =
+                    worst.max((f64::from(light[pixel]) / 1000.0 - f64::from(mean) * unit).abs());
+            }
+        }
+        println!("lens, coma {waves}, focus {focus:?}: {unit:.3} in the middle, off by {worst:.5}");
+        // Pixels of 5.86 um gather 0.6 % less at the top of a spot with a sigma of 15 um than there is: pitch^2 / 24 sigma^2.
+        assert!(worst < 1.2e-2);
+    }
+}
+
+/// The mean over surfaces is the scene without speckle, whatever the aperture and the sensor.
+#[test]
+fn speckle_keeps_the_mean() {
+    const SEEDS: u64 = 40;
+    let line = |aperture| Scene {
+        diffraction: Some(Diffraction::Fresnel),
+        laser_spot: Some(MILLIMETRE),
+        optics: Optics {
+            aperture,
+            ..plain().optics
+        },
+        ..plain()
+    };
+    let scenes = [
+        ("slit on a line", line(Aperture::PAPER_SLIT), 0),
+        ("lens on a line", line(Aperture::PAPER_LENS), 0),
+        (
+            "blurred lens on a line",
+            Scene {
+                defocus: Some(Defocus {
+                    focus_distance: 0.6,
+                }),
+                ..line(Aperture::PAPER_LENS)
+            },
+            0,
+        ),
+        ("slit on a camera", camera(Aperture::PAPER_SLIT), 250),
+        ("lens on a camera", camera(Aperture::PAPER_LENS), 303),
+    ];
+    for (name, scene, row) in scenes {
+        let sum = |seed, speckle| {
+            let scene = Scene {
+                seed,
+                speckle,
+                ..scene.clone()
+            };
+            moments(&scene.row(row, 0.8, 1.0)).0
+        };
+        let plain = sum(1, None);
+        let speckle = Some(Speckle {
+            polarisations: 2,
+            linewidth: 0.0,
+            path_spread: 0.0,
+        });
+        let sums: Vec<f64> = (0..SEEDS).map(|seed| sum(seed, speckle) / plain).collect();
+        let n = SEEDS as f64;
+        let mean = sums.iter().sum::<f64>() / n;
+        let deviation = (sums.iter().map(|sum| (sum - mean).powi(2)).sum::<f64>() / n).sqrt();
+        println!("{name}: {mean:.3} of the light, {deviation:.3} from surface to surface");
+        assert!((mean - 1.0).abs() < 4.0 * deviation / n.sqrt() + 0.01);
+        assert!(deviation > 0.02);
+    }
+}
+
+/// Dorsch, Haeusler, Herrmann, Appl. Opt. 33, 1306 (1994), for a gaussian spot and a round pupil: the centre of mass of the image
+/// scatters by lambda z / (2 pi a) / sqrt 2 (its derivation: `field::tests`).
+#[test]
+fn speckle_scatters_a_lens_as_dorsch_haeusler_and_herrmann_say() {
+    const SEEDS: u64 = 120;
+    let scene = |seed| Scene {
+        seed,
+        diffraction: Some(Diffraction::Fresnel),
+        laser_spot: Some(MILLIMETRE),
+        speckle: Some(Speckle {
+            polarisations: 1,
+            linewidth: 0.0,
+            path_spread: 0.0,
+        }),
+        ..behind_a_lens()
+    };
+    let truth = scene(0).optics.centre(0.8);
+    let squares: f64 = (0..SEEDS)
+        .map(|seed| (moments(&scene(seed).row(0, 0.8, 1.0)).1 - truth).powi(2))
+        .sum();
+    let scatter = (squares / SEEDS as f64).sqrt();
+    // The spot is seen under an angle: an ellipse.
+    let cosine = 0.8 / 0.3f64.hypot(0.8);
+    let expected = 650e-9 * 0.05 / (TAU * 25e-3 / 12.0) * (0.5 * cosine).sqrt() / 8e-6;
+    println!("{scatter:.4} for {expected:.4} pixels");
+    // 120 surfaces: 6.5 %; a spot of finite size has less, 0.92 of it by 400 surfaces.
+    assert!((scatter / expected - 1.0).abs() < 0.2);
+}
+
+#[test]
+fn speckle_belongs_to_the_surface() {
+    let scene = |seed, wander| Scene {
+        seed,
+        laser_spot: Some(LaserSpot {
+            wander,
+            ..MILLIMETRE
+        }),
+        speckle: Some(Speckle {
+            polarisations: 2,
+            linewidth: 1e-9,
+            path_spread: 100e-6,
+        }),
+        ..camera(Aperture::PAPER_SLIT)
+    };
+    let simulation = Simulation::new(scene(5, 0.0));
+    let row = |row, distance| simulation.row(row, distance, 1.0);
+    let here = row(300, 0.8);
+    assert_eq!(
+        here,
+        row(300 + 7 * 600, 0.8),
+        "every frame of a target at rest"
+    );
+    assert_eq!(
+        here,
+        simulation.clone().row(300, 0.8, 1.0),
+        "every simulation"
+    );
+    assert_eq!(here, scene(5, 0.0).row(300, 0.8, 1.0), "and without one");
+    assert_ne!(
+        here,
+        scene(6, 0.0).row(300, 0.8, 1.0),
+        "but not every surface"
+    );
+    let from_truth = |row: &[f32], distance: f64| {
+        let centre = simulation.scene().optics.centre(distance);
+        moments(row).1 - centre
+    };
+    // 25 um further on it is nearly the same, 20 mm further on another.
+    let offs = [0.8, 0.800_025, 0.82].map(|distance| from_truth(&row(300, distance), distance));
+    println!("centres of mass off by {offs:.3?} pixels");
+    assert!((offs[0] - offs[1]).abs() < 0.1 * (offs[0] - offs[2]).abs());
+    // The same way with a beam that slides over the surface by 1.2 mm: another.
+    let slid = from_truth(&scene(5, 1.5e-3).row(300, 0.8, 1.0), 0.8);
+    println!("slid by 1.2 mm: {slid:.3}");
+    assert!((slid - offs[0]).abs() > 0.2);
+    // Without a laser spot, light of a point: no speckle.
+    let point = Scene {
+        laser_spot: None,
+        ..scene(5, 0.0)
+    };
+    let without = Scene {
+        speckle: None,
+        ..point.clone()
+    };
+    assert_eq!(point.row(300, 0.8, 1.0), without.row(300, 0.8, 1.0));
 }

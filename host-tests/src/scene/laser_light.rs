@@ -6,6 +6,7 @@ use crate::optics::Optics;
 use crate::scene::obliquity::Oblique;
 use crate::scene::pattern::Pattern;
 use crate::scene::shape::{self, Shape};
+use crate::scene::speckle::RoughSurface;
 use crate::scene::spot::{Spot, between};
 use crate::scene::{Motion, Scene, texture};
 
@@ -13,7 +14,9 @@ use crate::scene::{Motion, Scene, texture};
 #[derive(Debug, Default)]
 pub struct LaserLight {
     /// [`crate::scene::Texture`].
-    surface: Option<texture::Surface>,
+    texture: Option<texture::Surface>,
+    /// [`crate::scene::Speckle`].
+    rough: Option<Arc<RoughSurface>>,
     /// The last shape and its distance: a target at rest has one shape for all rows.
     last: Mutex<Option<(f64, Arc<Shape>)>>,
 }
@@ -21,7 +24,8 @@ pub struct LaserLight {
 impl Clone for LaserLight {
     fn clone(&self) -> Self {
         Self {
-            surface: self.surface.clone(),
+            texture: self.texture.clone(),
+            rough: self.rough.clone(),
             last: Mutex::default(),
         }
     }
@@ -30,8 +34,17 @@ impl Clone for LaserLight {
 impl LaserLight {
     /// Draws what the scene's effects need.
     pub fn new(scene: &Scene) -> Self {
+        if scene.spot.is_none() {
+            return Self::default();
+        }
+        let texture = scene.texture.map(|it| it.surface(scene.seed));
+        let rough = scene
+            .speckle
+            .zip(scene.laser_spot)
+            .map(|(speckle, spot)| Arc::new(speckle.surface(scene, &spot, texture.as_ref())));
         Self {
-            surface: scene.texture.map(|it| it.surface(scene.seed)),
+            texture,
+            rough,
             last: Mutex::default(),
         }
     }
@@ -126,7 +139,10 @@ impl LaserLight {
         {
             return shape.clone();
         }
-        let shape = Arc::new(Shape::incoherent(scene, self.surface.as_ref(), distance));
+        let shape = Arc::new(match &self.rough {
+            Some(surface) => Shape::coherent(scene, surface, distance),
+            None => Shape::incoherent(scene, self.texture.as_ref(), distance),
+        });
         *last = Some((distance, shape.clone()));
         shape
     }
