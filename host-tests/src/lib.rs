@@ -9,6 +9,7 @@ pub mod ladder;
 pub mod least_squares;
 pub mod measured_profile;
 pub mod optics;
+pub mod paper;
 pub mod photograph;
 pub mod profiles;
 pub mod scene;

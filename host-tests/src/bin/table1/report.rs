@@ -1,0 +1,275 @@
+//! What the experiment found, as text and as JSON.
+
+use std::fmt::Write as _;
+
+use host_tests::paper::apparatus::Aperture;
+use host_tests::paper::errors::Judged;
+use host_tests::paper::experiment::Outcome;
+use host_tests::paper::materials::MATERIALS;
+use host_tests::paper::methods::{Calibration, Method};
+use host_tests::paper::published::{Errors, TABLE_1};
+use serde::Serialize;
+
+/// All that was found.
+pub struct Report {
+    /// Of every material and aperture that was run.
+    pub outcomes: Vec<Outcome>,
+    /// The best method for the slit, by the data that were trained on.
+    pub best: Option<Method>,
+}
+
+/// One figure of a table.
+#[derive(Serialize)]
+struct Cell {
+    material: &'static str,
+    optics: &'static str,
+    method: String,
+    mae_um: f64,
+    max_um: f64,
+    paper_mae_um: Option<f64>,
+    paper_max_um: Option<f64>,
+}
+
+/// What the best method gains on a material.
+#[derive(Serialize)]
+struct Gain {
+    material: &'static str,
+    paper_method_mae_um: f64,
+    mae_um: f64,
+    gain_percent: f64,
+}
+
+#[derive(Serialize)]
+struct Best {
+    method: String,
+    gains: Vec<Gain>,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+pub struct Json {
+    cells: Vec<Cell>,
+    best: Option<Best>,
+}
+
+const MICROMETRES: f64 = 1e6;
+
+impl Report {
+    /// Chooses the best method, and reports.
+    pub fn new(outcomes: Vec<Outcome>) -> Self {
+        let best = best(&outcomes);
+        Self { outcomes, best }
+    }
+
+    /// One object.
+    pub fn json(&self) -> Json {
+        let cells = self.outcomes.iter().flat_map(|outcome| {
+            outcome.judged.iter().map(|judged| {
+                let paper = published(outcome.material, &judged.method);
+                Cell {
+                    material: MATERIALS[outcome.material].name,
+                    optics: outcome.aperture.name(),
+                    method: judged.method.name(),
+                    mae_um: judged.mae * MICROMETRES,
+                    max_um: judged.max * MICROMETRES,
+                    paper_mae_um: paper.map(|paper| paper.mae),
+                    paper_max_um: paper.map(|paper| paper.max),
+                }
+            })
+        });
+        Json {
+            cells: cells.collect(),
+            best: self.best.map(|method| Best {
+                method: method.name(),
+                gains: self.gains(&method),
+            }),
+        }
+    }
+
+    /// What a method gains over the paper's gaussian on each material.
+    fn gains(&self, method: &Method) -> Vec<Gain> {
+        let slits = self
+            .outcomes
+            .iter()
+            .filter(|outcome| outcome.aperture == Aperture::Slit);
+        slits
+            .filter_map(|outcome| {
+                let papers = find(&outcome.judged, &Method::PAPERS_GAUSSIAN)?.mae;
+                let mae = find(&outcome.judged, method)?.mae;
+                Some(Gain {
+                    material: MATERIALS[outcome.material].name,
+                    paper_method_mae_um: papers * MICROMETRES,
+                    mae_um: mae * MICROMETRES,
+                    gain_percent: 100.0 * (1.0 - mae / papers),
+                })
+            })
+            .collect()
+    }
+
+    /// The tables.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        self.write_table_1(&mut text).expect("a string takes all");
+        self.write_methods(&mut text).expect("a string takes all");
+        self.write_references(&mut text)
+            .expect("a string takes all");
+        text
+    }
+
+    fn write_table_1(&self, text: &mut String) -> std::fmt::Result {
+        writeln!(
+            text,
+            "Table 1: errors in um, simulated (the paper's; the ratio of the two)\n"
+        )?;
+        write!(text, "{:<20}", "")?;
+        for (name, _) in PAPERS_METHODS {
+            write!(text, "{name:>46}")?;
+        }
+        write!(text, "\n{:<20}", "Material")?;
+        for _ in PAPERS_METHODS {
+            write!(text, "{:>23}{:>23}", "MAX", "MAE")?;
+        }
+        writeln!(text)?;
+        for (material, paper) in MATERIALS.iter().zip(&TABLE_1) {
+            let mut line = format!("{:<20}", material.name);
+            let mut any = false;
+            for (_, method) in PAPERS_METHODS {
+                let outcomes = self.outcomes.iter();
+                let of_material = outcomes.filter(|o| MATERIALS[o.material].name == material.name);
+                let judged = of_material
+                    .flat_map(|o| &o.judged)
+                    .find(|j| j.method == method);
+                let paper = of_paper(paper, &method);
+                match (judged, paper) {
+                    (Some(judged), Some(paper)) => {
+                        any = true;
+                        for (ours, paper) in [(judged.max, paper.max), (judged.mae, paper.mae)] {
+                            let ours = ours * MICROMETRES;
+                            let ratio = ours / paper;
+                            write!(
+                                line,
+                                "{:>23}",
+                                format!("{ours:.0} ({paper:.0}; {ratio:.2})")
+                            )?;
+                        }
+                    }
+                    _ => write!(line, "{:>46}", "-")?,
+                }
+            }
+            if any {
+                writeln!(text, "{line}")?;
+            }
+        }
+        writeln!(text)
+    }
+
+    fn write_methods(&self, text: &mut String) -> std::fmt::Result {
+        let slits = || {
+            self.outcomes
+                .iter()
+                .filter(|o| o.aperture == Aperture::Slit)
+        };
+        let Some(first) = slits().next() else {
+            return Ok(());
+        };
+        writeln!(
+            text,
+            "Slit: MAE of every method in um, and what it gains over the paper's gaussian in %\n"
+        )?;
+        write!(text, "{:<28}", "")?;
+        for outcome in slits() {
+            write!(text, "{:>20}", MATERIALS[outcome.material].name)?;
+        }
+        writeln!(text)?;
+        for judged in &first.judged {
+            let method = judged.method;
+            if method.calibration == Calibration::Eq1AndTable && Some(method) != self.best {
+                continue;
+            }
+            let mark = if Some(method) == self.best { " *" } else { "" };
+            write!(text, "{:<28}", method.name() + mark)?;
+            for outcome in slits() {
+                let mae =
+                    |method| find(&outcome.judged, method).map_or(f64::NAN, |judged| judged.mae);
+                let gain = 100.0 * (1.0 - mae(&method) / mae(&Method::PAPERS_GAUSSIAN));
+                let cell = format!("{:.1} ({gain:+.1})", mae(&method) * MICROMETRES);
+                write!(text, "{cell:>20}")?;
+            }
+            writeln!(text)?;
+        }
+        writeln!(text, "\n* the best on the data that were trained on")?;
+        writeln!(text)
+    }
+
+    fn write_references(&self, text: &mut String) -> std::fmt::Result {
+        for outcome in &self.outcomes {
+            let without = outcome
+                .judged
+                .iter()
+                .map(|j| j.without_centre)
+                .max()
+                .unwrap_or(0);
+            write!(
+                text,
+                "{}, {}: {} captures, {without} without a centre at most",
+                MATERIALS[outcome.material].name,
+                outcome.aperture.name(),
+                outcome.distances.len(),
+            )?;
+            if let Some(difference) = outcome.reference {
+                write!(
+                    text,
+                    "; core less f64 fit, rms of {} frames: gaussian {:.4} px, sinc^2 {:.4} px",
+                    difference.frames, difference.gaussian, difference.fraunhofer
+                )?;
+            }
+            writeln!(text)?;
+        }
+        Ok(())
+    }
+}
+
+/// The columns of the paper's Table 1.
+const PAPERS_METHODS: [(&str, Method); 3] = [
+    ("Lens", Method::PAPERS_LENS),
+    ("Slit with Gaussian Fit", Method::PAPERS_GAUSSIAN),
+    ("Slit with Fraunhofer Fit", Method::PAPERS_FRAUNHOFER),
+];
+
+fn find<'a>(judged: &'a [Judged], method: &Method) -> Option<&'a Judged> {
+    judged.iter().find(|judged| judged.method == *method)
+}
+
+/// The paper's figures for a method, where it has them.
+fn published(material: usize, method: &Method) -> Option<Errors> {
+    of_paper(TABLE_1.get(material)?, method)
+}
+
+fn of_paper(row: &host_tests::paper::published::Published, method: &Method) -> Option<Errors> {
+    match *method {
+        Method::PAPERS_LENS => Some(row.lens),
+        Method::PAPERS_GAUSSIAN => Some(row.gaussian),
+        Method::PAPERS_FRAUNHOFER => Some(row.fraunhofer),
+        _ => None,
+    }
+}
+
+/// The method for the slit whose MAE over that of the paper's gaussian is the least, as the mean over the materials, on the data that
+/// were trained on.
+fn best(outcomes: &[Outcome]) -> Option<Method> {
+    let slits = || {
+        outcomes
+            .iter()
+            .filter(|outcome| outcome.aperture == Aperture::Slit)
+    };
+    let ratio = |method: &Method| -> f64 {
+        slits()
+            .map(|outcome| {
+                let mae = |method| find(&outcome.trained, method).map_or(f64::NAN, |j| j.mae);
+                mae(method) / mae(&Method::PAPERS_GAUSSIAN)
+            })
+            .sum()
+    };
+    let methods = slits().next()?.trained.iter().map(|judged| judged.method);
+    methods.min_by(|a, b| ratio(a).total_cmp(&ratio(b)))
+}

@@ -1,0 +1,150 @@
+//! The slit's captures through the core: rows in, the centres of frames out.
+
+use phase_tables::{Background, IntegerTable, Shape, design, gaussian};
+use slitrange::estimator::tables::{Sampling, TableSet};
+use slitrange::estimator::{Estimator, RowCentre, centre, phase_table};
+use slitrange::reading::Fault;
+use slitrange::row::{Geometry, Row};
+use slitrange::spot::{self, Spot};
+
+use crate::field::{Image, Surface, View, every, slit_image};
+use crate::paper::apparatus::{self, Aperture, SLIT};
+use crate::paper::camera::{self, FULL_SCALE, PITCH, ROWS, ShotNoise};
+use crate::paper::methods::RowEstimator;
+use crate::paper::row_mean::{RowFit, RowMean};
+
+/// Pixels of a row that are simulated, around the spot. The spot's sigma is 10 to 13 pixels and its side lobes end at some 60: more
+/// than half of them are background, from which the core tells level and noise (medians over blocks), and 12 sigma to
+/// either side are more than any estimator looks at. The other 1664 would tell the noise to 2 % in place of 6 %.
+pub const COLUMNS: usize = 256;
+
+/// The light is computed on every so many rows, and interpolated between them: the speckle of a spot of half a millimetre is some
+/// 150 rows high.
+const ROW_STEP: usize = 4;
+
+/// Tables that the core does not have.
+#[derive(Clone, Copy)]
+pub struct RowTables<'a> {
+    /// Of the profile that rows of the sensor have, where it was measured.
+    pub measured: Option<&'a TableSet<'a>>,
+    /// [`speckle_table`].
+    pub speckle: &'a TableSet<'a>,
+}
+
+/// A table whose score is nearly blind to half of what speckle does to a row.
+///
+/// Over a slit much narrower than a speckle, the field is E0 + E1 u. The imaginary part of E1 / E0 is a tilt of the wave; it moves
+/// the pattern as a move of the spot does, and no look at a row tells the two apart. The real part is a taper: one side of the slit is
+/// brighter. That does not move Fraunhofer's pattern, but it does Fresnel's: with the wave's curvature at a Fresnel number of a third
+/// it adds a broad odd pattern, which over the spot's core is almost a slope. A least-squares fit moves by 0.43 of what the
+/// same tilt would move it by, a centroid by 1.3; a fit of the core on a background of any slope by 0.18.
+pub fn speckle_table() -> IntegerTable {
+    // Three quarters of the spot's width, and 2.5 of those to either side: all within 0.25.
+    let shape = Shape {
+        width: 8.0,
+        half_width: 20,
+        phases: 1,
+    };
+    design(&gaussian, shape, f64::INFINITY, Background::Tilted).quantise()
+}
+
+/// The image of a view, and the sensor's column at which it begins.
+///
+/// # Errors
+/// The spot is larger than the surface.
+pub fn image(surface: &Surface, view: &View) -> anyhow::Result<(Image, usize)> {
+    let centre = apparatus::centre(Aperture::Slit, view.distance);
+    let first = centre.round() as usize - COLUMNS / 2;
+    let columns: Vec<f64> = (first..first + COLUMNS)
+        .map(|column| (column as f64 - centre) * PITCH)
+        .collect();
+    let rows: Vec<f64> = (0..ROWS)
+        .map(|row| (row as f64 - (ROWS as f64 - 1.0) / 2.0) * PITCH)
+        .collect();
+    let image = slit_image(surface, view, &SLIT, &columns, &every(&rows, ROW_STEP))?;
+    Ok((image.with_rows_between(ROW_STEP, ROWS), first))
+}
+
+/// The image's density, see [`Image`].
+///
+/// # Errors
+/// The spot is larger than the surface.
+pub fn density(surface: &Surface, view: &View) -> anyhow::Result<f64> {
+    Ok(slit_image(surface, view, &SLIT, &[0.0], &[0.0])?.density)
+}
+
+/// The centres of a capture, by every method: a value for each of
+/// [`CentreMethod::all`](crate::paper::methods::CentreMethod::all), in pixels from the image's first column, not a number where there is
+/// none.
+pub fn centres(counts: &[u16], tables: &RowTables<'_>) -> Vec<f64> {
+    fit_rows(counts, tables)
+        .iter()
+        .flat_map(|rows| RowMean::ALL.map(|mean| mean.of(rows).unwrap_or(f64::NAN)))
+        .collect()
+}
+
+/// The rows of a capture that have a centre, for each estimator. As the core's pipeline does, a row is searched near the spot of the
+/// row before; the estimators share that search.
+pub fn fit_rows(counts: &[u16], tables: &RowTables<'_>) -> [Vec<RowFit>; RowEstimator::ALL.len()] {
+    let known = camera::geometry(COLUMNS, ShotNoise::Known);
+    let ignored = camera::geometry(COLUMNS, ShotNoise::Ignored);
+    let mut found = RowEstimator::ALL.map(|_| Vec::with_capacity(ROWS));
+    let mut last_spot: Option<(Spot, RowCentre)> = None;
+    let mut last = [None; RowEstimator::ALL.len()];
+    for (number, row) in (0..).zip(counts.chunks_exact(COLUMNS)) {
+        let place = 2.0 * f64::from(number) / (ROWS as f64 - 1.0) - 1.0;
+        let row = Row::new(row, &[], FULL_SCALE).expect("a camera of 12 bits");
+        let spot = match &last_spot {
+            Some((spot, centre)) => spot::find_again(&row, spot, centre.width),
+            None => spot::find(&row),
+        };
+        let Ok(spot) = spot else {
+            (last_spot, last) = (None, Default::default());
+            continue;
+        };
+        for ((estimator, last), found) in
+            RowEstimator::ALL.into_iter().zip(&mut last).zip(&mut found)
+        {
+            let geometry = match estimator {
+                RowEstimator::Gaussian => &ignored,
+                _ => &known,
+            };
+            *last = centre_of(estimator, &row, &spot, last.as_ref(), geometry, tables).ok();
+            found.extend(last.map(|centre| RowFit {
+                centre: centre.centre.to_f64(),
+                amplitude: centre.amplitude.to_f64(),
+                place,
+            }));
+        }
+        last_spot = last[RowEstimator::PhaseTable as usize].map(|centre| (spot, centre));
+    }
+    found
+}
+
+fn centre_of(
+    estimator: RowEstimator,
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+    tables: &RowTables<'_>,
+) -> Result<RowCentre, Fault> {
+    let rung = |rung| centre(rung, row, spot, before, geometry);
+    let with = |tables| phase_table::centre(row, spot, before, geometry, tables, Sampling::Fine);
+    match estimator {
+        RowEstimator::Gaussian => rung(Estimator::GaussNewton),
+        RowEstimator::Fraunhofer => rung(Estimator::Fraunhofer),
+        RowEstimator::PhaseTable => rung(Estimator::PhaseTable),
+        RowEstimator::Adaptive => rung(Estimator::Adaptive),
+        RowEstimator::Robust => rung(Estimator::Robust),
+        RowEstimator::MeasuredProfile => tables.measured.map_or_else(
+            || {
+                Err(Fault::NoSpot {
+                    amplitude: spot.height,
+                })
+            },
+            with,
+        ),
+        RowEstimator::Speckle => with(tables.speckle),
+    }
+}
