@@ -250,8 +250,9 @@ pub fn gaussian_width(scene: &Scene, distance: f64) -> f64 {
     width.hypot(blur / scene.optics.pitch)
 }
 
-/// Light of a plain gaussian in a row of the sensor, over its height in the middle: one row of a line sensor sees all of it.
-pub fn gaussian_height(scene: &Scene, distance: f64, row: usize) -> f64 {
+/// Light in a row of the sensor, over that in the middle, of a gaussian whose sigma is `width` pixels for a point: one row of a line
+/// sensor sees all of it.
+pub fn gaussian_height(scene: &Scene, width: f64, distance: f64, row: usize) -> f64 {
     if scene.sensor.rows() == 1 {
         return 1.0;
     }
@@ -266,7 +267,7 @@ pub fn gaussian_height(scene: &Scene, distance: f64, row: usize) -> f64 {
             0.5 * (libm::erf((end - place) * scale) + libm::erf((end + place) * scale))
         }
         Aperture::Lens { .. } => {
-            let sigma = scene.spot.map_or(0.0, |spot| spot.width) * scene.optics.pitch;
+            let sigma = width * scene.optics.pitch;
             libm::exp(-0.5 * (place / sigma.hypot(blur)).powi(2))
         }
     }
@@ -291,7 +292,7 @@ fn heights(scene: &Scene, distance: f64) -> Vec<f64> {
                 .collect()
         }
         _ => (0..rows)
-            .map(|row| gaussian_height(scene, distance, row))
+            .map(|row| gaussian_height(scene, 0.0, distance, row))
             .map(|height| if height < 1e-9 { 0.0 } else { height })
             .collect(),
     }
