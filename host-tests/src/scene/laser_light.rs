@@ -121,10 +121,10 @@ impl LaserLight {
         }
     }
 
-    /// The shape at a distance: the last one, if it has not changed.
+    /// The shape at a distance: the last one, if it has not changed. Nobody waits while another thread computes another distance's.
     fn shape(&self, scene: &Scene, distance: f64) -> Arc<Shape> {
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((at, shape)) = &*last
+        let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((at, shape)) = &*last()
             && at.to_bits() == distance.to_bits()
         {
             return shape.clone();
@@ -133,7 +133,7 @@ impl LaserLight {
             Some(surface) => Shape::coherent(scene, surface, distance),
             None => Shape::incoherent(scene, self.texture.as_ref(), distance),
         });
-        *last = Some((distance, shape.clone()));
+        *last() = Some((distance, shape.clone()));
         shape
     }
 }
