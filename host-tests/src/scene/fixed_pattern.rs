@@ -1,6 +1,5 @@
 //! Unlit pixels differ (dark signal non-uniformity).
 
-use rand_distr::{Distribution as _, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use crate::scene::{Effect, random};
@@ -16,12 +15,11 @@ pub struct FixedPattern {
 impl FixedPattern {
     /// The offsets of a sensor's outputs in counts.
     pub fn offsets(&self, seed: u64, outputs: usize) -> Vec<f32> {
-        let mut random = random::of_scene(seed, Effect::FixedPattern);
-        (0..outputs)
-            .map(|_| {
-                let normal: f32 = StandardNormal.sample(&mut random);
-                self.counts as f32 * normal
-            })
+        let deviation = self.counts as f32;
+        let normals = random::normals_of_scene(seed, Effect::FixedPattern, outputs);
+        normals
+            .into_iter()
+            .map(|normal| deviation * normal)
             .collect()
     }
 }

@@ -1,10 +1,11 @@
 //! Noise of the sensor's output and the converter.
 
-use rand::Rng;
-use rand_distr::{Distribution as _, StandardNormal};
+use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-/// White and normal.
+use crate::scene::random;
+
+/// White and normal: temporal dark noise that light does not change (EMVA standard 1288; J. R. Janesick, "Photon Transfer", SPIE 2007).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReadNoise {
@@ -13,11 +14,14 @@ pub struct ReadNoise {
 }
 
 impl ReadNoise {
-    /// Adds it to a row's counts.
-    pub fn apply(&self, counts: &mut [f32], random: &mut impl Rng) {
-        for count in counts {
-            let normal: f32 = StandardNormal.sample(random);
-            *count += self.counts as f32 * normal;
+    /// Adds it to a row's counts, shielded and dummy outputs among them: they pass the same amplifier.
+    pub fn apply(&self, counts: &mut [f32], random: &mut ChaCha8Rng) {
+        let deviation = self.counts as f32;
+        for block in counts.chunks_mut(random::BLOCK) {
+            let normals = random::normals(random);
+            for (count, normal) in block.iter_mut().zip(&normals) {
+                *count += deviation * normal;
+            }
         }
     }
 }

@@ -1,6 +1,5 @@
 //! Pixels differ in what they make of light (photo-response non-uniformity).
 
-use rand_distr::{Distribution as _, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use crate::scene::{Effect, random};
@@ -16,12 +15,10 @@ pub struct Response {
 impl Response {
     /// The factors of a sensor's pixels.
     pub fn factors(&self, seed: u64, pixels: usize) -> Vec<f32> {
-        let mut random = random::of_scene(seed, Effect::Response);
-        (0..pixels)
-            .map(|_| {
-                let normal: f32 = StandardNormal.sample(&mut random);
-                (1.0 + self.deviation as f32 * normal).max(0.0)
-            })
-            .collect()
+        let deviation = self.deviation as f32;
+        let normals = random::normals_of_scene(seed, Effect::Response, pixels);
+        let factors = normals.into_iter().map(|normal| 1.0 + deviation * normal);
+        // No pixel makes less than nothing of light.
+        factors.map(|factor| factor.max(0.0)).collect()
     }
 }
