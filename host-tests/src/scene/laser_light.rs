@@ -6,6 +6,7 @@ use crate::optics::Optics;
 use crate::scene::obliquity::Oblique;
 use crate::scene::pattern::Pattern;
 use crate::scene::shape::{self, Shape};
+use crate::scene::speckle::RoughSurface;
 use crate::scene::spot::{Spot, between};
 use crate::scene::{Motion, Scene, texture};
 
@@ -13,7 +14,9 @@ use crate::scene::{Motion, Scene, texture};
 #[derive(Debug, Default)]
 pub struct LaserLight {
     /// [`crate::scene::Texture`].
-    surface: Option<texture::Surface>,
+    texture: Option<texture::Surface>,
+    /// [`crate::scene::Speckle`].
+    rough: Option<Arc<RoughSurface>>,
     /// The last shape and its distance: a target at rest has one shape for all rows.
     last: Mutex<Option<(f64, Arc<Shape>)>>,
 }
@@ -21,7 +24,8 @@ pub struct LaserLight {
 impl Clone for LaserLight {
     fn clone(&self) -> Self {
         Self {
-            surface: self.surface.clone(),
+            texture: self.texture.clone(),
+            rough: self.rough.clone(),
             last: Mutex::default(),
         }
     }
@@ -30,8 +34,17 @@ impl Clone for LaserLight {
 impl LaserLight {
     /// Draws what the scene's effects need.
     pub fn new(scene: &Scene) -> Self {
+        if scene.spot.is_none() {
+            return Self::default();
+        }
+        let texture = scene.texture.map(|it| it.surface(scene.seed));
+        let rough = scene
+            .speckle
+            .zip(scene.laser_spot)
+            .map(|(speckle, spot)| Arc::new(speckle.surface(scene, &spot, texture.as_ref())));
         Self {
-            surface: scene.texture.map(|it| it.surface(scene.seed)),
+            texture,
+            rough,
             last: Mutex::default(),
         }
     }
@@ -57,9 +70,9 @@ impl LaserLight {
             Some(temperature) => temperature.optics(&scene.optics, time),
             None => scene.optics,
         };
-        let centre_at = |distance: f64| {
+        let centre_at = move |distance: f64| {
             let centre = optics.centre(distance);
-            match &scene.distortion {
+            match scene.distortion {
                 Some(distortion) => distortion.displaced(centre, optics.axis, optics.pitch),
                 None => centre,
             }
@@ -74,38 +87,27 @@ impl LaserLight {
             let shape = self.shape(scene, distance);
             if let Some((pattern, factor)) = shape.row(row) {
                 let width = shape.width() / optics.pitch;
-                let amplitude = amplitude * factor;
-                exposures(
-                    scene,
-                    distance,
-                    exposure,
-                    width,
-                    centre_at,
-                    |centre, part| {
-                        if scene.obliquity.is_some() {
-                            add_oblique(light, pattern, &optics, centre, amplitude * part);
-                        } else {
-                            add(light, pattern, optics.pitch, centre, amplitude * part);
-                        }
-                    },
-                );
+                let centres = centres(scene, distance, exposure, width, centre_at);
+                let amplitude = amplitude * factor / centres.len() as f64;
+                for centre in centres {
+                    if scene.obliquity.is_some() {
+                        add_oblique(light, pattern, &optics, centre, amplitude);
+                    } else {
+                        add(light, pattern, optics.pitch, centre, amplitude);
+                    }
+                }
             }
         } else {
+            let factor = shape::gaussian_height(scene, spot.width, distance, row);
             let spot = Spot {
                 width: shape::gaussian_width(scene, distance),
                 ..*spot
             };
-            let amplitude = amplitude * shape::gaussian_height(scene, distance, row);
-            exposures(
-                scene,
-                distance,
-                exposure,
-                spot.width,
-                centre_at,
-                |centre, part| {
-                    spot.add(light, centre, amplitude * part);
-                },
-            );
+            let centres = centres(scene, distance, exposure, spot.width, centre_at);
+            let amplitude = amplitude * factor / centres.len() as f64;
+            for centre in centres {
+                spot.add(light, centre, amplitude);
+            }
         }
 
         let centre = centre_at(distance);
@@ -114,43 +116,47 @@ impl LaserLight {
             flare.add(light, rows_off, centre, optics.axis, amplitude);
         }
         if let Some(reflection) = &scene.second_reflection {
-            reflection.add(light, centre, amplitude);
+            let factor = shape::gaussian_height(scene, reflection.width, distance, row);
+            reflection.add(light, centre, amplitude * factor);
         }
     }
 
-    /// The shape at a distance: the last one, if it has not changed.
+    /// The shape at a distance: the last one, if it has not changed. Nobody waits while another thread computes another distance's.
     fn shape(&self, scene: &Scene, distance: f64) -> Arc<Shape> {
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((at, shape)) = &*last
+        let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((at, shape)) = &*last()
             && at.to_bits() == distance.to_bits()
         {
             return shape.clone();
         }
-        let shape = Arc::new(Shape::incoherent(scene, self.surface.as_ref(), distance));
-        *last = Some((distance, shape.clone()));
+        let shape = Arc::new(match &self.rough {
+            Some(surface) => Shape::coherent(scene, surface, distance),
+            None => Shape::incoherent(scene, self.texture.as_ref(), distance),
+        });
+        *last() = Some((distance, shape.clone()));
         shape
     }
 }
 
-/// The spot's centres during an exposure, and the share of the light that falls while it is there: one for a target at rest.
-/// `width` is the spot's in pixels.
-fn exposures(
+/// The spot's centres during an exposure, in each of which it stays for an even part of it: one for a target at rest. `width`
+/// is the spot's sigma in pixels.
+fn centres(
     scene: &Scene,
     distance: f64,
     exposure: f64,
     width: f64,
     centre_at: impl Fn(f64) -> f64,
-    mut expose: impl FnMut(f64, f64),
-) {
-    let Some(motion) = &scene.motion else {
-        return expose(centre_at(distance), 1.0);
-    };
+) -> impl ExactSizeIterator<Item = f64> {
+    let motion = scene.motion.unwrap_or(Motion { speed: 0.0 });
     let half_way = 0.5 * motion.speed * exposure;
-    let moved = centre_at(distance - half_way) - centre_at(distance + half_way);
-    let steps = Motion::steps(moved / width);
-    for distance in motion.distances(distance, exposure, steps) {
-        expose(centre_at(distance), 1.0 / f64::from(steps));
-    }
+    let steps = match half_way {
+        0.0 => 1,
+        _ => {
+            let moved = centre_at(distance - half_way) - centre_at(distance + half_way);
+            Motion::steps(moved / width)
+        }
+    };
+    motion.distances(distance, exposure, steps).map(centre_at)
 }
 
 fn add(light: &mut [f32], pattern: &Pattern, pitch: f64, centre: f64, amplitude: f64) {

@@ -210,12 +210,13 @@ impl Pupil {
             Chord {
                 v: v * self.radius,
                 half_chord,
-                weight,
+                weight: weight * FRAC_PI_2,
                 field,
             }
         });
         Chords {
             wavenumber: k / self.to_sensor,
+            radius: self.radius,
             chords: chords.collect(),
         }
     }
@@ -233,6 +234,8 @@ fn both_sides(nodes: usize) -> Vec<(f64, f64)> {
 pub struct Chords {
     /// k / z.
     wavenumber: f64,
+    /// a.
+    radius: f64,
     chords: Vec<Chord>,
 }
 
@@ -249,18 +252,20 @@ struct Chord {
 }
 
 impl Chords {
-    /// The light along a row, in a unit that depends on the pupil's size and [`Across`] only.
+    /// The light along a row: its mean over a pixel's height, or, for all of it, its integral in metres; in a unit that depends on the
+    /// pupil's size only.
     ///
     /// The field at (x, y) is the sum of the chords' fields times exp(-i k v y / z). Its square, weighted over y, is the sum over pairs of
     /// chords of the product of their fields times the transform of the weight at the difference of their v; all of y
-    /// leaves each chord with itself (Parseval).
+    /// leaves each chord with itself (Parseval: 2 pi z / k times the integral over v).
     pub fn row(&self, across: Across) -> Vec<f64> {
         let knots = self.chords.first().map_or(0, |chord| chord.field.len());
         let mut light = vec![0.0; knots];
         match across {
             Across::All => {
                 for chord in &self.chords {
-                    let weight = chord.weight * chord.half_chord.powi(3);
+                    let both_sides = 2.0 * TAU / (self.wavenumber * self.radius);
+                    let weight = both_sides * chord.weight * chord.half_chord.powi(3);
                     for (light, (re, im)) in light.iter_mut().zip(&chord.field) {
                         *light += weight * (re * re + im * im);
                     }

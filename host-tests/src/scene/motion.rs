@@ -31,7 +31,12 @@ impl Motion {
     }
 
     /// The distances in the middles of `steps` short exposures, where the long one lasts `exposure` seconds and has `distance` in its middle.
-    pub fn distances(&self, distance: f64, exposure: f64, steps: u32) -> impl Iterator<Item = f64> {
+    pub fn distances(
+        self,
+        distance: f64,
+        exposure: f64,
+        steps: u32,
+    ) -> impl ExactSizeIterator<Item = f64> {
         let way = self.speed * exposure;
         (0..steps)
             .map(move |step| distance + way * ((f64::from(step) + 0.5) / f64::from(steps) - 0.5))

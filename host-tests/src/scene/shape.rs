@@ -10,6 +10,7 @@ use crate::scene::laser_spot::{image_scale, image_scale_across};
 use crate::scene::lens::{Across, Pupil, Ray};
 use crate::scene::obliquity::Oblique;
 use crate::scene::pattern::{Part, Pattern};
+use crate::scene::speckle::RoughSurface;
 use crate::scene::{Scene, texture};
 
 /// Light beyond so many details (lambda z / a) of a slit's pattern is left out: it is below 5e-5 of the peak.
@@ -17,6 +18,12 @@ const SLIT_DETAILS: f64 = 48.0;
 
 /// The same for a lens, whose pattern falls faster.
 const LENS_DETAILS: f64 = 24.0;
+
+/// Sigma, in details, of the gaussian that fits sinc^2 best: 1/2.66 of the distance to its first zero.
+const SLIT_WIDTH: f64 = 0.376;
+
+/// The same for Airy's pattern, or a little less.
+pub(super) const AIRY_WIDTH: f64 = 0.4;
 
 /// A pattern for each row of the sensor.
 #[derive(Clone, Debug)]
@@ -36,6 +43,7 @@ impl Shape {
         scene.diffraction.is_some()
             || scene.obliquity.is_some()
             || scene.texture.is_some()
+            || scene.speckle.is_some() && scene.laser_spot.is_some()
             || of_lens && (scene.defocus.is_some() || scene.coma.is_some())
     }
 
@@ -45,6 +53,31 @@ impl Shape {
             Aperture::Slit { width, .. } => Self::of_slit(scene, surface, distance, width),
             Aperture::Lens { diameter } => Self::of_lens(scene, surface, distance, diameter),
         }
+    }
+
+    /// The shape of coherent light from a rough surface.
+    pub fn coherent(scene: &Scene, surface: &RoughSurface, distance: f64) -> Self {
+        let rows = surface.rows(scene, distance);
+        let mut shape = Self {
+            patterns: vec![],
+            rows: vec![],
+            width: match scene.optics.aperture {
+                Aperture::Slit { width, .. } => SLIT_WIDTH * gap(scene, width, distance).detail(),
+                Aperture::Lens { diameter } => {
+                    AIRY_WIDTH * scene.optics.wavelength * scene.optics.focal_length / diameter
+                }
+            },
+        };
+        for light in rows.light {
+            if light.is_empty() {
+                shape.rows.push(None);
+                continue;
+            }
+            shape.rows.push(Some((shape.patterns.len(), 1.0)));
+            let pattern = Pattern::from_knots(rows.step, light);
+            shape.patterns.push(pattern.gathered(scene.optics.pitch));
+        }
+        shape
     }
 
     /// A row's pattern, and the factor of its light.
@@ -69,8 +102,7 @@ impl Shape {
             Some(diffraction) => {
                 let gap = gap(scene, slit_width, distance);
                 let point = gap.pattern(diffraction, SLIT_DETAILS * gap.detail());
-                // sinc^2 is as wide as a gaussian of 0.376 of the distance to its first zero.
-                (point, 0.376 * gap.detail())
+                (point, SLIT_WIDTH * gap.detail())
             }
             None => gaussian(scene),
         };
@@ -165,14 +197,16 @@ impl LensPoint {
             },
             false => Across::All,
         };
-        let ideal = pupil.ideal().chords(step, reach, 0.0);
         let chords = pupil.chords(step, reach, farthest);
+        let ideal = match pupil.ideal() {
+            ideal if ideal == pupil => chords.row(across(0.0)),
+            ideal => ideal.chords(step, reach, 0.0).row(across(0.0)),
+        };
         Self {
             along: Box::new(move |place| Pattern::from_knots(step, chords.row(across(place)))),
-            ideal: Pattern::from_knots(step, ideal.row(across(0.0))),
+            ideal: Pattern::from_knots(step, ideal),
             farthest,
-            // Airy's pattern is no narrower.
-            width: 0.4 * pupil.detail(),
+            width: AIRY_WIDTH * pupil.detail(),
         }
     }
 
@@ -216,8 +250,9 @@ pub fn gaussian_width(scene: &Scene, distance: f64) -> f64 {
     width.hypot(blur / scene.optics.pitch)
 }
 
-/// Light of a plain gaussian in a row of the sensor, over its height in the middle: one row of a line sensor sees all of it.
-pub fn gaussian_height(scene: &Scene, distance: f64, row: usize) -> f64 {
+/// Light in a row of the sensor, over that in the middle, of a gaussian whose sigma is `width` pixels for a point: one row of a line
+/// sensor sees all of it.
+pub fn gaussian_height(scene: &Scene, width: f64, distance: f64, row: usize) -> f64 {
     if scene.sensor.rows() == 1 {
         return 1.0;
     }
@@ -232,7 +267,7 @@ pub fn gaussian_height(scene: &Scene, distance: f64, row: usize) -> f64 {
             0.5 * (libm::erf((end - place) * scale) + libm::erf((end + place) * scale))
         }
         Aperture::Lens { .. } => {
-            let sigma = scene.spot.map_or(0.0, |spot| spot.width) * scene.optics.pitch;
+            let sigma = width * scene.optics.pitch;
             libm::exp(-0.5 * (place / sigma.hypot(blur)).powi(2))
         }
     }
@@ -257,7 +292,7 @@ fn heights(scene: &Scene, distance: f64) -> Vec<f64> {
                 .collect()
         }
         _ => (0..rows)
-            .map(|row| gaussian_height(scene, distance, row))
+            .map(|row| gaussian_height(scene, 0.0, distance, row))
             .map(|height| if height < 1e-9 { 0.0 } else { height })
             .collect(),
     }
@@ -269,7 +304,7 @@ pub fn place_across(scene: &Scene, row: usize) -> f64 {
 }
 
 /// The geometric centre in metres from the axis.
-fn geometric_centre(scene: &Scene, distance: f64) -> f64 {
+pub(super) fn geometric_centre(scene: &Scene, distance: f64) -> f64 {
     (scene.optics.centre(distance) - scene.optics.axis) * scene.optics.pitch
 }
 
@@ -290,14 +325,14 @@ fn gaussian(scene: &Scene) -> (Pattern, f64) {
 }
 
 /// Standard deviation of the laser's light over the target, in metres: 0 for a point.
-fn spot_deviation(scene: &Scene, distance: f64) -> f64 {
+pub(super) fn spot_deviation(scene: &Scene, distance: f64) -> f64 {
     scene
         .laser_spot
         .map_or(0.0, |it| it.deviation(distance, scene.optics.wavelength))
 }
 
 /// The places of the laser's spot along the baseline, and where their light goes.
-struct Parts<'a> {
+pub(super) struct Parts<'a> {
     /// Metres on the target from the beam's middle, and share of the light.
     places: Vec<Part>,
     /// Metres on the sensor for one on the target.
@@ -308,7 +343,7 @@ struct Parts<'a> {
 
 impl<'a> Parts<'a> {
     /// For patterns no narrower than a gaussian of sigma `width` metres.
-    fn new(
+    pub(super) fn new(
         scene: &Scene,
         surface: Option<&'a texture::Surface>,
         distance: f64,
@@ -356,7 +391,7 @@ impl<'a> Parts<'a> {
     }
 
     /// Height of the spot on a surface that is equally bright everywhere, over that of a point's pattern.
-    fn height(&self, point: &Pattern) -> f64 {
+    pub(super) fn height(&self, point: &Pattern) -> f64 {
         self.even()
             .map(|part| part.weight * point.at(-part.shift))
             .sum()

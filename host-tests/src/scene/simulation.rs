@@ -2,6 +2,7 @@
 //!
 //! Each effect that is listed is one pass over the row, or over the few pixels that it touches; one that is not listed is one test a row.
 
+use crate::least_squares;
 use crate::scene::laser_light::LaserLight;
 use crate::scene::{Effect, Scene, random};
 
@@ -42,6 +43,29 @@ impl Simulation {
     /// temperature, distortion, obliquity, aberrations, texture, speckle - is an error.
     pub fn true_centre(&self, row: u64, distance: f64) -> f64 {
         self.scene.optics.centre(self.true_distance(row, distance))
+    }
+
+    /// Sigma in pixels of the gaussian that fits the spot best, of a target at rest at a distance in metres: what an estimator can
+    /// expect. Speckle and texture are left out. NaN where no gaussian fits, as for a spot beyond the row's ends.
+    pub fn spot_width(&self, distance: f64) -> f64 {
+        let sensor = self.scene.sensor;
+        let spot = Scene {
+            optics: self.scene.optics,
+            spot: self.scene.spot,
+            diffraction: self.scene.diffraction,
+            laser_spot: self.scene.laser_spot,
+            obliquity: self.scene.obliquity,
+            defocus: self.scene.defocus,
+            coma: self.scene.coma,
+            ..Scene::dark(sensor)
+        };
+        let row = spot.row(sensor.rows() / 2, distance, 1.0);
+        let light: Vec<f64> = row[sensor.geometry().light]
+            .iter()
+            .map(|&light| f64::from(light))
+            .collect();
+        least_squares::fit_near(&light, spot.optics.centre(distance))
+            .map_or(f64::NAN, |gaussian| gaussian.width)
     }
 }
 
