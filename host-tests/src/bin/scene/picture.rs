@@ -127,8 +127,8 @@ impl<'a> Seen<'a> {
         };
         self.image().place(&mut svg, image)?;
         let scale = Grey {
-            width: 1,
-            pixels: (0..=255).rev().collect(),
+            width: 8,
+            pixels: (0..=255).rev().flat_map(|grey| [grey; 8]).collect(),
         };
         scale.place(&mut svg, bar)?;
         Ok(svg)
@@ -197,10 +197,9 @@ impl<'a> Seen<'a> {
         let (columns, heights) = panel.plotting_area().get_pixel_range();
         let (left, top) = area.get_base_pixel();
         // The fitted row is marked beside the image.
-        let (_, height) = panel.backend_coord(&(0.0, -(self.row as f64)));
+        let (_, height) = panel.backend_coord(&(self.columns().start, -(self.row as f64)));
         area.draw(&Polygon::new(
-            [(-12, -6), (-2, 0), (-12, 6)]
-                .map(|(x, y)| (columns.start - left + x, height - top + y)),
+            [(13, -6), (2, 0), (13, 6)].map(|(x, y)| (columns.end - left + x, height - top + y)),
             FIT.filled(),
         ))?;
         let bar = columns.end + 18..columns.end + 34;
@@ -248,7 +247,7 @@ impl<'a> Seen<'a> {
         let heights = low - margin..high + margin;
         let mut panel =
             builder(area, &title).build_cartesian_2d(self.columns(), heights.clone())?;
-        mesh(&mut panel, "counts", 6)?;
+        mesh(&mut panel, "counts", "", 6)?;
         let dots = counts.iter().map(|&at| Circle::new(at, 3, COUNTS.filled()));
         panel.draw_series(dots)?;
         if let Some((fit, level)) = self.fit_and_level() {
@@ -271,7 +270,7 @@ impl<'a> Seen<'a> {
         Ok(())
     }
 
-    /// The counts less the fit; less their mean where there is no fit.
+    /// The counts less the fit, where there is one.
     fn draw_residuals(&self, area: &Area<'_>) -> Result<()> {
         let Some((fit, level)) = self.fit_and_level() else {
             return Ok(());
@@ -284,7 +283,7 @@ impl<'a> Seen<'a> {
         let (low, high) = range(left.iter().map(|(_, count)| *count));
         let end = 1.1 * low.abs().max(high.abs()).max(1.0);
         let mut panel = builder(area, "").build_cartesian_2d(self.columns(), -end..end)?;
-        mesh(&mut panel, "counts - fit", 5)?;
+        mesh(&mut panel, "counts - fit", "pixel of the light range", 5)?;
         panel.draw_series([PathElement::new(
             [(self.columns().start, 0.0), (self.columns().end, 0.0)],
             FIT.stroke_width(1),
@@ -331,7 +330,8 @@ fn builder<'a, 'b>(area: &'b Area<'a>, title: &str) -> ChartBuilder<'b, 'b, SVGB
 
 fn mesh(
     panel: &mut ChartContext<'_, SVGBackend<'_>, Plane>,
-    name: &str,
+    y_name: &str,
+    x_name: &str,
     labels: usize,
 ) -> Result<()> {
     panel
@@ -345,7 +345,8 @@ fn mesh(
         .y_labels(labels)
         .x_label_formatter(&whole)
         .y_label_formatter(&whole)
-        .y_desc(name)
+        .y_desc(y_name)
+        .x_desc(x_name)
         .draw()?;
     Ok(())
 }

@@ -25,15 +25,15 @@ pub struct EffectTiming {
     pub effect: &'static str,
     /// Nanoseconds a row, the median; none where the scene's other effects need this one.
     pub nanoseconds_a_row: Option<f64>,
-    /// What half of the repetitions lie within, plus and minus.
-    pub scatter: f64,
+    /// Its standard uncertainty, from the scatter of the repetitions.
+    pub uncertainty: f64,
 }
 
-/// Time for a repetition of a scene, at least a frame of a camera.
-const REPETITION: Duration = Duration::from_millis(2);
+/// Time for a repetition of a scene, but two rows or frames at least: so short that most of them nothing interrupts.
+const REPETITION: Duration = Duration::from_micros(250);
 
 /// Repetitions, in which the scenes take turns so that all meet the same disturbances.
-const REPETITIONS: usize = 15;
+const REPETITIONS: usize = 151;
 
 /// Where that takes longer in all, there are fewer.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -72,12 +72,15 @@ impl Timing {
                 .zip(differences)
                 .map(|((effect, rest), mut differences)| {
                     let middle = median(&mut differences);
-                    let mut off: Vec<f64> =
-                        differences.iter().map(|d| (d - middle).abs()).collect();
+                    let mut off: Vec<f64> = (differences.iter())
+                        .map(|difference| (difference - middle).abs())
+                        .collect();
+                    // Of normal values the standard deviation is 1.483 medians, and that of a median of n of them 1.253/sqrt(n) of it.
+                    let deviation = 1.483 * median(&mut off);
                     EffectTiming {
                         effect,
                         nanoseconds_a_row: rest.map(|_| middle),
-                        scatter: median(&mut off),
+                        uncertainty: 1.253 * deviation / (off.len().max(1) as f64).sqrt(),
                     }
                 })
                 .collect(),

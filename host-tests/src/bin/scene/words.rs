@@ -70,8 +70,8 @@ fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
         "RMS um".into(),
         "mean um".into(),
         "faults".into(),
-        "share of error^2".into(),
-        "time a row".into(),
+        "its share of error^2".into(),
+        "its time a row".into(),
         "".into(),
     ]];
     rows.push(row(
@@ -88,8 +88,8 @@ fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
         });
         let time = match timing.nanoseconds_a_row {
             // Lost in the scatter of the repetitions.
-            Some(time) if time.abs() < 2.0 * timing.scatter => {
-                format!("0 ± {}", duration(timing.scatter))
+            Some(time) if time.abs() < 3.0 * timing.uncertainty => {
+                format!("0 ± {}", duration(timing.uncertainty))
             }
             Some(time) => duration(time),
             None => "-".into(),
@@ -99,9 +99,7 @@ fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
             without.errors.as_ref(),
             share,
             time,
-            (parameters.get(without.effect.name()))
-                .map(ToString::to_string)
-                .unwrap_or_default(),
+            (parameters.get(without.effect.name())).map_or_else(String::new, in_words),
         ));
     }
     write_table(text, &rows)?;
@@ -167,6 +165,21 @@ fn write_table(text: &mut String, rows: &[[String; 9]]) -> std::fmt::Result {
 /// The effects' parameters, as in the scene's file.
 fn parameters(scene: &Scene) -> Result<serde_json::Value> {
     serde_json::to_value(scene).context("the scene's parameters")
+}
+
+/// `name value, name value`.
+fn in_words(parameters: &serde_json::Value) -> String {
+    let word = |value: &serde_json::Value| match value {
+        serde_json::Value::String(word) => word.clone(),
+        other => other.to_string(),
+    };
+    match parameters {
+        serde_json::Value::Object(values) => (values.iter())
+            .map(|(name, value)| format!("{} {}", name.replace('_', " "), word(value)))
+            .collect::<Vec<_>>()
+            .join(", "),
+        other => word(other),
+    }
 }
 
 /// Three digits.
