@@ -75,7 +75,7 @@ impl<'a> Target<'a> {
         let material = &MATERIALS[set.material];
         let mut target = Self {
             set,
-            surface: Surface::new(&LASER, &material.scattering(), seed)?,
+            surface: material.surface(&LASER, seed)?,
             counts: 1.0,
         };
         let mut sum = 0.0;

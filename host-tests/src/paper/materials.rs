@@ -3,7 +3,11 @@
 //!
 //! How much light a material reflects does not matter: each data set is exposed so that its mean peak is a quarter of full scale.
 
-use crate::field::Scattering;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, StandardNormal};
+
+use crate::field::{Laser, Scattering, Surface};
 
 /// A material.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,6 +21,20 @@ pub struct Material {
     pub path_spread: f64,
     /// How its brightness depends on the angle between the laser and the camera.
     pub lobe: Lobe,
+    /// Its pattern, where it has one.
+    pub texture: Option<Texture>,
+}
+
+/// Bright and dark places: the logarithm of the reflectance is a normal random field, whose correlation is gaussian.
+///
+/// The beam wanders over them while the table moves. Those that are smaller than the spot make little difference; larger ones move
+/// its centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Texture {
+    /// Standard deviation of the logarithm.
+    pub contrast: f64,
+    /// Distance at which the correlation has fallen to exp(-1/2), along the baseline and across, in metres.
+    pub length: [f64; 2],
 }
 
 /// Brightness over the angle of view, seen along the laser's beam, which is also the direction of the mirror image.
@@ -43,12 +61,65 @@ impl Lobe {
 }
 
 impl Material {
-    /// What the surface's field is made of.
-    pub fn scattering(&self) -> Scattering {
-        Scattering {
+    /// A piece of it.
+    ///
+    /// # Errors
+    /// The numbers make no surface.
+    pub fn surface(&self, laser: &Laser, seed: u64) -> anyhow::Result<Surface> {
+        let scattering = Scattering {
             polarisations: self.polarisations,
             path_spread: self.path_spread,
             ..Scattering::surface()
+        };
+        let surface = Surface::new(laser, &scattering, seed)?;
+        Ok(match self.texture {
+            Some(texture) => surface.with_reflectance(texture.reflectance(seed)),
+            None => surface,
+        })
+    }
+
+    /// Its numbers in words.
+    pub fn description(&self) -> String {
+        let texture = self.texture.map_or("no texture".into(), |texture| {
+            let [x, y] = texture.length.map(|length| length * 1e3);
+            format!("texture {:.2}, {x:.2} x {y:.2} mm", texture.contrast)
+        });
+        format!(
+            "{}: {} polarisations, paths of {:.0} um, lobe {:.0} % diffuse and {:.2} rad wide, {texture}",
+            self.name,
+            self.polarisations,
+            self.path_spread * 1e6,
+            100.0 * self.lobe.diffuse,
+            self.lobe.width
+        )
+    }
+}
+
+/// Waves that make a texture: their sum is normal to some per cent.
+const WAVES: usize = 48;
+
+impl Texture {
+    /// The reflectance at a place (x, y) in metres, with a mean of 1: waves of random direction, length and phase, whose wave numbers are
+    /// normal with a standard deviation of one over the correlation's length.
+    fn reflectance(&self, seed: u64) -> impl Fn(f64, f64) -> f64 + use<> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        // Streams from 0 on are the scatterers'.
+        random.set_stream(u64::MAX);
+        let waves: Vec<[f64; 3]> = (0..WAVES)
+            .map(|_| {
+                let [x, y] = self.length.map(|length| {
+                    let normal: f64 = StandardNormal.sample(&mut random);
+                    normal / length
+                });
+                [x, y, std::f64::consts::TAU * random.random::<f64>()]
+            })
+            .collect();
+        let contrast = self.contrast;
+        move |x, y| {
+            let wave = |[a, b, phase]: &[f64; 3]| libm::cos(a * x + b * y + phase);
+            let sum: f64 = waves.iter().map(wave).sum();
+            let field = sum * (2.0 / WAVES as f64).sqrt();
+            libm::exp(contrast * field - 0.5 * contrast * contrast)
         }
     }
 }
@@ -64,6 +135,7 @@ pub const MATERIALS: [Material; 6] = [
             diffuse: 0.1,
             width: 0.3,
         },
+        texture: None,
     },
     Material {
         name: "Rusty Metal",
@@ -74,6 +146,7 @@ pub const MATERIALS: [Material; 6] = [
             diffuse: 0.8,
             width: 0.4,
         },
+        texture: None,
     },
     Material {
         name: "Light Wood Plank",
@@ -83,12 +156,14 @@ pub const MATERIALS: [Material; 6] = [
             diffuse: 0.9,
             width: 0.4,
         },
+        texture: None,
     },
     Material {
         name: "Printer Paper",
         polarisations: 2,
         path_spread: 150e-6,
         lobe: Lobe::LAMBERT,
+        texture: None,
     },
     Material {
         name: "Black Electric Tape",
@@ -99,18 +174,57 @@ pub const MATERIALS: [Material; 6] = [
             diffuse: 0.1,
             width: 0.15,
         },
+        texture: None,
     },
     Material {
         name: "Microfiber Fabric",
         polarisations: 2,
         path_spread: 100e-6,
         lobe: Lobe::LAMBERT,
+        texture: None,
     },
 ];
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Mean, variance and correlation of the logarithm, over many textures.
+    #[test]
+    fn texture_has_its_contrast_and_its_length() {
+        const TEXTURES: u64 = 2000;
+        let texture = Texture {
+            contrast: 0.4,
+            length: [0.3e-3, 1e-3],
+        };
+        let (mut mean, mut sum, mut squares, mut products) = (0.0, 0.0, 0.0, [0.0; 2]);
+        for seed in 0..TEXTURES {
+            let reflectance = texture.reflectance(seed);
+            let logarithm = |x, y| reflectance(x, y).ln() + 0.5 * 0.4f64.powi(2);
+            let here = logarithm(1e-3, 2e-3);
+            mean += reflectance(1e-3, 2e-3);
+            sum += here;
+            squares += here * here;
+            products[0] += here * logarithm(1.3e-3, 2e-3);
+            products[1] += here * logarithm(1e-3, 3e-3);
+        }
+        let n = TEXTURES as f64;
+        let (mean, offset, deviation) = (mean / n, sum / n, (squares / n).sqrt());
+        let correlation = products.map(|product| product / squares);
+        println!(
+            "mean {mean:.3}; logarithm {offset:.3} +- {deviation:.3}, correlation {correlation:.3?}"
+        );
+        // Five standard errors: 1/sqrt(n) deviations of a mean, and 1/sqrt(2 n) of a deviation. That of a log-normal variable
+        // is sqrt(exp(0.16) - 1) = 0.42.
+        let error = 5.0 / n.sqrt();
+        assert!((mean - 1.0).abs() < 0.42 * error && offset.abs() < 0.4 * error);
+        assert!((deviation / 0.4 - 1.0).abs() < 0.71 * error);
+        assert!(
+            correlation
+                .iter()
+                .all(|c| (c - (-0.5f64).exp()).abs() < error)
+        );
+    }
 
     #[test]
     fn brightness_falls_with_the_angle() {
