@@ -1,39 +1,78 @@
 //! What falls on the sensor head: a scene's rows for the exposures that the firmware gives, or given rows.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use host_tests::scene::{Scene, Simulation};
 
-use crate::{Exposure, LightSource, PIXELS};
+use crate::{Exposure, LightSource, Nanos, PIXELS};
 
-/// The target, which whoever holds a clone can move.
+/// The target, which whoever holds a clone can move, and ask where it was.
 #[derive(Clone, Debug)]
-pub struct Target(Arc<Mutex<f64>>);
+pub struct Target(Arc<Mutex<Place>>);
+
+#[derive(Debug)]
+struct Place {
+    /// In metres; of a scene whose target moves by itself, at the first row.
+    distance: f64,
+    /// Ends of the last exposures, and where it was in the middle of them.
+    seen: VecDeque<(Nanos, f64)>,
+}
+
+/// Exposures that are remembered: those of four of the longest frames.
+const REMEMBERED: usize = 256;
 
 impl Target {
     /// A target at a distance in metres.
     pub fn at(distance: f64) -> Self {
-        Self(Arc::new(Mutex::new(distance)))
+        Self(Arc::new(Mutex::new(Place {
+            distance,
+            seen: VecDeque::new(),
+        })))
+    }
+
+    fn place(&self) -> MutexGuard<'_, Place> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Moves it.
     pub fn move_to(&self, distance: f64) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = distance;
+        self.place().distance = distance;
     }
 
-    /// Where it is, in metres.
-    pub fn distance(&self) -> f64 {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Where it was in the mean over the middles of so many exposures of which the last is given, in metres, if all of them are
+    /// remembered: the last 256 are.
+    pub fn mean_distance(&self, last: &Exposure, exposures: usize) -> Option<f64> {
+        let place = self.place();
+        let until = (place.seen.iter()).position(|(end, _)| *end == last.end)?;
+        let from = (until + 1).checked_sub(exposures)?;
+        let sum: f64 = (place.seen.range(from..=until))
+            .map(|(_, distance)| distance)
+            .sum();
+        Some(sum / exposures as f64)
+    }
+
+    /// A row is exposed: gives the distance to show it for.
+    fn expose(&self, exposure: &Exposure, true_distance: impl Fn(f64) -> f64) -> f64 {
+        let mut place = self.place();
+        let distance = place.distance;
+        if place.seen.len() == REMEMBERED {
+            place.seen.pop_front();
+        }
+        (place.seen).push_back((exposure.end, true_distance(distance)));
+        distance
     }
 }
 
-/// A scene's rows. The target stands still during an exposure: it is where it was found at the end.
+/// A scene's rows. A target that the caller moves stands still during an exposure, where it was found at the end; one that the scene
+/// moves ([`host_tests::scene::Motion`]) does so from row to row and during exposures, from there.
 pub fn of_scene(scene: Scene, target: Target) -> LightSource {
     let simulation = Simulation::new(scene);
     let mut row = 0;
     Box::new(move |exposure: &Exposure| {
         row += 1;
-        simulation.row(row, target.distance(), exposure.duration() as f64 * 1e-9)
+        let distance = target.expose(exposure, |distance| simulation.true_distance(row, distance));
+        simulation.row(row, distance, exposure.duration() as f64 * 1e-9)
     })
 }
 

@@ -20,11 +20,15 @@ struct Options {
     /// Rows in a frame.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=64))]
     rows: u16,
-    /// Distances to measure at.
-    #[arg(long, default_value_t = 43, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    steps: u32,
+    /// Distances to measure at, from 0.60 to 1.02 m [default: 43; with --scene only the scene's]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    steps: Option<u32>,
+    /// Show the sensor this scene in place of white paper: a name that `cargo scene` lists, or the path of a .toml file.
+    /// It is seen at the firmware's exposure, not at its own.
+    #[arg(long, value_name = "NAME")]
+    scene: Option<String>,
     /// Show the sensor the rows of a photograph (binary PGM, 8 or 16 bit), one after the other.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["distance", "steps", "pty"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["distance", "steps", "scene", "pty"])]
     pgm: Option<PathBuf>,
     /// Open the serial line as a pseudo-terminal for tio or screen, and run on wall time until interrupted.
     #[arg(long, conflicts_with = "json")]

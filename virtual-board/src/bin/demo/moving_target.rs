@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, ensure};
 use host_tests::bound;
-use host_tests::scene::Scene;
+use host_tests::scene::{Effect, Scene, Sensor};
 use serde::Serialize;
 use virtual_board::light::{Target, of_scene};
-use virtual_board::{Firmware, VirtualBoard};
+use virtual_board::{Firmware, Line, VirtualBoard};
 
 use crate::lines::Report;
 use crate::{Options, say};
@@ -15,6 +15,10 @@ use crate::{Options, say};
 /// The range of the paper's position table, in metres.
 const NEAREST: f64 = 0.60;
 const FARTHEST: f64 = 1.02;
+
+/// Steps, of a target that moves over the table and of one that stays.
+const STEPS: u32 = 43;
+const STEPS_AT_REST: u32 = 8;
 
 /// Results at each step that count; those of frames in which the target moved come before and do not.
 const RESULTS_A_STEP: usize = 4;
@@ -24,7 +28,8 @@ const RESULTS_A_STEP: usize = 4;
 pub struct Summary {
     /// Root mean square error of the readings; none without readings.
     rms_error_um: Option<f64>,
-    /// What the Cramér-Rao bound gives for the scene, root mean square over the readings.
+    /// What the Cramér-Rao bound gives for the scene, root mean square over the readings; none where the scene has more
+    /// to it than a gaussian and noise.
     bound_um: Option<f64>,
     max_error_um: Option<f64>,
     /// Share of readings whose error is within twice the claimed uncertainty.
@@ -41,15 +46,34 @@ pub struct Summary {
 struct Compared {
     error: f64,
     uncertainty: f64,
-    bound: f64,
+    bound: Option<f64>,
+}
+
+/// The scene to show, and where its target is first.
+fn scene(options: &Options) -> Result<(Scene, f64)> {
+    let Some(name) = &options.scene else {
+        return Ok((Scene::white_paper(), options.distance.unwrap_or(NEAREST)));
+    };
+    let scene = Scene::load(name)?;
+    ensure!(
+        scene.sensor == Sensor::Tcd1304dg,
+        "the scene {name} is seen by {:?}, and the board has a TCD1304DG: `cargo scene {name}` shows it",
+        scene.sensor
+    );
+    ensure!(
+        options.steps.is_none() || scene.motion.is_none(),
+        "the target of {name} moves by itself: leave out --steps"
+    );
+    let distance = options.distance.unwrap_or(scene.distance);
+    Ok((scene, distance))
 }
 
 /// Opens the serial line as a pseudo-terminal.
 #[cfg(unix)]
 pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
-    let target = Target::at(options.distance.unwrap_or(NEAREST));
-    let scene = Scene::white_paper();
-    let light = if options.distance.is_some() {
+    let (scene, distance) = scene(options)?;
+    let target = Target::at(distance);
+    let light = if options.distance.is_some() || options.scene.is_some() {
         of_scene(scene, target)
     } else {
         // To the far end and back in 20 s of virtual time.
@@ -71,8 +95,18 @@ pub fn serve(_: &Firmware, _: &Options) -> Result<()> {
 
 /// Measures at each step and sums up.
 pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
-    let scene = Scene::white_paper();
-    let target = Target::at(NEAREST);
+    let (scene, start) = scene(options)?;
+    let steps = match (options.steps, &options.scene) {
+        (Some(steps), _) => steps,
+        (None, None) => STEPS,
+        (None, Some(_)) => STEPS_AT_REST,
+    };
+    // Where it stays, unless it is to be seen over the whole table.
+    let stays = options.distance.is_some() || options.scene.is_some() && options.steps.is_none();
+    if options.scene.is_some() {
+        say(options.json, &scene.about);
+    }
+    let target = Target::at(start);
     let mut board = VirtualBoard::power_on(firmware, of_scene(scene.clone(), target.clone()))?;
     let frame = Duration::from_millis(6) * u32::from(options.rows);
     // Boot, and the answer, wait behind at most a frame.
@@ -88,12 +122,11 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     );
     let (started, first_row) = (board.now(), board.head(|head| head.row_count()));
     let (mut readings, mut faults, mut compared) = (0, 0, vec![]);
-    for step in 0..options.steps {
-        let share = f64::from(step) / f64::from(options.steps.max(2) - 1);
-        let distance = options
-            .distance
-            .unwrap_or(NEAREST + share * (FARTHEST - NEAREST));
-        target.move_to(distance);
+    for step in 0..steps {
+        if !stays {
+            let share = f64::from(step) / f64::from(steps.max(2) - 1);
+            target.move_to(NEAREST + share * (FARTHEST - NEAREST));
+        }
         // The row that is under way, and the one that is being computed, still show the old place: two frames at most
         // end with such a row.
         for result in 0..2 + RESULTS_A_STEP {
@@ -110,6 +143,8 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                 continue;
             }
             let shown = result == 2;
+            let distance = true_distance(&mut board, &target, &line, options.rows)
+                .context("a result came before its rows")?;
             match report {
                 Report::Reading(reading) => {
                     let found = compare(
@@ -149,7 +184,10 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let statistics = board.finish()?;
     let summary = Summary {
         rms_error_um: rms(compared.iter().map(|reading| reading.error)),
-        bound_um: rms(compared.iter().map(|reading| reading.bound)),
+        bound_um: (compared.iter())
+            .map(|reading| reading.bound)
+            .collect::<Option<Vec<f64>>>()
+            .and_then(|bounds| rms(bounds.into_iter())),
         max_error_um: compared
             .iter()
             .map(|reading| reading.error.abs())
@@ -171,6 +209,33 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     Ok(summary)
 }
 
+/// Where the target was, in the mean over the rows of the frame that a line is the result of, in metres.
+fn true_distance(board: &mut VirtualBoard, target: &Target, line: &Line, rows: u16) -> Option<f64> {
+    /// Of the serial line: ten bits at 115200 a second, in nanoseconds.
+    const BYTE: u64 = 86_806;
+    // The line begins as soon as the frame's last row has been computed: before the next one is read.
+    let begin = line.at.saturating_sub((line.text.len() as u64 + 2) * BYTE);
+    let last = board.head(|head| {
+        let read = head.rows().rev().find(|row| row.last_word < begin);
+        read.map(|row| row.exposure)
+    })?;
+    target.mean_distance(&last, usize::from(rows))
+}
+
+/// The spot and its noise, where the scene has nothing else that the Cramér-Rao bound would have to know of.
+fn bound(scene: &Scene, exposure: f64) -> Option<bound::Spot> {
+    let known = [Effect::BlackLevel, Effect::ShotNoise, Effect::ReadNoise];
+    let more =
+        (Effect::ALL.into_iter()).any(|effect| scene.lists(effect) && !known.contains(&effect));
+    let spot = scene.spot.filter(|_| !more)?;
+    Some(bound::Spot {
+        width: spot.width,
+        amplitude: spot.counts_per_second * exposure,
+        noise: scene.read_noise.map_or(0.0, |noise| noise.counts),
+        electrons_per_count: scene.shot_noise.map(|noise| noise.electrons_per_count),
+    })
+}
+
 /// A reading beside the truth and the bound for the scene.
 fn compare(
     scene: &Scene,
@@ -179,19 +244,13 @@ fn compare(
     reading: &crate::lines::Reading,
 ) -> Result<Compared> {
     let exposure = exposure.context("a reading came before any row")? as f64 * 1e-9;
-    let spot = scene.spot.context("the scene has no spot")?;
     ensure!(reading.rows > 0, "a reading of no rows: {reading:?}");
-    let bound = bound::Spot {
-        width: spot.width,
-        amplitude: spot.counts_per_second * exposure,
-        noise: scene.read_noise.map_or(0.0, |noise| noise.counts),
-        electrons_per_count: scene.shot_noise.map(|noise| noise.electrons_per_count),
-    };
     let metres_per_pixel = scene.optics.metres_per_pixel(scene.optics.centre(distance));
     Ok(Compared {
         error: (reading.distance - distance * 1e3) * 1e3,
         uncertainty: reading.uncertainty * 1e3,
-        bound: bound.bound() / f64::from(reading.rows).sqrt() * metres_per_pixel * 1e6,
+        bound: bound(scene, exposure)
+            .map(|bound| bound.bound() / f64::from(reading.rows).sqrt() * metres_per_pixel * 1e6),
     })
 }
 
@@ -218,16 +277,18 @@ pub fn rms(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
 
 impl Summary {
     fn in_words(&self, readings: usize) -> String {
-        let accuracy = match (
-            self.rms_error_um,
-            self.bound_um,
-            self.max_error_um,
-            self.within_2u,
-        ) {
-            (Some(rms), Some(bound), Some(largest), Some(within)) => format!(
-                "RMS error {rms:.2} um, {:.2} of the Cramér-Rao bound ({bound:.2} um); largest {largest:.2} um; \
-                 {:.1} % within twice the claimed uncertainty",
-                rms / bound,
+        let bound = match (self.rms_error_um, self.bound_um) {
+            (Some(rms), Some(bound)) => {
+                format!(
+                    ", {:.2} of the Cramér-Rao bound ({bound:.2} um)",
+                    rms / bound
+                )
+            }
+            _ => String::new(),
+        };
+        let accuracy = match (self.rms_error_um, self.max_error_um, self.within_2u) {
+            (Some(rms), Some(largest), Some(within)) => format!(
+                "RMS error {rms:.2} um{bound}; largest {largest:.2} um; {:.1} % within twice the claimed uncertainty",
                 within * 100.0
             ),
             _ => "no reading".to_owned(),
