@@ -6,7 +6,6 @@
 
 mod accuracy;
 mod chip;
-mod docs;
 mod figures;
 mod figures_for_help;
 mod host_time;
@@ -21,6 +20,7 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use clap::Parser;
+use host_tests::docs;
 use slitrange::estimator::Estimator;
 
 use crate::report::Measured;
@@ -133,7 +133,7 @@ fn write(measured: &Measured) -> anyhow::Result<()> {
     ] {
         let page = root.join(page);
         let text = std::fs::read_to_string(&page).with_context(|| page.display().to_string())?;
-        std::fs::write(&page, docs::with_block(&text, &block)?)?;
+        std::fs::write(&page, docs::with_block(&text, "cargo cost", &block)?)?;
     }
     std::fs::write(
         root.join("src/estimator/figures/measured.rs"),

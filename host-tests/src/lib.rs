@@ -2,7 +2,9 @@
 
 pub mod accuracy;
 pub mod bound;
+pub mod budget;
 pub mod core_tables;
+pub mod docs;
 pub mod field;
 pub mod grid;
 pub mod ladder;

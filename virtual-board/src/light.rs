@@ -7,71 +7,71 @@ use host_tests::scene::{Scene, Simulation};
 
 use crate::{Exposure, LightSource, Nanos, PIXELS};
 
-/// The target, which whoever holds a clone can move, and where it was in the last rows.
+/// The target, which whoever holds a clone can move, and ask where it was.
 #[derive(Clone, Debug)]
-pub struct Target(Arc<Mutex<Places>>);
+pub struct Target(Arc<Mutex<Place>>);
 
 #[derive(Debug)]
-struct Places {
-    /// Where it was put.
+struct Place {
+    /// In metres; of a scene whose target moves by itself, at the first row.
     distance: f64,
-    /// The end of each exposure, and where the target was in its middle.
-    shown: VecDeque<(Nanos, f64)>,
+    /// Ends of the last exposures, and where it was in the middle of them.
+    seen: VecDeque<(Nanos, f64)>,
 }
 
-/// Rows of which it is known where the target was: two of the longest frames.
-const SHOWN: usize = 128;
+/// Exposures that are remembered: those of four of the longest frames.
+const REMEMBERED: usize = 256;
 
 impl Target {
     /// A target at a distance in metres.
     pub fn at(distance: f64) -> Self {
-        Self(Arc::new(Mutex::new(Places {
+        Self(Arc::new(Mutex::new(Place {
             distance,
-            shown: VecDeque::new(),
+            seen: VecDeque::new(),
         })))
+    }
+
+    fn place(&self) -> MutexGuard<'_, Place> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Moves it.
     pub fn move_to(&self, distance: f64) {
-        self.places().distance = distance;
+        self.place().distance = distance;
     }
 
-    /// Where it was put, in metres. A scene may move it from there: [`host_tests::scene::Motion`].
-    pub fn distance(&self) -> f64 {
-        self.places().distance
+    /// Where it was in the mean over the middles of so many exposures of which the last is given, in metres, if all of them are
+    /// remembered: the last 256 are.
+    pub fn mean_distance(&self, last: &Exposure, exposures: usize) -> Option<f64> {
+        let place = self.place();
+        let until = (place.seen.iter()).position(|(end, _)| *end == last.end)?;
+        let from = (until + 1).checked_sub(exposures)?;
+        let sum: f64 = (place.seen.range(from..=until))
+            .map(|(_, distance)| distance)
+            .sum();
+        Some(sum / exposures as f64)
     }
 
-    /// Where it truly was, in metres: the mean over so many rows (1 to 64) of a scene, of which `last` is the last one's
-    /// exposure. `None` where the scene has not shown as many.
-    pub fn mean_distance(&self, last: &Exposure, rows: usize) -> Option<f64> {
-        let places = self.places();
-        let end = 1 + places.shown.iter().rposition(|(at, _)| *at == last.end)?;
-        let frame = places.shown.range(end.checked_sub(rows)?..end);
-        Some(frame.map(|(_, distance)| distance).sum::<f64>() / rows as f64)
-    }
-
-    fn show(&self, exposure: &Exposure, distance: f64) {
-        let shown = &mut self.places().shown;
-        if shown.len() == SHOWN {
-            shown.pop_front();
+    /// A row is exposed: gives the distance to show it for.
+    fn expose(&self, exposure: &Exposure, true_distance: impl Fn(f64) -> f64) -> f64 {
+        let mut place = self.place();
+        let distance = place.distance;
+        if place.seen.len() == REMEMBERED {
+            place.seen.pop_front();
         }
-        shown.push_back((exposure.end, distance));
-    }
-
-    fn places(&self) -> MutexGuard<'_, Places> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        (place.seen).push_back((exposure.end, true_distance(distance)));
+        distance
     }
 }
 
-/// A scene's rows, counted from the first one that this light source is asked for. Where the scene has no motion, the target stands still
-/// during an exposure: it is where it was found at the end.
+/// A scene's rows. A target that the caller moves stands still during an exposure, where it was found at the end; one that the scene
+/// moves ([`host_tests::scene::Motion`]) does so from row to row and during exposures, from there.
 pub fn of_scene(scene: Scene, target: Target) -> LightSource {
     let simulation = Simulation::new(scene);
     let mut row = 0;
     Box::new(move |exposure: &Exposure| {
         row += 1;
-        let distance = target.distance();
-        target.show(exposure, simulation.true_distance(row, distance));
+        let distance = target.expose(exposure, |distance| simulation.true_distance(row, distance));
         simulation.row(row, distance, exposure.duration() as f64 * 1e-9)
     })
 }
@@ -86,34 +86,4 @@ pub fn outputs(light: &[f32], level: f32) -> Vec<f32> {
         *output = count;
     }
     outputs
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use host_tests::scene::{Motion, Sensor};
-
-    /// 0.1 m/s at 175.4 rows a second: row n shows the target n / 1754 m farther away, and rows 17 to 20 on average 18.5 / 1754.
-    #[test]
-    fn a_frame_sees_the_target_where_it_was_on_average() {
-        let scene = Scene {
-            motion: Some(Motion { speed: 0.1 }),
-            ..Scene::dark(Sensor::Tcd1304dg)
-        };
-        let target = Target::at(0.7);
-        let mut light = of_scene(scene, target.clone());
-        let exposure = |row: Nanos| Exposure {
-            start: row * 5_700_000,
-            end: (row + 1) * 5_700_000,
-        };
-        for row in 1..=20 {
-            light(&exposure(row));
-        }
-        let mean = target.mean_distance(&exposure(20), 4).expect("four rows");
-        println!("{mean}");
-        assert!((mean - (0.7 + 18.5 / 1754.0)).abs() < 1e-12);
-        assert_eq!(target.distance(), 0.7);
-        assert_eq!(target.mean_distance(&exposure(20), 21), None);
-        assert_eq!(target.mean_distance(&exposure(21), 1), None);
-    }
 }

@@ -1,9 +1,10 @@
 //! What stands on the paper's table: laser, camera, slit or lens. Lengths in metres.
 
 use crate::field::{Laser, LensAperture, SlitAperture};
-use crate::optics::{self, Optics};
+use crate::optics::Optics;
 use crate::paper::camera::{COLUMNS, PITCH};
-use crate::paper::lens_effects::Distortion;
+use crate::paper::lens_effects::DISTORTION;
+use crate::scene::Sensor;
 
 /// What the camera looks through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +54,7 @@ pub const LASER: Laser = Laser {
 };
 
 /// Chosen: the angle between the laser's beam and the table, in radians, by which the spot wanders over the target.
-pub const WANDER: f64 = 0.5e-3;
+pub const WANDER: f64 = 2e-3;
 
 /// The slit, 50 mm in front of the sensor.
 pub const SLIT: SlitAperture = SlitAperture {
@@ -76,24 +77,22 @@ pub fn lens() -> LensAperture {
     }
 }
 
-/// Eq. (1) of the apparatus without aberrations. Chosen: tan u = 2.6, which puts the table's range in the middle of the sensor to
-/// within 66 pixels.
+/// Tangent of u, the angle between the laser's beam and the camera's axis. Chosen: it puts the table's range in the middle of the
+/// sensor to within 66 pixels.
+pub const TAN_ANGLE: f64 = 2.6;
+
+/// Eq. (1) of the apparatus without aberrations.
 pub fn optics(aperture: Aperture) -> Optics {
     Optics {
-        offset: 0.0,
         baseline: BASELINE,
         focal_length: match aperture {
             Aperture::Slit => SLIT.to_sensor,
             Aperture::Lens => lens().to_sensor(),
         },
-        angle: 2.6f64.atan(),
+        angle: TAN_ANGLE.atan(),
         pitch: PITCH,
         axis: AXIS,
-        wavelength: LASER.wavelength,
-        aperture: match aperture {
-            Aperture::Slit => optics::Aperture::PAPER_SLIT,
-            Aperture::Lens => optics::Aperture::PAPER_LENS,
-        },
+        ..Optics::nominal_on(Sensor::Camera)
     }
 }
 
@@ -105,10 +104,7 @@ pub fn centre(aperture: Aperture, distance: f64) -> f64 {
     let ideal = optics(aperture).centre(distance);
     match aperture {
         Aperture::Slit => ideal,
-        Aperture::Lens => {
-            let from_axis = (ideal - AXIS) * PITCH;
-            AXIS + Distortion::CHOSEN.image(from_axis) / PITCH
-        }
+        Aperture::Lens => DISTORTION.displaced(ideal, AXIS, PITCH),
     }
 }
 

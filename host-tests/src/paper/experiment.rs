@@ -3,6 +3,7 @@
 use crate::paper::apparatus::{Aperture, CAPTURES};
 use crate::paper::data_set::{self, DataSet, JUDGED};
 use crate::paper::errors::{self, Judged};
+use crate::paper::methods::Method;
 use crate::paper::reference::{self, Difference};
 use crate::paper::training;
 
@@ -28,8 +29,9 @@ pub struct Outcome {
     pub centres: Vec<f64>,
     /// What the methods make of them.
     pub judged: Vec<Judged>,
-    /// What they make of the data that they were trained on: by these, and not by those that they are judged on, the best is chosen.
-    pub trained: Vec<Judged>,
+    /// Every method's MAE in metres on the pieces of material that were trained on: by these, and not by the piece that they are
+    /// judged on, the best is chosen.
+    pub trained: Vec<(Method, f64)>,
     /// The core beside the paper's fits in f64, for the slit.
     pub reference: Option<Difference>,
 }
@@ -67,8 +69,7 @@ impl Experiment {
             captures: CAPTURES,
         };
         training::with_tables(measured.as_deref(), |tables| {
-            let trained = training::centres(&training_sets, tables, done)?;
-            let residuals = errors::tables(&trained)?;
+            let trained = training::train(&training_sets, tables, done)?;
             let centres = set.measure(tables, done)?;
             let reference = (aperture == Aperture::Slit)
                 .then(|| reference::compare(&set, tables, set.distances.len().div_ceil(REFERENCES)))
@@ -76,8 +77,8 @@ impl Experiment {
             Ok(Outcome {
                 material,
                 aperture,
-                judged: errors::judge(aperture, &centres, &residuals)?,
-                trained: errors::judge(aperture, &trained, &residuals)?,
+                judged: errors::judge(aperture, &centres, &trained.residuals)?,
+                trained: trained.mae,
                 centres: centres.of_methods[0].clone(),
                 distances: centres.distances,
                 reference,

@@ -3,7 +3,8 @@
 //!
 //! How much light a material reflects does not matter: each data set is exposed so that its mean peak is a quarter of full scale.
 
-use crate::field::Scattering;
+use crate::field::{Laser, Scattering, Surface};
+use crate::scene::{SpecularLobe, Texture};
 
 /// A material.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,96 +16,135 @@ pub struct Material {
     pub polarisations: usize,
     /// Mean extra path of light in the material, in metres: volume scattering.
     pub path_spread: f64,
-    /// How its brightness depends on the angle between the laser and the camera.
-    pub lobe: Lobe,
-}
-
-/// Brightness over the angle of view, seen along the laser's beam, which is also the direction of the mirror image.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lobe {
-    /// The share of the light that leaves by Lambert's law, at an angle of zero.
-    pub diffuse: f64,
-    /// Standard deviation of the gaussian that holds the rest, in radians.
-    pub width: f64,
-}
-
-impl Lobe {
-    /// Lambert's law.
-    pub const LAMBERT: Self = Self {
-        diffuse: 1.0,
-        width: 1.0,
-    };
-
-    /// Brightness at an angle in radians, over that at zero.
-    pub fn brightness(&self, angle: f64) -> f64 {
-        let gloss = (-0.5 * (angle / self.width).powi(2)).exp();
-        self.diffuse * angle.cos() + (1.0 - self.diffuse) * gloss
-    }
+    /// How its brightness depends on the angle of view, beside Lambert's law.
+    pub lobe: Option<SpecularLobe>,
+    /// Its grain.
+    pub texture: Texture,
 }
 
 impl Material {
-    /// What the surface's field is made of.
-    pub fn scattering(&self) -> Scattering {
-        Scattering {
+    /// A piece of it.
+    ///
+    /// # Errors
+    /// The numbers make no surface.
+    pub fn surface(&self, laser: &Laser, seed: u64) -> anyhow::Result<Surface> {
+        let scattering = Scattering {
             polarisations: self.polarisations,
             path_spread: self.path_spread,
             ..Scattering::surface()
-        }
+        };
+        let texture = self.texture.surface(seed);
+        let surface = Surface::new(laser, &scattering, seed)?;
+        Ok(surface.with_reflectance(|x, _| texture.reflectance(x)))
+    }
+
+    /// Brightness at an angle between laser and camera, in radians: Lambert's law, and the lobe.
+    pub fn brightness(&self, angle: f64) -> f64 {
+        angle.cos() * self.lobe.map_or(1.0, |lobe| lobe.factor(angle))
+    }
+
+    /// Its numbers in words.
+    pub fn description(&self) -> String {
+        let lobe = self.lobe.map_or("no lobe".into(), |lobe| {
+            format!(
+                "lobe {} times as bright, {} rad wide",
+                lobe.strength, lobe.width
+            )
+        });
+        format!(
+            "{}: {} polarisations, paths of {:.0} um, {lobe}, texture of {} in {:.0} um",
+            self.name,
+            self.polarisations,
+            self.path_spread * 1e6,
+            self.texture.contrast,
+            self.texture.length * 1e6
+        )
     }
 }
 
 /// All six, in the order of the paper's Table 1.
 pub const MATERIALS: [Material; 6] = [
+    // Scratches finer than the spot, and a lobe some ten degrees wide across them.
     Material {
         name: "Brushed Metal",
         polarisations: 1,
         path_spread: 0.0,
-        // The lobe of a brushed surface across the brushing is some ten degrees wide.
-        lobe: Lobe {
-            diffuse: 0.1,
+        lobe: Some(SpecularLobe {
+            strength: 9.0,
             width: 0.3,
+            tilt: 0.0,
+        }),
+        texture: Texture {
+            contrast: 0.3,
+            length: 50e-6,
         },
     },
+    // A porous layer of grains.
     Material {
         name: "Rusty Metal",
         polarisations: 1,
-        // Rust is a porous layer.
         path_spread: 20e-6,
-        lobe: Lobe {
-            diffuse: 0.8,
+        lobe: Some(SpecularLobe {
+            strength: 0.25,
             width: 0.4,
+            tilt: 0.0,
+        }),
+        texture: Texture {
+            contrast: 0.5,
+            length: 100e-6,
         },
     },
+    // Light goes some cells deep; early wood and late wood differ.
     Material {
         name: "Light Wood Plank",
         polarisations: 2,
-        path_spread: 300e-6,
-        lobe: Lobe {
-            diffuse: 0.9,
+        path_spread: 150e-6,
+        lobe: Some(SpecularLobe {
+            strength: 0.1,
             width: 0.4,
+            tilt: 0.0,
+        }),
+        texture: Texture {
+            contrast: 0.2,
+            length: 300e-6,
         },
     },
+    // A sheet is 0.1 mm thick, and even.
     Material {
         name: "Printer Paper",
         polarisations: 2,
-        path_spread: 150e-6,
-        lobe: Lobe::LAMBERT,
+        path_spread: 100e-6,
+        lobe: None,
+        texture: Texture {
+            contrast: 0.05,
+            length: 200e-6,
+        },
     },
+    // Glossy: what is seen at 16 to 27 degrees is the foot of the lobe. The surface is embossed a little.
     Material {
         name: "Black Electric Tape",
         polarisations: 1,
         path_spread: 0.0,
-        // Glossy: what is seen at 16 to 27 degrees is the foot of the lobe.
-        lobe: Lobe {
-            diffuse: 0.1,
+        lobe: Some(SpecularLobe {
+            strength: 9.0,
             width: 0.15,
+            tilt: 0.0,
+        }),
+        texture: Texture {
+            contrast: 0.1,
+            length: 200e-6,
         },
     },
+    // Fibres of some micrometres in bundles, with shadows between them.
     Material {
         name: "Microfiber Fabric",
         polarisations: 2,
-        path_spread: 100e-6,
-        lobe: Lobe::LAMBERT,
+        path_spread: 20e-6,
+        lobe: None,
+        texture: Texture {
+            contrast: 0.8,
+            length: 100e-6,
+        },
     },
 ];
 
@@ -115,10 +155,9 @@ mod tests {
     #[test]
     fn brightness_falls_with_the_angle() {
         for material in &MATERIALS {
-            let at = |degrees: f64| material.lobe.brightness(degrees.to_radians());
+            let at = |degrees: f64| material.brightness(degrees.to_radians());
             println!("{}: {:.2} {:.2}", material.name, at(16.4), at(26.6));
-            assert_eq!(at(0.0), 1.0);
-            assert!(at(16.4) < 1.0 && at(26.6) < at(16.4) && at(26.6) > 0.0);
+            assert!(at(16.4) < at(0.0) && at(26.6) < at(16.4) && at(26.6) > 0.0);
         }
     }
 }

@@ -14,6 +14,8 @@ use crate::measured_profile::MeasuredProfile;
 use crate::paper::apparatus::{Aperture, TABLE};
 use crate::paper::camera::{self, FULL_SCALE, ShotNoise};
 use crate::paper::data_set::{Centres, DataSet, JUDGED, Target};
+use crate::paper::errors::{self, Tables};
+use crate::paper::methods::Method;
 use crate::paper::slit_path::{self, COLUMNS, RowTables};
 
 /// Pieces of a material that are measured. Speckle is new on each.
@@ -47,20 +49,44 @@ pub fn positions() -> usize {
         .sum()
 }
 
-/// Measures all of the data sets.
+/// What training gives.
+#[derive(Clone, Debug)]
+pub struct Trained {
+    /// Residual tables of all pieces.
+    pub residuals: Tables,
+    /// Every method's MAE in metres, on pieces whose residuals are not in the tables that it uses.
+    pub mae: Vec<(Method, f64)>,
+}
+
+/// Trains on data sets: each half of the pieces is judged with the residual tables of the other half.
 ///
 /// # Errors
-/// A surface cannot be made.
-pub fn centres(
+/// A surface cannot be made, or eq. (1) does not fit.
+pub fn train(
     sets: &[DataSet],
     tables: &RowTables<'_>,
     done: &(dyn Fn() + Sync),
-) -> anyhow::Result<Centres> {
-    let mut all = Centres::default();
-    for set in sets {
-        all.append(set.measure(tables, done)?);
+) -> anyhow::Result<Trained> {
+    let aperture = sets.first().context("no data sets to train on")?.aperture;
+    let mut halves = [Centres::default(), Centres::default()];
+    for (i, set) in sets.iter().enumerate() {
+        halves[i % 2].append(set.measure(tables, done)?);
     }
-    Ok(all)
+    let of_halves = [errors::tables(&halves[0])?, errors::tables(&halves[1])?];
+    let judged = [
+        errors::judge(aperture, &halves[0], &of_halves[1])?,
+        errors::judge(aperture, &halves[1], &of_halves[0])?,
+    ];
+    let of_both = judged[0].iter().zip(&judged[1]);
+    let mae = of_both
+        .map(|(a, b)| (a.method, 0.5 * (a.mae + b.mae)))
+        .collect();
+    let [mut all, other] = halves;
+    all.append(other);
+    Ok(Trained {
+        residuals: errors::tables(&all)?,
+        mae,
+    })
 }
 
 /// Of a data set's positions, every so many give rows for the profile.

@@ -1,8 +1,13 @@
 //! `cargo table1`: the paper's experiment simulated, and its Table 1 beside the paper's own.
 
+mod figures;
 mod report;
 
+use std::path::Path;
+
+use anyhow::Context as _;
 use clap::Parser;
+use host_tests::docs;
 use host_tests::paper::apparatus::{Aperture, POSITIONS};
 use host_tests::paper::experiment::{Experiment, Outcome};
 use host_tests::paper::materials::MATERIALS;
@@ -30,6 +35,9 @@ struct Options {
     /// Only the lens or only the slit
     #[arg(long, value_name = "NAME", value_parser = aperture)]
     optics: Option<Aperture>,
+    /// Rewrite docs/ whatever the number of positions. Without it, docs/ is rewritten only by a full run
+    #[arg(long, conflicts_with_all = ["material", "optics", "json"])]
+    write: bool,
     /// Seed of surfaces and noise
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -77,6 +85,28 @@ fn main() -> anyhow::Result<()> {
     } else {
         print!("{}", report.text());
     }
+    let complete = experiment.stride == 1 && options.material.is_none() && options.optics.is_none();
+    if options.write || complete && !options.json {
+        write(&report)?;
+    }
+    Ok(())
+}
+
+/// Rewrites the tables and figures under `docs/`.
+fn write(report: &Report) -> anyhow::Result<()> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .context("the workspace")?;
+    figures::draw(report, &root.join("docs/figures"))?;
+    let directory = root.join("docs/physics");
+    std::fs::create_dir_all(&directory)?;
+    std::fs::write(directory.join("table1.csv"), report.csv())?;
+    let page = root.join("docs/physics.md");
+    let text = std::fs::read_to_string(&page).with_context(|| page.display().to_string())?;
+    std::fs::write(
+        &page,
+        docs::with_block(&text, "cargo table1", &report.markdown())?,
+    )?;
     Ok(())
 }
 

@@ -2,9 +2,11 @@
 
 use std::fmt::Write as _;
 
-use host_tests::paper::apparatus::Aperture;
+use host_tests::paper::apparatus::{self, Aperture, LASER, TAN_ANGLE, WANDER};
+use host_tests::paper::camera::{FULL_SCALE, PEAK};
 use host_tests::paper::errors::Judged;
 use host_tests::paper::experiment::Outcome;
+use host_tests::paper::lens_effects::{DISTORTION, Flare};
 use host_tests::paper::materials::MATERIALS;
 use host_tests::paper::methods::{Calibration, Method};
 use host_tests::paper::published::{Errors, TABLE_1};
@@ -61,6 +63,86 @@ impl Report {
         Self { outcomes, best }
     }
 
+    /// What came of a material and an aperture.
+    pub fn outcome(&self, material: usize, aperture: Aperture) -> Option<&Outcome> {
+        let mut outcomes = self.outcomes.iter();
+        outcomes.find(|outcome| outcome.material == material && outcome.aperture == aperture)
+    }
+
+    /// Every figure as comma-separated values.
+    pub fn csv(&self) -> String {
+        let mut text =
+            String::from("material,optics,method,mae_um,max_um,paper_mae_um,paper_max_um\n");
+        for cell in self.json().cells {
+            let figures = [
+                Some(cell.mae_um),
+                Some(cell.max_um),
+                cell.paper_mae_um,
+                cell.paper_max_um,
+            ];
+            let figures =
+                figures.map(|figure| figure.map_or(String::new(), |um| format!("{um:.1}")));
+            // No name has a comma.
+            let Cell {
+                material,
+                optics,
+                method,
+                ..
+            } = cell;
+            text += &format!("{material},{optics},{method},{}\n", figures.join(","));
+        }
+        text
+    }
+
+    /// The block of `docs/physics.md`.
+    pub fn markdown(&self) -> String {
+        let mut text = String::from(
+            "Errors in µm, simulated (and the paper's).\n\n\
+             | Material | Lens MAX | MAE | Slit, gaussian MAX | MAE | Slit, Fraunhofer MAX | MAE | Slit, ours MAX | MAE |\n\
+             |:--|--:|--:|--:|--:|--:|--:|--:|--:|\n",
+        );
+        let methods = PAPERS_METHODS.map(|(_, method)| method);
+        for (material, paper) in MATERIALS.iter().zip(&TABLE_1) {
+            let mut line = format!("| {} |", material.name);
+            for method in methods.into_iter().chain(self.best) {
+                let judged = self.judged(material.name, &method);
+                let ours = judged.map(|judged| Errors {
+                    max: judged.max * MICROMETRES,
+                    mae: judged.mae * MICROMETRES,
+                });
+                let paper = of_paper(paper, &method);
+                for figure in [|errors: Errors| errors.max, |errors: Errors| errors.mae] {
+                    let ours = ours.map_or("-".into(), |ours| format!("{:.0}", figure(ours)));
+                    let paper =
+                        paper.map_or(String::new(), |paper| format!(" ({:.0})", figure(paper)));
+                    line += &format!(" {ours}{paper} |");
+                }
+            }
+            text += &(line + "\n");
+        }
+        if let Some(best) = self.best {
+            let gains = self.gains(&best);
+            let gains = || gains.iter().map(|gain| gain.gain_percent);
+            text += &format!(
+                "\nOurs is `{}`: its MAE is {:.0} to {:.0} % below that of the paper's gaussian.\n",
+                best.name(),
+                gains().fold(f64::INFINITY, f64::min),
+                gains().fold(f64::NEG_INFINITY, f64::max)
+            );
+        }
+        text + "\nThe paper leaves these open; they were chosen, the same for the lens and the slit:\n\n"
+            + &chosen()
+    }
+
+    /// What a method makes of a material.
+    fn judged(&self, material: &str, method: &Method) -> Option<&Judged> {
+        let outcomes = self.outcomes.iter();
+        let of_material = outcomes.filter(|outcome| MATERIALS[outcome.material].name == material);
+        of_material
+            .flat_map(|outcome| &outcome.judged)
+            .find(|judged| judged.method == *method)
+    }
+
     /// One object.
     pub fn json(&self) -> Json {
         let cells = self.outcomes.iter().flat_map(|outcome| {
@@ -113,7 +195,7 @@ impl Report {
         self.write_methods(&mut text).expect("a string takes all");
         self.write_references(&mut text)
             .expect("a string takes all");
-        text
+        text + "\nChosen, because the paper leaves them open:\n" + &chosen()
     }
 
     fn write_table_1(&self, text: &mut String) -> std::fmt::Result {
@@ -134,11 +216,7 @@ impl Report {
             let mut line = format!("{:<20}", material.name);
             let mut any = false;
             for (_, method) in PAPERS_METHODS {
-                let outcomes = self.outcomes.iter();
-                let of_material = outcomes.filter(|o| MATERIALS[o.material].name == material.name);
-                let judged = of_material
-                    .flat_map(|o| &o.judged)
-                    .find(|j| j.method == method);
+                let judged = self.judged(material.name, &method);
                 let paper = of_paper(paper, &method);
                 match (judged, paper) {
                     (Some(judged), Some(paper)) => {
@@ -197,7 +275,7 @@ impl Report {
             }
             writeln!(text)?;
         }
-        writeln!(text, "\n* the best on the data that were trained on")?;
+        writeln!(text, "\n* the best on other pieces of the materials")?;
         writeln!(text)
     }
 
@@ -236,7 +314,8 @@ const PAPERS_METHODS: [(&str, Method); 3] = [
     ("Slit with Fraunhofer Fit", Method::PAPERS_FRAUNHOFER),
 ];
 
-fn find<'a>(judged: &'a [Judged], method: &Method) -> Option<&'a Judged> {
+/// What a method makes of a data set.
+pub fn find<'a>(judged: &'a [Judged], method: &Method) -> Option<&'a Judged> {
     judged.iter().find(|judged| judged.method == *method)
 }
 
@@ -254,7 +333,7 @@ fn of_paper(row: &host_tests::paper::published::Published, method: &Method) -> O
     }
 }
 
-/// The method for the slit whose MAE over that of the paper's gaussian is the least, as the mean over the materials, on the data that
+/// The method for the slit whose MAE over that of the paper's gaussian is the least, as the mean over the materials, on the pieces that
 /// were trained on.
 fn best(outcomes: &[Outcome]) -> Option<Method> {
     let slits = || {
@@ -262,14 +341,47 @@ fn best(outcomes: &[Outcome]) -> Option<Method> {
             .iter()
             .filter(|outcome| outcome.aperture == Aperture::Slit)
     };
+    let mae = |outcome: &Outcome, method: &Method| {
+        let found = outcome
+            .trained
+            .iter()
+            .find(|(trained, _)| trained == method);
+        found.map_or(f64::NAN, |&(_, mae)| mae)
+    };
     let ratio = |method: &Method| -> f64 {
         slits()
-            .map(|outcome| {
-                let mae = |method| find(&outcome.trained, method).map_or(f64::NAN, |j| j.mae);
-                mae(method) / mae(&Method::PAPERS_GAUSSIAN)
-            })
+            .map(|outcome| mae(outcome, method) / mae(outcome, &Method::PAPERS_GAUSSIAN))
             .sum()
     };
-    let methods = slits().next()?.trained.iter().map(|judged| judged.method);
+    let methods = slits().next()?.trained.iter().map(|&(method, _)| method);
     methods.min_by(|a, b| ratio(a).total_cmp(&ratio(b)))
+}
+
+/// What the paper leaves open and was chosen, as a list.
+fn chosen() -> String {
+    let Flare { ghost, veil } = Flare::CHOSEN;
+    let lens = apparatus::lens();
+    let mut list = format!(
+        "- laser: linewidth {:.1} nm, waist {:.2} mm at {:.2} m, {:.1} mrad to the table\n\
+         - axis of the camera: tan u = {TAN_ANGLE}\n\
+         - lens: in focus at {:.2} m, distortion {:+.1} % and coma of {:.2} waves at the edge of the field\n\
+         - lens flare: a ghost of {:.1} % of the light, {:.2} mm in radius, at -{:.1} times the spot's place; a veil of {:.1} %, {:.1} mm wide\n\
+         - exposure: mean peak {PEAK:.0} of {FULL_SCALE} counts\n",
+        LASER.linewidth * 1e9,
+        LASER.waist_diameter * 1e3,
+        LASER.waist_distance,
+        WANDER * 1e3,
+        lens.focus_distance,
+        100.0 * DISTORTION.share,
+        lens.coma,
+        100.0 * ghost.share,
+        ghost.radius * 1e3,
+        ghost.magnification,
+        100.0 * veil.share,
+        veil.width * 1e3,
+    );
+    for material in &MATERIALS {
+        list += &format!("- {}\n", material.description());
+    }
+    list
 }

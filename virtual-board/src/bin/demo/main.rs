@@ -3,7 +3,6 @@
 mod lines;
 mod moving_target;
 mod photograph;
-mod shown;
 
 use std::path::PathBuf;
 
@@ -15,21 +14,21 @@ use virtual_board::Firmware;
 #[derive(Parser)]
 #[command(name = "cargo demo", bin_name = "cargo demo")]
 struct Options {
-    /// Show a scene, of scenes/ by its name or of any TOML file by its path: 16 frames of its target where the scene has it, or, with
-    /// --steps, at each distance.
-    #[arg(long, value_name = "NAME")]
-    scene: Option<String>,
-    /// Keep the target at this distance in metres, instead of moving it from 0.60 to 1.02 or where the scene has it.
+    /// Keep the target at this distance in metres, instead of moving it from 0.60 to 1.02.
     #[arg(long, value_name = "METRES")]
     distance: Option<f64>,
     /// Rows in a frame.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=64))]
     rows: u16,
-    /// Distances to measure at; 43 without a scene.
+    /// Distances to measure at, from 0.60 to 1.02 m [default: 43; with --scene only the scene's]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     steps: Option<u32>,
+    /// Show the sensor this scene in place of white paper: a name that `cargo scene` lists, or the path of a .toml file.
+    /// It is seen at the firmware's exposure, not at its own.
+    #[arg(long, value_name = "NAME")]
+    scene: Option<String>,
     /// Show the sensor the rows of a photograph (binary PGM, 8 or 16 bit), one after the other.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "distance", "steps", "pty"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["distance", "steps", "scene", "pty"])]
     pgm: Option<PathBuf>,
     /// Open the serial line as a pseudo-terminal for tio or screen, and run on wall time until interrupted.
     #[arg(long, conflicts_with = "json")]
@@ -50,13 +49,12 @@ fn say(json: bool, text: &str) {
 
 fn main() -> Result<()> {
     let options = Options::parse();
-    let shown = shown::Shown::new(&options)?;
     eprintln!("building the firmware ...");
     let firmware = Firmware::build()?;
     let summary = match &options.pgm {
         Some(path) => serde_json::to_value(photograph::show(&firmware, path, options.json)?),
-        None if options.pty => return moving_target::serve(&firmware, &shown),
-        None => serde_json::to_value(moving_target::measure(&firmware, &options, shown)?),
+        None if options.pty => return moving_target::serve(&firmware, &options),
+        None => serde_json::to_value(moving_target::measure(&firmware, &options)?),
     };
     if options.json {
         println!("{}", summary.context("writing the summary as JSON")?);

@@ -4,31 +4,32 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, ensure};
 use host_tests::bound;
-use host_tests::scene::Simulation;
+use host_tests::scene::{Effect, Scene, Sensor};
 use serde::Serialize;
 use virtual_board::light::{Target, of_scene};
-use virtual_board::{Exposure, Firmware, Line, Nanos, VirtualBoard};
+use virtual_board::{Firmware, Line, VirtualBoard};
 
-use crate::lines::{Reading, Report};
-use crate::shown::{FARTHEST, NEAREST, Shown};
+use crate::lines::Report;
 use crate::{Options, say};
 
-/// Bits a second on the serial line, and for each of its characters.
-const BAUD: Nanos = 115_200;
-const BITS: Nanos = 10;
+/// The range of the paper's position table, in metres.
+const NEAREST: f64 = 0.60;
+const FARTHEST: f64 = 1.02;
+
+/// Steps, of a target that moves over the table and of one that stays.
+const STEPS: u32 = 43;
+const STEPS_AT_REST: u32 = 8;
+
+/// Results at each step that count; those of frames in which the target moved come before and do not.
+const RESULTS_A_STEP: usize = 4;
 
 /// What the demo found.
 #[derive(Debug, Serialize)]
 pub struct Summary {
-    /// The scene; none for white paper.
-    scene: Option<String>,
-    /// Readings that were compared with the truth.
-    readings: usize,
     /// Root mean square error of the readings; none without readings.
     rms_error_um: Option<f64>,
-    /// Mean error of the readings: what more of them would not remove.
-    mean_error_um: Option<f64>,
-    /// What the Cramér-Rao bound gives for the scene, root mean square over the readings; none where it has no bound.
+    /// What the Cramér-Rao bound gives for the scene, root mean square over the readings; none where the scene has more
+    /// to it than a gaussian and noise.
     bound_um: Option<f64>,
     max_error_um: Option<f64>,
     /// Share of readings whose error is within twice the claimed uncertainty.
@@ -38,7 +39,6 @@ pub struct Summary {
     rows_lost: u64,
     /// Share of time in which the core executes nothing.
     sleep_share: f64,
-    /// Frames without a distance.
     faults: usize,
 }
 
@@ -46,42 +46,68 @@ pub struct Summary {
 struct Compared {
     error: f64,
     uncertainty: f64,
-    /// None where the scene has none.
     bound: Option<f64>,
+}
+
+/// The scene to show, and where its target is first.
+fn scene(options: &Options) -> Result<(Scene, f64)> {
+    let Some(name) = &options.scene else {
+        return Ok((Scene::white_paper(), options.distance.unwrap_or(NEAREST)));
+    };
+    let scene = Scene::load(name)?;
+    ensure!(
+        scene.sensor == Sensor::Tcd1304dg,
+        "the scene {name} is seen by {:?}, and the board has a TCD1304DG: `cargo scene {name}` shows it",
+        scene.sensor
+    );
+    ensure!(
+        options.steps.is_none() || scene.motion.is_none(),
+        "the target of {name} moves by itself: leave out --steps"
+    );
+    let distance = options.distance.unwrap_or(scene.distance);
+    Ok((scene, distance))
 }
 
 /// Opens the serial line as a pseudo-terminal.
 #[cfg(unix)]
-pub fn serve(firmware: &Firmware, shown: &Shown) -> Result<()> {
-    let target = Target::at(shown.distances[0]);
-    let light = of_scene(shown.scene.clone(), target.clone());
-    let moves = shown.distances.iter().any(|it| *it != shown.distances[0]);
-    let light = if moves {
+pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
+    let (scene, distance) = scene(options)?;
+    let target = Target::at(distance);
+    let light = if options.distance.is_some() || options.scene.is_some() {
+        of_scene(scene, target)
+    } else {
         // To the far end and back in 20 s of virtual time.
-        let mut light = light;
-        Box::new(move |exposure: &Exposure| {
+        let mut light = of_scene(scene, target.clone());
+        Box::new(move |exposure: &virtual_board::Exposure| {
             let turns = exposure.end as f64 * 1e-9 / 20.0;
             let there = 1.0 - (2.0 * turns.fract() - 1.0).abs();
             target.move_to(NEAREST + there * (FARTHEST - NEAREST));
             light(exposure)
         })
-    } else {
-        light
     };
     virtual_board::pty::serve(&mut VirtualBoard::power_on(firmware, light)?)
 }
 
 #[cfg(not(unix))]
-pub fn serve(_: &Firmware, _: &Shown) -> Result<()> {
+pub fn serve(_: &Firmware, _: &Options) -> Result<()> {
     anyhow::bail!("--pty needs a system with pseudo-terminals")
 }
 
-/// Measures at each distance and sums up.
-pub fn measure(firmware: &Firmware, options: &Options, shown: Shown) -> Result<Summary> {
-    let simulation = Simulation::new(shown.scene.clone());
-    let target = Target::at(shown.distances[0]);
-    let light = of_scene(shown.scene.clone(), target.clone());
-    let mut board = VirtualBoard::power_on(firmware, light)?;
+/// Measures at each step and sums up.
+pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
+    let (scene, start) = scene(options)?;
+    let steps = match (options.steps, &options.scene) {
+        (Some(steps), _) => steps,
+        (None, None) => STEPS,
+        (None, Some(_)) => STEPS_AT_REST,
+    };
+    // Where it stays, unless it is to be seen over the whole table.
+    let stays = options.distance.is_some() || options.scene.is_some() && options.steps.is_none();
+    if options.scene.is_some() {
+        say(options.json, &scene.about);
+    }
+    let target = Target::at(start);
+    let mut board = VirtualBoard::power_on(firmware, of_scene(scene.clone(), target.clone()))?;
     let frame = Duration::from_millis(6) * u32::from(options.rows);
     // Boot, and the answer, wait behind at most a frame.
     let patience = Duration::from_secs(1) + 4 * frame;
@@ -90,20 +116,20 @@ pub fn measure(firmware: &Firmware, options: &Options, shown: Shown) -> Result<S
         .run_until_line(|line| line == format!("rows {}", options.rows), patience)
         .context("the firmware did not take the command `rows`")?;
 
-    if let Some(words) = shown.in_words() {
-        say(options.json, &words);
-    }
     say(
         options.json,
         "   true mm  reported mm  error um  claimed u um  rows  virtual s",
     );
     let (started, first_row) = (board.now(), board.head(|head| head.row_count()));
     let (mut readings, mut faults, mut compared) = (0, 0, vec![]);
-    for &distance in &shown.distances {
-        target.move_to(distance);
+    for step in 0..steps {
+        if !stays {
+            let share = f64::from(step) / f64::from(steps.max(2) - 1);
+            target.move_to(NEAREST + share * (FARTHEST - NEAREST));
+        }
         // The row that is under way, and the one that is being computed, still show the old place: two frames at most
         // end with such a row.
-        for result in 0..2 + shown.results {
+        for result in 0..2 + RESULTS_A_STEP {
             let line = board
                 .run_until_line(
                     |line| matches!(Report::parse(line), Ok(Some(_)) | Err(_)),
@@ -116,20 +142,23 @@ pub fn measure(firmware: &Firmware, options: &Options, shown: Shown) -> Result<S
             if result < 2 {
                 continue;
             }
-            let is_printed = shown.prints_all || result == 2;
-            let last = last_exposure(&mut board, &line)?;
-            let truth = target
-                .mean_distance(&last, options.rows.into())
+            let shown = result == 2;
+            let distance = true_distance(&mut board, &target, &line, options.rows)
                 .context("a result came before its rows")?;
             match report {
                 Report::Reading(reading) => {
-                    let found = compare(&simulation, &last, truth, &reading)?;
-                    if is_printed {
+                    let found = compare(
+                        &scene,
+                        board.head(|head| head.last_row().map(|row| row.exposure.duration())),
+                        distance,
+                        &reading,
+                    )?;
+                    if shown {
                         say(
                             options.json,
                             &format!(
                                 "{:>10.3} {:>12.4} {:>+9.2} {:>13.2} {:>5} {:>10.3}",
-                                truth * 1e3,
+                                distance * 1e3,
                                 reading.distance,
                                 found.error,
                                 found.uncertainty,
@@ -142,8 +171,8 @@ pub fn measure(firmware: &Firmware, options: &Options, shown: Shown) -> Result<S
                 }
                 Report::Fault(fault) => {
                     faults += 1;
-                    if is_printed {
-                        say(options.json, &format!("{:>10.3} {fault}", truth * 1e3));
+                    if shown {
+                        say(options.json, &format!("{:>10.3} {fault}", distance * 1e3));
                     }
                 }
             }
@@ -153,26 +182,22 @@ pub fn measure(firmware: &Firmware, options: &Options, shown: Shown) -> Result<S
     let rows = board.head(|head| head.row_count()) - first_row;
     let rows_lost = rows_lost(&mut board, patience)?;
     let statistics = board.finish()?;
-    let bounds: Option<Vec<f64>> = compared.iter().map(|reading| reading.bound).collect();
-    let count = compared.len() as f64;
-    let is_any = !compared.is_empty();
     let summary = Summary {
-        scene: shown.name,
-        readings: compared.len(),
         rms_error_um: rms(compared.iter().map(|reading| reading.error)),
-        mean_error_um: is_any
-            .then(|| compared.iter().map(|reading| reading.error).sum::<f64>() / count),
-        bound_um: bounds.and_then(|bounds| rms(bounds.into_iter())),
+        bound_um: (compared.iter())
+            .map(|reading| reading.bound)
+            .collect::<Option<Vec<f64>>>()
+            .and_then(|bounds| rms(bounds.into_iter())),
         max_error_um: compared
             .iter()
             .map(|reading| reading.error.abs())
             .reduce(f64::max),
-        within_2u: is_any.then(|| {
+        within_2u: (!compared.is_empty()).then(|| {
             let within = compared
                 .iter()
                 .filter(|reading| reading.error.abs() <= 2.0 * reading.uncertainty)
                 .count();
-            within as f64 / count
+            within as f64 / compared.len() as f64
         }),
         readings_per_s: f64::from(readings) / seconds,
         rows_per_s: rows as f64 / seconds,
@@ -180,38 +205,52 @@ pub fn measure(firmware: &Firmware, options: &Options, shown: Shown) -> Result<S
         sleep_share: statistics.asleep(),
         faults,
     };
-    say(options.json, &summary.in_words());
+    say(options.json, &summary.in_words(compared.len()));
     Ok(summary)
 }
 
-/// The exposure of the last row that was complete when a line began: the last one of the line's frame, because a frame takes
-/// longer than the line of the one before, so that no line waits.
-fn last_exposure(board: &mut VirtualBoard, line: &Line) -> Result<Exposure> {
-    let characters = (line.text.len() + "\r\n".len()) as Nanos;
-    let began = line.at - characters * BITS * 1_000_000_000 / BAUD;
-    board
-        .head(|head| {
-            let mut rows = head.rows().rev();
-            (rows.find(|row| row.last_word < began)).map(|row| row.exposure)
-        })
-        .context("a result came before any row")
+/// Where the target was, in the mean over the rows of the frame that a line is the result of, in metres.
+fn true_distance(board: &mut VirtualBoard, target: &Target, line: &Line, rows: u16) -> Option<f64> {
+    /// Of the serial line: ten bits at 115200 a second, in nanoseconds.
+    const BYTE: u64 = 86_806;
+    // The line begins as soon as the frame's last row has been computed: before the next one is read.
+    let begin = line.at.saturating_sub((line.text.len() as u64 + 2) * BYTE);
+    let last = board.head(|head| {
+        let read = head.rows().rev().find(|row| row.last_word < begin);
+        read.map(|row| row.exposure)
+    })?;
+    target.mean_distance(&last, usize::from(rows))
 }
 
-/// A reading beside the truth in metres, and the bound for the scene.
+/// The spot and its noise, where the scene has nothing else that the Cramér-Rao bound would have to know of.
+fn bound(scene: &Scene, exposure: f64) -> Option<bound::Spot> {
+    let known = [Effect::BlackLevel, Effect::ShotNoise, Effect::ReadNoise];
+    let more =
+        (Effect::ALL.into_iter()).any(|effect| scene.lists(effect) && !known.contains(&effect));
+    let spot = scene.spot.filter(|_| !more)?;
+    Some(bound::Spot {
+        width: spot.width,
+        amplitude: spot.counts_per_second * exposure,
+        noise: scene.read_noise.map_or(0.0, |noise| noise.counts),
+        electrons_per_count: scene.shot_noise.map(|noise| noise.electrons_per_count),
+    })
+}
+
+/// A reading beside the truth and the bound for the scene.
 fn compare(
-    simulation: &Simulation,
-    exposure: &Exposure,
-    truth: f64,
-    reading: &Reading,
+    scene: &Scene,
+    exposure: Option<u64>,
+    distance: f64,
+    reading: &crate::lines::Reading,
 ) -> Result<Compared> {
+    let exposure = exposure.context("a reading came before any row")? as f64 * 1e-9;
     ensure!(reading.rows > 0, "a reading of no rows: {reading:?}");
-    let optics = &simulation.scene().optics;
-    let micrometres_per_pixel = optics.metres_per_pixel(optics.centre(truth)) * 1e6;
-    let bound = bound::of_row(simulation, truth, exposure.duration() as f64 * 1e-9);
+    let metres_per_pixel = scene.optics.metres_per_pixel(scene.optics.centre(distance));
     Ok(Compared {
-        error: (reading.distance - truth * 1e3) * 1e3,
+        error: (reading.distance - distance * 1e3) * 1e3,
         uncertainty: reading.uncertainty * 1e3,
-        bound: bound.map(|pixels| pixels * micrometres_per_pixel / f64::from(reading.rows).sqrt()),
+        bound: bound(scene, exposure)
+            .map(|bound| bound.bound() / f64::from(reading.rows).sqrt() * metres_per_pixel * 1e6),
     })
 }
 
@@ -237,30 +276,25 @@ pub fn rms(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
 }
 
 impl Summary {
-    fn in_words(&self) -> String {
-        let (Some(rms), Some(mean), Some(largest), Some(within)) = (
-            self.rms_error_um,
-            self.mean_error_um,
-            self.max_error_um,
-            self.within_2u,
-        ) else {
-            return format!("no reading, {} faults\n{}", self.faults, self.times());
+    fn in_words(&self, readings: usize) -> String {
+        let bound = match (self.rms_error_um, self.bound_um) {
+            (Some(rms), Some(bound)) => {
+                format!(
+                    ", {:.2} of the Cramér-Rao bound ({bound:.2} um)",
+                    rms / bound
+                )
+            }
+            _ => String::new(),
         };
-        let beside = match self.bound_um {
-            Some(bound) => format!("{:.2} of the Cramér-Rao bound ({bound:.2} um)", rms / bound),
-            None => format!("mean {mean:+.2} um (more than noise: no bound)"),
+        let accuracy = match (self.rms_error_um, self.max_error_um, self.within_2u) {
+            (Some(rms), Some(largest), Some(within)) => format!(
+                "RMS error {rms:.2} um{bound}; largest {largest:.2} um; {:.1} % within twice the claimed uncertainty",
+                within * 100.0
+            ),
+            _ => "no reading".to_owned(),
         };
         format!(
-            "{} readings: RMS error {rms:.2} um, {beside}; largest {largest:.2} um; {:.1} % within twice the claimed uncertainty\n{}",
-            self.readings,
-            within * 100.0,
-            self.times()
-        )
-    }
-
-    fn times(&self) -> String {
-        format!(
-            "{:.1} readings and {:.1} rows a second, {} rows lost, {} faults; CPU asleep {:.1} % of the time",
+            "{readings} readings: {accuracy}\n{:.1} readings and {:.1} rows a second, {} rows lost, {} faults; CPU asleep {:.1} % of the time",
             self.readings_per_s,
             self.rows_per_s,
             self.rows_lost,

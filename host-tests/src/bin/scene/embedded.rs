@@ -1,0 +1,58 @@
+//! A grey image within an SVG file, as PNG.
+
+use std::ops::Range;
+
+use anyhow::{Context as _, Result, ensure};
+use base64::Engine as _;
+
+/// Pixels, row by row from the top, 0 is black.
+pub struct Grey {
+    /// Pixels of a row.
+    pub width: usize,
+    /// All pixels.
+    pub pixels: Vec<u8>,
+}
+
+impl Grey {
+    /// Places the image where an SVG file has these pixels, above what is there.
+    ///
+    /// # Errors
+    /// The image cannot be encoded, or `svg` is no complete file.
+    pub fn place(&self, svg: &mut String, (columns, rows): (Range<i32>, Range<i32>)) -> Result<()> {
+        let end = svg.rfind("</svg>").context("no end of the SVG file")?;
+        let data = base64::engine::general_purpose::STANDARD.encode(self.png()?);
+        let image = format!(
+            "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" \
+             style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{data}\"/>\n",
+            columns.start,
+            rows.start,
+            columns.len(),
+            rows.len()
+        );
+        svg.insert_str(end, &image);
+        Ok(())
+    }
+
+    fn png(&self) -> Result<Vec<u8>> {
+        let height = self.pixels.len() / self.width.max(1);
+        ensure!(
+            height > 0 && height * self.width == self.pixels.len(),
+            "{} pixels are no rows of {}",
+            self.pixels.len(),
+            self.width
+        );
+        let mut bytes = vec![];
+        let mut encoder = png::Encoder::new(
+            &mut bytes,
+            u32::try_from(self.width)?,
+            u32::try_from(height)?,
+        );
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::High);
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(&self.pixels)?;
+        writer.finish()?;
+        Ok(bytes)
+    }
+}

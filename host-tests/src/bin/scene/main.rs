@@ -1,0 +1,146 @@
+//! `cargo scene`: what a scene shows, what each of its effects does to the error, and what it costs to simulate.
+
+mod embedded;
+mod picture;
+mod timing;
+mod words;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use clap::Parser;
+use host_tests::budget::{Budget, Plan};
+use host_tests::scene::{Scene, file};
+use serde::Serialize;
+use slitrange::estimator::Estimator;
+
+use crate::timing::Timing;
+
+/// The scenes whose pictures docs/physics.md shows.
+const SHOWN: [&str; 4] = ["quiet-paper", "brushed-metal", "paper-on-camera", "lens"];
+
+/// Shows a scene: its rows, its error budget, and what each effect costs in time. Without a name: lists the scenes.
+///
+/// The error is that of the core's centres against the truth; a reading is a row of a line sensor, or the mean over the rows of
+/// a camera's frame. An effect's share of it is 1 - (RMS error without the effect)^2 / (RMS error)^2: shares of effects that
+/// interact do not add up to 1, and one without which the error would be larger has a negative one.
+///
+/// Readings are taken of many realisations of the scene, because some effects (speckle, texture, fixed pattern, response) stay as
+/// long as target or sensor do: each has a seed of its own, and the spot elsewhere on its pixel. Within a realisation they are
+/// spread over a time, because others (temperature, drift) take their time.
+#[derive(Parser)]
+#[command(name = "cargo scene", bin_name = "cargo scene")]
+struct Options {
+    /// A scene of the folder scenes/, or the path of a .toml file
+    name: Option<String>,
+    /// How the centres of rows are found
+    #[arg(long, value_name = "NAME", default_value = Estimator::default().name(), value_parser = estimator)]
+    estimator: Estimator,
+    /// Seeds to average over; 100, or 40 for a camera, where it is not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    realisations: Option<u64>,
+    /// Readings of each; 4, or 1 for a camera, where it is not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    readings: Option<u64>,
+    /// Time over which a realisation's readings are spread; a minute, or what it takes the target to move by a centimetre,
+    /// where it is not given
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Folder of the picture, NAME.svg
+    #[arg(long, value_name = "FOLDER", default_value = "target/scenes")]
+    output: PathBuf,
+    /// Print all figures as one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Redraw the pictures that docs/physics.md shows, and nothing else
+    #[arg(long, conflicts_with_all = ["name", "json", "output"])]
+    write: bool,
+}
+
+fn estimator(name: &str) -> Result<Estimator, String> {
+    Estimator::named(name).ok_or_else(|| {
+        let names = Estimator::ALL.map(Estimator::name).join(", ");
+        format!("there are {names}")
+    })
+}
+
+/// All that there is to say about a scene.
+#[derive(Serialize)]
+pub struct Shown {
+    name: String,
+    scene: Scene,
+    budget: Budget,
+    timing: Timing,
+    picture: PathBuf,
+}
+
+fn main() -> Result<()> {
+    let options = Options::parse();
+    if options.write {
+        return redraw(options.estimator);
+    }
+    let Some(name) = &options.name else {
+        return list(options.json);
+    };
+    let scene = Scene::load(name)?;
+    let name = Path::new(name)
+        .file_stem()
+        .with_context(|| format!("{name:?} names no scene"))?
+        .to_string_lossy()
+        .into_owned();
+
+    let shown = Shown {
+        picture: picture::write(&name, &scene, options.estimator, &options.output)?,
+        // While nothing else runs.
+        timing: Timing::of(&scene),
+        budget: Budget::of(&scene, options.estimator, &options.plan(&scene))?,
+        name,
+        scene,
+    };
+    if options.json {
+        println!("{}", serde_json::to_string_pretty(&shown)?);
+    } else {
+        print!("{}", words::of(&shown)?);
+    }
+    Ok(())
+}
+
+impl Options {
+    fn plan(&self, scene: &Scene) -> Plan {
+        let plan = Plan::of(scene);
+        Plan {
+            realisations: self.realisations.unwrap_or(plan.realisations),
+            readings: self.readings.unwrap_or(plan.readings),
+            seconds: self.seconds.unwrap_or(plan.seconds),
+        }
+    }
+}
+
+/// The scenes that come with the project.
+fn list(json: bool) -> Result<()> {
+    let scenes = file::names()?
+        .into_iter()
+        .map(|name| Ok((Scene::load(&name)?.about, name)))
+        .collect::<Result<Vec<_>>>()?;
+    if json {
+        let scenes = scenes
+            .iter()
+            .map(|(about, name)| serde_json::json!({"name": name, "about": about}));
+        println!("{}", serde_json::Value::from_iter(scenes));
+    } else {
+        let width = scenes.iter().map(|(_, name)| name.len()).max().unwrap_or(0);
+        for (about, name) in scenes {
+            println!("{name:width$}  {about}");
+        }
+    }
+    Ok(())
+}
+
+fn redraw(estimator: Estimator) -> Result<()> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/figures");
+    for name in SHOWN {
+        let figure = format!("scene-{name}");
+        picture::write_as(&figure, name, &Scene::load(name)?, estimator, &folder)?;
+    }
+    Ok(())
+}
