@@ -3,7 +3,7 @@
 use crate::field::{Laser, LensAperture, SlitAperture};
 use crate::optics::Optics;
 use crate::paper::camera::{COLUMNS, PITCH};
-use crate::paper::lens_effects::Distortion;
+use crate::paper::lens_effects::DISTORTION;
 use crate::scene::Sensor;
 
 /// What the camera looks through.
@@ -54,7 +54,7 @@ pub const LASER: Laser = Laser {
 };
 
 /// Chosen: the angle between the laser's beam and the table, in radians, by which the spot wanders over the target.
-pub const WANDER: f64 = 0.5e-3;
+pub const WANDER: f64 = 2e-3;
 
 /// The slit, 50 mm in front of the sensor.
 pub const SLIT: SlitAperture = SlitAperture {
@@ -104,10 +104,7 @@ pub fn centre(aperture: Aperture, distance: f64) -> f64 {
     let ideal = optics(aperture).centre(distance);
     match aperture {
         Aperture::Slit => ideal,
-        Aperture::Lens => {
-            let from_axis = (ideal - AXIS) * PITCH;
-            AXIS + Distortion::CHOSEN.image(from_axis) / PITCH
-        }
+        Aperture::Lens => DISTORTION.displaced(ideal, AXIS, PITCH),
     }
 }
 

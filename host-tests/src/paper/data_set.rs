@@ -94,8 +94,8 @@ impl<'a> Target<'a> {
 
     /// Light that reaches the aperture, in any unit: the material's lobe, and the square of the way.
     fn brightness(&self, distance: f64) -> f64 {
-        let lobe = MATERIALS[self.set.material].lobe;
-        lobe.brightness((BASELINE / distance).atan()) / self.view(distance).range().powi(2)
+        let material = &MATERIALS[self.set.material];
+        material.brightness((BASELINE / distance).atan()) / self.view(distance).range().powi(2)
     }
 
     /// What is seen at a distance.

@@ -1,10 +1,12 @@
 //! Scenes as TOML files.
 
+use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, ensure};
 
-use crate::scene::Scene;
+use crate::optics::{Aperture, Optics};
+use crate::scene::{Effect, Scene, Sensor};
 
 /// The folder of the scenes that come with the project.
 pub fn folder() -> PathBuf {
@@ -68,13 +70,238 @@ impl Scene {
         Ok(toml::to_string(self)?)
     }
 
-    fn check(&self) -> Result<()> {
-        ensure!(
-            self.distance > 0.0 && self.exposure > 0.0,
-            "distance {} m and exposure {} s must be above zero",
-            self.distance,
-            self.exposure
-        );
+    /// That the scene can be simulated.
+    ///
+    /// # Errors
+    /// A value that means nothing, or an effect that has nothing to act on, and what to do about it.
+    pub fn check(&self) -> Result<()> {
+        above_zero("distance", self.distance, "m")?;
+        above_zero("exposure", self.exposure, "s")?;
+        if let Sensor::Row(pixels) = self.sensor {
+            ensure!(
+                pixels > 0,
+                "sensor.row is 0 pixels: give the row a length, or name a sensor"
+            );
+        }
+        check_optics(&self.optics, self.sensor)?;
+        self.check_laser_light()?;
+        self.check_lens()?;
+        self.check_sensor()
+    }
+
+    /// Spot, and what acts on its light.
+    fn check_laser_light(&self) -> Result<()> {
+        let acting_on_the_spot = [
+            Effect::Diffraction,
+            Effect::LaserSpot,
+            Effect::Obliquity,
+            Effect::Speckle,
+            Effect::Texture,
+            Effect::SpecularLobe,
+            Effect::Defocus,
+            Effect::Coma,
+            Effect::Distortion,
+            Effect::Flare,
+            Effect::SecondReflection,
+        ];
+        for effect in acting_on_the_spot {
+            ensure!(
+                self.spot.is_some() || !self.lists(effect),
+                "[{}] acts on the laser's light, and there is none: add [spot]",
+                effect.name()
+            );
+        }
+        if let Some(spot) = &self.spot {
+            above_zero("spot.width", spot.width, "pixels")?;
+            not_negative("spot.counts_per_second", spot.counts_per_second, "counts/s")?;
+        }
+        if let Some(spot) = &self.laser_spot {
+            above_zero("laser_spot.waist", spot.waist, "m")?;
+            finite("laser_spot.waist_distance", spot.waist_distance, "m")?;
+            finite("laser_spot.wander", spot.wander, "m/m")?;
+        }
+        if let Some(speckle) = &self.speckle {
+            ensure!(
+                self.laser_spot.is_some(),
+                "[speckle] is the interference of light from all over the laser's spot, and that is a point: add [laser_spot]"
+            );
+            ensure!(
+                matches!(speckle.polarisations, 1 | 2),
+                "speckle.polarisations is {}: light has 1 (metal, gloss) or 2 (paper, wood)",
+                speckle.polarisations
+            );
+            not_negative("speckle.linewidth", speckle.linewidth, "m")?;
+            not_negative("speckle.path_spread", speckle.path_spread, "m")?;
+        }
+        if let Some(texture) = &self.texture {
+            not_negative("texture.contrast", texture.contrast, "of the mean")?;
+            above_zero("texture.length", texture.length, "m")?;
+        }
+        if let Some(lobe) = &self.specular_lobe {
+            not_negative("specular_lobe.strength", lobe.strength, "of the surface's")?;
+            above_zero("specular_lobe.width", lobe.width, "radians")?;
+            finite("specular_lobe.tilt", lobe.tilt, "radians")?;
+        }
+        if let Some(reflection) = &self.second_reflection {
+            finite("second_reflection.offset", reflection.offset, "pixels")?;
+            above_zero("second_reflection.width", reflection.width, "pixels")?;
+            not_negative(
+                "second_reflection.strength",
+                reflection.strength,
+                "of the spot's",
+            )?;
+        }
+        if let Some(motion) = &self.motion {
+            finite("motion.speed", motion.speed, "m/s")?;
+        }
+        if let Some(temperature) = &self.temperature {
+            finite(
+                "temperature.kelvin_per_second",
+                temperature.kelvin_per_second,
+                "K/s",
+            )?;
+            finite("temperature.expansion", temperature.expansion, "/K")?;
+        }
         Ok(())
     }
+
+    fn check_lens(&self) -> Result<()> {
+        let of_a_lens = [
+            Effect::Defocus,
+            Effect::Coma,
+            Effect::Distortion,
+            Effect::Flare,
+        ];
+        for effect in of_a_lens {
+            ensure!(
+                matches!(self.optics.aperture, Aperture::Lens { .. }) || !self.lists(effect),
+                "[{}] is a lens's, and there is a slit: make optics.aperture a lens, or leave the effect out",
+                effect.name()
+            );
+        }
+        if let Some(defocus) = &self.defocus {
+            above_zero("defocus.focus_distance", defocus.focus_distance, "m")?;
+        }
+        if let Some(coma) = &self.coma {
+            finite("coma.waves", coma.waves, "waves")?;
+            above_zero("coma.field", coma.field, "m")?;
+        }
+        if let Some(distortion) = &self.distortion {
+            finite("distortion.share", distortion.share, "of the distance")?;
+            above_zero("distortion.field", distortion.field, "m")?;
+        }
+        if let Some(flare) = &self.flare {
+            finite("flare.magnification", flare.magnification, "times")?;
+            above_zero("flare.width", flare.width, "pixels")?;
+            not_negative("flare.strength", flare.strength, "of the spot's")?;
+            not_negative("flare.veil", flare.veil, "of the spot's")?;
+        }
+        Ok(())
+    }
+
+    /// Light that is not the laser's, and what the sensor makes of it all.
+    fn check_sensor(&self) -> Result<()> {
+        if let Some(ambient) = &self.ambient {
+            not_negative(
+                "ambient.counts_per_second",
+                ambient.counts_per_second,
+                "counts/s",
+            )?;
+            finite("ambient.slope", ambient.slope, "counts/s a pixel")?;
+        }
+        if let Some(response) = &self.response {
+            not_negative("response.deviation", response.deviation, "of the mean")?;
+        }
+        if let Some(hot) = &self.hot_pixels {
+            share("hot_pixels.share", hot.share)?;
+            not_negative(
+                "hot_pixels.counts_per_second",
+                hot.counts_per_second,
+                "counts/s",
+            )?;
+        }
+        if let Some(noise) = &self.shot_noise {
+            ensure!(
+                noise.electrons_per_count > 1.0 && noise.electrons_per_count.is_finite(),
+                "shot_noise.electrons_per_count is {}: a converter that counts single electrons is beyond what the core can be told of; \
+                 more than 1 are needed",
+                noise.electrons_per_count
+            );
+        }
+        if let Some(saturation) = &self.saturation {
+            above_zero("saturation.full_well", saturation.full_well, "counts")?;
+            share("saturation.blooming", saturation.blooming)?;
+        }
+        if let Some(black) = &self.black_level {
+            finite("black_level.counts", black.counts, "counts")?;
+            finite("black_level.drift", black.drift, "counts/s")?;
+        }
+        if let Some(pattern) = &self.fixed_pattern {
+            not_negative("fixed_pattern.counts", pattern.counts, "counts")?;
+        }
+        if let Some(noise) = &self.read_noise {
+            not_negative("read_noise.counts", noise.counts, "counts")?;
+        }
+        if let Some(quantisation) = &self.quantisation {
+            above_zero("quantisation.step", quantisation.step, "counts")?;
+        }
+        Ok(())
+    }
+}
+
+fn check_optics(optics: &Optics, sensor: Sensor) -> Result<()> {
+    finite("optics.offset", optics.offset, "m")?;
+    above_zero("optics.baseline", optics.baseline, "m")?;
+    above_zero("optics.focal_length", optics.focal_length, "m")?;
+    ensure!(
+        optics.angle > 0.0 && optics.angle < FRAC_PI_2,
+        "optics.angle is {} radians: it is the optical axis's to the casing, between 0 and pi/2",
+        optics.angle
+    );
+    let pitch = sensor.pitch();
+    ensure!(
+        (optics.pitch / pitch - 1.0).abs() < 0.01,
+        "optics.pitch is {} m, and the pixels of the scene's sensor are {pitch} m apart: write that",
+        optics.pitch
+    );
+    finite("optics.axis", optics.axis, "pixels")?;
+    above_zero("optics.wavelength", optics.wavelength, "m")?;
+    match optics.aperture {
+        Aperture::Slit { width, height } => {
+            above_zero("optics.aperture.slit.width", width, "m")?;
+            above_zero("optics.aperture.slit.height", height, "m")
+        }
+        Aperture::Lens { diameter } => above_zero("optics.aperture.lens.diameter", diameter, "m"),
+    }
+}
+
+fn finite(name: &str, value: f64, unit: &str) -> Result<()> {
+    ensure!(
+        value.is_finite(),
+        "{name} is {value} {unit}: give it a number"
+    );
+    Ok(())
+}
+
+fn not_negative(name: &str, value: f64, unit: &str) -> Result<()> {
+    finite(name, value, unit)?;
+    ensure!(
+        value >= 0.0,
+        "{name} is {value} {unit}: it cannot be below 0"
+    );
+    Ok(())
+}
+
+fn above_zero(name: &str, value: f64, unit: &str) -> Result<()> {
+    finite(name, value, unit)?;
+    ensure!(value > 0.0, "{name} is {value} {unit}: it must be above 0");
+    Ok(())
+}
+
+fn share(name: &str, value: f64) -> Result<()> {
+    ensure!(
+        (0.0..=1.0).contains(&value),
+        "{name} is {value}: it is a share, from 0 to 1"
+    );
+    Ok(())
 }

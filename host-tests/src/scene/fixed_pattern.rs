@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::{Effect, random};
 
-/// Each pixel's black level differs from the mean by an offset of its own, which stays (EMVA standard 1288, DSNU).
+/// Each pixel's black level differs from the mean by an offset of its own, which stays (EMVA standard 1288, DSNU), whatever light and
+/// exposure are. Shielded pixels and dummies have one too.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FixedPattern {
@@ -13,13 +14,11 @@ pub struct FixedPattern {
 }
 
 impl FixedPattern {
-    /// The offsets of a sensor's outputs in counts.
-    pub fn offsets(&self, seed: u64, outputs: usize) -> Vec<f32> {
+    /// The offsets in counts of the outputs of a line of the sensor.
+    pub fn offsets(&self, seed: u64, line: u64, outputs: usize) -> Vec<f32> {
+        let mut random = random::of_line(seed, Effect::FixedPattern, line);
         let deviation = self.counts as f32;
-        let normals = random::normals_of_scene(seed, Effect::FixedPattern, outputs);
-        normals
-            .into_iter()
-            .map(|normal| deviation * normal)
-            .collect()
+        let offsets = random::normals_of(&mut random, outputs).map(|normal| deviation * normal);
+        offsets.collect()
     }
 }

@@ -3,10 +3,13 @@
 use serde::{Deserialize, Serialize};
 
 /// A converter of fewer bits than the words have. Without it a row is rounded to whole counts, as words are.
+///
+/// Where noise is larger than half a step, the error of rounding is as good as noise of its own with a variance of step^2 / 12
+/// (W. R. Bennett, "Spectra of quantized signals", Bell System Technical Journal 27, 1948).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Quantisation {
-    /// Counts from step to step.
+    /// Counts from step to step: 16 for 8 bits of 12.
     pub step: f64,
 }
 
@@ -15,15 +18,18 @@ impl Quantisation {
     pub fn apply(&self, counts: &mut [f32]) {
         let step = self.step as f32;
         for count in counts {
-            *count = (*count / step).round() * step;
+            let steps = *count / step;
+            // Cutting off the fraction of a half more; `round` would be a call.
+            *count = (steps + 0.5f32.copysign(steps)) as i32 as f32 * step;
         }
     }
 }
 
-/// Rounds to whole counts of the converter.
+/// Rounds to whole counts of the converter, which knows none below zero or above full scale.
 pub fn quantise(counts: &[f32], full_scale: u16) -> Vec<u16> {
+    let largest = f32::from(full_scale);
     counts
         .iter()
-        .map(|count| count.round().clamp(0.0, f32::from(full_scale)) as u16)
+        .map(|count| (count.clamp(0.0, largest) + 0.5) as i32 as u16)
         .collect()
 }

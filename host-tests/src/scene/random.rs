@@ -21,7 +21,13 @@ pub fn of_row(seed: u64, effect: Effect, row: u64) -> ChaCha8Rng {
 
 /// The stream of what an effect draws once for a scene: the one that no row reaches.
 pub fn of_scene(seed: u64, effect: Effect) -> ChaCha8Rng {
-    of_row(seed, effect, (1 << 56) - 1)
+    of_line(seed, effect, 0)
+}
+
+/// The stream of what an effect draws once for a line of the sensor's pixels: rows of a camera that are read from the same line
+/// share it.
+pub fn of_line(seed: u64, effect: Effect, line: u64) -> ChaCha8Rng {
+    of_row(seed, effect, (1 << 56) - 1 - line)
 }
 
 /// Numbers that are drawn together: as many as the generator makes at a time.
@@ -56,11 +62,10 @@ pub fn normals(random: &mut ChaCha8Rng) -> [f32; BLOCK] {
     normals
 }
 
-/// So many [`normals`] of the stream of a scene, for what an effect draws once.
-pub fn normals_of_scene(seed: u64, effect: Effect, count: usize) -> Vec<f32> {
-    let mut random = of_scene(seed, effect);
-    let blocks = (0..count.div_ceil(BLOCK)).flat_map(|_| normals(&mut random));
-    blocks.take(count).collect()
+/// So many [`normals`].
+pub fn normals_of(random: &mut ChaCha8Rng, count: usize) -> impl Iterator<Item = f32> {
+    let blocks = (0..count.div_ceil(BLOCK)).flat_map(|_| normals(random));
+    blocks.take(count)
 }
 
 /// Shares of one that 31 bits tell apart.

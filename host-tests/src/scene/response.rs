@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::{Effect, random};
 
-/// Each pixel's response differs from the mean by a factor of its own, which stays (EMVA standard 1288, PRNU).
+/// Each pixel's response differs from the mean by a factor of its own, which stays (EMVA standard 1288, PRNU): the deviation from pixel
+/// to pixel grows with the light, and is nothing in the dark.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Response {
@@ -13,12 +14,13 @@ pub struct Response {
 }
 
 impl Response {
-    /// The factors of a sensor's pixels.
-    pub fn factors(&self, seed: u64, pixels: usize) -> Vec<f32> {
+    /// The factors of the light pixels of a line of the sensor.
+    pub fn factors(&self, seed: u64, line: u64, pixels: usize) -> Vec<f32> {
+        let mut random = random::of_line(seed, Effect::Response, line);
         let deviation = self.deviation as f32;
-        let normals = random::normals_of_scene(seed, Effect::Response, pixels);
-        let factors = normals.into_iter().map(|normal| 1.0 + deviation * normal);
         // No pixel makes less than nothing of light.
-        factors.map(|factor| factor.max(0.0)).collect()
+        let factor = |normal: f32| (1.0 + deviation * normal).max(0.0);
+        let factors = random::normals_of(&mut random, pixels).map(factor);
+        factors.collect()
     }
 }

@@ -74,23 +74,27 @@ impl Simulation {
 pub(crate) struct Prepared {
     /// The laser's.
     laser_light: LaserLight,
-    /// [`crate::scene::Response`]: a factor for each light pixel.
-    response: Option<Vec<f32>>,
-    /// [`crate::scene::FixedPattern`]: an offset for each output.
-    fixed_pattern: Option<Vec<f32>>,
-    /// [`crate::scene::HotPixels`]: numbers of light pixels.
-    hot_pixels: Option<Vec<usize>>,
+    /// [`crate::scene::Response`]: a factor for each light pixel of each line.
+    response: Option<Vec<Vec<f32>>>,
+    /// [`crate::scene::FixedPattern`]: an offset for each output of each line.
+    fixed_pattern: Option<Vec<Vec<f32>>>,
+    /// [`crate::scene::HotPixels`]: numbers of light pixels of each line.
+    hot_pixels: Option<Vec<Vec<usize>>>,
 }
 
 impl Prepared {
     pub(crate) fn new(scene: &Scene) -> Self {
         let (seed, geometry) = (scene.seed, scene.sensor.geometry());
-        let pixels = geometry.light.len();
+        let (pixels, words) = (geometry.light.len(), geometry.words);
+        let lines = || 0..scene.sensor.rows();
         Self {
             laser_light: LaserLight::new(scene),
-            response: scene.response.map(|it| it.factors(seed, pixels)),
-            fixed_pattern: (scene.fixed_pattern).map(|it| it.offsets(seed, geometry.words)),
-            hot_pixels: scene.hot_pixels.map(|it| it.places(seed, pixels)),
+            response: (scene.response)
+                .map(|it| lines().map(|line| it.factors(seed, line, pixels)).collect()),
+            fixed_pattern: (scene.fixed_pattern)
+                .map(|it| lines().map(|line| it.offsets(seed, line, words)).collect()),
+            hot_pixels: (scene.hot_pixels)
+                .map(|it| lines().map(|line| it.places(seed, line, pixels)).collect()),
         }
     }
 }
@@ -110,6 +114,8 @@ pub(crate) fn row(
 ) -> Vec<f32> {
     let geometry = scene.sensor.geometry();
     let time = time(scene, row);
+    // The line of pixels that the row is read from.
+    let line = (row % scene.sensor.rows()) as usize;
     let mut counts = vec![0.0; geometry.words];
 
     let light = &mut counts[geometry.light.clone()];
@@ -118,14 +124,12 @@ pub(crate) fn row(
         ambient.add(light, exposure);
     }
     if let Some(factors) = &prepared.response {
-        for (light, factor) in light.iter_mut().zip(factors) {
+        for (light, factor) in light.iter_mut().zip(&factors[line]) {
             *light *= factor;
         }
     }
     if let (Some(hot), Some(places)) = (&scene.hot_pixels, &prepared.hot_pixels) {
-        for &place in places {
-            light[place] += (hot.counts_per_second * exposure) as f32;
-        }
+        hot.add(light, &places[line], exposure);
     }
     if let Some(noise) = &scene.shot_noise {
         noise.apply(
@@ -142,7 +146,7 @@ pub(crate) fn row(
         counts.iter_mut().for_each(|count| *count += level);
     }
     if let Some(offsets) = &prepared.fixed_pattern {
-        for (count, offset) in counts.iter_mut().zip(offsets) {
+        for (count, offset) in counts.iter_mut().zip(&offsets[line]) {
             *count += offset;
         }
     }

@@ -6,7 +6,7 @@ use host_tests::paper::apparatus::{self, Aperture, LASER, TAN_ANGLE, WANDER};
 use host_tests::paper::camera::{FULL_SCALE, PEAK};
 use host_tests::paper::errors::Judged;
 use host_tests::paper::experiment::Outcome;
-use host_tests::paper::lens_effects::{Distortion, Flare};
+use host_tests::paper::lens_effects::{DISTORTION, Flare};
 use host_tests::paper::materials::MATERIALS;
 use host_tests::paper::methods::{Calibration, Method};
 use host_tests::paper::published::{Errors, TABLE_1};
@@ -372,7 +372,7 @@ fn chosen() -> String {
         LASER.waist_distance,
         WANDER * 1e3,
         lens.focus_distance,
-        100.0 * Distortion::CHOSEN.share,
+        100.0 * DISTORTION.share,
         lens.coma,
         100.0 * ghost.share,
         ghost.radius * 1e3,
