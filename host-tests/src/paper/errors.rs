@@ -10,7 +10,7 @@ use crate::paper::methods::{Calibration, CentreMethod, Method};
 use crate::paper::residual_table::ResidualTable;
 
 /// What a method makes of a data set.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
     /// The method.
     pub method: Method,

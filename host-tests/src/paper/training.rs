@@ -18,35 +18,27 @@ use crate::paper::errors::{self, Tables};
 use crate::paper::methods::Method;
 use crate::paper::slit_path::{self, COLUMNS, RowTables};
 
-/// Pieces of a material that are measured. Speckle is new on each.
+/// Pieces of a material that are measured, usually. Speckle is new on each.
 pub const PIECES: u64 = 8;
 
 /// From position to position on a piece, in metres: about the travel over which its speckle changes.
 pub const STEP: f64 = 4e-3;
 
 /// The data sets to train on: the positions of one lie between those of the others.
-pub fn data_sets(material: usize, aperture: Aperture, seed: u64) -> Vec<DataSet> {
+pub fn data_sets(material: usize, aperture: Aperture, seed: u64, pieces: u64) -> Vec<DataSet> {
     let positions = ((TABLE.1 - TABLE.0) / STEP) as usize;
-    (0..PIECES)
+    (0..pieces)
         .map(|piece| DataSet {
             material,
             aperture,
             seed,
             piece: JUDGED + 1 + piece,
             distances: (0..positions)
-                .map(|i| TABLE.0 + STEP * (i as f64 + piece as f64 / PIECES as f64))
+                .map(|i| TABLE.0 + STEP * (i as f64 + piece as f64 / pieces as f64))
                 .collect(),
             captures: 1,
         })
         .collect()
-}
-
-/// Positions for a training.
-pub fn positions() -> usize {
-    data_sets(0, Aperture::Slit, 0)
-        .iter()
-        .map(|set| set.distances.len())
-        .sum()
 }
 
 /// What training gives.

@@ -11,6 +11,7 @@ use host_tests::docs;
 use host_tests::paper::apparatus::{Aperture, POSITIONS};
 use host_tests::paper::experiment::{Experiment, Outcome};
 use host_tests::paper::materials::MATERIALS;
+use host_tests::paper::training::PIECES;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::report::Report;
@@ -78,6 +79,7 @@ fn main() -> anyhow::Result<()> {
     let experiment = Experiment {
         stride: options.stride(),
         seed: options.seed,
+        pieces: PIECES,
     };
     let report = Report::new(run(&options, &experiment)?);
     if options.json {
