@@ -20,6 +20,9 @@ use slitrange::spot;
 
 use crate::scene::{Effect, Scene, Sensor, Simulation, quantise};
 
+/// Seconds in which a sensor warms up.
+const WARM_UP: f64 = 600.0;
+
 /// What is run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Plan {
@@ -32,15 +35,18 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// 400 rows, or 40 frames, over a minute; or over as much of it as it takes the target to move by a centimetre.
+    /// 400 rows, or 24 frames, over ten minutes, in which a sensor warms up; or over as much of them as it takes the target to move by a
+    /// centimetre.
     pub fn of(scene: &Scene) -> Self {
         let (realisations, readings) = match scene.sensor {
+            // Each realisation of speckle takes a tenth of a second.
+            Sensor::Tcd1304dg | Sensor::Row(_) if scene.speckle.is_some() => (40, 10),
             Sensor::Tcd1304dg | Sensor::Row(_) => (100, 4),
-            Sensor::Camera => (40, 1),
+            Sensor::Camera => (24, 1),
         };
         let seconds = match &scene.motion {
-            Some(motion) => (0.01 / motion.speed.abs()).min(60.0),
-            None => 60.0,
+            Some(motion) => (0.01 / motion.speed.abs()).min(WARM_UP),
+            None => WARM_UP,
         };
         Self {
             realisations,
@@ -201,7 +207,10 @@ fn realisation(
         .collect()
 }
 
-/// The centre of a row, or the mean over the rows of a frame that have one, as in the paper, in pixels.
+/// Rows of a frame count that are at least this share of the highest one's height: what a lens's flare lights is no spot.
+const HIGH: f64 = 0.1;
+
+/// The centre of a row in pixels; of a frame the mean over its rows, as in the paper.
 fn mean_centre(
     simulation: &Simulation,
     geometry: &Geometry,
@@ -210,7 +219,7 @@ fn mean_centre(
     distance: f64,
 ) -> Result<f64, Fault> {
     let scene = simulation.scene();
-    let (mut sum, mut count) = (0.0, 0u32);
+    let mut centres = vec![];
     let mut faults: [(u32, Option<Fault>); Fault::KINDS] = Default::default();
     for row in first..first + scene.sensor.rows() {
         let counts = quantise(
@@ -218,10 +227,7 @@ fn mean_centre(
             geometry.full_scale(),
         );
         match row_centre(&counts, geometry, estimator) {
-            Ok(centre) => {
-                sum += centre.centre.to_f64();
-                count += 1;
-            }
+            Ok(centre) => centres.push((centre.centre.to_f64(), centre.amplitude.to_f64())),
             Err(fault) => {
                 let (count, latest) = &mut faults[fault.kind()];
                 *count += 1;
@@ -229,14 +235,16 @@ fn mean_centre(
             }
         }
     }
-    if count > 0 {
-        return Ok(sum / f64::from(count));
+    let highest = (centres.iter()).fold(0.0f64, |highest, (_, height)| highest.max(*height));
+    centres.retain(|(_, height)| *height >= HIGH * highest);
+    if !centres.is_empty() {
+        let sum: f64 = centres.iter().map(|(centre, _)| centre).sum();
+        return Ok(sum / centres.len() as f64);
     }
-    let (_, most) = faults
-        .into_iter()
-        .max_by_key(|(count, _)| *count)
-        .unwrap_or_default();
-    Err(most.unwrap_or(Fault::SensorSilent))
+    let most = faults.into_iter().max_by_key(|(count, _)| *count);
+    Err(most
+        .and_then(|(_, fault)| fault)
+        .unwrap_or(Fault::SensorSilent))
 }
 
 /// The core's centre of a row of counts, light positive, of which nothing is known from rows before.
@@ -401,12 +409,12 @@ mod tests {
         assert!(share.uncertainty < 0.1 && expected > 0.1);
     }
 
-    /// A geometry that grows by a factor g draws the spot g times as far from the axis. It does so evenly over a minute.
+    /// A geometry that grows by a factor g draws the spot g times as far from the axis. It does so evenly over ten minutes.
     #[test]
     fn a_warm_sensor_errs_as_its_geometry_says() {
         let scene = Scene {
             temperature: Some(Temperature {
-                kelvin_per_second: 0.5,
+                kelvin_per_second: 0.05,
                 expansion: 23e-6,
             }),
             distance: 0.65,
@@ -418,7 +426,7 @@ mod tests {
             scene
                 .temperature
                 .expect("listed")
-                .optics(&scene.optics, 30.0),
+                .optics(&scene.optics, 300.0),
         );
         let expected = warm.centre(scene.distance) - optics.centre(scene.distance);
         let mean = budget.whole.mean_px.expect("readings");

@@ -20,7 +20,12 @@ impl Grey {
     /// The image cannot be encoded, or `svg` is no complete file.
     pub fn place(&self, svg: &mut String, (columns, rows): (Range<i32>, Range<i32>)) -> Result<()> {
         let end = svg.rfind("</svg>").context("no end of the SVG file")?;
-        let data = base64::engine::general_purpose::STANDARD.encode(self.png()?);
+        // Some viewers blur what they enlarge, so that is done here.
+        let larger = self.repeated(
+            columns.len().div_ceil(self.width.max(1)),
+            rows.len().div_ceil(self.height().max(1)),
+        );
+        let data = base64::engine::general_purpose::STANDARD.encode(larger.png()?);
         let image = format!(
             "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" \
              style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{data}\"/>\n",
@@ -33,8 +38,25 @@ impl Grey {
         Ok(())
     }
 
+    fn height(&self) -> usize {
+        self.pixels.len() / self.width.max(1)
+    }
+
+    /// Each pixel so many times along the rows, and so many times across.
+    fn repeated(&self, along: usize, across: usize) -> Self {
+        let rows = self.pixels.chunks(self.width.max(1));
+        Self {
+            width: self.width * along,
+            pixels: rows
+                .flat_map(|row| std::iter::repeat_n(row, across))
+                .flatten()
+                .flat_map(|&grey| std::iter::repeat_n(grey, along))
+                .collect(),
+        }
+    }
+
     fn png(&self) -> Result<Vec<u8>> {
-        let height = self.pixels.len() / self.width.max(1);
+        let height = self.height();
         ensure!(
             height > 0 && height * self.width == self.pixels.len(),
             "{} pixels are no rows of {}",

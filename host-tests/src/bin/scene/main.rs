@@ -22,7 +22,7 @@ const SHOWN: [&str; 4] = ["quiet-paper", "brushed-metal", "paper-on-camera", "le
 /// Shows a scene: its rows, its error budget, and what each effect costs in time. Without a name: lists the scenes.
 ///
 /// The error is that of the core's centres against the truth; a reading is a row of a line sensor, or the mean over the rows of
-/// a camera's frame. An effect's share of it is 1 - (RMS error without the effect)^2 / (RMS error)^2: shares of effects that
+/// a camera's frame that are at least a tenth as high as its highest. An effect's share of it is 1 - (RMS error without the effect)^2 / (RMS error)^2: shares of effects that
 /// interact do not add up to 1, and one without which the error would be larger has a negative one.
 ///
 /// Readings are taken of many realisations of the scene, because some effects (speckle, texture, fixed pattern, response) stay as
@@ -36,14 +36,13 @@ struct Options {
     /// How the centres of rows are found
     #[arg(long, value_name = "NAME", default_value = Estimator::default().name(), value_parser = estimator)]
     estimator: Estimator,
-    /// Seeds to average over; 100, or 40 for a camera, where it is not given
+    /// Seeds to average over [default: 100; with speckle 40; for a camera 24]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     realisations: Option<u64>,
-    /// Readings of each; 4, or 1 for a camera, where it is not given
+    /// Readings of each [default: 4; with speckle 10; for a camera 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     readings: Option<u64>,
-    /// Time over which a realisation's readings are spread; a minute, or what it takes the target to move by a centimetre,
-    /// where it is not given
+    /// Time over which a realisation's readings are spread [default: 600, or what it takes the target to move by a centimetre]
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
     /// Folder of the picture, NAME.svg

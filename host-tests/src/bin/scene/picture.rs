@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use host_tests::budget::row_centre;
+use host_tests::optics::Aperture;
 use host_tests::scene::{Scene, Simulation, quantise};
 use phase_tables::gaussian;
 use plotters::coord::Shift;
@@ -58,12 +59,14 @@ pub fn write_as(
 struct Seen<'a> {
     scene: &'a Scene,
     estimator: Estimator,
-    /// Pixels of the light range that are shown.
-    window: Range<usize>,
-    /// Their counts, row by row.
+    /// Counts of the light range, row by row.
     rows: Vec<Vec<u16>>,
+    /// The pixels of the image, and its rows.
+    image: (Range<usize>, Range<usize>),
     /// Which of the rows is fitted.
     row: usize,
+    /// The pixels of that row that are shown.
+    window: Range<usize>,
     fit: Result<RowCentre, Fault>,
     /// The true centre of that row.
     truth: f64,
@@ -87,24 +90,41 @@ impl<'a> Seen<'a> {
         let row = row as usize;
         let fit = row_centre(&counts[row], &geometry, estimator);
         let truth = simulation.true_centre(row as u64, scene.distance);
-        let window = {
+        let end = geometry.light.len() as f64;
+        let half = {
             let width = match (&fit, scene.spot) {
                 (Ok(fit), _) => fit.width.to_f64(),
                 (Err(_), Some(spot)) => spot.width,
                 (Err(_), None) => 0.0,
             };
-            let half = (7.0 * width).clamp(12.0, 150.0).ceil();
-            let end = geometry.light.len() as f64;
-            let middle = truth.clamp(half, end - half - 1.0).round();
-            (middle - half).max(0.0) as usize..(middle + half + 1.0).min(end) as usize
+            (7.0 * width).clamp(12.0, 150.0).ceil()
         };
-        let shown = |counts: &Vec<u16>| counts[geometry.light.clone()][window.clone()].to_vec();
+        let around = |from: f64, to: f64| {
+            let within = |x: f64| x.round().clamp(0.0, end - 1.0);
+            // At the edge of the sensor as many pixels as elsewhere.
+            let (from, to) = (within(from - half), within(to + half));
+            let from = from.min(to - 2.0 * half).max(0.0);
+            let to = to.max(from + 2.0 * half).min(end - 1.0);
+            from as usize..to as usize + 1
+        };
+        // A target that moves takes the spot along.
+        let last = simulation.true_centre(rows - 1, scene.distance);
+        let image = around(truth.min(last), truth.max(last));
+        // Behind a lens the spot is round.
+        let image_rows = match scene.optics.aperture {
+            Aperture::Lens { .. } if rows > ROWS => {
+                row.saturating_sub(half as usize)..(row + half as usize + 1).min(rows as usize)
+            }
+            _ => 0..rows as usize,
+        };
+        let light = |counts: &Vec<u16>| counts[geometry.light.clone()].to_vec();
         Self {
             scene,
             estimator,
-            rows: counts.iter().map(shown).collect(),
-            window,
+            rows: counts.iter().map(light).collect(),
+            image: (image, image_rows),
             row,
+            window: around(truth, truth),
             fit,
             truth,
         }
@@ -125,7 +145,7 @@ impl<'a> Seen<'a> {
             root.present()?;
             places
         };
-        self.image().place(&mut svg, image)?;
+        self.grey().place(&mut svg, image)?;
         let scale = Grey {
             width: 8,
             pixels: (0..=255).rev().flat_map(|grey| [grey; 8]).collect(),
@@ -144,28 +164,31 @@ impl<'a> Seen<'a> {
         Ok(())
     }
 
-    /// Counts that are black and white.
-    fn ends(&self) -> (u16, u16) {
-        let counts = || self.rows.iter().flatten().copied();
-        let (from, to) = (counts().min().unwrap_or(0), counts().max().unwrap_or(0));
-        (from, to.max(from + 1))
+    /// The counts of the image, row by row.
+    fn image_counts(&self) -> impl Iterator<Item = u16> {
+        let (columns, rows) = &self.image;
+        self.rows[rows.clone()]
+            .iter()
+            .flat_map(|row| row[columns.clone()].iter().copied())
     }
 
-    fn image(&self) -> Grey {
+    /// Counts that are black and white.
+    fn ends(&self) -> (u16, u16) {
+        let (from, to) = (self.image_counts().min(), self.image_counts().max());
+        let from = from.unwrap_or(0);
+        (from, to.unwrap_or(0).max(from + 1))
+    }
+
+    fn grey(&self) -> Grey {
         let (from, to) = self.ends();
-        let grey = |count: &u16| {
+        let grey = |count: u16| {
             let share = f64::from(count - from) / f64::from(to - from);
             (share * 255.0).round() as u8
         };
         Grey {
-            width: self.window.len(),
-            pixels: self.rows.iter().flatten().map(grey).collect(),
+            width: self.image.0.len(),
+            pixels: self.image_counts().map(grey).collect(),
         }
-    }
-
-    /// Pixels from the left edge of the first to the right edge of the last.
-    fn columns(&self) -> Range<f64> {
-        self.window.start as f64 - 0.5..self.window.end as f64 - 0.5
     }
 
     /// Axes around the image and its scale of grey. Gives the places of both.
@@ -174,14 +197,14 @@ impl<'a> Seen<'a> {
         &self,
         area: &Area<'_>,
     ) -> Result<((Range<i32>, Range<i32>), (Range<i32>, Range<i32>))> {
-        let rows = self.rows.len() as f64;
+        let (pixels, rows) = &self.image;
         let title = match self.scene.sensor.rows() {
             1 => "rows of the sensor, one after the other".to_owned(),
             _ => "a frame of the sensor".to_owned(),
         };
         // Row 0 is at the top: heights are negative row numbers.
-        let heights = 0.5 - rows..0.5;
-        let mut panel = builder(area, &title).build_cartesian_2d(self.columns(), heights)?;
+        let heights = 0.5 - rows.end as f64..0.5 - rows.start as f64;
+        let mut panel = builder(area, &title).build_cartesian_2d(columns(pixels), heights)?;
         panel
             .configure_mesh()
             .disable_mesh()
@@ -194,15 +217,15 @@ impl<'a> Seen<'a> {
             .y_desc("row")
             .axis_desc_style(text(TEXT))
             .draw()?;
-        let (columns, heights) = panel.plotting_area().get_pixel_range();
+        let (across, heights) = panel.plotting_area().get_pixel_range();
         let (left, top) = area.get_base_pixel();
         // The fitted row is marked beside the image.
-        let (_, height) = panel.backend_coord(&(self.columns().start, -(self.row as f64)));
+        let (_, height) = panel.backend_coord(&(pixels.start as f64, -(self.row as f64)));
         area.draw(&Polygon::new(
-            [(13, -6), (2, 0), (13, 6)].map(|(x, y)| (columns.end - left + x, height - top + y)),
+            [(13, -6), (2, 0), (13, 6)].map(|(x, y)| (across.end - left + x, height - top + y)),
             FIT.filled(),
         ))?;
-        let bar = columns.end + 18..columns.end + 34;
+        let bar = across.end + 18..across.end + 34;
         let (from, to) = self.ends();
         for (label, at) in [
             (format!("{to}"), heights.start + 2),
@@ -218,7 +241,7 @@ impl<'a> Seen<'a> {
                 text(SMALL),
             ))?;
         }
-        Ok(((columns, heights.clone()), (bar, heights)))
+        Ok(((across, heights.clone()), (bar, heights)))
     }
 
     /// The counts of the row with the fit, where there is one.
@@ -246,13 +269,13 @@ impl<'a> Seen<'a> {
         let margin = 0.08 * (high - low).max(10.0);
         let heights = low - margin..high + margin;
         let mut panel =
-            builder(area, &title).build_cartesian_2d(self.columns(), heights.clone())?;
+            builder(area, &title).build_cartesian_2d(columns(&self.window), heights.clone())?;
         mesh(&mut panel, "counts", "", 6)?;
         let dots = counts.iter().map(|&at| Circle::new(at, 3, COUNTS.filled()));
         panel.draw_series(dots)?;
         if let Some((fit, level)) = self.fit_and_level() {
             let steps = self.window.len() * 8;
-            let columns = self.columns();
+            let columns = columns(&self.window);
             let curve = (0..=steps).map(|i| {
                 let x = columns.start + i as f64 / 8.0;
                 (x, level + model(fit, x))
@@ -282,10 +305,15 @@ impl<'a> Seen<'a> {
             .collect();
         let (low, high) = range(left.iter().map(|(_, count)| *count));
         let end = 1.1 * low.abs().max(high.abs()).max(1.0);
-        let mut panel = builder(area, "").build_cartesian_2d(self.columns(), -end..end)?;
+        let mut panel = builder(area, "")
+            .x_label_area_size(2 * TEXT + 16)
+            .build_cartesian_2d(columns(&self.window), -end..end)?;
         mesh(&mut panel, "counts - fit", "pixel of the light range", 5)?;
         panel.draw_series([PathElement::new(
-            [(self.columns().start, 0.0), (self.columns().end, 0.0)],
+            [
+                (columns(&self.window).start, 0.0),
+                (columns(&self.window).end, 0.0),
+            ],
             FIT.stroke_width(1),
         )])?;
         panel.draw_series(left.iter().map(|&at| Circle::new(at, 2, COUNTS.filled())))?;
@@ -294,9 +322,9 @@ impl<'a> Seen<'a> {
 
     /// Pixels and counts of the fitted row.
     fn counts(&self) -> Vec<(f64, f64)> {
-        let counts = self.rows[self.row].iter().map(|&count| f64::from(count));
-        (self.window.clone().map(|pixel| pixel as f64))
-            .zip(counts)
+        let row = &self.rows[self.row];
+        (self.window.clone())
+            .map(|pixel| (pixel as f64, f64::from(row[pixel])))
             .collect()
     }
 
@@ -307,6 +335,11 @@ impl<'a> Seen<'a> {
         let sum: f64 = counts.iter().map(|&(x, count)| count - model(fit, x)).sum();
         Some((fit, sum / counts.len() as f64))
     }
+}
+
+/// From the left edge of the first pixel to the right edge of the last.
+fn columns(pixels: &Range<usize>) -> Range<f64> {
+    pixels.start as f64 - 0.5..pixels.end as f64 - 0.5
 }
 
 /// What a pixel at x gathers of the fitted gaussian, in counts.

@@ -12,6 +12,8 @@ use serde::Serialize;
 pub struct Timing {
     /// Nanoseconds a row, the median.
     pub nanoseconds_a_row: f64,
+    /// Nanoseconds that the first row at a place takes longer: what stays for as long as the target does is computed once.
+    pub nanoseconds_a_place: f64,
     /// Pixels a second on one core.
     pub pixels_a_second: f64,
     /// By how much a row takes longer with each effect than without, in the order of the scene's effects.
@@ -66,6 +68,7 @@ impl Timing {
         let nanoseconds_a_row = median(&mut times);
         Self {
             nanoseconds_a_row,
+            nanoseconds_a_place: (nanoseconds_of_a_first_row(scene) - nanoseconds_a_row).max(0.0),
             pixels_a_second: scene.geometry().words as f64 / nanoseconds_a_row * 1e9,
             effects: without
                 .into_iter()
@@ -86,6 +89,18 @@ impl Timing {
                 .collect(),
         }
     }
+}
+
+/// With all that is prepared for it; the median of three.
+fn nanoseconds_of_a_first_row(scene: &Scene) -> f64 {
+    let mut times = [0.0; 3];
+    for time in &mut times {
+        let start = Instant::now();
+        let simulation = Simulation::new(scene.clone());
+        black_box(simulation.row(0, scene.distance, scene.exposure));
+        *time = start.elapsed().as_nanos() as f64;
+    }
+    median(&mut times)
 }
 
 /// A scene, and how many of its first rows make a repetition.

@@ -1,0 +1,1172 @@
+//! What a sensor makes of light, effect by effect, against closed forms and counts; the random numbers of all effects; and the scenes in
+//! the folder. Figures that are asserted are printed.
+
+use std::time::Instant;
+
+use host_tests::optics::Aperture;
+use host_tests::scene::{
+    Ambient, BlackLevel, Coma, Defocus, Diffraction, Distortion, Effect, FixedPattern, Flare,
+    HotPixels, LaserSpot, Motion, Obliquity, Quantisation, ReadNoise, Response, Saturation, Scene,
+    SecondReflection, Sensor, ShotNoise, Simulation, Speckle, SpecularLobe, Spot, Temperature,
+    Texture, file, quantise, random,
+};
+use rayon::prelude::*;
+use slitrange::estimator::{self, Estimator, RowCentre};
+use slitrange::reading::Fault;
+use slitrange::row::Row;
+use slitrange::spot;
+
+/// Mean, variance, skewness and excess kurtosis.
+fn moments(values: &[f32]) -> [f64; 4] {
+    let n = values.len() as f64;
+    let mean = values.iter().map(|&x| f64::from(x)).sum::<f64>() / n;
+    let central = |power| {
+        let powers = values.iter().map(|&x| (f64::from(x) - mean).powi(power));
+        powers.sum::<f64>() / n
+    };
+    let variance = central(2);
+    [
+        mean,
+        variance,
+        central(3) / variance.powf(1.5),
+        central(4) / variance.powi(2) - 3.0,
+    ]
+}
+
+fn standard_deviation(values: &[f32]) -> f64 {
+    moments(values)[1].sqrt()
+}
+
+/// Pixels of 4096 that see even light of so many counts after a second.
+fn evenly_lit(counts: f64) -> Scene {
+    Scene {
+        ambient: Some(Ambient {
+            counts_per_second: counts,
+            slope: 0.0,
+        }),
+        ..Scene::dark(Sensor::Row(4096))
+    }
+}
+
+/// Some rows of a scene, one after the other, after a second of exposure.
+fn rows(scene: Scene, rows: u64) -> Vec<f32> {
+    let simulation = Simulation::new(scene);
+    let distance = simulation.scene().distance;
+    (0..rows)
+        .flat_map(|row| simulation.row(row, distance, 1.0))
+        .collect()
+}
+
+/// Sum of the squares of what was counted less what was expected, over what was expected: of so many cells chi squared, which
+/// is above n + 5 sqrt(2 n) + 10 in less than one in a million.
+fn assert_chi_squared(name: &str, counted: &[f64], expected: &[f64]) {
+    let cells = || counted.iter().zip(expected).filter(|&(_, &e)| e >= 10.0);
+    let squared: f64 = cells().map(|(c, e)| (c - e).powi(2) / e).sum();
+    let n = cells().count() as f64;
+    println!("{name}: chi squared {squared:.1} of {n} cells");
+    assert!(n >= 2.0 && squared < n + 5.0 * (2.0 * n).sqrt() + 10.0);
+}
+
+// ---- Effects ----
+
+#[test]
+fn read_noise_is_white_and_normal() {
+    let noise = rows(
+        Scene {
+            read_noise: Some(ReadNoise { counts: 4.0 }),
+            ..Scene::dark(Sensor::Row(4096))
+        },
+        1000,
+    );
+    let n = noise.len() as f64;
+    let [mean, variance, skewness, kurtosis] = moments(&noise);
+    println!("{n} pixels: {mean:.5}, {variance:.4}, {skewness:.5}, {kurtosis:.5}");
+    // Five standard errors of each.
+    assert!(mean.abs() < 5.0 * 4.0 / n.sqrt());
+    assert!((variance / 16.0 - 1.0).abs() < 5.0 * (2.0 / n).sqrt());
+    assert!(skewness.abs() < 5.0 * (6.0 / n).sqrt());
+    assert!(kurtosis.abs() < 5.0 * (24.0 / n).sqrt());
+
+    // In cells of a quarter of the deviation, to five of it.
+    let normal_below = |x: f64| 0.5 * libm::erfc(-x / std::f64::consts::SQRT_2);
+    let mut counted = [0.0; 40];
+    for noise in &noise {
+        let cell = (noise + 20.0).floor() as usize;
+        if let Some(counted) = counted.get_mut(cell) {
+            *counted += 1.0;
+        }
+    }
+    let expected: Vec<f64> = (0..40)
+        .map(|cell| f64::from(cell) / 4.0 - 5.0)
+        .map(|x| n * (normal_below(x + 0.25) - normal_below(x)))
+        .collect();
+    assert_chi_squared("read noise", &counted, &expected);
+
+    // No pixel tells anything of one up to two blocks further, nor its size of the other's size; the generator makes a block of 64 numbers of
+    // pairs that are 32 apart.
+    for lag in 1..=128 {
+        let pairs = || noise.iter().zip(&noise[lag..]);
+        let product = |(a, b): (&f32, &f32)| f64::from(a * b) / 16.0;
+        let sizes = |(a, b): (&f32, &f32)| f64::from((a * a / 16.0 - 1.0) * (b * b / 16.0 - 1.0));
+        let values = pairs().map(product).sum::<f64>() / n.sqrt();
+        let squares = pairs().map(sizes).sum::<f64>() / (2.0 * n.sqrt());
+        assert!(
+            values.abs() < 5.0 && squares.abs() < 5.0,
+            "{lag}: {values} {squares}"
+        );
+    }
+}
+
+/// Of few electrons by the probability of each number, of any by the first moments: mean and variance n, skewness 1 / sqrt(n).
+#[test]
+fn shot_noise_is_poisson_distributed() {
+    for mean in [0.02, 0.5, 3.0, 9.9, 10.1, 30.0, 1000.0, 30_000.0] {
+        let electrons_per_count = 8.0;
+        let light = rows(
+            Scene {
+                shot_noise: Some(ShotNoise {
+                    electrons_per_count,
+                }),
+                ..evenly_lit(mean / electrons_per_count)
+            },
+            250,
+        );
+        let electrons: Vec<f32> = light.iter().map(|light| light * 8.0).collect();
+        assert!(
+            electrons
+                .iter()
+                .all(|n| n.fract() == 0.0 && n.is_sign_positive())
+        );
+        let n = electrons.len() as f64;
+        let [average, variance, skewness, _] = moments(&electrons);
+        println!(
+            "{mean}: mean {average:.4}, variance over mean {:.5}, skewness {skewness:.4}",
+            variance / mean
+        );
+        // Five standard errors. A Poisson variable's fourth central moment is 3 n^2 + n.
+        assert!((average - mean).abs() < 5.0 * (mean / n).sqrt());
+        assert!((variance / mean - 1.0).abs() < 5.0 * ((2.0 + 1.0 / mean) / n).sqrt());
+        if mean >= 9.0 {
+            // Of the skewness the approximation is short by up to a fiftieth.
+            let expected = 1.0 / mean.sqrt();
+            assert!((skewness - expected).abs() < 5.0 * (6.0 / n).sqrt() + 0.02 * expected);
+        }
+        if mean <= 30.0 {
+            let mut counted = vec![0.0; 80];
+            for &electrons in &electrons {
+                counted[electrons as usize] += 1.0;
+            }
+            let mut probability = (-mean).exp();
+            let expected: Vec<f64> = (0..80)
+                .map(|k| {
+                    let expected = n * probability;
+                    probability *= mean / f64::from(k + 1);
+                    expected
+                })
+                .collect();
+            assert_chi_squared("electrons", &counted, &expected);
+        }
+    }
+}
+
+/// Light elsewhere on the row changes no pixel's noise, and where there is none no number is drawn.
+#[test]
+fn shot_noise_is_each_pixels_own() {
+    let noise = ShotNoise {
+        electrons_per_count: 10.0,
+    };
+    let stream = || random::of_row(3, Effect::ShotNoise, 7);
+    let some = |from: usize, to: usize| {
+        let mut light = vec![0.0; 1000];
+        light[from..to].fill(50.0);
+        noise.apply(&mut light, &mut stream());
+        light
+    };
+    let (all, part) = (some(0, 1000), some(333, 444));
+    assert_eq!(all[333..444], part[333..444]);
+    assert!(part[..333].iter().chain(&part[444..]).all(|&x| x == 0.0));
+
+    let mut untouched = stream();
+    noise.apply(&mut vec![0.0; 1000], &mut untouched);
+    assert_eq!(untouched.get_word_pos(), 0);
+}
+
+/// The deviation from pixel to pixel is a share of the light, and stays from row to row.
+#[test]
+fn response_differs_in_proportion_to_light() {
+    let lit = |counts| {
+        let deviation = Some(Response { deviation: 0.02 });
+        rows(
+            Scene {
+                response: deviation,
+                ..evenly_lit(counts)
+            },
+            2,
+        )
+    };
+    for counts in [0.0, 100.0, 3000.0] {
+        let light = lit(counts);
+        assert_eq!(light[..4096], light[4096..]);
+        let deviation = standard_deviation(&light[..4096]);
+        println!("{counts} counts: {deviation:.3}");
+        // 4096 pixels have it to 1.1 %.
+        assert!((deviation - 0.02 * counts).abs() <= 5.0 * 0.011 * 0.02 * counts);
+    }
+    // Factors, whatever the light.
+    let doubled: Vec<f32> = lit(100.0).iter().map(|x| 2.0 * x).collect();
+    assert_eq!(doubled, lit(200.0));
+}
+
+/// The deviation is the same in the dark and in light, after any exposure, under metal and on dummies, and stays from row to row.
+#[test]
+fn a_fixed_pattern_is_there_in_the_dark() {
+    let scene = Scene {
+        fixed_pattern: Some(FixedPattern { counts: 3.0 }),
+        ..Scene::dark(Sensor::Tcd1304dg)
+    };
+    let dark = scene.row(0, 0.8, 1.0);
+    let deviation = standard_deviation(&dark);
+    println!("{deviation:.3} counts, 3 expected");
+    assert!((deviation / 3.0 - 1.0).abs() < 5.0 * (0.5 / 3694.0f64).sqrt());
+    let shielded = standard_deviation(&dark[scene.geometry().shielded]);
+    println!("{shielded:.3} under metal");
+    assert!((shielded / 3.0 - 1.0).abs() < 5.0 * (0.5 / 13.0f64).sqrt());
+    assert_eq!(dark, scene.row(99, 0.8, 0.001));
+    let lit = Scene {
+        ambient: evenly_lit(512.0).ambient,
+        ..scene.clone()
+    };
+    let light = scene.geometry().light;
+    let expected: Vec<f32> = dark[light.clone()].iter().map(|x| 512.0 + x).collect();
+    assert_eq!(lit.row(0, 0.8, 1.0)[light], expected);
+}
+
+/// A camera's rows are other pixels, until the next frame reads them again.
+#[test]
+fn each_line_of_a_camera_has_patterns_of_its_own() {
+    let scene = Scene {
+        fixed_pattern: Some(FixedPattern { counts: 3.0 }),
+        response: Some(Response { deviation: 0.02 }),
+        hot_pixels: Some(HotPixels {
+            share: 0.01,
+            counts_per_second: 1000.0,
+        }),
+        ..Scene::dark(Sensor::Camera)
+    };
+    let (seed, rows) = (scene.seed, scene.sensor.rows());
+    let simulation = Simulation::new(scene.clone());
+    let of = |row| simulation.row(row, 0.8, 1.0);
+    assert_eq!(of(17), of(17 + rows));
+    let product: f64 = of(17)
+        .iter()
+        .zip(&of(18))
+        .filter(|(a, b)| a.abs() < 100.0 && b.abs() < 100.0)
+        .map(|(a, b)| f64::from(a * b) / 9.0)
+        .sum();
+    let correlation = product / 1920.0;
+    println!("correlation of two lines {correlation:.3}");
+    assert!(correlation.abs() < 5.0 / 1920f64.sqrt());
+    let response = scene.response.expect("listed");
+    assert!(response.factors(seed, 1, 10) != response.factors(seed, 2, 10));
+}
+
+/// Their number is binomial, their current in proportion to the exposure, and scatters as light does.
+#[test]
+fn hot_pixels_are_a_share() {
+    let hot = HotPixels {
+        share: 0.01,
+        counts_per_second: 400.0,
+    };
+    let numbers: Vec<f32> = (0..1000)
+        .map(|seed| hot.places(seed, 0, 3648).len() as f32)
+        .collect();
+    let [mean, variance, ..] = moments(&numbers);
+    println!("{mean:.2} +- {:.2} of 3648", variance.sqrt());
+    let expected = 3648.0 * 0.01 * 0.99;
+    assert!((mean - 36.48).abs() < 5.0 * (expected / 1000.0f64).sqrt());
+    assert!((variance / expected - 1.0).abs() < 5.0 * (2.0 / 1000.0f64).sqrt());
+
+    // A larger share is the same ones, and more.
+    let more = HotPixels { share: 0.02, ..hot }.places(1, 0, 3648);
+    let places = hot.places(1, 0, 3648);
+    assert!(places.iter().all(|place| more.contains(place)) && more.len() > places.len());
+
+    let scene = Scene {
+        hot_pixels: Some(hot),
+        ..Scene::dark(Sensor::Row(3648))
+    };
+    let row = scene.row(0, 0.8, 0.5);
+    for (i, &count) in row.iter().enumerate() {
+        let expected = if places.contains(&i) { 200.0 } else { 0.0 };
+        assert_eq!(count, expected, "pixel {i}");
+    }
+    // One pixel's variance over the rows: counts over electrons a count.
+    let electrons_per_count = 10.0;
+    let noisy = Scene {
+        shot_noise: Some(ShotNoise {
+            electrons_per_count,
+        }),
+        ..scene
+    };
+    let all = rows(noisy, 400);
+    let hot_ones: Vec<f32> = all
+        .chunks(3648)
+        .flat_map(|row| places.iter().map(|&place| row[place]))
+        .collect();
+    let variance = standard_deviation(&hot_ones).powi(2);
+    println!("variance {variance:.2}, 40 expected");
+    assert!((variance / 40.0 - 1.0).abs() < 5.0 * (2.0 / hot_ones.len() as f64).sqrt());
+}
+
+#[test]
+fn a_full_pixel_is_full() {
+    let scene = Scene {
+        saturation: Some(Saturation {
+            full_well: 1000.0,
+            blooming: 0.0,
+        }),
+        ..evenly_lit(0.0)
+    };
+    let lit = |counts| Scene {
+        ambient: evenly_lit(counts).ambient,
+        black_level: Some(BlackLevel::steady(200.0)),
+        ..scene.clone()
+    };
+    // The well limits light, and black level comes on top of it.
+    assert_eq!(rows(lit(999.0), 1), [1199.0; 4096]);
+    assert_eq!(rows(lit(5000.0), 1), [1200.0; 4096]);
+}
+
+/// One pixel of n and a half wells, between empty ones: half of what is too much to either side, a well in each pixel.
+#[test]
+fn charge_flows_over_as_far_as_it_has_to() {
+    let saturation = Saturation {
+        full_well: 100.0,
+        blooming: 1.0,
+    };
+    let mut light = vec![0.0; 41];
+    light[20] = 100.0 + 2.0 * 430.0;
+    saturation.apply(&mut light);
+    let mut expected = vec![0.0; 41];
+    expected[16..=24].fill(100.0);
+    (expected[15], expected[25]) = (30.0, 30.0);
+    assert_eq!(light, expected);
+
+    // A drain that takes three quarters leaves a quarter.
+    let mut light = vec![0.0; 41];
+    light[20] = 100.0 + 2.0 * 430.0;
+    Saturation {
+        blooming: 0.25,
+        ..saturation
+    }
+    .apply(&mut light);
+    expected.fill(0.0);
+    expected[19..=21].fill(100.0);
+    (expected[18], expected[22]) = (7.5, 7.5);
+    assert_eq!(light, expected);
+
+    // What has nowhere to go leaves over the end: half of it here.
+    let mut light = vec![100.0; 41];
+    light[5] = 900.0;
+    light[30..].fill(0.0);
+    saturation.apply(&mut light);
+    expected.fill(100.0);
+    expected[34..].fill(0.0);
+    assert_eq!(light, expected);
+}
+
+/// A gaussian spot five times as high as a well: charge is kept, and the flat top reaches as far as the charge above it fills the flanks. Its
+/// half-length h solves, to a pixel, h = int of the spot from 0 to h, over the well.
+#[test]
+fn a_bloomed_spot_has_a_flat_top() {
+    let (full, width, height) = (1000.0, 12.0, 5000.0);
+    let mut light = vec![0.0f32; 801];
+    Spot {
+        width,
+        counts_per_second: 0.0,
+    }
+    .add(&mut light, 400.0, height);
+    let sum = |light: &[f32]| light.iter().map(|&x| f64::from(x)).sum::<f64>();
+    let before = light.clone();
+    let saturation = Saturation {
+        full_well: full,
+        blooming: 1.0,
+    };
+    saturation.apply(&mut light);
+    println!(
+        "{:.3} counts before, {:.3} after",
+        sum(&before),
+        sum(&light)
+    );
+    assert!((sum(&light) / sum(&before) - 1.0).abs() < 1e-6);
+
+    let gathered = |h: f64| {
+        let root = std::f64::consts::SQRT_2 * width;
+        height * width * (0.5 * std::f64::consts::PI).sqrt() * libm::erf(h / root)
+    };
+    let (mut low, mut high) = (width, 100.0 * width);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if gathered(middle) > full * middle {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    let top = light
+        .iter()
+        .filter(|&&x| f64::from(x) > 0.999 * full)
+        .count() as f64;
+    println!("a top of {top} pixels, {:.1} expected", 2.0 * low);
+    assert!((top - 2.0 * low).abs() <= 2.0);
+    // Beyond the top and the one pixel that is partly filled nothing has changed.
+    let end = 400 + (low + 2.0) as usize;
+    assert_eq!(light[end..], before[end..]);
+}
+
+/// Of any row charge is kept, no pixel is more than full, and the mirrored row gives the mirrored row.
+#[test]
+fn blooming_favours_no_side() {
+    let saturation = Saturation {
+        full_well: 100.0,
+        blooming: 1.0,
+    };
+    for seed in 0..200 {
+        let mut random = random::of_row(seed, Effect::Saturation, 0);
+        let mut light = vec![0.0; 3000];
+        for (light, normal) in light[1000..2000]
+            .iter_mut()
+            .zip(random::normals_of(&mut random, 1000))
+        {
+            *light = (30.0 + 80.0 * normal).max(0.0);
+        }
+        let sum = |light: &[f32]| light.iter().map(|&x| f64::from(x)).sum::<f64>();
+        let before = sum(&light);
+        let mut mirrored: Vec<f32> = light.iter().rev().copied().collect();
+        saturation.apply(&mut light);
+        saturation.apply(&mut mirrored);
+        mirrored.reverse();
+        assert_eq!(light, mirrored);
+        assert!(light.iter().all(|&x| (0.0..=100.001).contains(&x)));
+        assert!((sum(&light) / before - 1.0).abs() < 1e-6);
+    }
+}
+
+/// All outputs have it, and it rises with time: from row to row of a line sensor, from frame to frame of a camera.
+#[test]
+fn the_black_level_drifts() {
+    for sensor in [Sensor::Tcd1304dg, Sensor::Camera] {
+        let scene = Scene {
+            black_level: Some(BlackLevel {
+                counts: 240.0,
+                drift: 3.0,
+            }),
+            ..Scene::dark(sensor)
+        };
+        for row in [0, 1, 599, 600, 100_000] {
+            let time = match sensor {
+                Sensor::Camera => (row / 600) as f64 / 41.6,
+                _ => row as f64 / 175.4,
+            };
+            let level = (240.0 + 3.0 * time) as f32;
+            println!("{sensor:?}, row {row}: {level}");
+            let row = scene.row(row, 0.8, 0.005);
+            assert_eq!(row, vec![level; scene.sensor.geometry().words]);
+        }
+    }
+}
+
+/// As high as it is said in the middle, rising by the slope from pixel to pixel, in proportion to the exposure, never below zero; not under
+/// metal.
+#[test]
+fn ambient_light_has_a_slope() {
+    let scene = |slope| Scene {
+        ambient: Some(Ambient {
+            counts_per_second: 2000.0,
+            slope,
+        }),
+        ..Scene::dark(Sensor::Tcd1304dg)
+    };
+    let light = scene(0.5).sensor.geometry().light;
+    for (i, &count) in scene(0.5).row(0, 0.8, 0.25)[light.clone()]
+        .iter()
+        .enumerate()
+    {
+        // Exact in single precision.
+        assert_eq!(count, 0.25 * (2000.0 + 0.5 * (i as f32 - 1823.5)));
+    }
+    let row = scene(2.0).row(0, 0.8, 0.25);
+    let dark = row[light.clone()].iter().filter(|&&x| x == 0.0).count();
+    // The slope crosses zero 1000 pixels from the middle.
+    assert_eq!(dark, 824);
+    assert!(row[..light.start].iter().all(|&x| x == 0.0));
+    assert!(row[light.end..].iter().all(|&x| x == 0.0));
+}
+
+/// Where noise is wider than a step, rounding adds a variance of step^2 / 12, and no mean.
+#[test]
+fn rounding_is_noise_of_a_twelfth_of_the_steps_square() {
+    let before = Scene {
+        black_level: Some(BlackLevel::steady(300.3)),
+        read_noise: Some(ReadNoise { counts: 20.0 }),
+        ..Scene::dark(Sensor::Row(4096))
+    };
+    let step = 16.0;
+    let after = Scene {
+        quantisation: Some(Quantisation { step }),
+        ..before.clone()
+    };
+    let (before, after) = (rows(before, 100), rows(after, 100));
+    assert!(after.iter().all(|x| x % 16.0 == 0.0));
+    let error: Vec<f32> = after.iter().zip(&before).map(|(a, b)| a - b).collect();
+    let n = error.len() as f64;
+    let [mean, variance, ..] = moments(&error);
+    println!(
+        "{mean:.4}, {variance:.3}, {:.3} expected",
+        step * step / 12.0
+    );
+    // An even distribution's kurtosis is 9/5: a standard error of the variance of sqrt(4/5 / n).
+    assert!((variance / (step * step / 12.0) - 1.0).abs() < 5.0 * (0.8 / n).sqrt());
+    assert!(mean.abs() < 5.0 * (variance / n).sqrt());
+    let more = moments(&after)[1] - moments(&before)[1];
+    println!("{more:.2} more in the row's variance");
+    assert!((more - step * step / 12.0).abs() < 5.0 * 400.0 * (2.0 / n).sqrt());
+}
+
+#[test]
+fn halves_are_rounded_up_and_ends_are_ends() {
+    let mut counts = [-9.0, -8.0, -7.9, 0.0, 7.9, 8.0, 23.9];
+    Quantisation { step: 16.0 }.apply(&mut counts);
+    assert_eq!(counts, [-16.0, -16.0, 0.0, 0.0, 0.0, 16.0, 16.0]);
+    let counts = [-3.0, 0.4, 0.5, 7.49, 4094.5, 4095.4, 1e9, f32::NAN];
+    assert_eq!(quantise(&counts, 4095), [0, 0, 1, 7, 4095, 4095, 4095, 0]);
+}
+
+// ---- Random numbers ----
+
+/// A scene that lists an effect besides what it lists.
+fn listing(scene: Scene, effect: Effect) -> Scene {
+    let laser_spot = Some(LaserSpot {
+        waist: 0.42e-3,
+        waist_distance: 0.81,
+        wander: 0.0,
+    });
+    match effect {
+        Effect::Diffraction => Scene {
+            diffraction: Some(Diffraction::Fresnel),
+            ..scene
+        },
+        Effect::LaserSpot => Scene {
+            laser_spot,
+            ..scene
+        },
+        Effect::Obliquity => Scene {
+            obliquity: Some(Obliquity {}),
+            ..scene
+        },
+        Effect::Speckle => Scene {
+            speckle: Some(Speckle {
+                polarisations: 2,
+                linewidth: 1e-9,
+                path_spread: 0.0,
+            }),
+            laser_spot,
+            ..scene
+        },
+        Effect::Texture => Scene {
+            texture: Some(Texture {
+                contrast: 0.2,
+                length: 0.5e-3,
+            }),
+            laser_spot,
+            ..scene
+        },
+        Effect::SpecularLobe => Scene {
+            specular_lobe: Some(SpecularLobe {
+                strength: 1.0,
+                width: 0.3,
+                tilt: 0.0,
+            }),
+            ..scene
+        },
+        Effect::Defocus => Scene {
+            defocus: Some(Defocus {
+                focus_distance: 0.7,
+            }),
+            ..scene
+        },
+        Effect::Coma => Scene {
+            coma: Some(Coma {
+                waves: 1.0,
+                field: 5e-3,
+            }),
+            ..scene
+        },
+        Effect::Distortion => Scene {
+            distortion: Some(Distortion {
+                share: 0.01,
+                field: 5e-3,
+            }),
+            ..scene
+        },
+        Effect::Flare => Scene {
+            flare: Some(Flare {
+                magnification: 1.0,
+                width: 20.0,
+                strength: 0.01,
+                veil: 0.001,
+            }),
+            ..scene
+        },
+        Effect::SecondReflection => Scene {
+            second_reflection: Some(SecondReflection {
+                offset: 50.0,
+                width: 8.0,
+                strength: 0.1,
+            }),
+            ..scene
+        },
+        Effect::Ambient => Scene {
+            ambient: Some(Ambient {
+                counts_per_second: 20_000.0,
+                slope: 3.0,
+            }),
+            ..scene
+        },
+        Effect::Motion => Scene {
+            motion: Some(Motion { speed: 0.5 }),
+            ..scene
+        },
+        Effect::Temperature => Scene {
+            temperature: Some(Temperature {
+                kelvin_per_second: 100.0,
+                expansion: 23e-6,
+            }),
+            ..scene
+        },
+        Effect::Response => Scene {
+            response: Some(Response { deviation: 0.02 }),
+            ..scene
+        },
+        Effect::ShotNoise => Scene {
+            shot_noise: Some(ShotNoise {
+                electrons_per_count: 10.0,
+            }),
+            ..scene
+        },
+        Effect::Saturation => Scene {
+            saturation: Some(Saturation {
+                full_well: 1000.0,
+                blooming: 0.5,
+            }),
+            ..scene
+        },
+        Effect::BlackLevel => Scene {
+            black_level: Some(BlackLevel {
+                counts: 300.0,
+                drift: 10.0,
+            }),
+            ..scene
+        },
+        Effect::FixedPattern => Scene {
+            fixed_pattern: Some(FixedPattern { counts: 3.0 }),
+            ..scene
+        },
+        Effect::HotPixels => Scene {
+            hot_pixels: Some(HotPixels {
+                share: 0.01,
+                counts_per_second: 30_000.0,
+            }),
+            ..scene
+        },
+        Effect::ReadNoise => Scene {
+            read_noise: Some(ReadNoise { counts: 4.0 }),
+            ..scene
+        },
+        Effect::Quantisation => Scene {
+            quantisation: Some(Quantisation { step: 4.0 }),
+            ..scene
+        },
+    }
+}
+
+/// Each effect has a stream for each row, each line of the sensor and each seed, and what is made of them is not the same either.
+#[test]
+fn every_stream_is_another() {
+    let mut first = vec![];
+    for seed in [1, 2] {
+        for effect in Effect::ALL {
+            for number in [0, 1, 2, 1 << 40] {
+                first.push(random::words(&mut random::of_row(seed, effect, number)));
+                first.push(random::words(&mut random::of_line(seed, effect, number)));
+            }
+        }
+    }
+    let streams = first.len();
+    first.sort();
+    first.dedup();
+    assert_eq!(first.len(), streams);
+
+    let response = Response { deviation: 0.01 }.factors(1, 0, 3648);
+    let pattern = FixedPattern { counts: 0.01 }.offsets(1, 0, 3648);
+    let mut noise = vec![0.0; 3648];
+    ReadNoise { counts: 0.01 }.apply(&mut noise, &mut random::of_row(1, Effect::ReadNoise, 0));
+    let response: Vec<f32> = response.iter().map(|factor| factor - 1.0).collect();
+    for (a, b) in [
+        (&response, &pattern),
+        (&pattern, &noise),
+        (&noise, &response),
+    ] {
+        let products = a.iter().zip(b).map(|(a, b)| f64::from(a * b));
+        let correlation = products.sum::<f64>() / (3648.0 * 0.01 * 0.01);
+        println!("correlation {correlation:.4}");
+        assert!(correlation.abs() < 5.0 / 3648f64.sqrt());
+    }
+}
+
+/// A spot behind a lens, on which every effect can act.
+fn spot_behind_a_lens() -> Scene {
+    let mut scene = Scene {
+        spot: Scene::white_paper().spot,
+        ..Scene::dark(Sensor::Tcd1304dg)
+    };
+    scene.optics.aperture = Aperture::PAPER_LENS;
+    scene
+}
+
+/// A row, put together by hand: light that is free of noise, and then what the sensor's effects make of it, each with the random numbers
+/// that are its own by its name, the seed and the row - and by nothing else that the scene lists.
+fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
+    let of_the_sensor = [
+        Effect::Response,
+        Effect::HotPixels,
+        Effect::ShotNoise,
+        Effect::Saturation,
+        Effect::BlackLevel,
+        Effect::FixedPattern,
+        Effect::ReadNoise,
+        Effect::Quantisation,
+    ];
+    let light_alone = of_the_sensor
+        .into_iter()
+        .fold(scene.clone(), Scene::without);
+    let mut counts = light_alone.row(row, scene.distance, scene.exposure);
+    let geometry = scene.sensor.geometry();
+    let light = &mut counts[geometry.light];
+    if let Some(response) = scene.response {
+        let factors = response.factors(scene.seed, 0, light.len());
+        light.iter_mut().zip(factors).for_each(|(x, f)| *x *= f);
+    }
+    if let Some(hot) = scene.hot_pixels {
+        for place in hot.places(scene.seed, 0, light.len()) {
+            light[place] += (hot.counts_per_second * scene.exposure) as f32;
+        }
+    }
+    if let Some(noise) = scene.shot_noise {
+        let mut random = random::of_row(scene.seed, Effect::ShotNoise, row);
+        noise.apply(light, &mut random);
+    }
+    if let Some(saturation) = scene.saturation {
+        saturation.apply(light);
+    }
+    if let Some(black) = scene.black_level {
+        let level = black.after(row as f64 * scene.sensor.period()) as f32;
+        counts.iter_mut().for_each(|x| *x += level);
+    }
+    if let Some(pattern) = scene.fixed_pattern {
+        let offsets = pattern.offsets(scene.seed, 0, counts.len());
+        counts.iter_mut().zip(offsets).for_each(|(x, o)| *x += o);
+    }
+    if let Some(noise) = scene.read_noise {
+        let mut random = random::of_row(scene.seed, Effect::ReadNoise, row);
+        noise.apply(&mut counts, &mut random);
+    }
+    if let Some(quantisation) = scene.quantisation {
+        quantisation.apply(&mut counts);
+    }
+    counts
+}
+
+/// Whichever effect is added to a scene of all kinds of noise, or taken away, the others keep their random numbers, to the bit.
+#[test]
+fn no_effect_changes_the_random_numbers_of_another() {
+    let noises = [
+        Effect::Response,
+        Effect::ShotNoise,
+        Effect::FixedPattern,
+        Effect::HotPixels,
+        Effect::ReadNoise,
+    ];
+    let noisy = noises.into_iter().fold(spot_behind_a_lens(), listing);
+    for effect in Effect::ALL {
+        let (without, with) = (
+            noisy.clone().without(effect),
+            listing(noisy.clone(), effect),
+        );
+        assert!(with.lists(effect) && !without.lists(effect));
+        let mut changed = false;
+        for row in [0, 5] {
+            let of = |scene: &Scene| scene.row(row, scene.distance, scene.exposure);
+            assert_eq!(of(&without), put_together(&without, row), "no {effect:?}");
+            assert_eq!(of(&with), put_together(&with, row), "{effect:?}");
+            changed |= of(&with) != of(&without);
+        }
+        // The scene is one in which the effect does something.
+        assert!(changed, "{effect:?}");
+    }
+}
+
+/// A scene that lists an effect whose parameters make it do nothing; `None` where there are none such.
+fn listing_in_vain(scene: Scene, effect: Effect) -> Option<Scene> {
+    let mut scene = listing(scene, effect);
+    match effect {
+        Effect::Diffraction
+        | Effect::LaserSpot
+        | Effect::Obliquity
+        | Effect::Speckle
+        | Effect::Defocus
+        | Effect::ShotNoise
+        | Effect::Quantisation => return None,
+        Effect::Texture => scene.texture.as_mut()?.contrast = 0.0,
+        Effect::SpecularLobe => scene.specular_lobe.as_mut()?.strength = 0.0,
+        Effect::Coma => scene.coma.as_mut()?.waves = 0.0,
+        Effect::Distortion => scene.distortion.as_mut()?.share = 0.0,
+        Effect::Flare => {
+            let flare = scene.flare.as_mut()?;
+            (flare.strength, flare.veil) = (0.0, 0.0);
+        }
+        Effect::SecondReflection => scene.second_reflection.as_mut()?.strength = 0.0,
+        Effect::Ambient => scene.ambient = evenly_lit(0.0).ambient,
+        Effect::Motion => scene.motion = Some(Motion { speed: 0.0 }),
+        Effect::Temperature => scene.temperature.as_mut()?.expansion = 0.0,
+        Effect::Response => scene.response = Some(Response { deviation: 0.0 }),
+        Effect::Saturation => scene.saturation.as_mut()?.full_well = 1e9,
+        Effect::BlackLevel => scene.black_level = Some(BlackLevel::steady(0.0)),
+        Effect::FixedPattern => scene.fixed_pattern = Some(FixedPattern { counts: 0.0 }),
+        Effect::HotPixels => scene.hot_pixels.as_mut()?.share = 0.0,
+        Effect::ReadNoise => scene.read_noise = Some(ReadNoise { counts: 0.0 }),
+    }
+    Some(scene)
+}
+
+/// An effect that is listed, and by its parameters does nothing, changes no bit of a row in which all others are at work, whether it draws random
+/// numbers or not.
+#[test]
+fn an_effect_that_does_nothing_changes_nothing() {
+    let mut effects = 0;
+    for effect in Effect::ALL {
+        let others = Effect::ALL.into_iter().filter(|&other| other != effect);
+        let without = others.fold(spot_behind_a_lens(), listing).without(effect);
+        if let Some(with) = listing_in_vain(without.clone(), effect) {
+            let of = |scene: &Scene| scene.row(3, scene.distance, scene.exposure);
+            assert_eq!(of(&with), of(&without), "{effect:?}");
+            effects += 1;
+        }
+    }
+    println!("{effects} effects");
+    assert_eq!(effects, 15);
+}
+
+/// Counts of some rows, as the converter gives them.
+fn counts(simulation: &Simulation, row: u64) -> Vec<u16> {
+    let scene = simulation.scene();
+    let full_scale = scene.geometry().full_scale();
+    quantise(
+        &simulation.row(row, scene.distance, scene.exposure),
+        full_scale,
+    )
+}
+
+/// Six rows of a scene to look at: of a camera those in the middle, which see a round spot too.
+fn first_rows(scene: &Scene) -> std::ops::Range<u64> {
+    let lines = scene.sensor.rows();
+    if lines == 1 {
+        return 0..6;
+    }
+    lines / 2 - 3..lines / 2 + 3
+}
+
+/// From one thread, from two and backwards.
+#[test]
+fn rows_do_not_depend_on_who_makes_them() {
+    for name in [
+        "old-sensor",
+        "moving-target",
+        "brushed-metal",
+        "paper-on-camera",
+    ] {
+        let scene = Scene::load(name).expect("a scene");
+        let rows = first_rows(&scene);
+        let simulation = Simulation::new(scene.clone());
+        let one_by_one: Vec<_> = rows.clone().map(|row| counts(&simulation, row)).collect();
+        for threads in [1, 2] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let pool = pool.build().expect("threads");
+            let simulation = Simulation::new(scene.clone());
+            let made: Vec<_> = pool.install(|| {
+                let rows = rows.clone().into_par_iter();
+                rows.map(|row| counts(&simulation, row)).collect()
+            });
+            assert_eq!(made, one_by_one, "{name}, {threads} threads");
+        }
+        let backwards = rows.rev().map(|row| counts(&simulation, row));
+        assert!(backwards.eq(one_by_one.iter().rev().cloned()), "{name}");
+    }
+}
+
+/// A change of any random number, or of any light by some millionths, shows here. FNV-1a of the counts' bytes.
+#[test]
+fn rows_stay_what_they_were() {
+    let mut table = String::new();
+    for name in file::names().expect("the folder of scenes") {
+        let scene = Scene::load(&name).expect("a scene");
+        let rows = first_rows(&scene);
+        let simulation = Simulation::new(scene);
+        let mut hash = 0xcbf2_9ce4_8422_2325u64;
+        for byte in rows
+            .flat_map(|row| counts(&simulation, row))
+            .flat_map(u16::to_le_bytes)
+        {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+        }
+        table += &format!("{name:<18} {hash:016x}\n");
+    }
+    print!("{table}");
+    insta::assert_snapshot!("scenes", table);
+}
+
+// ---- Scenes ----
+
+#[test]
+fn scenes_are_read_and_written() {
+    let names = file::names().expect("the folder of scenes");
+    println!("{}", names.join(", "));
+    assert!(names.len() >= 12);
+    for name in names {
+        let scene = Scene::load(&name).expect("a scene");
+        let text = scene.to_toml().expect("text");
+        assert_eq!(Scene::from_toml(&text).expect("a scene"), scene, "{name}");
+        assert!(
+            scene.about.ends_with('.') && !scene.about.contains('\n'),
+            "{name}: {:?} is no sentence",
+            scene.about
+        );
+    }
+    let quiet = Scene::load("quiet-paper").expect("a scene");
+    let white = Scene {
+        about: quiet.about.clone(),
+        ..Scene::white_paper()
+    };
+    assert_eq!(quiet, white);
+}
+
+/// Each file begins by saying what it shows, and says of each effect why it is there.
+#[test]
+fn scenes_say_why() {
+    for name in file::names().expect("the folder of scenes") {
+        let text = std::fs::read_to_string(file::folder().join(format!("{name}.toml")));
+        let text = text.expect("a file");
+        assert!(text.starts_with("# "), "{name}");
+        let lines: Vec<&str> = text.lines().collect();
+        let mut effects = 0;
+        for (i, line) in lines.iter().enumerate() {
+            if line.starts_with('[') {
+                assert!(lines[i - 1].starts_with("# "), "{name}: {line}");
+                effects += 1;
+            }
+        }
+        assert!(effects >= 4, "{name}");
+    }
+}
+
+fn centre(simulation: &Simulation, row: u64) -> Result<RowCentre, Fault> {
+    let (counts, geometry) = (counts(simulation, row), simulation.scene().geometry());
+    let shielded = &counts[geometry.shielded.clone()];
+    let row = Row::new(
+        &counts[geometry.light.clone()],
+        shielded,
+        geometry.full_scale(),
+    );
+    let row = row.expect("12 bits");
+    let spot = spot::find(&row)?;
+    estimator::centre(Estimator::default(), &row, &spot, None, &geometry)
+}
+
+/// The core finds the spot of each scene's rows, within a width of where it should be, or the fault that the file announces.
+#[test]
+fn scenes_give_what_they_announce() {
+    for name in file::names().expect("the folder of scenes") {
+        let text = std::fs::read_to_string(file::folder().join(format!("{name}.toml")));
+        let text = text.expect("a file");
+        let announced = text.lines().find_map(|line| {
+            let fault = line.strip_prefix("# Expected fault: ")?;
+            fault.strip_suffix('.')
+        });
+        let scene = Scene::load(&name).expect("a scene");
+        let rows = first_rows(&scene);
+        let simulation = Simulation::new(scene);
+        let mut furthest = 0.0f64;
+        for row in rows {
+            match (centre(&simulation, row), announced) {
+                (Ok(found), None) => {
+                    let truth = simulation.true_centre(row, simulation.scene().distance);
+                    let off = (found.centre.to_f64() - truth) / found.width.to_f64();
+                    furthest = furthest.max(off.abs());
+                    assert!(off.abs() < 1.0, "{name}, row {row}: off by {off} widths");
+                }
+                (Err(fault), Some(announced)) => {
+                    assert_eq!(Fault::NAMES[fault.kind()], announced, "{name}, row {row}");
+                }
+                (found, _) => panic!("{name}, row {row}: {found:?}"),
+            }
+        }
+        match announced {
+            Some(fault) => println!("{name}: {fault}"),
+            None => println!("{name}: off by {furthest:.3} of a width at most"),
+        }
+    }
+}
+
+/// What a file's author gets to read.
+#[test]
+fn scenes_that_mean_nothing_are_refused() {
+    let refused = |scene: &Scene, words: &str| {
+        let text = scene.to_toml().expect("text");
+        let error = format!("{:#}", Scene::from_toml(&text).expect_err(words));
+        println!("{error}");
+        assert!(error.contains(words), "{error:?} lacks {words:?}");
+    };
+    let paper = Scene::white_paper;
+    let with = |effect| listing(paper(), effect);
+    let lens = |effect| listing(spot_behind_a_lens(), effect);
+    assert!(
+        Effect::ALL
+            .into_iter()
+            .all(|effect| lens(effect).check().is_ok())
+    );
+
+    let scene = Scene {
+        exposure: 0.0,
+        ..paper()
+    };
+    refused(&scene, "exposure is 0 s: it must be above 0");
+    let scene = Scene {
+        distance: f64::NAN,
+        ..paper()
+    };
+    refused(&scene, "distance is NaN m: give it a number");
+    let mut scene = paper();
+    scene.spot.as_mut().expect("a spot").width = -8.6;
+    refused(&scene, "spot.width is -8.6 pixels: it must be above 0");
+    let mut scene = paper();
+    scene.read_noise = Some(ReadNoise { counts: -1.0 });
+    refused(
+        &scene,
+        "read_noise.counts is -1 counts: it cannot be below 0",
+    );
+    let mut scene = paper();
+    scene.shot_noise = Some(ShotNoise {
+        electrons_per_count: 0.0,
+    });
+    refused(&scene, "more than 1 are needed");
+    let mut scene = with(Effect::Saturation);
+    scene.saturation.as_mut().expect("listed").blooming = 1.5;
+    refused(&scene, "saturation.blooming is 1.5: it is a share");
+    let mut scene = with(Effect::HotPixels);
+    scene.hot_pixels.as_mut().expect("listed").share = -0.1;
+    refused(&scene, "hot_pixels.share is -0.1: it is a share");
+    let mut scene = with(Effect::Quantisation);
+    scene.quantisation.as_mut().expect("listed").step = 0.0;
+    refused(&scene, "quantisation.step is 0 counts");
+    let mut scene = with(Effect::Speckle);
+    scene.laser_spot = None;
+    refused(&scene, "add [laser_spot]");
+    let mut scene = with(Effect::Speckle);
+    scene.speckle.as_mut().expect("listed").polarisations = 3;
+    refused(&scene, "light has 1 (metal, gloss) or 2");
+    for effect in [
+        Effect::Defocus,
+        Effect::Coma,
+        Effect::Distortion,
+        Effect::Flare,
+    ] {
+        let name = format!("[{}] is a lens's", effect.name());
+        refused(&with(effect), &name);
+    }
+    let scene = Scene {
+        spot: None,
+        ..with(Effect::SecondReflection)
+    };
+    refused(&scene, "add [spot]");
+    let scene = Scene {
+        sensor: Sensor::Camera,
+        ..paper()
+    };
+    refused(&scene, "optics.pitch is 0.000008 m");
+    let mut scene = paper();
+    scene.optics.aperture = Aperture::Lens { diameter: -1.0 };
+    refused(&scene, "optics.aperture.lens.diameter");
+
+    let text = paper().to_toml().expect("text");
+    for (from, to, words) in [
+        (
+            "[read_noise]\n",
+            "[read_noise]\nvolume = 3\n",
+            "unknown field `volume`",
+        ),
+        ("[read_noise]", "[noise]", "unknown field `noise`"),
+        ("exposure = 0.005\n", "", "missing field `exposure`"),
+        ("\"tcd1304dg\"", "\"tcd1305\"", "unknown variant `tcd1305`"),
+    ] {
+        let changed = text.replace(from, to);
+        assert!(changed != text);
+        let error = Scene::from_toml(&changed).expect_err(words).to_string();
+        println!("{error}");
+        assert!(error.contains(words), "{error}");
+    }
+    let error = format!("{:#}", Scene::load("no-such").expect_err("no scene"));
+    println!("{error}");
+    assert!(error.contains("no-such.toml; there are black-tape"));
+}
+
+/// Not a test: prints what pixels cost. `cargo test -p host-tests --test scene_sensor -- --ignored --nocapture`
+#[test]
+#[ignore = "prints times"]
+fn megapixels_a_second() {
+    let noise = Scene {
+        spot: None,
+        shot_noise: None,
+        ..Scene::white_paper()
+    };
+    let lit = |counts: f64| Scene {
+        ambient: Some(Ambient {
+            counts_per_second: counts / 0.005,
+            slope: 0.0,
+        }),
+        ..Scene::white_paper()
+    };
+    for (name, scene) in [
+        (
+            "black level, spot, read and shot noise",
+            Scene::white_paper(),
+        ),
+        ("black level and read noise", noise),
+        ("all pixels lit by 1000 electrons", lit(100.0)),
+        ("all pixels lit by 3 electrons", lit(0.3)),
+    ] {
+        let pixels = scene.sensor.geometry().words;
+        let simulation = Simulation::new(scene);
+        let rows = 500;
+        let seconds = (0..5)
+            .map(|_| {
+                let start = Instant::now();
+                for row in 0..rows {
+                    std::hint::black_box(simulation.row(row, 0.8, 0.005));
+                }
+                start.elapsed().as_secs_f64()
+            })
+            .fold(f64::INFINITY, f64::min);
+        let each = seconds / (rows as f64 * pixels as f64);
+        println!("{name}: {:.0} million pixels a second", 1e-6 / each);
+    }
+}
