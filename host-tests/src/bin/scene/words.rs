@@ -85,7 +85,8 @@ fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
     let parameters = parameters(&shown.scene)?;
     for (without, timing) in budget.without.iter().zip(&shown.timing.effects) {
         let share = without.share.map_or("-".into(), |share| {
-            format!("{:+.3} ± {:.3}", share.value, share.uncertainty)
+            let uncertainty = share.uncertainty.map(|it| format!(" ± {it:.3}"));
+            format!("{:+.3}{}", share.value, uncertainty.unwrap_or_default())
         });
         let time = match timing.nanoseconds_a_row {
             // Lost in the scatter of the repetitions.
