@@ -11,6 +11,7 @@ use anyhow::{Context as _, Result};
 use clap::Parser;
 use host_tests::budget::{Budget, Plan};
 use host_tests::scene::{Scene, file};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use slitrange::estimator::Estimator;
 
@@ -92,7 +93,7 @@ fn main() -> Result<()> {
         picture: picture::write(&name, &scene, options.estimator, &options.output)?,
         // While nothing else runs.
         timing: Timing::of(&scene),
-        budget: Budget::of(&scene, options.estimator, &options.plan(&scene))?,
+        budget: budget(&scene, options.estimator, &options.plan(&scene))?,
         name,
         scene,
     };
@@ -113,6 +114,20 @@ impl Options {
             seconds: self.seconds.unwrap_or(plan.seconds),
         }
     }
+}
+
+/// With a bar on the terminal, as speckle takes a while.
+fn budget(scene: &Scene, estimator: Estimator, plan: &Plan) -> Result<Budget> {
+    let progress = ProgressBar::with_draw_target(
+        Some(Budget::runs(scene, plan)),
+        ProgressDrawTarget::stderr_with_hz(4),
+    );
+    progress.set_style(ProgressStyle::with_template(
+        "{wide_bar} {pos}/{len} realisations, {eta} left",
+    )?);
+    let budget = Budget::of(scene, estimator, plan, &|| progress.inc(1));
+    progress.finish_and_clear();
+    budget
 }
 
 /// The scenes that come with the project.
