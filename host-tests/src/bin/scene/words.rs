@@ -8,6 +8,7 @@ use host_tests::optics::Aperture;
 use host_tests::scene::{Effect, Scene, Sensor};
 
 use crate::Shown;
+use crate::timing::Difference;
 
 /// All of it.
 ///
@@ -66,7 +67,7 @@ fn write_parameters(text: &mut String, scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-/// Of a table: name, errors in four columns, faults, share, time a row, time once.
+/// Of a table: name, errors in four columns, faults, share, times of a row and of the first.
 type Line = [String; 9];
 
 fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
@@ -78,7 +79,7 @@ fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
     };
     writeln!(
         text,
-        "{} {reading} ({} realisations, {} each over {:.3} s), centres by {}; time to simulate them on one core:",
+        "{} {reading} ({} realisations, {} each over {:.3} s), centres by {}; times to simulate on one core:",
         budget.whole.readings, plan.realisations, plan.readings, plan.seconds, budget.estimator
     )?;
     let mut lines: Vec<Line> = vec![
@@ -90,15 +91,19 @@ fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
             "mean um",
             "faults",
             "share of error^2",
-            "time a row",
-            "time once",
+            "a row",
+            "first row",
         ]
         .map(Into::into),
         line(
             "all effects",
             Some(&budget.whole),
             String::new(),
-            [timing.nanoseconds_a_row, timing.nanoseconds_once].map(duration),
+            [
+                timing.nanoseconds_a_row,
+                timing.nanoseconds_of_the_first_row,
+            ]
+            .map(duration),
         ),
     ];
     for (without, timing) in budget.without.iter().zip(&timing.effects) {
@@ -106,19 +111,12 @@ fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
             let uncertainty = share.uncertainty.map(|it| format!(" ± {it:.3}"));
             format!("{:+.3}{}", share.value, uncertainty.unwrap_or_default())
         });
-        let a_row = match timing.nanoseconds_a_row {
-            // Lost in the scatter of the repetitions.
-            Some(time) if time.abs() < 3.0 * timing.uncertainty => {
-                format!("0 ± {}", duration(timing.uncertainty))
-            }
-            time => time.map_or("-".into(), duration),
-        };
-        let once = timing.nanoseconds_once.map_or("-".into(), duration);
+        let times = [timing.a_row, timing.first_row].map(|time| time.map_or("-".into(), longer));
         lines.push(line(
             &format!("without {}", without.effect.name()),
             without.errors.as_ref(),
             share,
-            [a_row, once],
+            times,
         ));
     }
     write_table(text, &lines)?;
@@ -132,7 +130,12 @@ fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
     Ok(())
 }
 
-fn line(name: &str, errors: Option<&Errors>, share: String, [a_row, once]: [String; 2]) -> Line {
+fn line(
+    name: &str,
+    errors: Option<&Errors>,
+    share: String,
+    [a_row, first_row]: [String; 2],
+) -> Line {
     let number = |value: fn(&Errors) -> Option<f64>, digits: usize| {
         (errors.and_then(value)).map_or("-".into(), |value| format!("{value:.digits$}"))
     };
@@ -151,7 +154,7 @@ fn line(name: &str, errors: Option<&Errors>, share: String, [a_row, once]: [Stri
         faults,
         share,
         a_row,
-        once,
+        first_row,
     ]
 }
 
@@ -184,6 +187,14 @@ fn in_words(parameters: &serde_json::Value) -> String {
             .join(", "),
         other => word(other),
     }
+}
+
+/// A difference of times, unless it is lost in the scatter of the repetitions.
+fn longer(time: Difference) -> String {
+    if time.nanoseconds.abs() < 3.0 * time.uncertainty {
+        return format!("0 ± {}", duration(time.uncertainty));
+    }
+    duration(time.nanoseconds)
 }
 
 /// Three digits.
