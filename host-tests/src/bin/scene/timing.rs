@@ -165,3 +165,17 @@ fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_repetition_that_was_interrupted_does_not_count() {
+        let difference = Difference::of(vec![4.0, 1.0, 100.0, 3.0, 2.0]).expect("five");
+        // Deviations from 3: 0, 1, 1, 2, 97.
+        assert_eq!(difference.nanoseconds, 3.0);
+        assert!((difference.uncertainty - 1.253 * 1.483 / 5f64.sqrt()).abs() < 1e-12);
+        assert!(Difference::of(vec![]).is_none());
+    }
+}

@@ -211,3 +211,40 @@ fn duration(nanoseconds: f64) -> String {
     };
     format!("{value:.digits$} {unit}")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn effects_are_told_with_their_parameters() {
+        let scene = Scene::load("sunlit").expect("a scene");
+        let mut text = String::new();
+        write_parameters(&mut text, &scene).expect("text");
+        println!("{text}");
+        let names: Vec<&str> = (text.lines())
+            .filter_map(|line| line.split_whitespace().next())
+            .collect();
+        assert_eq!(
+            names,
+            ["spot", "ambient", "shot_noise", "black_level", "read_noise"]
+        );
+        assert!(text.contains("read_noise        counts 4.0"));
+    }
+
+    #[test]
+    fn durations_have_three_digits() {
+        let all = [0.4, 12.34, 999.0, 1234.0, 45.6e3, -7.8e6].map(duration);
+        assert_eq!(
+            all,
+            [
+                "0.40 ns", "12.3 ns", "999 ns", "1.23 us", "45.6 us", "-7.80 ms"
+            ]
+        );
+        let lost = Difference {
+            nanoseconds: 29.0,
+            uncertainty: 10.0,
+        };
+        assert_eq!(longer(lost), "0 ± 10.0 ns");
+    }
+}
