@@ -120,8 +120,9 @@ fn readings() -> Vec<Point> {
             let n = rows as f64;
             let micrometres = match light {
                 Light::NoiseAlone => 6.5 / n.sqrt(),
-                Light::SpeckleMoving => 580.0 / (1.0 + 0.005 * n),
                 Light::SpeckleAtRest => 590.0,
+                Light::SpeckleReceding => 580.0 / (1.0 + 0.005 * n),
+                Light::SpeckleSliding => 580.0 / (1.0 + 0.2 * n).sqrt(),
             };
             points.push(Point {
                 light,

@@ -298,8 +298,9 @@ impl Measured {
             "ms",
             "noise alone",
             "bound",
-            "speckle, moving",
             "speckle, at rest",
+            "receding",
+            "sliding",
         ])];
         let of = |light, rows| {
             let point = self
@@ -315,8 +316,12 @@ impl Measured {
                     format!("{:.1}", point.milliseconds),
                     format!("{:.2}", point.micrometres),
                     format!("{:.2}", point.bound_micrometres),
-                    format!("{:.0}", of(reading_time::Light::SpeckleMoving, point.rows)),
                     format!("{:.0}", of(reading_time::Light::SpeckleAtRest, point.rows)),
+                    format!(
+                        "{:.0}",
+                        of(reading_time::Light::SpeckleReceding, point.rows)
+                    ),
+                    format!("{:.0}", of(reading_time::Light::SpeckleSliding, point.rows)),
                 ]);
             }
         }
@@ -641,7 +646,7 @@ mod tests {
         assert_eq!(lines("rungs.csv").1, 10);
         assert_eq!(lines("bias.csv").1, 10 * 12);
         assert_eq!(lines("situations.csv").1, 10 * SITUATIONS.len());
-        assert_eq!(lines("reading-time.csv").1, 3 * 7);
+        assert_eq!(lines("reading-time.csv").1, 4 * 7);
         std::fs::remove_dir_all(directory).expect("removed");
     }
 
