@@ -1,6 +1,7 @@
 //! The error budget of a scene: how far the core's centres lie from the truth, and how much of that each effect is to blame for.
 //!
-//! What an effect is to blame for is found by leaving it out: its share is 1 - (RMS error without it)^2 / (RMS error)^2. Effects that
+//! What an effect is to blame for is found by leaving it out: its share is 1 - (RMS error without it)^2 / (RMS error)^2,
+//! of the readings that have a centre with it and without it. Effects that
 //! add independent errors have shares that add up to one; others have not, and an effect without which the error would be
 //! larger has a negative one.
 //!
@@ -84,7 +85,7 @@ pub struct Without {
     pub share: Option<Share>,
 }
 
-/// 1 - (RMS error without)^2 / (RMS error)^2.
+/// 1 - (RMS error without)^2 / (RMS error)^2, of the readings that have a centre with the effect and without it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Share {
     /// The share.
@@ -290,26 +291,26 @@ fn errors(realisations: &[Vec<Found>]) -> Errors {
     }
 }
 
-/// The share of the squares, in pixels. None where either has no reading.
+/// The share of the squares, in pixels, of the readings that have a centre with the effect and without it: those that one of them
+/// makes faults of would tell which rows are left, and not what became of them. None where there are no such readings.
 fn share(whole: &[Vec<Found>], without: &[Vec<Found>]) -> Option<Share> {
-    // Of each realisation the sum of squares and the number of readings.
-    let sums = |realisations: &[Vec<Found>]| -> Vec<(f64, f64)> {
-        let squares = |found: &Vec<Found>| {
-            let good = || found.iter().filter_map(|found| found.ok());
-            (good().map(|(px, _)| px * px).sum(), good().count() as f64)
-        };
-        realisations.iter().map(squares).collect()
+    // Of each realisation the sums of squares with and without.
+    let sums: Vec<(f64, f64)> = (whole.iter().zip(without))
+        .map(|(whole, without)| {
+            let both = whole.iter().zip(without).filter_map(|pair| match pair {
+                (Ok((whole, _)), Ok((without, _))) => Some((whole * whole, without * without)),
+                _ => None,
+            });
+            both.fold((0.0, 0.0), |sum, pair| (sum.0 + pair.0, sum.1 + pair.1))
+        })
+        .collect();
+    let total = (sums.iter()).fold((0.0, 0.0), |sum, pair| (sum.0 + pair.0, sum.1 + pair.1));
+    let share = |left_out: Option<usize>| {
+        let (whole, without) = left_out.map_or((0.0, 0.0), |k| sums[k]);
+        1.0 - (total.1 - without) / (total.0 - whole)
     };
-    let (whole, without) = (sums(whole), sums(without));
-    // The mean square of all realisations but one.
-    let mean = |sums: &[(f64, f64)], left_out: Option<usize>| {
-        let kept = || (sums.iter().enumerate()).filter(move |(k, _)| Some(*k) != left_out);
-        let squares: f64 = kept().map(|(_, (squares, _))| squares).sum();
-        squares / kept().map(|(_, (_, count))| count).sum::<f64>()
-    };
-    let share = |left_out| 1.0 - mean(&without, left_out) / mean(&whole, left_out);
     let value: f64 = share(None);
-    let n = whole.len();
+    let n = sums.len();
     let left_out: Vec<f64> = (0..n).map(|k| share(Some(k))).collect();
     let middle = left_out.iter().sum::<f64>() / n as f64;
     let squares: f64 = left_out.iter().map(|value| (value - middle).powi(2)).sum();
@@ -477,6 +478,25 @@ mod tests {
             assert_eq!(faults(errors), expected, "{:?}", without.effect);
             assert_eq!(without.share, None);
         }
+    }
+
+    /// A reading that only one of two has says nothing of their difference: 1 - (1 + 1) / (4 + 4).
+    #[test]
+    fn shares_are_of_readings_that_have_a_centre_with_and_without() {
+        let fault = Err(Fault::Saturated { pixels: 1 });
+        let whole = [vec![Ok((2.0, 0.0)), fault], vec![Ok((-2.0, 0.0)), fault]];
+        let without = [
+            vec![Ok((1.0, 0.0)), Ok((100.0, 0.0))],
+            vec![Ok((1.0, 0.0)), fault],
+        ];
+        let found = share(&whole, &without).expect("two readings");
+        assert!((found.value - 0.75).abs() < 1e-12, "{found:?}");
+        // Either realisation alone has that share too.
+        assert!(found.uncertainty < 1e-12, "{found:?}");
+        assert_eq!(
+            share(&whole, &[vec![fault, fault], vec![fault, fault]]),
+            None
+        );
     }
 
     #[test]

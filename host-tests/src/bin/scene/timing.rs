@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use host_tests::budget;
-use host_tests::scene::{Scene, Simulation};
+use host_tests::scene::{Scene, Simulation, quantise};
 use serde::Serialize;
 
 /// What a scene costs.
@@ -12,8 +12,8 @@ use serde::Serialize;
 pub struct Timing {
     /// Nanoseconds a row, the median.
     pub nanoseconds_a_row: f64,
-    /// Nanoseconds that the first row at a place takes longer: what stays for as long as the target does is computed once.
-    pub nanoseconds_a_place: f64,
+    /// Nanoseconds that the first row takes longer: what stays for as long as the target does is computed once.
+    pub nanoseconds_once: f64,
     /// Pixels a second on one core.
     pub pixels_a_second: f64,
     /// By how much a row takes longer with each effect than without, in the order of the scene's effects.
@@ -29,6 +29,8 @@ pub struct EffectTiming {
     pub nanoseconds_a_row: Option<f64>,
     /// Its standard uncertainty, from the scatter of the repetitions.
     pub uncertainty: f64,
+    /// Nanoseconds of [`Timing::nanoseconds_once`]; none as above.
+    pub nanoseconds_once: Option<f64>,
 }
 
 /// Time for a repetition of a scene, but two rows or frames at least: so short that most of them nothing interrupts.
@@ -46,11 +48,11 @@ const FEWEST: usize = 3;
 impl Timing {
     /// Times a scene, and the scene without each of its effects.
     pub fn of(scene: &Scene) -> Self {
-        let whole = Rows::of(scene.clone());
+        let whole = Rows::of(scene);
         let without: Vec<(&'static str, Option<Rows>)> = budget::effects(scene)
             .map(|effect| {
                 let rest = budget::without(scene, effect);
-                (effect.name(), rest.map(Rows::of))
+                (effect.name(), rest.as_ref().map(Rows::of))
             })
             .collect();
         let mut times = vec![];
@@ -68,53 +70,61 @@ impl Timing {
         let nanoseconds_a_row = median(&mut times);
         Self {
             nanoseconds_a_row,
-            nanoseconds_a_place: (nanoseconds_of_a_first_row(scene) - nanoseconds_a_row).max(0.0),
+            nanoseconds_once: (whole.first - nanoseconds_a_row).max(0.0),
             pixels_a_second: scene.geometry().words as f64 / nanoseconds_a_row * 1e9,
-            effects: without
-                .into_iter()
-                .zip(differences)
-                .map(|((effect, rest), mut differences)| {
-                    let middle = median(&mut differences);
-                    let mut off: Vec<f64> = (differences.iter())
-                        .map(|difference| (difference - middle).abs())
-                        .collect();
-                    // Of normal values the standard deviation is 1.483 medians, and that of a median of n of them 1.253/sqrt(n) of it.
-                    let deviation = 1.483 * median(&mut off);
-                    EffectTiming {
-                        effect,
-                        nanoseconds_a_row: rest.map(|_| middle),
-                        uncertainty: 1.253 * deviation / (off.len().max(1) as f64).sqrt(),
-                    }
+            effects: (without.into_iter().zip(differences))
+                .map(|((effect, rest), differences)| {
+                    EffectTiming::of(effect, whole.first, rest, differences)
                 })
                 .collect(),
         }
     }
 }
 
-/// With all that is prepared for it; the median of three.
-fn nanoseconds_of_a_first_row(scene: &Scene) -> f64 {
-    let mut times = [0.0; 3];
-    for time in &mut times {
-        let start = Instant::now();
-        let simulation = Simulation::new(scene.clone());
-        black_box(simulation.row(0, scene.distance, scene.exposure));
-        *time = start.elapsed().as_nanos() as f64;
+impl EffectTiming {
+    /// `first` is [`Rows::first`] with the effect, `differences` are the nanoseconds a row with it less without it.
+    fn of(
+        effect: &'static str,
+        first: f64,
+        without: Option<Rows>,
+        mut differences: Vec<f64>,
+    ) -> Self {
+        let middle = median(&mut differences);
+        let mut off: Vec<f64> = (differences.iter())
+            .map(|difference| (difference - middle).abs())
+            .collect();
+        // Of normal values the standard deviation is 1.483 medians, and that of a median of n of them 1.253/sqrt(n) of it.
+        let deviation = 1.483 * median(&mut off);
+        Self {
+            effect,
+            nanoseconds_a_row: without.as_ref().map(|_| middle),
+            uncertainty: 1.253 * deviation / (off.len().max(1) as f64).sqrt(),
+            nanoseconds_once: without.map(|without| first - without.first - middle),
+        }
     }
-    median(&mut times)
 }
 
 /// A scene, and how many of its first rows make a repetition.
 struct Rows {
     simulation: Simulation,
+    /// Nanoseconds for the first row with all that is prepared for it: the median of three.
+    first: f64,
     count: u64,
 }
 
 impl Rows {
-    fn of(scene: Scene) -> Self {
+    fn of(scene: &Scene) -> Self {
         let a_frame = scene.sensor.rows();
+        let mut first = [(); 3].map(|()| {
+            let start = Instant::now();
+            let rows = Simulation::new(scene.clone());
+            make(&rows, 0);
+            start.elapsed().as_nanos() as f64
+        });
         // Two frames at least: what is kept for a target at rest must not serve for one that moves.
         let mut rows = Self {
-            simulation: Simulation::new(scene),
+            simulation: Simulation::new(scene.clone()),
+            first: median(&mut first),
             count: 2 * a_frame,
         };
         // The first time, what is kept is computed.
@@ -126,13 +136,19 @@ impl Rows {
     }
 
     fn nanoseconds_a_row(&self) -> f64 {
-        let scene = self.simulation.scene();
         let start = Instant::now();
         for row in 0..self.count {
-            black_box((self.simulation).row(row, scene.distance, scene.exposure));
+            make(&self.simulation, row);
         }
         start.elapsed().as_nanos() as f64 / self.count as f64
     }
+}
+
+/// A row as the core gets it, in whole counts.
+fn make(simulation: &Simulation, row: u64) {
+    let scene = simulation.scene();
+    let counts = simulation.row(row, scene.distance, scene.exposure);
+    black_box(quantise(&counts, scene.sensor.geometry().full_scale()));
 }
 
 /// Zero of nothing.

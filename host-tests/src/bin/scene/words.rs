@@ -23,7 +23,7 @@ pub fn of(shown: &Shown) -> Result<String> {
         "{:.1} million pixels a second on one core: {} a row, and {} once where the target stands still",
         shown.timing.pixels_a_second * 1e-6,
         duration(shown.timing.nanoseconds_a_row),
-        duration(shown.timing.nanoseconds_a_place)
+        duration(shown.timing.nanoseconds_once)
     )?;
     writeln!(text, "{}", shown.picture.display())?;
     Ok(text)
