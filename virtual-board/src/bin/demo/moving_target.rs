@@ -123,9 +123,11 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let (started, first_row) = (board.now(), board.head(|head| head.row_count()));
     let (mut readings, mut faults, mut compared) = (0, 0, vec![]);
     for step in 0..steps {
-        if !stays {
-            let share = f64::from(step) / f64::from(steps.max(2) - 1);
-            target.move_to(NEAREST + share * (FARTHEST - NEAREST));
+        let share = f64::from(step) / f64::from(steps.max(2) - 1);
+        match stays {
+            // One that moves by itself starts again.
+            true => target.move_to(start),
+            false => target.move_to(NEAREST + share * (FARTHEST - NEAREST)),
         }
         // The row that is under way, and the one that is being computed, still show the old place: two frames at most
         // end with such a row.
