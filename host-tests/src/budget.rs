@@ -112,11 +112,23 @@ fn by_name<S: Serializer>(effect: &Effect, serializer: S) -> Result<S::Ok, S::Er
 }
 
 impl Budget {
-    /// Runs the core over the scene, and over the scene without each of its effects in turn.
+    /// How many realisations it takes: those of the scene, and of the scene without each effect that can be left out.
+    pub fn runs(scene: &Scene, plan: &Plan) -> u64 {
+        let without = effects(scene).filter(|&effect| without(scene, effect).is_some());
+        (1 + without.count() as u64) * plan.realisations
+    }
+
+    /// Runs the core over the scene, and over the scene without each of its effects in turn. `ran` is called after each of
+    /// [`Budget::runs`].
     ///
     /// # Errors
     /// The plan is empty.
-    pub fn of(scene: &Scene, estimator: Estimator, plan: &Plan) -> Result<Self> {
+    pub fn of(
+        scene: &Scene,
+        estimator: Estimator,
+        plan: &Plan,
+        ran: &(dyn Fn() + Sync),
+    ) -> Result<Self> {
         ensure!(
             plan.realisations > 0 && plan.readings > 0,
             "{} realisations of {} readings are none: take one of each at least",
@@ -134,7 +146,11 @@ impl Budget {
         // In order, so that sums are the same on any number of threads.
         let found: Vec<Vec<Found>> = jobs
             .into_par_iter()
-            .map(|(scene, k)| realisation(&scenes[scene], &geometry, estimator, plan, k))
+            .map(|(scene, k)| {
+                let found = realisation(&scenes[scene], &geometry, estimator, plan, k);
+                ran();
+                found
+            })
             .collect();
         let mut variants = found.chunks(plan.realisations as usize);
         let whole = variants.next().context("no scene was run")?;
@@ -327,7 +343,8 @@ mod tests {
     use crate::scene::{Motion, Quantisation, ReadNoise, SecondReflection, Temperature};
 
     fn budget(scene: &Scene) -> Budget {
-        let budget = Budget::of(scene, Estimator::default(), &Plan::of(scene)).expect("a budget");
+        let budget =
+            Budget::of(scene, Estimator::default(), &Plan::of(scene), &|| ()).expect("a budget");
         println!("{budget:#?}");
         budget
     }
@@ -464,7 +481,8 @@ mod tests {
             }),
             ..Scene::white_paper()
         };
-        let budget = Budget::of(&double, Estimator::default(), &Plan::of(&double)).expect("runs");
+        let budget =
+            Budget::of(&double, Estimator::default(), &Plan::of(&double), &|| ()).expect("runs");
         let faults = |errors: &Errors| errors.faults.iter().map(|(_, n)| n).sum::<u64>();
         println!("{budget:#?}");
         assert_eq!(faults(&budget.whole), 400);
@@ -492,7 +510,7 @@ mod tests {
         let found = share(&whole, &without).expect("two readings");
         assert!((found.value - 0.75).abs() < 1e-12, "{found:?}");
         // Either realisation alone has that share too.
-        assert!(found.uncertainty < 1e-12, "{found:?}");
+        assert!(uncertainty_of(found) < 1e-12, "{found:?}");
         assert_eq!(
             share(&whole, &[vec![fault, fault], vec![fault, fault]]),
             None
@@ -507,21 +525,16 @@ mod tests {
             readings: 2,
             seconds: 1.0,
         };
+        let run = |plan| Budget::of(&scene, Estimator::default(), &plan, &|| ());
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            (pool.expect("threads")).install(|| Budget::of(&scene, Estimator::default(), &plan))
+            (pool.expect("threads")).install(|| run(plan).expect("runs"))
         };
-        assert_eq!(on(1).expect("runs"), on(3).expect("runs"));
-        assert!(
-            Budget::of(
-                &scene,
-                Estimator::default(),
-                &Plan {
-                    readings: 0,
-                    ..plan
-                }
-            )
-            .is_err()
-        );
+        assert_eq!(on(1), on(3));
+        let empty = Plan {
+            readings: 0,
+            ..plan
+        };
+        assert!(run(empty).is_err());
     }
 }
