@@ -99,7 +99,7 @@ fn measure(options: &Options) -> anyhow::Result<Measured> {
     };
     Ok(Measured {
         accuracy: accuracy::measure(&estimators, options.rows),
-        readings: reading_time::measure((options.rows / 20).max(8))?,
+        readings: reading_time::measure((options.rows / 100).max(8))?,
         estimators,
         chip,
         host_ns,

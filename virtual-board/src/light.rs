@@ -95,3 +95,40 @@ pub fn outputs(light: &[f32], level: f32) -> Vec<f32> {
     }
     outputs
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use host_tests::scene::{Motion, Sensor};
+
+    /// 0.1 m/s at 175.4 rows a second: n rows after the target was put somewhere it is n / 1754 m farther away. Of 20 rows the last four are
+    /// on average 17.5 rows after the first.
+    #[test]
+    fn a_frame_sees_the_target_where_it_was_on_average() {
+        let scene = Scene {
+            motion: Some(Motion { speed: 0.1 }),
+            ..Scene::dark(Sensor::Tcd1304dg)
+        };
+        let target = Target::at(0.7);
+        let mut light = of_scene(scene, target.clone());
+        let exposure = |row: Nanos| Exposure {
+            start: row * 5_700_000,
+            end: (row + 1) * 5_700_000,
+        };
+        for row in 1..=20 {
+            light(&exposure(row));
+        }
+        let mean = |last, rows| target.mean_distance(&exposure(last), rows);
+        let after = |rows: f64| 0.7 + rows / 1754.0;
+        println!("{:?}", mean(20, 4));
+        assert!((mean(20, 4).expect("four rows") - after(17.5)).abs() < 1e-12);
+        assert_eq!(mean(20, 21), None);
+        assert_eq!(mean(21, 1), None);
+        // Put back, it goes on from there.
+        target.move_to(0.7);
+        for row in 21..=23 {
+            light(&exposure(row));
+        }
+        assert!((mean(23, 3).expect("three rows") - after(1.0)).abs() < 1e-12);
+    }
+}
