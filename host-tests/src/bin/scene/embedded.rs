@@ -78,3 +78,32 @@ impl Grey {
         Ok(bytes)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_pixel_fills_its_part_of_the_place() {
+        let image = Grey {
+            width: 2,
+            pixels: vec![0, 255, 100, 7],
+        };
+        let mut svg = "<svg></svg>".to_owned();
+        image.place(&mut svg, (10..14, 5..8)).expect("an image");
+        println!("{svg}");
+        assert!(svg.contains("x=\"10\" y=\"5\" width=\"4\" height=\"3\""));
+        let data = (svg.split("base64,").nth(1)).and_then(|rest| rest.split('"').next());
+        let bytes = base64::engine::general_purpose::STANDARD
+            .decode(data.expect("data"))
+            .expect("base64");
+        let decoder = png::Decoder::new(std::io::Cursor::new(bytes));
+        let mut reader = decoder.read_info().expect("a PNG");
+        let mut pixels = vec![0; reader.output_buffer_size().expect("small")];
+        let frame = reader.next_frame(&mut pixels).expect("pixels");
+        // Twice along the row, and, as 3 rows are to show 2, twice across.
+        assert_eq!((frame.width, frame.height), (4, 4));
+        let (above, below) = ([0, 0, 255, 255], [100, 100, 7, 7]);
+        assert_eq!(pixels, [above, above, below, below].concat());
+    }
+}

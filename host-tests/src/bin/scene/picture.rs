@@ -19,6 +19,12 @@ use crate::words;
 /// Rows of a line sensor that are shown.
 const ROWS: u64 = 48;
 
+/// The width of a spot that a dark row might have, in pixels.
+const DARK: f64 = 8.0;
+
+/// The name of the row's axis.
+const PIXELS: &str = "pixel of the light range";
+
 const SIZE: (u32, u32) = (1000, 900);
 const TEXT: i32 = 17;
 const TITLE: i32 = 20;
@@ -95,7 +101,7 @@ impl<'a> Seen<'a> {
             let width = match (&fit, scene.spot) {
                 (Ok(fit), _) => fit.width.to_f64(),
                 (Err(_), Some(spot)) => spot.width,
-                (Err(_), None) => 0.0,
+                (Err(_), None) => DARK,
             };
             (7.0 * width).clamp(12.0, 150.0).ceil()
         };
@@ -139,9 +145,14 @@ impl<'a> Seen<'a> {
             self.draw_head(&head, name)?;
             let (top, rest) = rest.split_vertically(330);
             let places = self.draw_image_axes(&top)?;
-            let (middle, bottom) = rest.split_vertically(300);
-            self.draw_row(&middle)?;
-            self.draw_residuals(&bottom)?;
+            match self.fit_and_level() {
+                Some((fit, level)) => {
+                    let (middle, bottom) = rest.split_vertically(300);
+                    self.draw_row(&middle, "")?;
+                    self.draw_residuals(&bottom, fit, level)?;
+                }
+                None => self.draw_row(&rest, PIXELS)?,
+            }
             root.present()?;
             places
         };
@@ -204,7 +215,7 @@ impl<'a> Seen<'a> {
         };
         // Row 0 is at the top: heights are negative row numbers.
         let heights = 0.5 - rows.end as f64..0.5 - rows.start as f64;
-        let mut panel = builder(area, &title).build_cartesian_2d(columns(pixels), heights)?;
+        let mut panel = builder(area, &title, "").build_cartesian_2d(columns(pixels), heights)?;
         panel
             .configure_mesh()
             .disable_mesh()
@@ -245,7 +256,7 @@ impl<'a> Seen<'a> {
     }
 
     /// The counts of the row with the fit, where there is one.
-    fn draw_row(&self, area: &Area<'_>) -> Result<()> {
+    fn draw_row(&self, area: &Area<'_>, x_name: &str) -> Result<()> {
         let counts = self.counts();
         let title = match &self.fit {
             Ok(fit) => format!(
@@ -268,9 +279,9 @@ impl<'a> Seen<'a> {
         let (low, high) = range(counts.iter().map(|(_, count)| *count));
         let margin = 0.08 * (high - low).max(10.0);
         let heights = low - margin..high + margin;
-        let mut panel =
-            builder(area, &title).build_cartesian_2d(columns(&self.window), heights.clone())?;
-        mesh(&mut panel, "counts", "", 6)?;
+        let mut panel = builder(area, &title, x_name)
+            .build_cartesian_2d(columns(&self.window), heights.clone())?;
+        mesh(&mut panel, "counts", x_name, 6)?;
         let dots = counts.iter().map(|&at| Circle::new(at, 3, COUNTS.filled()));
         panel.draw_series(dots)?;
         if let Some((fit, level)) = self.fit_and_level() {
@@ -293,11 +304,8 @@ impl<'a> Seen<'a> {
         Ok(())
     }
 
-    /// The counts less the fit, where there is one.
-    fn draw_residuals(&self, area: &Area<'_>) -> Result<()> {
-        let Some((fit, level)) = self.fit_and_level() else {
-            return Ok(());
-        };
+    /// The counts less the fit.
+    fn draw_residuals(&self, area: &Area<'_>, fit: &RowCentre, level: f64) -> Result<()> {
         let left: Vec<(f64, f64)> = self
             .counts()
             .into_iter()
@@ -305,10 +313,9 @@ impl<'a> Seen<'a> {
             .collect();
         let (low, high) = range(left.iter().map(|(_, count)| *count));
         let end = 1.1 * low.abs().max(high.abs()).max(1.0);
-        let mut panel = builder(area, "")
-            .x_label_area_size(2 * TEXT + 16)
-            .build_cartesian_2d(columns(&self.window), -end..end)?;
-        mesh(&mut panel, "counts - fit", "pixel of the light range", 5)?;
+        let mut panel =
+            builder(area, "", PIXELS).build_cartesian_2d(columns(&self.window), -end..end)?;
+        mesh(&mut panel, "counts - fit", PIXELS, 5)?;
         panel.draw_series([PathElement::new(
             [
                 (columns(&self.window).start, 0.0),
@@ -328,12 +335,13 @@ impl<'a> Seen<'a> {
             .collect()
     }
 
-    /// The fit, and the level on which its gaussian lies best: the core has no need to know it.
+    /// The fit, and the level on which its gaussian lies: the median of what it leaves. The core has no need to know it.
     fn fit_and_level(&self) -> Option<(&RowCentre, f64)> {
         let fit = self.fit.as_ref().ok()?;
-        let counts = self.counts();
-        let sum: f64 = counts.iter().map(|&(x, count)| count - model(fit, x)).sum();
-        Some((fit, sum / counts.len() as f64))
+        let counts = self.counts().into_iter();
+        let mut left: Vec<f64> = counts.map(|(x, count)| count - model(fit, x)).collect();
+        left.sort_by(f64::total_cmp);
+        Some((fit, left[left.len() / 2]))
     }
 }
 
@@ -347,13 +355,21 @@ fn model(fit: &RowCentre, x: f64) -> f64 {
     fit.amplitude.to_f64() * gaussian(x - fit.centre.to_f64(), fit.width.to_f64())
 }
 
-fn builder<'a, 'b>(area: &'b Area<'a>, title: &str) -> ChartBuilder<'b, 'b, SVGBackend<'a>> {
+fn builder<'a, 'b>(
+    area: &'b Area<'a>,
+    title: &str,
+    x_name: &str,
+) -> ChartBuilder<'b, 'b, SVGBackend<'a>> {
+    let below = match x_name {
+        "" => TEXT + 10,
+        _ => 2 * TEXT + 16,
+    };
     let mut builder = ChartBuilder::on(area);
     builder
         .margin_right(96)
         .margin_left(8)
         .margin_bottom(4)
-        .x_label_area_size(TEXT + 10)
+        .x_label_area_size(below)
         .y_label_area_size(78);
     if !title.is_empty() {
         builder.caption(title, text(SMALL));
@@ -410,4 +426,41 @@ fn cut(text: &str, characters: usize) -> String {
     let start: String = text.chars().take(characters).collect();
     let end = start.rfind(' ').unwrap_or(start.len());
     format!("{} ...", &start[..end])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_spot_is_where_the_scene_puts_it() {
+        let scene = Scene::load("quiet-paper").expect("a scene");
+        let seen = Seen::of(&scene, Estimator::default());
+        let (fit, level) = seen.fit_and_level().expect("a spot");
+        let off = fit.centre.to_f64() - seen.truth;
+        println!("off by {off} px, level {level}");
+        assert!(off.abs() < 5.0 * fit.uncertainty.to_f64());
+        // The median of 123 pixels of some five counts of noise.
+        assert!((level - 300.0).abs() < 3.0);
+        let image = seen.grey();
+        let brightest = image.pixels.iter().position(|&grey| grey == 255);
+        let column = (seen.image.0.start + brightest.expect("one is") % image.width) as f64;
+        assert!((column - seen.truth).abs() < 4.0, "{column}");
+    }
+
+    /// All figures of docs/ are read over a network.
+    #[test]
+    fn pictures_are_small_and_whole() {
+        for name in ["lens", "laser-off", "moving-target"] {
+            let scene = Scene::load(name).expect("a scene");
+            let svg = (Seen::of(&scene, Estimator::default()).draw(name)).expect("a picture");
+            println!("{name}: {} bytes", svg.len());
+            assert!(svg.len() < 300_000);
+            // The rows, and the scale of grey; both before the end.
+            assert_eq!(svg.matches("<image").count(), 2);
+            assert!(svg.trim_end().ends_with("</svg>"));
+            let fitted = svg.contains("counts - fit");
+            assert_eq!(fitted, name != "laser-off");
+        }
+    }
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, ensure};
 use host_tests::bound;
-use host_tests::scene::{Effect, Scene, Sensor};
+use host_tests::scene::{Scene, Sensor, Simulation};
 use serde::Serialize;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{Firmware, Line, VirtualBoard};
@@ -107,7 +107,8 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
         say(options.json, &scene.about);
     }
     let target = Target::at(start);
-    let mut board = VirtualBoard::power_on(firmware, of_scene(scene.clone(), target.clone()))?;
+    let simulation = Simulation::new(scene.clone());
+    let mut board = VirtualBoard::power_on(firmware, of_scene(scene, target.clone()))?;
     let frame = Duration::from_millis(6) * u32::from(options.rows);
     // Boot, and the answer, wait behind at most a frame.
     let patience = Duration::from_secs(1) + 4 * frame;
@@ -123,9 +124,11 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let (started, first_row) = (board.now(), board.head(|head| head.row_count()));
     let (mut readings, mut faults, mut compared) = (0, 0, vec![]);
     for step in 0..steps {
-        if !stays {
-            let share = f64::from(step) / f64::from(steps.max(2) - 1);
-            target.move_to(NEAREST + share * (FARTHEST - NEAREST));
+        let share = f64::from(step) / f64::from(steps.max(2) - 1);
+        match stays {
+            // One that moves by itself starts again.
+            true => target.move_to(start),
+            false => target.move_to(NEAREST + share * (FARTHEST - NEAREST)),
         }
         // The row that is under way, and the one that is being computed, still show the old place: two frames at most
         // end with such a row.
@@ -148,7 +151,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
             match report {
                 Report::Reading(reading) => {
                     let found = compare(
-                        &scene,
+                        &simulation,
                         board.head(|head| head.last_row().map(|row| row.exposure.duration())),
                         distance,
                         &reading,
@@ -222,35 +225,22 @@ fn true_distance(board: &mut VirtualBoard, target: &Target, line: &Line, rows: u
     target.mean_distance(&last, usize::from(rows))
 }
 
-/// The spot and its noise, where the scene has nothing else that the Cramér-Rao bound would have to know of.
-fn bound(scene: &Scene, exposure: f64) -> Option<bound::Spot> {
-    let known = [Effect::BlackLevel, Effect::ShotNoise, Effect::ReadNoise];
-    let more =
-        (Effect::ALL.into_iter()).any(|effect| scene.lists(effect) && !known.contains(&effect));
-    let spot = scene.spot.filter(|_| !more)?;
-    Some(bound::Spot {
-        width: spot.width,
-        amplitude: spot.counts_per_second * exposure,
-        noise: scene.read_noise.map_or(0.0, |noise| noise.counts),
-        electrons_per_count: scene.shot_noise.map(|noise| noise.electrons_per_count),
-    })
-}
-
 /// A reading beside the truth and the bound for the scene.
 fn compare(
-    scene: &Scene,
+    simulation: &Simulation,
     exposure: Option<u64>,
     distance: f64,
     reading: &crate::lines::Reading,
 ) -> Result<Compared> {
     let exposure = exposure.context("a reading came before any row")? as f64 * 1e-9;
     ensure!(reading.rows > 0, "a reading of no rows: {reading:?}");
-    let metres_per_pixel = scene.optics.metres_per_pixel(scene.optics.centre(distance));
+    let optics = &simulation.scene().optics;
+    let metres_per_pixel = optics.metres_per_pixel(optics.centre(distance));
     Ok(Compared {
         error: (reading.distance - distance * 1e3) * 1e3,
         uncertainty: reading.uncertainty * 1e3,
-        bound: bound(scene, exposure)
-            .map(|bound| bound.bound() / f64::from(reading.rows).sqrt() * metres_per_pixel * 1e6),
+        bound: bound::of_row(simulation, distance, exposure)
+            .map(|bound| bound / f64::from(reading.rows).sqrt() * metres_per_pixel * 1e6),
     })
 }
 
