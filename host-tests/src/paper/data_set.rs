@@ -58,6 +58,8 @@ pub struct Target<'a> {
     set: &'a DataSet,
     /// The same surface for the lens and the slit.
     surface: Surface,
+    /// Its seed.
+    seed: u64,
     /// Counts for an image's light times its density times [`brightness`](Self::brightness).
     counts: f64,
 }
@@ -76,6 +78,7 @@ impl<'a> Target<'a> {
         let mut target = Self {
             set,
             surface: material.surface(&LASER, seed)?,
+            seed,
             counts: 1.0,
         };
         let mut sum = 0.0;
@@ -98,12 +101,13 @@ impl<'a> Target<'a> {
         lobe.brightness((BASELINE / distance).atan()) / self.view(distance).range().powi(2)
     }
 
-    /// What is seen at a distance.
+    /// What is seen where the table is at a distance.
     fn view(&self, distance: f64) -> View {
+        let place = WANDER * (distance - TABLE.0);
         View {
-            distance,
+            distance: distance + MATERIALS[self.set.material].height(self.seed, place),
             baseline: BASELINE,
-            lateral: [WANDER * (distance - TABLE.0), 0.0],
+            lateral: [place, 0.0],
         }
     }
 

@@ -23,7 +23,14 @@ pub struct Material {
     pub lobe: Lobe,
     /// Its pattern, where it has one.
     pub texture: Option<Texture>,
+    /// Standard deviation of its height in metres, as the mean over the spot, from place to place ([`RELIEF_LENGTH`]). The paper's true
+    /// position is that of the table: what the surface is higher or lower by counts as an error of every method.
+    pub relief: f64,
 }
+
+/// The distance along the surface at which the correlation of its height has fallen to exp(-1/2), in metres: about a spot, because the
+/// spot's mean smooths what is shorter.
+pub const RELIEF_LENGTH: f64 = 0.4e-3;
 
 /// Bright and dark places: the logarithm of the reflectance is a normal random field, whose correlation is gaussian.
 ///
@@ -78,6 +85,12 @@ impl Material {
         })
     }
 
+    /// Its height in metres at a place along the baseline.
+    pub fn height(&self, seed: u64, place: f64) -> f64 {
+        let field = Field::new(seed, RELIEF_STREAM, [RELIEF_LENGTH; 2]);
+        self.relief * field.at(place, 0.0)
+    }
+
     /// Its numbers in words.
     pub fn description(&self) -> String {
         let texture = self.texture.map_or("no texture".into(), |texture| {
@@ -85,42 +98,59 @@ impl Material {
             format!("texture {:.2}, {x:.2} x {y:.2} mm", texture.contrast)
         });
         format!(
-            "{}: {} polarisations, paths of {:.0} um, lobe {:.0} % diffuse and {:.2} rad wide, {texture}",
+            "{}: {} polarisation{}, paths of {:.0} um, lobe {:.0} % diffuse and {:.2} rad wide, {texture}, relief {:.0} um",
             self.name,
             self.polarisations,
+            if self.polarisations == 1 { "" } else { "s" },
             self.path_spread * 1e6,
             100.0 * self.lobe.diffuse,
-            self.lobe.width
+            self.lobe.width,
+            self.relief * 1e6
         )
     }
 }
 
-/// Waves that make a texture: their sum is normal to some per cent.
+impl Texture {
+    /// The reflectance at a place (x, y) in metres, with a mean of 1.
+    fn reflectance(&self, seed: u64) -> impl Fn(f64, f64) -> f64 + use<> {
+        let field = Field::new(seed, TEXTURE_STREAM, self.length);
+        let contrast = self.contrast;
+        move |x, y| libm::exp(contrast * field.at(x, y) - 0.5 * contrast * contrast)
+    }
+}
+
+/// A smooth normal random field of variance 1, with a gaussian correlation: waves of random direction, length and phase, whose wave
+/// numbers are normal with a standard deviation of one over the correlation's length.
+struct Field {
+    waves: Vec<[f64; 3]>,
+}
+
+/// Waves that make a field: their sum is normal to some per cent.
 const WAVES: usize = 48;
 
-impl Texture {
-    /// The reflectance at a place (x, y) in metres, with a mean of 1: waves of random direction, length and phase, whose wave numbers are
-    /// normal with a standard deviation of one over the correlation's length.
-    fn reflectance(&self, seed: u64) -> impl Fn(f64, f64) -> f64 + use<> {
+/// Streams of random numbers. Those from 0 on are the scatterers'.
+const TEXTURE_STREAM: u64 = u64::MAX;
+const RELIEF_STREAM: u64 = u64::MAX - 1;
+
+impl Field {
+    fn new(seed: u64, stream: u64, length: [f64; 2]) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        // Streams from 0 on are the scatterers'.
-        random.set_stream(u64::MAX);
-        let waves: Vec<[f64; 3]> = (0..WAVES)
-            .map(|_| {
-                let [x, y] = self.length.map(|length| {
-                    let normal: f64 = StandardNormal.sample(&mut random);
-                    normal / length
-                });
-                [x, y, std::f64::consts::TAU * random.random::<f64>()]
-            })
-            .collect();
-        let contrast = self.contrast;
-        move |x, y| {
-            let wave = |[a, b, phase]: &[f64; 3]| libm::cos(a * x + b * y + phase);
-            let sum: f64 = waves.iter().map(wave).sum();
-            let field = sum * (2.0 / WAVES as f64).sqrt();
-            libm::exp(contrast * field - 0.5 * contrast * contrast)
+        random.set_stream(stream);
+        let mut wave = || {
+            let [x, y] = length.map(|length| {
+                let normal: f64 = StandardNormal.sample(&mut random);
+                normal / length
+            });
+            [x, y, std::f64::consts::TAU * random.random::<f64>()]
+        };
+        Self {
+            waves: (0..WAVES).map(|_| wave()).collect(),
         }
+    }
+
+    fn at(&self, x: f64, y: f64) -> f64 {
+        let wave = |[a, b, phase]: &[f64; 3]| libm::cos(a * x + b * y + phase);
+        self.waves.iter().map(wave).sum::<f64>() * (2.0 / WAVES as f64).sqrt()
     }
 }
 
@@ -136,6 +166,7 @@ pub const MATERIALS: [Material; 6] = [
             width: 0.3,
         },
         texture: None,
+        relief: 3e-6,
     },
     Material {
         name: "Rusty Metal",
@@ -146,17 +177,27 @@ pub const MATERIALS: [Material; 6] = [
             diffuse: 0.8,
             width: 0.4,
         },
-        texture: None,
+        // "Unevenly rusted".
+        texture: Some(Texture {
+            contrast: 0.5,
+            length: [0.3e-3, 0.3e-3],
+        }),
+        relief: 40e-6,
     },
     Material {
         name: "Light Wood Plank",
         polarisations: 2,
-        path_spread: 300e-6,
+        path_spread: 200e-6,
         lobe: Lobe {
             diffuse: 0.9,
             width: 0.4,
         },
-        texture: None,
+        // The grain runs across the baseline.
+        texture: Some(Texture {
+            contrast: 0.2,
+            length: [0.3e-3, 3e-3],
+        }),
+        relief: 15e-6,
     },
     Material {
         name: "Printer Paper",
@@ -164,6 +205,7 @@ pub const MATERIALS: [Material; 6] = [
         path_spread: 150e-6,
         lobe: Lobe::LAMBERT,
         texture: None,
+        relief: 8e-6,
     },
     Material {
         name: "Black Electric Tape",
@@ -175,13 +217,18 @@ pub const MATERIALS: [Material; 6] = [
             width: 0.15,
         },
         texture: None,
+        relief: 8e-6,
     },
     Material {
         name: "Microfiber Fabric",
         polarisations: 2,
-        path_spread: 100e-6,
+        path_spread: 30e-6,
         lobe: Lobe::LAMBERT,
-        texture: None,
+        texture: Some(Texture {
+            contrast: 0.5,
+            length: [0.3e-3, 0.3e-3],
+        }),
+        relief: 70e-6,
     },
 ];
 
@@ -224,6 +271,18 @@ mod tests {
                 .iter()
                 .all(|c| (c - (-0.5f64).exp()).abs() < error)
         );
+    }
+
+    /// The deviation of the height over many pieces, and over one.
+    #[test]
+    fn relief_has_its_deviation() {
+        const PIECES: u64 = 2000;
+        let fabric = &MATERIALS[5];
+        let square = |seed| fabric.height(seed, 1e-3).powi(2);
+        let deviation = ((0..PIECES).map(square).sum::<f64>() / PIECES as f64).sqrt();
+        println!("{deviation:e} of {:e}", fabric.relief);
+        // Five standard errors.
+        assert!((deviation / fabric.relief - 1.0).abs() < 5.0 / (2.0 * PIECES as f64).sqrt());
     }
 
     #[test]
