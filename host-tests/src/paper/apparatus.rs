@@ -47,7 +47,7 @@ pub const CAPTURES: usize = 5;
 /// keeps the beam narrowest over it (0.42 to 0.59 mm between the 1/e^2 points).
 pub const LASER: Laser = Laser {
     wavelength: 650e-9,
-    linewidth: 1e-9,
+    linewidth: 0.5e-9,
     wavelengths: 5,
     waist_diameter: 0.42e-3,
     waist_distance: 0.81,

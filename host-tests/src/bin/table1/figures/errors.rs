@@ -15,7 +15,7 @@ use crate::report::{Report, find};
 const BRUSHED_METAL: usize = 0;
 
 /// Points of a curve: more cannot be told apart.
-const POINTS: usize = 1500;
+const POINTS: usize = 850;
 
 /// Draws the figure.
 pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
