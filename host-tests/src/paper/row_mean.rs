@@ -21,7 +21,7 @@ pub enum RowMean {
     Weighted,
     /// The same with Tukey's biweight: rows far from the others count less, and beyond 4.7 standard deviations not at all.
     Tukey,
-    /// Rows weigh by the root of the spot's height, and the more the nearer they are to an end of the slit: [`towards_the_ends`].
+    /// Rows weigh by the root of the spot's height, and the more the nearer they are to an end of the slit: by 1 + 4 y^4, y from -1 to 1.
     Ends,
 }
 
