@@ -918,8 +918,19 @@ fn rows_do_not_depend_on_who_makes_them() {
 #[test]
 fn rows_stay_what_they_were() {
     let mut table = String::new();
-    for name in file::names().expect("the folder of scenes") {
-        let scene = Scene::load(&name).expect("a scene");
+    // Among them they list every effect that draws random numbers.
+    for name in [
+        "quiet-paper",
+        "sunlit",
+        "saturated",
+        "old-sensor",
+        "moving-target",
+        "warming-up",
+        "rusty-metal",
+        "paper-on-camera",
+        "lens",
+    ] {
+        let scene = Scene::load(name).expect("a scene");
         let rows = first_rows(&scene);
         let simulation = Simulation::new(scene);
         let mut hash = 0xcbf2_9ce4_8422_2325u64;
