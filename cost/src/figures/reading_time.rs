@@ -51,7 +51,7 @@ pub fn draw(points: &[Point], path: &Path) -> anyhow::Result<()> {
     );
     draw_curves(
         &root,
-        "A reading at 0.8 m: rows help against noise, hardly against speckle",
+        "White paper at 0.8 m: rows help against noise, and against speckle as far as it changes",
         &x,
         &y,
         &[
