@@ -50,7 +50,7 @@ const REPETITIONS: usize = 151;
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// The fewest.
-const FEWEST: usize = 3;
+const FEWEST: usize = 5;
 
 impl Timing {
     /// Times a scene, and the scene without each of its effects.
