@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use host_tests::scene::{Scene, Simulation};
 
-use crate::{Exposure, LightSource, Nanos, PIXELS};
+use crate::{Exposure, LightSource, Line, Nanos, PIXELS, VirtualBoard};
 
 /// The target, which whoever holds a clone can move, and ask where it was.
 #[derive(Clone, Debug)]
@@ -76,6 +76,25 @@ pub fn of_scene(scene: Scene, target: Target) -> LightSource {
     })
 }
 
+/// Where the target of a scene was, in the mean over the so many rows of the frame that a line is the result of, in metres. `None` where
+/// the rows are no longer known, or not all of the scene.
+pub fn true_distance(
+    board: &mut VirtualBoard,
+    target: &Target,
+    line: &Line,
+    rows: usize,
+) -> Option<f64> {
+    /// Of the serial line: ten bits at 115200 a second, in nanoseconds.
+    const BYTE: Nanos = 86_806;
+    // The line begins as soon as the frame's last row has been computed: before the next one is read.
+    let begin = line.at.saturating_sub((line.text.len() as u64 + 2) * BYTE);
+    let last = board.head(|head| {
+        let read = head.rows().rev().find(|row| row.last_word < begin);
+        read.map(|row| row.exposure)
+    })?;
+    target.mean_distance(&last, rows)
+}
+
 /// The outputs of the sensor that see light.
 pub const LIGHT: std::ops::Range<usize> = 32..3680;
 
@@ -86,4 +105,33 @@ pub fn outputs(light: &[f32], level: f32) -> Vec<f32> {
         *output = count;
     }
     outputs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use host_tests::scene::{Motion, Sensor};
+
+    /// 0.1 m/s at 175.4 rows a second: row n shows the target n / 1754 m farther away, and rows 17 to 20 on average 18.5 / 1754.
+    #[test]
+    fn a_frame_sees_the_target_where_it_was_on_average() {
+        let scene = Scene {
+            motion: Some(Motion { speed: 0.1 }),
+            ..Scene::dark(Sensor::Tcd1304dg)
+        };
+        let target = Target::at(0.7);
+        let mut light = of_scene(scene, target.clone());
+        let exposure = |row: Nanos| Exposure {
+            start: row * 5_700_000,
+            end: (row + 1) * 5_700_000,
+        };
+        for row in 1..=20 {
+            light(&exposure(row));
+        }
+        let mean = target.mean_distance(&exposure(20), 4).expect("four rows");
+        println!("{mean}");
+        assert!((mean - (0.7 + 18.5 / 1754.0)).abs() < 1e-12);
+        assert_eq!(target.mean_distance(&exposure(20), 21), None);
+        assert_eq!(target.mean_distance(&exposure(21), 1), None);
+    }
 }

@@ -9,6 +9,7 @@ mod faults;
 mod identical;
 #[cfg(unix)]
 mod pseudo_terminal;
+mod scenes;
 mod sensor_head;
 mod serial_line;
 mod watchdog;

@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, ensure};
 use host_tests::bound;
-use host_tests::scene::{Effect, Scene, Sensor};
+use host_tests::scene::{Scene, Sensor, Simulation};
 use serde::Serialize;
-use virtual_board::light::{Target, of_scene};
-use virtual_board::{Firmware, Line, VirtualBoard};
+use virtual_board::light::{Target, of_scene, true_distance};
+use virtual_board::{Firmware, VirtualBoard};
 
 use crate::lines::Report;
 use crate::{Options, say};
@@ -28,6 +28,8 @@ const RESULTS_A_STEP: usize = 4;
 pub struct Summary {
     /// Root mean square error of the readings; none without readings.
     rms_error_um: Option<f64>,
+    /// Mean error of the readings: what more of them would not remove.
+    mean_error_um: Option<f64>,
     /// What the Cramér-Rao bound gives for the scene, root mean square over the readings; none where the scene has more
     /// to it than a gaussian and noise.
     bound_um: Option<f64>,
@@ -106,8 +108,9 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     if options.scene.is_some() {
         say(options.json, &scene.about);
     }
+    let simulation = Simulation::new(scene.clone());
     let target = Target::at(start);
-    let mut board = VirtualBoard::power_on(firmware, of_scene(scene.clone(), target.clone()))?;
+    let mut board = VirtualBoard::power_on(firmware, of_scene(scene, target.clone()))?;
     let frame = Duration::from_millis(6) * u32::from(options.rows);
     // Boot, and the answer, wait behind at most a frame.
     let patience = Duration::from_secs(1) + 4 * frame;
@@ -143,12 +146,12 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                 continue;
             }
             let shown = result == 2;
-            let distance = true_distance(&mut board, &target, &line, options.rows)
+            let distance = true_distance(&mut board, &target, &line, options.rows.into())
                 .context("a result came before its rows")?;
             match report {
                 Report::Reading(reading) => {
                     let found = compare(
-                        &scene,
+                        &simulation,
                         board.head(|head| head.last_row().map(|row| row.exposure.duration())),
                         distance,
                         &reading,
@@ -184,6 +187,10 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let statistics = board.finish()?;
     let summary = Summary {
         rms_error_um: rms(compared.iter().map(|reading| reading.error)),
+        mean_error_um: (!compared.is_empty()).then(|| {
+            let sum: f64 = compared.iter().map(|reading| reading.error).sum();
+            sum / compared.len() as f64
+        }),
         bound_um: (compared.iter())
             .map(|reading| reading.bound)
             .collect::<Option<Vec<f64>>>()
@@ -209,48 +216,22 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     Ok(summary)
 }
 
-/// Where the target was, in the mean over the rows of the frame that a line is the result of, in metres.
-fn true_distance(board: &mut VirtualBoard, target: &Target, line: &Line, rows: u16) -> Option<f64> {
-    /// Of the serial line: ten bits at 115200 a second, in nanoseconds.
-    const BYTE: u64 = 86_806;
-    // The line begins as soon as the frame's last row has been computed: before the next one is read.
-    let begin = line.at.saturating_sub((line.text.len() as u64 + 2) * BYTE);
-    let last = board.head(|head| {
-        let read = head.rows().rev().find(|row| row.last_word < begin);
-        read.map(|row| row.exposure)
-    })?;
-    target.mean_distance(&last, usize::from(rows))
-}
-
-/// The spot and its noise, where the scene has nothing else that the Cramér-Rao bound would have to know of.
-fn bound(scene: &Scene, exposure: f64) -> Option<bound::Spot> {
-    let known = [Effect::BlackLevel, Effect::ShotNoise, Effect::ReadNoise];
-    let more =
-        (Effect::ALL.into_iter()).any(|effect| scene.lists(effect) && !known.contains(&effect));
-    let spot = scene.spot.filter(|_| !more)?;
-    Some(bound::Spot {
-        width: spot.width,
-        amplitude: spot.counts_per_second * exposure,
-        noise: scene.read_noise.map_or(0.0, |noise| noise.counts),
-        electrons_per_count: scene.shot_noise.map(|noise| noise.electrons_per_count),
-    })
-}
-
 /// A reading beside the truth and the bound for the scene.
 fn compare(
-    scene: &Scene,
+    simulation: &Simulation,
     exposure: Option<u64>,
     distance: f64,
     reading: &crate::lines::Reading,
 ) -> Result<Compared> {
     let exposure = exposure.context("a reading came before any row")? as f64 * 1e-9;
     ensure!(reading.rows > 0, "a reading of no rows: {reading:?}");
-    let metres_per_pixel = scene.optics.metres_per_pixel(scene.optics.centre(distance));
+    let optics = &simulation.scene().optics;
+    let micrometres_per_pixel = optics.metres_per_pixel(optics.centre(distance)) * 1e6;
+    let of_the_rows = micrometres_per_pixel / f64::from(reading.rows).sqrt();
     Ok(Compared {
         error: (reading.distance - distance * 1e3) * 1e3,
         uncertainty: reading.uncertainty * 1e3,
-        bound: bound(scene, exposure)
-            .map(|bound| bound.bound() / f64::from(reading.rows).sqrt() * metres_per_pixel * 1e6),
+        bound: bound::of_row(simulation, distance, exposure).map(|pixels| pixels * of_the_rows),
     })
 }
 
@@ -277,20 +258,24 @@ pub fn rms(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
 
 impl Summary {
     fn in_words(&self, readings: usize) -> String {
-        let bound = match (self.rms_error_um, self.bound_um) {
-            (Some(rms), Some(bound)) => {
+        let accuracy = match (
+            self.rms_error_um,
+            self.mean_error_um,
+            self.max_error_um,
+            self.within_2u,
+        ) {
+            (Some(rms), Some(mean), Some(largest), Some(within)) => {
+                let beside = match self.bound_um {
+                    Some(bound) => {
+                        format!("{:.2} of the Cramér-Rao bound ({bound:.2} um)", rms / bound)
+                    }
+                    None => format!("of which mean {mean:+.2} um"),
+                };
                 format!(
-                    ", {:.2} of the Cramér-Rao bound ({bound:.2} um)",
-                    rms / bound
+                    "RMS error {rms:.2} um, {beside}; largest {largest:.2} um; {:.1} % within twice the claimed uncertainty",
+                    within * 100.0
                 )
             }
-            _ => String::new(),
-        };
-        let accuracy = match (self.rms_error_um, self.max_error_um, self.within_2u) {
-            (Some(rms), Some(largest), Some(within)) => format!(
-                "RMS error {rms:.2} um{bound}; largest {largest:.2} um; {:.1} % within twice the claimed uncertainty",
-                within * 100.0
-            ),
             _ => "no reading".to_owned(),
         };
         format!(
