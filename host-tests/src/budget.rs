@@ -1,6 +1,7 @@
 //! The error budget of a scene: how far the core's centres lie from the truth, and how much of that each effect is to blame for.
 //!
-//! What an effect is to blame for is found by leaving it out: its share is 1 - (RMS error without it)^2 / (RMS error)^2. Effects that
+//! What an effect is to blame for is found by leaving it out: its share is 1 - (RMS error without it)^2 / (RMS error)^2,
+//! of the readings that have a centre with it and without it. Effects that
 //! add independent errors have shares that add up to one; others have not, and an effect without which the error would be
 //! larger has a negative one.
 //!
@@ -19,6 +20,9 @@ use slitrange::spot;
 
 use crate::scene::{Effect, Scene, Sensor, Simulation, quantise};
 
+/// Seconds in which a sensor warms up.
+const WARM_UP: f64 = 600.0;
+
 /// What is run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Plan {
@@ -31,15 +35,18 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// 400 rows, or 40 frames, over a minute; or over as much of it as it takes the target to move by a centimetre.
+    /// 400 rows, or 24 frames, over ten minutes, in which a sensor warms up; or over as much of them as it takes the target to move by a
+    /// centimetre.
     pub fn of(scene: &Scene) -> Self {
         let (realisations, readings) = match scene.sensor {
+            // Each realisation of speckle takes a tenth of a second.
+            Sensor::Tcd1304dg | Sensor::Row(_) if scene.speckle.is_some() => (40, 10),
             Sensor::Tcd1304dg | Sensor::Row(_) => (100, 4),
-            Sensor::Camera => (40, 1),
+            Sensor::Camera => (24, 1),
         };
         let seconds = match &scene.motion {
-            Some(motion) => (0.01 / motion.speed.abs()).min(60.0),
-            None => 60.0,
+            Some(motion) => (0.01 / motion.speed.abs()).min(WARM_UP),
+            None => WARM_UP,
         };
         Self {
             realisations,
@@ -78,13 +85,13 @@ pub struct Without {
     pub share: Option<Share>,
 }
 
-/// 1 - (RMS error without)^2 / (RMS error)^2.
+/// 1 - (RMS error without)^2 / (RMS error)^2, of the readings that have a centre with the effect and without it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Share {
     /// The share.
     pub value: f64,
-    /// Its standard uncertainty, by the jackknife over the realisations.
-    pub uncertainty: f64,
+    /// Its standard uncertainty, by the jackknife over the realisations; none of a single one.
+    pub uncertainty: Option<f64>,
 }
 
 /// A scene's error budget.
@@ -105,11 +112,23 @@ fn by_name<S: Serializer>(effect: &Effect, serializer: S) -> Result<S::Ok, S::Er
 }
 
 impl Budget {
-    /// Runs the core over the scene, and over the scene without each of its effects in turn.
+    /// How many realisations it takes: those of the scene, and of the scene without each effect that can be left out.
+    pub fn runs(scene: &Scene, plan: &Plan) -> u64 {
+        let without = effects(scene).filter(|&effect| without(scene, effect).is_some());
+        (1 + without.count() as u64) * plan.realisations
+    }
+
+    /// Runs the core over the scene, and over the scene without each of its effects in turn. `ran` is called after each of
+    /// [`Budget::runs`].
     ///
     /// # Errors
     /// The plan is empty.
-    pub fn of(scene: &Scene, estimator: Estimator, plan: &Plan) -> Result<Self> {
+    pub fn of(
+        scene: &Scene,
+        estimator: Estimator,
+        plan: &Plan,
+        ran: &(dyn Fn() + Sync),
+    ) -> Result<Self> {
         ensure!(
             plan.realisations > 0 && plan.readings > 0,
             "{} realisations of {} readings are none: take one of each at least",
@@ -127,7 +146,11 @@ impl Budget {
         // In order, so that sums are the same on any number of threads.
         let found: Vec<Vec<Found>> = jobs
             .into_par_iter()
-            .map(|(scene, k)| realisation(&scenes[scene], &geometry, estimator, plan, k))
+            .map(|(scene, k)| {
+                let found = realisation(&scenes[scene], &geometry, estimator, plan, k);
+                ran();
+                found
+            })
             .collect();
         let mut variants = found.chunks(plan.realisations as usize);
         let whole = variants.next().context("no scene was run")?;
@@ -161,8 +184,8 @@ pub fn effects(scene: &Scene) -> impl Iterator<Item = Effect> {
 
 /// The scene without an effect, where that is a scene: some effects need others.
 pub fn without(scene: &Scene, effect: Effect) -> Option<Scene> {
-    let text = scene.clone().without(effect).to_toml().ok()?;
-    Scene::from_toml(&text).ok()
+    let without = scene.clone().without(effect);
+    without.check().is_ok().then_some(without)
 }
 
 /// What came of a reading: errors in pixels and micrometres, or why there is none.
@@ -200,7 +223,10 @@ fn realisation(
         .collect()
 }
 
-/// The centre of a row, or the mean over the rows of a frame that have one, as in the paper, in pixels.
+/// Rows of a frame count that are at least this share of the highest one's height: what a lens's flare lights is no spot.
+const HIGH: f64 = 0.1;
+
+/// The centre of a row in pixels; of a frame the mean over its rows, as in the paper.
 fn mean_centre(
     simulation: &Simulation,
     geometry: &Geometry,
@@ -209,7 +235,7 @@ fn mean_centre(
     distance: f64,
 ) -> Result<f64, Fault> {
     let scene = simulation.scene();
-    let (mut sum, mut count) = (0.0, 0u32);
+    let mut centres = vec![];
     let mut faults: [(u32, Option<Fault>); Fault::KINDS] = Default::default();
     for row in first..first + scene.sensor.rows() {
         let counts = quantise(
@@ -217,10 +243,7 @@ fn mean_centre(
             geometry.full_scale(),
         );
         match row_centre(&counts, geometry, estimator) {
-            Ok(centre) => {
-                sum += centre.centre.to_f64();
-                count += 1;
-            }
+            Ok(centre) => centres.push((centre.centre.to_f64(), centre.amplitude.to_f64())),
             Err(fault) => {
                 let (count, latest) = &mut faults[fault.kind()];
                 *count += 1;
@@ -228,14 +251,16 @@ fn mean_centre(
             }
         }
     }
-    if count > 0 {
-        return Ok(sum / f64::from(count));
+    let highest = (centres.iter()).fold(0.0f64, |highest, (_, height)| highest.max(*height));
+    centres.retain(|(_, height)| *height >= HIGH * highest);
+    if !centres.is_empty() {
+        let sum: f64 = centres.iter().map(|(centre, _)| centre).sum();
+        return Ok(sum / centres.len() as f64);
     }
-    let (_, most) = faults
-        .into_iter()
-        .max_by_key(|(count, _)| *count)
-        .unwrap_or_default();
-    Err(most.unwrap_or(Fault::SensorSilent))
+    let most = faults.into_iter().max_by_key(|(count, _)| *count);
+    Err(most
+        .and_then(|(_, fault)| fault)
+        .unwrap_or(Fault::SensorSilent))
 }
 
 /// The core's centre of a row of counts, light positive, of which nothing is known from rows before.
@@ -282,32 +307,32 @@ fn errors(realisations: &[Vec<Found>]) -> Errors {
     }
 }
 
-/// The share of the squares, in pixels. None where either has no reading.
+/// The share of the squares, in pixels, of the readings that have a centre with the effect and without it: those that one of them
+/// makes faults of would tell which rows are left, and not what became of them. None where there are no such readings.
 fn share(whole: &[Vec<Found>], without: &[Vec<Found>]) -> Option<Share> {
-    // Of each realisation the sum of squares and the number of readings.
-    let sums = |realisations: &[Vec<Found>]| -> Vec<(f64, f64)> {
-        let squares = |found: &Vec<Found>| {
-            let good = || found.iter().filter_map(|found| found.ok());
-            (good().map(|(px, _)| px * px).sum(), good().count() as f64)
-        };
-        realisations.iter().map(squares).collect()
+    // Of each realisation the sums of squares with and without.
+    let sums: Vec<(f64, f64)> = (whole.iter().zip(without))
+        .map(|(whole, without)| {
+            let both = whole.iter().zip(without).filter_map(|pair| match pair {
+                (Ok((whole, _)), Ok((without, _))) => Some((whole * whole, without * without)),
+                _ => None,
+            });
+            both.fold((0.0, 0.0), |sum, pair| (sum.0 + pair.0, sum.1 + pair.1))
+        })
+        .collect();
+    let total = (sums.iter()).fold((0.0, 0.0), |sum, pair| (sum.0 + pair.0, sum.1 + pair.1));
+    let share = |left_out: Option<usize>| {
+        let (whole, without) = left_out.map_or((0.0, 0.0), |k| sums[k]);
+        1.0 - (total.1 - without) / (total.0 - whole)
     };
-    let (whole, without) = (sums(whole), sums(without));
-    // The mean square of all realisations but one.
-    let mean = |sums: &[(f64, f64)], left_out: Option<usize>| {
-        let kept = || (sums.iter().enumerate()).filter(move |(k, _)| Some(*k) != left_out);
-        let squares: f64 = kept().map(|(_, (squares, _))| squares).sum();
-        squares / kept().map(|(_, (_, count))| count).sum::<f64>()
-    };
-    let share = |left_out| 1.0 - mean(&without, left_out) / mean(&whole, left_out);
     let value: f64 = share(None);
-    let n = whole.len();
+    let n = sums.len();
     let left_out: Vec<f64> = (0..n).map(|k| share(Some(k))).collect();
     let middle = left_out.iter().sum::<f64>() / n as f64;
     let squares: f64 = left_out.iter().map(|value| (value - middle).powi(2)).sum();
     value.is_finite().then(|| Share {
         value,
-        uncertainty: (squares * (n as f64 - 1.0) / n as f64).sqrt(),
+        uncertainty: (n > 1).then(|| (squares * (n as f64 - 1.0) / n as f64).sqrt()),
     })
 }
 
@@ -318,7 +343,8 @@ mod tests {
     use crate::scene::{Motion, Quantisation, ReadNoise, SecondReflection, Temperature};
 
     fn budget(scene: &Scene) -> Budget {
-        let budget = Budget::of(scene, Estimator::default(), &Plan::of(scene)).expect("a budget");
+        let budget =
+            Budget::of(scene, Estimator::default(), &Plan::of(scene), &|| ()).expect("a budget");
         println!("{budget:#?}");
         budget
     }
@@ -326,6 +352,10 @@ mod tests {
     fn share_of(budget: &Budget, effect: Effect) -> Share {
         let without = budget.without.iter().find(|it| it.effect == effect);
         without.and_then(|it| it.share).expect("a share")
+    }
+
+    fn uncertainty_of(share: Share) -> f64 {
+        share.uncertainty.expect("many realisations")
     }
 
     fn rms_without(budget: &Budget, effect: Effect) -> f64 {
@@ -344,7 +374,7 @@ mod tests {
     fn shares_of_independent_noises_add_up_to_one() {
         let budget = budget(&Scene::white_paper());
         let [shot, read] = [Effect::ShotNoise, Effect::ReadNoise].map(|it| share_of(&budget, it));
-        let uncertainty = shot.uncertainty.hypot(read.uncertainty);
+        let uncertainty = uncertainty_of(shot).hypot(uncertainty_of(read));
         println!("{} of {uncertainty}", shot.value + read.value);
         assert!(uncertainty < 0.15);
         assert!((shot.value + read.value - 1.0).abs() < 3.0 * uncertainty);
@@ -367,7 +397,7 @@ mod tests {
         }
         let black = share_of(&budget, Effect::BlackLevel);
         assert!(
-            black.value.abs() < 3.0 * black.uncertainty + 0.02,
+            black.value.abs() < 3.0 * uncertainty_of(black) + 0.02,
             "{black:?}"
         );
         assert!(budget.whole.faults.is_empty());
@@ -396,16 +426,16 @@ mod tests {
         let expected = of_step / (a + b * 1600.0 + of_step);
         println!("{share:?}, expected {expected}");
         // The mean squares of 400 rows are known to 7 %.
-        assert!((share.value - expected).abs() < 3.0 * share.uncertainty + 0.1 * expected);
-        assert!(share.uncertainty < 0.1 && expected > 0.1);
+        assert!((share.value - expected).abs() < 3.0 * uncertainty_of(share) + 0.1 * expected);
+        assert!(uncertainty_of(share) < 0.1 && expected > 0.1);
     }
 
-    /// A geometry that grows by a factor g draws the spot g times as far from the axis. It does so evenly over a minute.
+    /// A geometry that grows by a factor g draws the spot g times as far from the axis. It does so evenly over ten minutes.
     #[test]
     fn a_warm_sensor_errs_as_its_geometry_says() {
         let scene = Scene {
             temperature: Some(Temperature {
-                kelvin_per_second: 0.5,
+                kelvin_per_second: 0.05,
                 expansion: 23e-6,
             }),
             distance: 0.65,
@@ -417,7 +447,7 @@ mod tests {
             scene
                 .temperature
                 .expect("listed")
-                .optics(&scene.optics, 30.0),
+                .optics(&scene.optics, 300.0),
         );
         let expected = warm.centre(scene.distance) - optics.centre(scene.distance);
         let mean = budget.whole.mean_px.expect("readings");
@@ -451,7 +481,8 @@ mod tests {
             }),
             ..Scene::white_paper()
         };
-        let budget = Budget::of(&double, Estimator::default(), &Plan::of(&double)).expect("runs");
+        let budget =
+            Budget::of(&double, Estimator::default(), &Plan::of(&double), &|| ()).expect("runs");
         let faults = |errors: &Errors| errors.faults.iter().map(|(_, n)| n).sum::<u64>();
         println!("{budget:#?}");
         assert_eq!(faults(&budget.whole), 400);
@@ -467,6 +498,25 @@ mod tests {
         }
     }
 
+    /// A reading that only one of two has says nothing of their difference: 1 - (1 + 1) / (4 + 4).
+    #[test]
+    fn shares_are_of_readings_that_have_a_centre_with_and_without() {
+        let fault = Err(Fault::Saturated { pixels: 1 });
+        let whole = [vec![Ok((2.0, 0.0)), fault], vec![Ok((-2.0, 0.0)), fault]];
+        let without = [
+            vec![Ok((1.0, 0.0)), Ok((100.0, 0.0))],
+            vec![Ok((1.0, 0.0)), fault],
+        ];
+        let found = share(&whole, &without).expect("two readings");
+        assert!((found.value - 0.75).abs() < 1e-12, "{found:?}");
+        // Either realisation alone has that share too.
+        assert!(uncertainty_of(found) < 1e-12, "{found:?}");
+        assert_eq!(
+            share(&whole, &[vec![fault, fault], vec![fault, fault]]),
+            None
+        );
+    }
+
     #[test]
     fn the_same_on_any_number_of_threads() {
         let scene = Scene::white_paper();
@@ -475,21 +525,16 @@ mod tests {
             readings: 2,
             seconds: 1.0,
         };
+        let run = |plan| Budget::of(&scene, Estimator::default(), &plan, &|| ());
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            (pool.expect("threads")).install(|| Budget::of(&scene, Estimator::default(), &plan))
+            (pool.expect("threads")).install(|| run(plan).expect("runs"))
         };
-        assert_eq!(on(1).expect("runs"), on(3).expect("runs"));
-        assert!(
-            Budget::of(
-                &scene,
-                Estimator::default(),
-                &Plan {
-                    readings: 0,
-                    ..plan
-                }
-            )
-            .is_err()
-        );
+        assert_eq!(on(1), on(3));
+        let empty = Plan {
+            readings: 0,
+            ..plan
+        };
+        assert!(run(empty).is_err());
     }
 }

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use host_tests::scene::{Scene, Simulation};
 
-use crate::{Exposure, LightSource, Line, Nanos, PIXELS, VirtualBoard};
+use crate::{Exposure, LightSource, Nanos, PIXELS};
 
 /// The target, which whoever holds a clone can move, and ask where it was.
 #[derive(Clone, Debug)]
@@ -13,8 +13,10 @@ pub struct Target(Arc<Mutex<Place>>);
 
 #[derive(Debug)]
 struct Place {
-    /// In metres; of a scene whose target moves by itself, at the first row.
+    /// In metres; of a scene whose target moves by itself, at the first row since it was put there.
     distance: f64,
+    /// The row at which it is put there, where that is none yet.
+    put: Option<u64>,
     /// Ends of the last exposures, and where it was in the middle of them.
     seen: VecDeque<(Nanos, f64)>,
 }
@@ -27,6 +29,7 @@ impl Target {
     pub fn at(distance: f64) -> Self {
         Self(Arc::new(Mutex::new(Place {
             distance,
+            put: None,
             seen: VecDeque::new(),
         })))
     }
@@ -35,9 +38,11 @@ impl Target {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Moves it.
+    /// Puts it at a distance in metres, from which one that moves by itself goes on.
     pub fn move_to(&self, distance: f64) {
-        self.place().distance = distance;
+        let mut place = self.place();
+        place.distance = distance;
+        place.put = None;
     }
 
     /// Where it was in the mean over the middles of so many exposures of which the last is given, in metres, if all of them are
@@ -52,47 +57,31 @@ impl Target {
         Some(sum / exposures as f64)
     }
 
-    /// A row is exposed: gives the distance to show it for.
-    fn expose(&self, exposure: &Exposure, true_distance: impl Fn(f64) -> f64) -> f64 {
+    /// A row is exposed: gives the distance at which the simulation's first row would have seen it.
+    fn expose(&self, exposure: &Exposure, row: u64, simulation: &Simulation) -> f64 {
         let mut place = self.place();
         let distance = place.distance;
+        let put = *place.put.get_or_insert(row);
+        let gone = simulation.true_distance(put, distance) - distance;
+        let truth = simulation.true_distance(row, distance - gone);
         if place.seen.len() == REMEMBERED {
             place.seen.pop_front();
         }
-        (place.seen).push_back((exposure.end, true_distance(distance)));
-        distance
+        place.seen.push_back((exposure.end, truth));
+        distance - gone
     }
 }
 
 /// A scene's rows. A target that the caller moves stands still during an exposure, where it was found at the end; one that the scene
-/// moves ([`host_tests::scene::Motion`]) does so from row to row and during exposures, from there.
+/// moves ([`host_tests::scene::Motion`]) does so from row to row and during exposures.
 pub fn of_scene(scene: Scene, target: Target) -> LightSource {
     let simulation = Simulation::new(scene);
     let mut row = 0;
     Box::new(move |exposure: &Exposure| {
         row += 1;
-        let distance = target.expose(exposure, |distance| simulation.true_distance(row, distance));
+        let distance = target.expose(exposure, row, &simulation);
         simulation.row(row, distance, exposure.duration() as f64 * 1e-9)
     })
-}
-
-/// Where the target of a scene was, in the mean over the so many rows of the frame that a line is the result of, in metres. `None` where
-/// the rows are no longer known, or not all of the scene.
-pub fn true_distance(
-    board: &mut VirtualBoard,
-    target: &Target,
-    line: &Line,
-    rows: usize,
-) -> Option<f64> {
-    /// Of the serial line: ten bits at 115200 a second, in nanoseconds.
-    const BYTE: Nanos = 86_806;
-    // The line begins as soon as the frame's last row has been computed: before the next one is read.
-    let begin = line.at.saturating_sub((line.text.len() as u64 + 2) * BYTE);
-    let last = board.head(|head| {
-        let read = head.rows().rev().find(|row| row.last_word < begin);
-        read.map(|row| row.exposure)
-    })?;
-    target.mean_distance(&last, rows)
 }
 
 /// The outputs of the sensor that see light.
@@ -112,7 +101,8 @@ mod tests {
     use super::*;
     use host_tests::scene::{Motion, Sensor};
 
-    /// 0.1 m/s at 175.4 rows a second: row n shows the target n / 1754 m farther away, and rows 17 to 20 on average 18.5 / 1754.
+    /// 0.1 m/s at 175.4 rows a second: n rows after the target was put somewhere it is n / 1754 m farther away. Of 20 rows the last four are
+    /// on average 17.5 rows after the first.
     #[test]
     fn a_frame_sees_the_target_where_it_was_on_average() {
         let scene = Scene {
@@ -128,10 +118,17 @@ mod tests {
         for row in 1..=20 {
             light(&exposure(row));
         }
-        let mean = target.mean_distance(&exposure(20), 4).expect("four rows");
-        println!("{mean}");
-        assert!((mean - (0.7 + 18.5 / 1754.0)).abs() < 1e-12);
-        assert_eq!(target.mean_distance(&exposure(20), 21), None);
-        assert_eq!(target.mean_distance(&exposure(21), 1), None);
+        let mean = |last, rows| target.mean_distance(&exposure(last), rows);
+        let after = |rows: f64| 0.7 + rows / 1754.0;
+        println!("{:?}", mean(20, 4));
+        assert!((mean(20, 4).expect("four rows") - after(17.5)).abs() < 1e-12);
+        assert_eq!(mean(20, 21), None);
+        assert_eq!(mean(21, 1), None);
+        // Put back, it goes on from there.
+        target.move_to(0.7);
+        for row in 21..=23 {
+            light(&exposure(row));
+        }
+        assert!((mean(23, 3).expect("three rows") - after(1.0)).abs() < 1e-12);
     }
 }

@@ -20,7 +20,12 @@ impl Grey {
     /// The image cannot be encoded, or `svg` is no complete file.
     pub fn place(&self, svg: &mut String, (columns, rows): (Range<i32>, Range<i32>)) -> Result<()> {
         let end = svg.rfind("</svg>").context("no end of the SVG file")?;
-        let data = base64::engine::general_purpose::STANDARD.encode(self.png()?);
+        // Some viewers blur what they enlarge, so that is done here.
+        let larger = self.repeated(
+            columns.len().div_ceil(self.width.max(1)),
+            rows.len().div_ceil(self.height().max(1)),
+        );
+        let data = base64::engine::general_purpose::STANDARD.encode(larger.png()?);
         let image = format!(
             "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" \
              style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{data}\"/>\n",
@@ -33,8 +38,25 @@ impl Grey {
         Ok(())
     }
 
+    fn height(&self) -> usize {
+        self.pixels.len() / self.width.max(1)
+    }
+
+    /// Each pixel so many times along the rows, and so many times across.
+    fn repeated(&self, along: usize, across: usize) -> Self {
+        let rows = self.pixels.chunks(self.width.max(1));
+        Self {
+            width: self.width * along,
+            pixels: rows
+                .flat_map(|row| std::iter::repeat_n(row, across))
+                .flatten()
+                .flat_map(|&grey| std::iter::repeat_n(grey, along))
+                .collect(),
+        }
+    }
+
     fn png(&self) -> Result<Vec<u8>> {
-        let height = self.pixels.len() / self.width.max(1);
+        let height = self.height();
         ensure!(
             height > 0 && height * self.width == self.pixels.len(),
             "{} pixels are no rows of {}",
@@ -54,5 +76,34 @@ impl Grey {
         writer.write_image_data(&self.pixels)?;
         writer.finish()?;
         Ok(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_pixel_fills_its_part_of_the_place() {
+        let image = Grey {
+            width: 2,
+            pixels: vec![0, 255, 100, 7],
+        };
+        let mut svg = "<svg></svg>".to_owned();
+        image.place(&mut svg, (10..14, 5..8)).expect("an image");
+        println!("{svg}");
+        assert!(svg.contains("x=\"10\" y=\"5\" width=\"4\" height=\"3\""));
+        let data = (svg.split("base64,").nth(1)).and_then(|rest| rest.split('"').next());
+        let bytes = base64::engine::general_purpose::STANDARD
+            .decode(data.expect("data"))
+            .expect("base64");
+        let decoder = png::Decoder::new(std::io::Cursor::new(bytes));
+        let mut reader = decoder.read_info().expect("a PNG");
+        let mut pixels = vec![0; reader.output_buffer_size().expect("small")];
+        let frame = reader.next_frame(&mut pixels).expect("pixels");
+        // Twice along the row, and, as 3 rows are to show 2, twice across.
+        assert_eq!((frame.width, frame.height), (4, 4));
+        let (above, below) = ([0, 0, 255, 255], [100, 100, 7, 7]);
+        assert_eq!(pixels, [above, above, below, below].concat());
     }
 }

@@ -11,6 +11,7 @@ use anyhow::{Context as _, Result};
 use clap::Parser;
 use host_tests::budget::{Budget, Plan};
 use host_tests::scene::{Scene, file};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use slitrange::estimator::Estimator;
 
@@ -22,12 +23,16 @@ const SHOWN: [&str; 4] = ["quiet-paper", "brushed-metal", "paper-on-camera", "le
 /// Shows a scene: its rows, its error budget, and what each effect costs in time. Without a name: lists the scenes.
 ///
 /// The error is that of the core's centres against the truth; a reading is a row of a line sensor, or the mean over the rows of
-/// a camera's frame. An effect's share of it is 1 - (RMS error without the effect)^2 / (RMS error)^2: shares of effects that
-/// interact do not add up to 1, and one without which the error would be larger has a negative one.
+/// a camera's frame that are at least a tenth as high as its highest. An effect's share of it is
+/// 1 - (RMS error without the effect)^2 / (RMS error)^2, of the readings that have a centre with it and without it: shares of
+/// effects that interact do not add up to 1, and one without which the error would be larger has a negative one.
 ///
 /// Readings are taken of many realisations of the scene, because some effects (speckle, texture, fixed pattern, response) stay as
 /// long as target or sensor do: each has a seed of its own, and the spot elsewhere on its pixel. Within a realisation they are
 /// spread over a time, because others (temperature, drift) take their time.
+///
+/// Times are those of a row as the core gets it, and of the first one of a scene, in which all is computed that stays; those of an
+/// effect are by how much a row takes longer with it than without. One that takes light away spares the shot noise work.
 #[derive(Parser)]
 #[command(name = "cargo scene", bin_name = "cargo scene")]
 struct Options {
@@ -36,14 +41,13 @@ struct Options {
     /// How the centres of rows are found
     #[arg(long, value_name = "NAME", default_value = Estimator::default().name(), value_parser = estimator)]
     estimator: Estimator,
-    /// Seeds to average over; 100, or 40 for a camera, where it is not given
+    /// Seeds to average over [default: 100; with speckle 40; for a camera 24]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     realisations: Option<u64>,
-    /// Readings of each; 4, or 1 for a camera, where it is not given
+    /// Readings of each [default: 4; with speckle 10; for a camera 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     readings: Option<u64>,
-    /// Time over which a realisation's readings are spread; a minute, or what it takes the target to move by a centimetre,
-    /// where it is not given
+    /// Time over which a realisation's readings are spread [default: 600, or what it takes the target to move by a centimetre]
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
     /// Folder of the picture, NAME.svg
@@ -93,7 +97,7 @@ fn main() -> Result<()> {
         picture: picture::write(&name, &scene, options.estimator, &options.output)?,
         // While nothing else runs.
         timing: Timing::of(&scene),
-        budget: Budget::of(&scene, options.estimator, &options.plan(&scene))?,
+        budget: budget(&scene, options.estimator, &options.plan(&scene))?,
         name,
         scene,
     };
@@ -114,6 +118,20 @@ impl Options {
             seconds: self.seconds.unwrap_or(plan.seconds),
         }
     }
+}
+
+/// With a bar on the terminal, as speckle takes a while.
+fn budget(scene: &Scene, estimator: Estimator, plan: &Plan) -> Result<Budget> {
+    let progress = ProgressBar::with_draw_target(
+        Some(Budget::runs(scene, plan)),
+        ProgressDrawTarget::stderr_with_hz(4),
+    );
+    progress.set_style(ProgressStyle::with_template(
+        "{wide_bar} {pos}/{len} realisations, {eta} left",
+    )?);
+    let budget = Budget::of(scene, estimator, plan, &|| progress.inc(1));
+    progress.finish_and_clear();
+    budget
 }
 
 /// The scenes that come with the project.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use host_tests::budget::row_centre;
+use host_tests::optics::Aperture;
 use host_tests::scene::{Scene, Simulation, quantise};
 use phase_tables::gaussian;
 use plotters::coord::Shift;
@@ -17,6 +18,12 @@ use crate::words;
 
 /// Rows of a line sensor that are shown.
 const ROWS: u64 = 48;
+
+/// The width of a spot that a dark row might have, in pixels.
+const DARK: f64 = 8.0;
+
+/// The name of the row's axis.
+const PIXELS: &str = "pixel of the light range";
 
 const SIZE: (u32, u32) = (1000, 900);
 const TEXT: i32 = 17;
@@ -58,12 +65,14 @@ pub fn write_as(
 struct Seen<'a> {
     scene: &'a Scene,
     estimator: Estimator,
-    /// Pixels of the light range that are shown.
-    window: Range<usize>,
-    /// Their counts, row by row.
+    /// Counts of the light range, row by row.
     rows: Vec<Vec<u16>>,
+    /// The pixels of the image, and its rows.
+    image: (Range<usize>, Range<usize>),
     /// Which of the rows is fitted.
     row: usize,
+    /// The pixels of that row that are shown.
+    window: Range<usize>,
     fit: Result<RowCentre, Fault>,
     /// The true centre of that row.
     truth: f64,
@@ -87,24 +96,41 @@ impl<'a> Seen<'a> {
         let row = row as usize;
         let fit = row_centre(&counts[row], &geometry, estimator);
         let truth = simulation.true_centre(row as u64, scene.distance);
-        let window = {
+        let end = geometry.light.len() as f64;
+        let half = {
             let width = match (&fit, scene.spot) {
                 (Ok(fit), _) => fit.width.to_f64(),
                 (Err(_), Some(spot)) => spot.width,
-                (Err(_), None) => 0.0,
+                (Err(_), None) => DARK,
             };
-            let half = (7.0 * width).clamp(12.0, 150.0).ceil();
-            let end = geometry.light.len() as f64;
-            let middle = truth.clamp(half, end - half - 1.0).round();
-            (middle - half).max(0.0) as usize..(middle + half + 1.0).min(end) as usize
+            (7.0 * width).clamp(12.0, 150.0).ceil()
         };
-        let shown = |counts: &Vec<u16>| counts[geometry.light.clone()][window.clone()].to_vec();
+        let around = |from: f64, to: f64| {
+            let within = |x: f64| x.round().clamp(0.0, end - 1.0);
+            // At the edge of the sensor as many pixels as elsewhere.
+            let (from, to) = (within(from - half), within(to + half));
+            let from = from.min(to - 2.0 * half).max(0.0);
+            let to = to.max(from + 2.0 * half).min(end - 1.0);
+            from as usize..to as usize + 1
+        };
+        // A target that moves takes the spot along.
+        let last = simulation.true_centre(rows - 1, scene.distance);
+        let image = around(truth.min(last), truth.max(last));
+        // Behind a lens the spot is round.
+        let image_rows = match scene.optics.aperture {
+            Aperture::Lens { .. } if rows > ROWS => {
+                row.saturating_sub(half as usize)..(row + half as usize + 1).min(rows as usize)
+            }
+            _ => 0..rows as usize,
+        };
+        let light = |counts: &Vec<u16>| counts[geometry.light.clone()].to_vec();
         Self {
             scene,
             estimator,
-            rows: counts.iter().map(shown).collect(),
-            window,
+            rows: counts.iter().map(light).collect(),
+            image: (image, image_rows),
             row,
+            window: around(truth, truth),
             fit,
             truth,
         }
@@ -119,13 +145,18 @@ impl<'a> Seen<'a> {
             self.draw_head(&head, name)?;
             let (top, rest) = rest.split_vertically(330);
             let places = self.draw_image_axes(&top)?;
-            let (middle, bottom) = rest.split_vertically(300);
-            self.draw_row(&middle)?;
-            self.draw_residuals(&bottom)?;
+            match self.fit_and_level() {
+                Some((fit, level)) => {
+                    let (middle, bottom) = rest.split_vertically(300);
+                    self.draw_row(&middle, "")?;
+                    self.draw_residuals(&bottom, fit, level)?;
+                }
+                None => self.draw_row(&rest, PIXELS)?,
+            }
             root.present()?;
             places
         };
-        self.image().place(&mut svg, image)?;
+        self.grey().place(&mut svg, image)?;
         let scale = Grey {
             width: 8,
             pixels: (0..=255).rev().flat_map(|grey| [grey; 8]).collect(),
@@ -144,28 +175,31 @@ impl<'a> Seen<'a> {
         Ok(())
     }
 
-    /// Counts that are black and white.
-    fn ends(&self) -> (u16, u16) {
-        let counts = || self.rows.iter().flatten().copied();
-        let (from, to) = (counts().min().unwrap_or(0), counts().max().unwrap_or(0));
-        (from, to.max(from + 1))
+    /// The counts of the image, row by row.
+    fn image_counts(&self) -> impl Iterator<Item = u16> {
+        let (columns, rows) = &self.image;
+        self.rows[rows.clone()]
+            .iter()
+            .flat_map(|row| row[columns.clone()].iter().copied())
     }
 
-    fn image(&self) -> Grey {
+    /// Counts that are black and white.
+    fn ends(&self) -> (u16, u16) {
+        let (from, to) = (self.image_counts().min(), self.image_counts().max());
+        let from = from.unwrap_or(0);
+        (from, to.unwrap_or(0).max(from + 1))
+    }
+
+    fn grey(&self) -> Grey {
         let (from, to) = self.ends();
-        let grey = |count: &u16| {
+        let grey = |count: u16| {
             let share = f64::from(count - from) / f64::from(to - from);
             (share * 255.0).round() as u8
         };
         Grey {
-            width: self.window.len(),
-            pixels: self.rows.iter().flatten().map(grey).collect(),
+            width: self.image.0.len(),
+            pixels: self.image_counts().map(grey).collect(),
         }
-    }
-
-    /// Pixels from the left edge of the first to the right edge of the last.
-    fn columns(&self) -> Range<f64> {
-        self.window.start as f64 - 0.5..self.window.end as f64 - 0.5
     }
 
     /// Axes around the image and its scale of grey. Gives the places of both.
@@ -174,14 +208,14 @@ impl<'a> Seen<'a> {
         &self,
         area: &Area<'_>,
     ) -> Result<((Range<i32>, Range<i32>), (Range<i32>, Range<i32>))> {
-        let rows = self.rows.len() as f64;
+        let (pixels, rows) = &self.image;
         let title = match self.scene.sensor.rows() {
             1 => "rows of the sensor, one after the other".to_owned(),
             _ => "a frame of the sensor".to_owned(),
         };
         // Row 0 is at the top: heights are negative row numbers.
-        let heights = 0.5 - rows..0.5;
-        let mut panel = builder(area, &title).build_cartesian_2d(self.columns(), heights)?;
+        let heights = 0.5 - rows.end as f64..0.5 - rows.start as f64;
+        let mut panel = builder(area, &title, "").build_cartesian_2d(columns(pixels), heights)?;
         panel
             .configure_mesh()
             .disable_mesh()
@@ -194,15 +228,15 @@ impl<'a> Seen<'a> {
             .y_desc("row")
             .axis_desc_style(text(TEXT))
             .draw()?;
-        let (columns, heights) = panel.plotting_area().get_pixel_range();
+        let (across, heights) = panel.plotting_area().get_pixel_range();
         let (left, top) = area.get_base_pixel();
         // The fitted row is marked beside the image.
-        let (_, height) = panel.backend_coord(&(self.columns().start, -(self.row as f64)));
+        let (_, height) = panel.backend_coord(&(pixels.start as f64, -(self.row as f64)));
         area.draw(&Polygon::new(
-            [(13, -6), (2, 0), (13, 6)].map(|(x, y)| (columns.end - left + x, height - top + y)),
+            [(13, -6), (2, 0), (13, 6)].map(|(x, y)| (across.end - left + x, height - top + y)),
             FIT.filled(),
         ))?;
-        let bar = columns.end + 18..columns.end + 34;
+        let bar = across.end + 18..across.end + 34;
         let (from, to) = self.ends();
         for (label, at) in [
             (format!("{to}"), heights.start + 2),
@@ -218,11 +252,11 @@ impl<'a> Seen<'a> {
                 text(SMALL),
             ))?;
         }
-        Ok(((columns, heights.clone()), (bar, heights)))
+        Ok(((across, heights.clone()), (bar, heights)))
     }
 
     /// The counts of the row with the fit, where there is one.
-    fn draw_row(&self, area: &Area<'_>) -> Result<()> {
+    fn draw_row(&self, area: &Area<'_>, x_name: &str) -> Result<()> {
         let counts = self.counts();
         let title = match &self.fit {
             Ok(fit) => format!(
@@ -245,14 +279,14 @@ impl<'a> Seen<'a> {
         let (low, high) = range(counts.iter().map(|(_, count)| *count));
         let margin = 0.08 * (high - low).max(10.0);
         let heights = low - margin..high + margin;
-        let mut panel =
-            builder(area, &title).build_cartesian_2d(self.columns(), heights.clone())?;
-        mesh(&mut panel, "counts", "", 6)?;
+        let mut panel = builder(area, &title, x_name)
+            .build_cartesian_2d(columns(&self.window), heights.clone())?;
+        mesh(&mut panel, "counts", x_name, 6)?;
         let dots = counts.iter().map(|&at| Circle::new(at, 3, COUNTS.filled()));
         panel.draw_series(dots)?;
         if let Some((fit, level)) = self.fit_and_level() {
             let steps = self.window.len() * 8;
-            let columns = self.columns();
+            let columns = columns(&self.window);
             let curve = (0..=steps).map(|i| {
                 let x = columns.start + i as f64 / 8.0;
                 (x, level + model(fit, x))
@@ -270,11 +304,8 @@ impl<'a> Seen<'a> {
         Ok(())
     }
 
-    /// The counts less the fit, where there is one.
-    fn draw_residuals(&self, area: &Area<'_>) -> Result<()> {
-        let Some((fit, level)) = self.fit_and_level() else {
-            return Ok(());
-        };
+    /// The counts less the fit.
+    fn draw_residuals(&self, area: &Area<'_>, fit: &RowCentre, level: f64) -> Result<()> {
         let left: Vec<(f64, f64)> = self
             .counts()
             .into_iter()
@@ -282,10 +313,14 @@ impl<'a> Seen<'a> {
             .collect();
         let (low, high) = range(left.iter().map(|(_, count)| *count));
         let end = 1.1 * low.abs().max(high.abs()).max(1.0);
-        let mut panel = builder(area, "").build_cartesian_2d(self.columns(), -end..end)?;
-        mesh(&mut panel, "counts - fit", "pixel of the light range", 5)?;
+        let mut panel =
+            builder(area, "", PIXELS).build_cartesian_2d(columns(&self.window), -end..end)?;
+        mesh(&mut panel, "counts - fit", PIXELS, 5)?;
         panel.draw_series([PathElement::new(
-            [(self.columns().start, 0.0), (self.columns().end, 0.0)],
+            [
+                (columns(&self.window).start, 0.0),
+                (columns(&self.window).end, 0.0),
+            ],
             FIT.stroke_width(1),
         )])?;
         panel.draw_series(left.iter().map(|&at| Circle::new(at, 2, COUNTS.filled())))?;
@@ -294,19 +329,25 @@ impl<'a> Seen<'a> {
 
     /// Pixels and counts of the fitted row.
     fn counts(&self) -> Vec<(f64, f64)> {
-        let counts = self.rows[self.row].iter().map(|&count| f64::from(count));
-        (self.window.clone().map(|pixel| pixel as f64))
-            .zip(counts)
+        let row = &self.rows[self.row];
+        (self.window.clone())
+            .map(|pixel| (pixel as f64, f64::from(row[pixel])))
             .collect()
     }
 
-    /// The fit, and the level on which its gaussian lies best: the core has no need to know it.
+    /// The fit, and the level on which its gaussian lies: the median of what it leaves. The core has no need to know it.
     fn fit_and_level(&self) -> Option<(&RowCentre, f64)> {
         let fit = self.fit.as_ref().ok()?;
-        let counts = self.counts();
-        let sum: f64 = counts.iter().map(|&(x, count)| count - model(fit, x)).sum();
-        Some((fit, sum / counts.len() as f64))
+        let counts = self.counts().into_iter();
+        let mut left: Vec<f64> = counts.map(|(x, count)| count - model(fit, x)).collect();
+        left.sort_by(f64::total_cmp);
+        Some((fit, left[left.len() / 2]))
     }
+}
+
+/// From the left edge of the first pixel to the right edge of the last.
+fn columns(pixels: &Range<usize>) -> Range<f64> {
+    pixels.start as f64 - 0.5..pixels.end as f64 - 0.5
 }
 
 /// What a pixel at x gathers of the fitted gaussian, in counts.
@@ -314,13 +355,21 @@ fn model(fit: &RowCentre, x: f64) -> f64 {
     fit.amplitude.to_f64() * gaussian(x - fit.centre.to_f64(), fit.width.to_f64())
 }
 
-fn builder<'a, 'b>(area: &'b Area<'a>, title: &str) -> ChartBuilder<'b, 'b, SVGBackend<'a>> {
+fn builder<'a, 'b>(
+    area: &'b Area<'a>,
+    title: &str,
+    x_name: &str,
+) -> ChartBuilder<'b, 'b, SVGBackend<'a>> {
+    let below = match x_name {
+        "" => TEXT + 10,
+        _ => 2 * TEXT + 16,
+    };
     let mut builder = ChartBuilder::on(area);
     builder
         .margin_right(96)
         .margin_left(8)
         .margin_bottom(4)
-        .x_label_area_size(TEXT + 10)
+        .x_label_area_size(below)
         .y_label_area_size(78);
     if !title.is_empty() {
         builder.caption(title, text(SMALL));
@@ -377,4 +426,41 @@ fn cut(text: &str, characters: usize) -> String {
     let start: String = text.chars().take(characters).collect();
     let end = start.rfind(' ').unwrap_or(start.len());
     format!("{} ...", &start[..end])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_spot_is_where_the_scene_puts_it() {
+        let scene = Scene::load("quiet-paper").expect("a scene");
+        let seen = Seen::of(&scene, Estimator::default());
+        let (fit, level) = seen.fit_and_level().expect("a spot");
+        let off = fit.centre.to_f64() - seen.truth;
+        println!("off by {off} px, level {level}");
+        assert!(off.abs() < 5.0 * fit.uncertainty.to_f64());
+        // The median of 123 pixels of some five counts of noise.
+        assert!((level - 300.0).abs() < 3.0);
+        let image = seen.grey();
+        let brightest = image.pixels.iter().position(|&grey| grey == 255);
+        let column = (seen.image.0.start + brightest.expect("one is") % image.width) as f64;
+        assert!((column - seen.truth).abs() < 4.0, "{column}");
+    }
+
+    /// All figures of docs/ are read over a network.
+    #[test]
+    fn pictures_are_small_and_whole() {
+        for name in ["lens", "laser-off", "moving-target"] {
+            let scene = Scene::load(name).expect("a scene");
+            let svg = (Seen::of(&scene, Estimator::default()).draw(name)).expect("a picture");
+            println!("{name}: {} bytes", svg.len());
+            assert!(svg.len() < 300_000);
+            // The rows, and the scale of grey; both before the end.
+            assert_eq!(svg.matches("<image").count(), 2);
+            assert!(svg.trim_end().ends_with("</svg>"));
+            let fitted = svg.contains("counts - fit");
+            assert_eq!(fitted, name != "laser-off");
+        }
+    }
 }

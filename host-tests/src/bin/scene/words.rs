@@ -3,28 +3,32 @@
 use std::fmt::Write as _;
 
 use anyhow::{Context as _, Result};
-use host_tests::budget::Errors;
+use host_tests::budget::{self, Errors};
 use host_tests::optics::Aperture;
-use host_tests::scene::{Scene, Sensor};
+use host_tests::scene::{Effect, Scene, Sensor};
 
 use crate::Shown;
+use crate::timing::Difference;
 
 /// All of it.
+///
+/// # Errors
+/// None that are known.
 pub fn of(shown: &Shown) -> Result<String> {
     let scene = &shown.scene;
     let mut text = String::new();
     writeln!(text, "{}: {}", shown.name, scene.about)?;
     writeln!(text, "{}", setting(scene))?;
+    write_parameters(&mut text, scene)?;
     writeln!(text)?;
     write_budget(&mut text, shown)?;
     writeln!(text)?;
     writeln!(
         text,
-        "{:.1} million pixels a second on one core, {} a row",
+        "{:.1} million pixels a second on one core; picture: {}",
         shown.timing.pixels_a_second * 1e-6,
-        duration(shown.timing.nanoseconds_a_row)
+        shown.picture.display()
     )?;
-    writeln!(text, "{}", shown.picture.display())?;
     Ok(text)
 }
 
@@ -51,8 +55,23 @@ pub fn setting(scene: &Scene) -> String {
     )
 }
 
+/// The spot and the effects, each with its parameters as in the scene's file.
+fn write_parameters(text: &mut String, scene: &Scene) -> Result<()> {
+    let parameters = serde_json::to_value(scene).context("the scene's parameters")?;
+    let effects = budget::effects(scene).map(Effect::name);
+    for name in ["spot"].into_iter().chain(effects) {
+        if let Some(parameters) = parameters.get(name) {
+            writeln!(text, "  {name:17} {}", in_words(parameters))?;
+        }
+    }
+    Ok(())
+}
+
+/// Of a table: name, errors in four columns, faults, share, times of a row and of the first.
+type Line = [String; 9];
+
 fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
-    let budget = &shown.budget;
+    let (budget, timing) = (&shown.budget, &shown.timing);
     let plan = &budget.plan;
     let reading = match shown.scene.sensor.rows() {
         1 => "rows",
@@ -60,49 +79,47 @@ fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
     };
     writeln!(
         text,
-        "{} {reading} ({} realisations, {} each over {:.3} s), centres by {}:",
+        "{} {reading} ({} realisations, {} each over {:.3} s), centres by {}; times to simulate on one core:",
         budget.whole.readings, plan.realisations, plan.readings, plan.seconds, budget.estimator
     )?;
-    let mut rows = vec![[
-        "".into(),
-        "RMS px".into(),
-        "mean px".into(),
-        "RMS um".into(),
-        "mean um".into(),
-        "faults".into(),
-        "its share of error^2".into(),
-        "its time a row".into(),
-        "".into(),
-    ]];
-    rows.push(row(
-        "all effects",
-        Some(&budget.whole),
-        String::new(),
-        duration(shown.timing.nanoseconds_a_row),
-        String::new(),
-    ));
-    let parameters = parameters(&shown.scene)?;
-    for (without, timing) in budget.without.iter().zip(&shown.timing.effects) {
+    let mut lines: Vec<Line> = vec![
+        [
+            "",
+            "RMS px",
+            "mean px",
+            "RMS um",
+            "mean um",
+            "faults",
+            "share of error^2",
+            "a row",
+            "first row",
+        ]
+        .map(Into::into),
+        line(
+            "all effects",
+            Some(&budget.whole),
+            String::new(),
+            [
+                timing.nanoseconds_a_row,
+                timing.nanoseconds_of_the_first_row,
+            ]
+            .map(duration),
+        ),
+    ];
+    for (without, timing) in budget.without.iter().zip(&timing.effects) {
         let share = without.share.map_or("-".into(), |share| {
-            format!("{:+.3} ± {:.3}", share.value, share.uncertainty)
+            let uncertainty = share.uncertainty.map(|it| format!(" ± {it:.3}"));
+            format!("{:+.3}{}", share.value, uncertainty.unwrap_or_default())
         });
-        let time = match timing.nanoseconds_a_row {
-            // Lost in the scatter of the repetitions.
-            Some(time) if time.abs() < 3.0 * timing.uncertainty => {
-                format!("0 ± {}", duration(timing.uncertainty))
-            }
-            Some(time) => duration(time),
-            None => "-".into(),
-        };
-        rows.push(row(
+        let times = [timing.a_row, timing.first_row].map(|time| time.map_or("-".into(), longer));
+        lines.push(line(
             &format!("without {}", without.effect.name()),
             without.errors.as_ref(),
             share,
-            time,
-            (parameters.get(without.effect.name())).map_or_else(String::new, in_words),
+            times,
         ));
     }
-    write_table(text, &rows)?;
+    write_table(text, &lines)?;
     for (name, count) in &budget.whole.faults {
         writeln!(
             text,
@@ -113,58 +130,48 @@ fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
     Ok(())
 }
 
-fn row(
+fn line(
     name: &str,
     errors: Option<&Errors>,
     share: String,
-    time: String,
-    parameters: String,
-) -> [String; 9] {
-    let number = |value: Option<f64>, digits: usize| {
-        value.map_or("-".into(), |value| format!("{value:.digits$}"))
+    [a_row, first_row]: [String; 2],
+) -> Line {
+    let number = |value: fn(&Errors) -> Option<f64>, digits: usize| {
+        (errors.and_then(value)).map_or("-".into(), |value| format!("{value:.digits$}"))
     };
-    let of = |value: fn(&Errors) -> Option<f64>| errors.and_then(value);
     let faults = match errors {
-        Some(errors) => (errors.faults.iter())
-            .map(|(_, count)| count)
+        Some(errors) => (errors.faults.iter().map(|(_, count)| count))
             .sum::<u64>()
             .to_string(),
         None => "needed".into(),
     };
     [
         name.into(),
-        number(of(|it| it.rms_px), 4),
-        number(of(|it| it.mean_px), 4),
-        number(of(|it| it.rms_um), 2),
-        number(of(|it| it.mean_um), 2),
+        number(|it| it.rms_px, 4),
+        number(|it| it.mean_px, 4),
+        number(|it| it.rms_um, 2),
+        number(|it| it.mean_um, 2),
         faults,
         share,
-        time,
-        parameters,
+        a_row,
+        first_row,
     ]
 }
 
-/// First and last column to the left, the others to the right.
-fn write_table(text: &mut String, rows: &[[String; 9]]) -> std::fmt::Result {
-    let width = |column: usize| (rows.iter().map(|row| row[column].chars().count())).max();
-    for row in rows {
-        let mut line = String::new();
-        for (column, cell) in row.iter().enumerate() {
-            let width = width(column).unwrap_or(0);
-            match column {
-                0 => write!(line, "{cell:width$}")?,
-                8 => write!(line, "  {cell}")?,
-                _ => write!(line, "  {cell:>width$}")?,
-            }
+/// The first column to the left, the others to the right.
+fn write_table(text: &mut String, lines: &[Line]) -> std::fmt::Result {
+    let widths: [usize; 9] = std::array::from_fn(|column| {
+        let widths = lines.iter().map(|line| line[column].chars().count());
+        widths.max().unwrap_or(0)
+    });
+    for line in lines {
+        write!(text, "{:1$}", line[0], widths[0])?;
+        for (cell, width) in line.iter().zip(widths).skip(1) {
+            write!(text, "  {cell:>width$}")?;
         }
-        writeln!(text, "{}", line.trim_end())?;
+        writeln!(text)?;
     }
     Ok(())
-}
-
-/// The effects' parameters, as in the scene's file.
-fn parameters(scene: &Scene) -> Result<serde_json::Value> {
-    serde_json::to_value(scene).context("the scene's parameters")
 }
 
 /// `name value, name value`.
@@ -182,6 +189,14 @@ fn in_words(parameters: &serde_json::Value) -> String {
     }
 }
 
+/// A difference of times, unless it is lost in the scatter of the repetitions.
+fn longer(time: Difference) -> String {
+    if time.nanoseconds.abs() < 3.0 * time.uncertainty {
+        return format!("0 ± {}", duration(time.uncertainty));
+    }
+    duration(time.nanoseconds)
+}
+
 /// Three digits.
 fn duration(nanoseconds: f64) -> String {
     let (value, unit) = match nanoseconds.abs() {
@@ -195,4 +210,41 @@ fn duration(nanoseconds: f64) -> String {
         _ => 0,
     };
     format!("{value:.digits$} {unit}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn effects_are_told_with_their_parameters() {
+        let scene = Scene::load("sunlit").expect("a scene");
+        let mut text = String::new();
+        write_parameters(&mut text, &scene).expect("text");
+        println!("{text}");
+        let names: Vec<&str> = (text.lines())
+            .filter_map(|line| line.split_whitespace().next())
+            .collect();
+        assert_eq!(
+            names,
+            ["spot", "ambient", "shot_noise", "black_level", "read_noise"]
+        );
+        assert!(text.contains("read_noise        counts 4.0"));
+    }
+
+    #[test]
+    fn durations_have_three_digits() {
+        let all = [0.4, 12.34, 999.0, 1234.0, 45.6e3, -7.8e6].map(duration);
+        assert_eq!(
+            all,
+            [
+                "0.40 ns", "12.3 ns", "999 ns", "1.23 us", "45.6 us", "-7.80 ms"
+            ]
+        );
+        let lost = Difference {
+            nanoseconds: 29.0,
+            uncertainty: 10.0,
+        };
+        assert_eq!(longer(lost), "0 ± 10.0 ns");
+    }
 }

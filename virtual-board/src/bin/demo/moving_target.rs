@@ -6,8 +6,8 @@ use anyhow::{Context as _, Result, ensure};
 use host_tests::bound;
 use host_tests::scene::{Scene, Sensor, Simulation};
 use serde::Serialize;
-use virtual_board::light::{Target, of_scene, true_distance};
-use virtual_board::{Firmware, VirtualBoard};
+use virtual_board::light::{Target, of_scene};
+use virtual_board::{Firmware, Line, VirtualBoard};
 
 use crate::lines::Report;
 use crate::{Options, say};
@@ -28,8 +28,6 @@ const RESULTS_A_STEP: usize = 4;
 pub struct Summary {
     /// Root mean square error of the readings; none without readings.
     rms_error_um: Option<f64>,
-    /// Mean error of the readings: what more of them would not remove.
-    mean_error_um: Option<f64>,
     /// What the Cramér-Rao bound gives for the scene, root mean square over the readings; none where the scene has more
     /// to it than a gaussian and noise.
     bound_um: Option<f64>,
@@ -108,8 +106,8 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     if options.scene.is_some() {
         say(options.json, &scene.about);
     }
-    let simulation = Simulation::new(scene.clone());
     let target = Target::at(start);
+    let simulation = Simulation::new(scene.clone());
     let mut board = VirtualBoard::power_on(firmware, of_scene(scene, target.clone()))?;
     let frame = Duration::from_millis(6) * u32::from(options.rows);
     // Boot, and the answer, wait behind at most a frame.
@@ -126,9 +124,11 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let (started, first_row) = (board.now(), board.head(|head| head.row_count()));
     let (mut readings, mut faults, mut compared) = (0, 0, vec![]);
     for step in 0..steps {
-        if !stays {
-            let share = f64::from(step) / f64::from(steps.max(2) - 1);
-            target.move_to(NEAREST + share * (FARTHEST - NEAREST));
+        let share = f64::from(step) / f64::from(steps.max(2) - 1);
+        match stays {
+            // One that moves by itself starts again.
+            true => target.move_to(start),
+            false => target.move_to(NEAREST + share * (FARTHEST - NEAREST)),
         }
         // The row that is under way, and the one that is being computed, still show the old place: two frames at most
         // end with such a row.
@@ -146,7 +146,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                 continue;
             }
             let shown = result == 2;
-            let distance = true_distance(&mut board, &target, &line, options.rows.into())
+            let distance = true_distance(&mut board, &target, &line, options.rows)
                 .context("a result came before its rows")?;
             match report {
                 Report::Reading(reading) => {
@@ -187,10 +187,6 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let statistics = board.finish()?;
     let summary = Summary {
         rms_error_um: rms(compared.iter().map(|reading| reading.error)),
-        mean_error_um: (!compared.is_empty()).then(|| {
-            let sum: f64 = compared.iter().map(|reading| reading.error).sum();
-            sum / compared.len() as f64
-        }),
         bound_um: (compared.iter())
             .map(|reading| reading.bound)
             .collect::<Option<Vec<f64>>>()
@@ -216,6 +212,19 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     Ok(summary)
 }
 
+/// Where the target was, in the mean over the rows of the frame that a line is the result of, in metres.
+fn true_distance(board: &mut VirtualBoard, target: &Target, line: &Line, rows: u16) -> Option<f64> {
+    /// Of the serial line: ten bits at 115200 a second, in nanoseconds.
+    const BYTE: u64 = 86_806;
+    // The line begins as soon as the frame's last row has been computed: before the next one is read.
+    let begin = line.at.saturating_sub((line.text.len() as u64 + 2) * BYTE);
+    let last = board.head(|head| {
+        let read = head.rows().rev().find(|row| row.last_word < begin);
+        read.map(|row| row.exposure)
+    })?;
+    target.mean_distance(&last, usize::from(rows))
+}
+
 /// A reading beside the truth and the bound for the scene.
 fn compare(
     simulation: &Simulation,
@@ -226,12 +235,12 @@ fn compare(
     let exposure = exposure.context("a reading came before any row")? as f64 * 1e-9;
     ensure!(reading.rows > 0, "a reading of no rows: {reading:?}");
     let optics = &simulation.scene().optics;
-    let micrometres_per_pixel = optics.metres_per_pixel(optics.centre(distance)) * 1e6;
-    let of_the_rows = micrometres_per_pixel / f64::from(reading.rows).sqrt();
+    let metres_per_pixel = optics.metres_per_pixel(optics.centre(distance));
     Ok(Compared {
         error: (reading.distance - distance * 1e3) * 1e3,
         uncertainty: reading.uncertainty * 1e3,
-        bound: bound::of_row(simulation, distance, exposure).map(|pixels| pixels * of_the_rows),
+        bound: bound::of_row(simulation, distance, exposure)
+            .map(|bound| bound / f64::from(reading.rows).sqrt() * metres_per_pixel * 1e6),
     })
 }
 
@@ -258,24 +267,20 @@ pub fn rms(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
 
 impl Summary {
     fn in_words(&self, readings: usize) -> String {
-        let accuracy = match (
-            self.rms_error_um,
-            self.mean_error_um,
-            self.max_error_um,
-            self.within_2u,
-        ) {
-            (Some(rms), Some(mean), Some(largest), Some(within)) => {
-                let beside = match self.bound_um {
-                    Some(bound) => {
-                        format!("{:.2} of the Cramér-Rao bound ({bound:.2} um)", rms / bound)
-                    }
-                    None => format!("of which mean {mean:+.2} um"),
-                };
+        let bound = match (self.rms_error_um, self.bound_um) {
+            (Some(rms), Some(bound)) => {
                 format!(
-                    "RMS error {rms:.2} um, {beside}; largest {largest:.2} um; {:.1} % within twice the claimed uncertainty",
-                    within * 100.0
+                    ", {:.2} of the Cramér-Rao bound ({bound:.2} um)",
+                    rms / bound
                 )
             }
+            _ => String::new(),
+        };
+        let accuracy = match (self.rms_error_um, self.max_error_um, self.within_2u) {
+            (Some(rms), Some(largest), Some(within)) => format!(
+                "RMS error {rms:.2} um{bound}; largest {largest:.2} um; {:.1} % within twice the claimed uncertainty",
+                within * 100.0
+            ),
             _ => "no reading".to_owned(),
         };
         format!(
