@@ -57,7 +57,7 @@ pub fn compare(set: &DataSet, tables: &RowTables<'_>, stride: usize) -> anyhow::
 /// The rows of a frame fitted with eq. (5) and with eq. (6).
 fn reference(counts: &[u16]) -> (Vec<RowFit>, Vec<RowFit>) {
     let (mut gaussians, mut sincs) = (vec![], vec![]);
-    for row in counts.chunks_exact(COLUMNS) {
+    for row in counts.as_chunks::<COLUMNS>().0 {
         let row: Vec<f64> = row.iter().map(|&count| f64::from(count)).collect();
         // Rows that the core calls too dim have a centre that is uncertain by an eighth of the width. For the reference: a height of
         // ten times the noise.

@@ -5,7 +5,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-/// Residuals over the centre: cubic B-splines, [`INTERVALS`] intervals over the centres that were measured.
+/// Residuals over the centre: cubic B-splines, eight intervals over the centres that were measured.
 #[derive(Clone, Debug)]
 pub struct ResidualTable {
     first: f64,

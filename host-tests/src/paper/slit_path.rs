@@ -15,11 +15,12 @@ use crate::paper::row_mean::{RowFit, RowMean};
 
 /// Pixels of a row that are simulated, around the spot. The spot's sigma is 10 to 13 pixels and its side lobes end at some 60: more
 /// than half of them are background, from which the core tells level and noise (medians over blocks), and 10 sigma to
-/// either side are more than any estimator looks at. The other 1664 would only tell the noise better.
+/// either side are more than any estimator looks at. The other 1664 would only tell the noise better:
+/// with 384 columns the mean errors change by 1 % (`robust`: 2 %).
 pub const COLUMNS: usize = 256;
 
 /// The light is computed on every so many rows, and interpolated between them: the speckle of a spot of half a millimetre is some
-/// 150 rows high.
+/// 150 rows high. On every row, the mean errors change by 0.4 %.
 const ROW_STEP: usize = 4;
 
 /// Tables that the core does not have.
@@ -36,10 +37,10 @@ pub struct RowTables<'a> {
 /// Over a slit much narrower than a speckle, the field is E0 + E1 u. The imaginary part of E1 / E0 is a tilt of the wave; it moves
 /// the pattern as a move of the spot does, and no look at a row tells the two apart. The real part is a taper: one side of the slit is
 /// brighter. That does not move Fraunhofer's pattern, but it does Fresnel's: with the wave's curvature at a Fresnel number of a third
-/// it adds a broad odd pattern, which over the spot's core is almost a slope. A least-squares fit moves by 0.43 of what the
-/// same tilt would move it by, a centroid by 1.3; a fit of the core on a background of any slope by 0.18.
+/// it adds a broad odd pattern, which over the spot's core is almost a slope. A least-squares fit of a gaussian moves by 0.44 of what
+/// the same tilt would move it by; a fit of the core on a background of any slope by 0.19.
 pub fn speckle_table() -> IntegerTable {
-    // Three quarters of the spot's width, and 2.5 of those to either side: all within 0.25.
+    // Three quarters of the spot's width, and 2.5 of those to either side.
     let shape = Shape {
         width: 8.0,
         half_width: 20,
@@ -91,7 +92,7 @@ pub fn fit_rows(counts: &[u16], tables: &RowTables<'_>) -> [Vec<RowFit>; RowEsti
     let mut found = RowEstimator::ALL.map(|_| Vec::with_capacity(ROWS));
     let mut last_spot: Option<(Spot, RowCentre)> = None;
     let mut last = [None; RowEstimator::ALL.len()];
-    for (number, row) in (0..).zip(counts.chunks_exact(COLUMNS)) {
+    for (number, row) in (0..).zip(counts.as_chunks::<COLUMNS>().0) {
         let place = 2.0 * f64::from(number) / (ROWS as f64 - 1.0) - 1.0;
         let row = Row::new(row, &[], FULL_SCALE).expect("a camera of 12 bits");
         let spot = match &last_spot {
@@ -146,5 +147,69 @@ fn centre_of(
             with,
         ),
         RowEstimator::Speckle => with(tables.speckle),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::paper::apparatus::LASER;
+    use std::f64::consts::TAU;
+
+    /// Derivatives of the pattern of a point, R away, by a taper and by a tilt of the field across the slit: at pixels from -`reach` to
+    /// `reach`, in any unit that both share. With S = int exp(i phase) du and S1 = int u exp(i phase) du they are 2 Re(S* S1) and
+    /// 2 Re(i S* S1).
+    fn by_taper_and_tilt(range: f64, reach: i32) -> Vec<[f64; 2]> {
+        const STEPS: i32 = 2000;
+        let wave = TAU / LASER.wavelength;
+        (-reach..=reach)
+            .map(|pixel| {
+                let place = f64::from(pixel) * PITCH;
+                let mut sums = [0.0; 4];
+                for step in 0..STEPS {
+                    let u = SLIT.width * ((f64::from(step) + 0.5) / f64::from(STEPS) - 0.5);
+                    let curved = 0.5 * u * u * (1.0 / range + 1.0 / SLIT.to_sensor);
+                    let phase = wave * (curved - u * place / SLIT.to_sensor);
+                    let (sin, cos) = phase.sin_cos();
+                    for (sum, value) in sums.iter_mut().zip([cos, sin, u * cos, u * sin]) {
+                        *sum += value;
+                    }
+                }
+                let [re, im, re1, im1] = sums;
+                [2.0 * (re * re1 + im * im1), 2.0 * (im * re1 - re * im1)]
+            })
+            .collect()
+    }
+
+    /// What a score makes of a taper, over what it makes of the same tilt.
+    fn share(score: &[f64]) -> f64 {
+        let derivatives = by_taper_and_tilt(0.85, score.len() as i32 / 2);
+        let response = |i: usize| -> f64 {
+            let products = score.iter().zip(&derivatives);
+            products.map(|(weight, by)| weight * by[i]).sum()
+        };
+        response(0) / response(1)
+    }
+
+    #[test]
+    fn the_table_for_speckle_is_nearly_blind_to_a_taper() {
+        let score = |shape, background| {
+            let table = design(&gaussian, shape, f64::INFINITY, background);
+            share(table.score[0].as_slice()).abs()
+        };
+        let speckle = Shape {
+            width: 8.0,
+            half_width: 20,
+            phases: 1,
+        };
+        let least_squares = Shape {
+            width: 10.5,
+            half_width: 42,
+            phases: 1,
+        };
+        let taper = score(speckle, Background::Tilted);
+        let fit = score(least_squares, Background::Level);
+        println!("taper over tilt: {taper:.3}, least squares {fit:.3}");
+        assert!((taper - 0.19).abs() < 0.02 && (fit - 0.44).abs() < 0.02);
     }
 }

@@ -99,7 +99,7 @@ pub fn measured_tables(set: &DataSet) -> anyhow::Result<Vec<IntegerTable>> {
         let (exposure, _) = target.expose(position)?;
         let mut counts = vec![];
         target.capture(&exposure, position, 0, &mut counts);
-        let rows = counts.chunks_exact(COLUMNS).step_by(ROWS_APART);
+        let rows = counts.as_chunks::<COLUMNS>().0.iter().step_by(ROWS_APART);
         let found = rows.filter_map(|counts| {
             let row = Row::new(counts, &[], FULL_SCALE).ok()?;
             let spot = spot::find(&row).ok()?;

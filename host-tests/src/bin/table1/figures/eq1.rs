@@ -18,7 +18,7 @@ const PRINTER_PAPER: usize = 3;
 const DOTS: usize = 30;
 
 /// Residuals that are drawn.
-const RESIDUALS: usize = 1500;
+const RESIDUALS: usize = 700;
 
 /// Draws the figure.
 pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
@@ -53,7 +53,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
         MATERIALS[PRINTER_PAPER].name
     );
     let mut upper = panel(&above, &title, &x, &y)?;
-    let line = (0..=200).map(|i| first + (last - first) * f64::from(i) / 200.0);
+    let line = (0..=40).map(|i| first + (last - first) * f64::from(i) / 40.0);
     upper.draw_series([PathElement::new(
         line.map(|x| (x, curve.distance(x))).collect::<Vec<_>>(),
         BLACK.stroke_width(2),
@@ -64,7 +64,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     let covariance = judged.fit.covariance;
     let uncertainty = |i: usize| covariance[(i, i)].sqrt();
     for (line, words) in [
-        format!("d = D + K/(x − xp)"),
+        "d = D + K/(x − xp)".into(),
         format!("D = {:.2} ± {:.2} mm", curve.d * 1e3, uncertainty(0) * 1e3),
         format!("K = {:.2} ± {:.2} m px", curve.k, uncertainty(1)),
         format!("xp = {:.1} ± {:.1} px", curve.pole, uncertainty(2)),

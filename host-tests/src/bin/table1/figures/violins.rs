@@ -50,8 +50,10 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
         ))?;
         let style = text(TITLE, colour).pos(Pos::new(HPos::Left, VPos::Center));
         legend.draw(&Text::new(name.clone(), (left + 30, 23), style))?;
-        left += 70 + (name.chars().count() as f64 * 0.58 * f64::from(TITLE)) as i32;
+        left += 58 + (name.chars().count() as f64 * 0.58 * f64::from(TITLE)) as i32;
     }
+    let style = text(TITLE, BLACK).pos(Pos::new(HPos::Right, VPos::Center));
+    legend.draw(&Text::new("figures: MAE, µm", (980, 23), style))?;
     for (material, area) in rest.split_evenly((3, 2)).iter().enumerate() {
         draw_material(report, material, &methods, area)
             .with_context(|| MATERIALS[material].name)?;
