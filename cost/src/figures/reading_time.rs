@@ -64,13 +64,13 @@ pub fn draw(points: &[Point], path: &Path) -> anyhow::Result<()> {
                 Kind::Measured,
             ),
             curve(
-                "moving away, 10 mm/s",
+                "speckle, receding",
                 Light::SpeckleReceding,
                 RGBColor(0xc6, 0x20, 0x20),
                 Kind::Measured,
             ),
             curve(
-                "sliding past, 20 mm/s",
+                "speckle, sliding",
                 Light::SpeckleSliding,
                 RGBColor(0x1a, 0x80, 0x3a),
                 Kind::Measured,
