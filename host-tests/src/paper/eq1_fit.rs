@@ -295,8 +295,7 @@ mod tests {
             .derivatives_of_eq1(&scaled)
             .try_inverse()
             .expect("independent");
-        let [fitted, physical] =
-            [normal, to_eq1.transpose() * normal * to_eq1].map(|normal| condition(normal));
+        let [fitted, physical] = [normal, to_eq1.transpose() * normal * to_eq1].map(condition);
         println!("condition {fitted:.1}, in (D, K, xp) {physical:.0}");
         assert!(fitted < 20.0 && physical > 10.0 * fitted);
     }
