@@ -295,7 +295,7 @@ impl Scene {
 
     /// White paper in a dim room, on the TCD1304DG: no ambient light, no speckle.
     ///
-    /// The spot is that of a 1 mm laser spot through a 200 um slit 50 mm from the sensor: sigma 69 um, 8.6 pixels of 8 um. Ten
+    /// The spot is that of a 2 mm laser spot through a 200 um slit 50 mm from the sensor: sigma 69 um, 8.6 pixels of 8 um. Ten
     /// electrons a count and four counts of noise are a TCD1304DG's 40 ke- full well and 0.6 mV noise of 0.6 V on 12 bits.
     pub fn white_paper() -> Self {
         Self {
