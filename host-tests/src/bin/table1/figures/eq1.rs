@@ -61,13 +61,12 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     let all = outcome.centres.iter().zip(&outcome.distances);
     let dots = all.step_by((outcome.centres.len() / DOTS).max(1));
     upper.draw_series(dots.map(|(&x, &d)| Circle::new((x, d), 5, colour.filled())))?;
-    let covariance = judged.fit.covariance;
-    let uncertainty = |i: usize| covariance[(i, i)].sqrt();
+    // Without uncertainties: those of the fit are for errors that are independent, and neighbours share their speckle.
     for (line, words) in [
         "d = D + K/(x − xp)".into(),
-        format!("D = {:.2} ± {:.2} mm", curve.d * 1e3, uncertainty(0) * 1e3),
-        format!("K = {:.2} ± {:.2} m px", curve.k, uncertainty(1)),
-        format!("xp = {:.1} ± {:.1} px", curve.pole, uncertainty(2)),
+        format!("D = {:.1} mm", curve.d * 1e3),
+        format!("K = {:.0} m px", curve.k),
+        format!("xp = {:.0} px", curve.pole),
     ]
     .into_iter()
     .enumerate()

@@ -15,6 +15,9 @@ use crate::report::{Report, find};
 /// The errors that are shown, in micrometres to either side.
 const RANGE: f64 = 900.0;
 
+/// The lower end of the axis: below the errors there is room for figures.
+const LOWEST: f64 = -1100.0;
+
 /// Bins over the range.
 const BINS: usize = 180;
 
@@ -75,7 +78,7 @@ fn draw_material(
         digits: 0,
     };
     let y = Axis {
-        range: -RANGE..RANGE,
+        range: LOWEST..RANGE,
         name: if material.is_multiple_of(2) {
             "error, µm"
         } else {
@@ -115,7 +118,7 @@ fn draw_material(
         }
         let mae = format!("{:.0}", judged.mae * 1e6);
         let style = text(TEXT, colour).pos(Pos::new(HPos::Center, VPos::Bottom));
-        panel.draw_series([Text::new(mae, (place, -RANGE * 0.98), style)])?;
+        panel.draw_series([Text::new(mae, (place, LOWEST * 0.99), style)])?;
     }
     Ok(())
 }
