@@ -117,10 +117,10 @@ mod tests {
         for aperture in Aperture::ALL {
             let ends = [TABLE.0, TABLE.1].map(|distance| centre(aperture, distance));
             println!("{}: {ends:.1?}", aperture.name());
-            // With 80 pixels to spare at either end: half of the spot's image through a slit.
+            // With half of the simulated columns to spare at either end.
             assert!(
                 ends.iter()
-                    .all(|end| (80.0..COLUMNS as f64 - 80.0).contains(end))
+                    .all(|end| (128.0..COLUMNS as f64 - 128.0).contains(end))
             );
         }
     }

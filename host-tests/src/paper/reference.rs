@@ -1,5 +1,6 @@
 //! The paper's fits in f64 beside the core's, on the same rows: whether what the core makes of a frame is what the paper's method makes.
 
+use anyhow::Context as _;
 use rayon::prelude::*;
 
 use crate::least_squares;
@@ -30,19 +31,27 @@ pub fn compare(set: &DataSet, tables: &RowTables<'_>, stride: usize) -> anyhow::
     let positions: Vec<usize> = (0..set.distances.len()).step_by(stride).collect();
     let differences: Vec<[f64; 2]> = positions
         .par_iter()
-        .filter_map(|&position| {
-            let (exposure, _) = target.expose(position).ok()?;
+        .map(|&position| {
+            let (exposure, _) = target.expose(position)?;
             let mut counts = vec![];
             target.capture(&exposure, position, 0, &mut counts);
             let core = slit_path::fit_rows(&counts, tables);
             let of_core = |estimator: RowEstimator| RowMean::Plain.of(&core[estimator as usize]);
             let (gaussian, sinc) = reference(&counts);
-            Some([
-                of_core(RowEstimator::Gaussian)? - RowMean::Plain.of(&gaussian)?,
-                of_core(RowEstimator::Fraunhofer)? - RowMean::Plain.of(&sinc)?,
+            let difference = |core: Option<f64>, fit: Option<f64>| {
+                core.zip(fit)
+                    .map(|(core, fit)| core - fit)
+                    .with_context(|| format!("no centre at position {position}"))
+            };
+            Ok([
+                difference(
+                    of_core(RowEstimator::Gaussian),
+                    RowMean::Plain.of(&gaussian),
+                )?,
+                difference(of_core(RowEstimator::Fraunhofer), RowMean::Plain.of(&sinc))?,
             ])
         })
-        .collect();
+        .collect::<anyhow::Result<_>>()?;
     let root_mean_square = |i: usize| {
         let squares = differences.iter().map(|difference| difference[i].powi(2));
         (squares.sum::<f64>() / differences.len() as f64).sqrt()
