@@ -34,6 +34,10 @@ pub struct Plan {
     pub seconds: f64,
 }
 
+/// The largest plan: a hundred thousand of either, over eleven days.
+const MOST: u64 = 100_000;
+const LONGEST: f64 = 1e6;
+
 impl Plan {
     /// 400 rows, or 24 frames, over ten minutes, in which a sensor warms up; or over as much of them as it takes the target to move by a
     /// centimetre.
@@ -53,6 +57,32 @@ impl Plan {
             readings,
             seconds,
         }
+    }
+
+    /// That the plan can be run with the scene.
+    ///
+    /// # Errors
+    /// It is empty or endless, or takes the target to where the scene cannot be simulated.
+    pub fn check(&self, scene: &Scene) -> Result<()> {
+        ensure!(
+            (1..=MOST).contains(&self.realisations) && (1..=MOST).contains(&self.readings),
+            "{} realisations of {} readings: take 1 to {MOST} of each",
+            self.realisations,
+            self.readings
+        );
+        ensure!(
+            (0.0..=LONGEST).contains(&self.seconds),
+            "readings over {} s: take 0 to {LONGEST} s",
+            self.seconds
+        );
+        if let Some(motion) = &scene.motion {
+            let last = motion.distance(scene.distance, self.seconds);
+            scene.check_distance(last).with_context(|| {
+                let (speed, seconds) = (motion.speed, self.seconds);
+                format!("a target that moves by {speed} m/s for {seconds} s: take fewer seconds")
+            })?;
+        }
+        Ok(())
     }
 }
 
@@ -122,19 +152,14 @@ impl Budget {
     /// [`Budget::runs`].
     ///
     /// # Errors
-    /// The plan is empty.
+    /// [`Plan::check`].
     pub fn of(
         scene: &Scene,
         estimator: Estimator,
         plan: &Plan,
         ran: &(dyn Fn() + Sync),
     ) -> Result<Self> {
-        ensure!(
-            plan.realisations > 0 && plan.readings > 0,
-            "{} realisations of {} readings are none: take one of each at least",
-            plan.realisations,
-            plan.readings
-        );
+        plan.check(scene)?;
         // The core is told the same of its sensor throughout: without its shot noise too.
         let geometry = scene.geometry();
         let effects: Vec<Effect> = effects(scene).collect();
@@ -211,7 +236,7 @@ fn realisation(
     (0..plan.readings)
         .map(|reading| {
             let share = (reading as f64 + even(std::f64::consts::SQRT_2)) / plan.readings as f64;
-            let period = (share * plan.seconds / scene.sensor.period()) as u64;
+            let period = (share * plan.seconds / scene.period()) as u64;
             let first = period * scene.sensor.rows();
             let centre = mean_centre(&simulation, geometry, estimator, first, distance)?;
             let truth = simulation.true_distance(first, distance);

@@ -58,7 +58,7 @@ impl View {
 
     /// R: from the laser spot to the aperture, in metres.
     pub fn range(&self) -> f64 {
-        self.baseline.hypot(self.distance)
+        libm::hypot(self.baseline, self.distance)
     }
 
     /// Sine of the angle between the beam and the line of sight.

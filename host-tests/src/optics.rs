@@ -1,4 +1,5 @@
-//! Eq. (1) of the paper as it stands there, with its trigonometry, in metres: the simulation's truth.
+//! Eq. (1) of the paper as it stands there, with its trigonometry, in metres: the simulation's truth. Functions are libm's, which are
+//! the same on any machine.
 
 use serde::{Deserialize, Serialize};
 
@@ -68,7 +69,7 @@ impl Optics {
             offset: 0.0,
             baseline: 0.3,
             focal_length: 0.05,
-            angle: 2.6f64.atan(),
+            angle: libm::atan(2.6),
             pitch: sensor.pitch(),
             axis: (sensor.geometry().light.len() as f64 - 1.0) / 2.0,
             wavelength: 650e-9,
@@ -79,23 +80,23 @@ impl Optics {
     /// Distance in metres for a centre in pixels: d0 + b tan(u - atan(x / f)).
     pub fn distance(&self, centre: f64) -> f64 {
         let x = (centre - self.axis) * self.pitch;
-        self.offset + self.baseline * (self.angle - (x / self.focal_length).atan()).tan()
+        self.offset + self.baseline * libm::tan(self.angle - libm::atan(x / self.focal_length))
     }
 
     /// The centre in pixels of a target at a distance in metres.
     pub fn centre(&self, distance: f64) -> f64 {
-        let alpha = self.angle - ((distance - self.offset) / self.baseline).atan();
-        self.axis + self.focal_length * alpha.tan() / self.pitch
+        let alpha = self.angle - libm::atan((distance - self.offset) / self.baseline);
+        self.axis + self.focal_length * libm::tan(alpha) / self.pitch
     }
 
     /// The angle between the laser's beam and the light that reaches the sensor, in radians, for a target at a distance in metres.
     pub fn viewing_angle(&self, distance: f64) -> f64 {
-        (self.baseline / (distance - self.offset)).atan()
+        libm::atan(self.baseline / (distance - self.offset))
     }
 
     /// From the target at a distance to the slit, in metres.
     pub fn range(&self, distance: f64) -> f64 {
-        self.baseline.hypot(distance - self.offset)
+        libm::hypot(self.baseline, distance - self.offset)
     }
 
     /// Metres a pixel at a centre, without sign.

@@ -1,8 +1,9 @@
 //! What the sensor is shown: a target at a distance, the spot's light on the rows, and the effects that matter.
 //!
 //! A scene is a value that lists its effects. An effect that is not listed is not computed: it costs no time and no memory,
-//! draws no random number, and changes no other (see [`random`]). The same scene gives the same rows on any machine, in any order
-//! and on any number of threads.
+//! draws no random number, and changes no other (see [`random`]). The same scene gives the same rows in any order and on any
+//! number of threads, and on any machine: angles and exponentials are libm's, not the machine's. [`texture`] alone draws normal numbers
+//! whose rare far tails are made with the standard library's exp and ln.
 //!
 //! Light is in counts of the converter, before noise and rounding; lengths are in metres unless they are said to be in pixels.
 
@@ -258,6 +259,11 @@ impl Effect {
 }
 
 impl Scene {
+    /// Time from row to row, or from frame to frame of a camera, in seconds: the sensor's, or the exposure where that is longer.
+    pub fn period(&self) -> f64 {
+        self.sensor.period().max(self.exposure)
+    }
+
     /// A sensor in the dark: no laser, no effect.
     pub fn dark(sensor: Sensor) -> Self {
         Self {

@@ -3,7 +3,10 @@
 
 use std::time::Instant;
 
+use host_tests::budget::Plan;
 use host_tests::optics::Aperture;
+use host_tests::paper::apparatus::{LASER, WANDER};
+use host_tests::paper::materials::MATERIALS;
 use host_tests::scene::{
     Ambient, BlackLevel, Coma, Defocus, Diffraction, Distortion, Effect, FixedPattern, Flare,
     HotPixels, LaserSpot, Motion, Obliquity, Quantisation, ReadNoise, Response, Saturation, Scene,
@@ -535,11 +538,32 @@ fn rounding_is_noise_of_a_twelfth_of_the_steps_square() {
 
 #[test]
 fn halves_are_rounded_up_and_ends_are_ends() {
-    let mut counts = [-9.0, -8.0, -7.9, 0.0, 7.9, 8.0, 23.9];
-    Quantisation { step: 16.0 }.apply(&mut counts);
-    assert_eq!(counts, [-16.0, -16.0, 0.0, 0.0, 0.0, 16.0, 16.0]);
+    let mut counts = [-9.0, -8.0, -7.9, 0.0, 7.9, 8.0, 23.9, 4087.9, 4088.0, 1e9];
+    Quantisation { step: 16.0 }.apply(&mut counts, 4095);
+    // 8 bits: 256 codes, of which the last is 255 steps.
+    assert_eq!(
+        counts,
+        [
+            -16.0, -16.0, 0.0, 0.0, 0.0, 16.0, 16.0, 4080.0, 4080.0, 4080.0
+        ]
+    );
     let counts = [-3.0, 0.4, 0.5, 7.49, 4094.5, 4095.4, 1e9, f32::NAN];
     assert_eq!(quantise(&counts, 4095), [0, 0, 1, 7, 4095, 4095, 4095, 0]);
+}
+
+/// Exposures do not overlap: rows of one that is longer than the sensor's period come as slowly.
+#[test]
+fn a_row_takes_as_long_as_its_exposure() {
+    for (exposure, period) in [(0.005, 1.0 / 175.4), (0.02, 0.02)] {
+        let simulation = Simulation::new(Scene {
+            exposure,
+            motion: Some(Motion { speed: 0.1 }),
+            ..Scene::dark(Sensor::Tcd1304dg)
+        });
+        let moved = simulation.true_distance(10, 0.8) - 0.8;
+        println!("{moved} m in ten rows of {exposure} s");
+        assert!((moved - 10.0 * 0.1 * period).abs() < 1e-12);
+    }
 }
 
 // ---- Random numbers ----
@@ -782,7 +806,7 @@ fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
         noise.apply(&mut counts, &mut random);
     }
     if let Some(quantisation) = scene.quantisation {
-        quantisation.apply(&mut counts);
+        quantisation.apply(&mut counts, scene.sensor.geometry().full_scale());
     }
     counts
 }
@@ -971,6 +995,42 @@ fn scenes_are_read_and_written() {
     assert_eq!(quiet, white);
 }
 
+/// The scenes of the paper's materials show the surfaces that the paper's experiment is simulated with, lit by the same laser.
+#[test]
+fn materials_are_those_of_the_experiment() {
+    let names = [
+        "brushed-metal",
+        "rusty-metal",
+        "light-wood",
+        "paper-on-camera",
+        "black-tape",
+        "microfiber",
+    ];
+    for (name, material) in names.into_iter().zip(MATERIALS) {
+        let scene = Scene::load(name).expect("a scene");
+        println!("{name}: {}", material.description());
+        let speckle = Speckle {
+            polarisations: material.polarisations as u8,
+            linewidth: LASER.linewidth,
+            path_spread: material.path_spread,
+        };
+        assert_eq!(scene.speckle, Some(speckle), "{name}");
+        assert_eq!(scene.specular_lobe, material.lobe, "{name}");
+        assert_eq!(scene.texture, Some(material.texture), "{name}");
+        let spot = LaserSpot {
+            waist: LASER.waist_diameter,
+            waist_distance: LASER.waist_distance,
+            // A line sensor's scenes are of a target that slides nowhere.
+            wander: match scene.sensor {
+                Sensor::Camera => WANDER,
+                _ => 0.0,
+            },
+        };
+        assert_eq!(scene.laser_spot, Some(spot), "{name}");
+        assert_eq!(scene.optics.wavelength, LASER.wavelength, "{name}");
+    }
+}
+
 /// Each file begins by saying what it shows, and says of each effect why it is there.
 #[test]
 fn scenes_say_why() {
@@ -1095,6 +1155,27 @@ fn scenes_that_mean_nothing_are_refused() {
     let mut scene = with(Effect::Speckle);
     scene.speckle.as_mut().expect("listed").polarisations = 3;
     refused(&scene, "light has 1 (metal, gloss) or 2");
+    let mut scene = with(Effect::Speckle);
+    scene.optics.aperture = Aperture::Slit {
+        width: 200e-6,
+        height: 4.3e-3,
+    };
+    refused(&scene, "optics.aperture.slit.height is 0.0043 m");
+    scene.optics.aperture = Aperture::Lens { diameter: 5e-3 };
+    refused(&scene, "optics.aperture.lens.diameter is 0.005 m");
+    let mut scene = with(Effect::LaserSpot);
+    scene.laser_spot.as_mut().expect("listed").waist = 9e-6;
+    refused(&scene, "laser_spot.waist is 0.000009 m: it must be 0.00001");
+    let mut scene = with(Effect::Texture);
+    scene.texture.as_mut().expect("listed").length = 0.9e-6;
+    refused(&scene, "texture.length is 0.0000009 m");
+    let mut scene = paper();
+    scene.optics.focal_length = 0.9e-3;
+    refused(&scene, "optics.focal_length is 0.0009 m");
+    refused(
+        &Scene::dark(Sensor::Row(65_537)),
+        "sensor.row is 65537 pixels: it must be 65536 or fewer",
+    );
     for effect in [
         Effect::Defocus,
         Effect::Coma,
@@ -1138,6 +1219,34 @@ fn scenes_that_mean_nothing_are_refused() {
     let error = format!("{:#}", Scene::load("no-such").expect_err("no scene"));
     println!("{error}");
     assert!(error.contains("no-such.toml; there are black-tape"));
+}
+
+/// With speckle the surface is made for a beam up to 1.5 times as far away as the scene's target: at that end it still can be seen, and a
+/// plan that goes beyond is refused before it is run.
+#[test]
+fn speckle_has_an_end() {
+    let scene = Scene::load("speckle-receding").expect("a scene");
+    let farthest = 1.5 * scene.distance;
+    for distance in [0.3, farthest] {
+        scene.check_distance(distance).expect("a distance");
+        Simulation::new(scene.clone()).row(0, distance, scene.exposure);
+    }
+    for distance in [f64::NAN, -0.1, 0.29, 1.01 * farthest] {
+        let error = scene.check_distance(distance).expect_err("too far");
+        println!("{error}");
+    }
+    // 0.01 m/s from 0.8 m: to 1.2 m in 40 s.
+    let plan = |seconds| Plan {
+        seconds,
+        ..Plan::of(&scene)
+    };
+    assert!(plan(39.0).check(&scene).is_ok());
+    let error = format!("{:#}", plan(41.0).check(&scene).expect_err("too far"));
+    println!("{error}");
+    assert!(error.contains("for 41 s: take fewer seconds") && error.contains("1.200 m"));
+    for seconds in [f64::NAN, f64::INFINITY, -1.0, 2e6] {
+        assert!(plan(seconds).check(&Scene::white_paper()).is_err());
+    }
 }
 
 /// Not a test: prints what pixels cost. `cargo test -p host-tests --test scene_sensor -- --ignored --nocapture`

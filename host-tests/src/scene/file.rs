@@ -6,7 +6,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result, ensure};
 
 use crate::optics::{Aperture, Optics};
-use crate::scene::{Effect, Scene, Sensor};
+use crate::scene::{Effect, Scene, Sensor, speckle};
+
+/// Pixels of a row: no sensor has more, and each scene's row takes memory and time for all of them.
+const LONGEST_ROW: usize = 65_536;
+
+/// Metres across the aperture for which the lattice of the surface's scatterers is made ([`crate::field::Scattering::pitch`]).
+const SPECKLE_APERTURE: f64 = 4.2e-3;
 
 /// The folder of the scenes that come with the project.
 pub fn folder() -> PathBuf {
@@ -82,11 +88,33 @@ impl Scene {
                 pixels > 0,
                 "sensor.row is 0 pixels: give the row a length, or name a sensor"
             );
+            ensure!(
+                pixels <= LONGEST_ROW,
+                "sensor.row is {pixels} pixels: it must be {LONGEST_ROW} or fewer"
+            );
         }
         check_optics(&self.optics, self.sensor)?;
         self.check_laser_light()?;
         self.check_lens()?;
         self.check_sensor()
+    }
+
+    /// That a target at a distance in metres can be simulated, where it is not the scene's own.
+    ///
+    /// # Errors
+    /// It is behind the laser, or speckle's surface is not made for it.
+    pub fn check_distance(&self, distance: f64) -> Result<()> {
+        above_zero("the target's distance", distance, "m")?;
+        if self.speckle.is_some() {
+            let nearest = speckle::NEAREST.min(self.distance);
+            let farthest = speckle::FARTHEST * self.distance;
+            ensure!(
+                (nearest..=farthest).contains(&distance),
+                "the target's distance is {distance} m: with [speckle] this scene can be seen from {nearest} to {farthest:.3} m, \
+                 1.5 times its own distance; move that, or leave [speckle] out"
+            );
+        }
+        Ok(())
     }
 
     /// Spot, and what acts on its light.
@@ -116,7 +144,7 @@ impl Scene {
             not_negative("spot.counts_per_second", spot.counts_per_second, "counts/s")?;
         }
         if let Some(spot) = &self.laser_spot {
-            above_zero("laser_spot.waist", spot.waist, "m")?;
+            at_least("laser_spot.waist", spot.waist, 10e-6, "m")?;
             finite("laser_spot.waist_distance", spot.waist_distance, "m")?;
             finite("laser_spot.wander", spot.wander, "m/m")?;
         }
@@ -130,12 +158,21 @@ impl Scene {
                 "speckle.polarisations is {}: light has 1 (metal, gloss) or 2 (paper, wood)",
                 speckle.polarisations
             );
+            let (side, name) = match self.optics.aperture {
+                Aperture::Slit { height, .. } => (height, "slit.height"),
+                Aperture::Lens { diameter } => (diameter, "lens.diameter"),
+            };
+            ensure!(
+                side <= SPECKLE_APERTURE,
+                "optics.aperture.{name} is {side} m: with [speckle] it must be {SPECKLE_APERTURE} m or less, beyond which the field of \
+                 the surface's lattice repeats"
+            );
             not_negative("speckle.linewidth", speckle.linewidth, "m")?;
             not_negative("speckle.path_spread", speckle.path_spread, "m")?;
         }
         if let Some(texture) = &self.texture {
             not_negative("texture.contrast", texture.contrast, "of the mean")?;
-            above_zero("texture.length", texture.length, "m")?;
+            at_least("texture.length", texture.length, 1e-6, "m")?;
         }
         if let Some(lobe) = &self.specular_lobe {
             not_negative("specular_lobe.strength", lobe.strength, "of the surface's")?;
@@ -243,7 +280,7 @@ impl Scene {
             not_negative("read_noise.counts", noise.counts, "counts")?;
         }
         if let Some(quantisation) = &self.quantisation {
-            above_zero("quantisation.step", quantisation.step, "counts")?;
+            at_least("quantisation.step", quantisation.step, 0.01, "counts")?;
         }
         Ok(())
     }
@@ -252,7 +289,7 @@ impl Scene {
 fn check_optics(optics: &Optics, sensor: Sensor) -> Result<()> {
     finite("optics.offset", optics.offset, "m")?;
     above_zero("optics.baseline", optics.baseline, "m")?;
-    above_zero("optics.focal_length", optics.focal_length, "m")?;
+    at_least("optics.focal_length", optics.focal_length, 1e-3, "m")?;
     ensure!(
         optics.angle > 0.0 && optics.angle < FRAC_PI_2,
         "optics.angle is {} radians: it is the optical axis's to the casing, between 0 and pi/2",
@@ -295,6 +332,15 @@ fn not_negative(name: &str, value: f64, unit: &str) -> Result<()> {
 fn above_zero(name: &str, value: f64, unit: &str) -> Result<()> {
     finite(name, value, unit)?;
     ensure!(value > 0.0, "{name} is {value} {unit}: it must be above 0");
+    Ok(())
+}
+
+fn at_least(name: &str, value: f64, least: f64, unit: &str) -> Result<()> {
+    finite(name, value, unit)?;
+    ensure!(
+        value >= least,
+        "{name} is {value} {unit}: it must be {least} {unit} or more"
+    );
     Ok(())
 }
 

@@ -123,7 +123,7 @@ impl Pupil {
         range: f64,
     ) -> Self {
         let radius = 0.5 * diameter;
-        let cosine = optics.focal_length / optics.focal_length.hypot(centre);
+        let cosine = optics.focal_length / libm::hypot(optics.focal_length, centre);
         Self {
             radius,
             to_sensor: optics.focal_length,

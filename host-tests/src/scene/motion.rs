@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// The distance that a scene's row is asked for is that at the middle of the first row's exposure; later rows see the target where it
 /// has got to by the middle of their own exposure, which is also what an estimate is to be compared with
 /// ([`crate::scene::Simulation::true_distance`]). Light of the whole exposure adds up, and smears the spot: over a displacement of v T on the sensor
-/// the variance grows by (v T)^2 / 12.
+/// the variance grows by (v T)^2 / 12. The speckle is that of the exposure's middle: it does not change while the sensor looks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {

@@ -30,7 +30,7 @@ impl Oblique {
     pub fn new(centre: f64, to_sensor: f64) -> Self {
         Self {
             to_sensor,
-            sin_centre: centre / centre.hypot(to_sensor),
+            sin_centre: centre / libm::hypot(centre, to_sensor),
         }
     }
 
@@ -41,7 +41,7 @@ impl Oblique {
 
     /// q at a place in metres from the axis, and the factor of the light there.
     pub fn seen(&self, place: f64) -> (f64, f64) {
-        let hypotenuse = place.hypot(self.to_sensor);
+        let hypotenuse = libm::hypot(place, self.to_sensor);
         let cosine = self.to_sensor / hypotenuse;
         (
             self.to_sensor * (place / hypotenuse - self.sin_centre),

@@ -14,13 +14,16 @@ pub struct Quantisation {
 }
 
 impl Quantisation {
-    /// Rounds a row's counts to steps.
-    pub fn apply(&self, counts: &mut [f32]) {
+    /// Rounds a row's counts to steps, of which the highest is the last one that is not above full scale: a converter of 8 bits of 12
+    /// gives 4080 at most, as its 256 codes begin at 0.
+    pub fn apply(&self, counts: &mut [f32], full_scale: u16) {
         let step = self.step as f32;
+        let highest = (f32::from(full_scale) / step).floor() * step;
         for count in counts {
             let steps = *count / step;
             // Cutting off the fraction of a half more; `round` would be a call.
-            *count = (steps + 0.5f32.copysign(steps)) as i32 as f32 * step;
+            let rounded = (steps + 0.5f32.copysign(steps)) as i32 as f32 * step;
+            *count = rounded.min(highest);
         }
     }
 }

@@ -1,7 +1,8 @@
 //! Random numbers: a stream for each effect and row, and a number in it for each pixel.
 //!
 //! No function of the machine's own is used, whose last bit differs from one to the next: the generator works on integers, and what
-//! is made of its numbers needs additions, multiplications and square roots of IEEE 754, which are the same everywhere.
+//! is made of its numbers needs additions, multiplications and square roots of IEEE 754, which are the same everywhere. The one exception is
+//! [`crate::scene::Texture`], whose normal numbers (`rand_distr`) use the standard library's exp and ln at the edges of its ziggurat.
 
 use std::f32::consts::{FRAC_1_SQRT_2, FRAC_PI_4, LN_2};
 

@@ -213,7 +213,7 @@ impl LensPoint {
     /// By rays, on the scene's gaussian.
     fn by_rays(scene: &Scene, pupil: &Pupil, blur: f64) -> Self {
         let (gaussian, sigma) = gaussian(scene);
-        let sigma_across = sigma.hypot(blur);
+        let sigma_across = libm::hypot(sigma, blur);
         let many_rows = scene.sensor.rows() > 1;
         let rays = match pupil.farthest_ray() {
             0.0 => vec![Ray::STRAIGHT],
@@ -247,7 +247,7 @@ impl LensPoint {
 pub fn gaussian_width(scene: &Scene, distance: f64) -> f64 {
     let blur = spot_deviation(scene, distance) * image_scale(&scene.optics, distance);
     let width = scene.spot.map_or(0.0, |spot| spot.width);
-    width.hypot(blur / scene.optics.pitch)
+    libm::hypot(width, blur / scene.optics.pitch)
 }
 
 /// Light in a row of the sensor, over that in the middle, of a gaussian whose sigma is `width` pixels for a point: one row of a line
@@ -268,7 +268,7 @@ pub fn gaussian_height(scene: &Scene, width: f64, distance: f64, row: usize) -> 
         }
         Aperture::Lens { .. } => {
             let sigma = width * scene.optics.pitch;
-            libm::exp(-0.5 * (place / sigma.hypot(blur)).powi(2))
+            libm::exp(-0.5 * (place / libm::hypot(sigma, blur)).powi(2))
         }
     }
 }

@@ -101,7 +101,7 @@ impl Prepared {
 
 /// Seconds from the middle of the first row's exposure to that of another. Rows of one frame are exposed at once.
 fn time(scene: &Scene, row: u64) -> f64 {
-    (row / scene.sensor.rows()) as f64 * scene.sensor.period()
+    (row / scene.sensor.rows()) as f64 * scene.period()
 }
 
 /// As [`Scene::row`].
@@ -157,7 +157,7 @@ pub(crate) fn row(
         );
     }
     if let Some(quantisation) = &scene.quantisation {
-        quantisation.apply(&mut counts);
+        quantisation.apply(&mut counts, geometry.full_scale());
     }
     counts
 }

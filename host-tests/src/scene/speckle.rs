@@ -57,6 +57,11 @@ pub struct Rows {
     pub light: Vec<Vec<f64>>,
 }
 
+/// The surface is made for a beam from here, in metres, or from the scene's distance where that is nearer ...
+pub(super) const NEAREST: f64 = 0.3;
+/// ... to so many times the scene's distance.
+pub(super) const FARTHEST: f64 = 1.5;
+
 /// Patterns are computed to so many details (lambda z / a) from the geometric centre, with so many columns in a detail.
 const DETAILS: f64 = 24.0;
 const COLUMNS: f64 = 16.0;
@@ -83,8 +88,8 @@ impl Speckle {
         // Wavelengths for the coherence of paths that differ by 2.5 times their mean, which 92 % do not exceed (Laser::spectrum).
         let phase = 2.5 * self.path_spread * laser.wavenumber_deviation();
         laser.wavelengths = ((2.0 / PI * phase * phase).ceil() as usize).clamp(5, 15);
-        // The beam reaches to 2.25 times its radius; half as far again is what a target may come to.
-        let diameter = [0.3, scene.distance, 1.5 * scene.distance]
+        // The beam reaches to 2.25 times its radius; half as far again is what a target may come to (Scene::check_distance).
+        let diameter = [NEAREST, scene.distance, FARTHEST * scene.distance]
             .map(|distance| spot.diameter(distance, wavelength))
             .into_iter()
             .fold(0.0, f64::max);

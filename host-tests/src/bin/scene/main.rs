@@ -42,13 +42,13 @@ struct Options {
     #[arg(long, value_name = "NAME", default_value = Estimator::default().name(), value_parser = estimator)]
     estimator: Estimator,
     /// Seeds to average over [default: 100; with speckle 40; for a camera 24]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     realisations: Option<u64>,
     /// Readings of each [default: 4; with speckle 10; for a camera 1]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     readings: Option<u64>,
     /// Time over which a realisation's readings are spread [default: 600, or what it takes the target to move by a centimetre]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
     /// Folder of the picture, NAME.svg
     #[arg(long, value_name = "FOLDER", default_value = "target/scenes")]
@@ -66,6 +66,14 @@ fn estimator(name: &str) -> Result<Estimator, String> {
         let names = Estimator::ALL.map(Estimator::name).join(", ");
         format!("there are {names}")
     })
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().map_err(|_| "it is no number".to_owned())?;
+    if !(0.0..=1e6).contains(&seconds) {
+        return Err("it must be from 0 to 1e6".into());
+    }
+    Ok(seconds)
 }
 
 /// All that there is to say about a scene.
@@ -92,12 +100,15 @@ fn main() -> Result<()> {
         .with_context(|| format!("{name:?} names no scene"))?
         .to_string_lossy()
         .into_owned();
+    let plan = options.plan(&scene);
+    // Before anything that takes its time.
+    plan.check(&scene)?;
 
     let shown = Shown {
         picture: picture::write(&name, &scene, options.estimator, &options.output)?,
         // While nothing else runs.
         timing: Timing::of(&scene),
-        budget: budget(&scene, options.estimator, &options.plan(&scene))?,
+        budget: budget(&scene, options.estimator, &plan)?,
         name,
         scene,
     };

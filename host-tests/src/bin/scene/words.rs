@@ -44,7 +44,7 @@ pub fn setting(scene: &Scene) -> String {
         Aperture::Slit { width, height } => {
             format!("slit {:.0} um x {:.1} mm", width * 1e6, height * 1e3)
         }
-        Aperture::Lens { diameter } => format!("lens f/{:.1}", optics.focal_length / diameter),
+        Aperture::Lens { diameter } => format!("lens with a pupil of {:.2} mm", diameter * 1e3),
     };
     format!(
         "{sensor} ({:.2} um a pixel), {aperture}, target at {:.1} mm ({:.1} um a pixel), exposure {:.3} ms",

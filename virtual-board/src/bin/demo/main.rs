@@ -31,7 +31,7 @@ struct Options {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["distance", "steps", "scene", "pty"])]
     pgm: Option<PathBuf>,
     /// Open the serial line as a pseudo-terminal for tio or screen, and run on wall time until interrupted.
-    #[arg(long, conflicts_with = "json")]
+    #[arg(long, conflicts_with_all = ["json", "steps"])]
     pty: bool,
     /// Print the summary as one JSON object on standard output, and everything else on standard error.
     #[arg(long)]

@@ -65,7 +65,37 @@ fn scene(options: &Options) -> Result<(Scene, f64)> {
         "the target of {name} moves by itself: leave out --steps"
     );
     let distance = options.distance.unwrap_or(scene.distance);
+    let mut distances = vec![distance];
+    if options.steps.is_some() && options.distance.is_none() {
+        distances.extend([NEAREST, FARTHEST]);
+    }
+    if let Some(motion) = &scene.motion {
+        ensure!(
+            !options.pty || scene.speckle.is_none(),
+            "the target of {name} moves on for as long as the terminal is open, and its speckle is not made for any distance: leave \
+             out --pty"
+        );
+        // It starts again at each step, which ends after so many results at the latest.
+        let results = 2 + RESULTS_A_STEP as u32;
+        let longest = (patience(options.rows) * results).as_secs_f64();
+        distances.push(motion.distance(distance, longest));
+    }
+    for distance in distances {
+        scene
+            .check_distance(distance)
+            .with_context(|| format!("the scene {name}"))?;
+    }
     Ok((scene, distance))
+}
+
+/// How long a frame takes.
+fn frame(rows: u16) -> Duration {
+    Duration::from_millis(6) * u32::from(rows)
+}
+
+/// How long an answer takes: boot, and the answer, wait behind at most a frame.
+fn patience(rows: u16) -> Duration {
+    Duration::from_secs(1) + 4 * frame(rows)
 }
 
 /// Opens the serial line as a pseudo-terminal.
@@ -109,9 +139,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let target = Target::at(start);
     let simulation = Simulation::new(scene.clone());
     let mut board = VirtualBoard::power_on(firmware, of_scene(scene, target.clone()))?;
-    let frame = Duration::from_millis(6) * u32::from(options.rows);
-    // Boot, and the answer, wait behind at most a frame.
-    let patience = Duration::from_secs(1) + 4 * frame;
+    let patience = patience(options.rows);
     board.send(&format!("rows {}\r\n", options.rows));
     board
         .run_until_line(|line| line == format!("rows {}", options.rows), patience)
