@@ -1,7 +1,6 @@
 //! What a sensor makes of light, effect by effect, against closed forms and counts; the random numbers of all effects; and the scenes in
 //! the folder. Figures that are asserted are printed.
 
-use std::time::Instant;
 
 use host_tests::budget::Plan;
 use host_tests::optics::Aperture;
@@ -1246,47 +1245,5 @@ fn speckle_has_an_end() {
     assert!(error.contains("for 41 s: take fewer seconds") && error.contains("1.200 m"));
     for seconds in [f64::NAN, f64::INFINITY, -1.0, 2e6] {
         assert!(plan(seconds).check(&Scene::white_paper()).is_err());
-    }
-}
-
-/// Not a test: prints what pixels cost. `cargo test -p host-tests --test scene_sensor -- --ignored --nocapture`
-#[test]
-#[ignore = "prints times"]
-fn megapixels_a_second() {
-    let noise = Scene {
-        spot: None,
-        shot_noise: None,
-        ..Scene::white_paper()
-    };
-    let lit = |counts: f64| Scene {
-        ambient: Some(Ambient {
-            counts_per_second: counts / 0.005,
-            slope: 0.0,
-        }),
-        ..Scene::white_paper()
-    };
-    for (name, scene) in [
-        (
-            "black level, spot, read and shot noise",
-            Scene::white_paper(),
-        ),
-        ("black level and read noise", noise),
-        ("all pixels lit by 1000 electrons", lit(100.0)),
-        ("all pixels lit by 3 electrons", lit(0.3)),
-    ] {
-        let pixels = scene.sensor.geometry().words;
-        let simulation = Simulation::new(scene);
-        let rows = 500;
-        let seconds = (0..5)
-            .map(|_| {
-                let start = Instant::now();
-                for row in 0..rows {
-                    std::hint::black_box(simulation.row(row, 0.8, 0.005));
-                }
-                start.elapsed().as_secs_f64()
-            })
-            .fold(f64::INFINITY, f64::min);
-        let each = seconds / (rows as f64 * pixels as f64);
-        println!("{name}: {:.0} million pixels a second", 1e-6 / each);
     }
 }

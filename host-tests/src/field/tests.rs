@@ -1,7 +1,6 @@
 //! Against theory.
 
 use std::f64::consts::PI;
-use std::time::Instant;
 
 use super::source::{Lit, RowSums};
 use super::*;
@@ -39,65 +38,6 @@ fn contrast(values: &[f64]) -> f64 {
 
 fn root_mean_square(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
-}
-
-#[test]
-#[ignore = "shows the time that a view takes"]
-fn time_of_a_view() {
-    for (diameter, linewidth, polarisations) in [
-        (0.5e-3, 0.0, 1),
-        (0.5e-3, 0.5e-9, 2),
-        (1e-3, 0.0, 1),
-        (1e-3, 0.5e-9, 2),
-    ] {
-        let laser = Laser {
-            linewidth,
-            wavelengths: 5,
-            ..Laser::focused(diameter, 0.8)
-        };
-        let scattering = Scattering {
-            polarisations,
-            path_spread: 0.2e-3,
-            ..Scattering::surface()
-        };
-        let start = Instant::now();
-        let surface = Surface::new(&laser, &scattering, 1).unwrap();
-        let prepared = start.elapsed().as_secs_f64();
-        let (columns, rows) = (pixels(160, 1), pixels(600, 4));
-        let start = Instant::now();
-        let mut sum = 0.0;
-        for i in 0..100 {
-            let view = View::at(0.8 + 25e-6 * f64::from(i));
-            sum += slit_image(&surface, &view, &SlitAperture::nominal(), &columns, &rows)
-                .unwrap()
-                .light[80];
-        }
-        let slit = start.elapsed().as_secs_f64() / 100.0;
-        let (columns, rows) = (pixels(48, 1), pixels(48, 1));
-        let start = Instant::now();
-        for i in 0..100 {
-            let view = View::at(0.6 + 25e-6 * f64::from(i));
-            sum += lens_image(
-                &surface,
-                &view,
-                &LensAperture::nominal(0.85),
-                0.0,
-                &columns,
-                &rows,
-            )
-            .unwrap()
-            .light[80];
-        }
-        let lens = start.elapsed().as_secs_f64() / 100.0;
-        println!(
-            "{} mm, {} terms: surface {:.1} ms, slit {:.3} ms, lens {:.3} ms ({sum})",
-            diameter * 1e3,
-            surface.terms.len(),
-            prepared * 1e3,
-            slit * 1e3,
-            lens * 1e3
-        );
-    }
 }
 
 /// A point of light makes the pattern of `profiles::Slit` along the row.
@@ -775,31 +715,4 @@ fn diffraction_hardly_depends_on_the_wavelength() {
         (far.wavelength - laser.wavelength) * 1e9
     );
     assert!(relative < 0.02);
-}
-
-#[test]
-#[ignore = "shows how far frames' centres scatter behind the slit"]
-fn scatter_behind_the_slit() {
-    let view = View::at(0.8);
-    let (columns, rows) = (pixels(384, 1), pixels(600, 6));
-    for (diameter, polarisations) in [(0.5e-3, 1), (0.5e-3, 2), (1e-3, 1), (2e-3, 1)] {
-        let laser = Laser::focused(diameter, 0.8);
-        let scattering = Scattering {
-            polarisations,
-            ..Scattering::surface()
-        };
-        let centres: Vec<f64> = (0..300)
-            .map(|seed| {
-                let surface = small_surface(&laser, &scattering, seed);
-                let slit = SlitAperture::nominal();
-                let image = slit_image(&surface, &view, &slit, &columns, &rows).unwrap();
-                frame_centre(&image, &columns) / PIXEL
-            })
-            .collect();
-        println!(
-            "spot of {diameter} m, {polarisations} polarisations: {:.3} pixels rms over {} frames",
-            root_mean_square(&centres),
-            centres.len()
-        );
-    }
 }
