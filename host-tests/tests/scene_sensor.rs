@@ -1,7 +1,6 @@
 //! What a sensor makes of light, effect by effect, against closed forms and counts; the random numbers of all effects; and the scenes in
 //! the folder. Figures that are asserted are printed.
 
-
 use host_tests::budget::Plan;
 use host_tests::optics::Aperture;
 use host_tests::paper::apparatus::{LASER, WANDER};
