@@ -13,6 +13,7 @@ pub mod parabola;
 pub mod phase_table;
 pub mod plausible;
 pub mod robust;
+pub mod second_look;
 pub mod tables;
 mod window;
 pub mod zero_crossing;

@@ -13,6 +13,19 @@ use crate::units::{Counts, Pixels};
 /// The most rows in a frame.
 pub const MAX_ROWS: u32 = 64;
 
+/// How the rows' centres become one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mean {
+    /// The mean of all, as in the paper.
+    Plain,
+    /// Weighted by their uncertainties, and by how far they are from the others.
+    #[default]
+    Weighted,
+}
+
+/// Rows that are worth fewer independent ones say too little of their own error.
+pub const FEWEST_INDEPENDENT: u16 = 8;
+
 /// What the rows of a frame had to say, so far.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
@@ -39,6 +52,8 @@ pub struct FrameCentre {
     pub rows: u16,
     /// Of the rows that had a centre, those with [`RowCentre::misfit`].
     pub misfits: u16,
+    /// See [`Reading::correlated`](crate::reading::Reading::correlated).
+    pub correlated: Option<u16>,
 }
 
 impl Frame {
@@ -73,7 +88,7 @@ impl Frame {
     /// # Errors
     /// Half of the rows or more have no centre: the fault that most of those have, as it came last (of two as common, the one
     /// that [`Fault::kind`] puts last). Or [`Fault::Unsteady`], where the rows' centres scatter by more than the spot's width.
-    pub fn centre(&self) -> Result<FrameCentre, Fault> {
+    pub fn centre(&self, _how: Mean) -> Result<FrameCentre, Fault> {
         let used = self.centres.len();
         if used * 2 <= usize::from(self.rows) {
             let most = self.faults.iter().max_by_key(|(count, _)| *count);
@@ -114,6 +129,7 @@ impl Frame {
             rows: self.rows,
             // At most the 64 rows there are.
             misfits: self.centres.iter().filter(|row| row.misfit).count() as u16,
+            correlated: None,
         })
     }
 
@@ -179,7 +195,7 @@ mod tests {
     #[test]
     fn mean_and_propagated_uncertainty() {
         let centre = frame([row(100.0, 0.03), row(100.02, 0.04)])
-            .centre()
+            .centre(Mean::Weighted)
             .expect("a centre");
         assert!((centre.centre.to_f64() - 100.01).abs() < 2e-5);
         assert!((centre.uncertainty.to_f64() - 0.025).abs() < 2e-5);
@@ -196,17 +212,27 @@ mod tests {
         };
         let good = || row(100.0, 0.03);
         let silent = || Err(Fault::SensorSilent);
-        let centre = frame([good(), misfit(), silent(), good(), misfit()]).centre();
+        let centre = frame([good(), misfit(), silent(), good(), misfit()]).centre(Mean::Weighted);
         let centre = centre.expect("a centre");
         assert_eq!((centre.misfits, centre.rows_used, centre.rows), (2, 4, 5));
-        assert_eq!(frame([good()]).centre().expect("a centre").misfits, 0);
+        assert_eq!(
+            frame([good()])
+                .centre(Mean::Weighted)
+                .expect("a centre")
+                .misfits,
+            0
+        );
     }
 
     #[test]
     fn scatter_beyond_chance_widens_the_uncertainty() {
         // Eight rows, +-0.5 with a claim of 0.1: chi square 8 * 25 = 200, seven degrees, ratio sqrt(200/7).
         let rows = (0..8).map(|i| row(if i % 2 == 0 { 99.5 } else { 100.5 }, 0.1));
-        let uncertainty = frame(rows).centre().expect("a centre").uncertainty.to_f64();
+        let uncertainty = frame(rows)
+            .centre(Mean::Weighted)
+            .expect("a centre")
+            .uncertainty
+            .to_f64();
         let expected = 0.1 / 8f64.sqrt() * (200.0f64 / 7.0).sqrt();
         assert!(
             (uncertainty - expected).abs() < 1e-4,
@@ -221,26 +247,26 @@ mod tests {
             centre: Pixels::from_int(3),
         });
         assert_eq!(
-            frame([row(1.0, 0.1), saturated(1), edge, saturated(2)]).centre(),
+            frame([row(1.0, 0.1), saturated(1), edge, saturated(2)]).centre(Mean::Weighted),
             Err(Fault::Saturated { pixels: 2 })
         );
         assert_eq!(
-            frame([row(1.0, 0.1), saturated(1)]).centre(),
+            frame([row(1.0, 0.1), saturated(1)]).centre(Mean::Weighted),
             Err(Fault::Saturated { pixels: 1 })
         );
         assert!(
             frame([row(1.0, 0.1), row(1.0, 0.1), saturated(1)])
-                .centre()
+                .centre(Mean::Weighted)
                 .is_ok()
         );
-        assert_eq!(frame([]).centre(), Err(Fault::SensorSilent));
+        assert_eq!(frame([]).centre(Mean::Weighted), Err(Fault::SensorSilent));
     }
 
     #[test]
     fn rows_of_two_spots_have_no_centre() {
         let two = frame((0..16).map(|i| row(if i < 9 { 1200.0 } else { 2400.0 }, 0.02)));
-        let Err(Fault::Unsteady { scatter }) = two.centre() else {
-            panic!("{:?}", two.centre())
+        let Err(Fault::Unsteady { scatter }) = two.centre(Mean::Weighted) else {
+            panic!("{:?}", two.centre(Mean::Weighted))
         };
         // Nine and seven of sixteen, 1200 px apart: 1200 sqrt(9 * 7) / 16.
         assert!(
@@ -248,8 +274,9 @@ mod tests {
             "{scatter}"
         );
         // Width 9: the rows of a target that moves by 3 px a row scatter by 13.8 px, by 1 px a row by 4.6 px.
-        let moving =
-            |speed: f32| frame((0..16).map(|i| row(1200.0 + speed * i as f32, 0.02))).centre();
+        let moving = |speed: f32| {
+            frame((0..16).map(|i| row(1200.0 + speed * i as f32, 0.02))).centre(Mean::Weighted)
+        };
         assert!(matches!(moving(3.0), Err(Fault::Unsteady { .. })) && moving(1.0).is_ok());
     }
 
@@ -258,6 +285,6 @@ mod tests {
         let mut full = frame((0..100).map(|_| row(5.0, 0.1)));
         (0..100).for_each(|_| full.add(Err(Fault::SensorSilent)));
         assert_eq!(full.rows(), 64);
-        assert_eq!(full.centre().expect("a centre").rows_used, 64);
+        assert_eq!(full.centre(Mean::Weighted).expect("a centre").rows_used, 64);
     }
 }

@@ -11,9 +11,10 @@
 //! the chip and on a PC:
 //!
 //! ```
-//! use slitrange::{black_level::BlackLevel, estimator::Estimator, measurement::{Measurement, Settings}, sensor_heads, triangulation};
+//! use slitrange::{black_level::BlackLevel, calibration::Calibration, estimator::Estimator, frame::Mean};
+//! use slitrange::{measurement::{Measurement, Settings}, sensor_heads};
 //!
-//! let settings = Settings { rows: 1, estimator: Estimator::default(), black_level: BlackLevel::Shielded, calibration: triangulation::NOMINAL.ok() };
+//! let settings = Settings { rows: 1, mean: Mean::Weighted, estimator: Estimator::default(), black_level: BlackLevel::Shielded, calibration: Calibration::nominal() };
 //! let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
 //! // A row as the converter delivers it: words fall with light. A spot of 2000 counts is on pixel 1800 of the light range,
 //! // and the pixels' noise is a count.
@@ -32,6 +33,7 @@
 #![forbid(unsafe_code)]
 
 pub mod black_level;
+pub mod calibration;
 pub mod estimator;
 pub mod frame;
 pub mod measurement;

@@ -3,12 +3,12 @@
 //! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> centre of the frame -> distance.
 
 use crate::black_level::{BlackLevel, BlackPixels};
-use crate::estimator::{self, Estimator, RowCentre};
-use crate::frame::Frame;
+use crate::calibration::Calibration;
+use crate::estimator::{Estimator, RowCentre, second_look};
+use crate::frame::{Frame, Mean};
 use crate::reading::{Fault, Reading};
 use crate::row::{Geometry, Row};
 use crate::spot::{self, Spot};
-use crate::triangulation::Eq1;
 use crate::units::Micrometres;
 
 /// What a person can set.
@@ -16,12 +16,14 @@ use crate::units::Micrometres;
 pub struct Settings {
     /// Rows in a frame, 1 to [`MAX_ROWS`](crate::frame::MAX_ROWS); less counts as 1, more as that.
     pub rows: u16,
+    /// How they become one.
+    pub mean: Mean,
     /// How the centre of a row is found.
     pub estimator: Estimator,
     /// How the black level is found.
     pub black_level: BlackLevel,
     /// From the centre to the distance, where the sensor is calibrated.
-    pub calibration: Option<Eq1>,
+    pub calibration: Option<Calibration>,
 }
 
 /// The pipeline with the state of the frame that is under way.
@@ -102,7 +104,7 @@ impl Measurement {
             spot.ok().map(|spot| spot.background),
         );
         let spot = spot?;
-        let centre = estimator::centre(
+        let centre = second_look::centre(
             self.settings.estimator,
             row,
             &spot,
@@ -114,7 +116,7 @@ impl Measurement {
     }
 
     fn reading(&self) -> Result<Reading, Fault> {
-        let frame = self.frame.centre()?;
+        let frame = self.frame.centre(self.settings.mean)?;
         let Some(calibration) = &self.settings.calibration else {
             return Err(Fault::NotCalibrated {
                 centre: frame.centre,
@@ -134,6 +136,7 @@ impl Measurement {
             black_level: self.black.level(self.settings.black_level),
             estimator: self.settings.estimator,
             misfits: frame.misfits,
+            correlated: frame.correlated,
         })
     }
 }

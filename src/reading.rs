@@ -29,6 +29,9 @@ pub struct Reading {
     /// Of the rows used, those whose pixels lie further from the fitted spot than their noise explains.
     /// See [`RowCentre::misfit`](crate::estimator::RowCentre::misfit).
     pub misfits: u16,
+    /// How many independent rows the frame's are worth, where they hang together and are worth fewer than
+    /// [`FEWEST_INDEPENDENT`](crate::frame::FEWEST_INDEPENDENT): the scatter within a frame then understates the error.
+    pub correlated: Option<u16>,
 }
 
 /// Why there is no distance.
@@ -58,6 +61,13 @@ pub enum Fault {
         /// Where the spot is, roughly.
         centre: Pixels,
     },
+    /// Two spots of like height: which of them is the laser's cannot be told.
+    TwoSpots {
+        /// Where the higher one is, roughly.
+        centre: Pixels,
+        /// Where the other one is, roughly.
+        other: Pixels,
+    },
     /// The centres of the frame's rows lie further apart than the spot is wide: the target moved, or there are two spots.
     Unsteady {
         /// Standard deviation of the rows' centres.
@@ -79,7 +89,7 @@ pub enum Fault {
 
 impl Fault {
     /// Number of kinds of fault.
-    pub const KINDS: usize = 8;
+    pub const KINDS: usize = 9;
 
     /// The kind as a number from 0 to [`Fault::KINDS`] - 1, to count by.
     pub const fn kind(&self) -> usize {
@@ -89,9 +99,10 @@ impl Fault {
             Self::TooDim { .. } => 2,
             Self::Saturated { .. } => 3,
             Self::SpotAtEdge { .. } => 4,
-            Self::Unsteady { .. } => 5,
-            Self::OutOfRange { .. } => 6,
-            Self::NotCalibrated { .. } => 7,
+            Self::TwoSpots { .. } => 5,
+            Self::Unsteady { .. } => 6,
+            Self::OutOfRange { .. } => 7,
+            Self::NotCalibrated { .. } => 8,
         }
     }
 
@@ -102,6 +113,7 @@ impl Fault {
         "too dim",
         "saturated",
         "spot at the edge",
+        "two spots",
         "unsteady",
         "out of range",
         "not calibrated",
@@ -122,6 +134,7 @@ impl Fault {
             Self::SpotAtEdge { .. } | Self::OutOfRange { .. } => {
                 "move the target into the range that `info` names"
             }
+            Self::TwoSpots { .. } => "cover what reflects the laser or shines beside it",
             Self::Unsteady { .. } => "hold the target still, or take fewer rows in a frame",
             Self::NotCalibrated { .. } => "`calibration on`",
         }

@@ -14,9 +14,10 @@ use host_tests::scene::{Effect, Scene, Simulation, quantise};
 use rayon::prelude::*;
 use serde::Serialize;
 use slitrange::black_level::BlackLevel;
+use slitrange::calibration::Calibration;
 use slitrange::estimator::Estimator;
+use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
-use slitrange::triangulation;
 
 /// Rows a second that the sensor is read out with.
 pub const ROWS_PER_SECOND: f64 = 175.4;
@@ -153,9 +154,10 @@ fn read(scene: &Scene, reading: u64) -> Vec<Option<Found>> {
     let mut measurements = ROWS.map(|rows| {
         let settings = Settings {
             rows: rows as u16,
+            mean: Mean::default(),
             estimator: Estimator::default(),
             black_level: BlackLevel::Shielded,
-            calibration: triangulation::NOMINAL.ok(),
+            calibration: Calibration::nominal(),
         };
         Measurement::new(scene.geometry(), settings)
     });

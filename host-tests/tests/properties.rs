@@ -2,6 +2,8 @@
 
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
+use slitrange::calibration::Calibration;
+use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
 use slitrange::protocol::command::{self, MAX_LINE};
 use slitrange::protocol::input::Input;
@@ -12,12 +14,13 @@ use slitrange::triangulation::NOMINAL;
 use slitrange::units::Counts;
 
 fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measurement {
-    let calibration = NOMINAL.ok();
+    let calibration = Calibration::nominal();
     Measurement::new(
         geometry,
         Settings {
             estimator: slitrange::estimator::Estimator::default(),
             rows,
+            mean: Mean::default(),
             black_level,
             calibration,
         },

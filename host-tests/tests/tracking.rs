@@ -6,7 +6,9 @@ use proptest::prelude::*;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use slitrange::black_level::BlackLevel;
+use slitrange::calibration::Calibration;
 use slitrange::estimator::{self, Estimator, RowCentre};
+use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
 use slitrange::reading::Fault;
 use slitrange::row::{Geometry, Polarity, Row};
@@ -210,6 +212,7 @@ fn the_rows_here_are_those_of_a_measurement() {
     for estimator in Estimator::ALL {
         let settings = Settings {
             rows: 16,
+            mean: Mean::Plain,
             estimator,
             black_level: BlackLevel::Frame,
             calibration: None,
@@ -619,7 +622,7 @@ proptest! {
         black_level in prop::sample::select(&[BlackLevel::Shielded, BlackLevel::Frame][..]),
     ) {
         let settings =
-            Settings { rows: in_a_frame, estimator, black_level, calibration: NOMINAL.ok() };
+            Settings { rows: in_a_frame, estimator, black_level, mean: Mean::default(), calibration: Calibration::nominal() };
         let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
         let calibration = NOMINAL.expect("a curve");
         let (from, to) = calibration.valid();

@@ -3,9 +3,10 @@
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, with_timeout};
 use slitrange::black_level::BlackLevel;
+use slitrange::calibration::Calibration;
+use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
 use slitrange::reading::{Fault, Reading};
-use slitrange::triangulation;
 
 use super::shared::{COUNTERS, FREE, FULL, RESULTS, SETTINGS, WORDS};
 use super::{board, tcd1304};
@@ -18,8 +19,9 @@ pub fn default_settings() -> Settings {
     Settings {
         estimator: slitrange::estimator::Estimator::default(),
         rows: 16,
+        mean: Mean::default(),
         black_level: BlackLevel::Shielded,
-        calibration: triangulation::NOMINAL.ok(),
+        calibration: Calibration::nominal(),
     }
 }
 

@@ -17,6 +17,7 @@ use embassy_stm32::usart::{BufferedUart, BufferedUartTx};
 use embassy_time::{Instant, Timer};
 use embedded_io_async::{Read as _, Write as _};
 use heapless::String;
+use slitrange::calibration::Calibration;
 use slitrange::measurement::Settings;
 use slitrange::protocol::MAX_ANSWER;
 use slitrange::protocol::answer::HELP;
@@ -26,7 +27,6 @@ use slitrange::protocol::input::Input;
 use slitrange::protocol::ladder::Ladder;
 use slitrange::protocol::status::{SerialErrors, StartCause, Status};
 use slitrange::reading::{Fault, Reading};
-use slitrange::triangulation;
 
 use super::shared::{COUNTERS, RESULTS, SETTINGS};
 use super::{acquisition, board, tcd1304};
@@ -183,11 +183,7 @@ impl Session {
             }
             Command::Calibration(on) => {
                 if let Some(on) = on {
-                    self.settings.calibration = if on {
-                        triangulation::NOMINAL.ok()
-                    } else {
-                        None
-                    };
+                    self.settings.calibration = if on { Calibration::nominal() } else { None };
                     self.apply();
                 }
                 let on = self.settings.calibration.is_some();

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use super::status::StartCause;
+use crate::calibration::Calibration;
 use crate::measurement::Settings;
 use crate::row::{Geometry, Polarity};
 use crate::units::AsMillimetres;
@@ -78,9 +79,10 @@ impl fmt::Display for Info<'_> {
         )?;
         write!(f, "\r\ninfo rate a row every {row_us} us, exposed as long")?;
         write!(f, "\r\ninfo estimator {}", self.settings.estimator.name())?;
-        let Some(curve) = &self.settings.calibration else {
+        let Some(calibration) = &self.settings.calibration else {
             return f.write_str("\r\ninfo calibration off");
         };
+        let Calibration::Eq1(curve) = calibration;
         write!(f, "\r\ninfo calibration d = D + K/(x - xp)")?;
         write!(
             f,
@@ -109,7 +111,8 @@ impl fmt::Display for Info<'_> {
 mod tests {
     use super::*;
     use crate::black_level::BlackLevel;
-    use crate::{sensor_heads, triangulation};
+    use crate::frame::Mean;
+    use crate::sensor_heads;
 
     #[test]
     fn banner_and_info_are_as_documented() {
@@ -125,8 +128,9 @@ mod tests {
         let mut settings = Settings {
             estimator: crate::estimator::Estimator::default(),
             rows: 16,
+            mean: Mean::default(),
             black_level: BlackLevel::Shielded,
-            calibration: triangulation::NOMINAL.ok(),
+            calibration: Calibration::nominal(),
         };
         let geometry = sensor_heads::tcd1304dg();
         let info = Info {

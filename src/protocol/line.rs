@@ -48,6 +48,7 @@ impl fmt::Display for Fault {
             }
             Self::Saturated { pixels } => write!(f, ": {pixels} pixels"),
             Self::SpotAtEdge { centre } => write!(f, ": x {centre:.1}"),
+            Self::TwoSpots { centre, other } => write!(f, ": x {centre:.1} and {other:.1}"),
             Self::Unsteady { scatter } => write!(f, ": rows scatter by {scatter:.2} px"),
             Self::OutOfRange { centre } => write!(f, ": x {centre:.5}"),
             Self::NotCalibrated {
@@ -80,6 +81,7 @@ mod tests {
             black_level: Counts::from_f32(312.25),
             estimator: Estimator::PhaseTable,
             misfits: 0,
+            correlated: None,
         };
         assert_eq!(
             reading.to_string(),
@@ -116,6 +118,7 @@ mod tests {
             black_level: Counts::from_int(black_level),
             estimator: Estimator::GaussNewton,
             misfits: rows,
+            correlated: None,
         };
         println!("{longest}");
         longest.to_string().len() + 2

@@ -2,7 +2,9 @@
 
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WORDS};
 use slitrange::black_level::BlackLevel;
+use slitrange::calibration::Calibration;
 use slitrange::estimator::Estimator;
+use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
 use slitrange::reading::{Fault, Reading};
 use slitrange::row::{Geometry, Row};
@@ -77,9 +79,10 @@ pub fn measure() {
 fn settings() -> Settings {
     Settings {
         rows: 4 * ROWS as u16,
+        mean: Mean::default(),
         estimator: Estimator::default(),
         black_level: BlackLevel::Shielded,
-        calibration: triangulation::NOMINAL.ok(),
+        calibration: Calibration::nominal(),
     }
 }
 

@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use host_tests::scene::Scene;
 use slitrange::black_level::BlackLevel;
+use slitrange::calibration::Calibration;
 use slitrange::estimator::Estimator;
+use slitrange::frame::Mean;
 use slitrange::measurement::Settings;
 use slitrange::protocol::answer::HELP;
 use slitrange::protocol::info::{Banner, Hardware, Info};
@@ -51,7 +53,7 @@ fn help_and_info_are_what_the_core_says() {
     assert_eq!(ask_for_lines(&mut board, "help", help.len()), help);
 
     for (calibration, command) in [
-        (triangulation::NOMINAL.ok(), "calibration on"),
+        (Calibration::nominal(), "calibration on"),
         (None, "calibration off"),
     ] {
         set(&mut board, command);
@@ -61,6 +63,7 @@ fn help_and_info_are_what_the_core_says() {
             settings: &Settings {
                 estimator: Estimator::default(),
                 rows: 16,
+                mean: Mean::default(),
                 black_level: BlackLevel::Shielded,
                 calibration,
             },

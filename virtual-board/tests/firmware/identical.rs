@@ -8,10 +8,12 @@ use host_tests::scene::{self, Scene, Spot};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use slitrange::black_level::BlackLevel;
+use slitrange::calibration::Calibration;
 use slitrange::estimator::{self, Estimator};
+use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
 use slitrange::reading::Fault;
-use slitrange::{sensor_heads, spot, triangulation};
+use slitrange::{sensor_heads, spot};
 use virtual_board::{Exposure, LightSource, Row};
 
 use crate::common::{PATIENCE, Status, boot, is_reading, is_result, set};
@@ -135,13 +137,14 @@ fn assert_same(chip: &[String], pc: &[String]) -> BTreeMap<String, usize> {
 fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
     const ROWS: u64 = 420;
     for (calibration, command) in [
-        (triangulation::NOMINAL.ok(), "calibration on"),
+        (Calibration::nominal(), "calibration on"),
         (None, "calibration off"),
     ] {
         let (rows, chip) = run(any_spots(5), &[command, "rows 1"], ROWS);
         let settings = Settings {
             estimator: Estimator::default(),
             rows: 1,
+            mean: Mean::default(),
             black_level: BlackLevel::Shielded,
             calibration,
         };
@@ -189,8 +192,9 @@ fn every_frame_is_the_same_line_on_the_chip_and_on_a_pc() {
     let settings = Settings {
         estimator: Estimator::default(),
         rows: 5,
+        mean: Mean::default(),
         black_level: BlackLevel::Frame,
-        calibration: triangulation::NOMINAL.ok(),
+        calibration: Calibration::nominal(),
     };
     let chip = &chip[1..];
     // Frames begin with whichever row was the first with the settings in force.
@@ -221,13 +225,14 @@ fn every_estimator_says_the_same_on_the_chip_and_on_a_pc() {
         let command = format!("estimator {}", estimator.name());
         // Without a calibration, a line gives all bits of a centre; with it, the misfits.
         for (calibration, switch, centre) in [
-            (triangulation::NOMINAL.ok(), "calibration on", "reading"),
+            (Calibration::nominal(), "calibration on", "reading"),
             (None, "calibration off", "not calibrated"),
         ] {
             let (rows, chip) = run(any_spots(7), &[switch, "rows 1", &command], ROWS);
             let settings = Settings {
                 estimator,
                 rows: 1,
+                mean: Mean::default(),
                 black_level: BlackLevel::Shielded,
                 calibration,
             };
