@@ -4,8 +4,10 @@ use core::fmt;
 
 use super::status::StartCause;
 use crate::calibration::Calibration;
+use crate::calibration::knots::{Interpolation, Knots};
 use crate::measurement::Settings;
 use crate::row::{Geometry, Polarity};
+use crate::triangulation::Eq1;
 use crate::units::AsMillimetres;
 
 /// The version of the firmware.
@@ -82,28 +84,57 @@ impl fmt::Display for Info<'_> {
         let Some(calibration) = &self.settings.calibration else {
             return f.write_str("\r\ninfo calibration off");
         };
-        let Calibration::Eq1(curve) = calibration;
-        write!(f, "\r\ninfo calibration d = D + K/(x - xp)")?;
-        write!(
-            f,
-            "\r\ninfo calibration D {} mm, K {} um px, xp {} px",
-            AsMillimetres(curve.d()),
-            curve.k() >> 16,
-            curve.pole()
-        )?;
-        let (first, last) = curve.valid();
+        match calibration {
+            Calibration::Eq1(curve) => write!(f, "{}", Curve(curve))?,
+            Calibration::Table(table) => {
+                f.write_str("\r\ninfo calibration a table of distances")?;
+                write!(f, "{}", Table(table.knots()))?;
+            }
+            Calibration::Corrected(corrected) => {
+                write!(f, "{}", Curve(corrected.curve()))?;
+                f.write_str("\r\ninfo calibration plus a table of residuals")?;
+                write!(f, "{}", Table(corrected.residuals()))?;
+            }
+        }
+        let (first, last) = calibration.valid();
         write!(f, "\r\ninfo range x {first:.0} to {last:.0} px")?;
-        if let (Ok((at_first, _)), Ok((at_last, _))) =
-            (curve.distance_at(first), curve.distance_at(last))
-        {
+        if let Ok(distances) = calibration.distances() {
             write!(
                 f,
                 ", {} to {} mm",
-                AsMillimetres(at_first.min(at_last)),
-                AsMillimetres(at_first.max(at_last))
+                AsMillimetres(*distances.start()),
+                AsMillimetres(*distances.end())
             )?;
         }
         Ok(())
+    }
+}
+
+/// Eq. (1) with its numbers, in two lines.
+struct Curve<'a>(&'a Eq1);
+
+impl fmt::Display for Curve<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "\r\ninfo calibration d = D + K/(x - xp)\r\ninfo calibration D {} mm, K {} um px, xp {} px",
+            AsMillimetres(self.0.d()),
+            self.0.k() >> 16,
+            self.0.pole()
+        )
+    }
+}
+
+/// What a table is, in the rest of a line.
+struct Table<'a>(&'a Knots);
+
+impl fmt::Display for Table<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let between = match self.0.interpolation() {
+            Interpolation::Linear => "straight lines",
+            Interpolation::Cubic => "monotone cubics",
+        };
+        write!(f, " at {} knots, {between} between them", self.0.len())
     }
 }
 
