@@ -2,14 +2,16 @@
 //!
 //! A [`RowCase`] makes seeded rows from a [`Recipe`], a spot with flaws, or from a pattern of counts. Its [`Truth`] is where a perfect
 //! reader would say that the spot is; its [`Due`] is what the measurement owes for it, whichever rung is chosen.
-//! [`rows`] is the catalogue.
+//! [`rows`] is the catalogue. [`mixtures`] draws flaws at random, and [`tally`] counts what comes of them.
 
 mod catalogue;
 pub mod flaw;
 pub mod judge;
+pub mod mixtures;
 mod patterns;
 pub mod recipe;
 pub mod shape;
+pub mod tally;
 pub mod truth;
 
 use slitrange::row::Geometry;
