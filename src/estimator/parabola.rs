@@ -109,7 +109,7 @@ fn centre(
         Vertex::of(values, variances, (width >= WIDE).then_some(expected)).ok_or(no_spot(spot))?;
     // The highest pixel is below 4096, and the vertex within half a pixel of it.
     let at = Pixels::from_bits(proven::add_i32(
-        i32::from(highest) * (1 << Pixels::FRACTION),
+        proven::mul_i32(highest, 1 << Pixels::FRACTION),
         Pixels::from_f32(vertex.place).to_bits(),
     ));
     unsaturated(row, at, width, geometry)?;
@@ -138,7 +138,7 @@ fn centre(
 
 /// The highest pixel within a block of the spot's centre, and the counts of its left neighbour, of itself, and of its right
 /// neighbour. `None` where it has not both.
-fn highest(light: &[u16], spot: &Spot) -> Option<(i16, [u16; 3])> {
+fn highest(light: &[u16], spot: &Spot) -> Option<(i32, [u16; 3])> {
     let block = 1usize << spot.block_log2.min(7);
     let first = spot.centre.saturating_sub(block);
     let near = light.get(first..)?;
@@ -151,7 +151,7 @@ fn highest(light: &[u16], spot: &Spot) -> Option<(i16, [u16; 3])> {
     }
     let highest = first.saturating_add(place);
     let counts = light.get(highest.checked_sub(1)?..)?.first_chunk()?;
-    Some((i16::try_from(highest).ok()?, *counts))
+    Some((i32::try_from(highest).ok()?, *counts))
 }
 
 /// A parabola's vertex.

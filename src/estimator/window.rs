@@ -57,12 +57,12 @@ impl<'r, 't> Window<'r, 't> {
         let (phase, first, reference) = if class.block == 1 {
             let from_its_edge = at.to_bits().saturating_add(HALF);
             let middle = from_its_edge >> Pixels::FRACTION;
-            let (phase, offset) = if phases <= 1 {
+            let (phase, offset) = if phases == 1 {
                 (0, 0)
             } else {
                 let phase = ((from_its_edge & 0xffff) * phases) >> Pixels::FRACTION;
                 // Phase k lies (2 k + 1 - phases) / (2 phases) pixels from the middle.
-                (phase, (2 * phase + 1 - phases) * HALF / phases)
+                (phase, ((2 * phase + 1 - phases) * HALF).checked_div(phases)?)
             };
             (
                 phase,

@@ -85,7 +85,7 @@ pub fn centre(
     let part = crossing.before as f32 / slope;
     // A pixel below 4096, and a part of one.
     let at = Pixels::from_bits(proven::add_i32(
-        Pixels::from_int(crossing.pixel as i32).to_bits(),
+        proven::mul_i32(crossing.pixel as i32, 1 << Pixels::FRACTION),
         Pixels::from_f32(part).to_bits(),
     ));
     unsaturated(row, at, width, geometry)?;
@@ -128,6 +128,7 @@ enum Slide {
 }
 
 /// The sum of at most [`MOST_PIXELS`].
+#[inline(always)]
 fn sum(pixels: &[u16]) -> i32 {
     pixels
         .iter()
@@ -182,15 +183,16 @@ fn slide(light: &[u16], start: usize, half_box: usize, reach: usize) -> Slide {
             .zip(until(first));
         for (((at, next), enters), leaves) in steps.take(reach) {
             let slope = falls(at, next, enters, leaves);
-            here = proven::add_i32(here, slope);
-            slid += 1;
-            if here > 0 {
+            let next = proven::add_i32(here, slope);
+            if next > 0 {
                 return Slide::Crossing(Crossing {
-                    pixel: start.saturating_sub(slid),
-                    before: here,
+                    pixel: start.saturating_sub(slid + 1),
+                    before: next,
                     slope,
                 });
             }
+            here = next;
+            slid += 1;
         }
     }
     if slid < reach {
