@@ -76,6 +76,10 @@ pub fn centre(
     let level = level_bits(&spot.background);
     let sum: i32 = pixels.iter().map(|&count| i32::from(count)).sum();
     let gathered = ((sum << Counts::FRACTION) - level * pixels.len() as i32) as f32 / 256.0;
+    if gathered <= 0.0 {
+        // A step from one level to another changes the sign too.
+        return Err(no_spot(spot));
+    }
     let slope = crossing.slope as f32;
     let part = crossing.before as f32 / slope;
     // A pixel below 4096, and a part of one.
