@@ -7,6 +7,7 @@ pub mod core_tables;
 pub mod docs;
 pub mod field;
 pub mod grid;
+pub mod hard_cases;
 pub mod ladder;
 pub mod least_squares;
 pub mod measured_profile;
