@@ -3,6 +3,7 @@
 use core::fmt;
 
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
 
 use super::interpolation::{Controls, Interval, controls};
 use crate::units::{Micrometres, Pixels};
@@ -17,7 +18,7 @@ pub const MAX_CUBIC: usize = 129;
 pub const CLOSEST: Pixels = Pixels::from_bits(1 << (Pixels::FRACTION - 4));
 
 /// What lies between knots.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Interpolation {
     /// Straight lines.
     Linear,
@@ -36,7 +37,7 @@ impl Interpolation {
 }
 
 /// A place on the curve.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Knot {
     /// The centre.
     pub centre: Pixels,
