@@ -107,14 +107,10 @@ pub type Controls = (Micrometres, Micrometres);
 pub fn controls(before: Option<Interval>, this: Interval, after: Option<Interval>) -> Controls {
     let (from, to) = (this.from.value, this.to.value);
     // At most half of the way from either end, so that they do not pass each other.
-    let third = |slope: f32| fraction(slope / 3.0).min(WHOLE / 2);
+    let third = |slope: f32| fraction(slope / 3.0).clamp(0, WHOLE / 2);
     let first = third(slope_at_knot(this, before, after));
     let last = third(slope_at_knot(this, after, before));
-    (
-        between(from, to, first),
-        // From 0 to a half of WHOLE is taken off.
-        between(from, to, WHOLE - last),
-    )
+    (between(from, to, first), between(from, to, WHOLE - last))
 }
 
 /// The curve's slope at a knot of an interval, as a multiple of the interval's secant. `beyond` is the interval on the other

@@ -2,7 +2,9 @@
 
 use slitrange::black_level::BlackLevel;
 use slitrange::calibration::Calibration;
+use slitrange::calibration::date::Date;
 use slitrange::calibration::knots::{Interpolation, Knot};
+use slitrange::calibration::record::Record;
 use slitrange::calibration::residuals::Corrected;
 use slitrange::calibration::table::Table;
 use slitrange::estimator::{Estimator, RowCentre, WidthClass};
@@ -21,6 +23,12 @@ pub fn any<T: Copy>(value: T) -> T {
     // SAFETY: reads a value that is there, and whose type is free to copy. Volatile: the optimiser may not go by what was
     // written there.
     unsafe { place.read_volatile() }
+}
+
+/// As many bytes as the longest record has, or any number that is less.
+pub fn bytes(place: &mut [u8; 4096]) -> &mut [u8] {
+    *place = any([0; 4096]);
+    place.get_mut(..any(0)).unwrap_or_default()
 }
 
 /// As many words as the longest row has, or any number that is less.
@@ -58,9 +66,8 @@ pub fn calibration() -> Option<Calibration> {
             table.ok().map(Calibration::Table)
         }
         _ => {
-            let curve = eq1().ok()?;
-            let knots = knots(&mut [KNOT; 300]);
-            let corrected = Corrected::new(curve, any(Interpolation::Linear), knots);
+            let (curve, mut place) = (eq1().ok()?, [KNOT; 300]);
+            let corrected = Corrected::new(curve, any(Interpolation::Linear), knots(&mut place));
             corrected.ok().map(Calibration::Corrected)
         }
     }
@@ -80,6 +87,17 @@ pub const KNOT: Knot = Knot {
 pub fn knots(place: &mut [Knot; 300]) -> &[Knot] {
     *place = any([KNOT; 300]);
     place.get(..any(0)).unwrap_or_default()
+}
+
+pub fn record(calibration: Calibration) -> Option<Record> {
+    Some(Record {
+        serial_number: any(0),
+        date: Date::new(any(0), any(0), any(0))?,
+        geometry: geometry(),
+        estimator: any(Estimator::Centroid),
+        black_level: any(BlackLevel::Shielded),
+        calibration,
+    })
 }
 
 pub fn spot() -> Spot {
