@@ -81,7 +81,8 @@ impl Knots {
             knots: knots.len(),
             most,
         };
-        for (index, (before, knot)) in (1..).zip(knots.iter().zip(knots.iter().skip(1))) {
+        for (index, (before, knot)) in (1..knots.len()).zip(knots.iter().zip(knots.iter().skip(1)))
+        {
             let least = i64::from(before.centre.to_bits()) + i64::from(CLOSEST.to_bits());
             if i64::from(knot.centre.to_bits()) < least {
                 return Err(KnotsError::Order {

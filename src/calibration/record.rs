@@ -65,11 +65,11 @@ pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], Rec
     let (version, rest) = buffer.split_first_mut().ok_or(no_room)?;
     *version = VERSION;
     let body = postcard::to_slice(&stored, rest).map_err(|_| no_room)?;
-    let summed = body.len() + 1;
+    let summed = body.len().saturating_add(1);
     let (before, after) = buffer.split_at_mut_checked(summed).ok_or(no_room)?;
     let sum = after.first_chunk_mut().ok_or(no_room)?;
     *sum = CRC.checksum(before).to_le_bytes();
-    buffer.get(..summed + SUM).ok_or(no_room)
+    buffer.get(..summed.saturating_add(SUM)).ok_or(no_room)
 }
 
 /// Bytes of the CRC.
@@ -120,13 +120,15 @@ impl Record {
             return Err(RecordError::Geometry);
         }
         if let BlackLevel::Fixed(level) = self.black_level
-            && !(0..=i32::from(LARGEST_COUNT) << Counts::FRACTION).contains(&level.to_bits())
+            && !(0..=i32::from(LARGEST_COUNT) * (1 << Counts::FRACTION)).contains(&level.to_bits())
         {
             return Err(RecordError::BlackLevel { level });
         }
-        // Pixel 0 begins half a pixel before 0. At most 4096 pixels in Q16.16: 2^28.
+        // Pixel 0 begins half a pixel before 0.
         const HALF: i32 = 1 << (Pixels::FRACTION - 1);
-        let end = ((light.len() as i32) << Pixels::FRACTION) - HALF;
+        let end = Pixels::from_int(light.len() as i32)
+            .to_bits()
+            .saturating_sub(HALF);
         let (first, last) = self.calibration.valid();
         if first.to_bits() < -HALF || last.to_bits() > end {
             return Err(RecordError::OffTheSensor { first, last });

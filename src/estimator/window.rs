@@ -62,7 +62,10 @@ impl<'r, 't> Window<'r, 't> {
             } else {
                 let phase = ((from_its_edge & 0xffff) * phases) >> Pixels::FRACTION;
                 // Phase k lies (2 k + 1 - phases) / (2 phases) pixels from the middle.
-                (phase, ((2 * phase + 1 - phases) * HALF).checked_div(phases)?)
+                (
+                    phase,
+                    ((2 * phase + 1 - phases) * HALF).checked_div(phases)?,
+                )
             };
             (
                 phase,

@@ -190,7 +190,7 @@ fn slide(light: &[u16], start: usize, half_box: usize, reach: usize) -> Slide {
             let next = proven::add_i32(here, slope);
             if next > 0 {
                 return Slide::Crossing(Crossing {
-                    pixel: start.saturating_sub(slid + 1),
+                    pixel: start.saturating_sub(slid).saturating_sub(1),
                     before: next,
                     slope,
                 });

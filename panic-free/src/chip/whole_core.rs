@@ -3,6 +3,7 @@
 use core::fmt::{self, Display, Write};
 
 use slitrange::black_level::{self, BlackPixels};
+use slitrange::calibration::record;
 use slitrange::estimator::{self, Estimator, second_look};
 use slitrange::frame::Frame;
 use slitrange::measurement::Measurement;
@@ -87,13 +88,25 @@ pub fn find_centres() {
     any(black_level::centroid(row.light(), spot.background));
 }
 
-/// From centres to distances, with whatever calibration is accepted.
+/// From centres to distances, with whatever calibration is accepted; and its record, written and read.
 pub fn find_distances() {
     let Some(calibration) = any::calibration() else {
         return;
     };
+    any(calibration.distances().is_ok());
     if let Ok((distance, _)) = any(calibration.distance_at(any(Pixels::MIN))) {
         reached(distance.to_bits());
+    }
+    let mut buffer = [0; 4096];
+    if let Some(record) = any::record(calibration) {
+        match record::encode(&record, any::bytes(&mut buffer)) {
+            Ok(written) => reached(written.len() as i32),
+            Err(error) => say(&error),
+        }
+    }
+    match record::decode(any::bytes(&mut buffer)) {
+        Ok(record) => reached(record.serial_number as i32),
+        Err(error) => say(&error),
     }
 }
 
