@@ -4,12 +4,15 @@
 //! reader would say that the spot is; its [`Due`] is what the measurement owes for it, whichever rung is chosen.
 //! [`rows`] is the catalogue. [`mixtures`] draws flaws at random, and [`tally`] counts what comes of them.
 
+pub mod calibrations;
 mod catalogue;
 pub mod flaw;
+pub mod frames;
 pub mod judge;
 pub mod mixtures;
 mod patterns;
 pub mod recipe;
+pub mod report;
 pub mod shape;
 pub mod tally;
 pub mod truth;
@@ -97,6 +100,8 @@ pub enum Due {
     Centre(f64),
     /// A centre as good as it claims, or a flag, or a fault: no confident error.
     Honest,
+    /// Nothing: it is shown, because neither a row nor a frame can know.
+    Unknowable,
     /// A fault or a flag: no centre without one.
     NoCentre,
     /// A fault of one of these kinds ([`slitrange::reading::Fault::name`]).

@@ -11,8 +11,7 @@ use slitrange::estimator::{self, Estimator, RowCentre, second_look};
 use slitrange::reading::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
-use slitrange::triangulation::Eq1;
-use slitrange::units::{Micrometres, Pixels};
+use slitrange::units::Pixels;
 
 /// A spot on a row of [`PIXELS`], and what else is on it.
 #[derive(Clone, Copy, Debug)]
@@ -564,64 +563,4 @@ fn more_light_is_never_more_uncertain() {
             "{rung:?}: {growth:?}"
         );
     }
-}
-
-/// Parameters of eq. (1), of any size, and the ends of the centres for which it is to hold.
-fn curves() -> impl Strategy<Value = Eq1> {
-    let sensible = (
-        any::<i32>(),
-        prop_oneof![-(1i64 << 56)..1 << 56, -(1i64 << 40)..1 << 40],
-        (-4096 * 65536..8192 * 65536i32),
-        (0..4096 * 65536i32, 0..4096 * 65536i32),
-    );
-    let any = (
-        any::<i32>(),
-        any::<i64>(),
-        any::<i32>(),
-        any::<(i32, i32)>(),
-    );
-    prop_oneof![4 => sensible.boxed(), 1 => any.boxed()].prop_filter_map(
-        "no curve",
-        |(d, k, pole, (from, to))| {
-            let valid = Pixels::from_bits(from.min(to))..=Pixels::from_bits(from.max(to));
-            Eq1::new(Micrometres::from_bits(d), k, Pixels::from_bits(pole), valid).ok()
-        },
-    )
-}
-
-/// Whatever parameters [`Eq1::new`] accepts: between the ends of its centres there is a distance, which falls from one centre
-/// to a further one where K is positive, and rises where it is negative; and outside there is none.
-#[test]
-fn eq1_is_monotone() {
-    let strategy = (curves(), any::<(u32, u32)>());
-    holds(20_000, strategy, |(curve, (one, other))| {
-        let (from, to) = curve.valid();
-        let within = |part: u32| {
-            let (from, to) = (i64::from(from.to_bits()), i64::from(to.to_bits()));
-            // A difference of two i32 times an u32 fits an i128.
-            let offset = i128::from(to - from) * i128::from(part) / i128::from(u32::MAX);
-            Pixels::from_bits((i128::from(from) + offset) as i32)
-        };
-        let (near, far) = (within(one.min(other)), within(one.max(other)));
-        let (at_near, slope) = curve.distance_at(near).expect("a valid centre");
-        let (at_far, _) = curve.distance_at(far).expect("a valid centre");
-        let monotone = if curve.k() > 0 {
-            at_near >= at_far
-        } else {
-            at_near <= at_far
-        };
-        prop_assert!(monotone, "{:?} {:?}", at_near, at_far);
-        prop_assert!(
-            slope.is_finite() && (slope == 0.0 || (slope < 0.0) == (curve.k() > 0)),
-            "{slope}"
-        );
-        for beyond in [from.to_bits().checked_sub(1), to.to_bits().checked_add(1)]
-            .into_iter()
-            .flatten()
-        {
-            let centre = Pixels::from_bits(beyond);
-            prop_assert_eq!(curve.distance_at(centre), Err(Fault::OutOfRange { centre }));
-        }
-        Ok(())
-    });
 }

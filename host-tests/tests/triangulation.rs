@@ -152,7 +152,7 @@ fn errors_say_what_is_wrong_and_what_to_do() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 4000, rng_seed: RngSeed::Fixed(6), ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 4000, rng_seed: RngSeed::Fixed(6), failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Whatever curve is accepted, every centre of its range has the distance that f64 gives, and a monotone one.
     #[test]

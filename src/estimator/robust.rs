@@ -13,6 +13,7 @@
 //! what was kept still scatters more than noise explains: the sum of squares beyond five of its standard deviations.
 
 use crate::estimator::gauss_newton::{self, Parameters, SAMPLES, Sample, Start, Window};
+use crate::estimator::half_width::WIDTHS;
 use crate::estimator::plausible::{certain, variances};
 use crate::estimator::tables::{NARROWEST, TILTED};
 use crate::estimator::{RowCentre, adaptive};
@@ -80,8 +81,9 @@ pub fn centre(
         // Among the few pixels of a narrow spot one bad pixel makes all of them look bad: each in turn.
         refit = without_one(&window, &at, shot).or(refit);
     }
+    let refit = refit.filter(|refit| WIDTHS.contains(&refit.centre.width.to_f32()));
     let Some(Refit { centre, .. }) = refit else {
-        // Too little is left: the first look is all there is, and it does not fit.
+        // Too little is left, or what is left is no spot: the first look is all there is, and it does not fit.
         return Ok(RowCentre {
             misfit: true,
             ..found

@@ -81,6 +81,10 @@ pub fn centre(
         proven::mul_i32(level, pixels.len() as i32),
     ) as f32
         / 256.0;
+    if gathered <= 0.0 {
+        // A step from one level to another changes the sign too.
+        return Err(no_spot(spot));
+    }
     let slope = crossing.slope as f32;
     let part = crossing.before as f32 / slope;
     // A pixel below 4096, and a part of one.

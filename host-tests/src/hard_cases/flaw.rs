@@ -116,13 +116,18 @@ pub struct Bad {
 }
 
 impl Second {
-    /// Of two spots the higher is the laser's where it is higher by a quarter or more: a reflection is dimmer than what it reflects. Where they are more
-    /// alike nobody can tell. Where their light has one peak it is one spot that is not symmetric, and its centre is anywhere from that of
-    /// the higher to the centroid of both.
-    pub fn truth(&self, truth: Truth, centre: f64, width: f64) -> Truth {
+    /// Of two spots the higher is the laser's where it is higher by a quarter or more, as far as both are on the row: a reflection is
+    /// dimmer than what it reflects. Where they are more alike nobody can tell. Where their light has one peak it is one spot that is
+    /// not symmetric, and its centre is anywhere from that of the higher to the centroid of both.
+    pub fn truth(&self, truth: Truth, centre: f64, width: f64, pixels: usize) -> Truth {
         let other = centre + self.offset * width;
-        let second_is_higher = self.share >= LIKE;
-        let alike = !second_is_higher && self.share >= 1.0 / LIKE;
+        let seen = |centre: f64, width: f64| {
+            let beyond = (centre - centre.clamp(0.0, pixels as f64 - 1.0)) / width;
+            (-0.5 * beyond * beyond).exp()
+        };
+        let share = self.share * seen(other, self.widths * width) / seen(centre, width);
+        let second_is_higher = share >= LIKE;
+        let alike = !second_is_higher && share >= 1.0 / LIKE;
         if self.has_two_peaks() {
             return match (alike, second_is_higher) {
                 (true, _) => Truth::None,
@@ -185,6 +190,8 @@ impl Flaw {
     pub fn apply(&self, counts: &mut [f32], site: &Site, random: &mut ChaCha8Rng) {
         let last = counts.len() as f64 - 1.0;
         match *self {
+            // Without a spot there is nothing to be reflected.
+            Self::Second(_) | Self::Ghost { .. } if site.spot.is_none() => {}
             Self::Second(second) => SecondReflection {
                 offset: second.offset * site.width(),
                 width: second.widths * site.width(),
@@ -341,5 +348,32 @@ impl Bad {
         let from = site.pixel(self.from_spot, random);
         let to = (from + self.pixels).min(counts.len());
         &mut counts[from..to]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two equal gaussians have two peaks where they are more than two sigma apart.
+    #[test]
+    fn the_higher_spot_is_the_lasers_unless_they_are_alike_or_one() {
+        let truth = |share, offset| {
+            let second = Second {
+                share,
+                offset,
+                widths: 1.0,
+            };
+            second.truth(Truth::Centre(100.0), 100.0, 10.0, 512)
+        };
+        assert_eq!(truth(0.5, 5.0), Truth::Centre(100.0));
+        assert_eq!(truth(1.0, 5.0), Truth::None);
+        assert_eq!(truth(0.8, 5.0), Truth::None);
+        assert_eq!(truth(1.3, 5.0), Truth::Centre(150.0));
+        assert_eq!(truth(1.0, 2.1), Truth::None);
+        assert_eq!(truth(1.0, 1.9), Truth::Between(100.0, 119.0));
+        assert_eq!(truth(0.25, 1.5), Truth::Between(100.0, 103.0));
+        // Off the row it is not seen.
+        assert_eq!(truth(1.0, -15.0), Truth::Centre(100.0));
     }
 }

@@ -1,11 +1,12 @@
 //! Every rung's answers to a case, and whether they are what is due.
 
 use slitrange::estimator::{self, Estimator, RowCentre, second_look};
-use slitrange::reading::Fault;
+use slitrange::reading::{Fault, Reading};
 use slitrange::row::Row;
 use slitrange::spot;
 
-use crate::hard_cases::truth::is_confident_error;
+use crate::hard_cases::frames::is_flagged;
+use crate::hard_cases::truth::is_beyond_claim;
 use crate::hard_cases::{Due, HardRow, ROWS, RowCase, Truth};
 
 /// What comes of a row.
@@ -34,7 +35,76 @@ pub fn answers(row: &HardRow) -> [Answers; Estimator::ALL.len()] {
     })
 }
 
-/// The rungs that follow the spot's shape. The others (centroid, parabolas, box) make errors of their own, which they claim.
+/// What a row or a frame says, as a judge hears it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Said {
+    /// A centre.
+    Centre {
+        /// How far it is off, in pixels; infinitely, where there is none or no telling.
+        error: f64,
+        /// Its standard uncertainty in pixels.
+        claim: f64,
+        /// Whether it says that it is not to be trusted.
+        flagged: bool,
+    },
+    /// No centre.
+    Fault(Fault),
+}
+
+impl Said {
+    /// By a row.
+    pub fn of_row(truth: Truth, answer: &Answer) -> Self {
+        match answer {
+            Ok(found) => Self::Centre {
+                error: truth.error(found.centre.to_f64()),
+                claim: found.uncertainty.to_f64(),
+                flagged: found.misfit,
+            },
+            Err(fault) => Self::Fault(*fault),
+        }
+    }
+
+    /// By a frame.
+    pub fn of_reading(truth: Truth, answer: &Result<Reading, Fault>) -> Self {
+        match answer {
+            Ok(reading) => Self::Centre {
+                error: truth.error(reading.centre.to_f64()),
+                claim: reading.centre_uncertainty.to_f64(),
+                flagged: is_flagged(reading),
+            },
+            Err(fault) => Self::Fault(*fault),
+        }
+    }
+
+    /// The error of a centre without a flag.
+    pub fn unflagged(&self) -> Option<f64> {
+        match self {
+            Self::Centre {
+                error,
+                flagged: false,
+                ..
+            } => Some(*error),
+            _ => None,
+        }
+    }
+
+    /// Whether it is a centre with a flag.
+    pub fn is_flagged(&self) -> bool {
+        matches!(self, Self::Centre { flagged: true, .. })
+    }
+
+    /// Whether it is a centre no further off than it claims.
+    pub fn is_as_claimed(&self) -> bool {
+        matches!(self, Self::Centre { error, claim, .. } if !is_beyond_claim(*error, *claim))
+    }
+
+    /// Whether it is wrong, and does not say so.
+    pub fn is_confident_error(&self) -> bool {
+        self.unflagged().is_some() && !self.is_as_claimed()
+    }
+}
+
+/// The rungs that follow the spot's shape. The others (centroid, parabolas, box, blocks) make errors of their own, which they claim.
 pub const CAREFUL: [Estimator; 5] = [
     Estimator::PhaseTable,
     Estimator::Adaptive,
@@ -42,6 +112,47 @@ pub const CAREFUL: [Estimator; 5] = [
     Estimator::GaussNewton,
     Estimator::Fraunhofer,
 ];
+
+impl Due {
+    /// What is not as it must be in what a rung says, in words.
+    pub fn failure(self, rung: Estimator, said: &[Said]) -> Option<String> {
+        if self == Self::Unknowable {
+            return None;
+        }
+        if let Some(Said::Centre { error, claim, .. }) =
+            said.iter().find(|said| said.is_confident_error())
+        {
+            return Some(if error.is_finite() {
+                format!("off by {error:.3} px, claims {claim:.3} px, without a flag")
+            } else {
+                "a centre without a flag".into()
+            });
+        }
+        match self {
+            Self::Honest | Self::Unknowable => None,
+            Self::Centre(within) if CAREFUL.contains(&rung) => is_missed(within, said),
+            Self::Centre(_) => None,
+            Self::NoCentre => (said.iter().any(|said| said.unflagged().is_some()))
+                .then(|| "a centre without a flag".into()),
+            Self::Fault(names) => said.iter().find_map(|said| match said {
+                Said::Fault(fault) if names.contains(&fault.name()) => None,
+                Said::Fault(fault) => Some(fault.name().into()),
+                Said::Centre { .. } => Some("a centre".into()),
+            }),
+        }
+    }
+}
+
+/// Fewer than three in four with a centre without a flag, or one that is further off than so many pixels.
+fn is_missed(within: f64, said: &[Said]) -> Option<String> {
+    let errors: Vec<f64> = said.iter().filter_map(Said::unflagged).collect();
+    if 4 * errors.len() < 3 * said.len() {
+        let (sure, all) = (errors.len(), said.len());
+        return Some(format!("{sure} of {all} without flag or fault"));
+    }
+    let off = errors.into_iter().find(|error| error.abs() > within);
+    off.map(|error| format!("off by {error:.3} px, due {within:.3} px"))
+}
 
 /// What came of a case for a rung.
 #[derive(Clone, Debug)]
@@ -87,56 +198,14 @@ impl RowCase {
     }
 
     fn failure(&self, rung: Estimator, answers: &[(Truth, Answer)]) -> Option<String> {
-        let off = answers
-            .iter()
-            .find(|(truth, answer)| is_confident_error(*truth, answer));
-        if let Some((truth, Ok(found))) = off {
-            return Some(format!(
-                "off by {:.3} px, claims {:.3} px, without a flag",
-                truth.error(found.centre.to_f64()),
-                found.uncertainty.to_f64()
-            ));
-        }
-        if rung == Estimator::Robust
-            && let Some(within) = self.robust_within
-            && let Some(failure) = centre_failure(within, answers)
-        {
-            return Some(failure);
-        }
-        match self.due {
-            Due::Honest => None,
-            Due::Centre(within) if CAREFUL.contains(&rung) => centre_failure(within, answers),
-            Due::Centre(_) => None,
-            Due::NoCentre => answers.iter().find_map(|(_, answer)| {
-                let found = answer.ok().filter(|found| !found.misfit)?;
-                Some(format!("a centre without a flag at {:.1}", found.centre))
-            }),
-            Due::Fault(names) => answers.iter().find_map(|(_, answer)| match answer {
-                Ok(found) => Some(format!("a centre at {:.1}", found.centre)),
-                Err(fault) if names.contains(&fault.name()) => None,
-                Err(fault) => Some(fault.name().into()),
-            }),
-        }
+        let said: Vec<Said> = (answers.iter())
+            .map(|(truth, answer)| Said::of_row(*truth, answer))
+            .collect();
+        let robust_within = (self.robust_within).filter(|_| rung == Estimator::Robust);
+        self.due
+            .failure(rung, &said)
+            .or_else(|| is_missed(robust_within?, &said))
     }
-}
-
-/// Fewer than three in four rows with a centre without a flag, or one that is further off.
-fn centre_failure(within: f64, answers: &[(Truth, Answer)]) -> Option<String> {
-    let sure = answers
-        .iter()
-        .filter(|(_, answer)| answer.is_ok_and(|found| !found.misfit))
-        .count();
-    if 4 * sure < 3 * answers.len() {
-        return Some(format!(
-            "{sure} of {} rows without flag or fault",
-            answers.len()
-        ));
-    }
-    answers.iter().find_map(|(truth, answer)| {
-        let found = answer.ok().filter(|found| !found.misfit)?;
-        let error = truth.error(found.centre.to_f64());
-        (error.abs() > within).then(|| format!("off by {error:.3} px, due {within:.3} px"))
-    })
 }
 
 /// What no answer may be: a centre off the row, or an uncertainty, width or height that is none.

@@ -193,7 +193,7 @@ impl Recipe {
         };
         let of_shape = Truth::Centre(centre).reaching(centre + spot.shape.centroid() * spot.width);
         self.flaws.iter().fold(of_shape, |truth, flaw| match flaw {
-            Flaw::Second(second) => second.truth(truth, centre, spot.width),
+            Flaw::Second(second) => second.truth(truth, centre, spot.width, self.pixels),
             _ => truth,
         })
     }

@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 use slitrange::estimator::Estimator;
 
-use crate::hard_cases::judge::{Answer, answers};
+use crate::hard_cases::Truth;
+use crate::hard_cases::judge::{Answer, Said, answers};
 use crate::hard_cases::mixtures::{Kind, RandomRow};
-use crate::hard_cases::truth::{Truth, is_beyond_claim, is_confident_error};
 
 /// Number of rungs.
 const RUNGS: usize = Estimator::ALL.len();
@@ -26,12 +26,11 @@ pub struct Counts {
 impl Counts {
     fn of(truth: Truth, answer: &Answer) -> Self {
         let one = |is: bool| u64::from(is);
-        let flagged = answer.is_ok_and(|found| found.misfit);
-        let good = answer.is_ok_and(|found| !is_beyond_claim(truth, &found));
+        let said = Said::of_row(truth, answer);
         Self {
-            confident_errors: one(is_confident_error(truth, answer)),
-            flagged: one(flagged),
-            flagged_good: one(flagged && good),
+            confident_errors: one(said.is_confident_error()),
+            flagged: one(said.is_flagged()),
+            flagged_good: one(said.is_flagged() && said.is_as_claimed()),
             faults: one(answer.is_err()),
         }
     }

@@ -1,7 +1,4 @@
-//! What a perfect reader would say of a row, and whether an answer is as good as it claims.
-
-use slitrange::estimator::RowCentre;
-use slitrange::reading::Fault;
+//! What a perfect reader would say of a row, and how good an answer has to be.
 
 /// Where the spot of a row is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,13 +43,7 @@ pub const CLAIMS: f64 = 5.0;
 /// ... and this many pixels, without a flag.
 pub const SLACK: f64 = 0.05;
 
-/// Whether a centre is wrong, and does not say so.
-pub fn is_confident_error(truth: Truth, answer: &Result<RowCentre, Fault>) -> bool {
-    answer.is_ok_and(|found| !found.misfit && is_beyond_claim(truth, &found))
-}
-
-/// Whether a centre is further off than what it claims.
-pub fn is_beyond_claim(truth: Truth, found: &RowCentre) -> bool {
-    let claim = CLAIMS * found.uncertainty.to_f64() + SLACK;
-    truth.error(found.centre.to_f64()).abs() > claim
+/// Whether a centre is further off than its claimed standard uncertainty allows, all in pixels.
+pub fn is_beyond_claim(error: f64, uncertainty: f64) -> bool {
+    error.abs() > CLAIMS * uncertainty + SLACK
 }
