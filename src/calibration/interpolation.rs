@@ -141,10 +141,10 @@ fn slope_at_knot(this: Interval, beyond: Option<Interval>, opposite: Option<Inte
     }
 }
 
-/// A part of the way from 0 to 1 in Q0.31: exact to the 24 bits of an f32, but for 1, which becomes 1 - 2^-31.
-/// Not-a-number becomes 0.
+/// A part of the way from 0 to 1 in Q0.31: the 24 bits of an f32 or what of them reaches 2^-31, but for 1, which becomes
+/// 1 - 2^-31. Not-a-number becomes 0.
 fn fraction(part: f32) -> i32 {
-    // The product is exact, being by a power of two; `as` saturates.
+    // The product is exact, being by a power of two; `as` takes the whole part and saturates.
     (part * (1u32 << 31) as f32) as i32
 }
 
