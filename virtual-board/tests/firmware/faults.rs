@@ -80,6 +80,10 @@ fn advice_for(name: &str) -> &'static str {
         },
         Fault::Saturated { pixels: 0 },
         Fault::SpotAtEdge { centre },
+        Fault::TwoSpots {
+            centre,
+            other: centre,
+        },
         Fault::Unsteady { scatter: centre },
         Fault::OutOfRange { centre },
         Fault::NotCalibrated {
@@ -214,6 +218,35 @@ fn a_converter_cut_off_is_a_silent_sensor_until_it_is_back() {
 
 /// The converter's place on SPI1.
 const CONVERTER: usize = 0;
+
+/// No row at all for 100 ms, because no read-out comes to its end.
+#[test]
+fn read_outs_that_do_not_end_are_a_silent_sensor_until_they_do() {
+    let mut board = measuring(4);
+    assert_all_measure(&fresh_results(&mut board, 2));
+    board.expect_violations();
+    let before = Status::ask(&mut board).count("rows read");
+    board.take_lines();
+    // A read-out takes 5.6 ms: none gets far.
+    for _ in 0..350 {
+        stop_the_transfer(&mut board);
+        board.run_for(Duration::from_millis(1)).expect("a run");
+    }
+    let lines: Vec<String> = board
+        .take_lines()
+        .into_iter()
+        .map(|line| line.text)
+        .collect();
+    println!("{lines:#?}");
+    let status = Status::ask(&mut board);
+    // What was under way at first, and what has come since.
+    assert!(status.count("rows read") - before < 20, "{status:#?}");
+    assert!(status.count("rows failed") >= 5, "{status:#?}");
+    let silent = lines.iter().filter(|line| *line == "f sensor silent");
+    assert_eq!(silent.count(), 3, "one every 100 ms: {lines:#?}");
+    assert_all_measure(&fresh_results(&mut board, 4));
+    board.finish().expect("a clean run");
+}
 
 #[test]
 fn a_data_line_stuck_high_is_a_silent_sensor() {
