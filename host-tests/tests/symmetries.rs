@@ -432,12 +432,16 @@ const STEPS: f64 = 65536.0;
 ///
 /// To the bit where only sums and ratios are taken, because a float doubles exactly: but for blocks of 16 pixels, which are
 /// halved, so that half a count of a sample is cut off. Logarithms do not double, and a half maximum is rounded to 2^-8 count.
-/// The noise is measured to 2^-8 count, one and a half of them after the roundings on its way; what it decides, a set of tables
-/// or an outlier, may tip. Where it does, the centre moves by a small part of its uncertainty.
+/// A tilt is taken off in whole counts before the search: none is drawn here. The noise is measured to 2^-8 count, one and a half
+/// of them after the roundings on its way; what it decides, a set of tables or an outlier, may tip. Where it does, the centre
+/// moves by a small part of its uncertainty.
 #[test]
 fn twice_the_light_is_the_same_spot() {
     let (steps, parts, claims) = (Spreads::default(), Spreads::default(), Spreads::default());
     holds(2000, drawn(), |drawn| {
+        if matches!(drawn.flaw, Flaw::Tilt { .. }) {
+            return Ok(());
+        }
         let geometry = drawn.geometry();
         let light = drawn.light(2000);
         let least = light.iter().min().copied().unwrap_or_default();
