@@ -136,8 +136,8 @@ fn is_width(width: Pixels) -> bool {
     (0.45..=171.0).contains(&width.to_f64())
 }
 
-/// What a rung may let out: a place on the row that is certain to an eighth of the width (which some then correct by up to an eighth, for the next
-/// row), of a spot that has a height.
+/// What a rung may let out: a place on the row that is certain to an eighth of the width (which some then correct by up to an
+/// eighth, for the next row), of a spot that has a height.
 fn is_sane(found: &RowCentre, pixels: usize) -> bool {
     let place = found.centre.to_f64();
     let (width, uncertainty) = (found.width.to_f64(), found.uncertainty.to_f64());
