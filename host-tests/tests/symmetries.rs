@@ -519,15 +519,16 @@ fn twice_the_light_is_the_same_spot() {
             parts.count > 500 && parts.rms() <= 0.05 && parts.worst <= 1.0,
             "{rung:?}: {parts:?}"
         );
-        assert!(claims.worst <= 0.01, "{rung:?}: {claims:?}");
+        assert!(claims.worst <= 0.02, "{rung:?}: {claims:?}");
     }
 }
 
 /// The same noise under a spot of one to four times the height: the claimed uncertainty does not grow, and no centre is lost.
 ///
-/// Neither does it where another table serves the brighter spot. A parabola's claim follows three pixels, of which noise chooses
-/// the highest: it is asked from twice the height on. The claims of the parabola, the zero crossing and the centroid go with a width from
-/// the half maximum, whose noise may make 5 % of a claim, and of the parabolas' a sixth.
+/// Nor where another table serves the brighter spot, but for blocks, whose samples may then be twice as large. A parabola's
+/// claim follows three pixels, of which noise chooses the highest: it is asked from twice the height on. The claims of the
+/// parabolas, the zero crossing and the centroid go with a width from the half maximum, whose noise may make 5 % of a claim, and
+/// of the parabolas' a sixth.
 #[test]
 fn more_light_is_never_more_uncertain() {
     let growth = Spreads::default();
@@ -575,7 +576,7 @@ fn more_light_is_never_more_uncertain() {
             growth.count
         );
         let most = match rung {
-            Estimator::Centroid | Estimator::ZeroCrossing => 0.05,
+            Estimator::Centroid | Estimator::ZeroCrossing | Estimator::Blocks => 0.05,
             Estimator::Parabola | Estimator::LogParabola => 0.17,
             _ => 0.0,
         };
