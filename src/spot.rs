@@ -125,12 +125,16 @@ fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
 fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
     let mut level: Vec<u16, MAX_PIXELS> = Vec::new();
     // A row has no more pixels than that.
-    level.extend(tilt.taken_off(light));
+    let (lowest, above) = tilt.taken_off(light);
+    level.extend(above);
     match search(&level, true)? {
         Found::Spot(spot) => Ok(Spot {
             background: Background {
                 level: Counts::from_bits(
-                    spot.background.level.to_bits() + tilt.at(light, spot.centre),
+                    // Each below 2^21.
+                    spot.background.level.to_bits()
+                        + (lowest << Counts::FRACTION)
+                        + tilt.at(light, spot.centre),
                 ),
                 ..spot.background
             },

@@ -5,6 +5,7 @@
 
 use heapless::Vec;
 
+use crate::row::LARGEST_COUNT;
 use crate::spot::MEDIAN_BLOCKS;
 use crate::units::Counts;
 
@@ -58,11 +59,22 @@ impl Tilt {
         self.rise(from_dark).min(1 << 20) as i32
     }
 
-    /// The row without it, as the row's dark end is.
-    pub(super) fn taken_off(self, light: &[u16]) -> impl Iterator<Item = u16> {
-        (light.iter().enumerate()).map(move |(pixel, &count)| {
-            // At most 2^12 counts.
-            count.saturating_sub((self.at(light, pixel) >> Counts::FRACTION) as u16)
-        })
+    /// The row without it, and what its lowest pixel then has: that is taken off too, or a row whose dark end is near zero would be
+    /// cut off there.
+    pub(super) fn taken_off(self, light: &[u16]) -> (i32, impl Iterator<Item = u16>) {
+        // At most 2^12 counts either way.
+        let without = move |(pixel, &count): (usize, &u16)| {
+            i32::from(count) - (self.at(light, pixel) >> Counts::FRACTION)
+        };
+        let lowest = light
+            .iter()
+            .enumerate()
+            .map(without)
+            .min()
+            .unwrap_or_default();
+        let above = move |pixel: (usize, &u16)| {
+            (without(pixel) - lowest).min(i32::from(LARGEST_COUNT)) as u16
+        };
+        (lowest, light.iter().enumerate().map(above))
     }
 }
