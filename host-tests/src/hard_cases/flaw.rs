@@ -313,30 +313,6 @@ impl Flaw {
             }
         }
     }
-
-    /// What kind of flaw it is: a word or two.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Second(_) => "second spot",
-            Self::Ghost { .. } => "ghost",
-            Self::Slope(_) => "slope",
-            Self::Glow(_) => "glow",
-            Self::Hot(_) => "hot pixels",
-            Self::Dead(_) => "dead pixels",
-            Self::Stuck(_) => "stuck pixels",
-            Self::Response(_) => "response",
-            Self::FullWell { .. } => "full well",
-            Self::Smear(_) => "smear",
-            Self::FixedPattern(_) => "fixed pattern",
-            Self::Step { .. } => "step",
-            Self::Sag(_) => "sag",
-            Self::Ripple { .. } => "ripple",
-            Self::OddEven(_) => "odd and even",
-            Self::Impulses(_) => "impulses",
-            Self::Steps(_) => "coarse steps",
-            Self::StuckBit { .. } => "stuck bit",
-        }
-    }
 }
 
 /// Counts of light that fill a pixel which smears.
