@@ -186,6 +186,15 @@ impl Flaw {
         }
     }
 
+    /// Counts of light that a pixel holds: infinitely many, where the flaw does not limit them.
+    pub const fn full_well(&self) -> f64 {
+        match self {
+            Self::FullWell { counts, .. } => *counts,
+            Self::Smear(_) => FULL_WELL,
+            _ => f64::INFINITY,
+        }
+    }
+
     /// Does it to a row's counts.
     pub fn apply(&self, counts: &mut [f32], site: &Site, random: &mut ChaCha8Rng) {
         let last = counts.len() as f64 - 1.0;
