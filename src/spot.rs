@@ -4,14 +4,19 @@
 //! fills less than half of the row does not count. Then the kernel [1 2 1] runs over the pixels, over sums of 2 pixels,
 //! of 4, 8 ... 128. For a gaussian whose width is 0.9 of a block that kernel gathers 89 to 97 % of the signal-to-noise ratio of
 //! the best filter, as it lies on the blocks, and 84 % or more for the widths between. The spot is where the response stands
-//! highest above its own noise.
+//! highest above its own noise. Where a background that rises along the row would hide it, that is taken off first. What stands
+//! out may be two spots in one: that is looked at last.
 //!
 //! All in integers, and all from differences of counts: adding a constant to a row changes nothing.
+
+mod apart;
+mod tilt;
 
 use heapless::Vec;
 
 use crate::reading::Fault;
 use crate::row::{LARGEST_COUNT, MAX_PIXELS, Row};
+use crate::spot::tilt::Tilt;
 use crate::units::{Counts, Pixels};
 
 /// The shortest row that is searched, in pixels of its light range.
@@ -51,6 +56,7 @@ pub struct Background {
 ///
 /// # Errors
 /// [`Fault::NoSpot`] where nothing stands out, or the row is shorter than [`MIN_PIXELS`].
+/// [`Fault::TwoSpots`] where two spots stand out, and their heights do not tell which is the laser's.
 /// [`Fault::SensorSilent`] where all pixels read the same, which no sensor's noise allows.
 pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
     let light = row.light();
@@ -63,28 +69,74 @@ pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
     if light.iter().all(|count| Some(count) == light.first()) {
         return Err(Fault::SensorSilent);
     }
-    let (peaks, level) = peaks(light).ok_or(no_spot)?;
-    let background = Background {
-        level,
-        noise: noise(light).ok_or(no_spot)?,
+    match search(light, false)? {
+        Found::Spot(spot) => Ok(spot),
+        Found::Tilt(tilt) => search_level(light, tilt),
+    }
+}
+
+/// What a search ends with.
+enum Found {
+    Spot(Spot),
+    /// The background rises along the row by so much that the row wants to be searched without that.
+    Tilt(Tilt),
+}
+
+/// Searches a row. Where its tilt was taken off before, what is left is none.
+// Not inlined: the stack holds the sums of one search at a time.
+#[inline(never)]
+fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
+    let no_spot = Fault::NoSpot {
+        amplitude: Counts::from_int(0),
     };
-    let best = peaks
-        .iter()
-        .enumerate()
-        .map(|(block_log2, peak)| Candidate::new(*peak, block_log2 as u32, level))
+    let mut memory = Memory::default();
+    let sums = Sums::new(light, &mut memory).ok_or(no_spot)?;
+    let (level, tilt) = sums.background().ok_or(no_spot)?;
+    let noise = noise(light).ok_or(no_spot)?;
+    let best = (0..SIZES as u32)
+        .filter_map(|block_log2| Candidate::new(&sums, block_log2, level))
         .max_by_key(|candidate| candidate.significance)
         .ok_or(no_spot)?;
-    if best.significance < needed(background.noise) {
+    if !is_level && tilt.matters(light, best.height(), noise) {
+        return Ok(Found::Tilt(tilt));
+    }
+    if best.significance < needed(DETECTION, noise) {
         return Err(Fault::NoSpot {
             amplitude: best.height(),
         });
     }
-    Ok(Spot {
-        centre: best.centre(light),
+    let block = sums.highest(best.block_log2).ok_or(no_spot)?;
+    let spot = Spot {
+        centre: middle(block, best.block_log2),
         block_log2: best.block_log2,
         height: best.height(),
-        background,
-    })
+        background: Background { level, noise },
+    };
+    apart::told_from_another(&sums, spot).map(Found::Spot)
+}
+
+/// Searches a row whose tilt is taken off, and puts it under the spot again.
+#[cold]
+#[inline(never)]
+fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
+    let mut level: Vec<u16, MAX_PIXELS> = Vec::new();
+    // A row has no more pixels than that.
+    level.extend(tilt.taken_off(light));
+    match search(&level, true)? {
+        Found::Spot(spot) => Ok(Spot {
+            background: Background {
+                level: Counts::from_bits(
+                    spot.background.level.to_bits() + tilt.at(light, spot.centre),
+                ),
+                ..spot.background
+            },
+            ..spot
+        }),
+        // A tilt is taken off once.
+        Found::Tilt(_) => Err(Fault::NoSpot {
+            amplitude: Counts::from_int(0),
+        }),
+    }
 }
 
 /// Finds the spot again in the next row: in blocks of 8 pixels or more, a multiple of them that fits the width it had, and above
@@ -118,7 +170,7 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
     // At least three quarters of a block, by which the block was chosen, so not negative.
     let width = (width.to_bits() >> Pixels::FRACTION) as usize;
     // What is left of a spot that went away is not looked for in noise; and rows without change tell that no sensor is there.
-    if significance < needed(before.background.noise)
+    if significance < needed(DETECTION, before.background.noise)
         || centre.abs_diff(before.centre) > width + block
         || is_on_another(
             background,
@@ -240,10 +292,10 @@ fn pair(low: u16, high: u16) -> u32 {
     u32::from(low) | u32::from(high) << 16
 }
 
-/// The significance that a spot has at least: see [`DETECTION`]. The kernel's noise is (1 + 4 + 1) * 2^block_log2 pixels'
-/// variance; Q8 counts squared: noise < 2^20, so below 2^50.
-fn needed(noise: Counts) -> u64 {
-    6 * square(noise.to_bits().unsigned_abs()) * DETECTION * DETECTION / 4
+/// The significance of a response so many halves of a standard deviation above the background. The kernel's noise is (1 + 4 + 1) *
+/// 2^block_log2 pixels' variance; Q8 counts squared: noise < 2^20, so below 2^50.
+fn needed(halves: u64, noise: Counts) -> u64 {
+    6 * square(noise.to_bits().unsigned_abs()) * halves * halves / 4
 }
 
 fn square(value: u32) -> u64 {
@@ -253,51 +305,138 @@ fn square(value: u32) -> u64 {
 /// Number of block sizes: 1, 2, 4 ... 128 pixels.
 const SIZES: usize = LARGEST_BLOCK_LOG2 as usize + 1;
 
-/// The kernel's highest response at one block size, background included.
-#[derive(Clone, Copy, Default)]
-struct Peak {
-    /// The part of the row, in [`PART`]s of pairs of blocks, in which the kernel's last block is;
-    /// the first pair of blocks is in none.
-    part: usize,
-    response: u32,
-}
-
-/// Pairs of blocks in a part. Noting where the maximum is for each part, and not for each block, halves the search's cost;
-/// [`locate`] looks into the part for the winner alone.
+/// Pairs of blocks in a part. Noting how high the response gets in each part, and not where, halves the search's cost;
+/// [`Sums::locate`] looks into the winner's part alone.
 const PART: usize = 16;
 
-/// The peaks at all block sizes, and the background's level: the median over the largest blocks of which the row
-/// has 16.
-fn peaks(light: &[u16]) -> Option<([Peak; SIZES], Counts)> {
-    let mut peaks = [Peak::default(); SIZES];
-    let mut level = None;
-    // Sums of a block size become those of the next in the other buffer.
-    let (mut sums, mut next) = ([0u32; MAX_PIXELS / 2], [0u32; MAX_PIXELS / 4]);
-    let pairs = light.as_chunks::<2>().0;
-    *peaks.first_mut()? = sweep(pairs, &mut sums);
-    let mut blocks = pairs.len();
-    for (block_log2, peak) in peaks.iter_mut().enumerate().skip(1) {
-        if (16..=MEDIAN_BLOCKS).contains(&blocks) {
-            level = median_level(sums.get(..blocks)?, block_log2 as u32);
-        }
-        *peak = sweep(sums.get(..blocks)?.as_chunks::<2>().0, &mut next);
-        blocks /= 2;
-        sums.get_mut(..blocks)?.copy_from_slice(next.get(..blocks)?);
-    }
-    Some((peaks, level?))
+/// Parts of all block sizes: of 2048 pairs of pixels 128, half of that of the pairs of twice the size, and so on.
+const PARTS: usize = MAX_PIXELS / PART;
+
+/// What a search keeps of a row.
+struct Memory {
+    /// Of 4096 pixels: 2048 blocks of two, 1024 of four, and so on.
+    sums: [u32; MAX_PIXELS],
+    parts: [u32; PARTS],
 }
 
-/// Runs [1 2 1] over the values, which come in pairs, and puts each pair's sum into `sums`.
-fn sweep<T: Copy + Into<u32>>(pairs: &[[T; 2]], sums: &mut [u32]) -> Peak {
-    let mut peak = Peak::default();
+impl Default for Memory {
+    fn default() -> Self {
+        Self {
+            sums: [0; MAX_PIXELS],
+            parts: [0; PARTS],
+        }
+    }
+}
+
+/// The sums over blocks of all sizes, and how high the kernel's response gets, background included.
+struct Sums<'a> {
+    light: &'a [u16],
+    /// Of blocks of 2 pixels, 4, 8 ... 128.
+    sums: [&'a [u32]; SIZES - 1],
+    /// The highest response in each part, of blocks of 1 pixel, 2, 4 ... 128.
+    parts: [&'a [u32]; SIZES],
+}
+
+impl<'a> Sums<'a> {
+    /// `None` where the row has more than [`MAX_PIXELS`].
+    fn new(light: &'a [u16], memory: &'a mut Memory) -> Option<Self> {
+        let (mut sums, mut parts) = ([&[][..]; SIZES - 1], [&[][..]; SIZES]);
+        let pairs = light.as_chunks::<2>().0;
+        let (parts_here, mut parts_left) = memory.parts.split_at_mut_checked(parts_of(pairs))?;
+        let (mut blocks, mut left) = memory.sums.split_at_mut_checked(pairs.len())?;
+        sweep(pairs, blocks, parts_here);
+        *parts.first_mut()? = parts_here;
+        for (sums, parts) in sums.iter_mut().zip(parts.iter_mut().skip(1)) {
+            let pairs = blocks.as_chunks::<2>().0;
+            let (parts_here, parts_after) = parts_left.split_at_mut_checked(parts_of(pairs))?;
+            let (next, after) = left.split_at_mut_checked(pairs.len())?;
+            sweep(pairs, next, parts_here);
+            (*sums, *parts) = (blocks, parts_here);
+            (blocks, left, parts_left) = (next, after, parts_after);
+        }
+        Some(Self { light, sums, parts })
+    }
+
+    /// The sum over a block. `None` beside the row.
+    #[inline]
+    fn block(&self, block_log2: u32, block: usize) -> Option<u32> {
+        match (block_log2 as usize).checked_sub(1) {
+            None => self.light.get(block).map(|&count| u32::from(count)),
+            Some(size) => self.sums.get(size)?.get(block).copied(),
+        }
+    }
+
+    /// The kernel's response about a block: at most 4 * 128 * 4095 < 2^21. `None` where it reaches over the row's end.
+    #[inline]
+    fn response(&self, block_log2: u32, block: usize) -> Option<u32> {
+        let left = self.block(block_log2, block.checked_sub(1)?)?;
+        let (middle, right) = (
+            self.block(block_log2, block)?,
+            self.block(block_log2, block + 1)?,
+        );
+        Some(left + 2 * middle + right)
+    }
+
+    /// The highest response of each part, and the blocks about which the kernel is in it.
+    fn parts(&self, block_log2: u32) -> impl Iterator<Item = (u32, core::ops::Range<usize>)> {
+        let parts = self.parts.get(block_log2 as usize).copied();
+        // A part begins two blocks late, because the first pair starts the first kernel, whose last block is noted.
+        let blocks = |part| 2 * PART * part + 1..2 * PART * (part + 1) + 1;
+        (parts.unwrap_or_default().iter().copied())
+            .enumerate()
+            .map(move |(part, highest)| (highest, blocks(part)))
+    }
+
+    /// The first block about which the kernel has its highest response.
+    fn highest(&self, block_log2: u32) -> Option<usize> {
+        // Of equal ones the first.
+        let (response, mut blocks) = (self.parts(block_log2))
+            .reduce(|highest, part| if part.0 > highest.0 { part } else { highest })?;
+        blocks.find(|&block| self.response(block_log2, block) == Some(response))
+    }
+
+    /// Whether one pixel has three quarters of the light about a block: no spot has, whose width is 0.5 or more.
+    #[cold]
+    fn is_one_pixel(&self, block_log2: u32, block: usize, level: Counts) -> bool {
+        let from = block.saturating_sub(2) << block_log2;
+        let to = ((block + 3) << block_log2).min(self.light.len());
+        let pixels = self.light.get(from..to).unwrap_or_default();
+        // At most 640 pixels of 12 bits in Q8: below 2^30.
+        let above = |count: u16| (i32::from(count) << Counts::FRACTION) - level.to_bits();
+        let light: i32 = pixels.iter().map(|&count| above(count)).sum();
+        let highest = pixels.iter().map(|&count| above(count)).max();
+        highest.is_some_and(|highest| highest / 3 > light / 4)
+    }
+
+    /// The background's level, and its tilt: medians over the largest blocks of which the row has 16.
+    fn background(&self) -> Option<(Counts, Tilt)> {
+        let (block_log2, sums) = (1..SIZES as u32)
+            .zip(self.sums)
+            .rfind(|(_, sums)| sums.len() >= 16)?;
+        let mut values: Vec<u32, MEDIAN_BLOCKS> = Vec::from_slice(sums).ok()?;
+        let sum = median(&mut values)?;
+        // At most 128 pixels of 12 bits in Q8: below 2^27.
+        let level = Counts::from_bits(((sum << Counts::FRACTION) >> block_log2) as i32);
+        Some((level, Tilt::of(sums, block_log2)?))
+    }
+}
+
+/// Parts of so many pairs: the first pair is in none.
+fn parts_of<T>(pairs: &[[T; 2]]) -> usize {
+    pairs.len().saturating_sub(1).div_ceil(PART)
+}
+
+/// Runs [1 2 1] over the values, which come in pairs; puts each pair's sum into `sums`, and the highest response of each part into
+/// `parts`.
+fn sweep<T: Copy + Into<u32>>(pairs: &[[T; 2]], sums: &mut [u32], parts: &mut [u32]) {
     // The first pair starts the first kernel.
     let (Some((&[a, b], pairs)), Some((sum, sums))) = (pairs.split_first(), sums.split_first_mut())
     else {
-        return peak;
+        return;
     };
     let (mut last, mut last_two): (u32, u32) = (b.into(), a.into() + b.into());
     *sum = last_two;
-    for (part, (pairs, sums)) in pairs.chunks(PART).zip(sums.chunks_mut(PART)).enumerate() {
+    for ((pairs, sums), part) in pairs.chunks(PART).zip(sums.chunks_mut(PART)).zip(parts) {
         let mut highest = 0;
         for (&[a, b], sum) in pairs.iter().zip(sums) {
             // Sums of at most 128 pixels of 12 bits: four of them stay below 2^21.
@@ -308,39 +447,13 @@ fn sweep<T: Copy + Into<u32>>(pairs: &[[T; 2]], sums: &mut [u32]) -> Peak {
             *sum = to_b;
             (last, last_two) = (b, to_b);
         }
-        if highest > peak.response {
-            peak = Peak {
-                part,
-                response: highest,
-            };
-        }
+        *part = highest;
     }
-    peak
-}
-
-/// Index of the kernel's middle block where it has this response in this part.
-fn locate(light: &[u16], block_log2: u32, peak: Peak) -> usize {
-    // Each part is two blocks late, because the first pair is in none.
-    let before = 2 * PART * peak.part;
-    let sums = light
-        .chunks_exact(1 << block_log2)
-        .map(|block| block.iter().map(|&count| u32::from(count)).sum::<u32>())
-        .skip(before);
-    let (mut last, mut last_two) = (0, 0);
-    for (i, sum) in sums.enumerate() {
-        let two = last + sum;
-        if i >= 2 && last_two + two == peak.response {
-            return before + i - 1;
-        }
-        (last, last_two) = (sum, two);
-    }
-    before
 }
 
 /// A peak above the background.
 struct Candidate {
     block_log2: u32,
-    peak: Peak,
     /// Response above the background, Q24.8 counts.
     response: i32,
     /// response^2 / block size: comparable between block sizes, and with the noise's variance.
@@ -348,18 +461,15 @@ struct Candidate {
 }
 
 impl Candidate {
-    fn new(peak: Peak, block_log2: u32, level: Counts) -> Self {
-        // A response is at most 4 * 128 * 4095 < 2^21 counts, and so is the background under it: both fit in Q8.
-        let response =
-            (peak.response << Counts::FRACTION) as i32 - ((level.to_bits() * 4) << block_log2);
-        let response = response.max(0);
+    fn new(sums: &Sums<'_>, block_log2: u32, level: Counts) -> Option<Self> {
+        let highest = sums.parts(block_log2).map(|(response, _)| response).max()?;
+        let response = above(highest, block_log2, level).max(0);
         let significance = square(response.unsigned_abs()) >> block_log2;
-        Self {
+        Some(Self {
             block_log2,
-            peak,
             response,
             significance,
-        }
+        })
     }
 
     /// The kernel weighs blocks by 1 + 2 + 1; its response over that is the height of a spot much wider than the kernel, and
@@ -367,25 +477,21 @@ impl Candidate {
     fn height(&self) -> Counts {
         Counts::from_bits(self.response >> (2 + self.block_log2))
     }
+}
 
-    fn centre(&self, light: &[u16]) -> usize {
-        let block = locate(light, self.block_log2, self.peak);
-        (block << self.block_log2) + ((1usize << self.block_log2) / 2)
-    }
+/// A response above the background, in Q24.8 counts.
+fn above(response: u32, block_log2: u32, level: Counts) -> i32 {
+    // A response is at most 4 * 128 * 4095 < 2^21 counts, and so is the background under it: both fit in Q8.
+    (response << Counts::FRACTION) as i32 - ((level.to_bits() * 4) << block_log2)
+}
+
+/// The pixel to the right of a block's middle.
+fn middle(block: usize, block_log2: u32) -> usize {
+    (block << block_log2) + ((1usize << block_log2) / 2)
 }
 
 /// Most blocks of a median.
 const MEDIAN_BLOCKS: usize = 32;
-
-/// The median of the blocks' means.
-fn median_level(sums: &[u32], block_log2: u32) -> Option<Counts> {
-    let mut sums: Vec<u32, MEDIAN_BLOCKS> = Vec::from_slice(sums).ok()?;
-    let sum = median(&mut sums)?;
-    // At most 128 pixels of 12 bits in Q8: below 2^27.
-    Some(Counts::from_bits(
-        ((sum << Counts::FRACTION) >> block_log2) as i32,
-    ))
-}
 
 /// The noise of a pixel, as the median over parts of the row of the mean absolute difference of neighbours, which is
 /// sigma 2/sqrt(pi) for white noise.

@@ -4,8 +4,10 @@
 //! K = b f (1 + t^2)/t^2: no trigonometry, and three parameters rather than four, because (d0, u, b, f) give the same
 //! curve along a line of values and cannot be told apart by data.
 
+use core::fmt;
 use core::ops::RangeInclusive;
 
+use crate::proven;
 use crate::reading::Fault;
 use crate::units::{Micrometres, Pixels};
 
@@ -27,13 +29,40 @@ pub struct Eq1 {
 pub enum Eq1Error {
     /// K is zero, or so large that the quotient leaves an i64 (|K| must be below 2^39 um px).
     K,
-    /// The range of centres is empty.
+    /// The range of centres is empty or a single point.
     Empty,
     /// The pole lies in the range of centres, or nearer to it than a pixel.
     Pole,
     /// A distance at an end of the range is beyond what [`Micrometres`] holds.
     Distance,
+    /// Somewhere in the range the distance changes by less than a sixteenth of a micrometre a pixel.
+    Flat,
 }
+
+impl fmt::Display for Eq1Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::K => "K is zero, or 5.5e11 um px or more: check the points that it was fitted to",
+            Self::Empty => "the range of centres is empty: its first must lie before its last",
+            Self::Pole => {
+                "xp lies in the range of centres, or within a pixel of it: take a range to one side of xp"
+            }
+            Self::Distance => {
+                "a distance in the range of centres is beyond 8.38 m: take a smaller range, further from xp"
+            }
+            Self::Flat => {
+                "the distance hardly depends on the centre, by less than 1/16 um a pixel: check K, or take a range \
+                 nearer to xp"
+            }
+        })
+    }
+}
+
+impl core::error::Error for Eq1Error {}
+
+/// The least slope of a calibration, as halvings of a micrometre a pixel: a sixteenth. A curve that is flatter would claim to
+/// know the distance better than it can be held, wherever the spot is.
+pub const FLATTEST_SHIFT: u32 = 4;
 
 /// The calibration of the paper's geometry on a TCD1304DG, used until a sensor has its own: slit 50 mm from the
 /// sensor (f), baseline 300 mm (b), tan u = 2.6, d0 = 0, optical axis through the middle of the 3648 pixels of 8 um.
@@ -67,7 +96,7 @@ impl Eq1 {
         if k == 0 || k.unsigned_abs() >= 1 << 55 {
             return Err(Eq1Error::K);
         }
-        if from > to {
+        if from >= to {
             return Err(Eq1Error::Empty);
         }
         if pole_bits > from - pixel && pole_bits < to + pixel {
@@ -83,7 +112,20 @@ impl Eq1 {
         if !curve.holds(*valid.start()) || !curve.holds(*valid.end()) {
             return Err(Eq1Error::Distance);
         }
+        if curve.is_flat() {
+            return Err(Eq1Error::Flat);
+        }
         Ok(curve)
+    }
+
+    /// Whether |K|/(x - xp)^2 is below the least slope where it is least: at the end of the range that is further from xp.
+    const fn is_flat(&self) -> bool {
+        let pole = self.pole.to_bits() as i64;
+        let from = (self.valid.0.to_bits() as i64 - pole).unsigned_abs();
+        let to = (self.valid.1.to_bits() as i64 - pole).unsigned_abs();
+        let span = (if from > to { from } else { to }) as u128;
+        // Q16 over Q32 to 2^-4: |K| 2^16 2^4 against the square. Below 2^75, and 2^66.
+        (self.k.unsigned_abs() as u128) * (1 << (Pixels::FRACTION + FLATTEST_SHIFT)) < span * span
     }
 
     const fn holds(&self, centre: Pixels) -> bool {
@@ -96,15 +138,18 @@ impl Eq1 {
         let from_pole = centre.to_bits() as i64 - self.pole.to_bits() as i64;
         // |K| < 2^55 (checked in `new`), so K * 2^8 < 2^63. from_pole is Q16 like K, and at least 2^16: the quotient is
         // Q8 micrometres below 2^47, and adding D (< 2^31) cannot overflow.
-        let numerator = self.k << 8;
+        let numerator = proven::mul_i64(self.k, 1 << 8);
         let half = if (numerator < 0) == (from_pole < 0) {
             from_pole / 2
         } else {
             -(from_pole / 2)
         };
-        // Rounding: |half| < 2^32, and |numerator| <= 2^63 - 2^8; saturate in the last 2^32 of the range.
-        let quotient = numerator.saturating_add(half) / from_pole;
-        self.d.to_bits() as i64 + quotient
+        // Rounding: |half| < 2^32, and |numerator| <= 2^63 - 2^8; saturate in the last 2^32 of the range. The division by zero
+        // or of the least by -1 does not occur, which the compiler cannot see; i64::MIN is no distance.
+        match numerator.saturating_add(half).checked_div(from_pole) {
+            Some(quotient) => proven::add_i64(self.d.to_bits() as i64, quotient),
+            None => i64::MIN,
+        }
     }
 
     /// The distance at a centre, and the curve's slope there in micrometres a pixel (negative where the distance
@@ -119,7 +164,8 @@ impl Eq1 {
         let bits = self.distance_bits(centre);
         let distance = i32::try_from(bits).map_err(|_| Fault::OutOfRange { centre })?;
         // The slope feeds an uncertainty only, where 24 bits are plenty: -K/(x - xp)^2 = -(d - D)/(x - xp).
-        // x - xp is at least a pixel (checked in `new`), so the division is safe; the i64 difference cannot overflow.
+        // x - xp is at least a pixel (checked in `new`), so the division is safe; the i64 difference cannot overflow. d - D is
+        // at least 16 steps (a pixel times the least slope), of which it is half a step off: 3 % there, 1e-7 at any real sensor.
         let from_pole =
             (i64::from(centre.to_bits()) - i64::from(self.pole.to_bits())) as f32 / 65536.0;
         let above_d = (bits - i64::from(self.d.to_bits())) as f32 / 256.0;

@@ -1,0 +1,165 @@
+//! Rows, frames and calibrations that are hard: what a sensor can deliver when something is wrong, and what must come out then.
+//!
+//! A [`RowCase`] makes seeded rows from a [`Recipe`], a spot with flaws, or from a pattern of counts. Its [`Truth`] is where a perfect
+//! reader would say that the spot is; its [`Due`] is what the measurement owes for it, whichever rung is chosen.
+//! [`rows`] is the catalogue. [`mixtures`] draws flaws at random, and [`tally`] counts what comes of them.
+
+pub mod calibrations;
+mod catalogue;
+pub mod flaw;
+pub mod frames;
+pub mod judge;
+pub mod mixtures;
+mod patterns;
+pub mod recipe;
+pub mod report;
+pub mod shape;
+pub mod tally;
+pub mod truth;
+
+use slitrange::row::Geometry;
+
+pub use catalogue::rows;
+pub use flaw::Flaw;
+pub use recipe::{HardRow, Recipe};
+pub use shape::Shape;
+pub use truth::Truth;
+
+use crate::scene::Sensor;
+
+/// What kind of difficulty a case is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// Rows without a spot, or with what cannot be one.
+    NoSpot,
+    /// The spot is dim or bright.
+    Height,
+    /// The spot's top is cut off.
+    Saturation,
+    /// The spot is narrow or wide.
+    Width,
+    /// The spot is at the row's edge.
+    Edge,
+    /// The background is not level.
+    Background,
+    /// Pixels are bad.
+    BadPixels,
+    /// There is more than one spot.
+    SecondSpot,
+    /// The spot is no gaussian.
+    Shape,
+    /// Noise and interference are not white.
+    Interference,
+    /// The converter is coarse or broken.
+    Converter,
+    /// The row is short.
+    ShortRow,
+}
+
+impl Group {
+    /// All of them, in the order of the catalogue.
+    pub const ALL: [Self; 12] = [
+        Self::NoSpot,
+        Self::Height,
+        Self::Saturation,
+        Self::Width,
+        Self::Edge,
+        Self::Background,
+        Self::BadPixels,
+        Self::SecondSpot,
+        Self::Shape,
+        Self::Interference,
+        Self::Converter,
+        Self::ShortRow,
+    ];
+
+    /// Its heading.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NoSpot => "No spot",
+            Self::Height => "Dim and bright",
+            Self::Saturation => "Saturated",
+            Self::Width => "Narrow and wide",
+            Self::Edge => "At the sensor's edge",
+            Self::Background => "Background",
+            Self::BadPixels => "Bad pixels",
+            Self::SecondSpot => "A second spot",
+            Self::Shape => "Other shapes",
+            Self::Interference => "Interference",
+            Self::Converter => "Converter",
+            Self::ShortRow => "Short rows",
+        }
+    }
+}
+
+/// What the measurement owes for a row, whichever rung is chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Due {
+    /// A centre, mostly without a flag, that is off by no more than this many pixels. The rungs whose error is larger by their nature owe
+    /// [`Due::Honest`].
+    Centre(f64),
+    /// A centre as good as it claims, or a flag, or a fault: no confident error.
+    Honest,
+    /// Nothing: it is shown, because neither a row nor a frame can know.
+    Unknowable,
+    /// A fault or a flag: no centre without one.
+    NoCentre,
+    /// A fault of one of these kinds ([`slitrange::reading::Fault::name`]).
+    Fault(&'static [&'static str]),
+}
+
+/// Rows that are hard in one way.
+#[derive(Clone, Debug)]
+pub struct RowCase {
+    /// What it is, in a few words. No two cases have the same.
+    pub name: String,
+    /// Its group.
+    pub group: Group,
+    /// Why it is hard.
+    pub why: &'static str,
+    /// What must come out.
+    pub due: Due,
+    /// What the robust rung owes besides: a centre without a flag within so many pixels, in most rows.
+    pub robust_within: Option<f64>,
+    /// What the rows are made of.
+    pub source: Source,
+}
+
+/// What rows are made of.
+#[derive(Clone, Debug)]
+pub enum Source {
+    /// A spot, its noise, and its flaws.
+    Recipe(Recipe),
+    /// Counts of the row of a number, which have no noise of a sensor.
+    Pattern(fn(u64) -> Vec<u16>),
+}
+
+/// Rows of each case in the table.
+pub const ROWS: u64 = 8;
+
+impl RowCase {
+    /// A row. Rows differ in their noise, and in where the spot is, to a fraction of a pixel.
+    pub fn row(&self, number: u64) -> HardRow {
+        match &self.source {
+            Source::Recipe(recipe) => recipe.row(self.seed(), number),
+            Source::Pattern(counts) => {
+                let light = counts(number);
+                HardRow {
+                    geometry: Geometry {
+                        shot_variance_per_count_q16: 13107,
+                        ..Sensor::Row(light.len()).geometry()
+                    },
+                    light,
+                    truth: Truth::None,
+                }
+            }
+        }
+    }
+
+    /// Of its name, so that a case more changes no other (FNV-1a: G. Fowler, L. C. Noll, K.-P. Vo).
+    fn seed(&self) -> u64 {
+        self.name.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
+        })
+    }
+}

@@ -1,0 +1,477 @@
+//! Calibrations that are hard: eq. (1) at its pole and beyond what integers hold, tables that are none.
+
+use slitrange::calibration::knots::{CLOSEST, Interpolation, Knot, MAX_CUBIC, MAX_LINEAR};
+use slitrange::calibration::residuals::Corrected;
+use slitrange::calibration::table::Table;
+use slitrange::reading::Fault;
+use slitrange::triangulation::{Eq1, NOMINAL};
+use slitrange::units::{Micrometres, Pixels};
+
+/// A calibration that is hard in one way. No estimator has to do with it.
+#[derive(Clone, Copy, Debug)]
+pub struct CalibrationCase {
+    /// What it is, in a few words.
+    pub name: &'static str,
+    /// Why it is hard.
+    pub why: &'static str,
+    /// What must come out.
+    pub due: CalibrationDue,
+    make: fn() -> Made,
+}
+
+/// What must come of a calibration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CalibrationDue {
+    /// It is refused, and the reason has this in it.
+    Refused(&'static str),
+    /// It is taken, and over its whole range its distance is that of eq. (1), or of the knots, within so many micrometres.
+    Exact(f64),
+}
+
+/// What is made of numbers.
+enum Made {
+    /// Eq. (1): a curve with its D and K (um, um px) and xp (px), or why there is none.
+    Curve(Result<Eq1, String>, [f64; 3]),
+    /// A table, through which knots, or why there is none.
+    Table(Result<Table, String>, Vec<Knot>),
+    /// Eq. (1) with residuals, which knots, or why there is none.
+    Corrected(Result<Corrected, String>, Eq1, Vec<Knot>),
+}
+
+/// What came of a case.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// In words.
+    pub answer: String,
+    /// Whether it is what is due.
+    pub is_due: bool,
+}
+
+impl CalibrationCase {
+    /// Makes it, and asks for distances over its range and outside.
+    pub fn run(&self) -> Found {
+        match (self.make)() {
+            Made::Curve(Err(why), _)
+            | Made::Table(Err(why), _)
+            | Made::Corrected(Err(why), _, _) => self.refused(&why),
+            Made::Curve(Ok(curve), [d, k, pole]) => {
+                let expected = |x: f64| Some(d + k / (x - pole));
+                self.taken(curve.valid(), &[], 0, |x| curve.distance_at(x), expected)
+            }
+            Made::Table(Ok(table), knots) => {
+                let expected = |x: f64| at_knot(&knots, x);
+                self.taken(table.valid(), &knots, 0, |x| table.distance_at(x), expected)
+            }
+            Made::Corrected(Ok(corrected), curve, knots) => {
+                let expected = |x: f64| {
+                    let base = curve.distance_at(Pixels::from_bits((x * 65536.0) as i32));
+                    Some(base.ok()?.0.to_f64() + at_knot(&knots, x)?)
+                };
+                self.taken(
+                    corrected.valid(),
+                    &knots,
+                    STEP_BACK,
+                    |x| corrected.distance_at(x),
+                    expected,
+                )
+            }
+        }
+    }
+
+    fn refused(&self, why: &str) -> Found {
+        Found {
+            answer: format!("refused: {why}"),
+            is_due: matches!(self.due, CalibrationDue::Refused(reason) if why.contains(reason)),
+        }
+    }
+
+    /// Distances at 2001 centres over the range and at the knots, against what they should be where that is known; beyond the range a
+    /// fault. The distance goes one way, but for steps of Q24.8 back.
+    fn taken(
+        &self,
+        (from, to): (Pixels, Pixels),
+        knots: &[Knot],
+        step_back: i32,
+        distance_at: impl Fn(Pixels) -> Result<(Micrometres, f32), Fault>,
+        expected: impl Fn(f64) -> Option<f64>,
+    ) -> Found {
+        let span = i64::from(to.to_bits()) - i64::from(from.to_bits());
+        let even = (0..=2000).map(|step| (i64::from(from.to_bits()) + span * step / 2000) as i32);
+        let mut centres: Vec<i32> = even.collect();
+        centres.extend(knots.iter().map(|knot| knot.centre.to_bits()));
+        centres.sort_unstable();
+        let (mut worst, mut nonsense) = (0.0f64, None);
+        let mut before: Option<Micrometres> = None;
+        for centre in centres.into_iter().map(Pixels::from_bits) {
+            let (distance, slope) = match distance_at(centre) {
+                Ok(found) => found,
+                Err(fault) => {
+                    nonsense = Some(format!("{} at {centre} px", fault.name()));
+                    continue;
+                }
+            };
+            if !slope.is_finite() || slope == 0.0 {
+                nonsense = Some(format!("slope {slope} at {centre} px"));
+            }
+            if let Some(before) = before.replace(distance) {
+                let onward = i64::from(distance.to_bits()) - i64::from(before.to_bits());
+                let onward = if slope > 0.0 { onward } else { -onward };
+                if onward < -i64::from(step_back) {
+                    nonsense = Some(format!("turns back at {centre} px"));
+                }
+            }
+            if let Some(expected) = expected(centre.to_f64()) {
+                worst = worst.max((distance.to_f64() - expected).abs());
+            }
+        }
+        for outside in [from.to_bits().checked_sub(1), to.to_bits().checked_add(1)] {
+            let Some(centre) = outside.map(Pixels::from_bits) else {
+                continue;
+            };
+            if distance_at(centre) != Err(Fault::OutOfRange { centre }) {
+                nonsense = Some(format!("a distance at {centre} px, outside"));
+            }
+        }
+        let is_exact = matches!(self.due, CalibrationDue::Exact(within) if worst <= within);
+        Found {
+            is_due: is_exact && nonsense.is_none(),
+            answer: nonsense.unwrap_or_else(|| format!("within {worst:.4} um")),
+        }
+    }
+}
+
+/// Steps of Q24.8 that eq. (1) with residuals may go back: both parts are rounded each for itself (see [`Corrected`]).
+const STEP_BACK: i32 = 4;
+
+/// A knot's value, where there is one at a centre.
+fn at_knot(knots: &[Knot], centre: f64) -> Option<f64> {
+    let knot = knots.iter().find(|knot| knot.centre.to_f64() == centre)?;
+    Some(knot.value.to_f64())
+}
+
+/// Eq. (1) from D (um), K (um px), xp (px) and the ends of its range (px).
+fn curve(d: f64, k: f64, pole: f64, from: f64, to: f64) -> Made {
+    let pixels = |value: f64| Pixels::from_bits((value * 65536.0).round() as i32);
+    let d = Micrometres::from_bits((d * 256.0).round() as i32);
+    let k_bits = (k * 65536.0) as i64;
+    let made = Eq1::new(d, k_bits, pixels(pole), pixels(from)..=pixels(to));
+    Made::Curve(
+        made.map_err(|why| why.to_string()),
+        [d.to_f64(), k_bits as f64 / 65536.0, pixels(pole).to_f64()],
+    )
+}
+
+fn knots(places: &[(f64, f64)]) -> Vec<Knot> {
+    let knot = |&(centre, value): &(f64, f64)| Knot {
+        centre: Pixels::from_bits((centre * 65536.0).round() as i32),
+        value: Micrometres::from_bits((value * 256.0).round() as i32),
+    };
+    places.iter().map(knot).collect()
+}
+
+fn table(interpolation: Interpolation, places: &[(f64, f64)]) -> Made {
+    let knots = knots(places);
+    let made = Table::new(interpolation, &knots).map_err(|why| why.to_string());
+    Made::Table(made, knots)
+}
+
+fn corrected(places: &[(f64, f64)]) -> Made {
+    let curve = NOMINAL.expect("a curve");
+    let knots = knots(places);
+    let made =
+        Corrected::new(curve.clone(), Interpolation::Cubic, &knots).map_err(|why| why.to_string());
+    Made::Corrected(made, curve, knots)
+}
+
+/// So many knots 8 pixels apart, 400 um from one to the next.
+fn many(knots: usize) -> Vec<(f64, f64)> {
+    (0..knots)
+        .map(|i| (8.0 * i as f64, 1e6 - 400.0 * i as f64))
+        .collect()
+}
+
+/// Rounding to Q24.8 is off by half of a 256th, and f64's own rounding by less.
+const ROUNDED: CalibrationDue = CalibrationDue::Exact(0.01);
+
+/// A table is exact at its knots.
+const AT_KNOTS: CalibrationDue = CalibrationDue::Exact(0.0);
+
+const fn case(
+    name: &'static str,
+    why: &'static str,
+    due: CalibrationDue,
+    make: fn() -> Made,
+) -> CalibrationCase {
+    CalibrationCase {
+        name,
+        why,
+        due,
+        make,
+    }
+}
+
+/// The cases.
+pub fn calibrations() -> Vec<CalibrationCase> {
+    use CalibrationDue::Refused;
+    use Interpolation::{Cubic, Linear};
+    vec![
+        case(
+            "eq. (1): nominal",
+            "what a sensor without its own uses",
+            ROUNDED,
+            || {
+                let curve = NOMINAL.expect("a curve");
+                let parameters = [
+                    curve.d().to_f64(),
+                    curve.k() as f64 / 65536.0,
+                    curve.pole().to_f64(),
+                ];
+                Made::Curve(Ok(curve), parameters)
+            },
+        ),
+        case(
+            "eq. (1): xp in the range",
+            "a division by zero",
+            Refused("xp lies in"),
+            || curve(0.0, 6e8, 500.0, 0.0, 1000.0),
+        ),
+        case(
+            "eq. (1): xp at the first centre",
+            "a division by zero at the end",
+            Refused("xp lies in"),
+            || curve(0.0, 6e8, 0.0, 0.0, 1000.0),
+        ),
+        case(
+            "eq. (1): xp half a pixel beyond the last",
+            "distances run away",
+            Refused("within a pixel"),
+            || curve(0.0, 6e8, 1000.5, 0.0, 1000.0),
+        ),
+        case(
+            "eq. (1): xp a pixel before the first",
+            "the steepest that there is",
+            ROUNDED,
+            || curve(0.0, 8e6, -1.0, 0.0, 1000.0),
+        ),
+        case(
+            "eq. (1): xp on the sensor, outside the range",
+            "half of the sensor is beyond the pole",
+            ROUNDED,
+            || curve(0.0, -3e7, 1500.0, 0.0, 1400.0),
+        ),
+        case(
+            "eq. (1): K = 0",
+            "every centre means the same distance",
+            Refused("K is zero"),
+            || curve(5e5, 0.0, -1000.0, 0.0, 1000.0),
+        ),
+        case(
+            "eq. (1): the least K",
+            "the same but for rounding",
+            Refused("hardly depends"),
+            || curve(5e5, 1.0 / 65536.0, -1000.0, 0.0, 1000.0),
+        ),
+        case(
+            "eq. (1): K below zero",
+            "distance rises with the centre",
+            ROUNDED,
+            || curve(1e6, -6e8, -1000.0, 0.0, 1000.0),
+        ),
+        case(
+            "eq. (1): the largest K",
+            "its numerator fills 63 bits",
+            ROUNDED,
+            || curve(-8e6, 5.497e11, -32_768.0, 30_000.0, 32_000.0),
+        ),
+        case(
+            "eq. (1): K beyond that",
+            "its numerator would overflow",
+            Refused("K is zero, or 5.5e11"),
+            || curve(0.0, 5.5e11, -32_768.0, 30_000.0, 32_000.0),
+        ),
+        case(
+            "eq. (1): 10 m at one end",
+            "beyond what 32 bits hold",
+            Refused("beyond 8.38 m"),
+            || curve(0.0, 1e10, -1000.0, 0.0, 1000.0),
+        ),
+        case(
+            "eq. (1): D at the lowest",
+            "the least that 32 bits hold",
+            ROUNDED,
+            || curve(-8_388_608.0, 6e9, -1000.0, 0.0, 1000.0),
+        ),
+        case(
+            "eq. (1): one centre",
+            "an empty range",
+            Refused("range of centres is empty"),
+            || curve(0.0, 6e8, -1000.0, 5.0, 5.0),
+        ),
+        case(
+            "eq. (1): range the wrong way round",
+            "an empty range",
+            Refused("range of centres is empty"),
+            || curve(0.0, 6e8, -1000.0, 1000.0, 0.0),
+        ),
+        case(
+            "eq. (1): over all centres that there are",
+            "differences of 33 bits",
+            ROUNDED,
+            || {
+                // The curve is steep enough at the far end: K / 65530^2 = 1/8 um a pixel.
+                curve(0.0, 5.37e8, -32_768.0, -32_700.0, 32_767.0)
+            },
+        ),
+        case(
+            "table: two knots",
+            "the least that there can be",
+            AT_KNOTS,
+            || table(Linear, &[(100.0, 9e5), (900.0, 6e5)]),
+        ),
+        case(
+            "table: two knots, cubic",
+            "a cubic that is a line",
+            AT_KNOTS,
+            || table(Cubic, &[(100.0, 9e5), (900.0, 6e5)]),
+        ),
+        case(
+            "table: one knot",
+            "no line goes through one point",
+            Refused("no table"),
+            || table(Linear, &[(100.0, 9e5)]),
+        ),
+        case("table: no knots", "nothing", Refused("no table"), || {
+            table(Cubic, &[])
+        }),
+        case(
+            "table: equal knots",
+            "a division by zero between them",
+            Refused("not beyond the one before"),
+            || {
+                table(
+                    Linear,
+                    &[(100.0, 9e5), (500.0, 8e5), (500.0, 7e5), (900.0, 6e5)],
+                )
+            },
+        ),
+        case(
+            "table: knots not sorted",
+            "a search by halves goes astray",
+            Refused("not beyond the one before"),
+            || {
+                table(
+                    Cubic,
+                    &[(100.0, 9e5), (700.0, 7e5), (500.0, 8e5), (900.0, 6e5)],
+                )
+            },
+        ),
+        case(
+            "table: distances not monotone",
+            "two centres for one distance",
+            Refused("all rise or all fall"),
+            || {
+                table(
+                    Cubic,
+                    &[(100.0, 9e5), (500.0, 7e5), (700.0, 7.5e5), (900.0, 6e5)],
+                )
+            },
+        ),
+        case(
+            "table: equal distances",
+            "a slope of zero claims no uncertainty",
+            Refused("all rise or all fall"),
+            || {
+                table(
+                    Linear,
+                    &[(100.0, 9e5), (500.0, 7e5), (700.0, 7e5), (900.0, 6e5)],
+                )
+            },
+        ),
+        case(
+            "table: knots as close as they may be",
+            "the steepest line",
+            AT_KNOTS,
+            || {
+                let close = CLOSEST.to_f64();
+                table(Linear, &[(100.0, 9e5), (100.0 + close, 8e5), (900.0, 6e5)])
+            },
+        ),
+        case(
+            "table: knots closer than that",
+            "the slope would be beyond any sensor's",
+            Refused("not beyond the one before"),
+            || {
+                let close = 0.5 * CLOSEST.to_f64();
+                table(Linear, &[(100.0, 9e5), (100.0 + close, 8e5), (900.0, 6e5)])
+            },
+        ),
+        case(
+            "table: spacing from 1/16 to 30,000 pixels",
+            "a cubic whose pieces differ by half a million",
+            AT_KNOTS,
+            || {
+                let close = CLOSEST.to_f64();
+                table(
+                    Cubic,
+                    &[(-100.0, 3e6), (0.0, 2e6), (close, 1.9e6), (30_000.0, 1e6)],
+                )
+            },
+        ),
+        case(
+            "table: the most lines",
+            "all of the memory",
+            AT_KNOTS,
+            || table(Linear, &many(MAX_LINEAR)),
+        ),
+        case(
+            "table: one too many",
+            "more than the memory",
+            Refused("too many"),
+            || table(Linear, &many(MAX_LINEAR + 1)),
+        ),
+        case(
+            "table: the most cubics",
+            "all of the memory",
+            AT_KNOTS,
+            || table(Cubic, &many(MAX_CUBIC)),
+        ),
+        case(
+            "table: 16 m from one knot to the next",
+            "a difference of 33 bits",
+            Refused("8.39 m or more"),
+            || table(Linear, &[(0.0, 8.3e6), (900.0, -8.3e6)]),
+        ),
+        case(
+            "table: a cliff between slopes",
+            "a cubic that overshoots would turn back",
+            AT_KNOTS,
+            || {
+                table(
+                    Cubic,
+                    &[(0.0, 1e6), (100.0, 9.999e5), (101.0, 1e5), (900.0, 9.99e4)],
+                )
+            },
+        ),
+        case(
+            "residuals: of 100 um",
+            "a mounting that is not eq. (1)'s",
+            AT_RESIDUALS,
+            || corrected(&[(1200.0, 100.0), (1800.0, -100.0), (2600.0, 50.0)]),
+        ),
+        case(
+            "residuals: steeper than the curve",
+            "the sum would turn back",
+            Refused("more than half"),
+            || corrected(&[(1200.0, 0.0), (1300.0, 200_000.0), (2600.0, 0.0)]),
+        ),
+        case(
+            "residuals: beyond the curve's range",
+            "there is no curve to correct",
+            Refused("outside the range of eq. (1)"),
+            || corrected(&[(1000.0, 0.0), (2600.0, 10.0)]),
+        ),
+    ]
+}
+
+/// Eq. (1) and the residual are rounded each for itself: two halves of a 256th.
+const AT_RESIDUALS: CalibrationDue = CalibrationDue::Exact(0.01);

@@ -1,0 +1,904 @@
+//! The cases: each a name, why it is hard, and what must come out.
+
+use crate::hard_cases::flaw::{Bad, Flaw, Second};
+use crate::hard_cases::recipe::{Place, Recipe};
+use crate::hard_cases::{Due, Group, RowCase, Shape, Source, patterns};
+use crate::{bound, ladder};
+
+/// The spot for which accuracy is quoted: that of the nominal slit on the paper's sensor.
+const WIDTH: f64 = 10.5;
+
+/// A spot that a few pixels make.
+const NARROW: f64 = 1.5;
+
+/// The cases whose rows are looked at one by one.
+pub fn rows() -> Vec<RowCase> {
+    [
+        no_spot(),
+        height(),
+        saturation(),
+        width(),
+        edge(),
+        background(),
+        bad_pixels(),
+        second_spot(),
+        shapes(),
+        interference(),
+        converter(),
+        short_rows(),
+    ]
+    .concat()
+}
+
+fn case(
+    group: Group,
+    name: impl Into<String>,
+    why: &'static str,
+    due: Due,
+    recipe: Recipe,
+) -> RowCase {
+    RowCase {
+        name: name.into(),
+        group,
+        why,
+        due,
+        robust_within: None,
+        source: Source::Recipe(recipe),
+    }
+}
+
+impl RowCase {
+    /// What the robust rung owes besides.
+    fn robust(self, within: f64) -> Self {
+        Self {
+            robust_within: Some(within),
+            ..self
+        }
+    }
+}
+
+/// Five times the bound of the clean spot, and what a profile or a rounding may add.
+fn as_the_bound(recipe: &Recipe) -> Due {
+    let bound = clean_spot(recipe).bound();
+    Due::Centre(5.0 * bound + 0.05)
+}
+
+/// The same for the bound of a spot of which only what is on the row is seen, with its centre so many widths from the row's end. A fit
+/// in whose pixels the tail is missing leaves 1.4 times that.
+fn as_the_cut_bound(recipe: &Recipe, widths: f64) -> Due {
+    let spot = clean_spot(recipe);
+    // Phases differ: that of the least of the spot.
+    let bound = ladder::cut_bound(&spot, widths * spot.width - 0.5);
+    Due::Centre(5.0 * 1.4 * bound + 0.05)
+}
+
+fn clean_spot(recipe: &Recipe) -> bound::Spot {
+    let spot = recipe.spot.expect("a spot");
+    bound::Spot {
+        width: spot.width,
+        amplitude: spot.amplitude,
+        noise: recipe.read_noise,
+        electrons_per_count: recipe.electrons_per_count,
+    }
+}
+
+/// A case whose flaw ought to change nothing.
+fn as_clean(group: Group, name: impl Into<String>, why: &'static str, recipe: Recipe) -> RowCase {
+    case(group, name, why, as_the_bound(&recipe), recipe)
+}
+
+fn no_spot() -> Vec<RowCase> {
+    const SILENT: Due = Due::Fault(&["sensor silent"]);
+    let pattern = |name: &str, why, due, source| RowCase {
+        name: name.into(),
+        group: Group::NoSpot,
+        why,
+        due,
+        robust_within: None,
+        source: Source::Pattern(source),
+    };
+    let dark = |name: &str, why, due, recipe| case(Group::NoSpot, name, why, due, recipe);
+    let away = (0.0, 15.0);
+    vec![
+        pattern(
+            "all black",
+            "a dead amplifier: no pixel differs",
+            SILENT,
+            patterns::constant::<0>,
+        ),
+        pattern(
+            "all at full scale",
+            "flooded, or the wire is open",
+            SILENT,
+            patterns::constant::<4095>,
+        ),
+        pattern(
+            "all at 1000",
+            "a held converter",
+            SILENT,
+            patterns::constant::<1000>,
+        ),
+        pattern(
+            "one pixel at full scale",
+            "no noise to compare it with",
+            Due::NoCentre,
+            patterns::lit::<1>,
+        ),
+        pattern(
+            "two pixels at full scale",
+            "the same, as a pair",
+            Due::NoCentre,
+            patterns::lit::<2>,
+        ),
+        pattern(
+            "one pixel at 2000",
+            "the same, below full scale",
+            Due::NoCentre,
+            patterns::half_lit::<1>,
+        ),
+        pattern(
+            "two pixels at 2000",
+            "narrower than optics can make",
+            Due::NoCentre,
+            patterns::half_lit::<2>,
+        ),
+        pattern(
+            "three pixels at 2000",
+            "a box, where a spot would have flanks",
+            Due::NoCentre,
+            patterns::half_lit::<3>,
+        ),
+        pattern(
+            "40 pixels at 2000",
+            "a box as wide as a spot",
+            Due::NoCentre,
+            patterns::half_lit::<40>,
+        ),
+        pattern(
+            "alternating pixels",
+            "every sum of two is the same",
+            Due::NoCentre,
+            patterns::alternating::<1>,
+        ),
+        pattern(
+            "alternating pairs",
+            "every sum of four is the same",
+            Due::NoCentre,
+            patterns::alternating::<2>,
+        ),
+        pattern(
+            "alternating runs of 30",
+            "nine boxes, each as good as the other",
+            Due::NoCentre,
+            patterns::alternating::<30>,
+        ),
+        pattern(
+            "a ramp to full scale",
+            "the highest pixel is the last",
+            Due::NoCentre,
+            patterns::ramp,
+        ),
+        pattern(
+            "half black, half full",
+            "the highest block is at the edge",
+            Due::NoCentre,
+            patterns::halves,
+        ),
+        pattern(
+            "any words",
+            "noise as high as the converter",
+            Due::NoCentre,
+            patterns::any_words,
+        ),
+        dark(
+            "noise alone",
+            "the highest of many noisy places looks like a spot",
+            Due::Fault(&["no spot", "too dim"]),
+            Recipe::dark(),
+        ),
+        dark(
+            "strong noise alone",
+            "the same with 60 counts of noise",
+            Due::Fault(&["no spot", "too dim"]),
+            Recipe {
+                read_noise: 60.0,
+                ..Recipe::dark()
+            },
+        ),
+        dark(
+            "no noise",
+            "a converter's step is larger than the noise",
+            Due::Fault(&["sensor silent", "no spot", "too dim"]),
+            Recipe {
+                read_noise: 0.05,
+                ..Recipe::dark()
+            },
+        ),
+        dark(
+            "a hot pixel alone",
+            "it stands out of the noise more than any spot",
+            Due::NoCentre,
+            Recipe::dark().with(Flaw::Hot(Bad {
+                counts: 1000.0,
+                pixels: 1,
+                from_spot: away,
+            })),
+        ),
+        dark(
+            "two hot pixels alone",
+            "the same, side by side",
+            Due::NoCentre,
+            Recipe::dark().with(Flaw::Hot(Bad {
+                counts: 1000.0,
+                pixels: 2,
+                from_spot: away,
+            })),
+        ),
+        dark(
+            "three hot pixels alone",
+            "the same, three of them",
+            Due::NoCentre,
+            Recipe::dark().with(Flaw::Hot(Bad {
+                counts: 1000.0,
+                pixels: 3,
+                from_spot: away,
+            })),
+        ),
+        dark(
+            "a slope alone, 2 counts a pixel",
+            "the far end is high",
+            Due::NoCentre,
+            Recipe::dark().with(Flaw::Slope(2.0)),
+        ),
+        dark(
+            "a lamp at one end alone",
+            "light that falls off along the row",
+            Due::NoCentre,
+            Recipe::dark().with(Flaw::Glow(1500.0)),
+        ),
+        dark(
+            "a step of 50 counts alone",
+            "two halves of the row have levels of their own",
+            Due::NoCentre,
+            Recipe::dark().with(Flaw::Step {
+                counts: 50.0,
+                offset: 0.0,
+            }),
+        ),
+        dark(
+            "a ripple alone",
+            "every wave looks like a spot",
+            Due::NoCentre,
+            Recipe::dark().with(Flaw::Ripple {
+                counts: 50.0,
+                period: 60.0,
+            }),
+        ),
+    ]
+}
+
+fn height() -> Vec<RowCase> {
+    let why = "the centre is as good as the light that there is";
+    let dim = [1.0, 2.0, 5.0, 10.0, 20.0].map(|amplitude| {
+        case(
+            Group::Height,
+            format!("{amplitude} counts"),
+            "the spot is not clear of the noise",
+            Due::Honest,
+            Recipe::clean(WIDTH).spot(|spot| spot.amplitude = amplitude),
+        )
+    });
+    let bright = [50.0, 200.0, 1000.0, 3000.0, 3700.0].map(|amplitude| {
+        as_clean(
+            Group::Height,
+            format!("{amplitude} counts"),
+            why,
+            Recipe::clean(WIDTH).spot(|spot| spot.amplitude = amplitude),
+        )
+    });
+    let narrow = [10.0, 20.0].map(|amplitude| {
+        case(
+            Group::Height,
+            format!("{amplitude} counts, sigma {NARROW}"),
+            "the same with few pixels",
+            Due::Honest,
+            Recipe::clean(NARROW).spot(|spot| spot.amplitude = amplitude),
+        )
+    });
+    let narrow_bright = [100.0, 1000.0, 3700.0].map(|amplitude| {
+        as_clean(
+            Group::Height,
+            format!("{amplitude} counts, sigma {NARROW}"),
+            "the same with few pixels",
+            Recipe::clean(NARROW).spot(|spot| spot.amplitude = amplitude),
+        )
+    });
+    [&dim[..], &bright, &narrow, &narrow_bright].concat()
+}
+
+fn saturation() -> Vec<RowCase> {
+    let mut cases = vec![];
+    for (width, within) in [(WIDTH, 0.08), (NARROW, 0.15)] {
+        for times in [1.05, 1.5, 4.0] {
+            cases.push(
+                case(
+                    Group::Saturation,
+                    format!("{times} times full scale, sigma {width}"),
+                    "the top is cut off: only the flanks tell the place",
+                    Due::Honest,
+                    Recipe::clean(width).spot(|spot| spot.amplitude = times * 4095.0),
+                )
+                .robust(within),
+            );
+        }
+    }
+    for top in [2.0f64, 5.0, 10.0, 30.0, 60.0] {
+        // A gaussian is at full scale over `top` pixels where it is exp((top / 2)^2 / (2 sigma^2)) times as high.
+        let width = (top / 3.0).max(1.0);
+        let times = (0.5 * (0.5 * top / width).powi(2)).exp();
+        cases.push(case(
+            Group::Saturation,
+            format!("a flat top of {top} pixels"),
+            "the top has no highest pixel",
+            Due::Honest,
+            Recipe::clean(width).spot(|spot| spot.amplitude = times * 3795.0),
+        ));
+    }
+    for blooming in [0.3, 1.0] {
+        cases.push(case(
+            Group::Saturation,
+            format!("blooms {} % to both sides", 100.0 * blooming),
+            "charge flows over into the flanks",
+            Due::Honest,
+            Recipe::clean(WIDTH)
+                .spot(|spot| spot.amplitude = 6000.0)
+                .with(Flaw::FullWell {
+                    counts: 3600.0,
+                    blooming,
+                }),
+        ));
+    }
+    for share in [0.1, 0.5, 0.9] {
+        cases.push(case(
+            Group::Saturation,
+            format!("blooms {} % to one side", 100.0 * share),
+            "the flank to that side is not the spot's",
+            Due::Honest,
+            Recipe::clean(WIDTH)
+                .spot(|spot| spot.amplitude = 6000.0)
+                .with(Flaw::Smear(share)),
+        ));
+    }
+    cases.push(case(
+        Group::Saturation,
+        "a full well below full scale",
+        "the flat top does not reach the converter's limit",
+        Due::Honest,
+        Recipe::clean(WIDTH)
+            .spot(|spot| spot.amplitude = 3000.0)
+            .with(Flaw::FullWell {
+                counts: 2400.0,
+                blooming: 0.0,
+            }),
+    ));
+    cases
+}
+
+fn width() -> Vec<RowCase> {
+    let pixels = |width: f64| match width {
+        width if width < 12.0 => 512,
+        width if width < 40.0 => 1024,
+        _ => 2048,
+    };
+    let mut cases = vec![];
+    for width in [0.3, 0.4, 0.5, 0.6] {
+        cases.push(case(
+            Group::Width,
+            format!("sigma {width}"),
+            "one or two pixels have all the light: it could be a hot pixel",
+            Due::Honest,
+            Recipe::clean(width),
+        ));
+    }
+    for width in [
+        0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 10.5, 15.0, 20.0, 30.0, 50.0,
+    ] {
+        cases.push(as_clean(
+            Group::Width,
+            format!("sigma {width}"),
+            "each width has tables of its own",
+            Recipe {
+                pixels: pixels(width),
+                ..Recipe::clean(width)
+            },
+        ));
+    }
+    for width in [80.0, 120.0, 200.0] {
+        cases.push(case(
+            Group::Width,
+            format!("sigma {width}"),
+            "the spot leaves little of the row for the background",
+            Due::Honest,
+            Recipe {
+                pixels: pixels(width),
+                ..Recipe::clean(width)
+            },
+        ));
+    }
+    // Half way between two of the widths that tables are made for.
+    let fine = phase_tables::FINE;
+    for (name, step) in [("narrow", 4.5), ("middle", 16.5), ("wide", 28.5)] {
+        let width = fine.narrowest * fine.ratio.powf(step);
+        cases.push(as_clean(
+            Group::Width,
+            format!("between two tables, {name}"),
+            "no table fits exactly",
+            Recipe::clean(width),
+        ));
+    }
+    cases
+}
+
+fn edge() -> Vec<RowCase> {
+    let mut cases = vec![];
+    for width in [WIDTH, NARROW, 4.0] {
+        for widths in [3.0, 2.0, 1.0, 0.0, -1.0] {
+            for (end, place) in [
+                ("first", Place::FromStart(widths)),
+                ("last", Place::FromEnd(widths)),
+            ] {
+                let recipe = Recipe::clean(width).spot(|spot| spot.place = place);
+                let (why, due) = match widths {
+                    3.0 => (
+                        "the table's window reaches over the edge",
+                        as_the_bound(&recipe),
+                    ),
+                    -1.0 => (
+                        "the top is off the sensor: only one flank is left",
+                        Due::Honest,
+                    ),
+                    _ => (
+                        "a part of the spot is cut off",
+                        as_the_cut_bound(&recipe, widths),
+                    ),
+                };
+                let name = format!("{widths} sigma from the {end} pixel, sigma {width}");
+                cases.push(case(Group::Edge, name, why, due, recipe));
+            }
+        }
+    }
+    cases
+}
+
+fn background() -> Vec<RowCase> {
+    let mut cases = vec![];
+    for slope in [0.1, 0.3, 1.0, 2.0, -2.0, 5.0] {
+        let case = case(
+            Group::Background,
+            format!("slope of {slope} counts a pixel"),
+            "one flank stands higher than the other",
+            Due::Honest,
+            Recipe {
+                black_level: 60.0,
+                ..Recipe::clean(WIDTH).spot(|spot| spot.amplitude = 1200.0)
+            }
+            .with(Flaw::Slope(slope)),
+        );
+        // The slope's own light makes noise of up to three times the spot's: five times that bound.
+        cases.push(if slope.abs() <= 2.0 {
+            case.robust(0.3)
+        } else {
+            case
+        });
+    }
+    for slope in [2.0, 5.0] {
+        cases.push(case(
+            Group::Background,
+            format!("slope of {slope} counts a pixel, sigma {NARROW}"),
+            "the same under a narrow spot",
+            Due::Honest,
+            Recipe {
+                black_level: 60.0,
+                ..Recipe::clean(NARROW).spot(|spot| spot.amplitude = 1200.0)
+            }
+            .with(Flaw::Slope(slope)),
+        ));
+    }
+    for offset in [-12.0, -5.0, -2.0, 0.0, 2.0, 5.0] {
+        cases.push(case(
+            Group::Background,
+            format!("step of 50 counts {offset} sigma from the spot"),
+            "the black level is wrong by 50 counts on one side",
+            Due::Honest,
+            Recipe::clean(WIDTH).with(Flaw::Step {
+                counts: 50.0,
+                offset,
+            }),
+        ));
+    }
+    for counts in [50.0, 300.0, -200.0] {
+        cases.push(case(
+            Group::Background,
+            format!("black level bends by {counts} counts"),
+            "it drifts while the row is read",
+            Due::Honest,
+            Recipe::clean(WIDTH).with(Flaw::Sag(counts)),
+        ));
+    }
+    for black_level in [0.0, 1000.0] {
+        cases.push(as_clean(
+            Group::Background,
+            format!("black level of {black_level} counts"),
+            "half of the noise is cut off at zero, or daylight adds to it",
+            Recipe {
+                black_level,
+                ..Recipe::clean(WIDTH)
+            },
+        ));
+    }
+    cases.push(as_clean(
+        Group::Background,
+        "black level above the signal",
+        "the spot is a small part of what the pixels read",
+        Recipe {
+            black_level: 3700.0,
+            ..Recipe::clean(WIDTH).spot(|spot| spot.amplitude = 200.0)
+        },
+    ));
+    cases.push(case(
+        Group::Background,
+        "black level at full scale",
+        "the spot's top is cut off, and half of the noise",
+        Due::NoCentre,
+        Recipe {
+            black_level: 4090.0,
+            ..Recipe::clean(WIDTH).spot(|spot| spot.amplitude = 200.0)
+        },
+    ));
+    cases.push(case(
+        Group::Background,
+        "black level below zero",
+        "the spot's flanks are cut off at zero",
+        Due::Honest,
+        Recipe {
+            black_level: -300.0,
+            ..Recipe::clean(WIDTH)
+        },
+    ));
+    for counts in [300.0, 1500.0] {
+        cases.push(case(
+            Group::Background,
+            format!("a lamp of {counts} counts at one end"),
+            "a background that is bent and sloped under the spot",
+            Due::Honest,
+            Recipe::clean(WIDTH).with(Flaw::Glow(counts)),
+        ));
+    }
+    for (share, widths, offset) in [
+        (0.05, 6.0, 0.0),
+        (0.05, 6.0, 3.0),
+        (0.05, 15.0, 5.0),
+        (0.2, 8.0, 4.0),
+    ] {
+        cases.push(case(
+            Group::Background,
+            format!(
+                "flare of {} %, {widths} times as wide, {offset} sigma off",
+                100.0 * share
+            ),
+            "a wide ghost under the spot tilts the background",
+            Due::Honest,
+            Recipe::clean(WIDTH).with(Flaw::Ghost {
+                share,
+                widths,
+                offset,
+            }),
+        ));
+    }
+    cases
+}
+
+fn bad_pixels() -> Vec<RowCase> {
+    /// Where bad pixels are, in widths from the spot.
+    const PLACES: [(&str, (f64, f64)); 3] = [
+        ("in the spot", (0.0, 2.0)),
+        ("beside the spot", (3.0, 5.0)),
+        ("away from the spot", (8.0, 16.0)),
+    ];
+    let mut cases = vec![];
+    for width in [WIDTH, NARROW] {
+        for (place, from_spot) in PLACES {
+            let bad = |counts, pixels| Bad {
+                counts,
+                pixels,
+                from_spot,
+            };
+            let flaws = [
+                (
+                    "a hot pixel (+200)",
+                    "too weak to stand out",
+                    Flaw::Hot(bad(200.0, 1)),
+                ),
+                (
+                    "a hot pixel (+1000)",
+                    "it outweighs the flank that it is on",
+                    Flaw::Hot(bad(1000.0, 1)),
+                ),
+                (
+                    "a dead pixel",
+                    "it is a hole in the spot",
+                    Flaw::Dead(bad(300.0, 1)),
+                ),
+                (
+                    "a pixel stuck at full scale",
+                    "nothing in the row is higher",
+                    Flaw::Stuck(bad(4095.0, 1)),
+                ),
+                (
+                    "a pixel stuck at zero",
+                    "it is below any background",
+                    Flaw::Stuck(bad(0.0, 1)),
+                ),
+                (
+                    "three hot pixels (+1000)",
+                    "side by side they look like a spot",
+                    Flaw::Hot(bad(1000.0, 3)),
+                ),
+            ];
+            for (name, why, flaw) in flaws {
+                let name = format!("{name} {place}, sigma {width}");
+                let recipe = Recipe::clean(width).with(flaw);
+                let case = case(Group::BadPixels, name, why, Due::Honest, recipe);
+                cases.push(match flaw {
+                    // Five times the root mean square error of many such rows.
+                    Flaw::Hot(Bad { pixels: 1, .. }) | Flaw::Dead(_) if width == WIDTH => {
+                        case.robust(5.0 * 0.03)
+                    }
+                    Flaw::Hot(Bad {
+                        pixels: 1, counts, ..
+                    }) if counts > 500.0 => case.robust(5.0 * 0.02),
+                    _ => case,
+                });
+            }
+        }
+    }
+    for share in [0.01, 0.05] {
+        cases.push(case(
+            Group::BadPixels,
+            format!("pixels differ by {} % in response", 100.0 * share),
+            "the profile is uneven in proportion to its light",
+            Due::Honest,
+            Recipe::clean(WIDTH).with(Flaw::Response(share)),
+        ));
+    }
+    for counts in [5.0, 30.0] {
+        cases.push(case(
+            Group::BadPixels,
+            format!("unlit pixels differ by {counts} counts"),
+            "a pattern that looks like noise, and stays",
+            Due::Honest,
+            Recipe::clean(WIDTH).with(Flaw::FixedPattern(counts)),
+        ));
+    }
+    cases
+}
+
+fn second_spot() -> Vec<RowCase> {
+    let mut cases = vec![];
+    for offset in [2.0, 3.0, 5.0, 6.0, 10.0, 20.0] {
+        for share in [0.05, 0.1, 0.5, 0.8, 1.0, 1.2] {
+            let second = Second {
+                share,
+                offset,
+                widths: 1.0,
+            };
+            let recipe = Recipe::clean(WIDTH).with(Flaw::Second(second));
+            let why = match share {
+                share if share > 0.75 => "which of the two is the laser's?",
+                _ if offset < 4.0 => "it merges with the spot and moves it",
+                _ => "its flank is under the spot",
+            };
+            let due = if share > 0.75 && offset > 4.0 {
+                Due::NoCentre
+            } else {
+                Due::Honest
+            };
+            let name = format!("second spot of {:.0} % at {offset} sigma", 100.0 * share);
+            let case = case(Group::SecondSpot, name, why, due, recipe);
+            // Clear of the spot it owes what it owes for one alone; half as high, twice as much.
+            cases.push(match (share, offset) {
+                (0.05 | 0.1, 6.0..) => case.robust(0.16),
+                (0.5, 5.0..) => case.robust(5.0 * 0.04),
+                _ => case,
+            });
+        }
+    }
+    for (share, offset) in [(0.1, 6.0), (0.5, 5.0), (1.0, 8.0)] {
+        let second = Second {
+            share,
+            offset,
+            widths: 1.0,
+        };
+        cases.push(case(
+            Group::SecondSpot,
+            format!(
+                "second spot of {:.0} % at {offset} sigma, sigma {NARROW}",
+                100.0 * share
+            ),
+            "the same with few pixels",
+            if share == 1.0 {
+                Due::NoCentre
+            } else {
+                Due::Honest
+            },
+            Recipe::clean(NARROW).with(Flaw::Second(second)),
+        ));
+    }
+    cases
+}
+
+fn shapes() -> Vec<RowCase> {
+    let mut cases = vec![];
+    for width in [NARROW, 4.0, WIDTH, 15.0] {
+        for (name, shape) in [
+            ("sinc^2", Shape::SincSquared),
+            ("Fresnel", Shape::Fresnel),
+            ("1 mm laser spot", Shape::LaserSpot),
+        ] {
+            let recipe = Recipe {
+                pixels: 1024,
+                ..Recipe::clean(width)
+            };
+            cases.push(as_clean(
+                Group::Shape,
+                format!("{name}, sigma {width}"),
+                "it has side lobes, or shoulders, that a gaussian has not",
+                recipe.spot(|spot| spot.shape = shape),
+            ));
+        }
+    }
+    for share in [0.05, 0.1, 0.2, 0.3, -0.3] {
+        cases.push(case(
+            Group::Shape,
+            format!("right side {} % wider", 100.0 * share),
+            "it has no one centre: peak and centroid differ",
+            Due::Honest,
+            Recipe::clean(WIDTH).spot(|spot| spot.shape = Shape::Lopsided(share)),
+        ));
+    }
+    cases.push(case(
+        Group::Shape,
+        format!("right side 30 % wider, sigma {NARROW}"),
+        "the same with few pixels",
+        Due::Honest,
+        Recipe::clean(NARROW).spot(|spot| spot.shape = Shape::Lopsided(0.3)),
+    ));
+    cases
+}
+
+fn interference() -> Vec<RowCase> {
+    let mut cases = vec![];
+    for period in [2.0, 7.3, 20.0, 63.0, 300.0] {
+        for counts in [5.0, 50.0] {
+            cases.push(case(
+                Group::Interference,
+                format!("ripple of {counts} counts every {period} pixels"),
+                "a supply or a clock couples in",
+                Due::Honest,
+                Recipe::clean(WIDTH).with(Flaw::Ripple { counts, period }),
+            ));
+        }
+    }
+    cases.push(case(
+        Group::Interference,
+        "odd pixels 40 counts higher",
+        "two output amplifiers differ",
+        Due::Honest,
+        Recipe::clean(WIDTH).with(Flaw::OddEven(40.0)),
+    ));
+    for share in [0.001, 0.01, 0.05] {
+        for width in [WIDTH, NARROW] {
+            cases.push(case(
+                Group::Interference,
+                format!(
+                    "{} % of the pixels are impulses, sigma {width}",
+                    100.0 * share
+                ),
+                "sparks: some pixels read anything",
+                Due::Honest,
+                Recipe::clean(width).with(Flaw::Impulses(share)),
+            ));
+        }
+    }
+    cases.push(as_clean(
+        Group::Interference,
+        "no shot noise, strong read noise",
+        "the weights are made for another mix of noise",
+        Recipe {
+            read_noise: 40.0,
+            electrons_per_count: None,
+            ..Recipe::clean(WIDTH)
+        },
+    ));
+    cases.push(as_clean(
+        Group::Interference,
+        "half an electron a count",
+        "the spot's top is much noisier than the background",
+        Recipe {
+            electrons_per_count: Some(0.5),
+            ..Recipe::clean(WIDTH)
+        },
+    ));
+    cases
+}
+
+fn converter() -> Vec<RowCase> {
+    let mut cases = vec![];
+    for bits in [8u32, 6, 4, 2, 1] {
+        cases.push(case(
+            Group::Converter,
+            format!("{bits} of 12 bits"),
+            match bits {
+                1 => "pixels are lit or not",
+                _ => "steps are larger than the noise",
+            },
+            Due::Honest,
+            Recipe::clean(WIDTH).with(Flaw::Steps(f64::from(1u32 << (12 - bits)))),
+        ));
+    }
+    for (bit, high) in [
+        (0, true),
+        (4, true),
+        (7, false),
+        (10, false),
+        (10, true),
+        (11, true),
+    ] {
+        cases.push(case(
+            Group::Converter,
+            format!("bit {bit} stuck at {}", u8::from(high)),
+            "counts jump where the bit should have changed",
+            Due::Honest,
+            Recipe::clean(WIDTH).with(Flaw::StuckBit { bit, high }),
+        ));
+    }
+    cases
+}
+
+fn short_rows() -> Vec<RowCase> {
+    let mut cases = vec![];
+    for pixels in [8, 31] {
+        cases.push(case(
+            Group::ShortRow,
+            format!("{pixels} pixels"),
+            "too few to tell a background",
+            Due::Fault(&["no spot"]),
+            Recipe {
+                pixels,
+                ..Recipe::clean(NARROW).spot(|spot| spot.place = Place::At(pixels as f64 / 2.0))
+            },
+        ));
+    }
+    for (pixels, width) in [
+        (32, 1.5),
+        (48, 3.0),
+        (64, 10.5),
+        (96, 10.5),
+        (127, 10.5),
+        (128, 10.5),
+        (256, 40.0),
+    ] {
+        cases.push(case(
+            Group::ShortRow,
+            format!("{pixels} pixels, sigma {width}"),
+            "the window is longer than the row, and the background short",
+            Due::Honest,
+            Recipe {
+                pixels,
+                ..Recipe::clean(width)
+                    .spot(|spot| spot.place = Place::At(pixels as f64 / 2.0 - 0.3))
+            },
+        ));
+    }
+    cases
+}

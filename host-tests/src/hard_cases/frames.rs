@@ -1,0 +1,684 @@
+//! Frames that are hard: rows that disagree, hang together, or are not there.
+
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, Exp1, StandardNormal};
+use slitrange::black_level::BlackLevel;
+use slitrange::calibration::Calibration;
+use slitrange::estimator::Estimator;
+use slitrange::frame::{MAX_ROWS, Mean};
+use slitrange::measurement::{Measurement, Settings};
+use slitrange::reading::{Fault, Reading};
+use slitrange::row::Geometry;
+use slitrange::triangulation::Eq1;
+use slitrange::units::{Micrometres, Pixels};
+
+use crate::hard_cases::flaw::{Flaw, Second};
+use crate::hard_cases::judge::Said;
+use crate::hard_cases::recipe::{Place, Recipe};
+use crate::hard_cases::{Due, Truth};
+use crate::optics::Optics;
+use crate::scene::{LaserSpot, Motion, Scene, Sensor, Simulation, Speckle, Spot, quantise};
+
+/// A frame that is hard in one way.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameCase {
+    /// What it is, in a few words.
+    pub name: &'static str,
+    /// Why it is hard.
+    pub why: &'static str,
+    /// What must come out. A reading counts as flagged where most of the rows used are misfits, or where it says that its rows hang
+    /// together.
+    pub due: Due,
+    make: fn(u64) -> HardFrame,
+}
+
+/// A frame, and what a perfect reader would say of it.
+#[derive(Clone, Debug)]
+pub struct HardFrame {
+    /// The words of its read-outs.
+    pub rows: Vec<Vec<u16>>,
+    /// The sensor's.
+    pub geometry: Geometry,
+    /// Where the spot is, in pixels of the light range.
+    pub truth: Truth,
+}
+
+/// Frames of each case in the table.
+pub const FRAMES: u64 = 4;
+
+impl FrameCase {
+    /// A frame. Frames differ in their noise, and in where the spot is, to a fraction of a pixel.
+    pub fn frame(&self, number: u64) -> HardFrame {
+        (self.make)(number)
+    }
+}
+
+/// The width of the frames' spot in pixels.
+const WIDTH: f64 = 10.5;
+
+/// Pixels under metal, before those that see light.
+const SHIELDED: usize = 16;
+
+const FULL: usize = MAX_ROWS as usize;
+
+/// D = 0, xp = -1000 px, and half a metre in the middle of 512 pixels.
+///
+/// # Panics
+/// Never: the curve is one.
+pub fn calibration() -> Eq1 {
+    const K: i64 = (500_000.0 * 1256.0 * 65536.0) as i64;
+    Eq1::new(
+        Micrometres::from_int(0),
+        K,
+        Pixels::from_int(-1000),
+        Pixels::from_int(0)..=Pixels::from_int(1023),
+    )
+    .expect("xp is far from the range")
+}
+
+impl HardFrame {
+    /// What the whole measurement makes of it with a rung.
+    pub fn reading(&self, rung: Estimator) -> Result<Reading, Fault> {
+        let settings = Settings {
+            rows: self.rows.len() as u16,
+            mean: Mean::Weighted,
+            estimator: rung,
+            black_level: BlackLevel::Shielded,
+            calibration: Some(Calibration::Eq1(calibration())),
+        };
+        let mut measurement = Measurement::new(self.geometry.clone(), settings);
+        let mut reading = Err(Fault::SensorSilent);
+        for row in &self.rows {
+            if let Some(complete) = measurement.row(&mut row.clone()) {
+                reading = complete;
+            }
+        }
+        reading
+    }
+}
+
+/// What came of a case for a rung.
+#[derive(Clone, Debug)]
+pub struct FrameOutcome {
+    /// The rung.
+    pub rung: Estimator,
+    /// Truths and readings.
+    pub answers: Vec<(Truth, Result<Reading, Fault>)>,
+    /// What is not as it must be, in words.
+    pub failure: Option<String>,
+}
+
+impl FrameCase {
+    /// Runs every rung over its frames.
+    pub fn run(&self) -> Vec<FrameOutcome> {
+        let frames: Vec<HardFrame> = (0..FRAMES).map(|number| self.frame(number)).collect();
+        let outcome = |rung| {
+            let answers: Vec<_> = (frames.iter())
+                .map(|frame| (frame.truth, frame.reading(rung)))
+                .collect();
+            let nonsense = answers.iter().find_map(|(_, answer)| nonsense(answer));
+            let said: Vec<Said> = (answers.iter())
+                .map(|(truth, answer)| Said::of_reading(*truth, answer))
+                .collect();
+            FrameOutcome {
+                rung,
+                failure: nonsense.or_else(|| self.due.failure(rung, &said)),
+                answers,
+            }
+        };
+        Estimator::ALL.map(outcome).to_vec()
+    }
+}
+
+/// What no reading may be: an uncertainty of nothing, or a distance that is not that of its centre.
+fn nonsense(answer: &Result<Reading, Fault>) -> Option<String> {
+    let reading = answer.ok()?;
+    let (curve, centre) = (calibration(), reading.centre.to_f64());
+    let k = curve.k() as f64 / 65536.0;
+    let expected = curve.d().to_f64() + k / (centre - curve.pole().to_f64());
+    // Q24.8 micrometres are rounded.
+    let is_off = (reading.distance.to_f64() - expected).abs() > 0.01;
+    let is_certain =
+        reading.uncertainty.to_bits() <= 0 || reading.centre_uncertainty.to_bits() <= 0;
+    (is_off || is_certain).then(|| format!("nonsense: {reading:?}"))
+}
+
+/// Whether a reading says that it is not to be trusted.
+pub fn is_flagged(reading: &Reading) -> bool {
+    2 * reading.misfits > reading.rows_used || reading.correlated.is_some()
+}
+
+/// The frame's spot.
+fn middle(number: u64) -> f64 {
+    const GOLDEN: f64 = 0.618_033_988_749_895;
+    240.0 + 32.0 * ((number as f64 + 0.5) * GOLDEN).fract()
+}
+
+/// A frame of so many rows, of recipes for the row of a number; the shielded pixels read what the black level is.
+fn frame(number: u64, rows: usize, truth: Truth, recipe: impl Fn(u64) -> Recipe) -> HardFrame {
+    let recipes: Vec<Recipe> = (0..rows as u64).map(recipe).collect();
+    let rows = recipes.iter().zip(0..).map(|(recipe, row)| {
+        let level = recipe.black_level.clamp(0.0, 4095.0) as u16;
+        let light = recipe.row(number, row).light;
+        [vec![level; SHIELDED], light].concat()
+    });
+    let light = recipes.first().map(Recipe::geometry);
+    let light = light.expect("a row at least");
+    HardFrame {
+        rows: rows.collect(),
+        geometry: Geometry {
+            words: SHIELDED + light.words,
+            shielded: 0..SHIELDED,
+            light: SHIELDED..SHIELDED + light.words,
+            ..light
+        },
+        truth,
+    }
+}
+
+fn spot_at(centre: f64) -> Recipe {
+    Recipe::clean(WIDTH).spot(|spot| spot.place = Place::At(centre))
+}
+
+/// A frame of 64 rows whose spot is moved in the row of a number.
+fn moved(number: u64, truth: Truth, by: impl Fn(u64) -> f64) -> HardFrame {
+    let centre = middle(number);
+    frame(number, FULL, truth, |row| spot_at(centre + by(row)))
+}
+
+fn steady(number: u64, rows: usize, recipe: impl Fn(u64, Recipe) -> Recipe) -> HardFrame {
+    let centre = middle(number);
+    frame(number, rows, Truth::Centre(centre), |row| {
+        recipe(row, spot_at(centre))
+    })
+}
+
+/// The same numbers for a frame and whatever its rows draw.
+fn numbers(number: u64) -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(!number)
+}
+
+/// The cases.
+pub fn frames() -> Vec<FrameCase> {
+    [
+        alone(),
+        outliers(),
+        changing(),
+        broken(),
+        hanging_together(),
+    ]
+    .concat()
+}
+
+const fn case(
+    name: &'static str,
+    why: &'static str,
+    due: Due,
+    make: fn(u64) -> HardFrame,
+) -> FrameCase {
+    FrameCase {
+        name,
+        why,
+        due,
+        make,
+    }
+}
+
+fn alone() -> Vec<FrameCase> {
+    vec![
+        case(
+            "one row",
+            "there is no scatter to compare with",
+            Due::Centre(0.15),
+            |number| steady(number, 1, |_, recipe| recipe),
+        ),
+        case(
+            "two rows",
+            "one degree of freedom",
+            Due::Centre(0.15),
+            |number| steady(number, 2, |_, recipe| recipe),
+        ),
+        case(
+            "two rows 5 px apart",
+            "which of them is right?",
+            Due::Honest,
+            |number| {
+                let centre = middle(number);
+                frame(number, 2, Truth::Between(centre, centre + 5.0), |row| {
+                    spot_at(centre + 5.0 * row as f64)
+                })
+            },
+        ),
+        case(
+            "one row of noise",
+            "there is nothing in it",
+            Due::Fault(&["no spot", "too dim"]),
+            |number| frame(number, 1, Truth::None, |_| Recipe::dark()),
+        ),
+        case(
+            "64 rows",
+            "the uncertainty falls with the root of their number",
+            Due::Centre(0.07),
+            |number| steady(number, FULL, |_, recipe| recipe),
+        ),
+        case(
+            "64 rows of noise",
+            "some of them look like a spot",
+            Due::Fault(&["no spot", "too dim"]),
+            |number| frame(number, FULL, Truth::None, |_| Recipe::dark()),
+        ),
+        case(
+            "64 times the same row",
+            "no scatter at all, and yet an error",
+            Due::Honest,
+            |number| {
+                let mut frame = steady(number, 1, |_, recipe| recipe);
+                frame.rows = vec![frame.rows[0].clone(); FULL];
+                frame
+            },
+        ),
+        case(
+            "64 rows without noise",
+            "the uncertainty is that of rounding, and the scatter zero",
+            Due::Honest,
+            |number| {
+                steady(number, FULL, |_, recipe| Recipe {
+                    read_noise: 0.0,
+                    electrons_per_count: None,
+                    ..recipe
+                })
+            },
+        ),
+        case(
+            "64 rows, all black",
+            "no row has anything",
+            Due::Fault(&["sensor silent"]),
+            |number| {
+                frame(number, FULL, Truth::None, |_| Recipe {
+                    read_noise: 0.0,
+                    black_level: 0.0,
+                    ..Recipe::dark()
+                })
+            },
+        ),
+    ]
+}
+
+fn outliers() -> Vec<FrameCase> {
+    vec![
+        case(
+            "6 of 64 rows are off by 3 px",
+            "a plain mean is off by 0.3 px",
+            Due::Centre(0.07),
+            |number| {
+                moved(number, Truth::Centre(middle(number)), |row| {
+                    match row % 10 {
+                        4 => 3.0,
+                        _ => 0.0,
+                    }
+                })
+            },
+        ),
+        case(
+            "6 of 64 rows are off by 100 px",
+            "a plain mean is off by 9 px, and the scatter beyond the width",
+            Due::Honest,
+            |number| {
+                moved(number, Truth::Centre(middle(number)), |row| {
+                    match row % 10 {
+                        4 => 100.0,
+                        _ => 0.0,
+                    }
+                })
+            },
+        ),
+        case(
+            "19 of 64 rows are off by 3 px",
+            "nearly a third are wrong",
+            Due::Honest,
+            |number| {
+                moved(number, Truth::Centre(middle(number)), |row| {
+                    match row % 10 {
+                        1 | 4 | 7 => 3.0,
+                        _ => 0.0,
+                    }
+                })
+            },
+        ),
+        case(
+            "half of the rows are off by 3 px",
+            "there is no majority",
+            Due::Honest,
+            |number| {
+                let centre = middle(number);
+                moved(number, Truth::Between(centre, centre + 3.0), |row| {
+                    3.0 * (row % 2) as f64
+                })
+            },
+        ),
+        case(
+            "half of the rows are off by 100 px",
+            "two spots in turn",
+            Due::Fault(&["unsteady"]),
+            |number| moved(number, Truth::None, |row| 100.0 * (row % 2) as f64),
+        ),
+        case(
+            "every row is elsewhere",
+            "all of them are outliers",
+            Due::Fault(&["unsteady"]),
+            |number| {
+                let mut random = numbers(number);
+                let places: Vec<f64> = (0..FULL)
+                    .map(|_| random.random_range(-150.0..150.0))
+                    .collect();
+                moved(number, Truth::None, |row| places[row as usize])
+            },
+        ),
+    ]
+}
+
+fn changing() -> Vec<FrameCase> {
+    vec![
+        case(
+            "heights differ as speckle's do",
+            "dim rows are less certain, and some have no centre",
+            Due::Honest,
+            |number| {
+                let mut random = numbers(number);
+                let heights: Vec<f64> = (0..FULL).map(|_| Exp1.sample(&mut random)).collect();
+                steady(number, FULL, |row, recipe| {
+                    recipe.spot(|spot| spot.amplitude = (600.0 * heights[row as usize]).min(3600.0))
+                })
+            },
+        ),
+        case(
+            "the laser fades away",
+            "the last rows are noise",
+            Due::Honest,
+            |number| {
+                steady(number, FULL, |row, recipe| {
+                    recipe.spot(|spot| spot.amplitude *= 1.0 - row as f64 / FULL as f64)
+                })
+            },
+        ),
+        case(
+            "the laser blinks",
+            "half of the rows have no spot",
+            Due::Fault(&["no spot", "too dim"]),
+            |number| {
+                steady(number, FULL, |row, recipe| match row % 2 {
+                    0 => recipe,
+                    _ => Recipe::dark(),
+                })
+            },
+        ),
+        case(
+            "33 of 64 rows have a spot",
+            "just the majority",
+            Due::Honest,
+            |number| {
+                steady(number, FULL, |row, recipe| match row % 2 {
+                    1 if row > 1 => Recipe::dark(),
+                    _ => recipe,
+                })
+            },
+        ),
+        case(
+            "the black level rises by 10 counts a row",
+            "the background of the row before is not this one's",
+            Due::Centre(0.07),
+            |number| {
+                steady(number, FULL, |row, recipe| Recipe {
+                    black_level: 300.0 + 10.0 * row as f64,
+                    ..recipe
+                })
+            },
+        ),
+        case(
+            "a lamp is switched on",
+            "800 counts more, and their noise, from one row to the next",
+            Due::Honest,
+            |number| {
+                steady(number, FULL, |row, recipe| match row {
+                    0..30 => recipe,
+                    _ => Recipe {
+                        black_level: 1100.0,
+                        read_noise: 13.0,
+                        ..recipe
+                    },
+                })
+            },
+        ),
+        case(
+            "the shielded pixels read 50 counts too little",
+            "the black level is wrong by 50 counts",
+            Due::Centre(0.07),
+            |number| {
+                let mut frame = steady(number, FULL, |_, recipe| recipe);
+                for row in &mut frame.rows {
+                    row[..SHIELDED].fill(250);
+                }
+                frame
+            },
+        ),
+        case(
+            "the target moves by a pixel",
+            "the centre drifts through the frame",
+            Due::Honest,
+            |number| {
+                let centre = middle(number);
+                moved(number, Truth::Between(centre, centre + 1.0), |row| {
+                    row as f64 / FULL as f64
+                })
+            },
+        ),
+        case(
+            "the target moves by 60 pixels",
+            "by more than the spot is wide",
+            Due::Fault(&["unsteady"]),
+            |number| moved(number, Truth::None, |row| 60.0 * row as f64 / FULL as f64),
+        ),
+        case(
+            "half of the rows saturate",
+            "the light flickers beyond full scale",
+            Due::Honest,
+            |number| {
+                steady(number, FULL, |row, recipe| {
+                    recipe.spot(|spot| spot.amplitude = [2000.0, 6000.0][row as usize % 2])
+                })
+            },
+        ),
+        case(
+            "two spots in every row",
+            "rows agree about what no row can tell",
+            Due::NoCentre,
+            |number| {
+                let second = Second {
+                    share: 1.0,
+                    offset: 8.0,
+                    widths: 1.0,
+                };
+                let centre = middle(number);
+                frame(number, FULL, Truth::None, |_| {
+                    spot_at(centre).with(Flaw::Second(second))
+                })
+            },
+        ),
+        case(
+            "a slope of 2 counts a pixel in every row",
+            "rows agree about what is wrong in all of them",
+            Due::Honest,
+            |number| {
+                steady(number, FULL, |_, recipe| {
+                    Recipe {
+                        black_level: 60.0,
+                        ..recipe.spot(|spot| spot.amplitude = 1200.0)
+                    }
+                    .with(Flaw::Slope(2.0))
+                })
+            },
+        ),
+    ]
+}
+
+fn broken() -> Vec<FrameCase> {
+    vec![
+        case(
+            "every row is a word short",
+            "the sensor lost a clock",
+            Due::Fault(&["sensor silent"]),
+            |number| {
+                let mut frame = steady(number, FULL, |_, recipe| recipe);
+                frame
+                    .rows
+                    .iter_mut()
+                    .for_each(|row| row.truncate(SHIELDED + 511));
+                frame
+            },
+        ),
+        case(
+            "every row is empty",
+            "no words came",
+            Due::Fault(&["sensor silent"]),
+            |number| {
+                let mut frame = steady(number, FULL, |_, recipe| recipe);
+                frame.rows.iter_mut().for_each(Vec::clear);
+                frame
+            },
+        ),
+        case(
+            "words of 16 bits",
+            "an open wire reads what no converter of 12 bits gives",
+            Due::Fault(&["sensor silent"]),
+            |number| {
+                let mut frame = steady(number, FULL, |_, recipe| recipe);
+                frame
+                    .rows
+                    .iter_mut()
+                    .flatten()
+                    .for_each(|word| *word |= 0x8000);
+                frame
+            },
+        ),
+        case(
+            "6 of 64 rows are broken",
+            "the others are good",
+            Due::Centre(0.07),
+            |number| {
+                let mut frame = steady(number, FULL, |_, recipe| recipe);
+                for row in frame.rows.iter_mut().skip(3).step_by(10) {
+                    row.iter_mut().for_each(|word| *word = 0xffff);
+                }
+                frame
+            },
+        ),
+    ]
+}
+
+/// Rows whose errors are not independent.
+fn hanging_together() -> Vec<FrameCase> {
+    vec![
+        case(
+            "a jitter of 0.3 px that lasts 16 rows",
+            "64 rows are worth two",
+            Due::Honest,
+            |number| {
+                let jitter = jitter(number, 0.3, 16.0);
+                moved(number, Truth::Centre(middle(number)), |row| {
+                    jitter[row as usize]
+                })
+            },
+        ),
+        case(
+            "a jitter of 0.3 px that lasts 64 rows",
+            "a frame sees the least part of it",
+            Due::Honest,
+            |number| {
+                let jitter = jitter(number, 0.3, 64.0);
+                moved(number, Truth::Centre(middle(number)), |row| {
+                    jitter[row as usize]
+                })
+            },
+        ),
+        case(
+            "speckle, the target moves away at 5 mm/s",
+            "the pattern changes once or twice in a frame",
+            Due::Honest,
+            |number| speckled(number, 0.005, 0.0),
+        ),
+        case(
+            "speckle, the target slides past at 5 mm/s",
+            "it changes once or twice in a frame",
+            Due::Honest,
+            |number| speckled(number, 1e-4, 50.0),
+        ),
+        case(
+            "speckle, the target slides past at 20 mm/s",
+            "it changes every ten rows",
+            Due::Honest,
+            |number| speckled(number, 1e-4, 200.0),
+        ),
+        case(
+            "speckle, the target at rest",
+            "all rows see the same pattern: it moves the whole spot, and looks like any other",
+            Due::Unknowable,
+            |number| speckled(number, 0.0, 0.0),
+        ),
+    ]
+}
+
+/// Places of the rows with a standard deviation in pixels, that forget where they were over so many rows (an autoregressive series of first order).
+fn jitter(number: u64, deviation: f64, rows: f64) -> Vec<f64> {
+    let mut random = numbers(number);
+    let kept = (-1.0 / rows).exp();
+    let fresh = deviation * (1.0 - kept * kept).sqrt();
+    let first: f64 = StandardNormal.sample(&mut random);
+    let mut place = deviation * first;
+    (0..FULL)
+        .map(|_| {
+            let normal: f64 = StandardNormal.sample(&mut random);
+            place = kept * place + fresh * normal;
+            place
+        })
+        .collect()
+}
+
+/// White paper and a laser spot of 1 mm (a surface of speckle repeats after 8 mm, further than any of these goes), moving away at so many metres a second, and sliding so many metres for each.
+fn speckled(number: u64, speed: f64, wander: f64) -> HardFrame {
+    let sensor = Sensor::Row(1024);
+    let scene = Scene {
+        seed: number,
+        optics: Optics::nominal_on(sensor),
+        sensor,
+        spot: Some(Spot {
+            width: 8.6,
+            counts_per_second: 175e3,
+        }),
+        laser_spot: Some(LaserSpot {
+            waist: 1e-3,
+            waist_distance: 0.8,
+            wander,
+        }),
+        speckle: Some(Speckle {
+            polarisations: 2,
+            linewidth: 0.0,
+            path_spread: 0.0,
+        }),
+        motion: Some(Motion { speed }),
+        ..Scene::white_paper()
+    };
+    let (distance, exposure) = (scene.distance, 0.0057);
+    let simulation = Simulation::new(scene);
+    let rows = (0..FULL as u64)
+        .map(|row| quantise(&simulation.row(row, distance, exposure), 4095))
+        .collect();
+    // What a reading of a moving target is to be compared with.
+    let centres = (0..FULL as u64).map(|row| simulation.true_centre(row, distance));
+    let mean = centres.sum::<f64>() / FULL as f64;
+    HardFrame {
+        rows,
+        geometry: simulation.scene().geometry(),
+        truth: Truth::Centre(mean),
+    }
+}

@@ -1,0 +1,218 @@
+//! Every rung's answers to a case, and whether they are what is due.
+
+use slitrange::estimator::{self, Estimator, RowCentre, second_look};
+use slitrange::reading::{Fault, Reading};
+use slitrange::row::Row;
+use slitrange::spot;
+
+use crate::hard_cases::frames::is_flagged;
+use crate::hard_cases::truth::is_beyond_claim;
+use crate::hard_cases::{Due, HardRow, ROWS, RowCase, Truth};
+
+/// What comes of a row.
+pub type Answer = Result<RowCentre, Fault>;
+
+/// A rung's answers to a row.
+#[derive(Clone, Copy, Debug)]
+pub struct Answers {
+    /// Of the rung alone ([`estimator::centre`]).
+    pub alone: Answer,
+    /// As the measurement takes it ([`second_look::centre`]).
+    pub looked_at: Answer,
+}
+
+/// Every rung's answers to a row, in the order of [`Estimator::ALL`].
+///
+/// # Panics
+/// The row has a word of more than 12 bits.
+pub fn answers(row: &HardRow) -> [Answers; Estimator::ALL.len()] {
+    let parts = Row::new(&row.light, &[], row.geometry.full_scale()).expect("12 bits");
+    let spot = spot::find(&parts);
+    Estimator::ALL.map(|rung| Answers {
+        alone: spot.and_then(|spot| estimator::centre(rung, &parts, &spot, None, &row.geometry)),
+        looked_at: spot
+            .and_then(|spot| second_look::centre(rung, &parts, &spot, None, &row.geometry)),
+    })
+}
+
+/// What a row or a frame says, as a judge hears it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Said {
+    /// A centre.
+    Centre {
+        /// How far it is off, in pixels; infinitely, where there is none or no telling.
+        error: f64,
+        /// Its standard uncertainty in pixels.
+        claim: f64,
+        /// Whether it says that it is not to be trusted.
+        flagged: bool,
+    },
+    /// No centre.
+    Fault(Fault),
+}
+
+impl Said {
+    /// By a row.
+    pub fn of_row(truth: Truth, answer: &Answer) -> Self {
+        match answer {
+            Ok(found) => Self::Centre {
+                error: truth.error(found.centre.to_f64()),
+                claim: found.uncertainty.to_f64(),
+                flagged: found.misfit,
+            },
+            Err(fault) => Self::Fault(*fault),
+        }
+    }
+
+    /// By a frame.
+    pub fn of_reading(truth: Truth, answer: &Result<Reading, Fault>) -> Self {
+        match answer {
+            Ok(reading) => Self::Centre {
+                error: truth.error(reading.centre.to_f64()),
+                claim: reading.centre_uncertainty.to_f64(),
+                flagged: is_flagged(reading),
+            },
+            Err(fault) => Self::Fault(*fault),
+        }
+    }
+
+    /// The error of a centre without a flag.
+    pub fn unflagged(&self) -> Option<f64> {
+        match self {
+            Self::Centre {
+                error,
+                flagged: false,
+                ..
+            } => Some(*error),
+            _ => None,
+        }
+    }
+
+    /// Whether it is a centre with a flag.
+    pub fn is_flagged(&self) -> bool {
+        matches!(self, Self::Centre { flagged: true, .. })
+    }
+
+    /// Whether it is a centre no further off than it claims.
+    pub fn is_as_claimed(&self) -> bool {
+        matches!(self, Self::Centre { error, claim, .. } if !is_beyond_claim(*error, *claim))
+    }
+
+    /// Whether it is wrong, and does not say so.
+    pub fn is_confident_error(&self) -> bool {
+        self.unflagged().is_some() && !self.is_as_claimed()
+    }
+}
+
+/// The rungs that follow the spot's shape. The others (centroid, parabolas, box, blocks) make errors of their own, which they claim.
+pub const CAREFUL: [Estimator; 5] = [
+    Estimator::PhaseTable,
+    Estimator::Adaptive,
+    Estimator::Robust,
+    Estimator::GaussNewton,
+    Estimator::Fraunhofer,
+];
+
+impl Due {
+    /// What is not as it must be in what a rung says, in words.
+    pub fn failure(self, rung: Estimator, said: &[Said]) -> Option<String> {
+        if self == Self::Unknowable {
+            return None;
+        }
+        if let Some(Said::Centre { error, claim, .. }) =
+            said.iter().find(|said| said.is_confident_error())
+        {
+            return Some(if error.is_finite() {
+                format!("off by {error:.3} px, claims {claim:.3} px, without a flag")
+            } else {
+                "a centre without a flag".into()
+            });
+        }
+        match self {
+            Self::Honest | Self::Unknowable => None,
+            Self::Centre(within) if CAREFUL.contains(&rung) => is_missed(within, said),
+            Self::Centre(_) => None,
+            Self::NoCentre => (said.iter().any(|said| said.unflagged().is_some()))
+                .then(|| "a centre without a flag".into()),
+            Self::Fault(names) => said.iter().find_map(|said| match said {
+                Said::Fault(fault) if names.contains(&fault.name()) => None,
+                Said::Fault(fault) => Some(fault.name().into()),
+                Said::Centre { .. } => Some("a centre".into()),
+            }),
+        }
+    }
+}
+
+/// Fewer than three in four with a centre without a flag, or one that is further off than so many pixels.
+fn is_missed(within: f64, said: &[Said]) -> Option<String> {
+    let errors: Vec<f64> = said.iter().filter_map(Said::unflagged).collect();
+    if 4 * errors.len() < 3 * said.len() {
+        let (sure, all) = (errors.len(), said.len());
+        return Some(format!("{sure} of {all} without flag or fault"));
+    }
+    let off = errors.into_iter().find(|error| error.abs() > within);
+    off.map(|error| format!("off by {error:.3} px, due {within:.3} px"))
+}
+
+/// What came of a case for a rung.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The rung.
+    pub rung: Estimator,
+    /// The measurement's answers, and the truths.
+    pub answers: Vec<(Truth, Answer)>,
+    /// The rung's own.
+    pub alone: Vec<(Truth, Answer)>,
+    /// What is not as it must be, in words.
+    pub failure: Option<String>,
+}
+
+impl RowCase {
+    /// Runs every rung over its rows.
+    pub fn run(&self) -> Vec<Outcome> {
+        let rows: Vec<HardRow> = (0..ROWS).map(|number| self.row(number)).collect();
+        let answers: Vec<_> = rows.iter().map(answers).collect();
+        Estimator::ALL
+            .into_iter()
+            .enumerate()
+            .map(|(i, rung)| {
+                let of = |which: fn(&Answers) -> Answer| -> Vec<(Truth, Answer)> {
+                    rows.iter()
+                        .zip(&answers)
+                        .map(|(row, answers)| (row.truth, which(&answers[i])))
+                        .collect()
+                };
+                let (looked_at, alone) = (of(|it| it.looked_at), of(|it| it.alone));
+                let nonsense = rows.iter().zip(&answers).find_map(|(row, answers)| {
+                    nonsense(row, &answers[i].alone)
+                        .or_else(|| nonsense(row, &answers[i].looked_at))
+                });
+                Outcome {
+                    rung,
+                    failure: nonsense.or_else(|| self.failure(rung, &looked_at)),
+                    answers: looked_at,
+                    alone,
+                }
+            })
+            .collect()
+    }
+
+    fn failure(&self, rung: Estimator, answers: &[(Truth, Answer)]) -> Option<String> {
+        let said: Vec<Said> = (answers.iter())
+            .map(|(truth, answer)| Said::of_row(*truth, answer))
+            .collect();
+        let robust_within = (self.robust_within).filter(|_| rung == Estimator::Robust);
+        self.due
+            .failure(rung, &said)
+            .or_else(|| is_missed(robust_within?, &said))
+    }
+}
+
+/// What no answer may be: a centre off the row, or an uncertainty, width or height that is none.
+fn nonsense(row: &HardRow, answer: &Answer) -> Option<String> {
+    let found = answer.ok()?;
+    let centre = found.centre.to_f64();
+    let on_the_row = (-0.5..=row.light.len() as f64 - 0.5).contains(&centre);
+    let positive = found.uncertainty.to_bits() > 0 && found.width.to_bits() > 0;
+    (!on_the_row || !positive).then(|| format!("nonsense: {found:?}"))
+}

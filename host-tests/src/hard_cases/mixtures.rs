@@ -1,0 +1,376 @@
+//! Random rows: clean ones, and such with one to three flaws of the catalogue's kinds, over the catalogue's ranges.
+//!
+//! Nothing is left out because an estimator fails at it. One thing is left out because no single row can show it: speckle on a laser
+//! spot smaller than the slit's resolution moves the whole spot and leaves its shape alone. It is judged in frames of a moving target,
+//! where rows disagree.
+
+use rand::seq::index;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use crate::hard_cases::flaw::{Bad, Flaw, Second};
+use crate::hard_cases::recipe::{Place, Recipe, Spot};
+use crate::hard_cases::{HardRow, Shape};
+
+/// A row that was drawn at random, and can be drawn again by its seed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RandomRow {
+    /// The seed.
+    pub seed: u64,
+    /// What is wrong with it; nothing with a clean one.
+    pub kinds: Vec<Kind>,
+    /// What it is made of.
+    pub recipe: Recipe,
+}
+
+/// What can be wrong with a random row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// There is no spot.
+    NoSpot,
+    /// The spot is up to four times as high as full scale.
+    Saturated,
+    /// Its sigma is between 0.3 and 0.8 pixels, or between 30 and 200.
+    ExtremeWidth,
+    /// Its centre is between one sigma beyond the edge and three inside.
+    Edge,
+    /// The background rises or falls by up to 5 counts a pixel.
+    Slope,
+    /// The black level jumps by up to 50 counts within 12 sigma of the spot.
+    Step,
+    /// It bends by up to 300 counts.
+    Sag,
+    /// It is anywhere from 300 below zero to 4090.
+    BlackLevel,
+    /// A lamp lights one end by up to 1500 counts.
+    Glow,
+    /// A ghost of 1 to 20 %, 4 to 15 times as wide, up to 6 sigma off.
+    Ghost,
+    /// One to three hot pixels within 16 sigma.
+    Hot,
+    /// One to three dead ones.
+    Dead,
+    /// One stuck at any count.
+    Stuck,
+    /// Pixels differ by 0.2 to 5 % in response.
+    Response,
+    /// Unlit pixels differ by 1 to 30 counts.
+    FixedPattern,
+    /// The full well is below full scale, and blooms to both sides.
+    FullWell,
+    /// A full well that blooms to one side.
+    Smear,
+    /// A second spot of 5 to 120 % at 2 to 20 sigma.
+    Second,
+    /// One side is up to 30 % wider than the other.
+    Lopsided,
+    /// A ripple of 1 to 50 counts with a period of 2 to 300 pixels.
+    Ripple,
+    /// Odd pixels read up to 40 counts more or less.
+    OddEven,
+    /// 0.1 to 5 % of the pixels are impulses.
+    Impulses,
+    /// The converter has 1 to 10 bits.
+    CoarseSteps,
+    /// One of its bits is stuck.
+    StuckBit,
+    /// The row has 32 to 128 pixels.
+    ShortRow,
+    /// Read noise of 8 to 60 counts, or half an electron to two a count.
+    Noise,
+}
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Self; 26] = [
+        Self::NoSpot,
+        Self::Saturated,
+        Self::ExtremeWidth,
+        Self::Edge,
+        Self::Slope,
+        Self::Step,
+        Self::Sag,
+        Self::BlackLevel,
+        Self::Glow,
+        Self::Ghost,
+        Self::Hot,
+        Self::Dead,
+        Self::Stuck,
+        Self::Response,
+        Self::FixedPattern,
+        Self::FullWell,
+        Self::Smear,
+        Self::Second,
+        Self::Lopsided,
+        Self::Ripple,
+        Self::OddEven,
+        Self::Impulses,
+        Self::CoarseSteps,
+        Self::StuckBit,
+        Self::ShortRow,
+        Self::Noise,
+    ];
+
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NoSpot => "no spot",
+            Self::Saturated => "saturated",
+            Self::ExtremeWidth => "very narrow or wide",
+            Self::Edge => "at the edge",
+            Self::Slope => "slope",
+            Self::Step => "step of the black level",
+            Self::Sag => "black level bends",
+            Self::BlackLevel => "any black level",
+            Self::Glow => "lamp at one end",
+            Self::Ghost => "wide flare",
+            Self::Hot => "hot pixels",
+            Self::Dead => "dead pixels",
+            Self::Stuck => "a stuck pixel",
+            Self::Response => "uneven response",
+            Self::FixedPattern => "fixed pattern",
+            Self::FullWell => "blooms to both sides",
+            Self::Smear => "blooms to one side",
+            Self::Second => "second spot",
+            Self::Lopsided => "lopsided spot",
+            Self::Ripple => "ripple",
+            Self::OddEven => "odd and even pixels",
+            Self::Impulses => "impulses",
+            Self::CoarseSteps => "coarse converter",
+            Self::StuckBit => "stuck bit",
+            Self::ShortRow => "short row",
+            Self::Noise => "strong noise",
+        }
+    }
+}
+
+/// A spot that nothing is wrong with: any profile but a lopsided one, sigma 0.8 to 30, from the dimmest that gives a centre to 4000 counts,
+/// with read noise of 0.5 to 8 counts and 2 to 20 electrons a count or no shot noise, whole on the row.
+pub fn clean(seed: u64) -> RandomRow {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    RandomRow {
+        seed,
+        kinds: vec![],
+        recipe: clean_recipe(&mut random),
+    }
+}
+
+/// The same with one to three flaws, each number as likely, and each kind as likely.
+pub fn mixture(seed: u64) -> RandomRow {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut recipe = clean_recipe(&mut random);
+    let count = random.random_range(1..=3);
+    let mut chosen = index::sample(&mut random, Kind::ALL.len(), count).into_vec();
+    // In the order of the kinds: those that change the spot, which others go by, come first.
+    chosen.sort_unstable();
+    let kinds: Vec<Kind> = chosen.into_iter().map(|i| Kind::ALL[i]).collect();
+    for kind in &kinds {
+        kind.put_into(&mut recipe, &mut random);
+    }
+    if kinds.contains(&Kind::NoSpot) {
+        recipe.spot = None;
+    }
+    RandomRow {
+        seed,
+        kinds,
+        recipe,
+    }
+}
+
+impl RandomRow {
+    /// The row.
+    pub fn row(&self) -> HardRow {
+        self.recipe.row(self.seed, 0)
+    }
+}
+
+fn clean_recipe(random: &mut ChaCha8Rng) -> Recipe {
+    let shapes = [
+        Shape::Gaussian,
+        Shape::SincSquared,
+        Shape::Fresnel,
+        Shape::LaserSpot,
+    ];
+    let shape = shapes[random.random_range(0..shapes.len())];
+    let width = log_even(random, 0.8, 30.0);
+    let read_noise = log_even(random, 0.5, 8.0);
+    let electrons_per_count = random
+        .random_bool(0.75)
+        .then(|| log_even(random, 2.0, 20.0));
+    let black_level = random.random_range(60.0..400.0);
+    // Nothing is cut off at full scale: five standard deviations of a bright pixel's noise.
+    let bright = electrons_per_count.map_or(0.0, |electrons| 4000.0 / electrons);
+    let highest = 4094.0 - black_level - 5.0 * (read_noise * read_noise + bright).sqrt();
+    let amplitude = log_even(
+        random,
+        dimmest(width, read_noise, electrons_per_count),
+        highest,
+    );
+    let pixels = if width < 12.0 { 512 } else { 1024 };
+    // Whole: five sigma, where a gaussian has a millionth of its height left.
+    let margin = 5.0 * width + 2.0;
+    let place = random.random_range(margin..pixels as f64 - 1.0 - margin);
+    Recipe {
+        pixels,
+        spot: Some(Spot {
+            shape,
+            width,
+            amplitude,
+            place: Place::At(place),
+        }),
+        black_level,
+        read_noise,
+        electrons_per_count,
+        flaws: vec![],
+    }
+}
+
+/// The height in counts at which the bound is an eighth of the width, which is the least certain centre that is given out: in white noise the
+/// bound is 1.06 sqrt(width) noise / height, in shot noise sqrt(0.4 width / (height electrons)).
+fn dimmest(width: f64, noise: f64, electrons_per_count: Option<f64>) -> f64 {
+    let in_white = 8.0 * 1.0622 * (noise * noise + 1.0 / 12.0).sqrt() / width.sqrt();
+    let in_shot = electrons_per_count.map_or(0.0, |electrons| 64.0 * 0.3989 / (width * electrons));
+    in_white.max(in_shot)
+}
+
+fn log_even(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
+    from * (to / from).powf(random.random())
+}
+
+fn either_sign(random: &mut ChaCha8Rng, value: f64) -> f64 {
+    if random.random() { value } else { -value }
+}
+
+impl Kind {
+    fn put_into(self, recipe: &mut Recipe, random: &mut ChaCha8Rng) {
+        match self {
+            // The others still go by its place.
+            Self::NoSpot => {}
+            Self::BlackLevel => recipe.black_level = random.random_range(-300.0..4090.0),
+            Self::Noise => {
+                if random.random() {
+                    recipe.read_noise = log_even(random, 8.0, 60.0);
+                } else {
+                    recipe.electrons_per_count = Some(log_even(random, 0.5, 2.0));
+                }
+            }
+            Self::ShortRow => shorten(recipe, random.random_range(32..=128), random),
+            Self::Saturated | Self::ExtremeWidth | Self::Edge | Self::Lopsided => {
+                self.change(recipe, random);
+            }
+            _ => {
+                if matches!(self, Self::FullWell | Self::Smear) {
+                    brighten(recipe, random);
+                }
+                recipe.flaws.push(self.flaw(random));
+            }
+        }
+    }
+
+    /// Changes the spot.
+    fn change(self, recipe: &mut Recipe, random: &mut ChaCha8Rng) {
+        let pixels = recipe.pixels as f64;
+        let Some(spot) = &mut recipe.spot else { return };
+        match self {
+            Self::Saturated => spot.amplitude = log_even(random, 1.05, 4.0) * 4095.0,
+            Self::ExtremeWidth => {
+                if random.random() {
+                    spot.width = log_even(random, 0.3, 0.8);
+                } else {
+                    spot.width = log_even(random, 30.0, 200.0);
+                    recipe.pixels = 2048;
+                    spot.place = Place::At(random.random_range(500.0..1548.0));
+                }
+            }
+            Self::Edge => {
+                let inside = random.random_range(-1.0..3.0) * spot.width;
+                let place = if random.random() {
+                    inside
+                } else {
+                    pixels - 1.0 - inside
+                };
+                spot.place = Place::At(place);
+            }
+            _ => spot.shape = Shape::Lopsided(random.random_range(-0.3..0.3)),
+        }
+    }
+
+    fn flaw(self, random: &mut ChaCha8Rng) -> Flaw {
+        let bad = |random: &mut ChaCha8Rng, counts, most| Bad {
+            counts,
+            pixels: random.random_range(1..=most),
+            from_spot: [(0.0, 2.0), (2.0, 6.0), (6.0, 16.0)][random.random_range(0..3)],
+        };
+        match self {
+            Self::Slope => {
+                let slope = random.random_range(0.0..5.0);
+                Flaw::Slope(either_sign(random, slope))
+            }
+            Self::Step => Flaw::Step {
+                counts: random.random_range(-50.0..50.0),
+                offset: random.random_range(-12.0..12.0),
+            },
+            Self::Sag => Flaw::Sag(random.random_range(-300.0..300.0)),
+            Self::Glow => Flaw::Glow(random.random_range(0.0..1500.0)),
+            Self::Ghost => {
+                let offset = random.random_range(0.0..6.0);
+                Flaw::Ghost {
+                    share: log_even(random, 0.01, 0.2),
+                    widths: random.random_range(4.0..15.0),
+                    offset: either_sign(random, offset),
+                }
+            }
+            Self::Hot => {
+                let counts = log_even(random, 50.0, 3000.0);
+                Flaw::Hot(bad(random, counts, 3))
+            }
+            // What a pixel that sees nothing reads is near the black level of most rows.
+            Self::Dead => Flaw::Dead(bad(random, 200.0, 3)),
+            Self::Stuck => {
+                let counts = random.random_range(0.0..4095.0);
+                Flaw::Stuck(bad(random, counts, 1))
+            }
+            Self::Response => Flaw::Response(log_even(random, 0.002, 0.05)),
+            Self::FixedPattern => Flaw::FixedPattern(log_even(random, 1.0, 30.0)),
+            Self::FullWell => Flaw::FullWell {
+                counts: random.random_range(1500.0..4000.0),
+                blooming: random.random_range(0.0..1.0),
+            },
+            Self::Smear => Flaw::Smear(random.random_range(0.1..0.9)),
+            Self::Second => {
+                let offset = random.random_range(2.0..20.0);
+                Flaw::Second(Second {
+                    share: random.random_range(0.05..1.2),
+                    offset: either_sign(random, offset),
+                    widths: log_even(random, 0.7, 1.5),
+                })
+            }
+            Self::Ripple => Flaw::Ripple {
+                counts: log_even(random, 1.0, 50.0),
+                period: log_even(random, 2.0, 300.0),
+            },
+            Self::OddEven => Flaw::OddEven(random.random_range(-40.0..40.0)),
+            Self::Impulses => Flaw::Impulses(log_even(random, 0.001, 0.05)),
+            Self::CoarseSteps => Flaw::Steps(f64::from(1u32 << random.random_range(2..=11))),
+            _ => Flaw::StuckBit {
+                bit: random.random_range(0..12),
+                high: random.random(),
+            },
+        }
+    }
+}
+
+/// A spot that fills its pixels: 3600 counts to four times full scale.
+fn brighten(recipe: &mut Recipe, random: &mut ChaCha8Rng) {
+    if let Some(spot) = &mut recipe.spot {
+        spot.amplitude = log_even(random, 3600.0, 4.0 * 4095.0);
+    }
+}
+
+/// A row of so many pixels with the spot's centre anywhere on it.
+fn shorten(recipe: &mut Recipe, pixels: usize, random: &mut ChaCha8Rng) {
+    recipe.pixels = pixels;
+    if let Some(spot) = &mut recipe.spot {
+        spot.place = Place::At(random.random_range(0.0..pixels as f64 - 1.0));
+    }
+}

@@ -1,0 +1,305 @@
+//! The catalogue's table, and the rates of confident errors, as text.
+
+use std::fmt::Write as _;
+
+use rayon::prelude::*;
+use serde::Serialize;
+use slitrange::estimator::Estimator;
+use slitrange::reading::Fault;
+
+use crate::hard_cases::calibrations::{CalibrationCase, CalibrationDue, Found, calibrations};
+use crate::hard_cases::frames::{FRAMES, FrameCase, FrameOutcome, frames};
+use crate::hard_cases::judge::{Outcome, Said};
+use crate::hard_cases::mixtures::Kind;
+use crate::hard_cases::tally::Tally;
+use crate::hard_cases::{Due, Group, ROWS, RowCase, rows};
+
+/// The mark in docs/hard-cases.md before the catalogue's tables.
+pub const CATALOGUE: &str = "cargo hard-cases, the catalogue";
+
+/// The mark before the random rows' rates.
+pub const RANDOM_ROWS: &str = "cargo hard-cases, random rows";
+
+/// What came of the whole catalogue.
+pub struct Catalogue {
+    /// Rows, with each rung's outcome in the order of [`Estimator::ALL`].
+    pub rows: Vec<(RowCase, Vec<Outcome>)>,
+    /// Frames, likewise.
+    pub frames: Vec<(FrameCase, Vec<FrameOutcome>)>,
+    /// Calibrations, with which no rung has to do.
+    pub calibrations: Vec<(CalibrationCase, Found)>,
+}
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+pub struct Json {
+    cases: usize,
+    rungs: Vec<JsonRung>,
+}
+
+#[derive(Debug, Serialize)]
+struct JsonRung {
+    name: &'static str,
+    /// Cases of which something else came than was due. A calibration that fails does so with every rung.
+    failed_cases: usize,
+    /// In the random rows with flaws, as the measurement takes the rung.
+    confident_errors: u64,
+    random_rows: u64,
+    /// The same of the rung alone.
+    confident_errors_alone: u64,
+    clean_confident_errors: u64,
+    clean_flagged: u64,
+    clean_rows: u64,
+}
+
+impl Catalogue {
+    /// Runs it.
+    pub fn run() -> Self {
+        Self {
+            rows: rows()
+                .into_par_iter()
+                .map(|case| (case.clone(), case.run()))
+                .collect(),
+            frames: frames()
+                .into_par_iter()
+                .map(|case| (case, case.run()))
+                .collect(),
+            calibrations: calibrations()
+                .into_iter()
+                .map(|case| (case, case.run()))
+                .collect(),
+        }
+    }
+
+    /// Number of cases.
+    pub fn len(&self) -> usize {
+        self.rows.len() + self.frames.len() + self.calibrations.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The cases of which something else came than was due with a rung, and what. A calibration that fails does so with every rung.
+    pub fn failures(&self, rung: Estimator) -> Vec<String> {
+        let rows = self.rows.iter().flat_map(|(case, outcomes)| {
+            let of_rung = outcomes.iter().filter(move |outcome| outcome.rung == rung);
+            of_rung.filter_map(move |outcome| {
+                let failure = outcome.failure.as_ref()?;
+                Some(format!("{}: {failure}", case.name))
+            })
+        });
+        let frames = self.frames.iter().flat_map(|(case, outcomes)| {
+            let of_rung = outcomes.iter().filter(move |outcome| outcome.rung == rung);
+            of_rung.filter_map(move |outcome| {
+                let failure = outcome.failure.as_ref()?;
+                Some(format!("{}: {failure}", case.name))
+            })
+        });
+        let calibrations = (self.calibrations.iter())
+            .filter(|(_, found)| !found.is_due)
+            .map(|(case, found)| format!("{}: {}", case.name, found.answer));
+        rows.chain(frames).chain(calibrations).collect()
+    }
+
+    /// The tables of docs/hard-cases.md.
+    pub fn markdown(&self) -> String {
+        let mut text = String::new();
+        let total = self.len();
+        _ = writeln!(
+            text,
+            "{total} cases: {} of rows ({ROWS} rows each), {} of frames ({FRAMES} frames each), {} of calibrations.\n",
+            self.rows.len(),
+            self.frames.len(),
+            self.calibrations.len()
+        );
+        text += "| rung | letter | cases that failed |\n|---|---|---:|\n";
+        for rung in Estimator::ALL {
+            _ = writeln!(
+                text,
+                "| {} | {} | {} |",
+                rung.name(),
+                rung.letter(),
+                self.failures(rung).len()
+            );
+        }
+        for group in Group::ALL {
+            _ = writeln!(text, "\n### {}\n", group.name());
+            text += &head();
+            for (case, outcomes) in self.rows.iter().filter(|(case, _)| case.group == group) {
+                let cells = outcomes.iter().map(|outcome| {
+                    let said = outcome.answers.iter();
+                    let said = said.map(|(truth, answer)| Said::of_row(*truth, answer));
+                    cell(&said.collect::<Vec<_>>(), outcome.failure.is_some())
+                });
+                let mut due = words(case.due);
+                if let Some(within) = case.robust_within {
+                    _ = write!(due, "; r within {within:.2}");
+                }
+                _ = writeln!(text, "{}", line(&case.name, case.why, &due, cells));
+            }
+        }
+        text += "\n### Frames\n\n";
+        text += &head();
+        for (case, outcomes) in &self.frames {
+            let cells = outcomes.iter().map(|outcome| {
+                let said = outcome.answers.iter();
+                let said = said.map(|(truth, answer)| Said::of_reading(*truth, answer));
+                cell(&said.collect::<Vec<_>>(), outcome.failure.is_some())
+            });
+            _ = writeln!(
+                text,
+                "{}",
+                line(case.name, case.why, &words(case.due), cells)
+            );
+        }
+        text += "\n### Calibrations\n\n| case | why it is hard | due | what came out |\n|---|---|---|---|\n";
+        for (case, found) in &self.calibrations {
+            let due = match case.due {
+                CalibrationDue::Refused(_) => "refused".into(),
+                CalibrationDue::Exact(within) => format!("within {within} um"),
+            };
+            let answer = emphasised(&found.answer, !found.is_due);
+            _ = writeln!(text, "| {} | {} | {due} | {answer} |", case.name, case.why);
+        }
+        text
+    }
+}
+
+/// The head of a table of rungs.
+fn head() -> String {
+    let letters = Estimator::ALL.map(|rung| format!(" {} |", rung.letter()));
+    let rules = Estimator::ALL.map(|_| "---|");
+    format!(
+        "| case | why it is hard | due |{}\n|---|---|---|{}\n",
+        letters.concat(),
+        rules.concat()
+    )
+}
+
+fn line(name: &str, why: &str, due: &str, cells: impl Iterator<Item = String>) -> String {
+    let cells: Vec<String> = cells.collect();
+    format!("| {name} | {why} | {due} | {} |", cells.join(" | "))
+}
+
+/// What is due, in a word or two.
+fn words(due: Due) -> String {
+    match due {
+        Due::Centre(within) => format!("within {within:.2}"),
+        Due::Honest => "honest".into(),
+        Due::Unknowable => "shown".into(),
+        Due::NoCentre => "no centre".into(),
+        Due::Fault(names) => names.join(" or "),
+    }
+}
+
+/// What a rung says of a case: the root mean square error of its centres without a flag, how many have one, and faults.
+fn cell(said: &[Said], failed: bool) -> String {
+    let mut parts = vec![];
+    let errors: Vec<f64> = said.iter().filter_map(Said::unflagged).collect();
+    if !errors.is_empty() {
+        let squares: f64 = errors.iter().map(|error| error * error).sum();
+        let error = (squares / errors.len() as f64).sqrt();
+        parts.push(match error {
+            error if error.is_infinite() => "wrong".into(),
+            error if error < 1.0 => format!("{error:.3}"),
+            error => format!("{error:.1}"),
+        });
+    }
+    let count = |name: &str, count: usize| match count {
+        0 => None,
+        count if count == said.len() => Some(name.to_owned()),
+        count => Some(format!("{name} {count}")),
+    };
+    parts.extend(count(
+        "flag",
+        said.iter().filter(|said| said.is_flagged()).count(),
+    ));
+    for (kind, name) in FAULTS.into_iter().enumerate() {
+        let of_kind = |said: &&Said| matches!(said, Said::Fault(fault) if fault.kind() == kind);
+        parts.extend(count(name, said.iter().filter(of_kind).count()));
+    }
+    emphasised(&parts.join(", "), failed)
+}
+
+fn emphasised(text: &str, is: bool) -> String {
+    if is {
+        format!("**{text}**")
+    } else {
+        text.into()
+    }
+}
+
+/// Short names of the kinds of fault, in their order.
+const FAULTS: [&str; Fault::KINDS] = [
+    "silent", "none", "dim", "sat", "edge", "two", "unst", "range", "uncal",
+];
+
+/// The random rows' rates, as docs/hard-cases.md shows them.
+pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
+    let mut text = format!(
+        "{} clean rows and {} rows with one to three flaws. Confident errors in a million rows (as the measurement takes the rung, and of the \
+         rung alone), and what share of the rows is flagged or a fault, in per cent.\n\n\
+         | rung | clean: errors | alone | flagged | fault | flawed: errors | alone | flagged | of those good | fault |\n\
+         |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
+        clean.rows, mixtures.rows
+    );
+    for (i, rung) in Estimator::ALL.iter().enumerate() {
+        let errors =
+            |tally: &Tally, count: u64| format!("{:.1}", 1e6 * count as f64 / tally.rows as f64);
+        let share =
+            |tally: &Tally, count: u64| format!("{:.2}", 1e2 * count as f64 / tally.rows as f64);
+        let (c, m) = (&clean.looked_at[i], &mixtures.looked_at[i]);
+        let cells = [
+            rung.name().into(),
+            errors(clean, c.confident_errors),
+            errors(clean, clean.alone[i].confident_errors),
+            share(clean, c.flagged),
+            share(clean, c.faults),
+            errors(mixtures, m.confident_errors),
+            errors(mixtures, mixtures.alone[i].confident_errors),
+            share(mixtures, m.flagged),
+            share(mixtures, m.flagged_good),
+            share(mixtures, m.faults),
+        ];
+        _ = writeln!(text, "| {} |", cells.join(" | "));
+    }
+    let default = (Estimator::ALL.iter()).position(|rung| *rung == Estimator::default());
+    let robust = (Estimator::ALL.iter()).position(|rung| *rung == Estimator::Robust);
+    let (default, robust) = (default.unwrap_or_default(), robust.unwrap_or_default());
+    text += "\nWhich flaws the rows had in which the default rung was confidently wrong, the most frequent first (a row with two flaws counts \
+             for both), in a million rows with that flaw:\n\n| flaw | rows | default | robust |\n|---|---:|---:|---:|\n";
+    let mut kinds: Vec<Kind> = Kind::ALL.to_vec();
+    kinds.sort_by_key(|kind| std::cmp::Reverse(mixtures.kinds[*kind as usize].1[default]));
+    for kind in kinds {
+        let (rows, errors) = mixtures.kinds[kind as usize];
+        let rate = |i: usize| 1e6 * errors[i] as f64 / rows.max(1) as f64;
+        _ = writeln!(
+            text,
+            "| {} | {rows} | {:.0} | {:.0} |",
+            kind.name(),
+            rate(default),
+            rate(robust)
+        );
+    }
+    text
+}
+
+/// What `--json` prints.
+pub fn json(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) -> Json {
+    let rung = |(i, rung): (usize, Estimator)| JsonRung {
+        name: rung.name(),
+        failed_cases: catalogue.failures(rung).len(),
+        confident_errors: mixtures.looked_at[i].confident_errors,
+        random_rows: mixtures.rows,
+        confident_errors_alone: mixtures.alone[i].confident_errors,
+        clean_confident_errors: clean.looked_at[i].confident_errors,
+        clean_flagged: clean.looked_at[i].flagged,
+        clean_rows: clean.rows,
+    };
+    Json {
+        cases: catalogue.len(),
+        rungs: Estimator::ALL.into_iter().enumerate().map(rung).collect(),
+    }
+}

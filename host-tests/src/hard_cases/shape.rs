@@ -1,0 +1,78 @@
+//! The profiles that hard rows' spots have.
+
+use std::f64::consts::{PI, SQRT_2};
+use std::sync::LazyLock;
+
+use phase_tables::gaussian;
+
+use crate::profiles::{self, Curve, Slit};
+
+/// A spot's profile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// Eq. (5).
+    Gaussian,
+    /// sinc^2, eq. (6).
+    SincSquared,
+    /// Fresnel's diffraction of a point of light by the nominal slit.
+    Fresnel,
+    /// The same of a laser spot of 1 mm.
+    LaserSpot,
+    /// A gaussian whose right half is wider than its left one by this share of its width; the mean of both is the width. Negative:
+    /// narrower.
+    Lopsided(f64),
+}
+
+static SINC_SQUARED: LazyLock<Curve> = LazyLock::new(profiles::slit);
+static FRESNEL: LazyLock<Curve> = LazyLock::new(|| Slit::nominal(0.0).curve());
+static LASER_SPOT: LazyLock<Curve> = LazyLock::new(|| Slit::nominal(1e-3).curve());
+
+impl Shape {
+    /// What a pixel gathers whose centre is `offset` pixels from the spot's, of a spot of height 1 and `width` pixels.
+    pub fn at(self, offset: f64, width: f64) -> f64 {
+        match self {
+            Self::Gaussian => gaussian(offset, width),
+            Self::SincSquared => SINC_SQUARED.at(offset, width),
+            Self::Fresnel => FRESNEL.at(offset, width),
+            Self::LaserSpot => LASER_SPOT.at(offset, width),
+            Self::Lopsided(share) => {
+                let half = |place: f64| {
+                    let sigma = width * (1.0 + 0.5 * share.copysign(share * place));
+                    sigma * (0.5 * PI).sqrt() * libm::erf(place / (SQRT_2 * sigma))
+                };
+                half(offset + 0.5) - half(offset - 0.5)
+            }
+        }
+    }
+
+    /// From the peak to the centroid, in widths: of two half gaussians sqrt(2/pi) times the difference of their widths.
+    pub fn centroid(self) -> f64 {
+        match self {
+            Self::Lopsided(share) => (2.0 / PI).sqrt() * share,
+            _ => 0.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sums over the pixels: a gaussian's area, and the centroid that is claimed.
+    #[test]
+    fn a_lopsided_spot_has_its_centroid() {
+        for share in [-0.3, -0.1, 0.0, 0.2, 0.3] {
+            let shape = Shape::Lopsided(share);
+            let (mut area, mut moment) = (0.0, 0.0);
+            for i in -100..=100 {
+                let offset = f64::from(i) - 0.3;
+                let light = shape.at(offset, 10.0);
+                area += light;
+                moment += light * offset;
+            }
+            println!("{share}: {area}, {}", moment / area / 10.0);
+            assert!((area - 10.0 * (2.0 * PI).sqrt()).abs() < 1e-6);
+            assert!((moment / area / 10.0 - shape.centroid()).abs() < 1e-3);
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! How often centres are wrong without saying so, over many random rows.
+
+use rayon::prelude::*;
+use slitrange::estimator::Estimator;
+
+use crate::hard_cases::Truth;
+use crate::hard_cases::judge::{Answer, Said, answers};
+use crate::hard_cases::mixtures::{Kind, RandomRow};
+
+/// Number of rungs.
+const RUNGS: usize = Estimator::ALL.len();
+
+/// What came of many rows for a rung.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Centres off by more than they claim, without a flag.
+    pub confident_errors: u64,
+    /// Centres with a flag.
+    pub flagged: u64,
+    /// Of those, the centres that were as good as they claim.
+    pub flagged_good: u64,
+    /// Faults.
+    pub faults: u64,
+}
+
+impl Counts {
+    fn of(truth: Truth, answer: &Answer) -> Self {
+        let one = |is: bool| u64::from(is);
+        let said = Said::of_row(truth, answer);
+        Self {
+            confident_errors: one(said.is_confident_error()),
+            flagged: one(said.is_flagged()),
+            flagged_good: one(said.is_flagged() && said.is_as_claimed()),
+            faults: one(answer.is_err()),
+        }
+    }
+
+    fn add(&mut self, other: Self) {
+        self.confident_errors += other.confident_errors;
+        self.flagged += other.flagged;
+        self.flagged_good += other.flagged_good;
+        self.faults += other.faults;
+    }
+}
+
+/// What came of many rows.
+#[derive(Clone, Debug, Default)]
+pub struct Tally {
+    /// Rows.
+    pub rows: u64,
+    /// Of each rung as the measurement takes it, in the order of [`Estimator::ALL`].
+    pub looked_at: [Counts; RUNGS],
+    /// Of each rung alone.
+    pub alone: [Counts; RUNGS],
+    /// Of each kind of flaw: its rows, and the confident errors of each rung as the measurement takes it, in rows that have it.
+    pub kinds: [(u64, [u64; RUNGS]); Kind::ALL.len()],
+    /// Seeds of rows in which the default rung, as the measurement takes it, was confidently wrong: the first of them.
+    pub seeds: Vec<u64>,
+}
+
+/// Seeds that are kept.
+const SEEDS: usize = 24;
+
+impl Tally {
+    fn of(random_row: &RandomRow) -> Self {
+        let row = random_row.row();
+        let mut tally = Self {
+            rows: 1,
+            ..Self::default()
+        };
+        for (i, answers) in answers(&row).iter().enumerate() {
+            tally.looked_at[i] = Counts::of(row.truth, &answers.looked_at);
+            tally.alone[i] = Counts::of(row.truth, &answers.alone);
+            let errors = tally.looked_at[i].confident_errors;
+            if errors > 0 && Estimator::ALL[i] == Estimator::default() {
+                tally.seeds.push(random_row.seed);
+            }
+            for kind in &random_row.kinds {
+                tally.kinds[*kind as usize].1[i] = errors;
+            }
+        }
+        for kind in &random_row.kinds {
+            tally.kinds[*kind as usize].0 = 1;
+        }
+        tally
+    }
+
+    fn add(mut self, other: Self) -> Self {
+        self.rows += other.rows;
+        for (counts, other) in self.looked_at.iter_mut().zip(other.looked_at) {
+            counts.add(other);
+        }
+        for (counts, other) in self.alone.iter_mut().zip(other.alone) {
+            counts.add(other);
+        }
+        for ((rows, errors), (other_rows, other_errors)) in self.kinds.iter_mut().zip(other.kinds) {
+            *rows += other_rows;
+            for (errors, other) in errors.iter_mut().zip(other_errors) {
+                *errors += other;
+            }
+        }
+        self.seeds.extend(other.seeds);
+        self.seeds.sort_unstable();
+        self.seeds.truncate(SEEDS);
+        self
+    }
+
+    /// Of the rows that seeds draw. `done` is told of each.
+    pub fn over(
+        seeds: std::ops::Range<u64>,
+        draw: fn(u64) -> RandomRow,
+        done: &(impl Fn() + Sync),
+    ) -> Self {
+        seeds
+            .into_par_iter()
+            .fold(Self::default, |tally, seed| {
+                done();
+                tally.add(Self::of(&draw(seed)))
+            })
+            .reduce(Self::default, Self::add)
+    }
+}

@@ -1,0 +1,107 @@
+//! The catalogue of hard cases through every rung, and random mixtures of them.
+
+use std::collections::HashSet;
+use std::path::Path;
+use std::sync::LazyLock;
+
+use host_tests::docs;
+use host_tests::hard_cases::mixtures;
+use host_tests::hard_cases::report::{self, Catalogue};
+use host_tests::hard_cases::tally::Tally;
+use host_tests::hard_cases::{self, Group};
+use slitrange::estimator::Estimator;
+
+static CATALOGUE: LazyLock<Catalogue> = LazyLock::new(Catalogue::run);
+
+#[test]
+fn the_catalogue_is_large_and_tells_its_cases_apart() {
+    let cases = hard_cases::rows();
+    let names: HashSet<&str> = cases.iter().map(|case| case.name.as_str()).collect();
+    println!("{} cases of rows, {} of all", cases.len(), CATALOGUE.len());
+    assert!(cases.len() >= 150);
+    assert_eq!(names.len(), cases.len());
+    for group in Group::ALL {
+        assert!(cases.iter().any(|case| case.group == group), "{group:?}");
+    }
+    for case in &cases {
+        let [first, again, other] = [0, 0, 1].map(|number| case.row(number).light);
+        assert_eq!(first, again, "{}", case.name);
+        // Rows of one number differ; those that are all alike by nature do not.
+        let is_constant = first.iter().all(|count| *count == first[0]);
+        assert!(
+            is_constant || first != other || case.name == "any words",
+            "{}",
+            case.name
+        );
+    }
+}
+
+/// No rung, alone or as the measurement takes it, gives what cannot be; and no calibration is other than it must be.
+#[test]
+fn no_answer_is_nonsense() {
+    for rung in Estimator::ALL {
+        let failures = CATALOGUE.failures(rung);
+        let nonsense: Vec<_> = (failures.iter())
+            .filter(|failure| failure.contains("nonsense"))
+            .collect();
+        assert!(nonsense.is_empty(), "{}: {nonsense:#?}", rung.name());
+    }
+    for (case, found) in &CATALOGUE.calibrations {
+        assert!(found.is_due, "{}: {}", case.name, found.answer);
+    }
+}
+
+/// Which rung fails at what: a change shows as a difference.
+#[test]
+fn what_rungs_fail_at() {
+    let mut text = String::new();
+    for rung in Estimator::ALL {
+        let failures = CATALOGUE.failures(rung);
+        text += &format!("{}: {}\n", rung.name(), failures.len());
+        for failure in failures {
+            text += &format!("    {failure}\n");
+        }
+    }
+    insta::assert_snapshot!("failures", text);
+}
+
+#[test]
+fn the_page_is_what_the_catalogue_says() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hard-cases.md");
+    let text = std::fs::read_to_string(page).expect("docs/hard-cases.md");
+    let due = docs::with_block(&text, report::CATALOGUE, &CATALOGUE.markdown()).expect("marks");
+    let differing = text.lines().zip(due.lines()).find(|(is, due)| is != due);
+    assert!(
+        text == due,
+        "docs/hard-cases.md is not what `cargo hard-cases` writes. (is, due): {differing:#?}"
+    );
+}
+
+/// Random rows: seeds that `cargo hard-cases` does not use.
+const SEEDS: std::ops::Range<u64> = 1 << 40..(1 << 40) + 50_000;
+
+/// The most events that a rate explains, of so many rows: three standard deviations of the binomial distribution above its mean.
+fn most(rate: f64) -> u64 {
+    let mean = rate * (SEEDS.end - SEEDS.start) as f64;
+    (mean + 3.0 * mean.sqrt()) as u64
+}
+
+/// Of clean rows at most one in 100,000 is confidently wrong with the rungs that people use; and the second look makes no rung worse.
+#[test]
+fn confident_errors_are_rare() {
+    let clean = Tally::over(SEEDS, mixtures::clean, &|| {});
+    let flawed = Tally::over(SEEDS, mixtures::mixture, &|| {});
+    println!("{}", report::random_rows_markdown(&clean, &flawed));
+    for (i, rung) in Estimator::ALL.iter().enumerate() {
+        let errors = [flawed.looked_at[i], flawed.alone[i]].map(|counts| counts.confident_errors);
+        assert!(errors[0] <= errors[1], "{}: {errors:?}", rung.name());
+        let used = [
+            Estimator::PhaseTable,
+            Estimator::Adaptive,
+            Estimator::Robust,
+        ];
+        let of_clean = clean.looked_at[i].confident_errors;
+        let due = !used.contains(rung) || of_clean <= most(1e-5);
+        assert!(due, "{}: {of_clean} of the clean rows", rung.name());
+    }
+}

@@ -1,0 +1,68 @@
+//! A background that rises along the row, as sunlight from one side makes it: the search does without it.
+//!
+//! Its slope is the median of the steps from one large block to the next. A spot makes as many steps up as down, so it
+//! counts for little, however many blocks it covers.
+
+use heapless::Vec;
+
+use crate::spot::MEDIAN_BLOCKS;
+use crate::units::Counts;
+
+/// Bits after the binary point of a slope.
+const FRACTION: u32 = 16;
+
+/// A background that rises, or falls, by the same from each pixel to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Tilt {
+    /// Counts a pixel, Q16: blocks have two pixels at least, and their means differ by 4095 at most, so below 2^27.
+    slope: i64,
+}
+
+impl Tilt {
+    /// From the sums over a row's blocks of 2^`block_log2` pixels. `None` for fewer than two, or more than a median takes.
+    pub(super) fn of(sums: &[u32], block_log2: u32) -> Option<Self> {
+        let mut steps: Vec<i32, MEDIAN_BLOCKS> = Vec::new();
+        for (this, next) in sums.iter().zip(sums.iter().skip(1)) {
+            // Sums of at most 128 pixels of 12 bits: below 2^19.
+            steps.push(*next as i32 - *this as i32).ok()?;
+        }
+        steps.sort_unstable();
+        let step = i64::from(*steps.get(steps.len() / 2)?);
+        // One of them over the pixels of a block is the step of the mean, and twice that a pixel's.
+        Some(Self {
+            slope: (step << FRACTION) >> (2 * block_log2),
+        })
+    }
+
+    /// Whether it hides a spot of this height: its middle and its ends are further apart than a quarter of that, and than twice a
+    /// pixel's noise, which is five times the standard deviation of what noise alone makes (0.4 times its own, of 28 blocks of
+    /// 128 pixels: median steps scatter by 1.25 sqrt(2 / 128) / sqrt(27), and there are 14 in half a row).
+    pub(super) fn matters(self, light: &[u16], height: Counts, noise: Counts) -> bool {
+        let drift = self.rise(light.len() / 2);
+        drift > 2 * i64::from(noise.to_bits()) && 4 * drift > i64::from(height.to_bits())
+    }
+
+    /// By how much the background is higher so many pixels further, Q24.8 counts.
+    fn rise(self, pixels: usize) -> i64 {
+        // A row has at most 2^12 pixels: below 2^39.
+        (self.slope.abs() * pixels as i64) >> (FRACTION - Counts::FRACTION)
+    }
+
+    /// By how much it is higher at a pixel than at the row's dark end, Q24.8 counts. At most 2^20, all that a row can hold.
+    pub(super) fn at(self, light: &[u16], pixel: usize) -> i32 {
+        let from_dark = if self.slope > 0 {
+            pixel
+        } else {
+            light.len().saturating_sub(pixel + 1)
+        };
+        self.rise(from_dark).min(1 << 20) as i32
+    }
+
+    /// The row without it, as the row's dark end is.
+    pub(super) fn taken_off(self, light: &[u16]) -> impl Iterator<Item = u16> {
+        (light.iter().enumerate()).map(move |(pixel, &count)| {
+            // At most 2^12 counts.
+            count.saturating_sub((self.at(light, pixel) >> Counts::FRACTION) as u16)
+        })
+    }
+}
