@@ -106,8 +106,40 @@ pub(super) fn fits(
     if found.class.set == TILTED.number() {
         look = Look::at(row, spot, found, geometry, left_out, look.slope());
     }
-    look.is_clean(found.uncertainty.to_f32())
+    look.is_clean(found.uncertainty.to_f32()) && !is_sharp(row.light(), spot, found, geometry)
 }
+
+/// Whether the light falls from one pixel to the next by more than any optics lets it: bad pixels side by side look like a narrow spot.
+fn is_sharp(light: &[u16], spot: &Spot, found: &RowCentre, geometry: &Geometry) -> bool {
+    if found.width.to_f32() > SHARP_WIDTH {
+        return false;
+    }
+    let middle = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
+    let near = light.get(middle.saturating_sub(3)..).unwrap_or_default();
+    let near = near.get(..8).unwrap_or(near);
+    let (mut highest, mut rise, mut fall) = (0, 0, 0);
+    for pair in near.windows(2) {
+        if let [a, b] = pair {
+            highest = highest.max(*a).max(*b);
+            rise = rise.max(b.saturating_sub(*a));
+            fall = fall.max(a.saturating_sub(*b));
+        }
+    }
+    let (noise, shot) = variances(&spot.background, geometry);
+    let height = f32::from(highest) - spot.background.level.to_f32();
+    let beyond = f32::from(rise) + f32::from(fall) - SHARPEST * height;
+    beyond > 0.0 && beyond * beyond > SHARP * SHARP * 4.0 * (noise + shot * height)
+}
+
+/// Only spots this narrow, in pixels, can be bad pixels: three in a row look like one of 0.95.
+const SHARP_WIDTH: f32 = 1.5;
+
+/// The largest rise from pixel to pixel and the largest fall, over the height of the highest: a width of 0.8 has 1.5 with a pixel's edge in its middle,
+/// sinc^2 1.6. Their sum has the noise of about four pixels.
+const SHARPEST: f32 = 1.6;
+
+/// Standard deviations of that.
+const SHARP: f32 = 2.5;
 
 /// What the pairs sum up to.
 struct Look {
