@@ -1,8 +1,13 @@
 //! The rows' centres become one.
 //!
-//! The frame's centre is the mean of its rows' centres, as in the paper. Its uncertainty is that of the rows
-//! propagated; where the rows scatter more than their uncertainties explain, it grows by the ratio (R. T. Birge, Phys.
-//! Rev. 40, 207 (1932)). Rows that scatter by more than the spot's width are not of one spot, and have no centre.
+//! The frame's centre is the mean of its rows' centres, weighted by how certain each row is of its own and by how well it agrees
+//! with the others ([`agreement`]); or the plain mean of all, as in the paper. Its uncertainty is that of the rows
+//! propagated. Where the rows scatter more than their uncertainties explain, it grows by the ratio (R. T. Birge, Phys.
+//! Rev. 40, 207 (1932)), and where neighbours err alike, by what fewer independent rows would have ([`correlation`]). Rows of
+//! which no majority agrees, or that scatter by more than the spot's width, are not of one spot, and have no centre.
+
+mod agreement;
+mod correlation;
 
 use heapless::Vec;
 
@@ -21,6 +26,24 @@ pub enum Mean {
     /// Weighted by their uncertainties, and by how far they are from the others.
     #[default]
     Weighted,
+}
+
+impl Mean {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Plain, Self::Weighted];
+
+    /// The name that the serial line knows it by.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::Weighted => "weighted",
+        }
+    }
+
+    /// The mean of that [`name`](Self::name).
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|mean| mean.name() == name)
+    }
 }
 
 /// Rows that are worth fewer independent ones say too little of their own error.
@@ -46,11 +69,11 @@ pub struct FrameCentre {
     pub amplitude: Counts,
     /// The mean width of the spot.
     pub width: Pixels,
-    /// Rows that had a centre.
+    /// Rows that went into the mean: those that had a centre, without those that the others leave out.
     pub rows_used: u16,
     /// Rows in the frame.
     pub rows: u16,
-    /// Of the rows that had a centre, those with [`RowCentre::misfit`].
+    /// Of the rows used, those with [`RowCentre::misfit`].
     pub misfits: u16,
     /// See [`Reading::correlated`](crate::reading::Reading::correlated).
     pub correlated: Option<u16>,
@@ -87,73 +110,151 @@ impl Frame {
     ///
     /// # Errors
     /// Half of the rows or more have no centre: the fault that most of those have, as it came last (of two as common, the one
-    /// that [`Fault::kind`] puts last). Or [`Fault::Unsteady`], where the rows' centres scatter by more than the spot's width.
-    pub fn centre(&self, _how: Mean) -> Result<FrameCentre, Fault> {
-        let used = self.centres.len();
-        if used * 2 <= usize::from(self.rows) {
+    /// that [`Fault::kind`] puts last). Or [`Fault::Unsteady`], where no majority of the rows agrees, or where those that do
+    /// scatter by more than the spot's width.
+    pub fn centre(&self, how: Mean) -> Result<FrameCentre, Fault> {
+        if self.centres.len() * 2 <= usize::from(self.rows) {
             let most = self.faults.iter().max_by_key(|(count, _)| *count);
             return Err(most
                 .and_then(|&(_, fault)| fault)
                 .unwrap_or(Fault::SensorSilent));
         }
-        let centre = mean(self.centres.iter().map(|row| row.centre.to_bits()));
-        let n = used as f32;
-        let variance: f32 = self
-            .centres
-            .iter()
-            .map(|row| square(row.uncertainty.to_f32()))
-            .sum();
-        let chi_square: f32 = self
-            .centres
-            .iter()
-            .map(|row| {
-                // An uncertainty below the resolution of a centre stands for that resolution.
-                let uncertainty = row.uncertainty.to_bits().max(1);
-                square(row.centre.to_bits().saturating_sub(centre) as f32 / uncertainty as f32)
-            })
-            .sum();
-        let uncertainty = libm::sqrtf(variance) / n * birge_ratio(chi_square, n - 1.0);
-        let width = Pixels::from_bits(mean(self.centres.iter().map(|row| row.width.to_bits())));
-        let scatter = self.scatter(centre);
-        if scatter > width {
-            return Err(Fault::Unsteady { scatter });
+        // Centres are seen from the median one, so that the fractions of a pixel by which they differ keep all 24 bits of an f32.
+        let origin = median(self.centres.iter().map(|row| ordered(row.centre.to_bits())))
+            .map_or(0, from_ordered);
+        let mut members = Members::new();
+        for row in &self.centres {
+            // As many as there are centres, and so room.
+            let _ = members.push(Member::of(row, origin));
         }
+        let is_one_spot = match how {
+            Mean::Plain => true,
+            Mean::Weighted => agreement::weigh(&mut members),
+        };
+        let Some(offset) = weighted_mean(&members) else {
+            return Err(self.unsteady());
+        };
+        let width = Pixels::from_bits(mean(members.iter().map(|it| it.row.width.to_bits())));
+        if !is_one_spot || scatter(&members) > width.to_f32() {
+            return Err(self.unsteady());
+        }
+        let (growth, correlated) = match correlation::independent(&members, offset) {
+            Some(found) => (found.growth, found.too_few()),
+            None => (1.0, None),
+        };
+        let uncertainty = propagated(&members) * birge_ratio(&members, offset) * growth;
         Ok(FrameCentre {
-            centre: Pixels::from_bits(centre),
-            uncertainty: Pixels::from_f32(uncertainty),
-            amplitude: Counts::from_bits(mean(
-                self.centres.iter().map(|row| row.amplitude.to_bits()),
-            )),
+            centre: Pixels::from_bits(origin.saturating_add(Pixels::from_f32(offset).to_bits())),
+            // Rows that agree to the last bit, each certain to the last bit, leave that bit.
+            uncertainty: Pixels::from_f32(uncertainty).max(RESOLUTION),
+            amplitude: Counts::from_bits(mean(members.iter().map(|it| it.row.amplitude.to_bits()))),
             width,
-            rows_used: used as u16,
-            rows: self.rows,
             // At most the 64 rows there are.
-            misfits: self.centres.iter().filter(|row| row.misfit).count() as u16,
-            correlated: None,
+            rows_used: members.len() as u16,
+            rows: self.rows,
+            misfits: members.iter().filter(|it| it.row.misfit).count() as u16,
+            correlated,
         })
     }
 
-    /// Standard deviation of the rows' centres about their mean (Q16.16 bits).
-    fn scatter(&self, mean: i32) -> Pixels {
-        let squares: f32 = self
-            .centres
-            .iter()
-            .map(|row| {
-                square(Pixels::from_bits(row.centre.to_bits().saturating_sub(mean)).to_f32())
-            })
-            .sum();
-        Pixels::from_f32(libm::sqrtf(squares / (self.centres.len().max(1) as f32)))
+    /// How far the centres of all rows scatter.
+    fn unsteady(&self) -> Fault {
+        let origin = mean(self.centres.iter().map(|row| row.centre.to_bits()));
+        let mut members = Members::new();
+        for row in &self.centres {
+            let _ = members.push(Member::of(row, origin));
+        }
+        Fault::Unsteady {
+            scatter: Pixels::from_f32(scatter(&members)),
+        }
     }
 }
 
-/// The scatter over what the uncertainties explain, where it is more than chance explains: chi square has a mean of its
-/// degrees of freedom and a variance of twice that, and three standard deviations of it are granted.
-fn birge_ratio(chi_square: f32, degrees: f32) -> f32 {
-    if degrees >= 1.0 && chi_square > degrees + 3.0 * libm::sqrtf(2.0 * degrees) {
+/// The finest step of a centre, and so the least uncertainty that one can have: 2^-16 px.
+const RESOLUTION: Pixels = Pixels::from_bits(1);
+
+/// The rows that have a centre, in the order in which they came.
+type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
+
+/// A row as the mean sees it.
+///
+/// No sum over 64 of them leaves the range of an f32 (2^127), and none divides by zero. Two offsets differ by less than 2^17 px, and an
+/// uncertainty is 2^-16 to 2^15 px: a residual, one over the other, is below 2^33 from a mean and below 2^39 from a line through 64
+/// rows, and 64 squares below 2^84. A weight is at most 1/u^2 = 2^32: 64 times it, an offset and the square of a place in the frame are below
+/// 2^67, and its product with u is at most 2^16. Of rows that agree most have more than half of their 1/u^2 >= 2^-30, so that sums of
+/// weights are above zero.
+struct Member<'a> {
+    row: &'a RowCentre,
+    /// The centre from the frame's origin, in pixels.
+    offset: f32,
+    /// The uncertainty in pixels, never zero.
+    uncertainty: f32,
+    /// What the row counts for: 1 where all count alike, 0 where it does not count.
+    weight: f32,
+}
+
+impl<'a> Member<'a> {
+    /// A row that counts as any other; `origin` in the bits of [`Pixels`].
+    fn of(row: &'a RowCentre, origin: i32) -> Self {
+        let offset = Pixels::from_bits(row.centre.to_bits().saturating_sub(origin));
+        Self {
+            row,
+            offset: offset.to_f32(),
+            uncertainty: row.uncertainty.max(RESOLUTION).to_f32(),
+            weight: 1.0,
+        }
+    }
+
+    /// How far it is from `centre`, in its own uncertainties.
+    fn residual(&self, centre: f32) -> f32 {
+        (self.offset - centre) / self.uncertainty
+    }
+}
+
+/// In pixels from the frame's origin. `None` where no row counts.
+fn weighted_mean(members: &[Member<'_>]) -> Option<f32> {
+    let weights: f32 = members.iter().map(|it| it.weight).sum();
+    let sum: f32 = members.iter().map(|it| it.weight * it.offset).sum();
+    (weights > 0.0).then(|| sum / weights)
+}
+
+/// The uncertainty of the mean in pixels, if each row's own is true and all are independent.
+fn propagated(members: &[Member<'_>]) -> f32 {
+    let weights: f32 = members.iter().map(|it| it.weight).sum();
+    let variance: f32 = members
+        .iter()
+        .map(|it| square(it.weight * it.uncertainty))
+        .sum();
+    libm::sqrtf(variance) / weights
+}
+
+/// The scatter over what the uncertainties explain, where it is more than chance.
+fn birge_ratio(members: &[Member<'_>], centre: f32) -> f32 {
+    let chi_square: f32 = members.iter().map(|it| square(it.residual(centre))).sum();
+    let degrees = members.len() as f32 - 1.0;
+    if is_more_than_chance(chi_square, degrees) {
         libm::sqrtf(chi_square / degrees)
     } else {
         1.0
     }
+}
+
+/// Chi square has a mean of its degrees of freedom and a variance of twice that; three standard deviations of it are granted.
+fn is_more_than_chance(chi_square: f32, degrees: f32) -> bool {
+    degrees >= 1.0 && chi_square > degrees + 3.0 * libm::sqrtf(2.0 * degrees)
+}
+
+/// Standard deviation of the rows' centres about their plain mean, in pixels.
+fn scatter(members: &[Member<'_>]) -> f32 {
+    let mean = plain_mean(members);
+    let squares: f32 = members.iter().map(|it| square(it.offset - mean)).sum();
+    libm::sqrtf(squares / members.len().max(1) as f32)
+}
+
+/// In pixels from the frame's origin; zero of nothing.
+fn plain_mean(members: &[Member<'_>]) -> f32 {
+    let sum: f32 = members.iter().map(|it| it.offset).sum();
+    sum / members.len().max(1) as f32
 }
 
 fn square(value: f32) -> f32 {
@@ -168,6 +269,36 @@ fn mean(values: impl ExactSizeIterator<Item = i32>) -> i32 {
     (2 * sum + count)
         .checked_div_euclid(2 * count)
         .unwrap_or_default() as i32
+}
+
+/// The median, of an even number the lower one of the middle two; none of nothing.
+///
+/// By bisection: 32 times as many comparisons as there are values, in no memory and without a sort's panic on keys that it
+/// cannot order.
+fn median(values: impl ExactSizeIterator<Item = u32> + Clone) -> Option<u32> {
+    let middle = values.len().checked_sub(1)? / 2;
+    let (mut low, mut high) = (0u32, u32::MAX);
+    // The distance between them halves each time.
+    while low < high {
+        let between = low + (high - low) / 2;
+        let below = values.clone().filter(|&value| value <= between).count();
+        if below > middle {
+            high = between;
+        } else {
+            // Not above `high`, because `between` is below it.
+            low = between + 1;
+        }
+    }
+    Some(low)
+}
+
+/// Integers in the order of a median's keys.
+const fn ordered(value: i32) -> u32 {
+    value.cast_unsigned() ^ (1 << 31)
+}
+
+const fn from_ordered(key: u32) -> i32 {
+    (key ^ (1 << 31)).cast_signed()
 }
 
 #[cfg(test)]
@@ -192,14 +323,26 @@ mod tests {
         frame
     }
 
+    fn weighted(rows: impl IntoIterator<Item = Result<RowCentre, Fault>>) -> FrameCentre {
+        frame(rows).centre(Mean::Weighted).expect("a centre")
+    }
+
     #[test]
     fn mean_and_propagated_uncertainty() {
-        let centre = frame([row(100.0, 0.03), row(100.02, 0.04)])
-            .centre(Mean::Weighted)
-            .expect("a centre");
-        assert!((centre.centre.to_f64() - 100.01).abs() < 2e-5);
-        assert!((centre.uncertainty.to_f64() - 0.025).abs() < 2e-5);
-        assert_eq!((centre.rows_used, centre.rows), (2, 2));
+        let two = || [row(100.0, 0.03), row(100.02, 0.04)];
+        let plain = frame(two()).centre(Mean::Plain).expect("a centre");
+        assert!((plain.centre.to_f64() - 100.01).abs() < 2e-5);
+        assert!((plain.uncertainty.to_f64() - 0.025).abs() < 2e-5);
+        assert_eq!((plain.rows_used, plain.rows), (2, 2));
+        // Weights of 16 and 9 to 25; 1/u^2 adds up.
+        let found = weighted(two());
+        assert!((found.centre.to_f64() - (100.0 + 0.02 * 9.0 / 25.0)).abs() < 2e-5);
+        assert!((found.uncertainty.to_f64() - 0.024).abs() < 2e-5);
+        let one = weighted([row(100.0, 0.03)]);
+        assert_eq!(
+            (one.centre, one.uncertainty),
+            (Pixels::from_int(100), Pixels::from_f32(0.03))
+        );
     }
 
     #[test]
@@ -212,32 +355,117 @@ mod tests {
         };
         let good = || row(100.0, 0.03);
         let silent = || Err(Fault::SensorSilent);
-        let centre = frame([good(), misfit(), silent(), good(), misfit()]).centre(Mean::Weighted);
-        let centre = centre.expect("a centre");
-        assert_eq!((centre.misfits, centre.rows_used, centre.rows), (2, 4, 5));
-        assert_eq!(
-            frame([good()])
-                .centre(Mean::Weighted)
-                .expect("a centre")
-                .misfits,
-            0
-        );
+        let counts = |found: FrameCentre| (found.misfits, found.rows_used, found.rows);
+        let half = weighted([good(), misfit(), silent(), good(), misfit()]);
+        assert_eq!(counts(half), (2, 4, 5));
+        assert_eq!(counts(weighted([good()])), (0, 1, 1));
+        assert_eq!(counts(weighted([misfit()])), (1, 1, 1));
+        // Two thirds are good: the others are not needed.
+        let few = [good(), misfit(), good(), good()];
+        assert_eq!(counts(weighted(few)), (0, 3, 4));
+        let plain = frame(few).centre(Mean::Plain).expect("a centre");
+        assert_eq!(counts(plain), (1, 4, 4));
     }
 
     #[test]
     fn scatter_beyond_chance_widens_the_uncertainty() {
-        // Eight rows, +-0.5 with a claim of 0.1: chi square 8 * 25 = 200, seven degrees, ratio sqrt(200/7).
-        let rows = (0..8).map(|i| row(if i % 2 == 0 { 99.5 } else { 100.5 }, 0.1));
-        let uncertainty = frame(rows)
-            .centre(Mean::Weighted)
-            .expect("a centre")
-            .uncertainty
-            .to_f64();
-        let expected = 0.1 / 8f64.sqrt() * (200.0f64 / 7.0).sqrt();
-        assert!(
-            (uncertainty - expected).abs() < 1e-4,
-            "{uncertainty} {expected}"
-        );
+        // Four rows, +-0.5 with a claim of 0.1: chi square 4 * 25 = 100, three degrees, ratio sqrt(100/3). No three of them agree.
+        let rows = || (0..4).map(|i| row(if i % 2 == 0 { 99.5 } else { 100.5 }, 0.1));
+        let expected = 0.1 / 2.0 * (100.0f64 / 3.0).sqrt();
+        for how in Mean::ALL {
+            let found = frame(rows()).centre(how).expect("a centre");
+            let uncertainty = found.uncertainty.to_f64();
+            assert!((uncertainty - expected).abs() < 1e-4, "{uncertainty}");
+            assert_eq!(found.centre, Pixels::from_int(100));
+        }
+    }
+
+    #[test]
+    fn a_row_that_is_wrong_is_left_out_where_the_others_agree() {
+        // However certain it is of itself.
+        for uncertainty in [0.2, 0.02, 1e-5] {
+            let rows = (0..5).map(|i| row(if i == 1 { 103.0 } else { 100.0 }, 0.02));
+            let found = weighted(rows.chain([row(103.0, uncertainty)]));
+            assert_eq!(found.centre, Pixels::from_int(100), "{uncertainty}");
+            assert_eq!(found.rows_used, 4);
+        }
+        // Of three nobody can tell: the mean, and an uncertainty that covers them all.
+        let found = weighted([row(100.0, 0.02), row(103.0, 0.02), row(100.0, 0.02)]);
+        assert_eq!(found.rows_used, 3);
+        assert!((found.uncertainty.to_f64() - 1.0).abs() < 1e-3, "{found:?}");
+    }
+
+    #[test]
+    fn rows_without_a_majority_have_no_centre() {
+        for count in [8, 15, 16, 40, 64] {
+            let rows = (0..count).map(|i| row(if i % 2 == 0 { 100.0 } else { 103.0 }, 0.02));
+            assert!(
+                matches!(
+                    frame(rows).centre(Mean::Weighted),
+                    Err(Fault::Unsteady { .. })
+                ),
+                "{count}"
+            );
+        }
+        // Two groups and some between them, all of which the rows' own scatter would grant.
+        let groups = (0..64).map(|i| match i % 16 {
+            0 => row(101.5, 0.02),
+            odd if odd % 2 == 1 => row(100.0, 0.02),
+            _ => row(103.0, 0.02),
+        });
+        let found = frame(groups).centre(Mean::Weighted);
+        assert!(matches!(found, Err(Fault::Unsteady { .. })), "{found:?}");
+    }
+
+    #[test]
+    fn any_rows_have_a_centre_with_an_uncertainty_or_a_fault() {
+        let extremes = [i32::MIN, -1, 0, 1, 1 << 16, i32::MAX];
+        let any = |centre: i32, uncertainty: i32| {
+            row(0.0, 0.0).map(|row| RowCentre {
+                centre: Pixels::from_bits(centre),
+                uncertainty: Pixels::from_bits(uncertainty),
+                amplitude: Counts::from_bits(centre),
+                width: Pixels::MAX,
+                ..row
+            })
+        };
+        let mut found = 0;
+        for (a, b) in extremes.iter().flat_map(|a| extremes.map(|b| (*a, b))) {
+            for (c, d) in extremes.iter().flat_map(|c| extremes.map(|d| (*c, d))) {
+                for (count, other) in [(1, 1), (2, 2), (3, 2), (16, 8), (64, 7), (64, 2)] {
+                    let rows =
+                        (0..count).map(|i| if i % other == 0 { any(a, b) } else { any(c, d) });
+                    for how in Mean::ALL {
+                        if let Ok(centre) = frame(rows.clone()).centre(how) {
+                            found += 1;
+                            assert!(centre.uncertainty > Pixels::from_bits(0), "{centre:?}");
+                            let between = a.min(c)..=a.max(c);
+                            // To within the 24 bits of an f32.
+                            let off = |end: i32| {
+                                (i64::from(centre.centre.to_bits()) - i64::from(end)).abs()
+                            };
+                            assert!(
+                                between.contains(&centre.centre.to_bits())
+                                    || off(a).min(off(c)) <= 256,
+                                "{centre:?} of {a} +- {b}, {c} +- {d}"
+                            );
+                        }
+                    }
+                }
+            }
+        }
+        assert!(found > 10_000, "{found}");
+    }
+
+    #[test]
+    fn the_median_is_the_middle_value() {
+        let of =
+            |values: &[i32]| median(values.iter().map(|&value| ordered(value))).map(from_ordered);
+        assert_eq!(of(&[]), None);
+        assert_eq!(of(&[i32::MAX]), Some(i32::MAX));
+        assert_eq!(of(&[i32::MIN, i32::MAX]), Some(i32::MIN));
+        assert_eq!(of(&[5, -7, 0]), Some(0));
+        assert_eq!(of(&[3, 1, 1, 2]), Some(1));
     }
 
     #[test]

@@ -78,6 +78,7 @@ impl fmt::Display for Info<'_> {
             shielded.start, shielded.end
         )?;
         write!(f, "\r\ninfo rate a row every {row_us} us, exposed as long")?;
+        write!(f, "\r\ninfo mean {}", self.settings.mean.name())?;
         write!(f, "\r\ninfo estimator {}", self.settings.estimator.name())?;
         let Some(calibration) = &self.settings.calibration else {
             return f.write_str("\r\ninfo calibration off");
@@ -150,7 +151,7 @@ mod tests {
             "{info}"
         );
         assert!(
-            info.contains("\r\ninfo estimator phase-table\r\n"),
+            info.contains("\r\ninfo mean weighted\r\ninfo estimator phase-table\r\n"),
             "{info}"
         );
         settings.calibration = None;

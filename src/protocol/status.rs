@@ -11,7 +11,7 @@ pub enum StartCause {
     PowerOn,
     /// The reset pin: the button, or a debug probe.
     ResetPin,
-    /// The firmware asked for it.
+    /// A reset by software, as a debug probe asks for once it has flashed; the firmware asks for none.
     Software,
     /// A part of the firmware had stopped.
     Watchdog,

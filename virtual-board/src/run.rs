@@ -16,7 +16,7 @@ use rigless::time::VirtualNanos;
 
 use crate::board::{INSTRUCTIONS_PER_SECOND, Nucleo, SERIAL_PORT};
 use crate::firmware::Firmware;
-use crate::hang::{self, Hangs};
+use crate::hang::{self, Detours};
 use crate::rtt::{self, Message};
 use crate::sensor_head::pins::{CONVERTER, CONVERTER_BUS, SharedHead};
 use crate::sensor_head::{LightSource, SensorHead};
@@ -44,6 +44,7 @@ pub struct VirtualBoard {
     head: Arc<SharedHead>,
     line: Arc<Mutex<SerialLine>>,
     watched: Watched,
+    trap: u32,
     log_bytes: Arc<Mutex<Vec<u8>>>,
     orders: Sender<Order>,
     stops: Receiver<Stop>,
@@ -93,13 +94,7 @@ impl VirtualBoard {
         let line = Arc::<Mutex<SerialLine>>::default();
         let trap = hang::find_trap(&firmware.image)
             .context("the firmware has no `b .`, which hang_at needs")?;
-        let watched = Watched {
-            hangs: Arc::new(Mutex::new(Hangs {
-                trap,
-                ..Hangs::default()
-            })),
-            ..Watched::default()
-        };
+        let watched = Watched::default();
         let log_bytes = Arc::<Mutex<Vec<u8>>>::default();
         let (orders, taken_orders) = channel();
         let (reported_stops, stops) = channel();
@@ -123,6 +118,7 @@ impl VirtualBoard {
             head,
             line,
             watched,
+            trap,
             log_bytes,
             orders,
             stops,
@@ -322,18 +318,32 @@ impl VirtualBoard {
     /// The firmware has no such symbol: it needs `#[unsafe(no_mangle)]` and `#[inline(never)]`.
     pub fn hang_at(&mut self, symbol: &str) -> Result<()> {
         let address = self.firmware.address_of(symbol)?;
-        self.hangs().at.insert(address);
+        let trap = self.trap;
+        self.detours().insert(address, trap);
         Ok(())
     }
 
-    /// Lets the function `symbol` run again. A core that hangs already goes on doing so until a reset.
+    /// Has the firmware panic at the next call of the function `symbol`, and at each after a reset, until
+    /// [`VirtualBoard::unhang`].
+    ///
+    /// # Errors
+    ///
+    /// As [`VirtualBoard::hang_at`], or the firmware has nothing that panics.
+    pub fn panic_at(&mut self, symbol: &str) -> Result<()> {
+        let address = self.firmware.address_of(symbol)?;
+        let panic = u32::try_from(self.firmware.address_of(hang::PANIC)?)?;
+        self.detours().insert(address, panic);
+        Ok(())
+    }
+
+    /// Lets the function `symbol` run again. A core that hangs already, or has panicked, stays so until a reset.
     ///
     /// # Errors
     ///
     /// The firmware has no such symbol.
     pub fn unhang(&mut self, symbol: &str) -> Result<()> {
         let address = self.firmware.address_of(symbol)?;
-        self.hangs().at.remove(&address);
+        self.detours().remove(&address);
         Ok(())
     }
 
@@ -345,6 +355,16 @@ impl VirtualBoard {
     /// Every call of a traced function that returned since this was last asked, in that order.
     pub fn take_calls(&mut self) -> Vec<Call> {
         std::mem::take(&mut trace::lock(&self.watched.traces).calls)
+    }
+
+    /// Has a debug probe write a word to one of the core's own registers (0xE000_0000 to 0xE00F_FFFF), before the next instruction.
+    pub fn probe_writes(&mut self, register: u64, word: u32) {
+        let now = self.now();
+        self.watched
+            .probe_writes
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push((register, word, now));
     }
 
     /// Presses the reset button.
@@ -469,9 +489,9 @@ impl VirtualBoard {
         self.line.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn hangs(&self) -> MutexGuard<'_, Hangs> {
+    fn detours(&self) -> MutexGuard<'_, Detours> {
         self.watched
-            .hangs
+            .detours
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,5 +1,5 @@
-//! rigless's core, wrapped for what it does not offer itself: to hang at a function ([`crate::hang`]) and to write down
-//! which instructions a function executes ([`crate::trace`]).
+//! rigless's core, wrapped for what it does not offer itself: to hang or panic at a function ([`crate::hang`]), to write to the
+//! core's own registers as a debug probe does, and to write down which instructions a function executes ([`crate::trace`]).
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -11,7 +11,8 @@ use rigless::emulator::{
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
-use crate::hang::Hangs;
+use crate::Nanos;
+use crate::hang::Detours;
 use crate::trace::{self, Recorder, Traces};
 
 /// The core's registers, as GDB numbers those of ARMv7-M.
@@ -21,8 +22,10 @@ const PROGRAM_COUNTER: usize = 15;
 /// What a wrapped core looks up each time it runs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Watched {
-    /// Where it hangs.
-    pub(crate) hangs: Arc<Mutex<Hangs>>,
+    /// Where it hangs or panics.
+    pub(crate) detours: Arc<Mutex<Detours>>,
+    /// What a debug probe writes next: an address, a word and the time.
+    pub(crate) probe_writes: Arc<Mutex<Vec<(u64, u32, Nanos)>>>,
     /// What it traces.
     pub(crate) traces: Arc<Mutex<Traces>>,
 }
@@ -34,7 +37,7 @@ pub(crate) fn wrap(spec: &mut CoreSpec, watched: Watched) {
         Ok(Box::new(Core {
             inner: make(endian)?,
             watched: watched.clone(),
-            hangs_at: BTreeSet::new(),
+            detours: Detours::new(),
             traced: BTreeSet::new(),
             recorder: Recorder::default(),
         }))
@@ -46,8 +49,8 @@ pub(crate) fn wrap(spec: &mut CoreSpec, watched: Watched) {
 struct Core {
     inner: Box<dyn Processor>,
     watched: Watched,
-    /// The addresses that `inner` stops at to hang.
-    hangs_at: BTreeSet<u64>,
+    /// The addresses that `inner` stops at, and where it goes on.
+    detours: Detours,
     /// The addresses that `inner` stops at to trace.
     traced: BTreeSet<u64>,
     recorder: Recorder,
@@ -66,6 +69,34 @@ impl Core {
             inner.remove_breakpoint(address);
         }
         armed.clone_from(wanted);
+    }
+
+    fn write_for_the_probe(&mut self) {
+        let mut writes = self
+            .watched
+            .probe_writes
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        for (address, word, now) in writes.drain(..) {
+            let now = VirtualNanos(now);
+            self.inner
+                .debugger_access(Some(word.into()), address, Width::W32, now);
+        }
+    }
+
+    fn arm_detours(&mut self) {
+        let wanted = self
+            .watched
+            .detours
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        if self.detours == *wanted {
+            return;
+        }
+        let addresses = |detours: &Detours| detours.keys().copied().collect();
+        let mut armed = addresses(&self.detours);
+        Self::arm(&mut *self.inner, &mut armed, &addresses(&wanted));
+        self.detours.clone_from(&wanted);
     }
 
     /// Where the function that the core has just called returns to.
@@ -117,15 +148,8 @@ impl Core {
 
 impl Processor for Core {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
-        let trap = {
-            let hangs = self
-                .watched
-                .hangs
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner);
-            Self::arm(&mut *self.inner, &mut self.hangs_at, &hangs.at);
-            hangs.trap
-        };
+        self.write_for_the_probe();
+        self.arm_detours();
         {
             let traces = trace::lock(&self.watched.traces);
             Self::arm(&mut *self.inner, &mut self.traced, &traces.functions);
@@ -135,9 +159,11 @@ impl Processor for Core {
         } else {
             self.run_traced(budget, bus)
         };
-        if exit == Exit::Breakpoint && self.hangs_at.contains(&self.inner.pc()) {
+        if exit == Exit::Breakpoint
+            && let Some(goes_on_at) = self.detours.get(&self.inner.pc())
+        {
             self.inner
-                .set_gdb_register(PROGRAM_COUNTER, &trap.to_le_bytes());
+                .set_gdb_register(PROGRAM_COUNTER, &goes_on_at.to_le_bytes());
             return (Exit::Returned, ran);
         }
         (exit, ran)

@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use host_tests::optics::Optics;
-use host_tests::scene::Scene;
+use host_tests::scene::{Scene, Spot};
 use slitrange::reading::Fault;
-use virtual_board::light::{Target, of_scene};
+use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{FULL_SCALE, LightSource, VirtualBoard};
 
 use crate::common::{
@@ -80,6 +80,10 @@ fn advice_for(name: &str) -> &'static str {
         },
         Fault::Saturated { pixels: 0 },
         Fault::SpotAtEdge { centre },
+        Fault::TwoSpots {
+            centre,
+            other: centre,
+        },
         Fault::Unsteady { scatter: centre },
         Fault::OutOfRange { centre },
         Fault::NotCalibrated {
@@ -111,6 +115,30 @@ fn a_spot_in_the_noise_is_too_dim() {
     let (height, needed) = (number(&line, ": ", " counts"), number(&line, "needs ", ""));
     assert!((4.0..needed).contains(&height), "{line}");
     assert!((9.0..16.0).contains(&needed), "{line}");
+}
+
+#[test]
+fn two_spots_of_like_height_are_said_to_be_two() {
+    let (first, second) = (1600.0, 2000.0);
+    // What lights the sensor twice adds up, less the black level and the noise of one.
+    let mut light = spot_at(first, BRIGHT);
+    let line = only_fault(
+        "two spots",
+        Box::new(move |exposure| {
+            let mut counts = light(exposure);
+            Spot {
+                width: 8.6,
+                counts_per_second: 0.0,
+            }
+            .add(&mut counts[LIGHT], second, 0.95 * BRIGHT);
+            counts
+        }),
+    );
+    let (higher, other) = (number(&line, "x ", " and"), number(&line, "and ", ""));
+    assert!(
+        (higher - first).abs() < 10.0 && (other - second).abs() < 10.0,
+        "{line}"
+    );
 }
 
 #[test]
@@ -214,6 +242,35 @@ fn a_converter_cut_off_is_a_silent_sensor_until_it_is_back() {
 
 /// The converter's place on SPI1.
 const CONVERTER: usize = 0;
+
+/// No row at all for 100 ms, because no read-out comes to its end.
+#[test]
+fn read_outs_that_do_not_end_are_a_silent_sensor_until_they_do() {
+    let mut board = measuring(4);
+    assert_all_measure(&fresh_results(&mut board, 2));
+    board.expect_violations();
+    let before = Status::ask(&mut board).count("rows read");
+    board.take_lines();
+    // A read-out takes 5.6 ms: none gets far.
+    for _ in 0..350 {
+        stop_the_transfer(&mut board);
+        board.run_for(Duration::from_millis(1)).expect("a run");
+    }
+    let lines: Vec<String> = board
+        .take_lines()
+        .into_iter()
+        .map(|line| line.text)
+        .collect();
+    println!("{lines:#?}");
+    let status = Status::ask(&mut board);
+    // What was under way at first, and what has come since.
+    assert!(status.count("rows read") - before < 20, "{status:#?}");
+    assert!(status.count("rows failed") >= 5, "{status:#?}");
+    let silent = lines.iter().filter(|line| *line == "f sensor silent");
+    assert_eq!(silent.count(), 3, "one every 100 ms: {lines:#?}");
+    assert_all_measure(&fresh_results(&mut board, 4));
+    board.finish().expect("a clean run");
+}
 
 #[test]
 fn a_data_line_stuck_high_is_a_silent_sensor() {

@@ -2,16 +2,21 @@
 
 use std::time::Duration;
 
+use rigless::soc::stm32f427::generated::usart6;
 use virtual_board::VirtualBoard;
 
 use crate::common::{
     PATIENCE, ask, boot, fresh_results, is_reading, measuring, paper, run_into_a_row,
 };
 
+/// USART3, in the emulator's order.
+const SERIAL_PORT: usize = 2;
+
 /// Lets the board boot again, and makes sure that it says why, and that it measures with the settings of a start.
 fn assert_starts_again(board: &mut VirtualBoard, cause: &str) {
     let banner = board
-        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+        // What the reset cut off is a part of its line.
+        .run_until_line(|line| line.contains("slitrange "), PATIENCE)
         .expect("a banner");
     println!("{banner}");
     assert!(
@@ -28,6 +33,93 @@ fn assert_starts_again(board: &mut VirtualBoard, cause: &str) {
     assert_eq!(ask(board, "status"), format!("status start {cause}"));
 }
 
+/// Runs until the watchdog has started the board again, and gives the time that took in seconds.
+fn run_into_the_watchdog(board: &mut VirtualBoard) -> f64 {
+    let stopped = board.now();
+    while board.resets().expect("resets").is_empty() {
+        assert!(
+            board.now() - stopped < 3_000_000_000,
+            "no reset within 3 s: {:?}",
+            board.take_lines()
+        );
+        board.run_for(Duration::from_millis(10)).expect("a run");
+    }
+    let resets = board.resets().expect("resets");
+    let lasted = (resets[0].at.0 - stopped) as f64 * 1e-9;
+    println!("reset {lasted:.3} s after it stopped: {resets:?}");
+    assert_eq!(format!("{:?}", resets[0].cause), r#"Model("IWDG")"#);
+    lasted
+}
+
+/// A panic, whose end is an exception that the core cannot serve either (a HardFault).
+#[test]
+fn a_panic_is_logged_and_ended_by_the_watchdog() {
+    let mut board = measuring(4);
+    fresh_results(&mut board, 1);
+    board.take_log();
+    board.panic_at("measure_row").expect("the function");
+    let lasted = run_into_the_watchdog(&mut board);
+    board.unhang("measure_row").expect("the function");
+    // Up to a row until the panic; after it nobody pets the watchdog, whose second had begun up to a look before.
+    assert!((0.85..1.05).contains(&lasted), "{lasted} s");
+    let log: Vec<String> = (board.take_log().iter())
+        .map(|message| format!("{message:?}"))
+        .collect();
+    println!("{log:#?}");
+    let panicked = log.iter().filter(|message| message.contains("panicked"));
+    assert_eq!(panicked.count(), 1, "{log:#?}");
+    assert_starts_again(&mut board, "watchdog");
+    assert_eq!(board.resets().expect("resets").len(), 1);
+    board.finish().expect("a clean run");
+}
+
+/// The serial line alone: an upset of its port's register, after which nothing more leaves it. An answer waits for room for ever, and results
+/// behind it.
+#[test]
+fn a_serial_line_that_hangs_is_ended_by_the_watchdog() {
+    let mut board = measuring(4);
+    fresh_results(&mut board, 1);
+    // Twice what the port's buffer holds.
+    board.send(&"help\r\n".repeat(6));
+    board.run_for(Duration::from_millis(50)).expect("a run");
+    board
+        .on_emulator(|session, _, _| {
+            let part = &mut session.board_mut().processor.part;
+            let (_, registers) = part.serial_port(SERIAL_PORT);
+            let control = registers.get(usart6::Register::Cr1);
+            registers.set(usart6::Register::Cr1, control & !usart6::cr1::TE.mask());
+        })
+        .expect("the emulator");
+    board.run_for(Duration::from_millis(1)).expect("a run");
+    board.take_lines();
+    let rows = board.statistics().rows;
+    let lasted = run_into_the_watchdog(&mut board);
+    assert_eq!(board.take_lines(), [], "the line is dead");
+    // 175 a second.
+    let rows = (board.statistics().rows - rows) as f64;
+    assert!(rows > 170.0 * lasted, "rows are read on: {rows}");
+    assert!((1.5..2.5).contains(&lasted), "{lasted} s");
+    assert_starts_again(&mut board, "watchdog");
+    board.finish().expect("a clean run");
+}
+
+/// The core's register for a reset by software (AIRCR), and the word that asks for it: how a debug probe starts the firmware that it has
+/// flashed.
+const RESET_BY_SOFTWARE: (u64, u32) = (0xE000_ED0C, 0x05FA_0004);
+
+#[test]
+fn a_reset_by_software_is_named() {
+    let mut board = measuring(4);
+    run_into_a_row(&mut board);
+    let (register, word) = RESET_BY_SOFTWARE;
+    board.probe_writes(register, word);
+    assert_starts_again(&mut board, "software");
+    let resets = board.resets().expect("resets");
+    assert_eq!(resets.len(), 1, "{resets:?}");
+    assert_eq!(format!("{:?}", resets[0].cause), "Core");
+    board.finish().expect("a clean run");
+}
+
 #[test]
 fn a_computation_that_hangs_is_ended_by_the_watchdog() {
     let mut board = measuring(4);
@@ -35,25 +127,10 @@ fn a_computation_that_hangs_is_ended_by_the_watchdog() {
     assert_eq!(board.resets().expect("resets"), []);
 
     board.hang_at("measure_row").expect("the function");
-    let hung = board.now();
-    while board.resets().expect("resets").is_empty() {
-        assert!(
-            board.now() - hung < 2_500_000_000,
-            "no reset within 2.5 s: {:?}",
-            board.take_lines()
-        );
-        board.run_for(Duration::from_millis(10)).expect("a run");
-    }
+    let lasted = run_into_the_watchdog(&mut board);
     board.unhang("measure_row").expect("the function");
-
-    let resets = board.resets().expect("resets");
-    println!(
-        "reset {:.3} s after the hang: {resets:?}",
-        (resets[0].at.0 - hung) as f64 * 1e-9
-    );
-    assert_eq!(format!("{:?}", resets[0].cause), r#"Model("IWDG")"#);
     // One look and eight without a change, and the watchdog's own second.
-    assert!((resets[0].at.0 - hung) > 1_500_000_000, "too early");
+    assert!((1.5..2.5).contains(&lasted), "{lasted} s");
     assert_starts_again(&mut board, "watchdog");
     assert_eq!(board.resets().expect("resets").len(), 1);
     board.finish().expect("a clean run");

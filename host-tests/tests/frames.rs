@@ -1,0 +1,441 @@
+//! Frames: rows that are not alike, rows that are wrong, rows that err alike. What their mean is off by, and what it claims.
+
+use std::fmt;
+
+use host_tests::scene::{Scene, Simulation, quantise};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, Gamma, StandardNormal};
+use rayon::prelude::*;
+use slitrange::black_level::BlackLevel;
+use slitrange::calibration::Calibration;
+use slitrange::estimator::{Estimator, RowCentre, WidthClass};
+use slitrange::frame::{Frame, FrameCentre, Mean};
+use slitrange::measurement::{Measurement, Settings};
+use slitrange::reading::Fault;
+use slitrange::units::{Counts, Pixels};
+
+/// Where the spot is, in pixels.
+const TRUTH: f64 = 1800.3;
+
+/// What a row of mean brightness is uncertain by, in pixels.
+const UNCERTAINTY: f64 = 0.03;
+
+/// The numbers of rows that are looked at: few, the firmware's, the most.
+const ROWS: [usize; 3] = [5, 16, 64];
+
+fn row(centre: f64, uncertainty: f64) -> RowCentre {
+    RowCentre {
+        centre: Pixels::from_bits((centre * 65536.0).round() as i32),
+        uncertainty: Pixels::from_bits((uncertainty * 65536.0).round() as i32),
+        amplitude: Counts::from_int(1000),
+        width: Pixels::from_int(9),
+        class: WidthClass::default(),
+        misfit: false,
+    }
+}
+
+fn centre(rows: impl IntoIterator<Item = RowCentre>, how: Mean) -> Result<FrameCentre, Fault> {
+    let mut frame = Frame::default();
+    rows.into_iter().for_each(|row| frame.add(Ok(row)));
+    frame.centre(how)
+}
+
+/// What is wrong with a share of the rows.
+#[derive(Clone, Copy, Debug)]
+enum Outliers {
+    None,
+    /// All lie so many pixels to the same side.
+    OneSided(f64, f64),
+    /// They lie so many pixels to either side.
+    TwoSided(f64, f64),
+    /// They lie anywhere within so many pixels.
+    Spread(f64, f64),
+}
+
+impl Outliers {
+    /// What a row is off by, where it is an outlier.
+    fn draw(self, random: &mut ChaCha8Rng) -> Option<f64> {
+        match self {
+            Self::None => None,
+            Self::OneSided(share, by) => random.random_bool(share).then_some(by),
+            Self::TwoSided(share, by) => {
+                let sign = if random.random() { 1.0 } else { -1.0 };
+                random.random_bool(share).then_some(sign * by)
+            }
+            Self::Spread(share, by) => {
+                let place = random.random_range(-by..by);
+                random.random_bool(share).then_some(place)
+            }
+        }
+    }
+}
+
+/// A frame, and the bound that its good rows leave.
+struct Drawn {
+    rows: Vec<RowCentre>,
+    bound: f64,
+}
+
+/// Rows whose uncertainty is that of shot noise: as one over the root of the brightness, which is gamma distributed with a relative
+/// variance of 1 / `alike` (as of speckle that has `alike` degrees of freedom); of none all are equal.
+fn draw(random: &mut ChaCha8Rng, count: usize, alike: Option<f64>, outliers: Outliers) -> Drawn {
+    let mut information = 0.0;
+    let rows = (0..count)
+        .map(|_| {
+            let brightness = alike.map_or(1.0, |alike| {
+                Gamma::new(alike, 1.0 / alike)
+                    .expect("a distribution")
+                    .sample(random)
+            });
+            let uncertainty = UNCERTAINTY / brightness.sqrt();
+            let noise: f64 = StandardNormal.sample(random);
+            let outlier = outliers.draw(random);
+            if outlier.is_none() {
+                information += uncertainty.powi(-2);
+            }
+            row(
+                TRUTH + outlier.unwrap_or(0.0) + uncertainty * noise,
+                uncertainty,
+            )
+        })
+        .collect();
+    Drawn {
+        rows,
+        bound: 1.0 / f64::sqrt(information),
+    }
+}
+
+/// What came of many frames.
+#[derive(Clone, Copy, Debug)]
+struct Outcome {
+    frames: usize,
+    /// Root mean square error over the root mean square bound.
+    ratio: f64,
+    /// The same of the error over the claimed uncertainty.
+    pull: f64,
+    faults: usize,
+    /// Frames that are off by more than five times the claim and 0.05 pixel, and not flagged.
+    confident_errors: usize,
+    /// Frames whose rows hang together.
+    flagged: usize,
+    /// Root mean square claim over root mean square error, of the frames that are not flagged.
+    claimed: f64,
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let percent = |count: usize| 100.0 * count as f64 / self.frames as f64;
+        write!(
+            f,
+            "RMSE / bound {:7.3}, error / claim {:6.3}, faults {:5.2} %, confident errors {:5.2} %, flagged {:6.2} %, claim / error of the others {:.2}",
+            self.ratio,
+            self.pull,
+            percent(self.faults),
+            percent(self.confident_errors),
+            percent(self.flagged),
+            self.claimed
+        )
+    }
+}
+
+fn run(frames: u64, how: Mean, draw: impl Fn(&mut ChaCha8Rng) -> Drawn + Sync) -> Outcome {
+    let results: Vec<(f64, Result<FrameCentre, Fault>)> = (0..frames)
+        .into_par_iter()
+        .map(|frame| {
+            let mut random = ChaCha8Rng::seed_from_u64(frame);
+            let Drawn { rows, bound } = draw(&mut random);
+            (bound, centre(rows, how))
+        })
+        .collect();
+    let found: Vec<Found> = results
+        .iter()
+        .filter_map(|(bound, result)| {
+            let found = result.ok()?;
+            Some(Found {
+                bound: *bound,
+                error: found.centre.to_f64() - TRUTH,
+                claim: found.uncertainty.to_f64(),
+                is_flagged: found.correlated.is_some(),
+            })
+        })
+        .collect();
+    let others: Vec<&Found> = found.iter().filter(|it| !it.is_flagged).collect();
+    Outcome {
+        frames: results.len(),
+        ratio: rms(found.iter().map(|it| it.error)) / rms(found.iter().map(|it| it.bound)),
+        pull: rms(found.iter().map(|it| it.error / it.claim)),
+        faults: results.len() - found.len(),
+        confident_errors: (others.iter())
+            .filter(|it| it.error.abs() > 5.0 * it.claim + 0.05)
+            .count(),
+        flagged: found.len() - others.len(),
+        claimed: rms(others.iter().map(|it| it.claim)) / rms(others.iter().map(|it| it.error)),
+    }
+}
+
+/// What came of a frame: its bound, its error and its claim in pixels (or in micrometres, of a distance).
+struct Found {
+    bound: f64,
+    error: f64,
+    claim: f64,
+    is_flagged: bool,
+}
+
+/// The root of the mean square; not a number for none.
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| {
+        (sum + value * value, count + 1.0)
+    });
+    f64::sqrt(sum / count)
+}
+
+/// What a table's line says of an outcome.
+fn line(name: &str, rows: usize, how: Mean, outcome: &Outcome) -> String {
+    let how = how.name();
+    format!("{name:24} {rows:2} rows, {how:8} {outcome}")
+}
+
+const FRAMES: u64 = 20_000;
+
+/// Rows that are wrong cost no more than their number. Of five rows, two are wrong in 8 frames of 100, and nobody can tell; of 64 a majority
+/// is right.
+#[test]
+fn the_mean_is_at_the_bound_of_the_good_rows() {
+    for (name, alike, outliers, most) in [
+        ("equal", None, Outliers::None, 1.05),
+        ("brightness 4", Some(4.0), Outliers::None, 1.05),
+        ("brightness 1", Some(1.0), Outliers::None, 1.05),
+        (
+            "brightness 4, 2 % +-5 px",
+            Some(4.0),
+            Outliers::TwoSided(0.02, 5.0),
+            1.1,
+        ),
+        (
+            "brightness 4, 10 % +-5 px",
+            Some(4.0),
+            Outliers::TwoSided(0.1, 5.0),
+            1.1,
+        ),
+        (
+            "brightness 4, 10 % +3 px",
+            Some(4.0),
+            Outliers::OneSided(0.1, 3.0),
+            1.1,
+        ),
+        (
+            "brightness 4, 10 % +0.3 px",
+            Some(4.0),
+            Outliers::OneSided(0.1, 0.3),
+            1.1,
+        ),
+    ] {
+        for rows in ROWS {
+            let [plain, weighted] = Mean::ALL.map(|how| {
+                let outcome = run(FRAMES, how, |random| draw(random, rows, alike, outliers));
+                println!("{}", line(name, rows, how, &outcome));
+                outcome
+            });
+            if rows == 64 {
+                assert!(weighted.ratio <= most && weighted.faults == 0, "{name}");
+                let is_alike = alike.is_none() && matches!(outliers, Outliers::None);
+                assert!(plain.ratio > 1.1 || is_alike, "{name}: nothing to do");
+            }
+        }
+    }
+}
+
+/// The standard deviation of error over claim, for rows that are independent and right about themselves.
+#[test]
+fn a_mean_is_off_by_what_it_claims() {
+    for (name, alike) in [("equal", None), ("brightness 4", Some(4.0))] {
+        for rows in ROWS {
+            for how in Mean::ALL {
+                let outcome = run(FRAMES, how, |random| {
+                    draw(random, rows, alike, Outliers::None)
+                });
+                println!("{}", line(name, rows, how, &outcome));
+                assert!((0.95..=1.05).contains(&outcome.pull), "{name}, {rows} rows");
+                assert_eq!((outcome.faults, outcome.confident_errors), (0, 0));
+            }
+        }
+    }
+}
+
+/// Where rows that are wrong agree among themselves, and are half of the frame or more, they are the majority now and then. Where
+/// they do not, or are fewer, a frame is right, or is a fault.
+#[test]
+fn frames_with_many_wrong_rows_are_seldom_wrong() {
+    for (name, outliers, most) in [
+        ("25 % +3 px", Outliers::OneSided(0.25, 3.0), 0),
+        ("40 % +3 px", Outliers::OneSided(0.4, 3.0), 10),
+        ("50 % +3 px", Outliers::OneSided(0.5, 3.0), 200),
+        ("50 % +0.3 px", Outliers::OneSided(0.5, 0.3), 600),
+        ("30 % anywhere in 10 px", Outliers::Spread(0.3, 5.0), 0),
+        ("50 % anywhere in 10 px", Outliers::Spread(0.5, 5.0), 0),
+        ("all anywhere in 10 px", Outliers::Spread(1.0, 5.0), 0),
+    ] {
+        for rows in ROWS {
+            let [plain, weighted] = Mean::ALL.map(|how| {
+                let outcome = run(FRAMES, how, |random| draw(random, rows, None, outliers));
+                println!("{}", line(name, rows, how, &outcome));
+                outcome
+            });
+            if rows == 64 {
+                assert!(weighted.confident_errors <= most, "{name}");
+                assert!(
+                    plain.confident_errors >= weighted.confident_errors,
+                    "{name}"
+                );
+            }
+        }
+    }
+}
+
+/// Rows whose errors are each `share` of the one before, and new for the rest, as large as they claim.
+fn draw_correlated(random: &mut ChaCha8Rng, count: usize, share: f64) -> Drawn {
+    let mut error: f64 = StandardNormal.sample(random);
+    let rows = (0..count).map(|_| {
+        let row = row(TRUTH + UNCERTAINTY * error, UNCERTAINTY);
+        let new: f64 = StandardNormal.sample(random);
+        error = share * error + (1.0 - share * share).sqrt() * new;
+        row
+    });
+    Drawn {
+        rows: rows.collect(),
+        bound: UNCERTAINTY / independent(count, share).sqrt(),
+    }
+}
+
+/// How many independent rows so many are worth, each of which hangs on the one before by `share`: the variance of a row over that of
+/// their mean.
+fn independent(count: usize, share: f64) -> f64 {
+    let n = count as f64;
+    let sum: f64 = (1..count)
+        .map(|lag| (1.0 - lag as f64 / n) * share.powi(lag as i32))
+        .sum();
+    n / (1.0 + 2.0 * sum)
+}
+
+/// The share by which rows hang together that are worth so many.
+fn share_for(count: usize, worth: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..50 {
+        let share = 0.5 * (low + high);
+        if independent(count, share) > worth {
+            low = share;
+        } else {
+            high = share;
+        }
+    }
+    low
+}
+
+/// Power and false alarms. Of 64 rows each of which hangs on the one before, those that are worth fewer than eight are flagged; those that
+/// are worth 12 to 24 often are, because they may be worth fewer; and all claim at least 0.8 of what they are off by. 16 rows say little about
+/// it, and eight next to nothing.
+#[test]
+fn rows_that_err_alike_are_flagged() {
+    for count in [8, 16, 64] {
+        for worth in [1.5, 2.0, 3.0, 4.0, 6.0, 7.9, 12.0, 16.0, 24.0, 32.0, 64.0] {
+            if worth > count as f64 {
+                continue;
+            }
+            let share = share_for(count, worth);
+            let outcome = run(FRAMES, Mean::Weighted, |random| {
+                draw_correlated(random, count, share)
+            });
+            let name = format!("worth {worth} ({share:.3})");
+            println!("{}", line(&name, count, Mean::Weighted, &outcome));
+            let flagged = outcome.flagged as f64 / FRAMES as f64;
+            if count == 64 {
+                assert!(worth >= 8.0 || flagged >= 0.95, "{worth}: {flagged}");
+                assert!(worth < 8.0 || outcome.pull <= 1.25, "{worth}");
+            }
+        }
+        let outcome = run(FRAMES, Mean::Weighted, |random| {
+            draw(random, count, Some(4.0), Outliers::None)
+        });
+        println!("{}", line("independent", count, Mean::Weighted, &outcome));
+        assert!(outcome.flagged as f64 <= 0.005 * FRAMES as f64, "{count}");
+    }
+}
+
+/// Readings of a scene, each on a surface of its own: their errors and claims in micrometres.
+fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
+    let scene = Scene::load(name).expect("a scene of this repository");
+    let settings = Settings {
+        rows,
+        mean: Mean::Weighted,
+        estimator: Estimator::default(),
+        black_level: BlackLevel::Shielded,
+        calibration: Calibration::nominal(),
+    };
+    let full_scale = scene.geometry().full_scale();
+    let results: Vec<Option<Found>> = (0..count)
+        .into_par_iter()
+        .map(|reading| {
+            let simulation = Simulation::new(Scene {
+                seed: scene.seed + reading,
+                ..scene.clone()
+            });
+            let mut measurement = Measurement::new(scene.geometry(), settings.clone());
+            let mut truth = 0.0;
+            let mut result = None;
+            for row in 0..u64::from(rows) {
+                truth += simulation.true_distance(row, scene.distance) * 1e6 / f64::from(rows);
+                let light = simulation.row(row, scene.distance, scene.exposure);
+                // The sensor's words fall with light.
+                let mut words: Vec<u16> = (quantise(&light, full_scale).iter())
+                    .map(|count| full_scale - count)
+                    .collect();
+                result = measurement.row(&mut words);
+            }
+            let reading = result.expect("a frame is complete").ok()?;
+            Some(Found {
+                bound: 0.0,
+                error: reading.distance.to_f64() - truth,
+                claim: reading.uncertainty.to_f64(),
+                is_flagged: reading.correlated.is_some(),
+            })
+        })
+        .collect();
+    results.into_iter().flatten().collect()
+}
+
+/// Speckle that changes within a frame is seen in its rows. Where it does not, all rows have the same error, and nothing in them tells;
+/// that is what a reading of a target at rest cannot know.
+#[test]
+fn speckle_is_flagged_where_it_changes() {
+    const READINGS: usize = 30;
+    for (name, rows) in [
+        ("speckle-sliding", 64),
+        ("speckle-receding", 64),
+        ("speckle-sliding", 16),
+        ("speckle-receding", 16),
+        ("speckle-at-rest", 64),
+    ] {
+        let found = readings(name, rows, READINGS as u64);
+        println!("{name}, {rows} rows: {} faults", READINGS - found.len());
+        for (kind, is_flagged) in [("flagged", true), ("not flagged", false)] {
+            let of_kind = || found.iter().filter(|it| it.is_flagged == is_flagged);
+            let count = of_kind().count();
+            if count == 0 {
+                continue;
+            }
+            let error = rms(of_kind().map(|it| it.error));
+            let claim = rms(of_kind().map(|it| it.claim));
+            let share = claim / error;
+            println!(
+                "    {count:2} {kind}: off by {error:.1} um, claim {claim:.1} um, {share:.3} of it"
+            );
+            match (name, rows) {
+                ("speckle-at-rest", _) => assert!(share < 0.02, "what was not known is known"),
+                (_, 64) => assert!(share >= 0.8, "{name}, {kind}"),
+                _ => {}
+            }
+        }
+        assert!(2 * found.len() > READINGS, "{name}");
+    }
+}

@@ -1,0 +1,127 @@
+//! What each row of a frame counts for: the more certain the more, and the further from the others the less.
+//!
+//! A row's weight is 1/u^2, u being its own uncertainty, times Tukey's biweight of its residual from the mean, r in u:
+//! (1 - (r/c)^2)^2, and nothing beyond c. A row that is wrong says so by lying elsewhere. It is left out where a majority agrees;
+//! where none does, nobody can tell which of them is wrong.
+
+use super::{Member, Members, birge_ratio, median, plain_mean, scatter, square, weighted_mean};
+
+/// Tukey's constant, in standard deviations: of normal errors the mean has 95 % of the best one's efficiency (A. E. Beaton and
+/// J. W. Tukey, Technometrics 16, 147 (1974)).
+const REACH: f32 = 4.685;
+
+/// A standard deviation over the median of absolute deviations, for a normal distribution.
+const DEVIATION_PER_MEDIAN: f32 = 1.4826;
+
+/// A row agrees with the mean within this share of the reach, 2.3 standard deviations: 98 % of normal errors are. One that is just
+/// within reach counts for little and is no witness for the others.
+const AGREES: f32 = 0.5;
+
+/// Times that the weights are made anew.
+const REWEIGHTS: usize = 5;
+
+/// No row counts as more than so many times as certain as the median one: one that thinks too well of itself weighs at most as
+/// much as 64 others.
+const MOST_CERTAIN: f32 = 8.0;
+
+/// Rows from which on their own scatter says how far one of them may lie. The median deviation of n normal values is known to
+/// 1.17 / sqrt(n), 41 % of 8 rows; of fewer, only their uncertainties say it.
+const ENOUGH_TO_SCATTER: usize = 8;
+
+/// Rows from which on two groups of like size are a fault: a mean that lies between them is off by sqrt(n - 1) times what n rows that
+/// scatter so much claim, which is four times of 17.
+const ENOUGH_FOR_GROUPS: usize = 17;
+
+/// So many rows agree where the others are wrong: two thirds of them, and at least three, because two agree by chance.
+const fn is_majority(rows: usize, of: usize) -> bool {
+    // At most 64.
+    rows >= 3 && 3 * rows >= 2 * of
+}
+
+/// Gives each row its weight, and takes away those that do not count. Says whether what is left can be of one spot.
+pub(super) fn weigh(members: &mut Members<'_>) -> bool {
+    leave_misfits_out(members);
+    raise_the_most_certain(members);
+    let by_scatter = members.len() >= ENOUGH_TO_SCATTER;
+    let scale = if by_scatter { scale(members) } else { 1.0 };
+    reweigh(members, REACH * scale);
+    let agreeing = members
+        .iter()
+        .filter(|it| it.weight * square(it.uncertainty) > biweight(AGREES));
+    if is_majority(agreeing.count(), members.len()) {
+        members.retain(|it| it.weight > 0.0);
+        return !are_two_groups(members);
+    }
+    // Of a few rows that disagree all count, and their scatter is in the mean's uncertainty.
+    for member in members.iter_mut() {
+        member.weight = 1.0 / square(member.uncertainty);
+    }
+    !by_scatter
+}
+
+/// A row whose pixels do not fit its spot is off by more than it knows. A majority of better ones does without it; otherwise the frame
+/// is made of such rows and says so.
+fn leave_misfits_out(members: &mut Members<'_>) {
+    let fitting = members.iter().filter(|it| !it.row.misfit).count();
+    if is_majority(fitting, members.len()) {
+        members.retain(|it| !it.row.misfit);
+    }
+}
+
+fn raise_the_most_certain(members: &mut [Member<'_>]) {
+    // Uncertainties are above zero, and in the order of their bits.
+    let Some(middle) = median(members.iter().map(|it| it.uncertainty.to_bits())) else {
+        return;
+    };
+    let least = f32::from_bits(middle) / MOST_CERTAIN;
+    for member in members {
+        if member.uncertainty < least {
+            member.uncertainty = least;
+        }
+    }
+}
+
+/// The rows' scatter about their median (the frame's origin) over what their uncertainties explain, where it is more.
+fn scale(members: &[Member<'_>]) -> f32 {
+    let deviations = members.iter().map(|it| it.residual(0.0).abs().to_bits());
+    let scale = DEVIATION_PER_MEDIAN * median(deviations).map_or(0.0, f32::from_bits);
+    if scale > 1.0 { scale } else { 1.0 }
+}
+
+/// Gives each row the weight of its residual, within a reach in uncertainties, from a mean that these weights make, starting from the
+/// rows' median.
+fn reweigh(members: &mut [Member<'_>], reach: f32) {
+    let mut centre = 0.0;
+    for _ in 0..REWEIGHTS {
+        for member in members.iter_mut() {
+            member.weight = biweight(member.residual(centre) / reach) / square(member.uncertainty);
+        }
+        match weighted_mean(members) {
+            Some(mean) => centre = mean,
+            // No row is within reach: none counts.
+            None => return,
+        }
+    }
+}
+
+fn biweight(residual: f32) -> f32 {
+    let rest = 1.0 - square(residual);
+    if rest > 0.0 { square(rest) } else { 0.0 }
+}
+
+/// The rows scatter more than chance explains and keep away from their mean. Within half a standard deviation of it are 38 % of
+/// normal errors, 29 % of the rows of a target that moves steadily, 23 % of one that swings, and of two groups none. Fewer than one of 16
+/// are found in 0.3 % of frames of 17 rows whose errors are normal, and in fewer of larger ones.
+fn are_two_groups(members: &[Member<'_>]) -> bool {
+    let rows = members.len();
+    let Some(centre) = weighted_mean(members) else {
+        return false;
+    };
+    if rows < ENOUGH_FOR_GROUPS || birge_ratio(members, centre) <= 1.0 {
+        return false;
+    }
+    let mean = plain_mean(members);
+    let near = 0.5 * scatter(members);
+    let near = members.iter().filter(|it| (it.offset - mean).abs() < near);
+    near.count() * 16 < rows
+}
