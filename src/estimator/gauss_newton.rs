@@ -30,6 +30,7 @@
 //! converges quadratically.
 
 use crate::estimator::half_width::{self, WIDTHS};
+use crate::estimator::mirror::LeftOut;
 use crate::estimator::plausible::{
     certain, level_bits, limited, no_spot, saturated_pixels, variances,
 };
@@ -95,6 +96,11 @@ impl Sample {
         if !self.is_masked() {
             self.variance = LEFT_OUT;
         }
+    }
+
+    /// Whether [`Self::mask`] left it out.
+    pub(super) fn is_left_out(&self) -> bool {
+        self.variance >= LEFT_OUT
     }
 
     /// Whether it weighs nothing.
@@ -296,15 +302,6 @@ impl Window {
         (-0.5..self.length as f32 - 0.5).contains(&at.centre)
     }
 
-    /// Masks the samples that are further than this many widths from the spot.
-    pub(super) fn mask_beyond(&mut self, widths: f32, at: &Parameters) {
-        for (i, sample) in self.samples.iter_mut().enumerate() {
-            if (i as f32 - at.centre).abs() > widths * at.width {
-                sample.mask();
-            }
-        }
-    }
-
     /// Takes back what was left out. What is at full scale stays masked.
     pub(super) fn unmask(&mut self) {
         for sample in &mut self.samples {
@@ -314,16 +311,16 @@ impl Window {
         }
     }
 
-    /// Whether more than an eighth of the spot within three widths is masked.
-    pub(super) fn masks_the_spot(&self, at: &Parameters) -> bool {
-        let (mut all, mut masked) = (0, 0);
-        for (i, sample) in self.samples().iter().enumerate() {
-            if (i as f32 - at.centre).abs() <= 3.0 * at.width {
-                all += 1;
-                masked += usize::from(sample.is_masked());
-            }
+    /// The samples that are masked.
+    pub(super) fn left_out(&self) -> LeftOut {
+        let samples = self.samples().iter().enumerate();
+        LeftOut {
+            first: self.first,
+            block: self.block,
+            samples: samples.fold(0, |all, (i, sample)| {
+                all | u128::from(sample.is_masked()) << i
+            }),
         }
-        8 * masked > all
     }
 
     pub(super) fn samples(&self) -> &[Sample] {
@@ -455,7 +452,7 @@ pub(super) struct Fit {
 
 impl Fit {
     /// Whether the last step was short.
-    fn has_arrived(&self) -> bool {
+    pub(super) fn has_arrived(&self) -> bool {
         self.last_step <= ARRIVED
     }
 }
