@@ -13,7 +13,7 @@ use crate::units::{Counts, Pixels};
 
 /// A second spot of 50 % of the first one's height is none to be confused with it, one of 80 % is. In blocks either is measured to a
 /// tenth: two thirds lie between.
-const fn is_alike(height: i64, highest: i64) -> bool {
+pub(super) const fn is_alike(height: i64, highest: i64) -> bool {
     3 * height > 2 * highest
 }
 
