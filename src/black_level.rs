@@ -4,7 +4,8 @@
 //! The phase tables sum to zero, so the centre does not depend on it; it is what a centroid takes off, and what a
 //! person watches for stray light and drift.
 
-use crate::row::Row;
+use crate::proven;
+use crate::row::{MAX_PIXELS, Row};
 use crate::spot::Background;
 use crate::units::Counts;
 
@@ -46,16 +47,22 @@ impl BlackPixels {
                         .get(..centroid.saturating_sub(HALF_WINDOW))
                         .unwrap_or_default(),
                 );
-                self.add_pixels(light.get(centroid + HALF_WINDOW..).unwrap_or_default());
+                self.add_pixels(
+                    light
+                        .get(centroid.saturating_add(HALF_WINDOW)..)
+                        .unwrap_or_default(),
+                );
             }
         }
     }
 
     fn add_pixels(&mut self, pixels: &[u16]) {
         // A row has at most 4096 pixels of 12 bits, below 2^24; a frame's 64 rows stay below 2^30.
-        self.sum = self
-            .sum
-            .saturating_add(pixels.iter().map(|&count| u32::from(count)).sum());
+        self.sum = self.sum.saturating_add(
+            pixels
+                .iter()
+                .fold(0, |sum, &count| proven::add_u32(sum, count.into())),
+        );
         self.pixels = self.pixels.saturating_add(pixels.len() as u32);
     }
 
@@ -64,7 +71,7 @@ impl BlackPixels {
         match how {
             BlackLevel::Fixed(level) => level,
             BlackLevel::Shielded | BlackLevel::Frame => {
-                let bits = (u64::from(self.sum) << Counts::FRACTION)
+                let bits = (u64::from(self.sum) * (1 << Counts::FRACTION))
                     .checked_div(u64::from(self.pixels))
                     .unwrap_or_default();
                 Counts::from_bits(i32::try_from(bits).unwrap_or(i32::MAX))
@@ -83,15 +90,12 @@ pub fn centroid(light: &[u16], background: Background) -> Option<usize> {
         .saturating_add(background.level.to_bits())
         >> Counts::FRACTION;
     let (mut weight, mut moment) = (0u64, 0u64);
-    for (i, &count) in light.iter().enumerate() {
-        // 4096 pixels at places of 12 bits: below 2^36 for a row's counts; any threshold leaves less than 2^56.
-        let above = u64::from(
-            (i32::from(count).saturating_sub(threshold))
-                .max(0)
-                .unsigned_abs(),
-        );
-        weight += above;
-        moment += above * i as u64;
+    for (place, &count) in (0..MAX_PIXELS as u32).zip(light) {
+        // 2^12 pixels at places of 12 bits. A threshold is above -2^23, and a count below 2^16: below 2^36 and 2^48.
+        let above = i32::from(count).saturating_sub(threshold).max(0);
+        let above = u64::from(above.unsigned_abs());
+        weight = proven::add_u64(weight, above);
+        moment = proven::add_u64(moment, above * u64::from(place));
     }
     moment
         .checked_div(weight)

@@ -1,7 +1,9 @@
 //! From the centre of the spot to the distance of the target.
 
+pub mod date;
 mod interpolation;
 pub mod knots;
+pub mod record;
 pub mod residuals;
 pub mod table;
 

@@ -38,6 +38,7 @@ pub mod estimator;
 pub mod frame;
 pub mod measurement;
 pub mod protocol;
+mod proven;
 pub mod reading;
 pub mod row;
 pub mod sensor_heads;

@@ -7,6 +7,7 @@
 use core::fmt;
 use core::ops::RangeInclusive;
 
+use crate::proven;
 use crate::reading::Fault;
 use crate::units::{Micrometres, Pixels};
 
@@ -124,7 +125,7 @@ impl Eq1 {
         let to = (self.valid.1.to_bits() as i64 - pole).unsigned_abs();
         let span = (if from > to { from } else { to }) as u128;
         // Q16 over Q32 to 2^-4: |K| 2^16 2^4 against the square. Below 2^75, and 2^66.
-        (self.k.unsigned_abs() as u128) << (Pixels::FRACTION + FLATTEST_SHIFT) < span * span
+        (self.k.unsigned_abs() as u128) * (1 << (Pixels::FRACTION + FLATTEST_SHIFT)) < span * span
     }
 
     const fn holds(&self, centre: Pixels) -> bool {
@@ -137,7 +138,7 @@ impl Eq1 {
         let from_pole = centre.to_bits() as i64 - self.pole.to_bits() as i64;
         // |K| < 2^55 (checked in `new`), so K * 2^8 < 2^63. from_pole is Q16 like K, and at least 2^16: the quotient is
         // Q8 micrometres below 2^47, and adding D (< 2^31) cannot overflow.
-        let numerator = self.k << 8;
+        let numerator = proven::mul_i64(self.k, 1 << 8);
         let half = if (numerator < 0) == (from_pole < 0) {
             from_pole / 2
         } else {
@@ -146,7 +147,7 @@ impl Eq1 {
         // Rounding: |half| < 2^32, and |numerator| <= 2^63 - 2^8; saturate in the last 2^32 of the range. The division by zero
         // or of the least by -1 does not occur, which the compiler cannot see; i64::MIN is no distance.
         match numerator.saturating_add(half).checked_div(from_pole) {
-            Some(quotient) => self.d.to_bits() as i64 + quotient,
+            Some(quotient) => proven::add_i64(self.d.to_bits() as i64, quotient),
             None => i64::MIN,
         }
     }

@@ -5,10 +5,14 @@
 
 use core::fmt;
 
+use serde::{Deserialize, Serialize};
+
 macro_rules! quantity {
     ($(#[$doc:meta])* $name:ident, $fraction:literal, $decimals:literal) => {
         $(#[$doc])*
-        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+        #[derive(
+            Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize,
+        )]
         pub struct $name(i32);
 
         impl $name {
@@ -35,7 +39,7 @@ macro_rules! quantity {
             #[inline]
             pub const fn from_int(value: i32) -> Self {
                 // An i32 times 2^FRACTION (< 2^31) fits an i64.
-                let bits = (value as i64) << $fraction;
+                let bits = value as i64 * (1 << $fraction);
                 if bits > i32::MAX as i64 {
                     Self::MAX
                 } else if bits < i32::MIN as i64 {
@@ -116,8 +120,15 @@ impl fmt::Display for AsMillimetres {
 
 /// Writes `bits` / 2^`fraction` with `decimals` (at most 6) digits after the point.
 fn decimal(f: &mut fmt::Formatter<'_>, bits: i32, fraction: u32, decimals: usize) -> fmt::Result {
-    let decimals = decimals.min(6);
-    let scale = 10u64.pow(decimals as u32);
+    let (decimals, scale) = match decimals {
+        0 => (0, 1),
+        1 => (1, 10),
+        2 => (2, 100),
+        3 => (3, 1000),
+        4 => (4, 10_000),
+        5 => (5, 100_000),
+        _ => (6, 1_000_000u64),
+    };
     // |bits| <= 2^31 and scale <= 10^6 < 2^20: the product is below 2^51.
     let scaled = u64::from(bits.unsigned_abs()) * scale;
     let rounded = (scaled + (1u64 << (fraction - 1))) >> fraction;

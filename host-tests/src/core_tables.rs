@@ -9,8 +9,8 @@ pub fn borrow(tables: &[IntegerTable]) -> Vec<Table<'_>> {
         .iter()
         .map(|table| Table {
             width: table.shape.width as f32,
-            half_width: u16::try_from(table.shape.half_width).expect("windows are short"),
-            phases: u16::try_from(table.shape.phases).expect("phases are few"),
+            half_width: u8::try_from(table.shape.half_width).expect("windows are short"),
+            phases: u8::try_from(table.shape.phases).expect("phases are few"),
             weights: &table.weights,
             stretch: &table.stretch,
             nearest: table.shape.nearest() as f32,

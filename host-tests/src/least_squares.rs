@@ -81,12 +81,40 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
+/// Fits the pixels given, the first of which has number `first`, each with the weight that `weight` gives a pixel of a number under
+/// the gaussian that was found last: until the centre rests to a millionth of a pixel. `None` where no fit is found.
+pub fn fit_weighted(
+    pixels: &[f64],
+    first: usize,
+    start: Gaussian,
+    weight: impl Fn(&Gaussian, f64) -> f64,
+) -> Option<Gaussian> {
+    let mut best = start;
+    for _ in 0..30 {
+        let weights = (first..)
+            .take(pixels.len())
+            .map(|i| weight(&best, i as f64));
+        let found = fit(pixels, first, best, weights.map(f64::sqrt).collect())?;
+        let step = found.centre - best.centre;
+        best = found;
+        if step.abs() < 1e-6 {
+            return Some(best);
+        }
+    }
+    None
+}
+
 /// Fits the pixels given, the first of which has number `first`.
 fn fit_from(pixels: &[f64], first: usize, start: Gaussian) -> Option<Gaussian> {
+    fit(pixels, first, start, vec![1.0; pixels.len()])
+}
+
+fn fit(pixels: &[f64], first: usize, start: Gaussian, root_weights: Vec<f64>) -> Option<Gaussian> {
     // Parameters in units of the start: (centre - start)/width, width/width, amplitude and level/amplitude.
     let problem = Problem {
         pixels,
         first: first as f64,
+        root_weights,
         start,
         scaled: Vector4::new(0.0, 1.0, 1.0, start.level / start.amplitude),
     };
@@ -102,6 +130,7 @@ fn fit_from(pixels: &[f64], first: usize, start: Gaussian) -> Option<Gaussian> {
 struct Problem<'a> {
     pixels: &'a [f64],
     first: f64,
+    root_weights: Vec<f64>,
     start: Gaussian,
     scaled: Vector4<f64>,
 }
@@ -132,10 +161,10 @@ impl LeastSquaresProblem<f64, Dyn, U4> for Problem<'_> {
 
     fn residuals(&self) -> Option<OVector<f64, Dyn>> {
         let gaussian = self.gaussian();
-        let residuals =
-            self.pixels.iter().enumerate().map(|(i, &count)| {
-                (gaussian.at(self.first + i as f64) - count) / self.start.amplitude
-            });
+        let pixels = self.pixels.iter().zip(&self.root_weights).enumerate();
+        let residuals = pixels.map(|(i, (&count, weight))| {
+            weight * (gaussian.at(self.first + i as f64) - count) / self.start.amplitude
+        });
         Some(OVector::<f64, Dyn>::from_iterator(
             self.pixels.len(),
             residuals,
@@ -150,12 +179,13 @@ impl LeastSquaresProblem<f64, Dyn, U4> for Problem<'_> {
                 let u = (self.first + i as f64 - gaussian.centre) / gaussian.width;
                 let light = (-0.5 * u * u).exp();
                 let height = gaussian.amplitude / self.start.amplitude;
-                match j {
-                    0 => height * light * u / gaussian.width * self.start.width,
-                    1 => height * light * u * u / gaussian.width * self.start.width,
-                    2 => light,
-                    _ => 1.0,
-                }
+                self.root_weights[i]
+                    * match j {
+                        0 => height * light * u / gaussian.width * self.start.width,
+                        1 => height * light * u * u / gaussian.width * self.start.width,
+                        2 => light,
+                        _ => 1.0,
+                    }
             },
         ))
     }

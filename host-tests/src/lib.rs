@@ -11,6 +11,7 @@ pub mod hard_cases;
 pub mod ladder;
 pub mod least_squares;
 pub mod measured_profile;
+pub mod model;
 pub mod optics;
 pub mod paper;
 pub mod photograph;

@@ -3,22 +3,25 @@
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
 use slitrange::calibration::Calibration;
+use slitrange::estimator::tables::BLOCKS;
+use slitrange::estimator::{self, Estimator, RowCentre, WidthClass, second_look};
 use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
 use slitrange::protocol::command::{self, MAX_LINE};
 use slitrange::protocol::input::Input;
 use slitrange::reading::{Fault, Reading};
-use slitrange::row::{Geometry, Polarity};
+use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
+use slitrange::spot::{Background, Spot};
 use slitrange::triangulation::NOMINAL;
-use slitrange::units::Counts;
+use slitrange::units::{Counts, Pixels};
 
 fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measurement {
     let calibration = Calibration::nominal();
     Measurement::new(
         geometry,
         Settings {
-            estimator: slitrange::estimator::Estimator::default(),
+            estimator: Estimator::default(),
             rows,
             mean: Mean::default(),
             black_level,
@@ -53,12 +56,104 @@ fn words() -> impl Strategy<Value = Vec<u16>> {
     ]
 }
 
+/// Any spot, be it one that the search would never find.
+fn spots() -> impl Strategy<Value = Spot> {
+    let centres = prop_oneof![0..5000usize, any::<usize>()];
+    let blocks = prop_oneof![0..9u32, any::<u32>()];
+    let counts = || {
+        prop_oneof![
+            (0..4096 * 256).prop_map(Counts::from_bits),
+            any::<i32>().prop_map(Counts::from_bits)
+        ]
+    };
+    (centres, blocks, counts(), counts(), counts()).prop_map(
+        |(centre, block_log2, height, level, noise)| Spot {
+            centre,
+            block_log2,
+            height,
+            background: Background { level, noise },
+        },
+    )
+}
+
+/// Any row before, of any table.
+fn befores() -> impl Strategy<Value = Option<RowCentre>> {
+    let pixels = || {
+        prop_oneof![
+            (0..4096 * 65536).prop_map(Pixels::from_bits),
+            any::<i32>().prop_map(Pixels::from_bits)
+        ]
+    };
+    let blocks = prop_oneof![prop::sample::select(&BLOCKS[..]), any::<u8>()];
+    let class =
+        (0..9u8, 0..40u8, blocks).prop_map(|(set, table, block)| WidthClass { set, table, block });
+    prop::option::of(
+        (pixels(), pixels(), class).prop_map(|(centre, width, class)| RowCentre {
+            centre,
+            uncertainty: Pixels::from_bits(1),
+            amplitude: Counts::from_int(1),
+            width,
+            class,
+            misfit: false,
+        }),
+    )
+}
+
+/// Rows of any length: any 12-bit counts, extremes, blocks on a flat row, or a few gaussians on noise.
+fn rows() -> impl Strategy<Value = Vec<u16>> {
+    let blocks = prop::collection::vec((0..4096usize, 1..400usize, 0..4096u16), 0..8);
+    let width = prop_oneof![0.2..2.0f64, 2.0..20.0f64, 20.0..200.0f64];
+    let spots = prop::collection::vec((0.0..1.0f64, width, 0.0..6000.0f64), 1..4);
+    prop_oneof![
+        2 => prop::collection::vec(0..4096u16, 0..=4096),
+        2 => prop::collection::vec(prop_oneof![Just(0u16), Just(4095)], 0..=4096),
+        2 => (0..4096u16, 0..=4096usize, blocks).prop_map(|(level, length, blocks)| {
+            let mut row = vec![level; length];
+            for (start, block, value) in blocks {
+                let end = (start + block).min(length);
+                row[start.min(end)..end].fill(value);
+            }
+            row
+        }),
+        4 => (32..=4096usize, 0.0..1000.0f64, spots, 0..8u32, any::<u32>()).prop_map(
+            |(length, level, spots, bits, seed)| {
+                let count = |i: usize| {
+                    let light = |&(place, width, height): &(f64, f64, f64)| {
+                        let u = (i as f64 - place * length as f64) / width;
+                        height * (-0.5 * u * u).exp()
+                    };
+                    let noise = (i as u32).wrapping_mul(seed | 1).wrapping_mul(0x9e37_79b9) >> (32 - bits.max(1));
+                    (level + spots.iter().map(light).sum::<f64>() + f64::from(noise)).min(4095.0) as u16
+                };
+                (0..length).map(count).collect()
+            }
+        ),
+    ]
+}
+
+/// Whether a rung may find that width.
+fn is_width(width: Pixels) -> bool {
+    (0.45..=171.0).contains(&width.to_f64())
+}
+
+/// What a rung may let out: a place on the row that is certain to an eighth of the width (which some then correct by up to an eighth, for the next
+/// row), of a spot that has a height.
+fn is_sane(found: &RowCentre, pixels: usize) -> bool {
+    let place = found.centre.to_f64();
+    let (width, uncertainty) = (found.width.to_f64(), found.uncertainty.to_f64());
+    (-0.5..=pixels as f64 - 0.5).contains(&place)
+        && is_width(found.width)
+        && uncertainty > 0.0
+        && uncertainty <= width / 7.0 + 1e-3
+        && found.amplitude.to_bits() > 0
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     /// No row stops the measurement, and a distance comes from within the calibration only, with an uncertainty.
     #[test]
-    fn any_row_gives_a_reading_or_a_fault(mut words in words(), black_level in black_levels()) {
+    fn any_words_give_a_reading_or_a_fault(mut words in words(), black_level in black_levels()) {
         let mut measurement = measurement(sensor_heads::tcd1304dg(), 1, black_level);
         let result = measurement.row(&mut words).expect("a frame of one row is complete");
         if let Ok(reading) = result {
@@ -66,6 +161,40 @@ proptest! {
             prop_assert!(reading.centre >= from && reading.centre <= to, "{reading}");
             prop_assert!(reading.centre_uncertainty.to_bits() > 0, "{reading}");
             prop_assert_eq!((reading.rows_used, reading.rows), (1, 1));
+        }
+    }
+
+    /// No row, no spot and no row before stops a rung or the look that follows it, and what they let out is within the rules.
+    #[test]
+    fn any_row_gives_a_centre_or_a_fault(
+        light in rows(),
+        spot in spots(),
+        found in any::<bool>(),
+        before in befores(),
+        bits in 0..20u8,
+        shot in any::<u16>(),
+    ) {
+        let geometry = Geometry {
+            words: light.len(),
+            shielded: 0..0,
+            light: 0..light.len(),
+            polarity: Polarity::Rising,
+            bits,
+            shot_variance_per_count_q16: shot,
+        };
+        let row = Row::new(&light, &[], 4095).expect("12 bits");
+        let (spot, found) = match slitrange::spot::find(&row) {
+            Ok(spot) if found => (spot, true),
+            _ => (spot, false),
+        };
+        // Of a spot and a row before that cannot be, anything may come but a panic.
+        let can_be = found && before.is_none_or(|before| is_width(before.width));
+        for rung in Estimator::ALL {
+            let alone = estimator::centre(rung, &row, &spot, before.as_ref(), &geometry);
+            let looked_at = second_look::centre(rung, &row, &spot, before.as_ref(), &geometry);
+            for found in [alone, looked_at].iter().flatten() {
+                prop_assert!(!can_be || is_sane(found, light.len()), "{rung:?}: {found:?}");
+            }
         }
     }
 
@@ -156,4 +285,64 @@ proptest! {
         let ends = bytes.iter().filter(|&&byte| byte == b'\r' || byte == b'\n').count();
         prop_assert!(answers <= ends + bytes.len() / MAX_LINE, "{answers} answers to {ends} ends");
     }
+}
+
+/// Words of a TCD1304DG's row: spots of so many counts at places on the light range, of a width in pixels, on a noise of a few counts.
+fn words_of(spots: &[(f64, f64, f64)]) -> Vec<u16> {
+    let first = sensor_heads::tcd1304dg().light.start as f64;
+    let light = |i: u32| {
+        let of = |&(centre, width, height): &(f64, f64, f64)| {
+            let u = (f64::from(i) - first - centre) / width;
+            height * (-0.5 * u * u).exp()
+        };
+        let noise = i.wrapping_mul(2_654_435_761) >> 30;
+        200.0 + spots.iter().map(of).sum::<f64>() + f64::from(noise)
+    };
+    (0..3694)
+        .map(|i| 4095 - light(i).min(4095.0) as u16)
+        .collect()
+}
+
+/// Every kind of fault comes of rows that a sensor can deliver, whichever rung is asked; and so does a reading.
+#[test]
+fn every_fault_is_reachable() {
+    let spot = |centre| words_of(&[(centre, 8.0, 2000.0)]);
+    let cases: [(&str, Vec<Vec<u16>>, bool); 9] = [
+        ("reading", vec![spot(1800.3)], true),
+        ("sensor silent", vec![vec![0xffff; 3694]], true),
+        ("no spot", vec![words_of(&[])], true),
+        ("too dim", vec![words_of(&[(1800.3, 8.0, 3.5)])], true),
+        (
+            "saturated",
+            vec![words_of(&[(1800.3, 1.0, 60_000.0)])],
+            true,
+        ),
+        ("spot at the edge", vec![spot(-6.0)], true),
+        ("unsteady", vec![spot(1800.3), spot(1900.3)], true),
+        ("out of range", vec![spot(100.3)], true),
+        ("not calibrated", vec![spot(1800.3)], false),
+    ];
+    for estimator in Estimator::ALL {
+        for (name, rows, calibrated) in &cases {
+            let settings = Settings {
+                estimator,
+                rows: rows.len() as u16,
+                mean: Mean::default(),
+                black_level: BlackLevel::Shielded,
+                calibration: Calibration::nominal().filter(|_| *calibrated),
+            };
+            let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
+            let results = rows
+                .iter()
+                .filter_map(|row| measurement.row(&mut row.clone()));
+            let result = results.last().expect("the frame is complete");
+            let found = result.map_or_else(|fault| fault.name(), |_| "reading");
+            assert_eq!(found, *name, "{estimator:?}: {result:?}");
+        }
+    }
+    let reached = |name: &&str| cases.iter().any(|(case, ..)| case == name);
+    let (reached, missing): (Vec<&str>, Vec<&str>) = Fault::NAMES.into_iter().partition(reached);
+    println!("reached by all rungs: {reached:?}");
+    // No rung looks for a second spot.
+    assert_eq!(missing, ["two spots"]);
 }

@@ -6,12 +6,9 @@ use host_tests::bound;
 use host_tests::ladder::{centre_of, cut_bound, run_at, run_estimator};
 use host_tests::scene::quantise;
 use phase_tables::gaussian;
-use proptest::prelude::*;
-use slitrange::estimator::{self, Estimator, RowCentre, WidthClass};
+use slitrange::estimator::{self, Estimator};
 use slitrange::reading::Fault;
-use slitrange::row::{Geometry, Polarity, Row};
-use slitrange::spot::{Background, Spot};
-use slitrange::units::{Counts, Pixels};
+use slitrange::row::Row;
 
 const RUNGS: [Estimator; 5] = [
     Estimator::Centroid,
@@ -463,97 +460,5 @@ fn the_row_before_is_followed() {
             width <= 0.03 && (0.8..=1.2).contains(&pull),
             "{rung:?}: {width} {pull}"
         );
-    }
-}
-
-/// Any spot, be it one that the search would never find.
-fn spots() -> impl Strategy<Value = Spot> {
-    let centres = prop_oneof![0..5000usize, any::<usize>()];
-    let blocks = prop_oneof![0..9u32, any::<u32>()];
-    let counts = || {
-        prop_oneof![
-            (0..4096 * 256).prop_map(Counts::from_bits),
-            any::<i32>().prop_map(Counts::from_bits)
-        ]
-    };
-    (centres, blocks, counts(), counts(), counts()).prop_map(
-        |(centre, block_log2, height, level, noise)| Spot {
-            centre,
-            block_log2,
-            height,
-            background: Background { level, noise },
-        },
-    )
-}
-
-/// Any row before.
-fn befores() -> impl Strategy<Value = Option<RowCentre>> {
-    let pixels = || {
-        prop_oneof![
-            (0..4096 * 65536).prop_map(Pixels::from_bits),
-            any::<i32>().prop_map(Pixels::from_bits)
-        ]
-    };
-    prop::option::of((pixels(), pixels()).prop_map(|(centre, width)| RowCentre {
-        centre,
-        uncertainty: Pixels::from_bits(1),
-        amplitude: Counts::from_int(1),
-        width,
-        class: WidthClass::default(),
-        misfit: false,
-    }))
-}
-
-/// Rows of any length: any 12-bit counts, extremes, or blocks on a flat row.
-fn rows() -> impl Strategy<Value = Vec<u16>> {
-    let blocks = prop::collection::vec((0..4096usize, 1..400usize, 0..4096u16), 0..8);
-    prop_oneof![
-        prop::collection::vec(0..4096u16, 0..=4096),
-        prop::collection::vec(prop_oneof![Just(0u16), Just(4095)], 0..=4096),
-        (0..4096u16, 0..=4096usize, blocks).prop_map(|(level, length, blocks)| {
-            let mut row = vec![level; length];
-            for (start, block, value) in blocks {
-                let end = (start + block).min(length);
-                row[start.min(end)..end].fill(value);
-            }
-            row
-        }),
-    ]
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(3000))]
-
-    /// No row, no spot and no row before stops a rung, and what it lets out is within the rules.
-    #[test]
-    fn any_row_gives_a_centre_or_a_fault(
-        light in rows(),
-        spot in spots(),
-        found in any::<bool>(),
-        before in befores(),
-        bits in 0..20u8,
-        shot in any::<u16>(),
-    ) {
-        let geometry = Geometry {
-            words: light.len(),
-            shielded: 0..0,
-            light: 0..light.len(),
-            polarity: Polarity::Rising,
-            bits,
-            shot_variance_per_count_q16: shot,
-        };
-        let row = Row::new(&light, &[], 4095).expect("12 bits");
-        let spot = match slitrange::spot::find(&row) {
-            Ok(spot) if found => spot,
-            _ => spot,
-        };
-        for rung in RUNGS {
-            if let Ok(centre) = estimator::centre(rung, &row, &spot, before.as_ref(), &geometry) {
-                let place = centre.centre.to_f64();
-                prop_assert!(place >= -0.5 && place <= light.len() as f64 - 0.5, "{rung:?}: {centre:?}");
-                let width = centre.width.to_f64();
-                prop_assert!((0.45..=171.0).contains(&width), "{rung:?}: {centre:?}");
-            }
-        }
     }
 }

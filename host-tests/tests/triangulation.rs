@@ -2,6 +2,7 @@
 
 use host_tests::optics::Optics;
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use slitrange::reading::Fault;
 use slitrange::triangulation::{Eq1, Eq1Error, NOMINAL};
 use slitrange::units::{Micrometres, Pixels};
@@ -54,17 +55,105 @@ fn what_is_no_curve_is_refused() {
     assert_eq!(new(0, 0, -1000, 0, 3000), Some(Eq1Error::K));
     assert_eq!(new(0, 1 << 55, -1000, 0, 3000), Some(Eq1Error::K));
     assert_eq!(new(0, k, -1000, 3000, 2999), Some(Eq1Error::Empty));
+    assert_eq!(new(0, k, -1000, 3000, 3000), Some(Eq1Error::Empty));
     for pole in [0, 1500, 3000] {
         assert_eq!(
-            new(0, 1 << 20, pole, 0, 3000),
+            new(0, 1 << 36, pole, 0, 3000),
             Some(Eq1Error::Pole),
             "{pole}"
         );
     }
-    assert_eq!(new(0, 1 << 20, -1, 0, 3000), None, "a pixel from the pole");
+    // 2^20 um px: 1 m at a pixel from the pole, and 2^20/4000^2 = 0.066 um a pixel at the far end.
+    assert_eq!(new(0, 1 << 36, -1, 0, 3999), None, "a pixel from the pole");
+    assert_eq!(new(0, 1 << 36, 4000, 0, 3999), None, "on its other side");
+    // A sixteenth of a micrometre a pixel is reached 4096 pixels from the pole.
+    assert_eq!(new(0, 1 << 36, -1, 0, 4095), None);
+    assert_eq!(new(0, 1 << 36, -1, 0, 4096), Some(Eq1Error::Flat));
+    assert_eq!(new(0, -(1 << 36), -1, 0, 4095), None);
+    assert_eq!(new(0, 1, -1, 0, 3000), Some(Eq1Error::Flat), "K of a step");
+    assert_eq!(new(0, i64::MIN, -1000, 0, 3000), Some(Eq1Error::K));
+}
+
+/// The pole nearer than a pixel is refused to the last bit, and at a pixel the curve is what f64 says, up to the largest
+/// distance that can be held.
+#[test]
+fn beside_the_pole() {
+    let pixel = 1 << Pixels::FRACTION;
+    // 8.388 m and half a step more, a pixel from the pole: the last K whose distance there can be held.
+    let most = (i64::from(i32::MAX) << 8) + (1 << 7) - 1;
+    let new = |k, pole, first, last| {
+        let [pole, first, last] = [pole, first, last].map(Pixels::from_bits);
+        Eq1::new(Micrometres::from_int(0), k, pole, first..=last)
+    };
+    for sign in [1, -1] {
+        let (from, to) = (
+            pixel.min(sign * 3000 * pixel),
+            pixel.max(sign * 3000 * pixel),
+        );
+        let (from, to) = if sign > 0 { (from, to) } else { (from, -pixel) };
+        let curve = new(most, 0, from, to).expect("a pixel from the pole");
+        let (distance, slope) = curve
+            .distance_at(Pixels::from_int(sign))
+            .expect("the end of its range");
+        assert_eq!(distance.to_bits(), sign * i32::MAX);
+        assert!((f64::from(slope) + 2f64.powi(23)).abs() <= 1.0, "{slope}");
+        let nearer = if sign > 0 {
+            (pixel - 1, to)
+        } else {
+            (from, 1 - pixel)
+        };
+        assert_eq!(new(most, 0, nearer.0, nearer.1), Err(Eq1Error::Pole));
+        assert_eq!(new(most + 2, 0, from, to).is_err(), sign > 0);
+        assert_eq!(new(1 << 54, 0, from, to), Err(Eq1Error::Distance));
+    }
+    // At the ends of what a centre can be.
+    let curve = new(1 << 54, i32::MIN, i32::MAX - 1, i32::MAX).expect("2^16 pixels from the pole");
+    let (distance, _) = curve.distance_at(Pixels::MAX).expect("in range");
+    assert!((distance.to_f64() - 2f64.powi(38 - 16)).abs() <= 0.5 / 256.0 + 1e-4);
+}
+
+/// D alone may be anything; the sum is what must be held.
+#[test]
+fn extreme_parameters_give_distances_that_can_be_held_or_none() {
+    let (first, last) = (Pixels::from_int(1000), Pixels::from_int(2000));
+    let curve = |d, k| Eq1::new(d, k, Pixels::from_int(0), first..=last);
+    let metre = |k: i64| (k * 1_000_000 * 1000) << 16;
+    // From 1 m to 0.5 m above or below D.
+    assert_eq!(curve(Micrometres::MAX, metre(1)), Err(Eq1Error::Distance));
+    assert_eq!(curve(Micrometres::MIN, metre(-1)), Err(Eq1Error::Distance));
+    let near_far_end = curve(Micrometres::MAX, metre(-1)).expect("below D");
+    let (distance, _) = near_far_end.distance_at(first).expect("in range");
+    assert_eq!(
+        distance.to_bits(),
+        i32::MAX - Micrometres::from_int(1_000_000).to_bits()
+    );
+    // Distances below zero are what a sensor may define them to be.
+    let below = curve(Micrometres::MIN, metre(1)).expect("above D");
+    let (distance, slope) = below.distance_at(last).expect("in range");
+    assert_eq!(
+        distance.to_bits(),
+        i32::MIN + Micrometres::from_int(500_000).to_bits()
+    );
+    assert!((slope + 250.0).abs() < 1e-3, "{slope}");
+}
+
+#[test]
+fn errors_say_what_is_wrong_and_what_to_do() {
+    let text: Vec<String> = [
+        Eq1Error::K,
+        Eq1Error::Empty,
+        Eq1Error::Pole,
+        Eq1Error::Distance,
+        Eq1Error::Flat,
+    ]
+    .map(|error| error.to_string())
+    .into();
+    insta::assert_snapshot!(text.join("\n"));
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { cases: 4000, rng_seed: RngSeed::Fixed(6), failure_persistence: None, ..ProptestConfig::default() })]
+
     /// Whatever curve is accepted, every centre of its range has the distance that f64 gives, and a monotone one.
     #[test]
     fn every_accepted_curve_is_right_and_monotone(
@@ -87,7 +176,11 @@ proptest! {
                 let exact = f64::from(d) / 256.0
                     + k as f64 / (f64::from(centre.to_bits()) - f64::from(pole));
                 prop_assert!((distance.to_f64() - exact).abs() <= 0.0021, "{} for {exact}", distance.to_f64());
-                prop_assert!(slope.is_finite());
+                // d - D is 16 steps at least, and half a step of it is rounded off: 1/32, and f32's 1e-7.
+                let per_pixel = -(k as f64) * 65536.0
+                    / (f64::from(centre.to_bits()) - f64::from(pole)).powi(2);
+                prop_assert!((f64::from(slope) / per_pixel - 1.0).abs() <= 0.0313, "{slope} for {per_pixel}");
+                prop_assert!(per_pixel.abs() >= 1.0 / 16.0 - 1e-9);
                 if let Some(last) = last {
                     // The distance falls as the centre grows where K is positive.
                     let monotone = if k > 0 { distance <= last } else { distance >= last };

@@ -12,11 +12,10 @@ use super::knots::Knot;
 use crate::estimator::plausible::limited;
 use crate::units::{Micrometres, Pixels};
 
-/// A part of the way, Q2.30: from 0 to this.
-const WHOLE: i32 = 1 << FRACTION;
-const FRACTION: u32 = 30;
+/// Neighbouring knots differ by less than so many steps of Q24.8.
+pub const MAX_RISE: u32 = 1 << 30;
 
-/// Two neighbouring knots: the first lies before the second, and their values differ by less than 2^31 steps.
+/// Two neighbouring knots: the first lies before the second, and their values differ by less than [`MAX_RISE`].
 #[derive(Clone, Copy, Debug)]
 pub struct Interval {
     pub from: Knot,
@@ -34,7 +33,7 @@ impl Interval {
         centre.to_bits().wrapping_sub(self.from.centre.to_bits()) as u32
     }
 
-    /// In steps of Q24.8 micrometres. Neighbours differ by less than 2^31 of them.
+    /// In steps of Q24.8 micrometres. Neighbours differ by less than 2^30 of them.
     pub const fn rise(&self) -> i32 {
         let (from, to) = (self.from.value.to_bits(), self.to.value.to_bits());
         to.wrapping_sub(from)
@@ -51,22 +50,18 @@ impl Interval {
 
     /// The same on a cubic with two further control points.
     pub fn cubic(&self, centre: Pixels, controls: Controls) -> (Micrometres, f32) {
-        let way = self.way(centre) as f32 / self.length() as f32;
-        let part = fraction(way);
+        let part = fraction(self.way(centre) as f32 / self.length() as f32);
         let (from, to) = (self.from.value, self.to.value);
         let first = between(from, controls.0, part);
         let middle = between(controls.0, controls.1, part);
         let last = between(controls.1, to, part);
-        let value = between(
-            between(first, middle, part),
-            between(middle, last, part),
-            part,
-        );
-        // The derivative is a parabola with the control points' differences for its own.
-        let [first, middle, last] = self.differences(controls);
-        let left = 1.0 - way;
-        let rise = left * (left * first + 2.0 * way * middle) + way * way * last;
-        (value, self.per_pixel(3.0 * rise))
+        let (left, right) = (between(first, middle, part), between(middle, last, part));
+        // The last line is the tangent, over a third of the interval; its ends are in order, like all others.
+        let tangent = right.to_bits().wrapping_sub(left.to_bits());
+        (
+            between(left, right, part),
+            self.per_pixel(3.0 * tangent as f32),
+        )
     }
 
     /// The largest slope, without sign, that the straight line or the cubic has, in micrometres a pixel.
@@ -74,28 +69,25 @@ impl Interval {
         let Some(controls) = controls else {
             return self.per_pixel(self.rise() as f32).abs();
         };
-        // A parabola lies between the largest and the least of its control points.
-        let [first, middle, last] = self.differences(controls).map(f32::abs);
+        // The slope is a parabola, which lies between the largest and the least of its control points: the differences of
+        // the curve's. They lie between the knots: no difference exceeds the rise.
+        let step = |from: Micrometres, to: Micrometres| to.to_bits().wrapping_sub(from.to_bits());
+        let [first, middle, last] = [
+            step(self.from.value, controls.0),
+            step(controls.0, controls.1),
+            step(controls.1, self.to.value),
+        ]
+        .map(|step| (step as f32).abs());
         let most = if first > last { first } else { last };
         let most = if middle > most { middle } else { most };
         self.per_pixel(3.0 * most)
     }
 
-    /// Steps of Q24.8 micrometres over the interval as micrometres a pixel. A step is at most 2^32 times 2^-8, and an
-    /// interval at least a sixteenth of a pixel: below 2^30.
+    /// Steps of Q24.8 micrometres over the interval as micrometres a pixel. There are at most three times 2^30, and an
+    /// interval has at least a sixteenth of a pixel: below 2^28.
     fn per_pixel(&self, rise: f32) -> f32 {
         const UNITS: f32 = (1u32 << (Pixels::FRACTION - Micrometres::FRACTION)) as f32;
         rise / self.length() as f32 * UNITS
-    }
-
-    /// From each control point to the next. They lie between the knots: no difference exceeds the rise.
-    fn differences(&self, controls: Controls) -> [f32; 3] {
-        let step = |from: Micrometres, to: Micrometres| to.to_bits().wrapping_sub(from.to_bits());
-        [
-            step(self.from.value, controls.0) as f32,
-            step(controls.0, controls.1) as f32,
-            step(controls.1, self.to.value) as f32,
-        ]
     }
 }
 
@@ -106,15 +98,12 @@ pub type Controls = (Micrometres, Micrometres);
 /// to either side, where there are any.
 pub fn controls(before: Option<Interval>, this: Interval, after: Option<Interval>) -> Controls {
     let (from, to) = (this.from.value, this.to.value);
-    // At most half of the way from either end, so that they do not pass each other.
-    let third = |slope: f32| fraction(slope / 3.0).min(WHOLE / 2);
+    // A slope of at most 1.5 goes at most half of the way from either end, and half-way the roundings from both ends give the
+    // same: they do not pass each other.
+    let third = |slope: f32| fraction(slope / 3.0);
     let first = third(slope_at_knot(this, before, after));
     let last = third(slope_at_knot(this, after, before));
-    (
-        between(from, to, first),
-        // From 0 to a half of WHOLE is taken off.
-        between(from, to, WHOLE - last),
-    )
+    (between(from, to, first), between(to, from, last))
 }
 
 /// The curve's slope at a knot of an interval, as a multiple of the interval's secant. `beyond` is the interval on the other
@@ -152,21 +141,23 @@ fn slope_at_knot(this: Interval, beyond: Option<Interval>, opposite: Option<Inte
     }
 }
 
-/// A part of the way from 0 to 1 in Q2.30: exact to the 24 bits of an f32. Not-a-number becomes 0.
+/// A part of the way from 0 to 1 in Q0.31: exact to the 24 bits of an f32, but for 1, which becomes 1 - 2^-31.
+/// Not-a-number becomes 0.
 fn fraction(part: f32) -> i32 {
-    // The product is exact: a power of two.
-    (part * WHOLE as f32) as i32
+    // The product is exact, being by a power of two; `as` saturates.
+    (part * (1u32 << 31) as f32) as i32
 }
 
-/// From one value so far towards another (part 0 to [`WHOLE`]), rounded. They differ by less than 2^31 steps.
+/// From one value a part (Q0.31, 0 or more) of the way towards another, rounded. They differ by less than [`MAX_RISE`].
 ///
 /// Monotone in each argument: with d = to - from, from + round(d part) falls nowhere where `to` or, as part is at most 1,
-/// `from` rises; and as `part` rises it goes the way of d.
+/// `from` rises; and as `part` rises it goes the way of d. At the largest part it is `to`: d 2^-31 is less than a half.
 const fn between(from: Micrometres, to: Micrometres, part: i32) -> Micrometres {
-    let rise = to.to_bits().wrapping_sub(from.to_bits());
-    // Below 2^31 times 2^30, and a half; as part is at most 1, what is shifted down lies between 0 and rise.
-    let step = (rise as i64 * part as i64 + (1 << (FRACTION - 1))) >> FRACTION;
-    Micrometres::from_bits(from.to_bits().wrapping_add(step as i32))
+    // Twice the rise is below 2^31, and its product with the part below 2^62; the sum lies between from and to times 2^32,
+    // and a half: one instruction of the chip (SMMLAR).
+    let twice = to.to_bits().wrapping_sub(from.to_bits()) << 1;
+    let sum = ((from.to_bits() as i64) << 32) + twice as i64 * part as i64 + (1 << 31);
+    Micrometres::from_bits((sum >> 32) as i32)
 }
 
 #[cfg(test)]
@@ -217,11 +208,25 @@ mod tests {
     #[test]
     fn between_goes_all_the_way_and_never_back() {
         let at = Micrometres::from_bits;
-        for (from, to) in [(0, 5), (5, 0), (-3, i32::MAX - 3), (i32::MAX, 1), (7, 7)] {
-            assert_eq!(between(at(from), at(to), 0), at(from));
-            assert_eq!(between(at(from), at(to), WHOLE), at(to));
+        let most = MAX_RISE as i32 - 1;
+        for (from, to) in [
+            (0, 5),
+            (5, 0),
+            (-3, most - 3),
+            (i32::MAX, i32::MAX - most),
+            (i32::MIN, i32::MIN + most),
+            (i32::MIN + most, i32::MIN),
+            (7, 7),
+        ] {
+            assert_eq!(between(at(from), at(to), fraction(0.0)), at(from));
+            assert_eq!(between(at(from), at(to), fraction(1.0)), at(to));
+            let half = fraction(0.5);
+            assert_eq!(
+                between(at(from), at(to), half),
+                between(at(to), at(from), half)
+            );
             let mut last = from;
-            for part in (0..=WHOLE).step_by(WHOLE as usize / 1009) {
+            for part in (0..=i32::MAX).step_by(i32::MAX as usize / 1009) {
                 let now = between(at(from), at(to), part).to_bits();
                 assert!(if from <= to { now >= last } else { now <= last });
                 last = now;

@@ -3,8 +3,9 @@
 use core::fmt;
 
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
 
-use super::interpolation::{Controls, Interval, controls};
+use super::interpolation::{Controls, Interval, MAX_RISE, controls};
 use crate::units::{Micrometres, Pixels};
 
 /// Most knots with straight lines between them.
@@ -13,11 +14,11 @@ pub const MAX_LINEAR: usize = 257;
 /// Most knots with cubics between them: a cubic takes twice the memory, and a tenth of the knots do as well.
 pub const MAX_CUBIC: usize = 129;
 
-/// The least distance between two knots: a sixteenth of a pixel. It bounds the slope between any two values to 2^28 um a pixel.
+/// The least distance between two knots: a sixteenth of a pixel. It bounds the slope between any two values to 2^26 um a pixel.
 pub const CLOSEST: Pixels = Pixels::from_bits(1 << (Pixels::FRACTION - 4));
 
 /// What lies between knots.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Interpolation {
     /// Straight lines.
     Linear,
@@ -36,7 +37,7 @@ impl Interpolation {
 }
 
 /// A place on the curve.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Knot {
     /// The centre.
     pub centre: Pixels,
@@ -44,8 +45,8 @@ pub struct Knot {
     pub value: Micrometres,
 }
 
-/// At least two knots in the order of their centres, [`CLOSEST`] or more apart, whose values differ from one to the next by no
-/// more than [`Micrometres`] hold; and what lies between them.
+/// At least two knots in the order of their centres, [`CLOSEST`] or more apart, whose values differ by less than 4.19 m from
+/// one to the next; and what lies between them.
 ///
 /// Between two knots the curve rises if the second is higher, falls if it is lower, and never leaves their values. At a knot
 /// it is exact. Elsewhere its arithmetic is off by at most 2^-22 of the difference between the two knots and three steps of
@@ -80,7 +81,8 @@ impl Knots {
             knots: knots.len(),
             most,
         };
-        for (index, (before, knot)) in (1..).zip(knots.iter().zip(knots.iter().skip(1))) {
+        for (index, (before, knot)) in (1..knots.len()).zip(knots.iter().zip(knots.iter().skip(1)))
+        {
             let least = i64::from(before.centre.to_bits()) + i64::from(CLOSEST.to_bits());
             if i64::from(knot.centre.to_bits()) < least {
                 return Err(KnotsError::Order {
@@ -89,7 +91,7 @@ impl Knots {
                 });
             }
             let (from, to) = (before.value.to_bits(), knot.value.to_bits());
-            if to.checked_sub(from).is_none() {
+            if to.abs_diff(from) >= MAX_RISE {
                 return Err(KnotsError::Step {
                     index,
                     value: knot.value,
@@ -207,11 +209,13 @@ fn cubic(knots: &[Knot]) -> Option<Vec<CubicKnot, MAX_CUBIC>> {
 /// The knots to either side of a centre; the last interval has both its ends.
 #[inline]
 fn around<K>(knots: &[K], centre_of: impl Fn(&K) -> Pixels, centre: Pixels) -> Option<(&K, &K)> {
-    let above = knots.partition_point(|knot| centre_of(knot) <= centre);
-    let above = above.min(knots.len().checked_sub(1)?);
-    let from = knots.get(above.checked_sub(1)?)?;
-    let to = knots.get(above)?;
-    (centre <= centre_of(to)).then_some((from, to))
+    let [_, inner @ .., _] = knots else {
+        return None;
+    };
+    let index = inner.partition_point(|knot| centre_of(knot) <= centre);
+    // At most the number of inner knots, which is two less than there are.
+    let (from, to) = (knots.get(index)?, knots.get(index + 1)?);
+    (centre_of(from) <= centre && centre <= centre_of(to)).then_some((from, to))
 }
 
 /// Why knots give no curve. An index counts from 0.
@@ -236,7 +240,7 @@ pub enum KnotsError {
         /// Its centre.
         centre: Pixels,
     },
-    /// A knot's value differs by more than [`Micrometres`] hold from the one before it.
+    /// A knot's value differs by 2^22 um (4.19 m) or more from that of the one before it.
     Step {
         /// Which.
         index: usize,
@@ -248,7 +252,10 @@ pub enum KnotsError {
 impl fmt::Display for KnotsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::TooFew { knots } => write!(f, "{knots} knots are no table: give at least two"),
+            Self::TooFew { knots } => write!(
+                f,
+                "a table has at least two knots, and there are {knots}: add some"
+            ),
             Self::TooMany { knots, most } => {
                 write!(f, "{knots} knots are too many: give at most {most}")
             }
@@ -259,7 +266,7 @@ impl fmt::Display for KnotsError {
             ),
             Self::Step { index, value } => write!(
                 f,
-                "knot {index} with {value} um is 8.39 m or more from the one before it: check its distance"
+                "knot {index} with {value} um is 4.19 m or more from the one before it: check its distance"
             ),
         }
     }

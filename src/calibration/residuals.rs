@@ -4,6 +4,7 @@
 use core::fmt;
 
 use super::knots::{Interpolation, Knot, Knots, KnotsError};
+use crate::estimator::plausible::limited;
 use crate::reading::Fault;
 use crate::triangulation::Eq1;
 use crate::units::{Micrometres, Pixels};
@@ -21,7 +22,7 @@ pub struct Corrected {
 }
 
 /// Steps of Q24.8 that distances at the ends stay away from the ends of [`Micrometres`], so that what lies between cannot
-/// leave it by rounding: more than four and 2^-22 of 2^31.
+/// leave it by rounding: more than four and 2^-22 of 2^30.
 const MARGIN: i64 = 1024;
 
 impl Corrected {
@@ -93,7 +94,9 @@ impl Corrected {
         let (distance, slope) = self.curve.distance_at(centre)?;
         // Two i32 fit an i64.
         let bits = i64::from(distance.to_bits()) + i64::from(residual.to_bits());
-        Ok((bits, slope + change))
+        // Half of the slope is what `new` allows; over a short interval the tangent's rounding may add to it.
+        let most = 0.5 * slope.abs();
+        Ok((bits, slope + limited(change, -most, most)))
     }
 
     /// The distance at a centre, and the slope there in micrometres a pixel.

@@ -23,12 +23,14 @@ impl Table {
         let curve = Knots::new(interpolation, knots).map_err(TableError::Knots)?;
         let (first, last) = curve.ends();
         let falls = last.value < first.value;
-        for (index, (before, knot)) in (1..).zip(knots.iter().zip(knots.iter().skip(1))) {
+        for (index, (before, knot)) in (1..knots.len()).zip(knots.iter().zip(knots.iter().skip(1)))
+        {
             let length = i64::from(knot.centre.to_bits()) - i64::from(before.centre.to_bits());
             let rise = i64::from(knot.value.to_bits()) - i64::from(before.value.to_bits());
             let onward = if falls { -rise } else { rise };
             // Q8 um over Q16 px is at least 2^-4: below 2^33 times 2^12.
-            if onward << (Pixels::FRACTION - Micrometres::FRACTION + FLATTEST_SHIFT) < length {
+            if onward * (1 << (Pixels::FRACTION - Micrometres::FRACTION + FLATTEST_SHIFT)) < length
+            {
                 return Err(TableError::NotMonotone {
                     index,
                     distance: knot.value,

@@ -9,6 +9,7 @@
 use crate::estimator::RowCentre;
 use crate::estimator::phase_table::{self, Fit, Width};
 use crate::estimator::tables::{MIXES, Sampling, TILTED, TableSet};
+use crate::proven;
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::{self, Spot};
@@ -126,9 +127,9 @@ fn flanks<'a>(light: &'a [u16], fit: &Fit<'_>) -> Option<(&'a [u16; FLANK], &'a 
     // A centre is below 2^13 pixels, a width below 2^8.
     let centre = fit.centre.to_bits();
     let reach = Pixels::from_positive_f32(CLEAR * fit.width).to_bits();
-    let right = ((centre + reach) >> Pixels::FRACTION) + 1;
+    let right = (proven::add_i32(centre, reach) >> Pixels::FRACTION) + 1;
     // The mirror image of the pixel before, which is where the flank ends.
-    let left = ((2 * centre + 3 * HALF) >> Pixels::FRACTION) - right;
+    let left = (proven::add_i32(proven::mul_i32(2, centre), 3 * HALF) >> Pixels::FRACTION) - right;
     let from = usize::try_from(left).ok()?.checked_sub(FLANK)?;
     let to = usize::try_from(right).ok()? + FLANK;
     let pixels = light.get(from..to)?;

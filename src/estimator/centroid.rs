@@ -30,8 +30,9 @@ use crate::estimator::plausible::{
     certain, level_bits, limited, no_spot, on_the_row, unsaturated, variances,
 };
 use crate::estimator::{RowCentre, WidthClass};
+use crate::proven;
 use crate::reading::Fault;
-use crate::row::{Geometry, Row};
+use crate::row::{Geometry, LARGEST_COUNT, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -132,39 +133,61 @@ fn moments(light: &[u16], level: i32, at: Pixels, half_window: Pixels) -> Option
     let to = at.checked_add(half_window)?.checked_sub(HALF)?;
     let first = from.checked_add(ONE - 1)? >> Pixels::FRACTION;
     let last = to >> Pixels::FRACTION;
-    let left_weight = (first << Pixels::FRACTION).checked_sub(from)?;
-    let right_weight = to.checked_sub(last << Pixels::FRACTION)?;
+    let left_weight = (first * ONE).checked_sub(from)?;
+    let right_weight = to.checked_sub(last * ONE)?;
     let left_end = usize::try_from(first.checked_sub(1)?).ok()?;
     let right_end = usize::try_from(last.checked_add(1)?).ok()?;
     let (&left, pixels) = light.get(left_end..=right_end)?.split_first()?;
     let (&right, pixels) = pixels.split_last()?;
-    // Half a window is at most 510 pixels and these are at most 1025: the sum of counts is below 2^23, and the sum of
-    // its values after each pixel below 4095 * 1025 * 1026 / 2 < 2^32.
+    // They are at most MOST_PIXELS, by which the sums are proven.
     let (mut sum, mut sum_of_sums) = (0u32, 0u32);
     for &count in pixels {
-        sum += u32::from(count);
-        sum_of_sums += sum;
+        sum = proven::add_u32(sum, u32::from(count));
+        sum_of_sums = proven::add_u32(sum_of_sums, sum);
     }
-    let (n, level) = (pixels.len() as i64, i64::from(level));
-    // The sum of sums takes the first pixel n times and the last once.
-    let light = (i64::from(sum) << Counts::FRACTION) - n * level;
-    let light_of_sums = (i64::from(sum_of_sums) << Counts::FRACTION) - n * (n + 1) / 2 * level;
+    let (n, level) = (pixels.len() as u32, i64::from(level));
+    let n_sums = proven::mul_i64(i64::from(n), i64::from(n) + 1) / 2;
+    let n = i64::from(n);
+    // The sum of sums takes the first pixel n times and the last once. A level is below 2^20: within 2^31 and 2^40.
+    let light = proven::sub_i64(i64::from(sum) * COUNT, n * level);
+    let light_of_sums = proven::sub_i64(
+        i64::from(sum_of_sums) * COUNT,
+        proven::mul_i64(n_sums, level),
+    );
     let origin = at.checked_add(HALF)? >> Pixels::FRACTION;
     let distance_past_last = i64::from(first) + n - i64::from(origin);
-    let moment = distance_past_last * light - light_of_sums;
-    // Q24.8 below 2^20, times weights of at most 2^16.
+    // Within 2^10 pixels of the origin: within 2^41.
+    let moment = proven::sub_i64(proven::mul_i64(distance_past_last, light), light_of_sums);
+    // Q24.8 below 2^20, times weights of at most 2^16: within 2^36, and 2^46 at the window's ends.
     let end = |count: u16, weight: i32| {
-        ((i64::from(count) << Counts::FRACTION) - level) * i64::from(weight)
+        proven::mul_i64(i64::from(count) * COUNT - level, i64::from(weight))
     };
     let (left, right) = (end(left, left_weight), end(right, right_weight));
+    let ends = proven::add_i64(
+        proven::mul_i64(left, i64::from(first - 1 - origin)),
+        proven::mul_i64(right, i64::from(last + 1 - origin)),
+    );
+    // So these are within 2^48 and 2^58.
+    let whole = i64::from(ONE);
     Some(Moments {
-        light: (light << Pixels::FRACTION) + left + right,
-        moment: (moment << Pixels::FRACTION)
-            + left * i64::from(first - 1 - origin)
-            + right * i64::from(last + 1 - origin),
-        origin: Pixels::from_bits(origin << Pixels::FRACTION),
+        light: proven::add_i64(proven::mul_i64(light, whole), proven::add_i64(left, right)),
+        moment: proven::add_i64(proven::mul_i64(moment, whole), ends),
+        origin: Pixels::from_bits(origin * ONE),
     })
 }
+
+/// A count in Q24.8.
+const COUNT: i64 = 1 << Counts::FRACTION;
+
+/// Pixels in a window at most: three widths to either side, the widest being 170, and what rounding adds.
+const MOST_PIXELS: u64 = (2.0 * HALF_WINDOW * *half_width::WIDTHS.end()) as u64 + 2;
+
+// The sum of counts, summed up once more after each pixel, fits its 32 bits.
+const _: () =
+    assert!(LARGEST_COUNT as u64 * MOST_PIXELS * (MOST_PIXELS + 1) / 2 <= u32::MAX as u64);
+// Light and moment fit 63 bits, the moment's factor being a distance from the window's middle.
+const _: () =
+    assert!((LARGEST_COUNT as u64 * MOST_PIXELS * MOST_PIXELS) << LIGHT_FRACTION < 1 << 62);
 
 #[cfg(test)]
 mod tests {

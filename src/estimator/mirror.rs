@@ -99,6 +99,9 @@ pub(super) fn fits(
     left_out: &LeftOut,
 ) -> bool {
     let mut look = Look::at(row, spot, found, geometry, left_out, 0.0);
+    if fills(row.light(), found) || is_coarse(row.light(), spot, found) {
+        return false;
+    }
     if look.pairs < FEWEST_PAIRS {
         return left_out.samples == 0;
     }
@@ -106,8 +109,65 @@ pub(super) fn fits(
     if found.class.set == TILTED.number() {
         look = Look::at(row, spot, found, geometry, left_out, look.slope());
     }
-    look.is_clean(found.uncertainty.to_f32())
+    look.is_clean(found.uncertainty.to_f32()) && !is_sharp(row.light(), spot, found, geometry)
 }
+
+/// Whether the row ends within three widths on both sides: nothing tells the spot from its background.
+fn fills(light: &[u16], found: &RowCentre) -> bool {
+    // A row has at most 2^12 pixels.
+    let (centre, end) = (found.centre.to_f32(), light.len() as f32 - 1.0);
+    let reach = 3.0 * found.width.to_f32();
+    centre < reach && end - centre < reach
+}
+
+/// Whether the converter's words are coarser than the noise, or one of its bits is stuck.
+fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
+    let width = found.width.to_f32();
+    let (centre, reach) = (found.centre.to_f32(), REACH * width + 4.0);
+    // `as` saturates.
+    let near = light.get((centre - reach) as usize..).unwrap_or_default();
+    let near = near.get(..2 * reach as usize).unwrap_or(near);
+    let Some(first) = near.first() else {
+        return false;
+    };
+    let changes = near.iter().fold(0, |changes, count| changes | (count ^ first));
+    let step = f32::from(changes & changes.wrapping_neg());
+    let noise = spot.background.noise.to_f32();
+    let is_stuck = width >= 3.0 && (changes & changes.wrapping_add(1)) != 0;
+    step * step > 12.0 * noise * noise || is_stuck
+}
+
+/// Whether the light falls from one pixel to the next by more than any optics lets it: bad pixels side by side look like a narrow spot.
+fn is_sharp(light: &[u16], spot: &Spot, found: &RowCentre, geometry: &Geometry) -> bool {
+    if found.width.to_f32() > SHARP_WIDTH {
+        return false;
+    }
+    let middle = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
+    let near = light.get(middle.saturating_sub(3)..).unwrap_or_default();
+    let near = near.get(..8).unwrap_or(near);
+    let (mut highest, mut rise, mut fall) = (0, 0, 0);
+    for pair in near.windows(2) {
+        if let [a, b] = pair {
+            highest = highest.max(*a).max(*b);
+            rise = rise.max(b.saturating_sub(*a));
+            fall = fall.max(a.saturating_sub(*b));
+        }
+    }
+    let (noise, shot) = variances(&spot.background, geometry);
+    let height = f32::from(highest) - spot.background.level.to_f32();
+    let beyond = f32::from(rise) + f32::from(fall) - SHARPEST * height;
+    beyond > 0.0 && beyond * beyond > SHARP * SHARP * 4.0 * (noise + shot * height)
+}
+
+/// Only spots this narrow, in pixels, can be bad pixels: three in a row look like one of 0.95.
+const SHARP_WIDTH: f32 = 1.5;
+
+/// The largest rise from pixel to pixel and the largest fall, over the height of the highest: a width of 0.8 has 1.5 with a pixel's edge in its middle,
+/// sinc^2 1.6. Their sum has the noise of about four pixels.
+const SHARPEST: f32 = 1.6;
+
+/// Standard deviations of that.
+const SHARP: f32 = 2.5;
 
 /// What the pairs sum up to.
 struct Look {
@@ -187,6 +247,14 @@ impl Look {
         let full_scale = geometry.full_scale();
         let is_cut = row.reaches_full_scale();
         let (mut odd, mut even) = (Odd::default(), Even::default());
+        // A pixel in the mirror's middle is its own mirror image.
+        if pixels == 1
+            && mirror.to_right == 1.0
+            && let Some(before) = mirror.right.checked_sub(2)
+            && let Some(middle) = light.get(before..before + 3)
+        {
+            even.add(2.0 * interpolated(middle, mirror.offset) - level, 0.0, 1.0);
+        }
         // A width of 2^15 pixels at most, and so a pitch of 1/6 or more.
         let most = (REACH / pitch) as usize + 1;
         for i in 0..most {
@@ -222,10 +290,10 @@ impl Look {
         }
         // What interpolation takes from white noise.
         let white = 1.0 / (1.0 - 2.0 * d * (1.0 - d) / block);
-        let shape = even.solve(odd.pairs);
+        let shape = even.solve();
         let per_height = 0.5 / height;
         let per_square = per_height * per_height;
-        let variance = noise + shot * even.p / odd.pairs;
+        let variance = noise + shot * even.p / even.samples;
         let (tilt, skew) = (odd.s12 / odd.s11, odd.s13 / odd.s11);
         Self {
             pairs: odd.pairs,
@@ -242,7 +310,7 @@ impl Look {
             // At the top, where most of it comes from.
             flatness_deviation: dual_mac::square_root((noise + 2.0 * shot * height) / shape.norm)
                 * per_height,
-            shape: (shape.rest - (odd.pairs - 4.0) * variance) * per_square / even.m0,
+            shape: (shape.rest - (even.samples - 3.0) * variance) * per_square / even.m0,
             shape_deviation: variance * dual_mac::square_root(2.0 * odd.pairs) * per_square
                 / even.m0,
         }
@@ -371,6 +439,7 @@ impl Odd {
 /// Sums of the even part: of u^k e and u^k e^2, and of the products of 1, e, u^2 e and u^4 e with p.
 #[derive(Default)]
 struct Even {
+    samples: f32,
     l0: f32,
     l1: f32,
     l2: f32,
@@ -401,6 +470,7 @@ impl Even {
         let uu = u * u;
         let e1 = uu * e;
         let e2 = uu * e1;
+        self.samples += 1.0;
         self.l0 += e;
         self.l1 += e1;
         self.l2 += e2;
@@ -417,7 +487,8 @@ impl Even {
     }
 
     /// Each function in turn less its parts along those before.
-    fn solve(&self, pairs: f32) -> Shape {
+    fn solve(&self) -> Shape {
+        let pairs = self.samples;
         let (l0, l1, l2, p) = (
             self.l0 / pairs,
             self.l1 / pairs,
@@ -438,7 +509,7 @@ impl Even {
         Shape {
             k4: p2 / norm,
             norm,
-            rest: self.squares - p * self.p - p0 * p0 / c00 - p1 * p1 / c11 - p2 * p2 / norm,
+            rest: self.squares - p * self.p - p0 * p0 / c00 - p1 * p1 / c11,
         }
     }
 }

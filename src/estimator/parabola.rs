@@ -25,6 +25,7 @@ use crate::estimator::plausible::{
     certain, level_bits, no_spot, on_the_row, unsaturated, variances,
 };
 use crate::estimator::{RowCentre, WidthClass};
+use crate::proven;
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
@@ -107,8 +108,10 @@ fn centre(
     let vertex =
         Vertex::of(values, variances, (width >= WIDE).then_some(expected)).ok_or(no_spot(spot))?;
     // The highest pixel is below 4096, and the vertex within half a pixel of it.
-    let at =
-        Pixels::from_bits((highest << Pixels::FRACTION) + Pixels::from_f32(vertex.place).to_bits());
+    let at = Pixels::from_bits(proven::add_i32(
+        proven::mul_i32(highest, 1 << Pixels::FRACTION),
+        Pixels::from_f32(vertex.place).to_bits(),
+    ));
     unsaturated(row, at, width, geometry)?;
     let amplitude = if logarithms {
         libm::expf(vertex.value)
@@ -146,7 +149,7 @@ fn highest(light: &[u16], spot: &Spot) -> Option<(i32, [u16; 3])> {
             (place, top) = (i, count);
         }
     }
-    let highest = first + place;
+    let highest = first.saturating_add(place);
     let counts = light.get(highest.checked_sub(1)?..)?.first_chunk()?;
     Some((i32::try_from(highest).ok()?, *counts))
 }

@@ -11,6 +11,7 @@
 //! A fit is taken if what is left looks right in the mirror and scatters no more than noise explains. If none is, the first look stands, flagged.
 
 use crate::estimator::gauss_newton::{self, Fit, Parameters, SAMPLES, Start, Window};
+use crate::estimator::half_width::WIDTHS;
 use crate::estimator::mirror::{self, LeftOut};
 use crate::estimator::plausible::{certain, variances};
 use crate::estimator::tables::{NARROWEST, TILTED};
@@ -129,6 +130,7 @@ impl Scene<'_> {
         let moved = self.found.centre.to_bits().abs_diff(found.centre.to_bits())
             > self.found.width.to_bits().unsigned_abs();
         let sound = fit.has_arrived()
+            && WIDTHS.contains(&width)
             && width >= NARROWEST
             && window.holds(&fit.parameters)
             && certain(found.amplitude.to_f32(), uncertainty, width).is_ok();

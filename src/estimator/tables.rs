@@ -13,9 +13,9 @@ pub struct Table<'a> {
     /// The width (a gaussian's sigma) in samples.
     pub width: f32,
     /// Samples to either side of the middle one.
-    pub half_width: u16,
+    pub half_width: u8,
     /// Number of sub-pixel phases; phase k is at (k - (phases - 1)/2) / phases samples from the middle.
-    pub phases: u16,
+    pub phases: u8,
     /// Weights of the score and of its slope, phase after phase: [`Table::pairs`] a phase, the last sample's being zero.
     pub weights: &'a [Pairs],
     /// Weights of the stretch, likewise.
@@ -166,7 +166,6 @@ impl<'a> TableSet<'a> {
         while i < tables.len() {
             let table = &tables[i];
             let taps = table.taps();
-            // Bounded first, so that their product cannot overflow.
             if taps >= MAX_TAPS || table.phases == 0 || table.phases > 64 {
                 return Err(TableError::Shape);
             }
@@ -443,7 +442,7 @@ mod tests {
         assert_eq!(error(Table { phases: 1, ..good }), Some(TableError::Shape));
         assert_eq!(
             error(Table {
-                half_width: u16::MAX,
+                half_width: u8::MAX,
                 ..good
             }),
             Some(TableError::Shape)

@@ -47,13 +47,13 @@ impl<'r, 't> Window<'r, 't> {
         class: WidthClass,
         table: &'t Table<'t>,
     ) -> Option<Self> {
-        const HALF: i32 = 1 << (Pixels::FRACTION - 1);
+        const ONE: i32 = 1 << Pixels::FRACTION;
+        const HALF: i32 = ONE / 2;
         let phases = i32::from(table.phases);
         let half_width = i32::from(table.half_width);
         let pairs = table.pairs();
         let block = i32::from(class.block);
-        // A position saturates at 2^15 pixels in Q16. `TableSet` has at most 64 phases, and blocks have at most 16 pixels, so
-        // that nothing else comes near the end of an i32.
+        // A position saturates at 2^15 pixels in Q16. Phases, half widths and blocks of 8 bits leave all else below 2^31.
         let (phase, first, reference) = if class.block == 1 {
             let from_its_edge = at.to_bits().saturating_add(HALF);
             let middle = from_its_edge >> Pixels::FRACTION;
@@ -62,23 +62,27 @@ impl<'r, 't> Window<'r, 't> {
             } else {
                 let phase = ((from_its_edge & 0xffff) * phases) >> Pixels::FRACTION;
                 // Phase k lies (2 k + 1 - phases) / (2 phases) pixels from the middle.
-                (phase, (2 * phase + 1 - phases) * HALF / phases)
+                (
+                    phase,
+                    ((2 * phase + 1 - phases) * HALF).checked_div(phases)?,
+                )
             };
             (
                 phase,
                 middle - half_width,
-                (middle << Pixels::FRACTION).saturating_add(offset),
+                (middle * ONE).saturating_add(offset),
             )
         } else {
             let phase = phases / 2;
             // And half a block less half a pixel more from the middle sample's first pixel.
-            let offset = (block - 1) * HALF + (2 * phase + 1 - phases) * block * HALF / phases;
+            let beside = ((2 * phase + 1 - phases) * block * HALF).checked_div(phases)?;
+            let offset = (block - 1) * HALF + beside;
             let middle =
                 at.to_bits().saturating_sub(offset).saturating_add(HALF) >> Pixels::FRACTION;
             (
                 phase,
                 middle - half_width * block,
-                (middle << Pixels::FRACTION).saturating_add(offset),
+                (middle * ONE).saturating_add(offset),
             )
         };
         let first = usize::try_from(first).ok()?;
@@ -213,7 +217,7 @@ fn sum_chunks<const BLOCK: usize>(chunks: &[[u16; BLOCK]], block: u8, sums: &mut
             .as_chunks::<2>()
             .0
             .iter()
-            .map(|&[low, high]| u32::from(low) | u32::from(high) << 16)
+            .map(|&[low, high]| u32::from(low) | u32::from(high) * 0x1_0000)
             .fold(0, u32::wrapping_add);
         *sum = (((both & 0xffff) + (both >> 16)) >> halvings(block)) as u16;
     }

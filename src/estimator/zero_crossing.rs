@@ -30,8 +30,9 @@ use crate::estimator::plausible::{
     certain, level_bits, no_spot, on_the_row, unsaturated, variances,
 };
 use crate::estimator::{RowCentre, WidthClass};
+use crate::proven;
 use crate::reading::Fault;
-use crate::row::{Geometry, Row};
+use crate::row::{Geometry, LARGEST_COUNT, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -71,17 +72,26 @@ pub fn centre(
     // The pixels of the box about the pixel before the zero, and about the one after.
     let first = crossing.pixel.checked_sub(half_box).ok_or(edge)?;
     let pixels = light
-        .get(first..crossing.pixel + half_box + 2)
+        .get(first..crossing.pixel.saturating_add(half_box).saturating_add(2))
         .ok_or(edge)?;
     let level = level_bits(&spot.background);
-    let sum: i32 = pixels.iter().map(|&count| i32::from(count)).sum();
-    let gathered = ((sum << Counts::FRACTION) - level * pixels.len() as i32) as f32 / 256.0;
+    // MOST_PIXELS of light and of level, either below 2^12 counts.
+    let gathered = proven::sub_i32(
+        proven::mul_i32(sum(pixels), 1 << Counts::FRACTION),
+        proven::mul_i32(level, pixels.len() as i32),
+    ) as f32
+        / 256.0;
+    if gathered <= 0.0 {
+        // A step from one level to another changes the sign too.
+        return Err(no_spot(spot));
+    }
     let slope = crossing.slope as f32;
     let part = crossing.before as f32 / slope;
     // A pixel below 4096, and a part of one.
-    let at = Pixels::from_bits(
-        ((crossing.pixel as i32) << Pixels::FRACTION) + Pixels::from_f32(part).to_bits(),
-    );
+    let at = Pixels::from_bits(proven::add_i32(
+        proven::mul_i32(crossing.pixel as i32, 1 << Pixels::FRACTION),
+        Pixels::from_f32(part).to_bits(),
+    ));
     unsaturated(row, at, width, geometry)?;
     let (noise, shot) = variances(&spot.background, geometry);
     // Pixels i and i + 1 + L weigh f, i + 1 and i - L weigh 1 - f; the middle ones hold nearly all the light.
@@ -121,20 +131,30 @@ enum Slide {
     None,
 }
 
+/// The sum of at most [`MOST_PIXELS`].
+#[inline(always)]
+fn sum(pixels: &[u16]) -> i32 {
+    pixels
+        .iter()
+        .fold(0, |sum, &count| proven::add_i32(sum, i32::from(count)))
+}
+
+/// Pixels in a box at most: two halves of the box of the widest spot, and the two pixels between.
+const MOST_PIXELS: u64 = 2 * (HALF_BOX * *half_width::WIDTHS.end() + 0.5) as u64 + 2;
+
+// What they add up to fits, as S and in Q8.
+const _: () = assert!((LARGEST_COUNT as u64 * MOST_PIXELS) << Counts::FRACTION <= i32::MAX as u64);
+
 /// Slides the box from a pixel to where S changes sign, at most `reach` pixels.
 fn slide(light: &[u16], start: usize, half_box: usize, reach: usize) -> Slide {
     let Some(first) = start.checked_sub(half_box) else {
         return Slide::Edge;
     };
-    let (Some(left), Some(right)) = (
-        light.get(first..start),
-        light.get(start + 1..start + 1 + half_box),
-    ) else {
+    let beyond = start.saturating_add(half_box).saturating_add(1);
+    let (Some(left), Some(right)) = (light.get(first..start), light.get(start + 1..beyond)) else {
         return Slide::Edge;
     };
-    let sum = |pixels: &[u16]| pixels.iter().map(|&count| i32::from(count)).sum::<i32>();
-    let mut here = sum(right) - sum(left);
-    let mut pixel = start;
+    let mut here = proven::sub_i32(sum(right), sum(left));
     // S(i) - S(i + 1) = y(i) + y(i + 1) - y(i + 1 + L) - y(i - L).
     let falls = |at: &u16, next: &u16, enters: &u16, leaves: &u16| {
         i32::from(*at) + i32::from(*next) - i32::from(*enters) - i32::from(*leaves)
@@ -145,37 +165,37 @@ fn slide(light: &[u16], start: usize, half_box: usize, reach: usize) -> Slide {
     if here > 0 {
         let steps = from(start)
             .zip(from(start + 1))
-            .zip(from(start + 1 + half_box))
+            .zip(from(beyond))
             .zip(from(first));
         for (((at, next), enters), leaves) in steps.take(reach) {
             let slope = falls(at, next, enters, leaves);
-            if here - slope <= 0 {
+            let next = proven::sub_i32(here, slope);
+            if next <= 0 {
                 return Slide::Crossing(Crossing {
-                    pixel,
+                    pixel: start.saturating_add(slid),
                     before: here,
                     slope,
                 });
             }
-            here -= slope;
-            pixel += 1;
+            here = next;
             slid += 1;
         }
     } else {
         let steps = until(start)
             .zip(until(start + 1))
-            .zip(until(start + 1 + half_box))
+            .zip(until(beyond))
             .zip(until(first));
         for (((at, next), enters), leaves) in steps.take(reach) {
             let slope = falls(at, next, enters, leaves);
-            pixel -= 1;
-            if here + slope > 0 {
+            let next = proven::add_i32(here, slope);
+            if next > 0 {
                 return Slide::Crossing(Crossing {
-                    pixel,
-                    before: here + slope,
+                    pixel: start.saturating_sub(slid).saturating_sub(1),
+                    before: next,
                     slope,
                 });
             }
-            here += slope;
+            here = next;
             slid += 1;
         }
     }

@@ -169,6 +169,15 @@ impl Session {
                     ))
                     .await;
             }
+            Command::Mean(mean) => {
+                if let Some(mean) = mean {
+                    self.settings.mean = mean;
+                    self.apply();
+                }
+                self.tx
+                    .send(format_args!("{}", Command::Mean(Some(self.settings.mean))))
+                    .await;
+            }
             Command::Estimator(estimator) => {
                 if let Some(estimator) = estimator {
                     self.settings.estimator = estimator;

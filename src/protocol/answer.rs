@@ -13,6 +13,7 @@ status                                 how it fares: rows, readings, faults and 
 distance                               the next frame's reading, or its fault and what to do about it\r
 stream [on|off]                        a line for every frame\r
 rows [1..64]                           rows in a frame\r
+mean [plain|weighted]                  how their centres become one\r
 black [shielded|frame|fixed 0..4095]   how the black level is found\r
 estimator [NAME]                       how the centre of a row is found\r
 calibration [on|off]                   distances, or centres only\r
@@ -36,6 +37,8 @@ impl fmt::Display for Command {
             Self::Black(Some(BlackLevel::Fixed(counts))) => write!(f, "black fixed {counts:.0}"),
             Self::Rows(None) => f.write_str("rows"),
             Self::Rows(Some(rows)) => write!(f, "rows {rows}"),
+            Self::Mean(None) => f.write_str("mean"),
+            Self::Mean(Some(mean)) => write!(f, "mean {}", mean.name()),
             Self::Estimator(None) => f.write_str("estimator"),
             Self::Estimator(Some(estimator)) => write!(f, "estimator {}", estimator.name()),
             Self::Calibration(None) => f.write_str("calibration"),
@@ -52,6 +55,7 @@ const fn switch(on: bool) -> &'static str {
 mod tests {
     use super::*;
     use crate::estimator::Estimator;
+    use crate::frame::Mean;
     use crate::protocol::command::parse;
     use crate::units::Counts;
 
@@ -73,12 +77,14 @@ mod tests {
             Command::Black(Some(BlackLevel::Fixed(Counts::from_int(4095)))),
             Command::Rows(None),
             Command::Rows(Some(64)),
+            Command::Mean(None),
             Command::Estimator(None),
             Command::Calibration(None),
             Command::Calibration(Some(true)),
             Command::Calibration(Some(false)),
         ]
         .into_iter()
+        .chain(Mean::ALL.map(|mean| Command::Mean(Some(mean))))
         .chain(Estimator::ALL.map(|estimator| Command::Estimator(Some(estimator))))
         {
             assert_eq!(parse(command.to_string().as_bytes()), Ok(command));
@@ -94,6 +100,7 @@ mod tests {
             "distance",
             "stream",
             "rows",
+            "mean",
             "black",
             "estimator",
             "calibration",

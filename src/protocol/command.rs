@@ -7,7 +7,7 @@ use core::ops::RangeInclusive;
 
 use crate::black_level::BlackLevel;
 use crate::estimator::Estimator;
-use crate::frame::MAX_ROWS;
+use crate::frame::{MAX_ROWS, Mean};
 use crate::units::Counts;
 
 /// The longest line that is read, in bytes, without its end.
@@ -37,6 +37,8 @@ pub enum Command {
     Black(Option<BlackLevel>),
     /// Show the rows in a frame, or set them.
     Rows(Option<u16>),
+    /// Show how the rows' centres become one, or set it.
+    Mean(Option<Mean>),
     /// Show how the centre of a row is found, or set it.
     Estimator(Option<Estimator>),
     /// Show the calibration in use, or switch it.
@@ -77,6 +79,7 @@ impl core::error::Error for Error {}
 
 const BLACK: &str = "black fixed 0..4095|shielded|frame";
 const ROWS: &str = "rows 1..64";
+const MEAN: &str = "mean plain|weighted";
 const STREAM: &str = "stream on|off";
 const HELP: &str = "help [estimator]";
 const ESTIMATOR: &str = "estimator NAME, try help estimator";
@@ -108,6 +111,7 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         "calibration" => switch(values, CALIBRATION).map(Command::Calibration),
         "black" => black(values).map(Command::Black),
         "rows" => rows(values).map(Command::Rows),
+        "mean" => mean(values).map(Command::Mean),
         "estimator" => estimator(values).map(Command::Estimator),
         _ => Err(Error::Unknown),
     }
@@ -160,6 +164,14 @@ fn rows(values: Values<'_>) -> Result<Option<u16>, Error> {
     }
 }
 
+fn mean(values: Values<'_>) -> Result<Option<Mean>, Error> {
+    match values {
+        (None, ..) => Ok(None),
+        (Some(name), None, _) => Mean::named(name).map(Some).ok_or(Error::Form(MEAN)),
+        _ => Err(Error::Form(MEAN)),
+    }
+}
+
 fn estimator(values: Values<'_>) -> Result<Option<Estimator>, Error> {
     match values {
         (None, ..) => Ok(None),
@@ -200,6 +212,8 @@ mod tests {
             Ok(Command::Black(Some(BlackLevel::Frame)))
         );
         assert_eq!(parse(b"rows 64"), Ok(Command::Rows(Some(64))));
+        assert_eq!(parse(b"mean"), Ok(Command::Mean(None)));
+        assert_eq!(parse(b"mean plain"), Ok(Command::Mean(Some(Mean::Plain))));
         assert_eq!(
             parse(b"calibration on"),
             Ok(Command::Calibration(Some(true)))
@@ -223,6 +237,8 @@ mod tests {
             parse(b"estimator gauss newton"),
             Err(Error::Form(ESTIMATOR))
         );
+        assert_eq!(parse(b"mean Plain"), Err(Error::Form(MEAN)));
+        assert_eq!(parse(b"mean plain weighted"), Err(Error::Form(MEAN)));
         assert_eq!(parse(b"rows 0"), Err(Error::Range(ROWS)));
         assert_eq!(parse(b"rows 65"), Err(Error::Range(ROWS)));
         assert_eq!(parse(b"rows 99999999999"), Err(Error::Range(ROWS)));

@@ -80,6 +80,7 @@ impl fmt::Display for Info<'_> {
             shielded.start, shielded.end
         )?;
         write!(f, "\r\ninfo rate a row every {row_us} us, exposed as long")?;
+        write!(f, "\r\ninfo mean {}", self.settings.mean.name())?;
         write!(f, "\r\ninfo estimator {}", self.settings.estimator.name())?;
         let Some(calibration) = &self.settings.calibration else {
             return f.write_str("\r\ninfo calibration off");
@@ -88,12 +89,12 @@ impl fmt::Display for Info<'_> {
             Calibration::Eq1(curve) => write!(f, "{}", Curve(curve))?,
             Calibration::Table(table) => {
                 f.write_str("\r\ninfo calibration a table of distances")?;
-                write!(f, "{}", Table(table.knots()))?;
+                write!(f, "{}", KindOfTable(table.knots()))?;
             }
             Calibration::Corrected(corrected) => {
                 write!(f, "{}", Curve(corrected.curve()))?;
                 f.write_str("\r\ninfo calibration plus a table of residuals")?;
-                write!(f, "{}", Table(corrected.residuals()))?;
+                write!(f, "{}", KindOfTable(corrected.residuals()))?;
             }
         }
         let (first, last) = calibration.valid();
@@ -126,9 +127,9 @@ impl fmt::Display for Curve<'_> {
 }
 
 /// What a table is, in the rest of a line.
-struct Table<'a>(&'a Knots);
+struct KindOfTable<'a>(&'a Knots);
 
-impl fmt::Display for Table<'_> {
+impl fmt::Display for KindOfTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let between = match self.0.interpolation() {
             Interpolation::Linear => "straight lines",
@@ -142,8 +143,12 @@ impl fmt::Display for Table<'_> {
 mod tests {
     use super::*;
     use crate::black_level::BlackLevel;
+    use crate::calibration::knots::Knot;
+    use crate::calibration::residuals::Corrected;
+    use crate::calibration::table::Table;
     use crate::frame::Mean;
-    use crate::sensor_heads;
+    use crate::units::{Micrometres, Pixels};
+    use crate::{sensor_heads, triangulation};
 
     #[test]
     fn banner_and_info_are_as_documented() {
@@ -181,7 +186,7 @@ mod tests {
             "{info}"
         );
         assert!(
-            info.contains("\r\ninfo estimator phase-table\r\n"),
+            info.contains("\r\ninfo mean weighted\r\ninfo estimator phase-table\r\n"),
             "{info}"
         );
         settings.calibration = None;
@@ -192,5 +197,60 @@ mod tests {
         }
         .to_string();
         assert!(info.ends_with("info calibration off"), "{info}");
+    }
+
+    #[test]
+    fn info_tells_the_kinds_of_calibration_apart() {
+        let knots = [(1200, 1_000_000), (2000, 700_000), (2600, 555_000)].map(|(x, value)| Knot {
+            centre: Pixels::from_int(x),
+            value: Micrometres::from_int(value),
+        });
+        let table = Table::new(Interpolation::Linear, &knots).expect("a table");
+        let residuals = knots.map(|knot| Knot {
+            value: Micrometres::from_int(100),
+            ..knot
+        });
+        let nominal = triangulation::NOMINAL.expect("a curve");
+        let corrected = Corrected::new(nominal, Interpolation::Cubic, &residuals).expect("usable");
+        let lines =
+            [Calibration::Table(table), Calibration::Corrected(corrected)].map(|calibration| {
+                let settings = Settings {
+                    estimator: crate::estimator::Estimator::default(),
+                    rows: 16,
+                    mean: Mean::default(),
+                    black_level: BlackLevel::Shielded,
+                    calibration: Some(calibration),
+                };
+                let hardware = Hardware {
+                    board: "NUCLEO-F429ZI",
+                    head: "TCD1304DG",
+                    row_us: 5700,
+                };
+                let geometry = sensor_heads::tcd1304dg();
+                let info = Info {
+                    hardware: &hardware,
+                    geometry: &geometry,
+                    settings: &settings,
+                }
+                .to_string();
+                assert!(info.len() + 2 <= crate::protocol::MAX_ANSWER, "{info}");
+                assert!(info.lines().all(|line| line.len() <= 110), "{info}");
+                let (_, calibration) = info
+                    .split_once("info estimator phase-table\r\n")
+                    .expect("the estimator");
+                calibration.to_owned()
+            });
+        assert_eq!(
+            lines[0],
+            "info calibration a table of distances at 3 knots, straight lines between them\r\n\
+             info range x 1200 to 2600 px, 555.0000 to 1000.0000 mm"
+        );
+        assert_eq!(
+            lines[1],
+            "info calibration d = D + K/(x - xp)\r\n\
+             info calibration D -115.3846 mm, K 2152366863 um px, xp -580.34616 px\r\n\
+             info calibration plus a table of residuals at 3 knots, monotone cubics between them\r\n\
+             info range x 1200 to 2600 px, 561.4866 to 1093.6751 mm"
+        );
     }
 }

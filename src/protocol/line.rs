@@ -2,14 +2,16 @@
 //!
 //! A reading is `d 800.1234 mm u 0.0035 x 1823.1234 a 1830 n 16/16 b 312 e t`: distance and its standard uncertainty in
 //! millimetres, centre in pixels, amplitude in counts, rows used of the frame's, black level in counts, and the estimator's
-//! [`letter`](crate::estimator::Estimator::letter). Where rows did not fit their spot, ` m 3` says how many. A fault is
-//! `f too dim: 35.2 counts, needs 60.1`.
+//! [`letter`](crate::estimator::Estimator::letter). Where rows did not fit their spot, ` m 3` says how many. Where they err alike
+//! and may be worth fewer than eight independent ones, ` c 3` says as how few they may count
+//! ([`Reading::correlated`]). A fault is `f too dim: 35.2 counts, needs 60.1`.
 //!
 //! 115200 baud carries 65.6 bytes in the 5.7 ms of a row, so that is what a frame may take for each of its rows. The longest
 //! line of a frame of one row is 64 bytes with its end (for distances that are positive and below 10 m, uncertainties
 //! below 10 mm, a black level below 1000 counts), and 65 where the black level is beyond. That is why the centre has four
 //! decimals, which are 0.02 to 0.07 um of distance and so as fine as the distance's own, and the black level, on which the
-//! distance does not depend, has none.
+//! distance does not depend, has none. Rows that err alike are told from frames of eight rows on, whose line has eight times the room.
+//! The longest of all, of 64 rows, is 72 bytes.
 
 use core::fmt;
 
@@ -30,9 +32,12 @@ impl fmt::Display for Reading {
             self.black_level,
             self.estimator.letter()
         )?;
-        match self.misfits {
-            0 => Ok(()),
-            misfits => write!(f, " m {misfits}"),
+        if self.misfits > 0 {
+            write!(f, " m {}", self.misfits)?;
+        }
+        match self.correlated {
+            Some(rows) => write!(f, " c {rows}"),
+            None => Ok(()),
         }
     }
 }
@@ -65,6 +70,7 @@ impl core::error::Error for Fault {}
 mod tests {
     use super::*;
     use crate::estimator::Estimator;
+    use crate::frame::FEWEST_INDEPENDENT;
     use crate::units::{Counts, Micrometres, Pixels};
 
     #[test]
@@ -97,6 +103,24 @@ mod tests {
             misfit.to_string(),
             "d 800.1230 mm u 0.0350 x 1823.1250 a 1830 n 15/16 b 312 e r m 3"
         );
+        let correlated = Reading {
+            correlated: Some(3),
+            ..reading
+        };
+        assert_eq!(
+            correlated.to_string(),
+            "d 800.1230 mm u 0.0350 x 1823.1250 a 1830 n 16/16 b 312 e t c 3"
+        );
+        let both = Reading {
+            misfits: 2,
+            ..correlated
+        };
+        assert!(both.to_string().ends_with(" e t m 2 c 3"), "{both}");
+        let two = Fault::TwoSpots {
+            centre: Pixels::from_f32(1200.25),
+            other: Pixels::from_f32(1810.5),
+        };
+        assert_eq!(two.to_string(), "f two spots: x 1200.3 and 1810.5");
         let dim = Fault::TooDim {
             amplitude: Counts::from_f32(35.2),
             needed: Counts::from_f32(60.1),
@@ -118,7 +142,7 @@ mod tests {
             black_level: Counts::from_int(black_level),
             estimator: Estimator::GaussNewton,
             misfits: rows,
-            correlated: None,
+            correlated: (rows >= FEWEST_INDEPENDENT).then_some(FEWEST_INDEPENDENT - 1),
         };
         println!("{longest}");
         longest.to_string().len() + 2
@@ -127,9 +151,10 @@ mod tests {
     #[test]
     fn the_line_carries_every_frame() {
         assert_eq!((longest(1, 999), longest(1, 4095)), (64, 65));
+        assert_eq!(longest(64, 4095), 72);
         // 115200 baud, ten bits a byte, a row in 5.7 ms.
         let bytes_a_row = 11_520.0 * 5.7e-3;
-        for rows in [1, 2, 64] {
+        for rows in [1, 2, 7, 8, 64] {
             assert!(longest(rows, 4095) as f64 <= f64::from(rows) * bytes_a_row);
         }
     }

@@ -45,29 +45,19 @@ impl Firmware {
     ///
     /// The build fails, its messages then being on stderr or in the error, or what it built cannot be loaded.
     pub fn build_package(package: &str) -> Result<Self> {
-        let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-        let mut command = Command::new(&cargo);
+        let mut command = cargo();
         command
             .args(["build", "--release", "--target", "thumbv7em-none-eabihf"])
             .args(["--package", package, "--bin", package])
-            .arg("--message-format=json-render-diagnostics")
-            .current_dir(&workspace)
-            .stdin(Stdio::null());
-        for (name, _) in std::env::vars_os() {
-            let name_text = name.to_string_lossy();
-            if NOT_FOR_THE_CHIP.contains(&name_text.as_ref()) || name_text.starts_with("CARGO_PKG_")
-            {
-                command.env_remove(&name);
-            }
-        }
+            .arg("--message-format=json-render-diagnostics");
         // A person sees the build's progress; a test's output stays clean unless the build fails.
         if std::io::stderr().is_terminal() {
             command.stderr(Stdio::inherit());
         }
-        let output = command
-            .output()
-            .with_context(|| format!("{} did not start", cargo.to_string_lossy()))?;
+        let output = command.output().with_context(|| {
+            let cargo = command.get_program().to_string_lossy();
+            format!("{cargo} did not start")
+        })?;
         if !output.status.success() {
             bail!(
                 "the chip's program {package} did not build ({}); to see why, run\n\
@@ -134,8 +124,25 @@ impl Firmware {
     }
 }
 
+/// Cargo in this workspace, without what it or its caller set for a build on the PC.
+#[must_use]
+pub fn cargo() -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command
+        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."))
+        .stdin(Stdio::null());
+    for (name, _) in std::env::vars_os() {
+        let name_text = name.to_string_lossy();
+        if NOT_FOR_THE_CHIP.contains(&name_text.as_ref()) || name_text.starts_with("CARGO_PKG_") {
+            command.env_remove(&name);
+        }
+    }
+    command
+}
+
 /// The executable that cargo's JSON messages name.
-fn executable(messages: &[u8]) -> Option<PathBuf> {
+#[must_use]
+pub fn executable(messages: &[u8]) -> Option<PathBuf> {
     serde_json::Deserializer::from_slice(messages)
         .into_iter::<serde_json::Value>()
         .map_while(Result::ok)

@@ -16,7 +16,7 @@ use slitrange::reading::Fault;
 use slitrange::units::Pixels;
 use slitrange::{sensor_heads, triangulation};
 use virtual_board::light::{LIGHT, Target, of_scene};
-use virtual_board::{LightSource, VirtualBoard};
+use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use crate::common::{
     DISTANCE, Status, ask, ask_for_lines, boot, fresh_results, is_reading, is_result, measuring,
@@ -196,6 +196,66 @@ fn rows_are_as_many_as_set() {
     board.finish().expect("a clean run");
 }
 
+/// A spot whose row `row` is at `centre(row)`.
+fn spot_that_moves(mut centre: impl FnMut(u64) -> f64 + Send + 'static) -> LightSource {
+    let mut row = 0;
+    let scene = Scene::white_paper();
+    Box::new(move |exposure: &Exposure| {
+        row += 1;
+        scene.row_with_centre(row, centre(row), exposure.duration() as f64 * 1e-9)
+    })
+}
+
+#[test]
+fn the_mean_is_the_one_that_is_set() {
+    // Wherever a frame of eight rows begins, one of them is 3 px off.
+    let (mut board, _) = boot(spot_that_moves(
+        |row| {
+            if row % 8 == 0 { 1803.0 } else { 1800.0 }
+        },
+    ));
+    set(&mut board, "rows 8");
+    assert_eq!(ask(&mut board, "mean"), "mean weighted");
+    for (command, centre, rows) in [
+        ("mean plain", 1800.375, " n 8/8 "),
+        ("mean weighted", 1800.0, " n 7/8 "),
+    ] {
+        set(&mut board, command);
+        assert_eq!(ask(&mut board, "mean"), command);
+        assert!(ask_for_lines(&mut board, "info", 10).contains(&format!("info {command}")));
+        for line in fresh_results(&mut board, 2) {
+            println!("{command}: {line}");
+            let off = number(&line, " x ", " a ") - centre;
+            // Seven rows are uncertain by 0.01 px.
+            assert!(off.abs() < 0.05 && line.contains(rows), "{line}");
+        }
+    }
+    for command in ["mean median", "mean plain plain"] {
+        assert_eq!(ask(&mut board, command), "E2 expected mean plain|weighted");
+    }
+    assert_eq!(ask(&mut board, "mean"), "mean weighted");
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn rows_that_err_alike_are_said_to() {
+    // A tenth of a pixel to either side, in waves of 32 rows: ten times the noise, and no wave is a straight line.
+    let (mut board, _) = boot(spot_that_moves(|row| {
+        1800.0 + 0.1 * (std::f64::consts::TAU * row as f64 / 32.0).sin()
+    }));
+    set(&mut board, "rows 64");
+    for line in fresh_results(&mut board, 2) {
+        println!("{line}");
+        assert!(line.ends_with(" e t c 1"), "{line}");
+    }
+    board.set_light(spot_that_moves(|_| 1800.0));
+    for line in fresh_results(&mut board, 2) {
+        println!("{line}");
+        assert!(line.ends_with(" e t"), "{line}");
+    }
+    board.finish().expect("a clean run");
+}
+
 /// Stray light that shielded pixels do not see, counts.
 const STRAY_LIGHT: f32 = 50.0;
 
@@ -279,7 +339,7 @@ fn the_estimator_is_the_one_that_is_set() {
             );
         }
     }
-    let info = ask_for_lines(&mut board, "info", 9);
+    let info = ask_for_lines(&mut board, "info", 10);
     assert!(
         info.contains(&"info estimator fraunhofer".to_owned()),
         "{info:#?}"

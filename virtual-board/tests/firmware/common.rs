@@ -19,7 +19,7 @@ pub const CONVERTER_BUS: usize = 0;
 pub const DISTANCE: f64 = 0.80;
 
 /// The ELF file that `cargo fw` builds.
-fn firmware() -> &'static Firmware {
+pub fn firmware() -> &'static Firmware {
     static FIRMWARE: OnceLock<Firmware> = OnceLock::new();
     FIRMWARE.get_or_init(|| Firmware::build().expect("the firmware builds"))
 }

@@ -12,4 +12,5 @@ mod pseudo_terminal;
 mod scenes;
 mod sensor_head;
 mod serial_line;
+mod stack;
 mod watchdog;

@@ -1,0 +1,30 @@
+//! All that exists only on the chip.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use answers_on_chip::mailbox;
+
+// Linked for what they define: where the log goes, the chip's interrupts, and what a panic does.
+use {defmt_rtt as _, embassy_stm32 as _, panic_probe as _};
+
+// Under names that they keep in the ELF file, by which the test finds them.
+
+/// 1 while there are rows to answer.
+#[unsafe(no_mangle)]
+static ASKED: AtomicU32 = AtomicU32::new(0);
+
+#[unsafe(no_mangle)]
+static ROWS: [AtomicU32; mailbox::ROWS] = [const { AtomicU32::new(0) }; mailbox::ROWS];
+
+#[unsafe(no_mangle)]
+static ANSWERS: [AtomicU32; mailbox::ANSWERS] = [const { AtomicU32::new(0) }; mailbox::ANSWERS];
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    loop {
+        if ASKED.load(Ordering::Acquire) == 1 {
+            mailbox::answer(&ROWS, &ANSWERS);
+            ASKED.store(0, Ordering::Release);
+        }
+    }
+}

@@ -1,0 +1,313 @@
+//! Rows of whatever a sensor may deliver, through the whole pipeline: what comes out is a reading that can be true, or a fault.
+//!
+//! The input is a list of steps of 8 bytes: what to do, a byte `a`, and three words `b`, `c`, `d`, low byte first. They paint a row of
+//! light and hand it over; see [`Bench::step`]. What is left over at the end does nothing.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use slitrange::black_level::BlackLevel;
+use slitrange::calibration::Calibration;
+use slitrange::estimator::Estimator;
+use slitrange::frame::{FEWEST_INDEPENDENT, MAX_ROWS, Mean};
+use slitrange::measurement::{Measurement, Settings};
+use slitrange::reading::{Fault, Reading};
+use slitrange::row::{Geometry, Polarity};
+use slitrange::sensor_heads;
+use slitrange::units::{Counts, Micrometres, Pixels};
+
+/// Rows at most, so that an input takes a millisecond or two.
+const MAX_ROWS_OF_INPUT: usize = 200;
+
+fuzz_target!(|bytes: &[u8]| {
+    let mut bench = Bench::new(geometry(bytes.first().copied().unwrap_or_default()));
+    for &[what, a, b0, b1, c0, c1, d0, d1] in bytes.as_chunks().0 {
+        let words = [[b0, b1], [c0, c1], [d0, d1]].map(u16::from_le_bytes);
+        bench.step(what >> 4, a, words);
+    }
+});
+
+/// The first step's low half says which sensor.
+fn geometry(first: u8) -> Geometry {
+    let short = |light: usize, bits, polarity| Geometry {
+        words: light + 8,
+        shielded: 1..5,
+        light: 6..6 + light,
+        polarity,
+        bits,
+        shot_variance_per_count_q16: 6554,
+    };
+    match first & 0xF {
+        0 => sensor_heads::tcd1304dg(),
+        1 => short(142, 8, Polarity::Rising),
+        2 => short(31, 12, Polarity::Rising),
+        3 => short(64, 12, Polarity::Falling),
+        4 => short(0, 12, Polarity::Rising),
+        5 => short(4096, 12, Polarity::Rising),
+        6 => short(128, 1, Polarity::Rising),
+        7 => Geometry {
+            shot_variance_per_count_q16: u16::MAX,
+            ..short(200, 255, Polarity::Falling)
+        },
+        8 => Geometry {
+            shielded: 300..200,
+            ..short(250, 12, Polarity::Rising)
+        },
+        9 => Geometry {
+            light: 0..usize::MAX,
+            ..short(100, 12, Polarity::Rising)
+        },
+        10 => Geometry {
+            shot_variance_per_count_q16: 0,
+            ..short(400, 10, Polarity::Rising)
+        },
+        _ => short(512, 12, Polarity::Falling),
+    }
+}
+
+/// A sensor, the light on it, and the pipeline.
+struct Bench {
+    geometry: Geometry,
+    light: Vec<f64>,
+    settings: Settings,
+    measurement: Measurement,
+    /// Rows of the frame that is under way.
+    rows: u16,
+    left: usize,
+}
+
+impl Bench {
+    fn new(geometry: Geometry) -> Self {
+        let settings = Settings {
+            rows: 1,
+            mean: Mean::Weighted,
+            estimator: Estimator::default(),
+            black_level: BlackLevel::Shielded,
+            calibration: None,
+        };
+        Self {
+            light: vec![300.0; geometry.light.len().min(5000)],
+            measurement: Measurement::new(geometry.clone(), settings.clone()),
+            geometry,
+            settings,
+            rows: 0,
+            left: MAX_ROWS_OF_INPUT,
+        }
+    }
+
+    fn step(&mut self, what: u8, a: u8, [b, c, d]: [u16; 3]) {
+        // Places to a sixteenth of a pixel, heights in counts, beyond full scale too.
+        let (place, height) = (f64::from(b) / 16.0, f64::from(c % 16384) - 4096.0);
+        // From 1/16 of a pixel to 224.
+        let width = match a {
+            0..=95 => f64::from(a + 1) / 16.0,
+            _ => f64::from(a - 90) * 1.36,
+        };
+        let pixels = self
+            .light
+            .iter_mut()
+            .zip(0u32..)
+            .map(|(light, i)| (light, f64::from(i)));
+        match what {
+            0 => self.light.fill(f64::from(b % 4096)),
+            1 => pixels.for_each(|(light, i)| {
+                let u = (i - place) / width;
+                *light += height * (-0.5 * u * u).exp();
+            }),
+            2 => pixels.for_each(|(light, i)| {
+                // A slit's diffraction pattern.
+                let u = (i - place) / (0.85 * width);
+                *light += height * if u == 0.0 { 1.0 } else { (u.sin() / u).powi(2) };
+            }),
+            3 => pixels.for_each(|(light, i)| {
+                *light += if (i - place).abs() < width {
+                    height
+                } else {
+                    0.0
+                }
+            }),
+            4 => {
+                pixels.for_each(|(light, i)| *light += (i - place) * (f64::from(a) - 128.0) / 25.0)
+            }
+            5 => pixels.for_each(|(light, i)| *light += height * (i * f64::from(a) / 64.0).sin()),
+            6 => {
+                if let Some(light) = self.light.get_mut(usize::from(b)) {
+                    *light = height;
+                }
+            }
+            7 => {
+                let by = usize::from(b) % self.light.len().max(1);
+                self.light.rotate_right(by);
+            }
+            8 => {
+                let keep = usize::from(b).min(self.light.len());
+                self.light[..keep].reverse();
+            }
+            9 => self.set(a, [b, c, d]),
+            10 => self.silence(),
+            11 => self.read(usize::from(c % 5000), a, [b, 0, 0]),
+            // A row with noise of a tenth of `b` counts, seeded, with some bits of its words stuck.
+            _ => {
+                for row in 0..=a % 16 {
+                    self.read(self.geometry.words, a ^ row, [b, c, d]);
+                }
+            }
+        }
+    }
+
+    fn set(&mut self, a: u8, [b, c, d]: [u16; 3]) {
+        let rungs = Estimator::ALL;
+        self.settings = Settings {
+            rows: if b & 0x8000 != 0 { b } else { b % 20 },
+            mean: if a & 1 == 0 {
+                Mean::Weighted
+            } else {
+                Mean::Plain
+            },
+            estimator: rungs[usize::from(c) % rungs.len()],
+            black_level: match a >> 1 & 3 {
+                0 => BlackLevel::Shielded,
+                1 => BlackLevel::Frame,
+                _ => BlackLevel::Fixed(Counts::from_int(i32::from(d))),
+            },
+            calibration: if a & 0x80 != 0 {
+                Calibration::nominal()
+            } else {
+                None
+            },
+        };
+        self.measurement.set(self.settings.clone());
+        self.rows = 0;
+    }
+
+    fn silence(&mut self) {
+        assert_eq!(self.measurement.silence(), Fault::SensorSilent);
+        self.rows = 0;
+    }
+
+    /// Hands a row of so many words over.
+    fn read(&mut self, words: usize, seed: u8, [noise, c, stuck]: [u16; 3]) {
+        if self.left == 0 {
+            return;
+        }
+        self.left -= 1;
+        let noise = f64::from(noise % 2048) / 10.0;
+        let mut random = u64::from(seed) << 16 | u64::from(c);
+        let mut next = || {
+            random = random
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (random >> 40) as f64 / (1 << 24) as f64 - 0.5
+        };
+        let full_scale = self.geometry.full_scale();
+        let (zero, one) = (
+            self.stuck_bit(stuck as u8),
+            self.stuck_bit((stuck >> 8) as u8),
+        );
+        let mut row: Vec<u16> = (0..words)
+            .map(|i| {
+                let light = i
+                    .checked_sub(self.geometry.light.start)
+                    .and_then(|i| self.light.get(i));
+                // `as` saturates.
+                let count = (light.unwrap_or(&300.0) + noise * 3.46 * next() + 0.5) as u16;
+                let count = count.min(full_scale);
+                let word = match self.geometry.polarity {
+                    Polarity::Rising => count,
+                    Polarity::Falling => full_scale - count,
+                };
+                word & !zero | one
+            })
+            .collect();
+        self.rows += 1;
+        let result = self.measurement.row(&mut row);
+        let due = self.rows >= self.settings.rows.clamp(1, MAX_ROWS as u16);
+        assert_eq!(result.is_some(), due, "after {} rows", self.rows);
+        if let Some(result) = result {
+            self.rows = 0;
+            match result {
+                Ok(reading) => self.check(&reading),
+                Err(fault) => self.check_fault(fault),
+            }
+        }
+    }
+
+    /// Only some values mean a bit.
+    fn stuck_bit(&self, which: u8) -> u16 {
+        if which & 0xF0 == 0xF0 {
+            1 << (which & 0xF)
+        } else {
+            0
+        }
+    }
+
+    fn check(&self, reading: &Reading) {
+        let said = format!("{reading}");
+        assert!(said.starts_with("d ") && said.is_ascii(), "{said}");
+        let calibration = self
+            .settings
+            .calibration
+            .as_ref()
+            .expect("a distance without calibration");
+        self.check_centre(reading.centre, reading.centre_uncertainty);
+        let Calibration::Eq1(curve) = calibration;
+        let (first, last) = curve.valid();
+        let at = |centre| curve.distance_at(centre).expect("an end of the range").0;
+        let range = at(first).min(at(last))..=at(first).max(at(last));
+        assert!(range.contains(&reading.distance), "{said}");
+        assert!(
+            reading.uncertainty >= Micrometres::from_int(0),
+            "{reading:?}"
+        );
+        assert!(reading.width > Pixels::from_int(0), "{reading:?}");
+        assert!(reading.amplitude > Counts::from_int(0), "{reading:?}");
+        assert!(
+            reading.rows == self.settings.rows.clamp(1, MAX_ROWS as u16),
+            "{reading:?}"
+        );
+        assert!(
+            2 * reading.rows_used > reading.rows && reading.rows_used <= reading.rows,
+            "{reading:?}"
+        );
+        assert!(reading.misfits <= reading.rows_used, "{reading:?}");
+        assert!(
+            reading
+                .correlated
+                .is_none_or(|worth| (1..FEWEST_INDEPENDENT).contains(&worth)),
+            "{reading:?}"
+        );
+        assert_eq!(reading.estimator, self.settings.estimator);
+    }
+
+    /// It is on the row, and not certain beyond its resolution.
+    fn check_centre(&self, centre: Pixels, uncertainty: Pixels) {
+        let pixels = self.geometry.light.len() as f64;
+        let place = centre.to_f64();
+        assert!(
+            place >= -0.5 && place <= pixels - 0.5,
+            "{centre} of {pixels}"
+        );
+        assert!(uncertainty > Pixels::from_int(0), "{centre}: {uncertainty}");
+    }
+
+    fn check_fault(&self, fault: Fault) {
+        let said = format!("{fault} {}", fault.advice());
+        assert!(said.starts_with("f ") && said.is_ascii(), "{said}");
+        match fault {
+            Fault::NotCalibrated {
+                centre,
+                uncertainty,
+            } => {
+                assert!(self.settings.calibration.is_none());
+                self.check_centre(centre, uncertainty);
+            }
+            Fault::OutOfRange { centre } => self.check_centre(centre, Pixels::MAX),
+            Fault::Saturated { pixels } => assert!(pixels > 0),
+            Fault::Unsteady { scatter } => assert!(scatter > Pixels::from_int(0)),
+            Fault::TwoSpots { centre, other } => assert_ne!(centre, other),
+            Fault::SensorSilent
+            | Fault::NoSpot { .. }
+            | Fault::TooDim { .. }
+            | Fault::SpotAtEdge { .. } => {}
+        }
+    }
+}

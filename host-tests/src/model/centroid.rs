@@ -1,0 +1,41 @@
+//! [`slitrange::estimator::centroid`] in f64: eq. (2) over a window that moves with the centroid.
+
+use slitrange::estimator::half_width;
+use slitrange::spot::Spot;
+
+/// The centroid of a spot that the core's coarse search found, above the level that it found. `None` where the window reaches over
+/// the sensor's edge or does not come to rest.
+pub fn centre(light: &[u16], spot: &Spot) -> Option<f64> {
+    let width = half_width::width(light, spot, None).ok()?;
+    let half_window = 3.0 * f64::from(width);
+    let level = spot.background.level.to_f64();
+    let mut at = spot.centre as f64;
+    for _ in 0..6 {
+        let (first, last) = (
+            (at - half_window - 0.5).ceil(),
+            (at + half_window + 0.5).floor(),
+        );
+        if first < 0.0 || last > light.len() as f64 - 1.0 {
+            return None;
+        }
+        let (mut gathered, mut moment) = (0.0, 0.0);
+        for (i, &count) in light
+            .iter()
+            .enumerate()
+            .take(last as usize + 1)
+            .skip(first as usize)
+        {
+            // The window's ends cover part of a pixel.
+            let weight = (half_window + 0.5 - (i as f64 - at).abs()).clamp(0.0, 1.0);
+            let above = weight * (f64::from(count) - level);
+            gathered += above;
+            moment += above * (i as f64 - at);
+        }
+        let step = (moment / gathered).clamp(-half_window, half_window);
+        at += step;
+        if step.abs() <= 1.0 / 256.0 {
+            return Some(at);
+        }
+    }
+    None
+}

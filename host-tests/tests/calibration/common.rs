@@ -1,0 +1,148 @@
+//! Knots of every kind, and what every calibration promises.
+
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use slitrange::calibration::Calibration;
+use slitrange::calibration::knots::{CLOSEST, Interpolation, Knot, Knots};
+use slitrange::reading::Fault;
+use slitrange::units::{Micrometres, Pixels};
+
+/// A step of Q24.8, in micrometres.
+pub const STEP: f64 = 1.0 / 256.0;
+
+pub fn knot(centre: i32, value: i32) -> Knot {
+    Knot {
+        centre: Pixels::from_int(centre),
+        value: Micrometres::from_int(value),
+    }
+}
+/// Thousands of cases, the same in every run.
+pub fn cases(cases: u32) -> ProptestConfig {
+    ProptestConfig {
+        cases,
+        rng_seed: RngSeed::Fixed(6),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}
+
+/// Spacing in steps of Q16.16 and rise in steps of Q24.8 from knot to knot: of every size.
+pub fn steps() -> impl Strategy<Value = Vec<(u32, i64)>> {
+    let size =
+        |bits: std::ops::Range<u32>| (bits, any::<u32>()).prop_map(|(bits, x)| x >> (32 - bits));
+    let any_size = prop::collection::vec((size(1..32), size(1..30).prop_map(i64::from)), 1..40);
+    let like_a_sensor = prop::collection::vec((1u32 << 16..1 << 22, 1i64 << 14..1 << 20), 1..140);
+    prop_oneof![any_size, like_a_sensor]
+}
+
+/// Knots that begin anywhere, with `rise` made of a step's length and rise; they end where a number does.
+pub fn chain(start: (i32, i32), steps: &[(u32, i64)], rise: impl Fn(u32, i64) -> i64) -> Vec<Knot> {
+    let (mut centre, mut value) = (i64::from(start.0), i64::from(start.1));
+    let mut knots = Vec::new();
+    let mut steps = steps.iter();
+    while let (Ok(x), Ok(y)) = (i32::try_from(centre), i32::try_from(value)) {
+        knots.push(Knot {
+            centre: Pixels::from_bits(x),
+            value: Micrometres::from_bits(y),
+        });
+        let Some(&(length, step)) = steps.next() else {
+            break;
+        };
+        let length = length.saturating_add(CLOSEST.to_bits() as u32);
+        centre += i64::from(length);
+        value += rise(length, step);
+    }
+    knots
+}
+
+pub fn interpolations() -> impl Strategy<Value = Interpolation> {
+    prop_oneof![Just(Interpolation::Linear), Just(Interpolation::Cubic)]
+}
+
+/// Knots that are a table, most of them.
+pub fn monotone_knots() -> impl Strategy<Value = Vec<Knot>> {
+    (any::<(i32, i32)>(), any::<bool>(), any::<bool>(), steps()).prop_map(
+        |((x, y), falls, low, steps)| {
+            // From the lower end of the range, so that there is room for many knots, or from anywhere.
+            let x = if low { i32::MIN + (x & 0xffff) } else { x };
+            chain((x, y), &steps, |length, step| {
+                let step = step.max(i64::from(length.div_ceil(1 << 12)));
+                if falls { -step } else { step }
+            })
+        },
+    )
+}
+
+/// Places over a range: both ends, anywhere, and neighbours of each.
+pub fn places(range: (Pixels, Pixels), at: &[f64]) -> Vec<Pixels> {
+    let (from, to) = (i64::from(range.0.to_bits()), i64::from(range.1.to_bits()));
+    let mut places: Vec<i64> = at
+        .iter()
+        .map(|part| from + (part * (to - from) as f64) as i64)
+        .chain([from, to])
+        .flat_map(|bits| bits - 2..=bits + 2)
+        .filter(|bits| (from..=to).contains(bits))
+        .collect();
+    places.sort_unstable();
+    places.dedup();
+    places
+        .into_iter()
+        .map(|bits| Pixels::from_bits(bits as i32))
+        .collect()
+}
+
+/// The largest rise from knot to knot, in micrometres.
+pub fn largest_rise(knots: &Knots) -> f64 {
+    let values: Vec<f64> = knots.iter().map(|knot| knot.value.to_f64()).collect();
+    values
+        .windows(2)
+        .map(|pair| (pair[1] - pair[0]).abs())
+        .fold(0.0, f64::max)
+}
+
+/// What holds for every calibration: distances of its range in order but for `slack` micrometres, slopes that go their way, and
+/// no distance outside.
+pub fn holds_what_it_promises(
+    calibration: &Calibration,
+    at: &[f64],
+    slack: f64,
+) -> Result<(), TestCaseError> {
+    let valid = calibration.valid();
+    let distances = calibration.distances().expect("its own range");
+    let (first, _) = calibration.distance_at(valid.0).expect("in range");
+    let (last, _) = calibration.distance_at(valid.1).expect("in range");
+    prop_assert_eq!(first.min(last), *distances.start());
+    prop_assert_eq!(first.max(last), *distances.end());
+    let sign = if last < first { -1.0 } else { 1.0 };
+    let mut before = first;
+    for centre in places(valid, at) {
+        let (distance, slope) = calibration.distance_at(centre).expect("in range");
+        let onward = sign * (distance.to_f64() - before.to_f64());
+        prop_assert!(onward >= -slack, "back by {} um at {centre}", -onward);
+        let outside = (distances.start().to_f64() - distance.to_f64())
+            .max(distance.to_f64() - distances.end().to_f64());
+        prop_assert!(outside <= slack, "{distance} at {centre}");
+        prop_assert!(
+            slope.is_finite() && sign * f64::from(slope) >= 0.0,
+            "{slope} at {centre}"
+        );
+        before = distance;
+    }
+    for outside in [
+        valid.0.to_bits().checked_sub(1),
+        valid.1.to_bits().checked_add(1),
+        Some(i32::MIN),
+        Some(i32::MAX),
+    ] {
+        let Some(centre) = outside.map(Pixels::from_bits) else {
+            continue;
+        };
+        if centre < valid.0 || centre > valid.1 {
+            prop_assert_eq!(
+                calibration.distance_at(centre),
+                Err(Fault::OutOfRange { centre })
+            );
+        }
+    }
+    Ok(())
+}

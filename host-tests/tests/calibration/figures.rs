@@ -1,0 +1,129 @@
+//! How exact calibrations are over the paper's geometry.
+
+use host_tests::optics::Optics;
+use host_tests::paper::apparatus::{Aperture, TABLE, optics};
+use slitrange::calibration::Calibration;
+use slitrange::calibration::knots::{Interpolation, Knot};
+use slitrange::calibration::residuals::Corrected;
+use slitrange::calibration::table::Table;
+use slitrange::triangulation::Eq1;
+use slitrange::units::{Micrometres, Pixels};
+
+use crate::common::STEP;
+use crate::reference::pchip;
+
+/// Knots at even distances over a range of centres, with a value in micrometres.
+fn even_knots(count: usize, range: (f64, f64), value: impl Fn(f64) -> f64) -> Vec<Knot> {
+    (0..count)
+        .map(|i| {
+            let centre = range.0 + (range.1 - range.0) * i as f64 / (count - 1) as f64;
+            let centre = Pixels::from_bits((centre * 65536.0).round() as i32);
+            Knot {
+                centre,
+                value: Micrometres::from_bits((value(centre.to_f64()) * 256.0).round() as i32),
+            }
+        })
+        .collect()
+}
+
+/// The paper's range as centres: the first is that of the longest distance.
+fn paper_range(optics: &Optics) -> (f64, f64) {
+    (optics.centre(TABLE.1), optics.centre(TABLE.0))
+}
+
+/// The largest difference in micrometres over a calibration's range, at 100,000 places.
+fn worst(calibration: &Calibration, truth: impl Fn(f64) -> f64) -> f64 {
+    let (first, last) = calibration.valid();
+    let step = (last.to_bits() - first.to_bits()) as usize / 100_000;
+    (first.to_bits()..=last.to_bits())
+        .step_by(step)
+        .map(|bits| {
+            let centre = Pixels::from_bits(bits);
+            let (distance, _) = calibration.distance_at(centre).expect("in range");
+            (distance.to_f64() - truth(centre.to_f64())).abs()
+        })
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn tables_of_the_papers_geometry_are_as_good_as_they_can_be() {
+    let optics = optics(Aperture::Slit);
+    let truth = |centre: f64| optics.distance(centre) * 1e6;
+    let range = paper_range(&optics);
+    println!("centres {range:.1?}");
+    // In f64 the same tables are off by 2.0, 0.032, 93 and 1.5 um: those bounds leave room for no more than the integers' 0.02 um
+    // and the last digit.
+    for (interpolation, count, bound) in [
+        (Interpolation::Cubic, 33, 2.1),
+        (Interpolation::Cubic, 129, 0.05),
+        (Interpolation::Linear, 33, 94.0),
+        (Interpolation::Linear, 257, 1.6),
+    ] {
+        let knots = even_knots(count, range, truth);
+        let table = Table::new(interpolation, &knots).expect("a table");
+        let worst = worst(&Calibration::Table(table), truth);
+        println!("{count} knots, {interpolation:?}: at most {worst:.4} um");
+        assert!(worst <= bound, "{worst} um with {count} knots");
+    }
+}
+
+#[test]
+fn residuals_take_a_lens_out() {
+    let optics = optics(Aperture::Slit);
+    let range = paper_range(&optics);
+    let middle = 0.5 * (range.0 + range.1);
+    let half = 0.5 * (range.1 - range.0);
+    // A third-order distortion of up to 300 um, less what eq. (1) takes of it: a cubic with turns at a half of the range.
+    let residual = |centre: f64| {
+        let z = (centre - middle) / half;
+        300.0 * (4.0 * z * z * z - 3.0 * z)
+    };
+    let d = -optics.baseline / optics.angle.tan() * 1e6;
+    let pole = optics.axis - optics.focal_length / optics.angle.tan() / optics.pitch;
+    let k = (optics.distance(middle) * 1e6 - d) * (middle - pole);
+    let curve = Eq1::new(
+        Micrometres::from_bits((d * 256.0).round() as i32),
+        (k * 65536.0).round() as i64,
+        Pixels::from_bits((pole * 65536.0).round() as i32),
+        Pixels::from_int(range.0 as i32)..=Pixels::from_int(range.1 as i32 + 1),
+    )
+    .expect("a curve");
+    let truth = |centre: f64| optics.distance(centre) * 1e6 + residual(centre);
+    println!("without them off by 300 um");
+    // A straight line over an interval of 2/32 of the half range: 300 * 24 z * (2/32)^2 / 8 = 3.5 um at z = 1; a PCHIP is at its
+    // worst next to a turn, whose slope of zero it puts at a knot.
+    for (interpolation, count, bound) in [
+        (Interpolation::Cubic, 33, 1.0),
+        (Interpolation::Linear, 33, 3.6),
+        (Interpolation::Linear, 257, 0.08),
+    ] {
+        let knots = even_knots(count, range, residual);
+        let corrected = Corrected::new(curve.clone(), interpolation, &knots).expect("usable");
+        let worst = worst(&Calibration::Corrected(corrected), truth);
+        println!("{count} knots, {interpolation:?}: at most {worst:.4} um");
+        assert!(worst <= bound, "{worst} um with {count} knots");
+    }
+}
+
+#[test]
+fn over_the_papers_geometry_a_cubic_is_the_usual_pchip() {
+    let optics = optics(Aperture::Slit);
+    let truth = |centre: f64| optics.distance(centre) * 1e6;
+    for count in [3, 5, 9, 33, 129] {
+        let knots = even_knots(count, paper_range(&optics), truth);
+        let table = Table::new(Interpolation::Cubic, &knots).expect("a table");
+        let exact: Vec<(f64, f64)> = knots
+            .iter()
+            .map(|k| (k.centre.to_f64(), k.value.to_f64()))
+            .collect();
+        let difference = worst(&Calibration::Table(table), |centre| {
+            pchip(&exact, centre, 0.0, 3.0)
+        });
+        println!("{count} knots: at most {difference:.4} um from PCHIP in f64");
+        let rise = (TABLE.1 - TABLE.0) * 1e6 / (count - 1) as f64 * 2.0;
+        assert!(
+            difference <= 3.0 * STEP + rise / 2f64.powi(22),
+            "{difference}"
+        );
+    }
+}

@@ -1,0 +1,230 @@
+//! What is no calibration is refused, with what is wrong with it.
+
+use proptest::prelude::*;
+use slitrange::calibration::knots::{
+    CLOSEST, Interpolation, Knot, KnotsError, MAX_CUBIC, MAX_LINEAR,
+};
+use slitrange::calibration::residuals::{Corrected, CorrectedError};
+use slitrange::calibration::table::{Table, TableError};
+use slitrange::triangulation::NOMINAL;
+use slitrange::units::{Micrometres, Pixels};
+
+use crate::common::{cases, interpolations, knot};
+
+#[test]
+fn what_is_no_table_is_refused_with_the_knot_that_is_wrong() {
+    use Interpolation::{Cubic, Linear};
+    let wrong = |interpolation, knots: &[Knot]| Table::new(interpolation, knots).err();
+    let good = [knot(0, 900_000), knot(10, 890_000), knot(2000, 500_000)];
+    for interpolation in [Linear, Cubic] {
+        assert_eq!(wrong(interpolation, &good), None);
+        for count in [0, 1] {
+            assert_eq!(
+                wrong(interpolation, &good[..count]),
+                Some(TableError::Knots(KnotsError::TooFew { knots: count }))
+            );
+        }
+        let unsorted = [good[1], good[0], good[2]];
+        let order = |index, centre| Some(TableError::Knots(KnotsError::Order { index, centre }));
+        assert_eq!(
+            wrong(interpolation, &unsorted),
+            order(1, Pixels::from_int(0))
+        );
+        let equal = [good[0], good[1], good[1]];
+        assert_eq!(wrong(interpolation, &equal), order(2, Pixels::from_int(10)));
+        let close = |bits| {
+            let centre = Pixels::from_bits(CLOSEST.to_bits() + bits);
+            let values = [knot(0, 900_000), Knot { centre, ..good[1] }];
+            wrong(interpolation, &values)
+        };
+        assert_eq!(
+            close(-1),
+            order(1, Pixels::from_bits(CLOSEST.to_bits() - 1))
+        );
+        assert_eq!(close(0), None);
+
+        let not_monotone = |index, distance| Some(TableError::NotMonotone { index, distance });
+        let back = [good[0], good[1], knot(20, 890_100), good[2]];
+        assert_eq!(
+            wrong(interpolation, &back),
+            not_monotone(2, Micrometres::from_int(890_100))
+        );
+        let level = [good[0], good[1], knot(20, 890_000), good[2]];
+        assert_eq!(
+            wrong(interpolation, &level),
+            not_monotone(2, Micrometres::from_int(890_000))
+        );
+        let all_level = [knot(0, 5), knot(1, 5)];
+        assert_eq!(
+            wrong(interpolation, &all_level),
+            not_monotone(1, Micrometres::from_int(5))
+        );
+        // A sixteenth of a micrometre a pixel is just enough.
+        assert_eq!(wrong(interpolation, &[knot(0, 0), knot(160, 10)]), None);
+        assert_eq!(wrong(interpolation, &[knot(0, 0), knot(160, -10)]), None);
+        assert_eq!(
+            wrong(interpolation, &[knot(0, 0), knot(161, 10)]),
+            not_monotone(1, Micrometres::from_int(10))
+        );
+
+        // 2^22 um, and a step less, over all the centres that there are.
+        let far = |value| {
+            let ends = [
+                (Pixels::MIN, Micrometres::from_int(0)),
+                (Pixels::MAX, value),
+            ];
+            let knots = ends.map(|(centre, value)| Knot { centre, value });
+            wrong(interpolation, &knots)
+        };
+        let value = Micrometres::from_int(1 << 22);
+        assert_eq!(
+            far(value),
+            Some(TableError::Knots(KnotsError::Step { index: 1, value }))
+        );
+        assert_eq!(far(Micrometres::from_bits(value.to_bits() - 1)), None);
+    }
+    for (interpolation, most) in [(Linear, MAX_LINEAR), (Cubic, MAX_CUBIC)] {
+        let knots: Vec<Knot> = (0..=most as i32).map(|i| knot(i, -i)).collect();
+        assert_eq!(wrong(interpolation, &knots[..most]), None);
+        assert_eq!(
+            wrong(interpolation, &knots),
+            Some(TableError::Knots(KnotsError::TooMany {
+                knots: most + 1,
+                most
+            }))
+        );
+    }
+}
+
+#[test]
+fn residuals_that_do_not_go_with_the_curve_are_refused() {
+    let nominal = NOMINAL.expect("a curve");
+    let wrong =
+        |knots: &[Knot]| Corrected::new(nominal.clone(), Interpolation::Linear, knots).err();
+    assert_eq!(wrong(&[knot(1191, 50), knot(2654, -50)]), None);
+    assert_eq!(
+        wrong(&[knot(1191, 50)]),
+        Some(CorrectedError::Knots(KnotsError::TooFew { knots: 1 }))
+    );
+    assert_eq!(
+        wrong(&[knot(1190, 50), knot(2654, -50)]),
+        Some(CorrectedError::Beyond {
+            index: 0,
+            centre: Pixels::from_int(1190)
+        })
+    );
+    assert_eq!(
+        wrong(&[knot(1191, 50), knot(2654, -50), knot(2655, 0)]),
+        Some(CorrectedError::Beyond {
+            index: 2,
+            centre: Pixels::from_int(2655)
+        })
+    );
+    // At pixel 2600 the curve falls by about 245 um a pixel.
+    let (_, slope) = nominal
+        .distance_at(Pixels::from_int(2601))
+        .expect("in range");
+    let half = (-0.5 * slope) as i32;
+    println!("slope {slope} um a pixel");
+    for sign in [1, -1] {
+        let knots = |rise: i32| [knot(1300, 0), knot(2600, 0), knot(2601, sign * rise)];
+        assert_eq!(wrong(&knots(half)), None);
+        assert_eq!(
+            wrong(&knots(half + 1)),
+            Some(CorrectedError::Steep {
+                index: 2,
+                centre: Pixels::from_int(2601)
+            })
+        );
+    }
+    assert_eq!(
+        wrong(&[knot(1191, 8_000_000), knot(2654, 8_000_000)]),
+        Some(CorrectedError::Distance {
+            centre: Pixels::from_int(1191)
+        })
+    );
+}
+
+#[test]
+fn errors_say_what_is_wrong_and_what_to_do() {
+    let mut text = String::new();
+    for error in [
+        TableError::Knots(KnotsError::TooFew { knots: 1 }),
+        TableError::Knots(KnotsError::TooMany {
+            knots: 300,
+            most: 257,
+        }),
+        TableError::Knots(KnotsError::Order {
+            index: 7,
+            centre: Pixels::from_f32(12.5),
+        }),
+        TableError::Knots(KnotsError::Step {
+            index: 7,
+            value: Micrometres::MIN,
+        }),
+        TableError::NotMonotone {
+            index: 7,
+            distance: Micrometres::from_int(900_000),
+        },
+    ] {
+        text += &format!("{error}\n");
+    }
+    for error in [
+        CorrectedError::Beyond {
+            index: 7,
+            centre: Pixels::from_f32(12.5),
+        },
+        CorrectedError::Steep {
+            index: 7,
+            centre: Pixels::from_f32(12.5),
+        },
+        CorrectedError::Distance {
+            centre: Pixels::from_f32(12.5),
+        },
+    ] {
+        text += &format!("{error}\n");
+    }
+    insta::assert_snapshot!(text);
+}
+
+proptest! {
+    #![proptest_config(cases(4000))]
+
+    /// What is refused was refused for the reason that it gives; nothing stops the constructor.
+    #[test]
+    fn any_knots_are_a_table_or_an_error(
+        knots in prop::collection::vec(any::<(i32, i32)>(), 0..6),
+        interpolation in interpolations(),
+    ) {
+        let knots: Vec<Knot> = knots
+            .iter()
+            .map(|&(x, y)| Knot { centre: Pixels::from_bits(x), value: Micrometres::from_bits(y) })
+            .collect();
+        let sorted = knots.windows(2).all(|k| k[0].centre < k[1].centre);
+        let rises = knots.windows(2).all(|k| k[0].value < k[1].value);
+        let falls = knots.windows(2).all(|k| k[0].value > k[1].value);
+        match Table::new(interpolation, &knots) {
+            Ok(_) => prop_assert!(knots.len() >= 2 && sorted && (rises || falls)),
+            Err(TableError::Knots(KnotsError::TooFew { .. })) => prop_assert!(knots.len() < 2),
+            Err(TableError::Knots(KnotsError::TooMany { .. })) => prop_assert!(false),
+            Err(TableError::Knots(KnotsError::Order { index, centre })) => {
+                prop_assert_eq!(knots[index].centre, centre);
+                prop_assert!(centre.to_f64() < knots[index - 1].centre.to_f64() + CLOSEST.to_f64());
+            }
+            Err(TableError::Knots(KnotsError::Step { index, value })) => {
+                prop_assert_eq!(knots[index].value, value);
+                let step = value.to_f64() - knots[index - 1].value.to_f64();
+                prop_assert!(step.abs() >= 2f64.powi(22));
+            }
+            Err(TableError::NotMonotone { index, distance }) => {
+                prop_assert_eq!(knots[index].value, distance);
+                let before = knots[index - 1];
+                let rise = distance.to_f64() - before.value.to_f64();
+                let length = knots[index].centre.to_f64() - before.centre.to_f64();
+                let flat = rise.abs() < length / 16.0;
+                let falls = knots[knots.len() - 1].value < knots[0].value;
+                prop_assert!(flat || (rise < 0.0) != falls);
+            }
+        }
+    }
+}

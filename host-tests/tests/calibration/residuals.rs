@@ -1,0 +1,128 @@
+//! What holds for every eq. (1) with residuals.
+
+use proptest::prelude::*;
+use slitrange::calibration::Calibration;
+use slitrange::calibration::knots::{Interpolation, Knot};
+use slitrange::calibration::residuals::{Corrected, CorrectedError};
+use slitrange::triangulation::{Eq1, NOMINAL};
+use slitrange::units::{Micrometres, Pixels};
+
+use crate::common::{
+    STEP, cases, chain, holds_what_it_promises, interpolations, knot, largest_rise, places,
+};
+
+/// Every centre of some intervals, one by one: how far the two roundings take the distance back.
+#[test]
+fn no_more_than_the_stated_steps_go_back() {
+    let curve = NOMINAL.expect("a curve");
+    let (first, last) = (2600, 2620);
+    // As steep against the curve as may be, and level.
+    let rises = [0, 100, 100, 0, -100, -100];
+    let mut value = 0;
+    let knots: Vec<Knot> = (first..=last)
+        .map(|centre| {
+            value += rises[(centre - first) as usize % rises.len()];
+            knot(centre, value)
+        })
+        .collect();
+    let mut most = 0;
+    for interpolation in [Interpolation::Linear, Interpolation::Cubic] {
+        let knots: Vec<Knot> = match interpolation {
+            Interpolation::Linear => knots.clone(),
+            // Half as steep again as its secants.
+            Interpolation::Cubic => knots
+                .iter()
+                .map(|knot| Knot {
+                    value: Micrometres::from_bits(knot.value.to_bits() / 2),
+                    ..*knot
+                })
+                .collect(),
+        };
+        let corrected = Corrected::new(curve.clone(), interpolation, &knots).expect("usable");
+        let distance = |bits| {
+            let (distance, _) = corrected
+                .distance_at(Pixels::from_bits(bits))
+                .expect("in range");
+            distance.to_bits()
+        };
+        let mut least = distance(first << 16);
+        for bits in first << 16..=last << 16 {
+            let now = distance(bits);
+            most = most.max(now - least);
+            least = least.min(now);
+        }
+    }
+    println!("at most {most} steps back");
+    assert!((1..=4).contains(&most), "{most}");
+}
+
+proptest! {
+    #![proptest_config(cases(4000))]
+
+    /// Eq. (1) with residuals that it takes is monotone but for what its rounding is stated to be.
+    #[test]
+    fn every_corrected_curve_is_monotone(
+        ends in (1191..1900i32, 1901..=2654i32),
+        share in prop::collection::vec(-1.0..1.0f64, 1..60),
+        steepness in prop_oneof![0.0..0.5f64, Just(0.499)],
+        interpolation in interpolations(),
+        at in prop::collection::vec(0.0..1.0f64, 1..30),
+    ) {
+        let curve = NOMINAL.expect("a curve");
+        // Each residual departs from the one before by a share of the curve's least slope over the interval.
+        let length = ((ends.1 - ends.0) << 16) / share.len() as i32;
+        let mut value = 0.0;
+        let mut knots = vec![knot(ends.0, 0)];
+        for (i, share) in (1..).zip(&share) {
+            let centre = Pixels::from_bits((ends.0 << 16) + i * length);
+            let (_, slope) = curve.distance_at(centre).expect("in range");
+            value += share * steepness * f64::from(slope) * f64::from(length) / 65536.0;
+            knots.push(Knot { centre, value: Micrometres::from_bits((value * 256.0) as i32) });
+        }
+        match Corrected::new(curve.clone(), interpolation, &knots) {
+            Ok(corrected) => {
+                let slack = 4.0 * STEP + largest_rise(corrected.residuals()) / 2f64.powi(22);
+                holds_what_it_promises(&Calibration::Corrected(corrected.clone()), &at, slack)?;
+                for centre in places(corrected.valid(), &at) {
+                    let (distance, slope) = corrected.distance_at(centre).expect("in range");
+                    let (plain, of_curve) = curve.distance_at(centre).expect("in range");
+                    let (residual, change) = corrected.residuals().at(centre).expect("in range");
+                    prop_assert_eq!(distance.to_bits(), plain.to_bits() + residual.to_bits());
+                    let most = 0.5 * of_curve.abs();
+                    prop_assert_eq!(slope, of_curve + change.clamp(-most, most));
+                    // Where that held anything back it was the tangent's rounding: three steps over a third of the interval.
+                    let rounding = 9.0 * STEP as f32 / (length as f32 / 65536.0);
+                    prop_assert!(change.abs() <= most * 1.0001 + rounding, "{change} of {of_curve}");
+                }
+            }
+            // A cubic may be half as steep again as its secants.
+            Err(CorrectedError::Steep { .. }) => {
+                prop_assert!(interpolation == Interpolation::Cubic && steepness > 0.16, "{steepness}");
+            }
+            Err(error) => prop_assert!(false, "{error}"),
+        }
+    }
+
+    /// Any eq. (1) with any residuals: usable or refused.
+    #[test]
+    fn any_residuals_are_usable_or_refused(
+        d in any::<i32>(),
+        k in (any::<i64>(), 8..40u32).prop_map(|(k, shift)| k >> shift),
+        pole in any::<i32>(),
+        start in any::<i32>(),
+        steps in prop::collection::vec((0..1u32 << 26, -(1i64 << 24)..1 << 24), 1..8),
+        shift in 0..24u32,
+        interpolation in interpolations(),
+        at in prop::collection::vec(0.0..1.0f64, 1..20),
+    ) {
+        let knots = chain((start, 0), &steps, |_, rise| rise >> shift);
+        let valid = knots[0].centre..=knots[knots.len() - 1].centre;
+        let Ok(curve) = Eq1::new(Micrometres::from_bits(d), k, Pixels::from_bits(pole), valid) else {
+            return Ok(());
+        };
+        if let Ok(corrected) = Corrected::new(curve, interpolation, &knots) {
+            let slack = 4.0 * STEP + largest_rise(corrected.residuals()) / 2f64.powi(22);
+            holds_what_it_promises(&Calibration::Corrected(corrected), &at, slack)?;
+        }
+    }
+}

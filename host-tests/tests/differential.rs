@@ -1,0 +1,388 @@
+//! The core against other ways to compute the same: its fixed-point rungs against models of them in f64, and its least-squares fit
+//! against a reference.
+
+use host_tests::accuracy::{Cell, PIXELS};
+use host_tests::bound;
+use host_tests::least_squares::{Gaussian, fit_weighted};
+use host_tests::model;
+use host_tests::model::phase_table::{Found, Weights};
+use host_tests::scene::quantise;
+use phase_tables::{DEFAULT, Profile, gaussian, slit};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use slitrange::estimator::tables::{self, Sampling};
+use slitrange::estimator::{self, Estimator, RowCentre, half_width};
+use slitrange::row::{Geometry, Row};
+use slitrange::spot::{self, Spot};
+use slitrange::triangulation::{Eq1, NOMINAL};
+use slitrange::units::Pixels;
+
+/// Steps of a centre in a pixel.
+const STEPS: f64 = 65536.0;
+
+/// A row with a spot of any width, height and noise.
+struct Drawn {
+    cell: Cell,
+    geometry: Geometry,
+    light: Vec<u16>,
+    spot: Spot,
+}
+
+fn logarithmic(random: &mut ChaCha8Rng, least: f64, most: f64) -> f64 {
+    random.random_range(least.ln()..most.ln()).exp()
+}
+
+/// The `number`-th of the rows of a seed, where the search finds its spot.
+fn drawn(seed: u64, number: u64) -> Option<Drawn> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    random.set_stream(number);
+    let cell = Cell {
+        width: logarithmic(&mut random, 0.8, 100.0),
+        amplitude: logarithmic(&mut random, 50.0, 3500.0),
+        read_noise: logarithmic(&mut random, 0.5, 20.0),
+        electrons_per_count: random
+            .random_bool(0.5)
+            .then(|| random.random_range(2.0..20.0)),
+        rows: 0,
+        seed,
+    };
+    let scene = cell.scene_of(PIXELS);
+    let truth = cell.true_centre(number);
+    let light = quantise(&scene.row_with_centre(number, truth, 1.0), 4095);
+    let spot = spot::find(&Row::new(&light, &[], 4095).ok()?).ok()?;
+    Some(Drawn {
+        cell,
+        geometry: scene.geometry(),
+        light,
+        spot,
+    })
+}
+
+impl Drawn {
+    fn centre(&self, rung: Estimator) -> Option<RowCentre> {
+        let row = Row::new(&self.light, &[], 4095).ok()?;
+        estimator::centre(rung, &row, &self.spot, None, &self.geometry).ok()
+    }
+}
+
+/// What a rung and its model say of the same row.
+struct Pair {
+    found: RowCentre,
+    noise: f64,
+    model: Found,
+    /// The rung's centre less the model's, in steps of 2^-16 pixel.
+    steps: f64,
+}
+
+/// Rows that are drawn: of every width, height and noise.
+const ROWS: u64 = 21_000;
+
+/// Every row for which the rung finds a centre, with the model's. It finds one too.
+fn pairs(rung: Estimator, weights: &[Weights], sampling: Sampling) -> Vec<Pair> {
+    (0..ROWS)
+        .into_par_iter()
+        .filter_map(|number| {
+            let drawn = drawn(3, number)?;
+            let found = drawn.centre(rung)?;
+            let model = model::phase_table::centre(&drawn.light, &drawn.spot, weights, sampling);
+            let model = model
+                .unwrap_or_else(|| panic!("{:?}: {found:?}, and none by the model", drawn.cell));
+            let steps = f64::from(found.centre.to_bits()) - model.centre * STEPS;
+            Some(Pair {
+                found,
+                noise: drawn.spot.background.noise.to_f64(),
+                model,
+                steps,
+            })
+        })
+        .collect()
+}
+
+impl Pair {
+    /// The difference over the claimed uncertainty.
+    fn of_claim(&self) -> f64 {
+        self.steps / f64::from(self.found.uncertainty.to_bits())
+    }
+}
+
+fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len() as f64;
+    (values.map(|value| value * value).sum::<f64>() / count).sqrt()
+}
+
+fn worst(values: impl Iterator<Item = f64>) -> f64 {
+    values.map(f64::abs).fold(0.0, f64::max)
+}
+
+/// The phase tables in fixed point and f32 against the same integer tables in f64. A centre is rounded to 2^-16 pixel, which leaves
+/// 1/sqrt(12) = 0.289 of a step root mean square and half a step at most; the place of one of three phases is cut off by up to a third
+/// of a step more. f32 adds a few parts in 2^24 of a distance of a pixel or some from the phase.
+///
+/// Where a place is within a step of the border between two windows the rung and its model may take one each, and differ by
+/// what that makes: a small part of the uncertainty, in a few rows of 20,000.
+///
+/// Samples of 16 pixels are the halves of their sums, without the half count that may be left. That is a noise of 1/4 count
+/// in samples of which four times a pixel's variance is noise: 1/8 over the pixel's noise of an uncertainty.
+#[test]
+fn fixed_point_is_its_model_to_a_step() {
+    let gaussian = model::phase_table::integer(tables::GAUSSIAN.tables());
+    let slit = model::phase_table::integer(tables::SLIT.tables());
+    println!("off by, in steps of 2^-16 pixel:");
+    for (rung, weights, sampling) in [
+        (Estimator::PhaseTable, &gaussian, Sampling::Fine),
+        (Estimator::Blocks, &gaussian, Sampling::Coarse),
+        (Estimator::Fraunhofer, &slit, Sampling::Fine),
+    ] {
+        let is_halved = |pair: &Pair| pair.model.block == 16 || pair.found.class.block == 16;
+        let (halved, whole): (Vec<Pair>, Vec<Pair>) = pairs(rung, weights, sampling)
+            .into_iter()
+            .partition(is_halved);
+        let (same, other): (Vec<&Pair>, Vec<&Pair>) =
+            whole.iter().partition(|pair| pair.steps.abs() <= 1.0);
+        let rms_same = rms(same.iter().map(|pair| pair.steps));
+        let worst_same = worst(same.iter().map(|pair| pair.steps));
+        let all = rms(whole.iter().map(|pair| pair.steps)) / STEPS;
+        let worst_other = worst(other.iter().map(|pair| pair.of_claim()));
+        let cut_off = rms(halved.iter().map(|pair| pair.of_claim() * 8.0 * pair.noise));
+        println!(
+            "{:>12}: {rms_same:.3} rms, {worst_same:.3} at most, of {} rows; {} more took another window: {worst_other:.3} of the \
+             uncertainty at most, {all:.1e} px rms with them; halved sums: {cut_off:.2} of 1/8 over the noise, of {} rows",
+            rung.name(),
+            same.len(),
+            other.len(),
+            halved.len(),
+        );
+        assert!(
+            rms_same <= 0.31 && worst_same <= 0.84 && all <= 5e-5,
+            "{rung:?}"
+        );
+        assert!(other.len() <= 5 && worst_other <= 0.1, "{rung:?}");
+        assert!(halved.len() >= 100 && cut_off <= 1.1, "{rung:?}");
+        for Pair { found, model, .. } in same {
+            let class = (found.class.block, usize::from(found.class.table));
+            assert_eq!(
+                class,
+                (model.block, model.table),
+                "{rung:?}: {found:?}, {model:?}"
+            );
+        }
+    }
+}
+
+/// The tables of 16 bits against those of 64, on the rows where both lead to the same window: the weights' roundings let in
+/// noise of their own, of a few thousandths of what there is.
+#[test]
+fn integer_tables_are_the_designed_ones() {
+    for (rung, profile, set) in [
+        (
+            Estimator::PhaseTable,
+            &gaussian as Profile<'_>,
+            &tables::GAUSSIAN,
+        ),
+        (Estimator::Fraunhofer, &slit, &tables::SLIT),
+    ] {
+        let integer = model::phase_table::integer(set.tables());
+        let exact = model::phase_table::exact(profile, DEFAULT);
+        let both: Vec<Option<[f64; 2]>> = (0..ROWS)
+            .into_par_iter()
+            .filter_map(|number| {
+                let drawn = drawn(3, number)?;
+                let found = drawn.centre(rung)?;
+                let [integer, exact] = [&integer, &exact].map(|weights| {
+                    model::phase_table::centre(&drawn.light, &drawn.spot, weights, Sampling::Fine)
+                });
+                let (integer, exact) = (integer?, exact?);
+                let place = |found: &Found| (found.block, found.table, found.window);
+                let apart = integer.centre - exact.centre;
+                let same = place(&integer) == place(&exact);
+                Some(same.then_some([apart, apart / found.uncertainty.to_f64()]))
+            })
+            .collect();
+        let same: Vec<[f64; 2]> = both.iter().copied().flatten().collect();
+        let pixels = rms(same.iter().map(|[pixels, _]| *pixels));
+        let of_claim = rms(same.iter().map(|[_, of_claim]| *of_claim));
+        println!(
+            "{:>12}: {of_claim:.4} of the uncertainty rms, {pixels:.1e} px, of {} rows of {}",
+            rung.name(),
+            same.len(),
+            both.len()
+        );
+        assert!(of_claim <= 0.003, "{rung:?}: {of_claim}");
+        assert!(100 * same.len() >= 98 * both.len(), "{rung:?}");
+    }
+}
+
+/// The centroid's sums in fixed point against eq. (2) in f64. The window comes to rest at a step of 2^-8 pixel: where a step
+/// was nearly that, one of the two makes another, of about 3 % of that and some noise.
+#[test]
+fn the_centroid_is_its_model() {
+    let steps: Vec<f64> = (0..ROWS)
+        .into_par_iter()
+        .filter_map(|number| {
+            let drawn = drawn(3, number)?;
+            let found = drawn.centre(Estimator::Centroid)?;
+            let model = model::centroid::centre(&drawn.light, &drawn.spot)?;
+            Some(f64::from(found.centre.to_bits()) - model * STEPS)
+        })
+        .collect();
+    let (same, other): (Vec<f64>, Vec<f64>) = steps.iter().partition(|steps| steps.abs() <= 1.0);
+    let (all, most) = (rms(steps.iter().copied()), worst(other.iter().copied()));
+    println!(
+        "centroid: {:.3} steps of 2^-16 pixel rms, of {} rows; {} more stopped elsewhere, {most:.1} steps away at most; {:.1e} px rms with them",
+        rms(same.iter().copied()),
+        same.len(),
+        other.len(),
+        all / STEPS
+    );
+    // A thousandth of the windows rest within 2^-10 of their border by chance.
+    assert!(all / STEPS <= 5e-5 && other.len() <= 20 && most <= 64.0);
+}
+
+/// Eq. (1) in 64-bit integers against f64: a distance is rounded to 2^-8 um. And from the row on, where the centre's own steps, in
+/// which the curve rises by several of the distance's, come to that.
+#[test]
+fn distances_are_those_of_the_model() {
+    // The default's curve, over all centres of the rows.
+    let nominal = NOMINAL.expect("a curve");
+    let valid = Pixels::from_int(0)..=Pixels::from_int(PIXELS as i32);
+    let curve = Eq1::new(nominal.d(), nominal.k(), nominal.pole(), valid).expect("a curve");
+    let tables = model::phase_table::integer(tables::GAUSSIAN.tables());
+    let (mut alone, mut whole) = (vec![], vec![]);
+    for Pair {
+        found,
+        model,
+        steps,
+        ..
+    } in pairs(Estimator::PhaseTable, &tables, Sampling::Fine)
+    {
+        let (distance, slope) = curve.distance_at(found.centre).expect("a valid centre");
+        let off = |centre| f64::from(distance.to_bits()) - 256.0 * model::distance(&curve, centre);
+        alone.push(off(found.centre.to_f64()));
+        if steps.abs() <= 1.0 {
+            whole.push(off(model.centre));
+            let most = 0.5 + f64::from(slope).abs() * 256.0 * steps.abs() / STEPS;
+            let (off, most) = (off(model.centre).abs(), 1.0001 * most + 1e-3);
+            assert!(off <= most, "{off} of {most} steps at {}", found.centre);
+        }
+    }
+    let (alone_rms, alone_most) = (rms(alone.iter().copied()), worst(alone.iter().copied()));
+    println!(
+        "eq. (1): {alone_rms:.3} steps of 2^-8 um rms, {alone_most:.3} at most; from the row on: {:.2} rms, {:.2} at most, of {} rows",
+        rms(whole.iter().copied()),
+        worst(whole.iter().copied()),
+        whole.len()
+    );
+    assert!(whole.len() >= 20_000 && alone_rms <= 0.30 && alone_most <= 0.501);
+}
+
+/// The least-squares rung in f32 against a Levenberg-Marquardt fit in f64 of the same pixels with the same weights: it ends within a
+/// hundredth of its uncertainty.
+///
+/// And the default rung against that reference. An estimate at the bound is not correlated with how far another unbiased one
+/// is from it (C. R. Rao, 1952): so the correlation of their errors is the ratio of these, which for the default is the bound over what
+/// its tables leave of it. The standard error of that difference over 4000 rows is 0.006.
+#[test]
+fn the_fit_is_the_reference_and_the_tables_follow_it() {
+    for (width, amplitude, read_noise, electrons_per_count) in [
+        (1.2, 1000.0, 4.0, None),
+        (4.0, 200.0, 8.0, None),
+        (10.5, 100.0, 4.0, None),
+        (2.0, 1000.0, 2.0, Some(5.0)),
+        (10.5, 2000.0, 2.0, Some(5.0)),
+    ] {
+        let cell = Cell {
+            width,
+            amplitude,
+            read_noise,
+            electrons_per_count,
+            rows: 4000,
+            seed: 5,
+        };
+        let scene = cell.scene_of(PIXELS);
+        let geometry = scene.geometry();
+        let fits: Vec<Fits> = (0..cell.rows)
+            .into_par_iter()
+            .map(|number| {
+                let truth = cell.true_centre(number);
+                let light = quantise(&scene.row_with_centre(number, truth, 1.0), 4095);
+                Fits::of(&light, truth, &geometry).expect("all three find the spot")
+            })
+            .collect();
+        let apart = |fits: &Fits| (fits.fit - fits.reference) / fits.uncertainty;
+        let (apart_rms, apart_most) = (rms(fits.iter().map(apart)), worst(fits.iter().map(apart)));
+        let reference = rms(fits.iter().map(|fits| fits.reference));
+        let table = rms(fits.iter().map(|fits| fits.table));
+        let product = fits
+            .iter()
+            .map(|fits| fits.reference * fits.table)
+            .sum::<f64>()
+            / fits.len() as f64;
+        let (ratio, correlation) = (reference / table, product / reference / table);
+        let bound = bound::Spot {
+            width,
+            amplitude,
+            noise: read_noise,
+            electrons_per_count,
+        }
+        .bound();
+        println!(
+            "sigma {width}, {amplitude} counts, noise {read_noise}, {electrons_per_count:?} e/count: fit and reference apart by {apart_rms:.4} of \
+             the uncertainty rms, {apart_most:.3} at most; reference {:.3} of the bound, default {:.3}; ratio {ratio:.3}, correlation {correlation:.3}",
+            reference / bound,
+            table / bound
+        );
+        assert!(apart_rms <= 0.003 && apart_most <= 0.02, "{width}");
+        // The standard error of a root mean square over 4000 rows is 1.1 %.
+        assert!((reference / bound - 1.0).abs() <= 0.04, "{width}");
+        assert!((correlation - ratio).abs() <= 0.02, "{width}");
+    }
+}
+
+/// What three ways make of a row: their errors in pixels.
+struct Fits {
+    fit: f64,
+    table: f64,
+    reference: f64,
+    /// What the fit claims.
+    uncertainty: f64,
+}
+
+impl Fits {
+    fn of(light: &[u16], truth: f64, geometry: &Geometry) -> Option<Self> {
+        let row = Row::new(light, &[], 4095).ok()?;
+        let spot = spot::find(&row).ok()?;
+        let centre = |rung| estimator::centre(rung, &row, &spot, None, geometry).ok();
+        let (fit, table) = (
+            centre(Estimator::GaussNewton)?,
+            centre(Estimator::PhaseTable)?,
+        );
+        // The fit's 128 samples of one pixel, around where its half maximum says that the spot is.
+        let half = half_width::find(light, &spot).ok()?;
+        let (left, right) = (half.left?, half.right?);
+        let start = half.top.to_f64() + 0.5 * f64::from(right - left);
+        let first = (start.floor() as usize).checked_sub(64)?;
+        let pixels: Vec<f64> = light
+            .get(first..first + 128)?
+            .iter()
+            .map(|&count| f64::from(count))
+            .collect();
+        let start = Gaussian {
+            centre: start,
+            width: f64::from(half.sigma(left + right)),
+            amplitude: f64::from(half.height),
+            level: spot.background.level.to_f64(),
+        };
+        let noise = spot.background.noise.to_f64().powi(2);
+        let shot = f64::from(geometry.shot_variance_per_count_q16) / 65536.0;
+        let weight =
+            |found: &Gaussian, pixel| 1.0 / (noise + shot * (found.at(pixel) - found.level));
+        let reference = fit_weighted(&pixels, first, start, weight)?;
+        Some(Self {
+            fit: fit.centre.to_f64() - truth,
+            table: table.centre.to_f64() - truth,
+            reference: reference.centre - truth,
+            uncertainty: fit.uncertainty.to_f64(),
+        })
+    }
+}

@@ -1,0 +1,119 @@
+//! The program links, as the firmware is built and with checks for overflow on; and does not where there is a panic in it.
+
+mod places;
+
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+use places::places;
+use virtual_board::firmware::{cargo, executable};
+
+/// As the firmware is built.
+const RELEASE: &str = "release";
+
+/// The same with a panic wherever the compiler cannot exclude an overflow.
+const OVERFLOW_CHECKED: &str = "overflow-checked";
+
+/// What the panic handler calls.
+const NOWHERE: &str = "a_panic_is_reachable";
+
+/// Files of the core that may still overflow as far as the compiler knows.
+const NOT_YET: [&str; 6] = [
+    "src/spot.rs",
+    "src/estimator/gauss_newton.rs",
+    "src/estimator/half_width.rs",
+    "src/estimator/robust.rs",
+    "src/frame.rs",
+    "/library/core/src/",
+];
+
+#[test]
+fn no_panic_is_reachable() {
+    check(RELEASE);
+}
+
+#[test]
+fn nothing_overflows() {
+    check(OVERFLOW_CHECKED);
+}
+
+fn check(profile: &str) {
+    let Err(messages) = link(profile, &[], &[]) else {
+        return;
+    };
+    assert!(messages.contains(NOWHERE), "{messages}");
+    let places = places_of(profile, &[]);
+    let new: Vec<_> = places
+        .iter()
+        .filter(|place| !NOT_YET.iter().any(|file| place.contains(file)))
+        .collect();
+    assert!(
+        new.is_empty(),
+        "the program for the chip can panic ({profile}):\n{new:#?}"
+    );
+}
+
+/// The check is worth something only if it finds what there is: in each part of the program, behind what the part computed.
+#[test]
+fn a_panic_that_is_put_in_is_found() {
+    let feature = ["--features", "put-panics-in"];
+    for profile in [RELEASE, OVERFLOW_CHECKED] {
+        let messages = link(profile, &feature, &[]).expect_err("it must not link");
+        assert!(messages.contains(NOWHERE), "{messages}");
+        let places = places_of(profile, &feature);
+        let put_in = places
+            .iter()
+            .filter(|place| place.contains("whole_core.rs"));
+        assert_eq!(put_in.count(), 7, "{places:#?}");
+    }
+}
+
+#[test]
+fn an_overflow_that_is_put_in_is_found() {
+    let feature = ["--features", "put-an-overflow-in"];
+    let places = places_of(OVERFLOW_CHECKED, &feature);
+    let put_in = places
+        .iter()
+        .filter(|place| place.contains("whole_core.rs"));
+    assert_eq!(put_in.count(), 1, "{places:#?}");
+    let places = places_of(RELEASE, &feature);
+    assert!(
+        !places.iter().any(|place| place.contains("whole_core.rs")),
+        "{places:#?}"
+    );
+}
+
+/// Builds the program, and gives where it is, or what the compiler and the linker said.
+fn link(profile: &str, features: &[&str], linker: &[&str]) -> Result<PathBuf, String> {
+    let output = cargo()
+        .args(["rustc", "--package", "panic-free", "--bin", "panic-free"])
+        .args(["--target", "thumbv7em-none-eabihf", "--profile", profile])
+        .args(features)
+        .arg("--message-format=json-render-diagnostics")
+        .arg("--")
+        .args(linker)
+        .output()
+        .expect("cargo starts");
+    if output.status.success() {
+        Ok(executable(&output.stdout).expect("cargo names the program"))
+    } else {
+        Err(String::from_utf8_lossy(&output.stderr).into_owned())
+    }
+}
+
+/// Programs that differ in their features are the same file: one at a time.
+static PROGRAM: Mutex<()> = Mutex::new(());
+
+/// Where the program can panic: it is linked all the same, and searched.
+fn places_of(profile: &str, features: &[&str]) -> Vec<String> {
+    let _turn = PROGRAM.lock();
+    let program = link(
+        profile,
+        features,
+        &["-Clink-arg=--unresolved-symbols=ignore-all"],
+    )
+    .unwrap_or_else(|messages| panic!("{messages}"));
+    let bytes = std::fs::read(&program)
+        .unwrap_or_else(|error| panic!("cannot read {}: {error}", program.display()));
+    places(&bytes)
+}

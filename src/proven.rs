@@ -1,0 +1,61 @@
+//! Sums and products that cannot overflow for a reason that the compiler does not see. The reason stands beside each use.
+//!
+//! Elsewhere the core uses the plain operators, and the crate `panic-free` checks that none of them can overflow: it has the compiler
+//! put a panic wherever it cannot exclude it, and links only if none is reachable. These functions have no such panic. Where debug
+//! assertions are on, as in all tests and in fuzzing, a reason that does not hold is one.
+
+/// a + b.
+#[inline(always)]
+pub(crate) const fn add_u32(a: u32, b: u32) -> u32 {
+    debug_assert!(a.checked_add(b).is_some());
+    a.wrapping_add(b)
+}
+
+/// a + b.
+#[inline(always)]
+pub(crate) const fn add_u64(a: u64, b: u64) -> u64 {
+    debug_assert!(a.checked_add(b).is_some());
+    a.wrapping_add(b)
+}
+
+/// a + b.
+#[inline(always)]
+pub(crate) const fn add_i32(a: i32, b: i32) -> i32 {
+    debug_assert!(a.checked_add(b).is_some());
+    a.wrapping_add(b)
+}
+
+/// a - b.
+#[inline(always)]
+pub(crate) const fn sub_i32(a: i32, b: i32) -> i32 {
+    debug_assert!(a.checked_sub(b).is_some());
+    a.wrapping_sub(b)
+}
+
+/// a * b.
+#[inline(always)]
+pub(crate) const fn mul_i32(a: i32, b: i32) -> i32 {
+    debug_assert!(a.checked_mul(b).is_some());
+    a.wrapping_mul(b)
+}
+
+/// a + b.
+#[inline(always)]
+pub(crate) const fn add_i64(a: i64, b: i64) -> i64 {
+    debug_assert!(a.checked_add(b).is_some());
+    a.wrapping_add(b)
+}
+
+/// a - b.
+#[inline(always)]
+pub(crate) const fn sub_i64(a: i64, b: i64) -> i64 {
+    debug_assert!(a.checked_sub(b).is_some());
+    a.wrapping_sub(b)
+}
+
+/// a * b.
+#[inline(always)]
+pub(crate) const fn mul_i64(a: i64, b: i64) -> i64 {
+    debug_assert!(a.checked_mul(b).is_some());
+    a.wrapping_mul(b)
+}

@@ -1,0 +1,250 @@
+//! The chip and a PC answer the same, bit for bit, to every row of the catalogue of hard cases: each rung alone, with the look that
+//! follows it, and the reading that the measurement makes of the rows. The program of `answers-on-chip` runs on the emulated
+//! board; its rows are put into its memory, and its answers are taken out of it.
+
+use std::time::Duration;
+
+use answers_on_chip::answers::{MOST_WORDS, ROWS, Rungs};
+use answers_on_chip::mailbox::{self, Header};
+use host_tests::hard_cases;
+use rigless::soc::Width;
+use slitrange::estimator::Estimator;
+use slitrange::row::Geometry;
+use virtual_board::{Firmware, PIXELS, VirtualBoard};
+
+/// A row of a case.
+struct Question {
+    case: String,
+    number: u64,
+    header: Header,
+    light: Vec<u16>,
+}
+
+/// What a rung says to a row.
+#[derive(Debug, PartialEq)]
+struct Answer {
+    rung: Estimator,
+    words: Vec<u32>,
+}
+
+/// Two rows of every case.
+fn questions() -> Vec<Question> {
+    let rows = |case: hard_cases::RowCase| {
+        (0..u64::from(ROWS)).map(move |number| {
+            let row = case.row(number);
+            let Geometry {
+                bits,
+                shot_variance_per_count_q16,
+                ..
+            } = row.geometry;
+            let header = Header {
+                pixels: row.light.len().try_into().expect("rows are short"),
+                bits,
+                first: number == 0,
+                shot_variance_per_count_q16,
+            };
+            Question {
+                case: case.name.clone(),
+                number,
+                header,
+                light: row.light,
+            }
+        })
+    };
+    hard_cases::rows().into_iter().flat_map(rows).collect()
+}
+
+/// What the rungs say to the rows, one after the other, on this PC.
+fn on_this_pc(questions: &[Question]) -> Vec<Vec<Answer>> {
+    let mut rungs = None;
+    let answers = questions.iter().map(|Question { header, light, .. }| {
+        if header.first {
+            rungs = Some(Rungs::new(
+                light.len(),
+                header.bits,
+                header.shot_variance_per_count_q16,
+            ));
+        }
+        let mut answers: Vec<Answer> = Estimator::ALL
+            .map(|rung| Answer {
+                rung,
+                words: vec![],
+            })
+            .into();
+        let rungs = rungs.as_mut().expect("a case begins with its first row");
+        rungs.ask(&mut light.clone(), |rung, word| {
+            answers[rung as usize].words.push(word)
+        });
+        answers
+    });
+    answers.collect()
+}
+
+/// The board with the program, waiting for rows.
+struct Chip {
+    board: VirtualBoard,
+    asked: u64,
+    rows: u64,
+    answers: u64,
+}
+
+impl Chip {
+    fn power_on() -> Self {
+        let program =
+            Firmware::build_package("answers-on-chip").expect("the chip's program builds");
+        let mut board =
+            VirtualBoard::power_on(&program, Box::new(|_| vec![0.0; PIXELS])).expect("a board");
+        // It clears its memory before it waits: 80 KB, a word in a few instructions.
+        board.run_for(Duration::from_millis(2)).expect("a run");
+        let address = |name| program.address_of(name).expect("the program has it");
+        Self {
+            board,
+            asked: address("ASKED"),
+            rows: address("ROWS"),
+            answers: address("ANSWERS"),
+        }
+    }
+
+    /// Hands over rows and waits for all words of the answers.
+    fn ask(&mut self, questions: &[Question]) -> Vec<u32> {
+        let mut words: Vec<u32> = questions
+            .iter()
+            .flat_map(|question| mailbox::words(question.header, &question.light))
+            .collect();
+        words.push(0);
+        assert!(words.len() <= mailbox::ROWS, "{} words", words.len());
+        let (asked, rows) = (self.asked, self.rows);
+        let put = self.board.on_emulator(move |_, host, _| {
+            for (at, word) in (rows..).step_by(4).zip(words) {
+                host.write(at, Width::W32, word.into())?;
+            }
+            host.write(asked, Width::W32, 1)
+        });
+        put.expect("the emulator runs")
+            .expect("the rows are in RAM");
+        // 600 ms is 100 million instructions: a row takes up to a few million.
+        for _ in 0..600 {
+            self.board.run_for(Duration::from_millis(1)).expect("a run");
+            if self.board.read_word(asked).expect("RAM") == 0 {
+                return self.take_answers();
+            }
+        }
+        panic!(
+            "no answer within 600 ms; the log: {:?}",
+            self.board.take_log()
+        );
+    }
+
+    fn take_answers(&mut self) -> Vec<u32> {
+        let answers = self.answers;
+        let words = self.board.on_emulator(move |_, host, _| {
+            let mut word = |at| host.read(at, Width::W32).map(|word| word as u32);
+            let count = u64::from(word(answers)?);
+            (1..=count)
+                .map(|i| word(answers + 4 * i))
+                .collect::<Result<Vec<u32>, _>>()
+        });
+        words
+            .expect("the emulator runs")
+            .expect("the answers are in RAM")
+    }
+}
+
+/// As many rows as fit the program's memory, with their answers, whole cases at a time.
+fn batches(mut questions: &[Question]) -> Vec<&[Question]> {
+    let mut batches = vec![];
+    while !questions.is_empty() {
+        let (mut words, mut fit) = (1, 0);
+        for (i, question) in questions.iter().enumerate() {
+            if question.header.first {
+                fit = i;
+            }
+            words += 2 + question.light.len().div_ceil(2);
+            if words > mailbox::ROWS || (i + 1) * MOST_WORDS >= mailbox::ANSWERS {
+                break;
+            }
+            if i + 1 == questions.len() {
+                fit = i + 1;
+            }
+        }
+        assert!(fit > 0, "{} does not fit", questions[0].case);
+        let (batch, rest) = questions.split_at(fit);
+        batches.push(batch);
+        questions = rest;
+    }
+    batches
+}
+
+/// The first answer in which the chip's words are not the PC's.
+fn difference(questions: &[Question], chip: &[u32], pc: &[Vec<Answer>]) -> Option<String> {
+    let mut words = chip.iter().copied();
+    for (question, answers) in questions.iter().zip(pc) {
+        for answer in answers {
+            let chip: Vec<u32> = words.by_ref().take(answer.words.len()).collect();
+            if chip != answer.words {
+                let Question { case, number, .. } = question;
+                let Answer { rung, words } = answer;
+                return Some(format!(
+                    "{case}, row {number}, {}: {chip:?} on the chip, {words:?} on the PC",
+                    rung.name()
+                ));
+            }
+        }
+    }
+    words
+        .next()
+        .map(|word| format!("{word} on the chip, nothing on the PC"))
+}
+
+#[test]
+fn the_chip_and_a_pc_answer_the_same_to_every_hard_case() {
+    let questions = questions();
+    let mut chip = Chip::power_on();
+    let (mut centres, mut faults, mut compared, mut clean) = (0, 0, 0, None);
+    for batch in batches(&questions) {
+        let (words, pc) = (chip.ask(batch), on_this_pc(batch));
+        assert_eq!(difference(batch, &words, &pc), None);
+        compared += words.len();
+        for (question, answers) in batch.iter().zip(pc) {
+            // The first word is 0 for a centre, and the kind of a fault otherwise.
+            let found = answers
+                .iter()
+                .filter(|answer| answer.words.first() == Some(&0))
+                .count();
+            centres += found;
+            faults += answers.len() - found;
+            if question.header.first && found == Estimator::ALL.len() {
+                clean.get_or_insert(question);
+            }
+        }
+    }
+    println!(
+        "{} rows, {centres} centres and {faults} faults of the rungs alone, and what becomes of them: {compared} words are the same",
+        questions.len()
+    );
+    assert!(questions.len() >= 300 && centres >= 2000 && faults >= 500);
+
+    // One count of one pixel would be seen.
+    let clean = clean.expect("a row with a spot that all rungs find");
+    let (top, _) = clean
+        .light
+        .iter()
+        .enumerate()
+        .max_by_key(|(_, count)| **count)
+        .expect("pixels");
+    let mut light = clean.light.clone();
+    light[top] -= 1;
+    let changed = [Question {
+        case: clean.case.clone(),
+        light,
+        ..*clean
+    }];
+    let words = chip.ask(&changed);
+    let of_the_other = on_this_pc(std::slice::from_ref(clean));
+    println!(
+        "one count less at the top: {}",
+        difference(&changed, &words, &of_the_other).expect("other words")
+    );
+    assert_eq!(difference(&changed, &words, &on_this_pc(&changed)), None);
+    chip.board.finish().expect("a clean run");
+}

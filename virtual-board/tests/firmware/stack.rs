@@ -1,0 +1,87 @@
+//! The stack at its deepest, in the firmware as it is flashed.
+
+use std::time::Duration;
+
+use rigless::soc::Width;
+use slitrange::estimator::Estimator;
+use virtual_board::{Exposure, LightSource, VirtualBoard};
+
+use crate::common::{PATIENCE, firmware, paper, results, set, spot_at};
+
+/// What untouched stack holds.
+const PATTERN: u32 = 0xA5C3_5A3C;
+
+/// The stack grows down from the end of RAM towards the statics, and nothing stops it there: it must never get near. Interrupts
+/// that come at the deepest moment of all may not have come in this test; they take a few hundred bytes.
+#[test]
+fn the_stack_stays_far_from_the_statics() {
+    let start = firmware()
+        .address_of("_stack_start")
+        .expect("the stack's start");
+    let end = firmware()
+        .address_of("__sheap")
+        .expect("the end of the statics");
+    let mut board = VirtualBoard::power_on(firmware(), paper()).expect("the board starts");
+    board
+        .on_emulator(move |_, host, _| {
+            (end..start)
+                .step_by(4)
+                .try_for_each(|at| host.write(at, Width::W32, PATTERN.into()))
+        })
+        .expect("the emulator")
+        .expect("RAM");
+    board
+        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+        .expect("a banner");
+    set(&mut board, "rows 2");
+    for rung in Estimator::ALL {
+        set(&mut board, &format!("estimator {}", rung.name()));
+        for light in hard_rows() {
+            board.set_light(light);
+            // The result under way, and one of the new light.
+            results(&mut board, 2);
+        }
+    }
+    for command in [
+        "help",
+        "help estimator",
+        "info",
+        "status",
+        "distance",
+        "what",
+    ] {
+        board.send(&format!("{command}\r\n"));
+        board.run_for(Duration::from_millis(200)).expect("a run");
+    }
+    let deepest = board
+        .on_emulator(move |_, host, _| {
+            (end..start)
+                .step_by(4)
+                .find(|&at| host.read(at, Width::W32).ok() != Some(PATTERN.into()))
+        })
+        .expect("the emulator")
+        .expect("a stack that is used");
+    let (used, room) = (start - deepest, start - end);
+    println!("stack: {used} bytes at most of {room}");
+    // It was watched: rows alone take more than this, and not so much that the interrupts that did not come could matter.
+    assert!(used > 4 * 1024, "{used} of {room}");
+    assert!(used < room / 4, "{used} of {room}");
+    board.finish().expect("a clean run");
+}
+
+/// Rows whose spots take the estimators' longest ways: a good one, one that is cut off at full scale, one at the sensor's edge, and
+/// one with a hot pixel.
+fn hard_rows() -> [LightSource; 4] {
+    let mut good = spot_at(1800.3, 2000.0);
+    let hot = Box::new(move |exposure: &Exposure| {
+        let mut row = good(exposure);
+        row[1806] = 4000.0;
+        row
+    });
+    [
+        spot_at(1800.3, 2000.0),
+        spot_at(1800.3, 12_000.0),
+        spot_at(3.0, 2000.0),
+        hot,
+    ]
+}
