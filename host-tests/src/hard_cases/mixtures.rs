@@ -294,8 +294,8 @@ impl Kind {
                 let counts = log_even(random, 50.0, 3000.0);
                 Flaw::Hot(bad(random, counts, 3))
             }
-            // What a pixel that sees nothing reads is near the black level of most rows.
-            Self::Dead => Flaw::Dead(bad(random, 200.0, 3)),
+            // It sees nothing: it reads the black level.
+            Self::Dead => Flaw::Dead(bad(random, recipe.black_level, 3)),
             Self::Stuck => {
                 let counts = random.random_range(0.0..4095.0);
                 Flaw::Stuck(bad(random, counts, 1))
