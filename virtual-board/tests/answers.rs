@@ -130,7 +130,7 @@ impl Chip {
             }
         }
         panic!(
-            "no answer within 600 ms; the log: {:?}",
+            "no answer within 10 s; the log: {:?}",
             self.board.take_log()
         );
     }
