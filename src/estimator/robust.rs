@@ -14,7 +14,7 @@ use crate::estimator::gauss_newton::{self, Fit, Parameters, SAMPLES, Start, Wind
 use crate::estimator::half_width::WIDTHS;
 use crate::estimator::mirror::{self, LeftOut};
 use crate::estimator::plausible::{certain, variances};
-use crate::estimator::tables::{NARROWEST, TILTED};
+use crate::estimator::tables::TILTED;
 use crate::estimator::{RowCentre, adaptive};
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
@@ -30,6 +30,9 @@ const SHAPE: f32 = 0.02;
 /// The same from pixel to pixel, over the square of the width in pixels: half of the second difference of lobes that are 2.66 widths apart,
 /// (2 pi / 2.66)^2 / 2.
 const CURVED: f32 = 2.8;
+
+/// Narrower spots, in pixels, have too few of them to leave any out.
+const NARROWEST: f32 = 1.0;
 
 /// Fits at most, each with more pixels left out.
 const ROUNDS: usize = 6;
