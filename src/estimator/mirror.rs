@@ -40,9 +40,6 @@ const OTHER_PROFILE: f32 = 0.3;
 /// Fewer pairs tell nothing.
 const FEWEST_PAIRS: f32 = 3.0;
 
-/// Narrower spots, in pixels, that the edge leaves fewer pairs of are not told from bad pixels.
-const NARROWEST_CUT: f32 = 1.25;
-
 /// Standard deviations of tilt and skew: beyond by chance in a row of 7000 and of 5000.
 const TILT: f32 = 3.8;
 /// See [`TILT`].
@@ -94,29 +91,28 @@ impl LeftOut {
     }
 }
 
-/// Whether the row is its own mirror image about a centre, and has the shape of a spot there. Where the edge of the sensor leaves no pairs, nothing
-/// speaks against the centre.
+/// Whether the row is its own mirror image about a centre, and has the shape of a spot there. `None` where the sensor's edge, or what is left out,
+/// leaves too few pairs to tell.
 pub(super) fn fits(
     row: &Row<'_>,
     spot: &Spot,
     found: &RowCentre,
     geometry: &Geometry,
     left_out: &LeftOut,
-) -> bool {
-    let mut look = Look::at(row, spot, found, geometry, left_out, 0.0);
+) -> Option<bool> {
     if fills(row.light(), found) || is_coarse(row.light(), spot, found) {
-        return false;
+        return Some(false);
     }
+    let mut look = Look::at(row, spot, found, geometry, left_out, 0.0);
     if look.pairs < FEWEST_PAIRS {
-        // At the edge bad pixels look like a narrow spot.
-        return left_out.samples == 0 && found.width.to_f32() >= NARROWEST_CUT;
+        return None;
     }
     // To the tables of a tilt it is nothing.
     if found.class.set == TILTED.number() {
         look = Look::at(row, spot, found, geometry, left_out, look.slope());
     }
-    look.is_clean(found.uncertainty.to_f32())
-        && (left_out.samples != 0 || !is_sharp(row.light(), spot, found, geometry))
+    let is_sharp = left_out.samples == 0 && is_sharp(row.light(), spot, found, geometry);
+    Some(!is_sharp && look.is_clean(found.uncertainty.to_f32()))
 }
 
 /// Whether the row ends within three widths on both sides: nothing tells the spot from its background.
