@@ -22,7 +22,7 @@
 
 use crate::estimator::half_width;
 use crate::estimator::plausible::{
-    certain, level_bits, no_spot, on_the_row, unsaturated, variances,
+    certain_in_noise, level_bits, no_spot, on_the_row, unsaturated, variances,
 };
 use crate::estimator::{RowCentre, WidthClass};
 use crate::reading::Fault;
@@ -109,6 +109,11 @@ fn centre(
     // The highest pixel is below 4096, and the vertex within half a pixel of it.
     let at =
         Pixels::from_bits((highest << Pixels::FRACTION) + Pixels::from_f32(vertex.place).to_bits());
+    // Of a spot that the sensor's edge cuts the highest pixel may be one that noise makes so.
+    let to_the_end = (light.len() as f32 - 1.0) - at.to_f32();
+    if at.to_f32() < width || to_the_end < width {
+        return Err(Fault::SpotAtEdge { centre: at });
+    }
     unsaturated(row, at, width, geometry)?;
     let amplitude = if logarithms {
         libm::expf(vertex.value)
@@ -122,7 +127,7 @@ fn centre(
     };
     let noise = vertex.uncertainty * vertex.uncertainty.min(WANDER);
     let uncertainty = dual_mac::square_root(noise + shape * shape);
-    certain(amplitude, uncertainty, width)?;
+    certain_in_noise(amplitude, uncertainty, width, spot.background.noise)?;
     Ok(RowCentre {
         centre: at,
         uncertainty: Pixels::from_f32(uncertainty),
