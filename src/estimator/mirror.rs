@@ -18,6 +18,8 @@
 //! **Even part**: p against b + A e (1 + k2 u^2 + k4 u^4), unweighted. Optics make k4 as low as -0.040 (sinc^2; Fresnel -0.017), two equal spots a
 //! width of 2 apart -0.077; and the rest of optics' shapes has a mean square of at most 0.0031 of that of A e (Fresnel), a box 0.04 and more.
 
+use core::ops::Range;
+
 use crate::estimator::RowCentre;
 use crate::estimator::plausible::variances;
 use crate::estimator::tables::TILTED;
@@ -89,27 +91,28 @@ impl LeftOut {
     }
 }
 
-/// Whether the row is its own mirror image about a centre, and has the shape of a spot there. Where the edge of the sensor leaves no pairs, nothing
-/// speaks against the centre.
+/// Whether the row is its own mirror image about a centre, and has the shape of a spot there. `None` where the sensor's edge, or what is left out,
+/// leaves too few pairs to tell.
 pub(super) fn fits(
     row: &Row<'_>,
     spot: &Spot,
     found: &RowCentre,
     geometry: &Geometry,
     left_out: &LeftOut,
-) -> bool {
-    let mut look = Look::at(row, spot, found, geometry, left_out, 0.0);
+) -> Option<bool> {
     if fills(row.light(), found) || is_coarse(row.light(), spot, found) {
-        return false;
+        return Some(false);
     }
+    let mut look = Look::at(row, spot, found, geometry, left_out, 0.0);
     if look.pairs < FEWEST_PAIRS {
-        return left_out.samples == 0;
+        return None;
     }
     // To the tables of a tilt it is nothing.
     if found.class.set == TILTED.number() {
         look = Look::at(row, spot, found, geometry, left_out, look.slope());
     }
-    look.is_clean(found.uncertainty.to_f32()) && !is_sharp(row.light(), spot, found, geometry)
+    let is_sharp = left_out.samples == 0 && is_sharp(row.light(), spot, found, geometry);
+    Some(!is_sharp && look.is_clean(found.uncertainty.to_f32()))
 }
 
 /// Whether the row ends within three widths on both sides: nothing tells the spot from its background.
@@ -130,7 +133,9 @@ fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
     let Some(first) = near.first() else {
         return false;
     };
-    let changes = near.iter().fold(0, |changes, count| changes | (count ^ first));
+    let changes = near
+        .iter()
+        .fold(0, |changes, count| changes | (count ^ first));
     let step = f32::from(changes & changes.wrapping_neg());
     let noise = spot.background.noise.to_f32();
     let is_stuck = width >= 3.0 && (changes & changes.wrapping_add(1)) != 0;
@@ -246,12 +251,17 @@ impl Look {
         let level = 2.0 * block * spot.background.level.to_f32();
         let full_scale = geometry.full_scale();
         let is_cut = row.reaches_full_scale();
+        let belongs = |pixels: &[u16], mut places: Range<usize>| {
+            !(is_cut && pixels.iter().any(|count| *count >= full_scale)
+                || left_out.samples != 0 && places.any(|pixel| left_out.has(pixel)))
+        };
         let (mut odd, mut even) = (Odd::default(), Even::default());
         // A pixel in the mirror's middle is its own mirror image.
         if pixels == 1
             && mirror.to_right == 1.0
             && let Some(before) = mirror.right.checked_sub(2)
             && let Some(middle) = light.get(before..before + 3)
+            && belongs(middle, before..before + 3)
         {
             even.add(2.0 * interpolated(middle, mirror.offset) - level, 0.0, 1.0);
         }
@@ -267,9 +277,7 @@ impl Look {
                 break;
             };
             let left = light.get(start..to).unwrap_or_default();
-            let skip = is_cut && right.iter().chain(left).any(|count| *count >= full_scale)
-                || left_out.samples != 0 && ends.chain(start..to).any(|pixel| left_out.has(pixel));
-            if !skip {
+            if belongs(right, ends) && belongs(left, start..to) {
                 let (right, left) = (
                     interpolated(right, mirror.offset),
                     interpolated(left, mirror.offset),

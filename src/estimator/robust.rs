@@ -12,10 +12,10 @@
 
 use crate::estimator::gauss_newton::{self, Fit, Parameters, SAMPLES, Start, Window};
 use crate::estimator::half_width::WIDTHS;
-use crate::estimator::mirror::{self, LeftOut};
+use crate::estimator::mirror;
 use crate::estimator::plausible::{certain, variances};
-use crate::estimator::tables::{NARROWEST, TILTED};
-use crate::estimator::{RowCentre, adaptive};
+use crate::estimator::tables::TILTED;
+use crate::estimator::{RowCentre, adaptive, second_look};
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
@@ -30,6 +30,9 @@ const SHAPE: f32 = 0.02;
 /// The same from pixel to pixel, over the square of the width in pixels: half of the second difference of lobes that are 2.66 widths apart,
 /// (2 pi / 2.66)^2 / 2.
 const CURVED: f32 = 2.8;
+
+/// Narrower spots, in pixels, have too few of them to leave any out.
+const NARROWEST: f32 = 1.0;
 
 /// Fits at most, each with more pixels left out.
 const ROUNDS: usize = 6;
@@ -49,16 +52,13 @@ pub fn centre(
         // Where the first look sees no spot there is none: what the second would make of a hot pixel is not to be trusted.
         found => found?,
     };
-    if mirror::fits(row, spot, &found, geometry, &LeftOut::default()) {
-        return Ok(found);
+    let looked_at = second_look::looked_at(row, spot, found, geometry);
+    if !looked_at.misfit {
+        return Ok(looked_at);
     }
-    let flagged = RowCentre {
-        misfit: true,
-        ..found
-    };
     // A tilt is nothing to these tables, and would be an outlier to what follows.
     if found.class.set == TILTED.number() {
-        return Ok(flagged);
+        return Ok(looked_at);
     }
     let scene = Scene {
         row,
@@ -66,7 +66,7 @@ pub fn centre(
         geometry,
         found,
     };
-    Ok(scene.refit().unwrap_or(flagged))
+    Ok(scene.refit().unwrap_or(looked_at))
 }
 
 /// What the fits are of.
@@ -144,7 +144,7 @@ impl Scene<'_> {
                 &found,
                 self.geometry,
                 &window.left_out(),
-            ))
+            ) == Some(true))
         .then_some(found)
     }
 
