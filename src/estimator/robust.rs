@@ -192,7 +192,7 @@ impl Scene<'_> {
         at = gauss_newton::fit(window.samples(), at, self.shot())?.parameters;
         for _ in 0..ROUNDS {
             window.unmask();
-            mask_second(window, &at)?;
+            mask_second(window, &at, self)?;
             let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
             at = fit.parameters;
             let look = Look::at(window, &at, self.shot());
@@ -331,7 +331,7 @@ fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
 /// Masks the second spot that stands out most beside the spot's top, as far as it is more than a thousandth of the spot: it has the same
 /// width, and so at two widths to either side of it less than half is left (of a gaussian 14 %). `None` where there is none: a flare is
 /// wider, and a tail has no top of its own.
-fn mask_second(window: &mut Window, at: &Parameters) -> Option<()> {
+fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Option<()> {
     let mut beside = gauss_newton::exponentials(at);
     for (sample, light) in window.samples().iter().zip(&mut beside) {
         *light = sample.counts - at.level - at.amplitude * *light;
@@ -358,9 +358,16 @@ fn mask_second(window: &mut Window, at: &Parameters) -> Option<()> {
     if !(1.0..THOUSAND).contains(&share) {
         return None;
     }
-    let flank = (2.0 * at.width) as usize;
-    let falls = |mean: Option<f32>| mean.is_none_or(|mean| mean < 0.5 * top);
-    if !falls(place.checked_sub(flank).and_then(mean)) || !falls(mean(place + flank)) {
+    // Samples of a window: below 2^8.
+    let flank = (2.0 * at.width) as i32;
+    let falls = |place: i32| {
+        let inside = usize::try_from(place).ok().and_then(mean);
+        // Beyond the window the row is asked: of the first spot there is nothing left.
+        let mean =
+            inside.or_else(|| Some(window.mean(scene.row, scene.spot, place, reach)? - at.level));
+        mean.is_none_or(|mean| mean < 0.5 * top)
+    };
+    if !falls(place as i32 - flank) || !falls(place as i32 + flank) {
         return None;
     }
     let reach = dual_mac::square_root(2.0 * libm::logf(share)) * at.width;
