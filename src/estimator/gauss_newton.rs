@@ -323,6 +323,25 @@ impl Window {
         }
     }
 
+    /// The mean of the samples within `reach` of one, above the row's level, which need not be in the window: from -2^8 to 2^9. `None` where they are not
+    /// on the row.
+    pub(super) fn mean(
+        &self,
+        row: &Row<'_>,
+        spot: &Spot,
+        sample: i32,
+        reach: usize,
+    ) -> Option<f32> {
+        let samples = 2 * reach + 1;
+        // Of at most 16 pixels, on a row of at most 2^12.
+        let first = self.first as i32 + (sample - reach as i32) * self.block as i32;
+        let first = usize::try_from(first).ok()?;
+        let pixels = row.light().get(first..first + samples * self.block)?;
+        let sum: u32 = pixels.iter().map(|&count| u32::from(count)).sum();
+        let level = spot.background.level.to_f32() * self.block as f32;
+        Some(sum as f32 / samples as f32 - level)
+    }
+
     pub(super) fn samples(&self) -> &[Sample] {
         self.samples.get(..self.length).unwrap_or_default()
     }

@@ -34,6 +34,9 @@ const CURVED: f32 = 2.8;
 /// Narrower spots, in pixels, have too few of them to leave any out.
 const NARROWEST: f32 = 1.0;
 
+/// More samples side by side are no bad pixels but light, which may be the spot.
+const BAD_PIXELS: i32 = 3;
+
 /// Fits at most, each with more pixels left out.
 const ROUNDS: usize = 6;
 
@@ -152,8 +155,11 @@ impl Scene<'_> {
     fn tells_enough(&self, window: &Window, fit: &Fit, uncertainty: f32) -> bool {
         let at = &fit.parameters;
         let (mut all, mut masked, mut top) = (0, 0, 0);
+        let (mut run, mut longest) = (0, 0);
         for (i, sample) in window.samples().iter().enumerate() {
             let distance = (i as f32 - at.centre).abs();
+            run = if sample.is_left_out() { run + 1 } else { 0 };
+            longest = longest.max(run);
             if distance <= 3.0 * at.width {
                 all += 1;
                 masked += i32::from(sample.is_left_out());
@@ -165,7 +171,7 @@ impl Scene<'_> {
         let (noise, shot) = variances(&self.spot.background, self.geometry);
         let per_height = 1.0 / found.amplitude.to_f32();
         let whole = found.width.to_f32() * per_height * (1.13 * noise * per_height + 0.4 * shot);
-        let few = 8 * masked <= all || masked <= 1;
+        let few = longest <= BAD_PIXELS && (8 * masked <= all || masked <= 1);
         few || (top == 0 && uncertainty * uncertainty <= 4.0 * whole)
     }
 
@@ -192,7 +198,7 @@ impl Scene<'_> {
         at = gauss_newton::fit(window.samples(), at, self.shot())?.parameters;
         for _ in 0..ROUNDS {
             window.unmask();
-            mask_second(window, &at)?;
+            mask_second(window, &at, self)?;
             let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
             at = fit.parameters;
             let look = Look::at(window, &at, self.shot());
@@ -331,7 +337,7 @@ fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
 /// Masks the second spot that stands out most beside the spot's top, as far as it is more than a thousandth of the spot: it has the same
 /// width, and so at two widths to either side of it less than half is left (of a gaussian 14 %). `None` where there is none: a flare is
 /// wider, and a tail has no top of its own.
-fn mask_second(window: &mut Window, at: &Parameters) -> Option<()> {
+fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Option<()> {
     let mut beside = gauss_newton::exponentials(at);
     for (sample, light) in window.samples().iter().zip(&mut beside) {
         *light = sample.counts - at.level - at.amplitude * *light;
@@ -358,9 +364,16 @@ fn mask_second(window: &mut Window, at: &Parameters) -> Option<()> {
     if !(1.0..THOUSAND).contains(&share) {
         return None;
     }
-    let flank = (2.0 * at.width) as usize;
-    let falls = |mean: Option<f32>| mean.is_none_or(|mean| mean < 0.5 * top);
-    if !falls(place.checked_sub(flank).and_then(mean)) || !falls(mean(place + flank)) {
+    // Samples of a window: below 2^8.
+    let flank = (2.0 * at.width) as i32;
+    let falls = |place: i32| {
+        let inside = usize::try_from(place).ok().and_then(mean);
+        // Beyond the window the row is asked: of the first spot there is nothing left.
+        let mean =
+            inside.or_else(|| Some(window.mean(scene.row, scene.spot, place, reach)? - at.level));
+        mean.is_some_and(|mean| mean < 0.5 * top)
+    };
+    if !falls(place as i32 - flank) || !falls(place as i32 + flank) {
         return None;
     }
     let reach = dual_mac::square_root(2.0 * libm::logf(share)) * at.width;
