@@ -24,25 +24,29 @@ pub(super) fn is_alone(light: &[u16], found: &RowCentre) -> Result<(), Fault> {
     // A width is at most 170 pixels: `as` cuts off, and saturates.
     let half = ((0.5 * width) as usize).max(1);
     let centre = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
-    let apart = (APART * width) as usize + 1;
-    // Below 2^7 * 2^12.
+    let apart = (APART * width) as usize;
+    // Sums of at most 85 pixels of 12 bits. Places do not come near the end of their type.
     let sum = |from: usize| -> Option<u32> {
-        let pixels = light.get(from..from + half)?;
-        Some(pixels.iter().map(|&count| u32::from(count)).sum())
+        let pixels = light.get(from..from.wrapping_add(half))?;
+        Some(
+            pixels
+                .iter()
+                .fold(0, |sum, &count| sum.wrapping_add(count.into())),
+        )
     };
-    let height = |from: usize| Some(sum(from)?.min(sum(from + half)?));
+    let height = |from: usize| Some(sum(from)?.min(sum(from.wrapping_add(half))?));
     // Above what is beside it, so that a background that rises is no spot.
     let above = |from: usize| {
         let own = height(from)?;
         let left = from.checked_sub(apart).and_then(height);
-        let right = height(from + apart);
-        let beside = (left.or(right)? + right.or(left)?) / 2;
+        let right = height(from.wrapping_add(apart));
+        let beside = left.or(right)?.midpoint(right.or(left)?);
         Some(own.saturating_sub(beside))
     };
-    let near = centre.saturating_sub(2 * half)..centre + 1;
-    let own = near.clone().filter_map(above).max().unwrap_or_default();
+    let near = centre.saturating_sub(half.wrapping_mul(2))..=centre;
+    let own = near.filter_map(above).max().unwrap_or_default();
     let enough = (SHARE * own as f32) as u32;
-    let far = |from: usize| (from + half).abs_diff(centre) > apart;
+    let far = |from: usize| from.wrapping_add(half).abs_diff(centre) > apart;
     let other = (0..light.len())
         .filter(|&from| far(from) && height(from).is_some_and(|height| height > enough))
         .filter_map(|from| Some((above(from)?, from)))
@@ -51,7 +55,7 @@ pub(super) fn is_alone(light: &[u16], found: &RowCentre) -> Result<(), Fault> {
         Some((above, from)) if above > enough => Err(Fault::TwoSpots {
             centre: found.centre,
             // On a row of at most 2^12 pixels.
-            other: Pixels::from_int((from + half) as i32),
+            other: Pixels::from_int(from.wrapping_add(half) as i32),
         }),
         _ => Ok(()),
     }

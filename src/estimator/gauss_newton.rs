@@ -332,12 +332,15 @@ impl Window {
         sample: i32,
         reach: usize,
     ) -> Option<f32> {
-        let samples = 2 * reach + 1;
+        let samples = reach.saturating_mul(2).saturating_add(1);
         // Of at most 16 pixels, on a row of at most 2^12.
-        let first = self.first as i32 + (sample - reach as i32) * self.block as i32;
-        let first = usize::try_from(first).ok()?;
-        let pixels = row.light().get(first..first + samples * self.block)?;
-        let sum: u32 = pixels.iter().map(|&count| u32::from(count)).sum();
+        let from = sample
+            .saturating_sub(reach as i32)
+            .saturating_mul(self.block as i32);
+        let from = usize::try_from((self.first as i32).saturating_add(from)).ok()?;
+        let to = from.saturating_add(samples.saturating_mul(self.block));
+        let pixels = row.light().get(from..to)?;
+        let sum = (pixels.iter()).fold(0u32, |sum, &count| sum.saturating_add(count.into()));
         let level = spot.background.level.to_f32() * self.block as f32;
         Some(sum as f32 / samples as f32 - level)
     }

@@ -140,14 +140,14 @@ fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
     let (centre, reach) = (found.centre.to_f32(), REACH * width + 4.0);
     // `as` saturates.
     let near = light.get((centre - reach) as usize..).unwrap_or_default();
-    let near = near.get(..2 * reach as usize).unwrap_or(near);
+    let near = near.get(..(2.0 * reach) as usize).unwrap_or(near);
     let Some(first) = near.first() else {
         return false;
     };
     let changes = near
         .iter()
         .fold(0, |changes, count| changes | (count ^ first));
-    let step = f32::from(changes & changes.wrapping_neg());
+    let step = f32::from(changes.isolate_lowest_one());
     let noise = spot.background.noise.to_f32();
     let is_stuck = width >= 3.0 && (changes & changes.wrapping_add(1)) != 0;
     step * step > 12.0 * noise * noise || is_stuck
@@ -248,7 +248,7 @@ impl Look {
     ) -> Self {
         let light = row.light();
         let width = found.width.to_f32();
-        let pixels = (width / SAMPLES_A_WIDTH) as usize + 1;
+        let pixels = ((width / SAMPLES_A_WIDTH) as usize).wrapping_add(1);
         let block = pixels as f32;
         let mirror = Place::of(found.centre);
         let d = mirror.offset.abs();
@@ -277,20 +277,21 @@ impl Look {
         if pixels == 1
             && mirror.to_right == 1.0
             && let Some(before) = mirror.right.checked_sub(2)
-            && let Some(middle) = light.get(before..before + 3)
-            && belongs(middle, before..before + 3)
+            && let Some(middle) = light.get(before..mirror.right.wrapping_add(1))
+            && belongs(middle, before..mirror.right.wrapping_add(1))
         {
             even.add(2.0 * interpolated(middle, mirror.offset) - level, 0.0, 1.0);
         }
         // A width of 2^15 pixels at most, and so a pitch of 1/6 or more.
-        let most = (REACH / pitch) as usize + 1;
+        let most = ((REACH / pitch) as usize).saturating_add(1);
         for i in 0..most {
-            // With a pixel more at either end, for the interpolation. At most 37 samples of 2^13 pixels.
-            let from = mirror.right - 1 + i * pixels;
-            let to = (mirror.left + 1).saturating_sub(i * pixels);
-            let ends = from..from + pixels + 2;
-            let (Some(right), Some(start)) = (light.get(ends.clone()), to.checked_sub(pixels + 2))
-            else {
+            // With a pixel more at either end, for the interpolation. At most 37 samples of 2^13 pixels, from a place below 2^15: nothing wraps.
+            let moved = i.wrapping_mul(pixels);
+            let from = mirror.right.wrapping_add(moved).wrapping_sub(1);
+            let ends = from..from.wrapping_add(pixels).wrapping_add(2);
+            let to = mirror.left.wrapping_add(1).saturating_sub(moved);
+            let start = to.checked_sub(pixels.wrapping_add(2));
+            let (Some(right), Some(start)) = (light.get(ends.clone()), start) else {
                 break;
             };
             let left = light.get(start..to).unwrap_or_default();
@@ -361,7 +362,7 @@ impl Place {
         // Within 2^14 of zero.
         let offset = centre.to_bits().wrapping_sub(halves << HALF_LOG2);
         let halves = usize::try_from(halves).unwrap_or_default();
-        let right = halves / 2 + 1;
+        let right = (halves / 2).wrapping_add(1);
         Self {
             right,
             left: halves.div_ceil(2),
@@ -380,7 +381,7 @@ fn interpolated(pixels: &[u16], offset: f32) -> f32 {
         return 0.0;
     };
     // At most 2^13 pixels of 12 bits.
-    let sum = block.iter().map(|&count| u32::from(count)).sum::<u32>();
+    let sum = (block.iter()).fold(0, |sum: u32, &count| sum.wrapping_add(count.into()));
     let ends = if offset > 0.0 {
         f32::from(*after) - f32::from(*first)
     } else {

@@ -281,12 +281,10 @@ impl Look {
         let mut place: Option<&mut f32> = None;
         for (sample, deviation) in window.samples().iter().zip(&mut look.deviations) {
             let light = at.amplitude * *deviation;
-            let next = (!sample.is_masked()).then(|| {
-                (
-                    sample.counts - at.level - light,
-                    sample.variance + shot * light,
-                )
-            });
+            let next = (!sample.is_masked()).then_some((
+                sample.counts - at.level - light,
+                sample.variance + shot * light,
+            ));
             *deviation = 0.0;
             if let Some((residual, variance)) = next {
                 *deviation = residual * residual / (variance + from_spot);
