@@ -34,6 +34,9 @@ const CURVED: f32 = 2.8;
 /// Narrower spots, in pixels, have too few of them to leave any out.
 const NARROWEST: f32 = 1.0;
 
+/// The centre of a narrower spot, in pixels, is flagged where some of its few pixels were left out: among bad ones, the rest may fit by chance.
+pub(super) const NARROWEST_SURE: f32 = 2.5;
+
 /// More samples side by side are no bad pixels but light, which may be the spot.
 const BAD_PIXELS: i32 = 3;
 
@@ -125,6 +128,10 @@ impl Scene<'_> {
             class: self.found.class,
             misfit: false,
             ..window.row_centre(fit)
+        };
+        let found = RowCentre {
+            misfit: found.width.to_f32() < NARROWEST_SURE,
+            ..found
         };
         let freedom = kept - 4.0;
         let scatters = squares > freedom + gauss_newton::allowed_scatter(freedom);
