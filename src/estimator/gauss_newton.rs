@@ -340,9 +340,12 @@ impl Window {
         let from = usize::try_from((self.first as i32).saturating_add(from)).ok()?;
         let to = from.saturating_add(samples.saturating_mul(self.block));
         let pixels = row.light().get(from..to)?;
-        let sum = (pixels.iter()).fold(0u32, |sum, &count| sum.saturating_add(count.into()));
-        let level = spot.background.level.to_f32() * self.block as f32;
-        Some(sum as f32 / samples as f32 - level)
+        let level = level_bits(&spot.background);
+        // At most 2^12 pixels of a row, below 2^20 each.
+        let sum = pixels.iter().fold(0i64, |sum, &count| {
+            sum.wrapping_add(((i32::from(count) << Counts::FRACTION) - level).into())
+        });
+        Some(sum as f32 / (256.0 * samples as f32))
     }
 
     pub(super) fn samples(&self) -> &[Sample] {
