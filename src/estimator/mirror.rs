@@ -77,6 +77,9 @@ const EVEN: f32 = 4.0;
 /// The same for a spot so narrow that it may be bad pixels: they are likelier than that noise.
 const EVEN_OF_NARROW: f32 = 2.5;
 
+/// The share of all other limits for such a spot.
+const TRUST_OF_NARROW: f32 = 0.7;
+
 /// Samples of a window that do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct LeftOut {
@@ -134,7 +137,7 @@ fn fills(light: &[u16], found: &RowCentre) -> bool {
     centre < reach && end - centre < reach
 }
 
-/// Whether the converter's words are coarser than the noise, or one of its bits is stuck.
+/// Whether the converter's words are coarser than the noise, one of its bits is stuck, or the black level lies below its smallest word.
 fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
     let width = found.width.to_f32();
     let (centre, reach) = (found.centre.to_f32(), REACH * width + 4.0);
@@ -149,8 +152,10 @@ fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
         .fold(0, |changes, count| changes | (count ^ first));
     let step = f32::from(changes.isolate_lowest_one());
     let noise = spot.background.noise.to_f32();
+    // A single dead pixel may read zero too.
+    let is_clipped = near.iter().filter(|&&count| count == 0).count() > 2;
     let is_stuck = width >= 3.0 && (changes & changes.wrapping_add(1)) != 0;
-    step * step > 12.0 * noise * noise || is_stuck
+    step * step > 12.0 * noise * noise || is_stuck || is_clipped
 }
 
 /// Whether the light falls from one pixel to the next by more than any optics lets it: bad pixels side by side look like a narrow spot.
@@ -212,21 +217,22 @@ struct Look {
 
 impl Look {
     fn is_clean(&self, found: &RowCentre) -> bool {
-        let even = if found.width.to_f32() > SHARP_WIDTH {
-            EVEN
+        let is_wide = found.width.to_f32() > SHARP_WIDTH;
+        let (even, trust) = if is_wide {
+            (EVEN, 1.0)
         } else {
-            EVEN_OF_NARROW
+            (EVEN_OF_NARROW, TRUST_OF_NARROW)
         };
         let uncertainty = found.uncertainty.to_f32();
         let beyond = |product: f32, norm: f32, limit: f32| product * product > limit * limit * norm;
         let shift = self.shift / self.shift_norm * self.pixels_a_shift;
         let freedom = self.pairs - 1.0;
         let scatter = dual_mac::square_root(2.0 * freedom + NOISE_SQUARED * freedom * freedom);
-        !(shift.abs() > SHIFTED * uncertainty + SHIFTED_PIXELS
-            || beyond(self.tilt, self.tilt_norm, TILT)
-            || beyond(self.skew, self.skew_norm, SKEW)
-            || self.worst > WORST * WORST
-            || self.squares > freedom + SCATTER * scatter + SCATTER_SKEWED
+        !(shift.abs() > trust * SHIFTED * uncertainty + SHIFTED_PIXELS
+            || beyond(self.tilt, self.tilt_norm, trust * TILT)
+            || beyond(self.skew, self.skew_norm, trust * SKEW)
+            || self.worst > trust * trust * WORST * WORST
+            || self.squares > freedom + trust * (SCATTER * scatter + SCATTER_SKEWED)
             || self.flatness < FLAT - even * self.flatness_deviation
             || self.shape > SHAPE + even * self.shape_deviation)
     }
