@@ -109,7 +109,10 @@ pub(super) fn fits(
     geometry: &Geometry,
     left_out: &LeftOut,
 ) -> Option<bool> {
-    if fills(row.light(), found) || is_coarse(row.light(), spot, found) {
+    if fills(row.light(), found)
+        || is_coarse(row.light(), spot, found)
+        || is_too_high(row, spot, found, geometry)
+    {
         return Some(false);
     }
     let mut look = Look::at(row, spot, found, geometry, left_out, 0.0);
@@ -135,6 +138,12 @@ fn fills(light: &[u16], found: &RowCentre) -> bool {
     let (centre, end) = (found.centre.to_f32(), light.len() as f32 - 1.0);
     let reach = 3.0 * found.width.to_f32();
     centre < reach && end - centre < reach
+}
+
+/// Whether the spot's height is more than full scale and no pixel is: a full well, or what spills from it, has cut it off below.
+fn is_too_high(row: &Row<'_>, spot: &Spot, found: &RowCentre, geometry: &Geometry) -> bool {
+    let top = spot.background.level.to_f32() + found.amplitude.to_f32();
+    !row.reaches_full_scale() && top > f32::from(geometry.full_scale())
 }
 
 /// Whether the converter's words are coarser than the noise, one of its bits is stuck, or the black level lies below its smallest word.
