@@ -109,7 +109,8 @@ pub(super) fn fits(
     geometry: &Geometry,
     left_out: &LeftOut,
 ) -> Option<bool> {
-    if fills(row.light(), found)
+    if sinks(row.light(), found)
+        || fills(row.light(), found)
         || is_coarse(row.light(), spot, found)
         || is_too_high(row, spot, found, geometry)
     {
@@ -146,7 +147,7 @@ fn is_too_high(row: &Row<'_>, spot: &Spot, found: &RowCentre, geometry: &Geometr
     !row.reaches_full_scale() && top > f32::from(geometry.full_scale())
 }
 
-/// Whether the converter's words are coarser than the noise, one of its bits is stuck, or the black level lies below its smallest word.
+/// Whether the converter's words are coarser than the noise, or one of its bits is stuck.
 fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
     let width = found.width.to_f32();
     let (centre, reach) = (found.centre.to_f32(), REACH * width + 4.0);
@@ -161,10 +162,21 @@ fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
         .fold(0, |changes, count| changes | (count ^ first));
     let step = f32::from(changes.isolate_lowest_one());
     let noise = spot.background.noise.to_f32();
-    // A single dead pixel may read zero too.
-    let is_clipped = near.iter().filter(|&&count| count == 0).count() > 2;
     let is_stuck = width >= 3.0 && (changes & changes.wrapping_add(1)) != 0;
-    step * step > 12.0 * noise * noise || is_stuck || is_clipped
+    step * step > 12.0 * noise * noise || is_stuck
+}
+
+/// Whether the background sinks below the converter's smallest word on one side of the spot: it is bent there, and nothing says how. On both sides it is noise
+/// that is cut off, or two dead pixels.
+fn sinks(light: &[u16], found: &RowCentre) -> bool {
+    let (centre, reach) = (found.centre.to_f32(), REACH * found.width.to_f32());
+    // `as` saturates.
+    let middle = (centre as usize).min(light.len());
+    let (left, right) = light.split_at_checked(middle).unwrap_or_default();
+    let zeros = |count: &&u16| **count == 0;
+    let left = left.iter().rev().take(reach as usize).filter(zeros).count();
+    let right = right.iter().take(reach as usize).filter(zeros).count();
+    left.abs_diff(right) > 2 + left.min(right)
 }
 
 /// Whether the light falls from one pixel to the next by more than any optics lets it: bad pixels side by side look like a narrow spot.

@@ -34,7 +34,7 @@ const CURVED: f32 = 2.8;
 /// Narrower spots, in pixels, have too few of them to leave any out.
 const NARROWEST: f32 = 1.0;
 
-/// The centre of a narrower spot, in pixels, is flagged where some of its few pixels were left out: among bad ones, the rest may fit by chance.
+/// The centre of a narrower spot, in pixels, is flagged where any of its few pixels were left out: among bad ones, the rest may fit by chance.
 pub(super) const NARROWEST_SURE: f32 = 2.5;
 
 /// More samples side by side are no bad pixels but light, which may be the spot.
