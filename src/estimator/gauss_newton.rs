@@ -34,6 +34,7 @@ use crate::estimator::plausible::{
     certain, level_bits, limited, no_spot, saturated_pixels, variances,
 };
 use crate::estimator::{RowCentre, WidthClass};
+use crate::proven;
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
@@ -205,7 +206,10 @@ impl Start {
             (None, None) => return Err(Fault::SpotAtEdge { centre: half.top }),
         };
         // A place below 2^13 pixels, and an offset below 2^10.
-        let centre = Pixels::from_bits(half.top.to_bits() + Pixels::from_f32(offset).to_bits());
+        let centre = Pixels::from_bits(proven::add_i32(
+            half.top.to_bits(),
+            Pixels::from_f32(offset).to_bits(),
+        ));
         let flat = flat_top(light, half.top, geometry) as f32 * 0.5;
         let (width, amplitude) = if flat > 0.5 && flat < half_maximum {
             // The counts are full scale F at `flat` and F / 2 at the half maximum.
@@ -233,7 +237,8 @@ fn flat_top(light: &[u16], place: Pixels, geometry: &Geometry) -> usize {
     let place = usize::try_from(place.to_bits() >> Pixels::FRACTION).unwrap_or_default();
     let (left, right) = light.split_at_checked(place).unwrap_or_default();
     let is_full = |count: &&u16| **count >= full_scale;
-    left.iter().rev().take_while(is_full).count() + right.iter().take_while(is_full).count()
+    let left = left.iter().rev().take_while(is_full).count();
+    left.saturating_add(right.iter().take_while(is_full).count())
 }
 
 /// The samples that are fitted.
@@ -277,16 +282,18 @@ impl Window {
         for (sample, pixels) in window.samples.iter_mut().zip(pixels.chunks_exact(block)) {
             let (mut sum, mut highest) = (0, 0);
             for &count in pixels {
-                sum += i32::from(count);
+                // At most LARGEST_SAMPLE counts.
+                sum = proven::add_i32(sum, i32::from(count));
                 highest = highest.max(count);
             }
             let full = highest >= full_scale;
             *sample = Sample {
-                counts: ((sum << Counts::FRACTION) - level) as f32 / 256.0,
+                counts: proven::sub_i32(proven::mul_i32(sum, 1 << Counts::FRACTION), level) as f32
+                    / 256.0,
                 variance: if full { MASKED } else { window.variance },
             };
-            window.masked += usize::from(full);
-            window.length += 1;
+            window.masked = window.masked.saturating_add(usize::from(full));
+            window.length = window.length.saturating_add(1);
         }
         window
     }
@@ -319,11 +326,11 @@ impl Window {
         let (mut all, mut masked) = (0, 0);
         for (i, sample) in self.samples().iter().enumerate() {
             if (i as f32 - at.centre).abs() <= 3.0 * at.width {
-                all += 1;
-                masked += usize::from(sample.is_masked());
+                all = u32::saturating_add(all, 1);
+                masked = u32::saturating_add(masked, sample.is_masked().into());
             }
         }
-        8 * masked > all
+        masked > all / 8
     }
 
     pub(super) fn samples(&self) -> &[Sample] {
@@ -339,7 +346,8 @@ impl Window {
     pub(super) fn parameters(&self, start: &Start) -> Parameters {
         let block = self.block as f32;
         // Below 2^12 pixels, in Q16.
-        let from_first = start.centre.to_bits() - ((self.first as i32) << Pixels::FRACTION);
+        let first = Pixels::from_int(self.first as i32);
+        let from_first = start.centre.to_bits().saturating_sub(first.to_bits());
         let width = start.width / block;
         Parameters {
             centre: (Pixels::from_bits(from_first).to_f32() - self.half_sample()) / block,
@@ -358,9 +366,9 @@ impl Window {
         for (i, sample) in self.samples().iter().enumerate() {
             let distance = (i as f32 - fit.centre).abs();
             if sample.variance < MASKED {
-                fitted += usize::from(distance <= 3.0 * fit.width);
+                fitted = usize::saturating_add(fitted, (distance <= 3.0 * fit.width).into());
             } else {
-                full += usize::from(distance <= 2.0 * fit.width);
+                full = usize::saturating_add(full, (distance <= 2.0 * fit.width).into());
             }
         }
         match (full, fitted) {
@@ -385,7 +393,9 @@ impl Window {
         let freedom = self.length as f32 - self.masked as f32 - 4.0;
         RowCentre {
             centre: Pixels::from_bits(
-                ((self.first as i32) << Pixels::FRACTION).saturating_add(from_first.to_bits()),
+                Pixels::from_int(self.first as i32)
+                    .to_bits()
+                    .saturating_add(from_first.to_bits()),
             ),
             uncertainty: Pixels::from_f32(fit.uncertainty * block),
             // The light, height times width, is the same in pixels and in samples.

@@ -135,7 +135,7 @@ const NARROW: f32 = 3.0;
 fn without_one(window: &Window, at: &Parameters, shot: f32) -> Option<Refit> {
     // `as` saturates: a place beyond the window is at its end.
     let first = (at.centre - 3.0 * at.width) as usize;
-    let end = (at.centre + 3.0 * at.width) as usize + 1;
+    let end = ((at.centre + 3.0 * at.width) as usize).saturating_add(1);
     let mut best: Option<(f32, RowCentre)> = None;
     for left_out in first..end.min(window.samples().len()) {
         let mut window = window.clone();
@@ -274,7 +274,9 @@ fn mask(window: &mut Window, look: &Look, at: &Parameters, leave: Leave) {
         for (i, three) in look.deviations.windows(3).enumerate() {
             if three.iter().all(|square| *square > least * least) {
                 let flanks = window.samples.iter_mut().skip(i.saturating_sub(flank));
-                flanks.take(2 * flank + 3).for_each(Sample::mask);
+                flanks
+                    .take(flank.saturating_mul(2).saturating_add(3))
+                    .for_each(Sample::mask);
             }
         }
     }

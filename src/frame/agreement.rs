@@ -34,8 +34,7 @@ const ENOUGH_FOR_GROUPS: usize = 17;
 
 /// So many rows agree where the others are wrong: two thirds of them, and at least three, because two agree by chance.
 const fn is_majority(rows: usize, of: usize) -> bool {
-    // At most 64.
-    rows >= 3 && 3 * rows >= 2 * of
+    rows >= 3 && rows >= of.saturating_mul(2).div_ceil(3)
 }
 
 /// Gives each row its weight, and takes away those that do not count. Says whether what is left can be of one spot.
@@ -45,11 +44,11 @@ pub(super) fn weigh(members: &mut Members<'_>) -> bool {
     let by_scatter = members.len() >= ENOUGH_TO_SCATTER;
     let scale = if by_scatter { scale(members) } else { 1.0 };
     reweigh(members, REACH * scale);
-    let agreeing = members
-        .iter()
-        .filter(|it| it.weight * square(it.uncertainty) > biweight(AGREES));
-    if is_majority(agreeing.count(), members.len()) {
-        members.retain(|it| it.weight > 0.0);
+    let agreeing = number(members, |it| {
+        it.weight * square(it.uncertainty) > biweight(AGREES)
+    });
+    if is_majority(agreeing, members.len()) {
+        keep(members, |it| it.weight > 0.0);
         return !are_two_groups(members);
     }
     // Of a few rows that disagree all count, and their scatter is in the mean's uncertainty.
@@ -62,10 +61,20 @@ pub(super) fn weigh(members: &mut Members<'_>) -> bool {
 /// A row whose pixels do not fit its spot is off by more than it knows. A majority of better ones does without it; otherwise the frame
 /// is made of such rows and says so.
 fn leave_misfits_out(members: &mut Members<'_>) {
-    let fitting = members.iter().filter(|it| !it.row.misfit).count();
+    let fitting = number(members, |it| !it.row.misfit);
     if is_majority(fitting, members.len()) {
-        members.retain(|it| !it.row.misfit);
+        keep(members, |it| !it.row.misfit);
     }
+}
+
+/// As `Vec::retain`, whose counters could overflow for all that the compiler knows.
+fn keep(members: &mut Members<'_>, is_kept: impl Fn(&Member<'_>) -> bool) {
+    let mut kept = Members::new();
+    for member in members.iter().filter(|it| is_kept(it)) {
+        // As many as there were, and so room.
+        let _ = kept.push(*member);
+    }
+    *members = kept;
 }
 
 fn raise_the_most_certain(members: &mut [Member<'_>]) {
@@ -122,6 +131,12 @@ fn are_two_groups(members: &[Member<'_>]) -> bool {
     }
     let mean = plain_mean(members);
     let near = 0.5 * scatter(members);
-    let near = members.iter().filter(|it| (it.offset - mean).abs() < near);
-    near.count() * 16 < rows
+    number(members, |it| (it.offset - mean).abs() < near) < rows.div_ceil(16)
+}
+
+/// How many of them are so. As a filter's `count`, which adds what could overflow for all that the compiler knows.
+pub(super) fn number(members: &[Member<'_>], is_so: impl Fn(&Member<'_>) -> bool) -> usize {
+    members.iter().fold(0, |number, it| {
+        usize::saturating_add(number, is_so(it).into())
+    })
 }

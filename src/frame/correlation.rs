@@ -98,7 +98,7 @@ fn residuals(members: &[Member<'_>], centre: f32) -> Vec<f32, { MAX_ROWS as usiz
     let places = || {
         members
             .iter()
-            .zip(0u16..)
+            .zip(0..MAX_ROWS as u16)
             .map(|(it, place)| (it, f32::from(place)))
     };
     let middle = places().map(|(it, place)| it.weight * place).sum::<f32>() / weights;
