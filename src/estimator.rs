@@ -9,6 +9,7 @@ pub mod figures;
 pub mod fraunhofer;
 pub mod gauss_newton;
 pub mod half_width;
+mod mirror;
 pub mod parabola;
 pub mod phase_table;
 pub mod plausible;

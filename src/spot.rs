@@ -10,13 +10,17 @@
 //! All in integers, and all from differences of counts: adding a constant to a row changes nothing.
 
 mod apart;
+mod sweep;
 mod tilt;
 
 use heapless::Vec;
 
+use crate::estimator::plausible::level_bits;
 use crate::proven;
 use crate::reading::Fault;
 use crate::row::{LARGEST_COUNT, MAX_PIXELS, Row};
+pub(crate) use crate::spot::sweep::sum_of_blocks;
+use crate::spot::sweep::{BLOCK_LOG2, Sweep};
 use crate::spot::tilt::Tilt;
 use crate::units::{Counts, Pixels};
 
@@ -122,16 +126,16 @@ fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
 fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
     let mut level: Vec<u16, MAX_PIXELS> = Vec::new();
     // A row has no more pixels than that.
-    for count in tilt.taken_off(light) {
+    let (lowest, above) = tilt.taken_off(light);
+    for count in above {
         let _ = level.push(count);
     }
     match search(&level, true)? {
         Found::Spot(spot) => Ok(Spot {
             background: Background {
                 level: Counts::from_bits(
-                    spot.background
-                        .level
-                        .to_bits()
+                    (spot.background.level.to_bits())
+                        .saturating_add(lowest.saturating_mul(1 << Counts::FRACTION))
                         .saturating_add(tilt.at(light, spot.centre)),
                 ),
                 ..spot.background
@@ -161,27 +165,28 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
     let Some(block_log2) = block_log2.filter(|_| light.len() >= MIN_PIXELS) else {
         return find(row);
     };
-    let blocks = light.as_chunks().0;
-    let log2 = block_log2 - BLOCK_LOG2;
-    let peak = match block_log2 {
-        BLOCK_LOG2 => sweep_blocks(blocks),
-        _ => sweep_groups(blocks, log2),
+    let sweep = Sweep::new(light.as_chunks().0, block_log2 - BLOCK_LOG2);
+    let level = Counts::from_bits(level_bits(&before.background));
+    let background = under_the_kernel(level, block_log2);
+    let above = |response: u32| in_q8(response).saturating_sub(background).max(0);
+    // A response like the peak's has two thirds of it: see `apart::is_alike`. Below 2^30 and 2^31.
+    let least_like = |peak: u32| {
+        (proven::add_i32(background, above(peak) / 3 * 2).max(0) >> Counts::FRACTION).unsigned_abs()
     };
-    let background = weighed(before.background.level, block_log2);
-    let response = above(peak.response, block_log2, before.background.level).max(0);
+    let Some(peak) = sweep.peak(least_like) else {
+        return find(row);
+    };
+    let response = above(peak.response);
     let significance = square(response.unsigned_abs()) >> block_log2;
     let block = 1usize << block_log2;
-    let centre = middle(peak.block, block_log2);
+    let centre = middle(peak.group, block_log2);
     // At least three quarters of a block, by which the block was chosen, so not negative.
     let width = (width.to_bits() >> Pixels::FRACTION) as usize;
     // What is left of a spot that went away is not looked for in noise; and rows without change tell that no sensor is there.
     if significance < needed(DETECTION, before.background.noise)
         || centre.abs_diff(before.centre) > width + block
-        || is_on_another(
-            background,
-            response,
-            background_beside(blocks, log2, peak.block),
-        )
+        || is_on_another(background, response, background_beside(&sweep, peak.group))
+        || peak.has_another
     {
         return find(row);
     }
@@ -204,107 +209,14 @@ fn is_on_another(background: i32, response: i32, beside: Option<i32>) -> bool {
 /// 2.7 widths from the centre, where a gaussian has 3 % of its height left.
 const BESIDE: usize = 5;
 
-/// The background to the left and right of a group of 2^`log2` blocks, as the kernel [1 2 1] weighs it, in Q24.8 counts. `None`
-/// where the row has neither.
-fn background_beside(blocks: &[[u16; 8]], log2: u32, group: usize) -> Option<i32> {
-    let sum_of = |group: usize| {
-        let groups = blocks.chunks_exact(1 << log2);
-        Some(sum_of_blocks(groups.skip(group).next()?))
-    };
-    let left = group.checked_sub(BESIDE).and_then(sum_of);
-    let right = sum_of(group.saturating_add(BESIDE));
+/// The background to the left and right of a group, as the kernel [1 2 1] weighs it, in Q24.8 counts. `None` where the row has
+/// neither.
+fn background_beside(sweep: &Sweep<'_>, group: usize) -> Option<i32> {
+    let left = (group.checked_sub(BESIDE)).and_then(|group| sweep.sum(group));
+    let right = sweep.sum(group.saturating_add(BESIDE));
     let both = proven::add_u32(left.or(right)?, right.or(left)?);
     // Twice two groups of at most 128 pixels, like a response.
     Some(in_q8(proven::add_u32(both, both)))
-}
-
-/// Blocks of 2^3 = 8 pixels: their sums fit 16 bits, and four words of two pixels make one.
-const BLOCK_LOG2: u32 = 3;
-
-const _: () = assert!((LARGEST_COUNT as u32) << BLOCK_LOG2 <= u16::MAX as u32);
-
-/// The kernel's highest response, background included, and its middle block.
-#[derive(Clone, Copy, Default)]
-struct Highest {
-    block: usize,
-    response: u32,
-}
-
-/// Runs [1 2 1] over blocks.
-#[inline(never)]
-fn sweep_blocks(blocks: &[[u16; 8]]) -> Highest {
-    let mut kernel = Kernel::default();
-    for block in blocks {
-        kernel.take(sum(block));
-    }
-    kernel.highest()
-}
-
-/// Runs [1 2 1] over groups of 2^`log2` blocks.
-#[inline(never)]
-fn sweep_groups(blocks: &[[u16; 8]], log2: u32) -> Highest {
-    let mut kernel = Kernel::default();
-    for group in blocks.chunks_exact(1 << log2) {
-        kernel.take(sum_of_blocks(group));
-    }
-    kernel.highest()
-}
-
-/// The kernel [1 2 1], which takes one sum after the other.
-#[derive(Default)]
-struct Kernel {
-    last: u32,
-    last_two: u32,
-    taken: usize,
-    highest: Highest,
-}
-
-impl Kernel {
-    #[inline(always)]
-    fn take(&mut self, sum: u32) {
-        let two = proven::add_u32(self.last, sum);
-        // What is missing before the first two counts as zero, below any background.
-        let response = proven::add_u32(self.last_two, two);
-        if response > self.highest.response {
-            self.highest = Highest {
-                block: self.taken,
-                response,
-            };
-        }
-        (self.last, self.last_two) = (sum, two);
-        // As many as blocks.
-        self.taken = proven::add_usize(self.taken, 1);
-    }
-
-    /// The response was noted at the kernel's last block.
-    fn highest(self) -> Highest {
-        Highest {
-            block: self.highest.block.saturating_sub(1),
-            ..self.highest
-        }
-    }
-}
-
-/// The sum of a block of 8 pixels, two at a time: four counts of 12 bits fit the 16 bits that each half has.
-#[inline(always)]
-fn sum(&[a, b, c, d, e, f, g, h]: &[u16; 8]) -> u32 {
-    let left = proven::add_u32(pair(a, b), pair(c, d));
-    let right = proven::add_u32(pair(e, f), pair(g, h));
-    let both = proven::add_u32(left, right);
-    (both & 0xffff) + (both >> 16)
-}
-
-/// The sum over blocks of at most 128 pixels together.
-#[inline(always)]
-pub(crate) fn sum_of_blocks(blocks: &[[u16; 8]]) -> u32 {
-    blocks
-        .iter()
-        .fold(0, |all, block| proven::add_u32(all, sum(block)))
-}
-
-#[inline(always)]
-fn pair(low: u16, high: u16) -> u32 {
-    u32::from(low) | u32::from(high) * 0x1_0000
 }
 
 /// The significance of a response so many halves of a standard deviation above the background. The kernel's noise is (1 + 4 + 1) *
@@ -511,11 +423,11 @@ fn height(response: i32, block_log2: u32) -> Counts {
 
 /// A response above the background, in Q24.8 counts.
 fn above(response: u32, block_log2: u32, level: Counts) -> i32 {
-    in_q8(response).saturating_sub(weighed(level, block_log2))
+    in_q8(response).saturating_sub(under_the_kernel(level, block_log2))
 }
 
-/// A level as the kernel weighs it.
-fn weighed(level: Counts, block_log2: u32) -> i32 {
+/// The kernel's response to the background alone, in Q24.8 counts.
+fn under_the_kernel(level: Counts, block_log2: u32) -> i32 {
     level
         .to_bits()
         .saturating_mul(4 << block_log2.min(LARGEST_BLOCK_LOG2))

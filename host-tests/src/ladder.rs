@@ -1,7 +1,5 @@
 //! Every rung of the ladder on the same seeded rows.
 
-use nalgebra::{Matrix4, Vector4};
-use phase_tables::gaussian;
 use rayon::prelude::*;
 use slitrange::estimator::{Estimator, RowCentre, centre};
 use slitrange::reading::Fault;
@@ -71,32 +69,4 @@ pub fn run_at(
         faults: cell.rows - errors.len() as u64,
         gross: (errors.len() - good.len()) as u64,
     }
-}
-
-/// The Cramér-Rao bound in pixels for a spot at `centre` that is cut by the sensor's edge, which is before pixel 0: from
-/// the Fisher information, in four parameters, of the pixels that there are.
-pub fn cut_bound(spot: &bound::Spot, centre: f64) -> f64 {
-    let h = 1e-4 * spot.width;
-    let last = (centre + 6.0 * spot.width + 3.0).ceil() as i32;
-    let mut information = Matrix4::zeros();
-    for i in 0..=last {
-        let offset = f64::from(i) - centre;
-        let light = gaussian(offset, spot.width);
-        let by_centre =
-            (gaussian(offset - h, spot.width) - gaussian(offset + h, spot.width)) / (2.0 * h);
-        let by_width =
-            (gaussian(offset, spot.width + h) - gaussian(offset, spot.width - h)) / (2.0 * h);
-        // In units of the width and of the height, so that the matrix can be inverted.
-        let gradient = spot.amplitude
-            * Vector4::new(by_centre * spot.width, light, 1.0, by_width * spot.width);
-        let shot = spot
-            .electrons_per_count
-            .map_or(0.0, |electrons| spot.amplitude * light / electrons);
-        information +=
-            gradient * gradient.transpose() / (spot.noise * spot.noise + 1.0 / 12.0 + shot);
-    }
-    let inverse = information
-        .try_inverse()
-        .expect("four derivatives of a gaussian are independent");
-    inverse[(0, 0)].sqrt() * spot.width
 }

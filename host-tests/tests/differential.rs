@@ -229,7 +229,8 @@ fn the_centroid_is_its_model() {
     let (same, other): (Vec<f64>, Vec<f64>) = steps.iter().partition(|steps| steps.abs() <= 1.0);
     let (all, most) = (rms(steps.iter().copied()), worst(other.iter().copied()));
     println!(
-        "centroid: {:.3} steps of 2^-16 pixel rms, of {} rows; {} more stopped elsewhere, {most:.1} steps away at most; {:.1e} px rms with them",
+        "centroid: {:.3} steps of 2^-16 pixel rms, of {} rows; {} more stopped elsewhere, {most:.1} steps \
+         away at most; {:.1e} px rms with them",
         rms(same.iter().copied()),
         same.len(),
         other.len(),
@@ -327,8 +328,9 @@ fn the_fit_is_the_reference_and_the_tables_follow_it() {
         }
         .bound();
         println!(
-            "sigma {width}, {amplitude} counts, noise {read_noise}, {electrons_per_count:?} e/count: fit and reference apart by {apart_rms:.4} of \
-             the uncertainty rms, {apart_most:.3} at most; reference {:.3} of the bound, default {:.3}; ratio {ratio:.3}, correlation {correlation:.3}",
+            "sigma {width}, {amplitude} counts, noise {read_noise}, {electrons_per_count:?} e/count: fit and reference \
+             apart by {apart_rms:.4} of the uncertainty rms, {apart_most:.3} at most; reference {:.3} of the bound, default {:.3}; \
+             ratio {ratio:.3}, correlation {correlation:.3}",
             reference / bound,
             table / bound
         );

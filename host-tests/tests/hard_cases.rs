@@ -42,12 +42,29 @@ fn no_answer_is_nonsense() {
     for rung in Estimator::ALL {
         let failures = CATALOGUE.failures(rung);
         let nonsense: Vec<_> = (failures.iter())
-            .filter(|failure| failure.contains("nonsense"))
+            .filter(|failure| failure.what.starts_with("nonsense"))
             .collect();
         assert!(nonsense.is_empty(), "{}: {nonsense:#?}", rung.name());
     }
     for (case, found) in &CATALOGUE.calibrations {
         assert!(found.is_due, "{}: {}", case.name, found.answer);
+    }
+}
+
+/// The rungs that people use.
+const USED: [Estimator; 3] = [
+    Estimator::PhaseTable,
+    Estimator::Adaptive,
+    Estimator::Robust,
+];
+
+/// Each gives what is due in every case.
+#[test]
+fn the_rungs_that_people_use_give_what_is_due() {
+    for rung in USED {
+        let failures = CATALOGUE.failures(rung);
+        let failures: Vec<String> = failures.iter().map(ToString::to_string).collect();
+        assert!(failures.is_empty(), "{}: {failures:#?}", rung.name());
     }
 }
 
@@ -86,22 +103,21 @@ fn most(rate: f64) -> u64 {
     (mean + 3.0 * mean.sqrt()) as u64
 }
 
-/// Of clean rows at most one in 100,000 is confidently wrong with the rungs that people use; and the second look makes no rung worse.
+/// Of clean rows one in 100,000 may be confidently wrong with the rungs that people use, and of rows with flaws this share.
+const OF_CLEAN: f64 = 1e-5;
+const OF_FLAWED: f64 = 3.2e-3;
+
 #[test]
 fn confident_errors_are_rare() {
     let clean = Tally::over(SEEDS, mixtures::clean, &|| {});
     let flawed = Tally::over(SEEDS, mixtures::mixture, &|| {});
     println!("{}", report::random_rows_markdown(&clean, &flawed));
     for (i, rung) in Estimator::ALL.iter().enumerate() {
-        let errors = [flawed.looked_at[i], flawed.alone[i]].map(|counts| counts.confident_errors);
-        assert!(errors[0] <= errors[1], "{}: {errors:?}", rung.name());
-        let used = [
-            Estimator::PhaseTable,
-            Estimator::Adaptive,
-            Estimator::Robust,
-        ];
-        let of_clean = clean.looked_at[i].confident_errors;
-        let due = !used.contains(rung) || of_clean <= most(1e-5);
-        assert!(due, "{}: {of_clean} of the clean rows", rung.name());
+        if USED.contains(rung) {
+            let [of_clean, of_flawed] =
+                [&clean, &flawed].map(|tally| tally.looked_at[i].confident_errors);
+            assert!(of_clean <= most(OF_CLEAN), "{}: {of_clean}", rung.name());
+            assert!(of_flawed <= most(OF_FLAWED), "{}: {of_flawed}", rung.name());
+        }
     }
 }

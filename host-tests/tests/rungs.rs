@@ -2,8 +2,7 @@
 //! senseless. Every figure asserted is printed.
 
 use host_tests::accuracy::{Cell, PIXELS};
-use host_tests::bound;
-use host_tests::ladder::{centre_of, cut_bound, run_at, run_estimator};
+use host_tests::ladder::{centre_of, run_estimator};
 use host_tests::scene::quantise;
 use phase_tables::gaussian;
 use slitrange::estimator::{self, Estimator};
@@ -204,79 +203,6 @@ fn bias_over_the_phase_is_the_methods_own() {
     println!("{text}");
     assert!(failures.is_empty(), "{}", failures.join("\n"));
     insta::assert_snapshot!("rungs_bias", text);
-}
-
-/// A spot cut by the sensor's edge, two widths, one and none from its centre: within 1.2, 1.2 and 1.4 of the bound of the pixels
-/// that are left, and as uncertain as claimed. The same at the other edge of the sensor.
-#[test]
-fn a_cut_spot_is_fitted_at_its_own_bound() {
-    println!("least-squares fit of a cut spot, 2000 counts, 5 e/count, read noise 2");
-    for width in [2.0, 4.0, 10.5, 30.0] {
-        let noise = ("", 2000.0, 2.0, Some(5.0));
-        let cell = cell(width, noise, 4000);
-        let whole = bound::Spot {
-            width,
-            amplitude: 2000.0,
-            noise: 2.0,
-            electrons_per_count: Some(5.0),
-        };
-        for (widths, limit) in [(2.0, 1.2), (1.0, 1.2), (0.0, 1.4)] {
-            // From the first pixel's middle, over the phases evenly.
-            let from_edge = |row: u64| widths * width + (row as f64 * 0.618_033_988_75).fract();
-            let bound = (0..16)
-                .map(|row| cut_bound(&whole, from_edge(row)).powi(2))
-                .sum::<f64>()
-                / 16.0;
-            let bound = bound.sqrt();
-            let left = run_at(&cell, Estimator::GaussNewton, bound, from_edge);
-            let right = run_at(&cell, Estimator::GaussNewton, bound, |row| {
-                (PIXELS - 1) as f64 - from_edge(row)
-            });
-            for (side, outcome) in [("left", left), ("right", right)] {
-                println!(
-                    "sigma {width:>4}, {widths} from the {side:>5}: {:.4} px, {:.2} of the bound, {:.2} of the claim, {} off the sensor",
-                    outcome.rmse,
-                    outcome.ratio(),
-                    outcome.pull,
-                    outcome.faults
-                );
-                // Noise takes some centres within their uncertainty of the edge beyond it.
-                assert!(outcome.gross == 0 && outcome.faults <= 120, "{outcome:?}");
-                assert!(outcome.ratio() <= limit, "{width} {widths}: {outcome:?}");
-                assert!(
-                    (outcome.pull - 1.0).abs() <= 0.07,
-                    "{width} {widths}: {outcome:?}"
-                );
-            }
-        }
-    }
-}
-
-/// A spot whose centre is beside the sensor is no reading, and one that is cut is none of the other rungs'.
-#[test]
-fn what_is_not_on_the_sensor_is_a_fault() {
-    for width in [2.0, 4.0, 10.5, 30.0] {
-        let cell = cell(width, ("", 2000.0, 2.0, Some(5.0)), 0);
-        let scene = cell.scene_of(PIXELS);
-        for row in 0..400 {
-            let beside = -0.5 - width * (0.1 + 2.0 * row as f64 / 400.0);
-            let light = quantise(&scene.row_with_centre(row, beside, 1.0), 4095);
-            let mirrored: Vec<u16> = light.iter().rev().copied().collect();
-            for light in [light, mirrored] {
-                for rung in RUNGS {
-                    let found = centre_of(&scene.geometry(), &light, rung);
-                    assert!(found.is_err(), "{rung:?}, {width} at {beside}: {found:?}");
-                }
-            }
-            // Cut within two widths: too little for a window of the cheap rungs.
-            let cut = width * (2.0 * row as f64 / 400.0) - 0.4;
-            let light = quantise(&scene.row_with_centre(row, cut, 1.0), 4095);
-            for rung in [Estimator::Centroid, Estimator::ZeroCrossing] {
-                let found = centre_of(&scene.geometry(), &light, rung);
-                assert!(found.is_err(), "{rung:?}, {width} at {cut}: {found:?}");
-            }
-        }
-    }
 }
 
 /// Heights of 1.5 and 4 times the full scale: full scale is masked. At a width of 10.5 within 0.016 and 0.020 pixel, and at every width

@@ -30,6 +30,7 @@
 //! converges quadratically.
 
 use crate::estimator::half_width::{self, WIDTHS};
+use crate::estimator::mirror::LeftOut;
 use crate::estimator::plausible::{
     certain, level_bits, limited, no_spot, saturated_pixels, variances,
 };
@@ -96,6 +97,11 @@ impl Sample {
         if !self.is_masked() {
             self.variance = LEFT_OUT;
         }
+    }
+
+    /// Whether [`Self::mask`] left it out.
+    pub(super) fn is_left_out(&self) -> bool {
+        self.variance >= LEFT_OUT
     }
 
     /// Whether it weighs nothing.
@@ -292,8 +298,9 @@ impl Window {
                     / 256.0,
                 variance: if full { MASKED } else { window.variance },
             };
-            window.masked = window.masked.saturating_add(usize::from(full));
-            window.length = window.length.saturating_add(1);
+            // At most SAMPLES.
+            window.masked = proven::add_usize(window.masked, usize::from(full));
+            window.length = proven::add_usize(window.length, 1);
         }
         window
     }
@@ -301,15 +308,6 @@ impl Window {
     /// Whether the centre is among the samples, and so on the sensor.
     pub(super) fn holds(&self, at: &Parameters) -> bool {
         (-0.5..self.length as f32 - 0.5).contains(&at.centre)
-    }
-
-    /// Masks the samples that are further than this many widths from the spot.
-    pub(super) fn mask_beyond(&mut self, widths: f32, at: &Parameters) {
-        for (i, sample) in self.samples.iter_mut().enumerate() {
-            if (i as f32 - at.centre).abs() > widths * at.width {
-                sample.mask();
-            }
-        }
     }
 
     /// Takes back what was left out. What is at full scale stays masked.
@@ -321,16 +319,20 @@ impl Window {
         }
     }
 
-    /// Whether more than an eighth of the spot within three widths is masked.
-    pub(super) fn masks_the_spot(&self, at: &Parameters) -> bool {
-        let (mut all, mut masked) = (0, 0);
-        for (i, sample) in self.samples().iter().enumerate() {
-            if (i as f32 - at.centre).abs() <= 3.0 * at.width {
-                all = u32::saturating_add(all, 1);
-                masked = u32::saturating_add(masked, sample.is_masked().into());
-            }
+    /// The samples that are masked.
+    pub(super) fn left_out(&self) -> LeftOut {
+        let samples = self.samples().iter().enumerate();
+        LeftOut {
+            first: self.first,
+            block: self.block,
+            samples: samples.fold(0, |all, (i, sample)| {
+                if sample.is_masked() {
+                    all | 1u128 << i
+                } else {
+                    all
+                }
+            }),
         }
-        masked > all / 8
     }
 
     pub(super) fn samples(&self) -> &[Sample] {
@@ -465,7 +467,7 @@ pub(super) struct Fit {
 
 impl Fit {
     /// Whether the last step was short.
-    fn has_arrived(&self) -> bool {
+    pub(super) fn has_arrived(&self) -> bool {
         self.last_step <= ARRIVED
     }
 }

@@ -22,7 +22,7 @@
 
 use crate::estimator::half_width;
 use crate::estimator::plausible::{
-    certain, level_bits, no_spot, on_the_row, unsaturated, variances,
+    certain_in_noise, level_bits, no_spot, on_the_row, unsaturated, variances,
 };
 use crate::estimator::{RowCentre, WidthClass};
 use crate::proven;
@@ -112,6 +112,11 @@ fn centre(
         proven::mul_i32(highest, 1 << Pixels::FRACTION),
         Pixels::from_f32(vertex.place).to_bits(),
     ));
+    // Of a spot that the sensor's edge cuts the highest pixel may be one that noise makes so.
+    let to_the_end = (light.len() as f32 - 1.0) - at.to_f32();
+    if at.to_f32() < width || to_the_end < width {
+        return Err(Fault::SpotAtEdge { centre: at });
+    }
     unsaturated(row, at, width, geometry)?;
     let amplitude = if logarithms {
         libm::expf(vertex.value)
@@ -125,7 +130,7 @@ fn centre(
     };
     let noise = vertex.uncertainty * vertex.uncertainty.min(WANDER);
     let uncertainty = dual_mac::square_root(noise + shape * shape);
-    certain(amplitude, uncertainty, width)?;
+    certain_in_noise(amplitude, uncertainty, width, spot.background.noise)?;
     Ok(RowCentre {
         centre: at,
         uncertainty: Pixels::from_f32(uncertainty),

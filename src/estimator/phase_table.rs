@@ -41,6 +41,10 @@ const fn slack(pass: usize) -> (f32, f32) {
 /// twice as wide as it is, and be off by half its width.
 const NARROWER: f32 = 0.7;
 
+/// What fits a table of less than so much of the width that the coarse search found, where the sensor's edge keeps the wider ones off, is
+/// a ripple on a spot that is cut.
+const RIPPLE: f32 = 0.4;
+
 /// The centre of a spot that [`crate::spot::find`] found, with the tables of one set.
 ///
 /// Where the row before had its spot near this one's, its table serves again, without the third product: the width is taken
@@ -350,11 +354,11 @@ fn settle<'a>(
 ) -> Result<Fit<'a>, Unsettled<'a>> {
     let (mut at, mut width) = (start, start_width);
     let (mut class, mut table) = tables.choose(width, sampling).ok_or(Unsettled::Shape)?;
-    let (mut cut, mut last) = (false, None);
+    let (mut cut, mut was_cut, mut last) = (false, false, None);
     for pass in 0..MAX_PASSES {
         let Some(window) = Window::place(light, at, class, table) else {
             // The place or the width may still be off: a narrower table mends either, where the spot is whole.
-            cut = true;
+            (cut, was_cut) = (true, true);
             width = table.width * f32::from(class.block) * NARROWER;
             (class, table) = tables.choose(width, sampling).ok_or(Unsettled::Shape)?;
             if width < NARROWEST {
@@ -385,6 +389,9 @@ fn settle<'a>(
             table,
         };
         if fits && look.distance.abs() <= steps * look.nearest {
+            if was_cut && width < RIPPLE * start_width {
+                return Err(Unsettled::Edge(at));
+            }
             return if tables.serves(width) {
                 Ok(fit)
             } else {

@@ -1,22 +1,22 @@
-//! The adaptive phase-table score with a second look: pixels that do not belong to the spot are found and left out.
+//! The adaptive phase-table score, and where the row does not look like its centre, a fit of the pixels that belong to the spot.
 //!
-//! The first look is [`adaptive`]'s. The second compares the row with the spot that it found. Where all pixels agree, which is
-//! usual, the first look's centre stands. Where some do not (hot
-//! and dead pixels, a second spot, a reflection), they are masked, the worst first, and [`gauss_newton`] fits what is left, until
-//! no more pixels leave. A spot whose top is at full scale goes there at once.
+//! The first look is [`adaptive`]'s. Where the row is its own mirror image about that centre (see [`mirror`]), which is usual, it stands.
+//! Where it is not, three ways lead to pixels that do not belong to the spot, each a series of fits ([`gauss_newton`]) to what is left:
 //!
-//! **Outliers.** A pixel is one if it deviates by more than four standard deviations, and by at least half of what the worst
-//! one does: an outlier bends the fit, and makes good pixels look bad until it is gone. The spot's own shape is trusted to 2 % of
-//! its height (an exact Fresnel pattern lies up to 7 % from the gaussian that fits it best).
+//! 1. **Pixels.** Hot and dead ones: the worst first, because one outlier bends the fit and makes good pixels look bad until it is gone.
+//! 2. **Light.** A second spot or a reflection, which leads a fit astray from the start: the spot's top and the dark are fitted first, then
+//!    all but the light that stands out beside it, as far as that is more than a thousandth of the spot.
+//! 3. **One pixel** of a narrow spot. Among its few pixels one bad pixel makes all of them look bad: each in turn is left out.
 //!
-//! **Flag.** `misfit` is set where pixels were left out that make up more than an eighth of the spot's within three widths, or where
-//! what was kept still scatters more than noise explains: the sum of squares beyond five of its standard deviations.
+//! A fit is taken if what is left looks right in the mirror and scatters no more than noise explains. If none is, the first look stands, flagged.
 
-use crate::estimator::gauss_newton::{self, Parameters, SAMPLES, Sample, Start, Window};
+use crate::estimator::gauss_newton::{self, Fit, Parameters, SAMPLES, Start, Window};
 use crate::estimator::half_width::WIDTHS;
+use crate::estimator::mirror;
 use crate::estimator::plausible::{certain, variances};
-use crate::estimator::tables::{NARROWEST, TILTED};
-use crate::estimator::{RowCentre, adaptive};
+use crate::estimator::tables::TILTED;
+use crate::estimator::{RowCentre, adaptive, second_look};
+use crate::proven;
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
@@ -24,10 +24,18 @@ use crate::spot::Spot;
 /// Standard deviations from which on a pixel is an outlier: of 128 good ones, one does so in a row of a hundred.
 const OUTLIER: f32 = 4.0;
 
-/// The share of the spot's height to which its shape is known.
+/// The share of the spot's height to which its shape is known: an exact Fresnel pattern lies up to 7 % from the gaussian that fits it
+/// best, most of it within a width.
 const SHAPE: f32 = 0.02;
 
-/// Fits at most, each with more pixels masked. An outlier and what it hides take two or three.
+/// The same from pixel to pixel, over the square of the width in pixels: half of the second difference of lobes that are 2.66 widths apart,
+/// (2 pi / 2.66)^2 / 2.
+const CURVED: f32 = 2.8;
+
+/// Narrower spots, in pixels, have too few of them to leave any out.
+const NARROWEST: f32 = 1.0;
+
+/// Fits at most, each with more pixels left out.
 const ROUNDS: usize = 6;
 
 /// The centre of a spot.
@@ -41,164 +49,192 @@ pub fn centre(
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
     let found = match adaptive::centre(row, spot, before, geometry) {
-        // A tilt is nothing to these tables, and would be an outlier to what follows.
-        Ok(found) if found.class.set == TILTED.number() => return Ok(found),
-        Ok(found) => found,
-        Err(Fault::Saturated { .. }) => {
-            return gauss_newton::centre(row, spot, before, geometry);
-        }
+        Err(Fault::Saturated { .. }) => gauss_newton::centre(row, spot, before, geometry)?,
         // Where the first look sees no spot there is none: what the second would make of a hot pixel is not to be trusted.
-        Err(fault) => return Err(fault),
+        found => found?,
     };
-    let start = Start {
-        centre: found.centre,
-        width: found.width.to_f32(),
-        amplitude: found.amplitude.to_f32(),
+    let looked_at = second_look::looked_at(row, spot, found, geometry);
+    if !looked_at.misfit {
+        return Ok(looked_at);
+    }
+    // A tilt is nothing to these tables, and would be an outlier to what follows.
+    if found.class.set == TILTED.number() {
+        return Ok(looked_at);
+    }
+    let scene = Scene {
+        row,
+        spot,
+        geometry,
+        found,
     };
-    let (_, shot) = variances(&spot.background, geometry);
-    let window = Window::around(row.light(), spot, &start, geometry);
-    let mut at = window.parameters(&start);
-    at.level = level(&window, &at);
-    let look = Look::at(&window, &at, shot);
-    if look.worst <= OUTLIER {
-        return Ok(RowCentre {
-            misfit: look.scatters(),
-            ..found
-        });
-    }
-    // An outlier among the spot's pixels leads the first fits astray: the worst go first, the others may be good ones.
-    let mut refit = without_outliers(window.clone(), at, shot, Leave::Worst);
-    if !refit.is_some_and(|refit| refit.fits) {
-        // What lies beside the spot leads it astray from the start: from its top outwards.
-        let start = Start::find(row.light(), spot, geometry).unwrap_or(start);
-        let mut window = Window::around(row.light(), spot, &start, geometry);
-        let at = window.parameters(&start);
-        window.mask_beyond(CORE, &at);
-        let from_the_top = without_outliers(window, at, shot, Leave::All);
-        refit = from_the_top.filter(|other| other.fits).or(refit);
-    }
-    if at.width < NARROW && !refit.is_some_and(|refit| refit.fits && !refit.centre.misfit) {
-        // Among the few pixels of a narrow spot one bad pixel makes all of them look bad: each in turn.
-        refit = without_one(&window, &at, shot).or(refit);
-    }
-    let refit = refit.filter(|refit| WIDTHS.contains(&refit.centre.width.to_f32()));
-    let Some(Refit { centre, .. }) = refit else {
-        // Too little is left, or what is left is no spot: the first look is all there is, and it does not fit.
-        return Ok(RowCentre {
-            misfit: true,
-            ..found
-        });
-    };
-    // A first look that was far off is a reason to doubt the second.
-    let moved = found.centre.to_bits().abs_diff(centre.centre.to_bits())
-        > found.width.to_bits().unsigned_abs();
-    let (uncertainty, width) = (centre.uncertainty.to_f32(), centre.width.to_f32());
-    certain(centre.amplitude.to_f32(), uncertainty, width)?;
-    Ok(RowCentre {
-        class: found.class,
-        misfit: centre.misfit || moved,
-        ..centre
-    })
+    Ok(scene.refit().unwrap_or(looked_at))
 }
 
-/// Whether a fit is of what can be a spot: a hot pixel alone is narrower than any.
-fn is_sound(window: &Window, fit: &gauss_newton::Fit) -> bool {
-    let found = window.row_centre(fit);
-    found.width.to_f32() >= NARROWEST && window.holds(&fit.parameters)
+/// What the fits are of.
+struct Scene<'a> {
+    row: &'a Row<'a>,
+    spot: &'a Spot,
+    geometry: &'a Geometry,
+    /// The first look.
+    found: RowCentre,
 }
 
-/// A fit of what was left.
-#[derive(Clone, Copy)]
-struct Refit {
-    centre: RowCentre,
-    /// Whether what was left does fit.
-    fits: bool,
-}
+impl Scene<'_> {
+    #[inline(never)]
+    fn refit(&self) -> Option<RowCentre> {
+        let start = Start {
+            centre: self.found.centre,
+            width: self.found.width.to_f32(),
+            amplitude: self.found.amplitude.to_f32(),
+        };
+        let mut window = self.window(&start);
+        let mut at = window.parameters(&start);
+        at.level = level(&window, &at);
+        if at.width < NARROW
+            && let Some(found) = self.without_one(&mut window, at)
+        {
+            return Some(found);
+        }
+        window.unmask();
+        if let Some(found) = self.without_pixels(&mut window, at) {
+            return Some(found);
+        }
+        if at.width < 2.0 {
+            return None;
+        }
+        let start = Start::find(self.row.light(), self.spot, self.geometry).ok()?;
+        window = self.window(&start);
+        let start = window.parameters(&start);
+        self.without_light(&mut window, start)
+    }
 
-/// A fit from the top starts from the samples within this many widths.
-const CORE: f32 = 2.5;
+    fn window(&self, start: &Start) -> Window {
+        Window::around(self.row.light(), self.spot, start, self.geometry)
+    }
 
-/// Which outliers a round leaves out.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Leave {
-    /// The worst, and those that are at least half as bad; they stay out.
-    Worst,
-    /// All, and each round looks at all pixels anew.
-    All,
+    fn shot(&self) -> f32 {
+        variances(&self.spot.background, self.geometry).1
+    }
+
+    /// The fit as a centre, if what was fitted looks like it.
+    #[inline(never)]
+    fn accepted(&self, window: &Window, fit: &Fit, squares: f32, kept: f32) -> Option<RowCentre> {
+        let found = RowCentre {
+            class: self.found.class,
+            misfit: false,
+            ..window.row_centre(fit)
+        };
+        let freedom = kept - 4.0;
+        let scatters = squares > freedom + gauss_newton::allowed_scatter(freedom);
+        let (uncertainty, width) = (found.uncertainty.to_f32(), found.width.to_f32());
+        // A first look that was far off is a reason to doubt the second.
+        let moved = self.found.centre.to_bits().abs_diff(found.centre.to_bits())
+            > self.found.width.to_bits().unsigned_abs();
+        let sound = fit.has_arrived()
+            && WIDTHS.contains(&width)
+            && width >= NARROWEST
+            && window.holds(&fit.parameters)
+            && certain(found.amplitude.to_f32(), uncertainty, width).is_ok();
+        (sound
+            && !moved
+            && !scatters
+            && self.tells_enough(window, fit, uncertainty)
+            && mirror::fits(
+                self.row,
+                self.spot,
+                &found,
+                self.geometry,
+                &window.left_out(),
+            ) == Some(true))
+        .then_some(found)
+    }
+
+    /// Whether what is left of the spot tells its place.
+    fn tells_enough(&self, window: &Window, fit: &Fit, uncertainty: f32) -> bool {
+        let at = &fit.parameters;
+        // At most SAMPLES each.
+        let (mut all, mut masked, mut top) = (0, 0, 0);
+        for (i, sample) in window.samples().iter().enumerate() {
+            let distance = (i as f32 - at.centre).abs();
+            if distance <= 3.0 * at.width {
+                all = proven::add_u32(all, 1);
+                masked = proven::add_u32(masked, sample.is_left_out().into());
+                let of_top = sample.is_left_out() && distance <= at.width;
+                top = proven::add_u32(top, of_top.into());
+            }
+        }
+        // Of the whole spot.
+        let found = window.row_centre(fit);
+        let (noise, shot) = variances(&self.spot.background, self.geometry);
+        let per_height = 1.0 / found.amplitude.to_f32();
+        let whole = found.width.to_f32() * per_height * (1.13 * noise * per_height + 0.4 * shot);
+        let few = masked <= all / 8 || masked <= 1;
+        few || (top == 0 && uncertainty * uncertainty <= 4.0 * whole)
+    }
+
+    /// Leaves out the pixels that deviate, the worst first, until there are none.
+    #[inline(never)]
+    fn without_pixels(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
+        for _ in 0..ROUNDS {
+            let look = Look::at(window, &at, self.shot());
+            mask(window, &look);
+            let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
+            at = fit.parameters;
+            let look = Look::at(window, &at, self.shot());
+            if look.worst <= OUTLIER {
+                return self.accepted(window, &fit, look.squares, look.kept);
+            }
+        }
+        None
+    }
+
+    /// Leaves out the light beside the spot.
+    #[inline(never)]
+    fn without_light(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
+        mask_but_top_and_dark(window, &at);
+        at = gauss_newton::fit(window.samples(), at, self.shot())?.parameters;
+        for _ in 0..ROUNDS {
+            window.unmask();
+            mask_second(window, &at)?;
+            let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
+            at = fit.parameters;
+            let look = Look::at(window, &at, self.shot());
+            if let Some(found) = self.accepted(window, &fit, look.squares, look.kept) {
+                return Some(found);
+            }
+        }
+        None
+    }
+
+    /// Leaves out the one sample whose absence leaves the least scatter.
+    #[inline(never)]
+    fn without_one(&self, window: &mut Window, at: Parameters) -> Option<RowCentre> {
+        // `as` saturates: a place beyond the window is at its end.
+        let first = (at.centre - 3.0 * at.width) as usize;
+        let end = ((at.centre + 3.0 * at.width) as usize).saturating_add(1);
+        let mut best: Option<(f32, RowCentre)> = None;
+        for left_out in first..end.min(window.samples().len()) {
+            window.unmask();
+            if let Some(sample) = window.samples.get_mut(left_out) {
+                sample.mask();
+            }
+            let Some(fit) = gauss_newton::fit(window.samples(), at, self.shot()) else {
+                continue;
+            };
+            let look = Look::at(window, &fit.parameters, self.shot());
+            if look.worst <= OUTLIER
+                && best.is_none_or(|(least, _)| look.squares < least)
+                && let Some(found) = self.accepted(window, &fit, look.squares, look.kept)
+            {
+                best = Some((look.squares, found));
+            }
+        }
+        best.map(|(_, found)| found)
+    }
 }
 
 /// Narrower spots than this, in pixels, are tried without each of their pixels in turn: at most twice 3 * 3 and one.
 const NARROW: f32 = 3.0;
-
-/// The fit without the one sample whose absence leaves the least scatter. `None` where that scatters too.
-#[inline(never)]
-fn without_one(window: &Window, at: &Parameters, shot: f32) -> Option<Refit> {
-    // `as` saturates: a place beyond the window is at its end.
-    let first = (at.centre - 3.0 * at.width) as usize;
-    let end = ((at.centre + 3.0 * at.width) as usize).saturating_add(1);
-    let mut best: Option<(f32, RowCentre)> = None;
-    for left_out in first..end.min(window.samples().len()) {
-        let mut window = window.clone();
-        if let Some(sample) = window.samples.get_mut(left_out) {
-            sample.mask();
-        }
-        let Some(fit) = gauss_newton::fit(window.samples(), *at, shot) else {
-            continue;
-        };
-        let look = Look::at(&window, &fit.parameters, shot);
-        if is_sound(&window, &fit)
-            && look.fits()
-            && best.is_none_or(|(least, _)| look.squares < least)
-        {
-            let found = RowCentre {
-                misfit: false,
-                ..window.row_centre(&fit)
-            };
-            best = Some((look.squares, found));
-        }
-    }
-    best.map(|(_, centre)| Refit { centre, fits: true })
-}
-
-/// Fits, leaves out the outliers, and fits again, until there are none. `None` where too little is left.
-#[inline(never)]
-fn without_outliers(
-    mut window: Window,
-    mut at: Parameters,
-    shot: f32,
-    leave: Leave,
-) -> Option<Refit> {
-    let mut found = None;
-    let mut look = Look::at(&window, &at, shot);
-    if leave == Leave::Worst {
-        mask(&mut window, &look, &at, leave);
-    }
-    let mut sound = false;
-    for _ in 0..ROUNDS {
-        let fit = gauss_newton::fit(window.samples(), at, shot)?;
-        sound = is_sound(&window, &fit);
-        at = fit.parameters;
-        if leave == Leave::All {
-            window.unmask();
-        }
-        look = Look::at(&window, &at, shot);
-        found = Some(window.row_centre(&fit));
-        if look.worst <= OUTLIER {
-            break;
-        }
-        mask(&mut window, &look, &at, leave);
-    }
-    let found = found?;
-    look = Look::at(&window, &at, shot);
-    let fits = sound && look.fits();
-    Some(Refit {
-        centre: RowCentre {
-            misfit: !fits || window.masks_the_spot(&at),
-            ..found
-        },
-        fits,
-    })
-}
 
 /// How the samples of a window deviate from a spot.
 struct Look {
@@ -206,7 +242,7 @@ struct Look {
     deviations: [f32; SAMPLES],
     /// The largest deviation, in standard deviations.
     worst: f32,
-    /// The sum of their squares.
+    /// The sum of the squares of the deviations from the spot.
     squares: f32,
     /// Samples that are not masked.
     kept: f32,
@@ -216,74 +252,135 @@ impl Look {
     #[inline(never)]
     fn at(window: &Window, at: &Parameters, shot: f32) -> Self {
         let mut look = Self {
-            deviations: [0.0; SAMPLES],
+            deviations: gauss_newton::exponentials(at),
             worst: 0.0,
             squares: 0.0,
             kept: 0.0,
         };
-        let light = gauss_newton::exponentials(at);
         let shape = SHAPE * at.amplitude;
-        let pixels = window.samples().iter().zip(&light);
-        for ((sample, light), deviation) in pixels.zip(&mut look.deviations) {
-            if sample.is_masked() {
-                continue;
+        let from_spot = shape * shape;
+        let curved = CURVED / (at.width * at.width);
+        let from_neighbours = if curved < 1.0 {
+            from_spot * curved * curved
+        } else {
+            from_spot
+        };
+        // Each sample's deviation from the spot and its variance; the ones before.
+        let mut last: Option<(f32, f32)> = None;
+        let mut middle: Option<(f32, f32)> = None;
+        let mut place: Option<&mut f32> = None;
+        for (sample, deviation) in window.samples().iter().zip(&mut look.deviations) {
+            let light = at.amplitude * *deviation;
+            let next = (!sample.is_masked()).then(|| {
+                (
+                    sample.counts - at.level - light,
+                    sample.variance + shot * light,
+                )
+            });
+            *deviation = 0.0;
+            if let Some((residual, variance)) = next {
+                *deviation = residual * residual / (variance + from_spot);
+                look.squares += *deviation;
+                look.kept += 1.0;
             }
-            let light = at.amplitude * light;
-            let residual = sample.counts - at.level - light;
-            let variance = sample.variance + shot * light;
-            let square = residual * residual / (variance + shape * shape);
-            *deviation = square;
-            look.worst = if square > look.worst {
-                square
-            } else {
-                look.worst
-            };
-            look.squares += square;
-            look.kept += 1.0;
+            // From the mean of its neighbours.
+            if let (Some(a), Some(b), Some(c), Some(place)) = (last, middle, next, place) {
+                let residual = b.0 - 0.5 * (a.0 + c.0);
+                let variance = b.1 + 0.25 * (a.1 + c.1) + from_neighbours;
+                let square = residual * residual / variance;
+                if square > *place {
+                    *place = square;
+                }
+            }
+            (last, middle, place) = (middle, next, Some(deviation));
         }
-        look.worst = dual_mac::square_root(look.worst);
+        let largest = look.deviations.iter().take(window.samples().len());
+        let largest = largest.fold(0.0, |a: f32, b| if *b > a { *b } else { a });
+        for rest in look.deviations.iter_mut().skip(window.samples().len()) {
+            *rest = 0.0;
+        }
+        look.worst = dual_mac::square_root(largest);
         look
-    }
-
-    /// Whether there is neither an outlier nor more scatter than noise explains.
-    fn fits(&self) -> bool {
-        self.worst <= OUTLIER && !self.scatters()
-    }
-
-    /// Whether the squares add up to more than noise explains.
-    fn scatters(&self) -> bool {
-        let freedom = self.kept - 4.0;
-        self.squares > freedom + gauss_newton::allowed_scatter(freedom)
     }
 }
 
-/// Masks outliers.
-fn mask(window: &mut Window, look: &Look, at: &Parameters, leave: Leave) {
-    let least = match leave {
-        Leave::Worst if look.worst > 2.0 * OUTLIER => 0.5 * look.worst,
-        _ => OUTLIER,
-    };
+/// Masks outliers: the neighbours of one deviate from theirs by half as much.
+fn mask(window: &mut Window, look: &Look) {
+    let least = 0.6 * look.worst;
+    let least = if least > OUTLIER { least } else { OUTLIER };
     for (sample, square) in window.samples.iter_mut().zip(&look.deviations) {
         if *square > least * least {
             sample.mask();
         }
     }
-    if leave == Leave::All || look.worst <= 2.0 * OUTLIER {
-        // Three outliers side by side are light, whose flanks are there too where they do not stand out.
-        let flank = (FLANK * at.width) as usize;
-        for (i, three) in look.deviations.windows(3).enumerate() {
-            if three.iter().all(|square| *square > least * least) {
-                let flanks = window.samples.iter_mut().skip(i.saturating_sub(flank));
-                flanks
-                    .take(flank.saturating_mul(2).saturating_add(3))
-                    .for_each(Sample::mask);
-            }
+}
+
+/// Widths about the centre that make the spot's top.
+const TOP: f32 = 2.0;
+
+/// Masks what is neither the spot's top nor dark.
+fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
+    let shape = SHAPE * at.amplitude;
+    for (i, sample) in window.samples.iter_mut().enumerate() {
+        let far = (i as f32 - at.centre).abs() > TOP * at.width;
+        let dark =
+            sample.counts * sample.counts < OUTLIER * OUTLIER * (sample.variance + shape * shape);
+        if far && !dark {
+            sample.mask();
         }
     }
 }
 
-/// How far the flanks of a second spot reach beyond where it stands out, in widths.
-const FLANK: f32 = 1.5;
+/// Masks the second spot that stands out most beside the spot's top, as far as it is more than a thousandth of the spot: it has the same
+/// width, and so at two widths to either side of it less than half is left (of a gaussian 14 %). `None` where there is none: a flare is
+/// wider, and a tail has no top of its own.
+fn mask_second(window: &mut Window, at: &Parameters) -> Option<()> {
+    let mut beside = gauss_newton::exponentials(at);
+    for (sample, light) in window.samples().iter().zip(&mut beside) {
+        *light = sample.counts - at.level - at.amplitude * *light;
+    }
+    let beside = beside.get(..window.samples().len())?;
+    // Over about a width.
+    let reach = (0.5 * at.width) as usize;
+    let mean = |place: usize| {
+        let from = place.saturating_sub(reach);
+        let near = beside.get(from..place.saturating_add(reach).saturating_add(1))?;
+        Some(near.iter().sum::<f32>() / near.len() as f32)
+    };
+    let (mut top, mut place) = (0.0, 0);
+    for i in 0..beside.len() {
+        let far = (i as f32 - at.centre).abs() > AWAY * at.width;
+        if far
+            && let Some(mean) = mean(i)
+            && mean > top
+        {
+            (top, place) = (mean, i);
+        }
+    }
+    let share = top / at.amplitude * THOUSAND;
+    if !(1.0..THOUSAND).contains(&share) {
+        return None;
+    }
+    let flank = (2.0 * at.width) as usize;
+    let falls = |mean: Option<f32>| mean.is_none_or(|mean| mean < 0.5 * top);
+    if !falls(place.checked_sub(flank).and_then(mean)) || !falls(mean(place.saturating_add(flank)))
+    {
+        return None;
+    }
+    let reach = dual_mac::square_root(2.0 * libm::logf(share)) * at.width;
+    for (i, sample) in window.samples.iter_mut().enumerate() {
+        if (i as f32 - place as f32).abs() <= reach {
+            sample.mask();
+        }
+    }
+    Some(())
+}
+
+/// A second spot's top is further than this many widths from the first's.
+const AWAY: f32 = 1.5;
+
+/// One over the share of the spot that a second spot may leave where it is not masked.
+const THOUSAND: f32 = 1000.0;
 
 /// The level under the spot: the mean of what is left of the samples without it. An outlier shifts it, but deviates by far more
 /// than that makes the others deviate.

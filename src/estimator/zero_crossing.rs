@@ -27,7 +27,7 @@
 
 use crate::estimator::half_width;
 use crate::estimator::plausible::{
-    certain, level_bits, no_spot, on_the_row, unsaturated, variances,
+    certain_in_noise, level_bits, no_spot, on_the_row, unsaturated, variances,
 };
 use crate::estimator::{RowCentre, WidthClass};
 use crate::proven;
@@ -101,7 +101,7 @@ pub fn centre(
         + shot * (gathered - missing * amplitude).max(0.0);
     let bend = NOT_STRAIGHT / (width * width);
     let uncertainty = dual_mac::square_root(variance / (slope * slope) + bend * bend);
-    certain(amplitude, uncertainty, width)?;
+    certain_in_noise(amplitude, uncertainty, width, spot.background.noise)?;
     Ok(RowCentre {
         centre: at,
         uncertainty: Pixels::from_f32(uncertainty),

@@ -14,7 +14,7 @@ use crate::units::{Counts, Pixels};
 
 /// A second spot of 50 % of the first one's height is none to be confused with it, one of 80 % is. In blocks either is measured to a
 /// tenth: two thirds lie between.
-const fn is_alike(height: i64, highest: i64) -> bool {
+pub(super) const fn is_alike(height: i64, highest: i64) -> bool {
     3 * height > 2 * highest
 }
 
@@ -102,7 +102,7 @@ impl Near {
             .min(LARGEST_BLOCK_LOG2)
             .saturating_sub(FINE_LOG2);
         let finer = spot.block_log2.saturating_sub(block_log2).min(FINE_LOG2);
-        let reach = NEAR << finer;
+        let reach = NEAR * (1 << finer);
         let first = block_of(spot.centre, block_log2).saturating_sub(reach);
         let level = spot
             .background

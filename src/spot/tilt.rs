@@ -6,7 +6,7 @@
 use heapless::Vec;
 
 use crate::proven;
-use crate::row::MAX_PIXELS;
+use crate::row::{LARGEST_COUNT, MAX_PIXELS};
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, median};
 use crate::units::Counts;
 
@@ -61,11 +61,20 @@ impl Tilt {
         self.rise(from_dark).min(1 << 20) as i32
     }
 
-    /// The row without it, as the row's dark end is.
-    pub(super) fn taken_off(self, light: &[u16]) -> impl Iterator<Item = u16> {
-        (0..MAX_PIXELS).zip(light).map(move |(pixel, &count)| {
-            // At most 2^12 counts.
-            count.saturating_sub((self.at(light, pixel) >> Counts::FRACTION) as u16)
-        })
+    /// The row without it, and what its lowest pixel then has: that is taken off too, or a row whose dark end is near zero would be
+    /// cut off there.
+    pub(super) fn taken_off(self, light: &[u16]) -> (i32, impl Iterator<Item = u16>) {
+        // At most 2^12 counts either way.
+        let without = move |(pixel, &count): (usize, &u16)| {
+            i32::from(count).saturating_sub(self.at(light, pixel) >> Counts::FRACTION)
+        };
+        let pixels = || (0..MAX_PIXELS).zip(light);
+        let lowest = pixels().map(without).min().unwrap_or_default();
+        let above = move |pixel: (usize, &u16)| {
+            without(pixel)
+                .saturating_sub(lowest)
+                .min(i32::from(LARGEST_COUNT)) as u16
+        };
+        (lowest, pixels().map(above))
     }
 }

@@ -122,15 +122,15 @@ impl Chip {
         });
         put.expect("the emulator runs")
             .expect("the rows are in RAM");
-        // 600 ms is 100 million instructions: a row takes up to a few million.
-        for _ in 0..600 {
+        // 10 s are 1.7e9 instructions: a row takes up to ten million, all rungs together.
+        for _ in 0..10_000 {
             self.board.run_for(Duration::from_millis(1)).expect("a run");
             if self.board.read_word(asked).expect("RAM") == 0 {
                 return self.take_answers();
             }
         }
         panic!(
-            "no answer within 600 ms; the log: {:?}",
+            "no answer within 10 s; the log: {:?}",
             self.board.take_log()
         );
     }

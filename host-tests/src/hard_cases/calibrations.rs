@@ -1,5 +1,7 @@
 //! Calibrations that are hard: eq. (1) at its pole and beyond what integers hold, tables that are none.
 
+use std::fmt;
+
 use slitrange::calibration::knots::{CLOSEST, Interpolation, Knot, MAX_CUBIC, MAX_LINEAR};
 use slitrange::calibration::residuals::Corrected;
 use slitrange::calibration::table::Table;
@@ -22,7 +24,7 @@ pub struct CalibrationCase {
 /// What must come of a calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CalibrationDue {
-    /// It is refused, and the reason has this in it.
+    /// It is refused, with the error of this name.
     Refused(&'static str),
     /// It is taken, and over its whole range its distance is that of eq. (1), or of the knots, within so many micrometres.
     Exact(f64),
@@ -31,11 +33,28 @@ pub enum CalibrationDue {
 /// What is made of numbers.
 enum Made {
     /// Eq. (1): a curve with its D and K (um, um px) and xp (px), or why there is none.
-    Curve(Result<Eq1, String>, [f64; 3]),
+    Curve(Result<Eq1, Refusal>, [f64; 3]),
     /// A table, through which knots, or why there is none.
-    Table(Result<Table, String>, Vec<Knot>),
+    Table(Result<Table, Refusal>, Vec<Knot>),
     /// Eq. (1) with residuals, which knots, or why there is none.
-    Corrected(Result<Corrected, String>, Eq1, Vec<Knot>),
+    Corrected(Result<Corrected, Refusal>, Eq1, Vec<Knot>),
+}
+
+/// Why numbers are no calibration.
+struct Refusal {
+    /// The error's name, as the code has it.
+    name: String,
+    /// What it says to a person.
+    words: String,
+}
+
+impl Refusal {
+    fn new(error: &(impl fmt::Debug + fmt::Display)) -> Self {
+        Self {
+            name: format!("{error:?}"),
+            words: error.to_string(),
+        }
+    }
 }
 
 /// What came of a case.
@@ -78,10 +97,11 @@ impl CalibrationCase {
         }
     }
 
-    fn refused(&self, why: &str) -> Found {
+    fn refused(&self, why: &Refusal) -> Found {
+        let is_due = |name: &str| why.name.contains(name);
         Found {
-            answer: format!("refused: {why}"),
-            is_due: matches!(self.due, CalibrationDue::Refused(reason) if why.contains(reason)),
+            answer: format!("refused: {}", why.words),
+            is_due: matches!(self.due, CalibrationDue::Refused(name) if is_due(name)),
         }
     }
 
@@ -156,7 +176,7 @@ fn curve(d: f64, k: f64, pole: f64, from: f64, to: f64) -> Made {
     let k_bits = (k * 65536.0) as i64;
     let made = Eq1::new(d, k_bits, pixels(pole), pixels(from)..=pixels(to));
     Made::Curve(
-        made.map_err(|why| why.to_string()),
+        made.map_err(|why| Refusal::new(&why)),
         [d.to_f64(), k_bits as f64 / 65536.0, pixels(pole).to_f64()],
     )
 }
@@ -171,15 +191,15 @@ fn knots(places: &[(f64, f64)]) -> Vec<Knot> {
 
 fn table(interpolation: Interpolation, places: &[(f64, f64)]) -> Made {
     let knots = knots(places);
-    let made = Table::new(interpolation, &knots).map_err(|why| why.to_string());
+    let made = Table::new(interpolation, &knots).map_err(|why| Refusal::new(&why));
     Made::Table(made, knots)
 }
 
 fn corrected(places: &[(f64, f64)]) -> Made {
     let curve = NOMINAL.expect("a curve");
     let knots = knots(places);
-    let made =
-        Corrected::new(curve.clone(), Interpolation::Cubic, &knots).map_err(|why| why.to_string());
+    let made = Corrected::new(curve.clone(), Interpolation::Cubic, &knots)
+        .map_err(|why| Refusal::new(&why));
     Made::Corrected(made, curve, knots)
 }
 
@@ -232,19 +252,19 @@ pub fn calibrations() -> Vec<CalibrationCase> {
         case(
             "eq. (1): xp in the range",
             "a division by zero",
-            Refused("xp lies in"),
+            Refused("Pole"),
             || curve(0.0, 6e8, 500.0, 0.0, 1000.0),
         ),
         case(
             "eq. (1): xp at the first centre",
             "a division by zero at the end",
-            Refused("xp lies in"),
+            Refused("Pole"),
             || curve(0.0, 6e8, 0.0, 0.0, 1000.0),
         ),
         case(
             "eq. (1): xp half a pixel beyond the last",
             "distances run away",
-            Refused("within a pixel"),
+            Refused("Pole"),
             || curve(0.0, 6e8, 1000.5, 0.0, 1000.0),
         ),
         case(
@@ -262,13 +282,13 @@ pub fn calibrations() -> Vec<CalibrationCase> {
         case(
             "eq. (1): K = 0",
             "every centre means the same distance",
-            Refused("K is zero"),
+            Refused("K"),
             || curve(5e5, 0.0, -1000.0, 0.0, 1000.0),
         ),
         case(
             "eq. (1): the least K",
             "the same but for rounding",
-            Refused("hardly depends"),
+            Refused("Flat"),
             || curve(5e5, 1.0 / 65536.0, -1000.0, 0.0, 1000.0),
         ),
         case(
@@ -286,13 +306,13 @@ pub fn calibrations() -> Vec<CalibrationCase> {
         case(
             "eq. (1): K beyond that",
             "its numerator would overflow",
-            Refused("K is zero, or 5.5e11"),
+            Refused("K"),
             || curve(0.0, 5.5e11, -32_768.0, 30_000.0, 32_000.0),
         ),
         case(
             "eq. (1): 10 m at one end",
             "beyond what 32 bits hold",
-            Refused("beyond 8.38 m"),
+            Refused("Distance"),
             || curve(0.0, 1e10, -1000.0, 0.0, 1000.0),
         ),
         case(
@@ -304,13 +324,13 @@ pub fn calibrations() -> Vec<CalibrationCase> {
         case(
             "eq. (1): one centre",
             "an empty range",
-            Refused("range of centres is empty"),
+            Refused("Empty"),
             || curve(0.0, 6e8, -1000.0, 5.0, 5.0),
         ),
         case(
             "eq. (1): range the wrong way round",
             "an empty range",
-            Refused("range of centres is empty"),
+            Refused("Empty"),
             || curve(0.0, 6e8, -1000.0, 1000.0, 0.0),
         ),
         case(
@@ -337,16 +357,16 @@ pub fn calibrations() -> Vec<CalibrationCase> {
         case(
             "table: one knot",
             "no line goes through one point",
-            Refused("no table"),
+            Refused("TooFew"),
             || table(Linear, &[(100.0, 9e5)]),
         ),
-        case("table: no knots", "nothing", Refused("no table"), || {
+        case("table: no knots", "nothing", Refused("TooFew"), || {
             table(Cubic, &[])
         }),
         case(
             "table: equal knots",
             "a division by zero between them",
-            Refused("not beyond the one before"),
+            Refused("Order"),
             || {
                 table(
                     Linear,
@@ -357,7 +377,7 @@ pub fn calibrations() -> Vec<CalibrationCase> {
         case(
             "table: knots not sorted",
             "a search by halves goes astray",
-            Refused("not beyond the one before"),
+            Refused("Order"),
             || {
                 table(
                     Cubic,
@@ -368,7 +388,7 @@ pub fn calibrations() -> Vec<CalibrationCase> {
         case(
             "table: distances not monotone",
             "two centres for one distance",
-            Refused("all rise or all fall"),
+            Refused("NotMonotone"),
             || {
                 table(
                     Cubic,
@@ -379,7 +399,7 @@ pub fn calibrations() -> Vec<CalibrationCase> {
         case(
             "table: equal distances",
             "a slope of zero claims no uncertainty",
-            Refused("all rise or all fall"),
+            Refused("NotMonotone"),
             || {
                 table(
                     Linear,
@@ -399,7 +419,7 @@ pub fn calibrations() -> Vec<CalibrationCase> {
         case(
             "table: knots closer than that",
             "the slope would be beyond any sensor's",
-            Refused("not beyond the one before"),
+            Refused("Order"),
             || {
                 let close = 0.5 * CLOSEST.to_f64();
                 table(Linear, &[(100.0, 9e5), (100.0 + close, 8e5), (900.0, 6e5)])
@@ -426,7 +446,7 @@ pub fn calibrations() -> Vec<CalibrationCase> {
         case(
             "table: one too many",
             "more than the memory",
-            Refused("too many"),
+            Refused("TooMany"),
             || table(Linear, &many(MAX_LINEAR + 1)),
         ),
         case(
@@ -438,7 +458,7 @@ pub fn calibrations() -> Vec<CalibrationCase> {
         case(
             "table: 16 m from one knot to the next",
             "a difference of 33 bits",
-            Refused("8.39 m or more"),
+            Refused("Step"),
             || table(Linear, &[(0.0, 8.3e6), (900.0, -8.3e6)]),
         ),
         case(
@@ -461,13 +481,13 @@ pub fn calibrations() -> Vec<CalibrationCase> {
         case(
             "residuals: steeper than the curve",
             "the sum would turn back",
-            Refused("more than half"),
+            Refused("Steep"),
             || corrected(&[(1200.0, 0.0), (1300.0, 200_000.0), (2600.0, 0.0)]),
         ),
         case(
             "residuals: beyond the curve's range",
             "there is no curve to correct",
-            Refused("outside the range of eq. (1)"),
+            Refused("Beyond"),
             || corrected(&[(1000.0, 0.0), (2600.0, 10.0)]),
         ),
     ]

@@ -1,9 +1,9 @@
 //! The cases: each a name, why it is hard, and what must come out.
 
+use crate::bound;
 use crate::hard_cases::flaw::{Bad, Flaw, Second};
 use crate::hard_cases::recipe::{Place, Recipe};
 use crate::hard_cases::{Due, Group, RowCase, Shape, Source, patterns};
-use crate::{bound, ladder};
 
 /// The spot for which accuracy is quoted: that of the nominal slit on the paper's sensor.
 const WIDTH: f64 = 10.5;
@@ -68,7 +68,7 @@ fn as_the_bound(recipe: &Recipe) -> Due {
 fn as_the_cut_bound(recipe: &Recipe, widths: f64) -> Due {
     let spot = clean_spot(recipe);
     // Phases differ: that of the least of the spot.
-    let bound = ladder::cut_bound(&spot, widths * spot.width - 0.5);
+    let bound = spot.bound_cut(widths * spot.width - 0.5);
     Due::Centre(5.0 * 1.4 * bound + 0.05)
 }
 

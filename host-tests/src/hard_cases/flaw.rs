@@ -186,6 +186,15 @@ impl Flaw {
         }
     }
 
+    /// Counts of light that a pixel holds: infinitely many, where the flaw does not limit them.
+    pub const fn full_well(&self) -> f64 {
+        match self {
+            Self::FullWell { counts, .. } => *counts,
+            Self::Smear(_) => FULL_WELL,
+            _ => f64::INFINITY,
+        }
+    }
+
     /// Does it to a row's counts.
     pub fn apply(&self, counts: &mut [f32], site: &Site, random: &mut ChaCha8Rng) {
         let last = counts.len() as f64 - 1.0;
@@ -311,30 +320,6 @@ impl Flaw {
             for word in words {
                 *word = if high { *word | mask } else { *word & !mask };
             }
-        }
-    }
-
-    /// What kind of flaw it is: a word or two.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Second(_) => "second spot",
-            Self::Ghost { .. } => "ghost",
-            Self::Slope(_) => "slope",
-            Self::Glow(_) => "glow",
-            Self::Hot(_) => "hot pixels",
-            Self::Dead(_) => "dead pixels",
-            Self::Stuck(_) => "stuck pixels",
-            Self::Response(_) => "response",
-            Self::FullWell { .. } => "full well",
-            Self::Smear(_) => "smear",
-            Self::FixedPattern(_) => "fixed pattern",
-            Self::Step { .. } => "step",
-            Self::Sag(_) => "sag",
-            Self::Ripple { .. } => "ripple",
-            Self::OddEven(_) => "odd and even",
-            Self::Impulses(_) => "impulses",
-            Self::Steps(_) => "coarse steps",
-            Self::StuckBit { .. } => "stuck bit",
         }
     }
 }

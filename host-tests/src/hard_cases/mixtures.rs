@@ -242,66 +242,36 @@ fn either_sign(random: &mut ChaCha8Rng, value: f64) -> f64 {
 }
 
 impl Kind {
+    /// Does it to a recipe, with parameters that are evenly drawn over its range, or evenly over their logarithms where they span decades.
     fn put_into(self, recipe: &mut Recipe, random: &mut ChaCha8Rng) {
-        match self {
-            // The others still go by its place.
-            Self::NoSpot => {}
-            Self::BlackLevel => recipe.black_level = random.random_range(-300.0..4090.0),
+        let flaw = match self {
+            // The other flaws still go by its place: it goes last.
+            Self::NoSpot => return,
+            Self::Saturated => return set_height(recipe, 1.05 * 4095.0, random),
+            Self::ExtremeWidth => return set_width(recipe, random),
+            Self::Edge => return to_the_edge(recipe, random),
+            Self::Lopsided => {
+                let share = random.random_range(-0.3..0.3);
+                return change(recipe, |spot| spot.shape = Shape::Lopsided(share));
+            }
+            Self::BlackLevel => {
+                recipe.black_level = random.random_range(-300.0..4090.0);
+                return;
+            }
+            Self::ShortRow => {
+                let pixels = random.random_range(32..=128);
+                recipe.pixels = pixels;
+                let place = random.random_range(0.0..pixels as f64 - 1.0);
+                return change(recipe, |spot| spot.place = Place::At(place));
+            }
             Self::Noise => {
                 if random.random() {
                     recipe.read_noise = log_even(random, 8.0, 60.0);
                 } else {
                     recipe.electrons_per_count = Some(log_even(random, 0.5, 2.0));
                 }
+                return;
             }
-            Self::ShortRow => shorten(recipe, random.random_range(32..=128), random),
-            Self::Saturated | Self::ExtremeWidth | Self::Edge | Self::Lopsided => {
-                self.change(recipe, random);
-            }
-            _ => {
-                if matches!(self, Self::FullWell | Self::Smear) {
-                    brighten(recipe, random);
-                }
-                recipe.flaws.push(self.flaw(random));
-            }
-        }
-    }
-
-    /// Changes the spot.
-    fn change(self, recipe: &mut Recipe, random: &mut ChaCha8Rng) {
-        let pixels = recipe.pixels as f64;
-        let Some(spot) = &mut recipe.spot else { return };
-        match self {
-            Self::Saturated => spot.amplitude = log_even(random, 1.05, 4.0) * 4095.0,
-            Self::ExtremeWidth => {
-                if random.random() {
-                    spot.width = log_even(random, 0.3, 0.8);
-                } else {
-                    spot.width = log_even(random, 30.0, 200.0);
-                    recipe.pixels = 2048;
-                    spot.place = Place::At(random.random_range(500.0..1548.0));
-                }
-            }
-            Self::Edge => {
-                let inside = random.random_range(-1.0..3.0) * spot.width;
-                let place = if random.random() {
-                    inside
-                } else {
-                    pixels - 1.0 - inside
-                };
-                spot.place = Place::At(place);
-            }
-            _ => spot.shape = Shape::Lopsided(random.random_range(-0.3..0.3)),
-        }
-    }
-
-    fn flaw(self, random: &mut ChaCha8Rng) -> Flaw {
-        let bad = |random: &mut ChaCha8Rng, counts, most| Bad {
-            counts,
-            pixels: random.random_range(1..=most),
-            from_spot: [(0.0, 2.0), (2.0, 6.0), (6.0, 16.0)][random.random_range(0..3)],
-        };
-        match self {
             Self::Slope => {
                 let slope = random.random_range(0.0..5.0);
                 Flaw::Slope(either_sign(random, slope))
@@ -324,19 +294,25 @@ impl Kind {
                 let counts = log_even(random, 50.0, 3000.0);
                 Flaw::Hot(bad(random, counts, 3))
             }
-            // What a pixel that sees nothing reads is near the black level of most rows.
-            Self::Dead => Flaw::Dead(bad(random, 200.0, 3)),
+            // It sees nothing: it reads the black level.
+            Self::Dead => Flaw::Dead(bad(random, recipe.black_level, 3)),
             Self::Stuck => {
                 let counts = random.random_range(0.0..4095.0);
                 Flaw::Stuck(bad(random, counts, 1))
             }
             Self::Response => Flaw::Response(log_even(random, 0.002, 0.05)),
             Self::FixedPattern => Flaw::FixedPattern(log_even(random, 1.0, 30.0)),
-            Self::FullWell => Flaw::FullWell {
-                counts: random.random_range(1500.0..4000.0),
-                blooming: random.random_range(0.0..1.0),
-            },
-            Self::Smear => Flaw::Smear(random.random_range(0.1..0.9)),
+            Self::FullWell => {
+                set_height(recipe, 3600.0, random);
+                Flaw::FullWell {
+                    counts: random.random_range(1500.0..4000.0),
+                    blooming: random.random_range(0.0..1.0),
+                }
+            }
+            Self::Smear => {
+                set_height(recipe, 3600.0, random);
+                Flaw::Smear(random.random_range(0.1..0.9))
+            }
             Self::Second => {
                 let offset = random.random_range(2.0..20.0);
                 Flaw::Second(Second {
@@ -351,26 +327,59 @@ impl Kind {
             },
             Self::OddEven => Flaw::OddEven(random.random_range(-40.0..40.0)),
             Self::Impulses => Flaw::Impulses(log_even(random, 0.001, 0.05)),
+            // 10 bits of 12 down to one.
             Self::CoarseSteps => Flaw::Steps(f64::from(1u32 << random.random_range(2..=11))),
-            _ => Flaw::StuckBit {
+            Self::StuckBit => Flaw::StuckBit {
                 bit: random.random_range(0..12),
                 high: random.random(),
             },
-        }
+        };
+        recipe.flaws.push(flaw);
     }
 }
 
-/// A spot that fills its pixels: 3600 counts to four times full scale.
-fn brighten(recipe: &mut Recipe, random: &mut ChaCha8Rng) {
+fn change(recipe: &mut Recipe, how: impl FnOnce(&mut Spot)) {
     if let Some(spot) = &mut recipe.spot {
-        spot.amplitude = log_even(random, 3600.0, 4.0 * 4095.0);
+        how(spot);
     }
 }
 
-/// A row of so many pixels with the spot's centre anywhere on it.
-fn shorten(recipe: &mut Recipe, pixels: usize, random: &mut ChaCha8Rng) {
-    recipe.pixels = pixels;
-    if let Some(spot) = &mut recipe.spot {
-        spot.place = Place::At(random.random_range(0.0..pixels as f64 - 1.0));
+/// From so many counts to four times full scale.
+fn set_height(recipe: &mut Recipe, least: f64, random: &mut ChaCha8Rng) {
+    let height = log_even(random, least, 4.0 * 4095.0);
+    change(recipe, |spot| spot.amplitude = height);
+}
+
+/// Narrower than any table is made for, or wider than any clean spot.
+fn set_width(recipe: &mut Recipe, random: &mut ChaCha8Rng) {
+    if random.random() {
+        let width = log_even(random, 0.3, 0.8);
+        return change(recipe, |spot| spot.width = width);
+    }
+    recipe.pixels = 2048;
+    let width = log_even(random, 30.0, 200.0);
+    let place = random.random_range(500.0..1548.0);
+    change(recipe, |spot| {
+        (spot.width, spot.place) = (width, Place::At(place));
+    });
+}
+
+/// From one width beyond either edge to three inside.
+fn to_the_edge(recipe: &mut Recipe, random: &mut ChaCha8Rng) {
+    let last = recipe.pixels as f64 - 1.0;
+    let (widths, at_the_end) = (random.random_range(-1.0..3.0), random.random());
+    change(recipe, |spot| {
+        let inside = widths * spot.width;
+        spot.place = Place::At(if at_the_end { last - inside } else { inside });
+    });
+}
+
+/// Bad pixels in the spot, beside it, or away from it.
+fn bad(random: &mut ChaCha8Rng, counts: f64, most: usize) -> Bad {
+    let places = [(0.0, 2.0), (2.0, 6.0), (6.0, 16.0)];
+    Bad {
+        counts,
+        pixels: random.random_range(1..=most),
+        from_spot: places[random.random_range(0..places.len())],
     }
 }

@@ -186,12 +186,21 @@ impl Recipe {
         }
     }
 
+    /// The share of the spot's height that is not cut off by a full well or at full scale.
+    fn seen(&self, spot: &Spot) -> f64 {
+        let full_scale = f64::from(slitrange::row::LARGEST_COUNT) - self.black_level;
+        let full = (self.flaws.iter()).fold(full_scale, |full, flaw| full.min(flaw.full_well()));
+        (full / spot.amplitude).clamp(0.01, 1.0)
+    }
+
     /// Where a perfect reader would say that the spot of a row is.
     pub fn truth(&self, number: u64) -> Truth {
         let (Some(spot), Some(centre)) = (self.spot, self.centre(number)) else {
             return Truth::None;
         };
-        let of_shape = Truth::Centre(centre).reaching(centre + spot.shape.centroid() * spot.width);
+        let of_shape = Truth::Centre(centre)
+            .reaching(centre + spot.shape.centroid() * spot.width)
+            .reaching(centre + spot.shape.middle_at(0.5 * self.seen(&spot)) * spot.width);
         self.flaws.iter().fold(of_shape, |truth, flaw| match flaw {
             Flaw::Second(second) => second.truth(truth, centre, spot.width, self.pixels),
             _ => truth,

@@ -1,6 +1,6 @@
 //! The catalogue's table, and the rates of confident errors, as text.
 
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -28,6 +28,27 @@ pub struct Catalogue {
     pub frames: Vec<(FrameCase, Vec<FrameOutcome>)>,
     /// Calibrations, with which no rung has to do.
     pub calibrations: Vec<(CalibrationCase, Found)>,
+}
+
+/// A case of which something else came than was due.
+#[derive(Clone, Copy, Debug)]
+pub struct Failure<'a> {
+    /// Its name.
+    pub case: &'a str,
+    /// What came.
+    pub what: &'a str,
+}
+
+impl<'a> Failure<'a> {
+    fn of(case: &'a str, what: &'a str) -> Self {
+        Self { case, what }
+    }
+}
+
+impl fmt::Display for Failure<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.case, self.what)
+    }
 }
 
 /// What `--json` prints.
@@ -82,24 +103,18 @@ impl Catalogue {
     }
 
     /// The cases of which something else came than was due with a rung, and what. A calibration that fails does so with every rung.
-    pub fn failures(&self, rung: Estimator) -> Vec<String> {
+    pub fn failures(&self, rung: Estimator) -> Vec<Failure<'_>> {
         let rows = self.rows.iter().flat_map(|(case, outcomes)| {
             let of_rung = outcomes.iter().filter(move |outcome| outcome.rung == rung);
-            of_rung.filter_map(move |outcome| {
-                let failure = outcome.failure.as_ref()?;
-                Some(format!("{}: {failure}", case.name))
-            })
+            of_rung.filter_map(|outcome| Some(Failure::of(&case.name, outcome.failure.as_deref()?)))
         });
         let frames = self.frames.iter().flat_map(|(case, outcomes)| {
             let of_rung = outcomes.iter().filter(move |outcome| outcome.rung == rung);
-            of_rung.filter_map(move |outcome| {
-                let failure = outcome.failure.as_ref()?;
-                Some(format!("{}: {failure}", case.name))
-            })
+            of_rung.filter_map(|outcome| Some(Failure::of(case.name, outcome.failure.as_deref()?)))
         });
         let calibrations = (self.calibrations.iter())
             .filter(|(_, found)| !found.is_due)
-            .map(|(case, found)| format!("{}: {}", case.name, found.answer));
+            .map(|(case, found)| Failure::of(case.name, &found.answer));
         rows.chain(frames).chain(calibrations).collect()
     }
 

@@ -52,6 +52,15 @@ impl Shape {
             _ => 0.0,
         }
     }
+
+    /// From the peak to the middle between both flanks at a share of the height, in widths. Where the top is cut off, the flanks are
+    /// all that is seen: half of sqrt(2 ln(1/share)) times the difference of the half gaussians' widths.
+    pub fn middle_at(self, share: f64) -> f64 {
+        match self {
+            Self::Lopsided(difference) => 0.5 * difference * (-2.0 * share.ln()).sqrt(),
+            _ => 0.0,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -73,6 +82,12 @@ mod tests {
             println!("{share}: {area}, {}", moment / area / 10.0);
             assert!((area - 10.0 * (2.0 * PI).sqrt()).abs() < 1e-6);
             assert!((moment / area / 10.0 - shape.centroid()).abs() < 1e-3);
+            let height = |offset: f64| shape.at(offset, 10.0);
+            let middle = 10.0 * shape.middle_at(0.5);
+            let half = 10.0 * (2.0 * 2f64.ln()).sqrt();
+            // Pixels blur the flanks by a little.
+            assert!((height(middle - half) - 0.5).abs() < 1e-3);
+            assert!((height(middle + half) - 0.5).abs() < 1e-3);
         }
     }
 }

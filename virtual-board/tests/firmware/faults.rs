@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use host_tests::optics::Optics;
-use host_tests::scene::Scene;
+use host_tests::scene::{Scene, Spot};
 use slitrange::reading::Fault;
-use virtual_board::light::{Target, of_scene};
+use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{FULL_SCALE, LightSource, VirtualBoard};
 
 use crate::common::{
@@ -115,6 +115,30 @@ fn a_spot_in_the_noise_is_too_dim() {
     let (height, needed) = (number(&line, ": ", " counts"), number(&line, "needs ", ""));
     assert!((4.0..needed).contains(&height), "{line}");
     assert!((9.0..16.0).contains(&needed), "{line}");
+}
+
+#[test]
+fn two_spots_of_like_height_are_said_to_be_two() {
+    let (first, second) = (1600.0, 2000.0);
+    // What lights the sensor twice adds up, less the black level and the noise of one.
+    let mut light = spot_at(first, BRIGHT);
+    let line = only_fault(
+        "two spots",
+        Box::new(move |exposure| {
+            let mut counts = light(exposure);
+            Spot {
+                width: 8.6,
+                counts_per_second: 0.0,
+            }
+            .add(&mut counts[LIGHT], second, 0.95 * BRIGHT);
+            counts
+        }),
+    );
+    let (higher, other) = (number(&line, "x ", " and"), number(&line, "and ", ""));
+    assert!(
+        (higher - first).abs() < 10.0 && (other - second).abs() < 10.0,
+        "{line}"
+    );
 }
 
 #[test]

@@ -1,0 +1,200 @@
+//! Spots that the sensor's edge cuts: fitted at the bound of the pixels that are left, or a fault, and never a phase table's
+//! centre from a window that the edge cuts. Every figure asserted is printed.
+
+use host_tests::accuracy::{Cell, PIXELS};
+use host_tests::bound;
+use host_tests::scene::quantise;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use slitrange::estimator::{self, Estimator, RowCentre, second_look};
+use slitrange::reading::Fault;
+use slitrange::row::Row;
+use slitrange::spot;
+
+/// Rows of a cell.
+const ROWS: u64 = 8000;
+
+/// A row of [`PIXELS`] with its spot's centre there.
+fn light_of(cell: &Cell, row: u64, centre: f64) -> Vec<u16> {
+    let scene = cell.scene_of(PIXELS);
+    quantise(&scene.row_with_centre(row, centre, 1.0), 4095)
+}
+
+/// What a rung alone finds in a row, and what the measurement finds with it.
+fn centres(cell: &Cell, light: &[u16], rung: Estimator) -> [Result<RowCentre, Fault>; 2] {
+    let geometry = cell.scene_of(PIXELS).geometry();
+    let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
+    let spot = match spot::find(&row) {
+        Ok(spot) => spot,
+        Err(fault) => return [Err(fault); 2],
+    };
+    [
+        estimator::centre(rung, &row, &spot, None, &geometry),
+        second_look::centre(rung, &row, &spot, None, &geometry),
+    ]
+}
+
+/// Two widths, one and none from the edge: within 1.2, 1.2 and 1.4 of the bound of the pixels that are left, and as uncertain as
+/// claimed, to a tenth. The same at the other edge of the sensor.
+#[test]
+fn a_cut_spot_is_fitted_at_its_own_bound() {
+    let mut failures = vec![];
+    for (noise, read_noise, electrons_per_count) in [
+        ("5 e/count, read noise 2", 2.0, Some(5.0)),
+        ("white noise of 20", 20.0, None),
+    ] {
+        for width in [1.5, 3.0, 10.5, 30.0] {
+            let cell = Cell {
+                width,
+                amplitude: 2000.0,
+                read_noise,
+                electrons_per_count,
+                rows: ROWS,
+                seed: 11,
+            };
+            let spot = bound::Spot {
+                width,
+                amplitude: cell.amplitude,
+                noise: read_noise,
+                electrons_per_count,
+            };
+            for (widths, limit) in [(2.0, 1.2), (1.0, 1.2), (0.0, 1.4)] {
+                // From the first pixel's middle, over the phases evenly.
+                let from_edge = |row: u64| widths * width + (row as f64 * 0.618_033_988_75).fract();
+                for (side, is_left) in [("left", true), ("right", false)] {
+                    let found: Vec<[f64; 3]> = (0..ROWS)
+                        .into_par_iter()
+                        .filter_map(|row| {
+                            let from = from_edge(row);
+                            let truth = if is_left {
+                                from
+                            } else {
+                                (PIXELS - 1) as f64 - from
+                            };
+                            let light = light_of(&cell, row, truth);
+                            let [_, found] = centres(&cell, &light, Estimator::GaussNewton);
+                            let found = found.ok()?;
+                            let error = found.centre.to_f64() - truth;
+                            let bound = spot.bound_cut(from);
+                            Some([error, bound, found.uncertainty.to_f64()])
+                        })
+                        .collect();
+                    let n = found.len() as f64;
+                    let root_mean = |square: &dyn Fn(&[f64; 3]) -> f64| {
+                        (found.iter().map(square).sum::<f64>() / n).sqrt()
+                    };
+                    let rmse = root_mean(&|[error, ..]| error * error);
+                    let bound = root_mean(&|[_, bound, _]| bound * bound);
+                    let pull = root_mean(&|[error, _, claim]| (error / claim).powi(2));
+                    let faults = ROWS - found.len() as u64;
+                    println!(
+                        "{noise}, sigma {width:>4}, {widths} widths from the {side:>5}: {rmse:.4} px, {:.2} of the bound {bound:.4}, {pull:.2} of the claim; {faults} faults",
+                        rmse / bound
+                    );
+                    let is_honest = (pull - 1.0).abs() <= 0.1;
+                    // Noise takes some centres within their uncertainty of the edge beyond it, which are faults.
+                    let most = if widths == 0.0 { ROWS / 10 } else { 0 };
+                    if rmse / bound > limit || !is_honest || faults > most {
+                        failures.push((noise, width, widths, side));
+                    }
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:?}");
+}
+
+/// A spot whose centre is beside the sensor, by a tenth of a width to two, is a fault of every rung.
+#[test]
+fn what_is_beside_the_sensor_is_a_fault() {
+    for width in [1.5, 4.0, 10.5, 30.0] {
+        let cell = Cell {
+            width,
+            amplitude: 2000.0,
+            read_noise: 2.0,
+            electrons_per_count: Some(5.0),
+            rows: 0,
+            seed: 11,
+        };
+        for row in 0..400 {
+            let beside = -0.5 - width * (0.1 + 2.0 * row as f64 / 400.0);
+            let light = light_of(&cell, row, beside);
+            let mirrored: Vec<u16> = light.iter().rev().copied().collect();
+            for light in [light, mirrored] {
+                for rung in Estimator::ALL {
+                    for found in centres(&cell, &light, rung) {
+                        assert!(found.is_err(), "{rung:?}, {width} at {beside}: {found:?}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Spots of 0.8 to 100 pixels, four widths beyond the edge to five within, 20,000 rows a rung: no table serves where its window
+/// would be cut (the narrowest window that may serve reaches three widths), and no centre is off by more than five times
+/// its claim and 0.05 pixel.
+#[test]
+fn no_table_serves_a_cut_window_and_no_rung_errs_with_confidence() {
+    let mut failures = vec![];
+    for rung in Estimator::ALL {
+        let is_table = matches!(
+            rung,
+            Estimator::Blocks
+                | Estimator::PhaseTable
+                | Estimator::Adaptive
+                | Estimator::Robust
+                | Estimator::Fraunhofer
+        );
+        // Of each row the widths from the edge and whether the rung alone has a centre, and the confident errors of both.
+        let rows: Vec<(f64, bool, bool)> = (0..20_000u64)
+            .into_par_iter()
+            .map(|seed| {
+                let random = &mut ChaCha8Rng::seed_from_u64(seed);
+                let cell = Cell {
+                    width: 0.8 * f64::powf(125.0, random.random_range(0.0..1.0)),
+                    amplitude: random.random_range(100.0..3000.0),
+                    read_noise: 4.0,
+                    electrons_per_count: random.random_bool(0.5).then_some(10.0),
+                    rows: 0,
+                    seed,
+                };
+                let widths = random.random_range(-4.0..5.0);
+                let from = widths * cell.width;
+                let truth = if random.random_bool(0.5) {
+                    from
+                } else {
+                    (PIXELS - 1) as f64 - from
+                };
+                let found = centres(&cell, &light_of(&cell, seed, truth), rung);
+                let is_confident_error = |found: &Result<RowCentre, Fault>| {
+                    found.is_ok_and(|found| {
+                        let error = (found.centre.to_f64() - truth).abs();
+                        !found.misfit && error > 5.0 * found.uncertainty.to_f64() + 0.05
+                    })
+                };
+                (
+                    widths,
+                    found[0].is_ok(),
+                    found.iter().any(is_confident_error),
+                )
+            })
+            .collect();
+        let with_centre = rows.iter().filter(|row| row.1);
+        let nearest = with_centre
+            .clone()
+            .fold(f64::INFINITY, |nearest, row| nearest.min(row.0));
+        let wrong = rows.iter().filter(|row| row.2).count();
+        println!(
+            "{:>14}: {} centres of {} rows, the nearest {nearest:.2} widths from the edge; {wrong} confident errors",
+            rung.name(),
+            with_centre.count(),
+            rows.len(),
+        );
+        if wrong > 0 || (is_table && nearest < 3.0) {
+            failures.push(rung);
+        }
+    }
+    assert!(failures.is_empty(), "{failures:?}");
+}
