@@ -134,7 +134,7 @@ fn highest(near: &[u16], pixels: usize) -> Option<(usize, i32)> {
         .iter()
         .fold(0, |sum, &count| proven::add_i32(sum, i32::from(count)));
     let mut best = (0, sum);
-    for (i, (&enters, &leaves)) in (1..=MAX_PIXELS).zip(entering.iter().zip(near)) {
+    for (i, (&enters, &leaves)) in (1..MAX_PIXELS).zip(entering.iter().zip(near)) {
         sum = moved(sum, enters, leaves);
         if sum > best.1 {
             best = (i, sum);

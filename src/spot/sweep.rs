@@ -90,8 +90,10 @@ impl<'a> Sweep<'a> {
 
     /// The sum over a group. `None` beside the row.
     pub(super) fn sum(&self, group: usize) -> Option<u32> {
-        let mut groups = self.blocks.chunks_exact(1 << self.log2);
-        groups.nth(group).map(sum_of_blocks)
+        let size = 1usize << self.log2;
+        let start = group.checked_mul(size)?;
+        let blocks = self.blocks.get(start..start.checked_add(size)?)?;
+        Some(sum_of_blocks(blocks))
     }
 }
 
