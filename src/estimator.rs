@@ -3,6 +3,7 @@
 //! All take the same and give the same: see [`centre`].
 
 pub mod adaptive;
+mod alone;
 pub mod blocks;
 pub mod centroid;
 pub mod figures;

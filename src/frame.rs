@@ -5,9 +5,12 @@
 //! propagated. Where the rows scatter more than their uncertainties explain, it grows by the ratio (R. T. Birge, Phys.
 //! Rev. 40, 207 (1932)), and where neighbours err alike, by what fewer independent rows would have ([`correlation`]). Rows of
 //! which no majority agrees, or that scatter by more than the spot's width, are not of one spot, and have no centre.
+//!
+//! Of a target that moves it is the centre in the middle of the frame, whichever rows count most ([`motion`]).
 
 mod agreement;
 mod correlation;
+mod motion;
 
 use heapless::Vec;
 
@@ -53,7 +56,8 @@ pub const FEWEST_INDEPENDENT: u16 = 8;
 /// What the rows of a frame had to say, so far.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
-    centres: Vec<RowCentre, { MAX_ROWS as usize }>,
+    /// With the row's number.
+    centres: Vec<(u16, RowCentre), { MAX_ROWS as usize }>,
     /// How often each kind of fault came, and its latest.
     faults: [(u16, Option<Fault>); Fault::KINDS],
     rows: u16,
@@ -89,7 +93,7 @@ impl Frame {
         match row {
             // There is room: rows and faults together are fewer than it holds.
             Ok(centre) => {
-                let _ = self.centres.push(centre);
+                let _ = self.centres.push((self.rows, centre));
             }
             Err(fault) => {
                 // In bounds: `kind` is below `KINDS`.
@@ -121,29 +125,30 @@ impl Frame {
                 .unwrap_or(Fault::SensorSilent));
         }
         // Centres are seen from the median one, so that the fractions of a pixel by which they differ keep all 24 bits of an f32.
-        let origin = median(self.centres.iter().map(|row| ordered(row.centre.to_bits())))
-            .map_or(0, from_ordered);
-        let mut members = Members::new();
-        for row in &self.centres {
-            // As many as there are centres, and so room.
-            let _ = members.push(Member::of(row, origin));
-        }
-        let is_one_spot = match how {
-            Mean::Plain => true,
+        let keys = self
+            .centres
+            .iter()
+            .map(|(_, row)| ordered(row.centre.to_bits()));
+        let origin = median(keys).map_or(0, from_ordered);
+        let mut members = self.members(origin);
+        let motion = match how {
+            Mean::Plain => Some(0.0),
             Mean::Weighted => agreement::weigh(&mut members),
         };
-        let Some(offset) = weighted_mean(&members) else {
+        let (Some(motion), Some(offset)) = (motion, weighted_mean(&members)) else {
             return Err(self.unsteady());
         };
         let width = Pixels::from_bits(mean(members.iter().map(|it| it.row.width.to_bits())));
-        if !is_one_spot || scatter(&members) > width.to_f32() {
+        if scatter(&members, motion) > width.to_f32() {
             return Err(self.unsteady());
         }
-        let (growth, correlated) = match correlation::independent(&members, offset) {
+        let fitted = if motion == 0.0 { 1.0 } else { 2.0 };
+        let (growth, correlated) = match correlation::independent(&members, fitted) {
             Some(found) => (found.growth, found.too_few()),
             None => (1.0, None),
         };
-        let uncertainty = propagated(&members) * birge_ratio(&members, offset) * growth;
+        let uncertainty =
+            propagated(&members, motion) * birge_ratio(&members, offset, fitted) * growth;
         Ok(FrameCentre {
             centre: Pixels::from_bits(origin.saturating_add(Pixels::from_f32(offset).to_bits())),
             // Rows that agree to the last bit, each certain to the last bit, leave that bit.
@@ -153,21 +158,35 @@ impl Frame {
             // At most the 64 rows there are.
             rows_used: members.len() as u16,
             rows: self.rows,
-            misfits: agreement::number(&members, |it| it.row.misfit) as u16,
+            misfits: number(&members, |it| it.row.misfit) as u16,
             correlated,
         })
     }
 
     /// How far the centres of all rows scatter.
     fn unsteady(&self) -> Fault {
-        let origin = mean(self.centres.iter().map(|row| row.centre.to_bits()));
-        let mut members = Members::new();
-        for row in &self.centres {
-            let _ = members.push(Member::of(row, origin));
-        }
+        let origin = mean(self.centres.iter().map(|(_, row)| row.centre.to_bits()));
         Fault::Unsteady {
-            scatter: Pixels::from_f32(scatter(&members)),
+            scatter: Pixels::from_f32(scatter(&self.members(origin), 0.0)),
         }
+    }
+
+    /// The rows as the mean sees them, from an origin in the bits of [`Pixels`]. Each counts as any other.
+    fn members(&self, origin: i32) -> Members<'_> {
+        let middle = 0.5 * (f32::from(self.rows) - 1.0);
+        let mut members = Members::new();
+        for (number, row) in &self.centres {
+            let offset = Pixels::from_bits(row.centre.to_bits().saturating_sub(origin));
+            // As many as there are centres, and so room.
+            let _ = members.push(Member {
+                row,
+                place: f32::from(*number) - middle,
+                offset: offset.to_f32(),
+                uncertainty: row.uncertainty.max(RESOLUTION).to_f32(),
+                weight: 1.0,
+            });
+        }
+        members
     }
 }
 
@@ -179,15 +198,17 @@ type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
 
 /// A row as the mean sees it.
 ///
-/// No sum over 64 of them leaves the range of an f32 (2^127), and none divides by zero. Two offsets differ by less than 2^17 px, and an
-/// uncertainty is 2^-16 to 2^15 px: a residual, one over the other, is below 2^33 from a mean and below 2^39 from a line through 64
-/// rows, and 64 squares below 2^84. A weight is at most 1/u^2 = 2^32: 64 times it, an offset and the square of a place in the frame are below
-/// 2^67, and its product with u is at most 2^16. Of rows that agree most have more than half of their 1/u^2 >= 2^-30, so that sums of
-/// weights are above zero.
+/// No sum over 64 of them leaves the range of an f32 (2^127), and none divides by zero. Two centres differ by less than 2^17 px, and less a
+/// line through some of them, which is at most so steep, by less than 2^24; an uncertainty is 2^-16 to 2^15 px. A residual, one over the
+/// other, is below 2^40, from another line below 2^47, and 64 squares below 2^100. A weight is at most 1/u^2 = 2^32: 64 times it, an offset
+/// and the square of a place are below 2^74, and its product with u is at most 2^16. Of rows that agree most have more than half of their
+/// 1/u^2 >= 2^-30, so that sums of weights are above zero.
 #[derive(Clone, Copy)]
 struct Member<'a> {
     row: &'a RowCentre,
-    /// The centre from the frame's origin, in pixels.
+    /// Its number from the middle of the frame, -31.5 to 31.5.
+    place: f32,
+    /// The centre from the frame's origin, in pixels, less the motion from the middle of the frame to its place.
     offset: f32,
     /// The uncertainty in pixels, never zero.
     uncertainty: f32,
@@ -195,18 +216,7 @@ struct Member<'a> {
     weight: f32,
 }
 
-impl<'a> Member<'a> {
-    /// A row that counts as any other; `origin` in the bits of [`Pixels`].
-    fn of(row: &'a RowCentre, origin: i32) -> Self {
-        let offset = Pixels::from_bits(row.centre.to_bits().saturating_sub(origin));
-        Self {
-            row,
-            offset: offset.to_f32(),
-            uncertainty: row.uncertainty.max(RESOLUTION).to_f32(),
-            weight: 1.0,
-        }
-    }
-
+impl Member<'_> {
     /// How far it is from `centre`, in its own uncertainties.
     fn residual(&self, centre: f32) -> f32 {
         (self.offset - centre) / self.uncertainty
@@ -220,20 +230,26 @@ fn weighted_mean(members: &[Member<'_>]) -> Option<f32> {
     (weights > 0.0).then(|| sum / weights)
 }
 
-/// The uncertainty of the mean in pixels, if each row's own is true and all are independent.
-fn propagated(members: &[Member<'_>]) -> f32 {
+/// The uncertainty of the mean in pixels, if each row's own is true and all are independent. The motion's own counts as far as the rows'
+/// mean place is from the middle of the frame.
+fn propagated(members: &[Member<'_>], motion: f32) -> f32 {
     let weights: f32 = members.iter().map(|it| it.weight).sum();
     let variance: f32 = members
         .iter()
         .map(|it| square(it.weight * it.uncertainty))
         .sum();
-    libm::sqrtf(variance) / weights
+    let of_motion = match motion::Line::through(members) {
+        Some(line) if motion != 0.0 => square(line.middle) / line.moment,
+        _ => 0.0,
+    };
+    libm::sqrtf(variance / square(weights) + of_motion)
 }
 
-/// The scatter over what the uncertainties explain, where it is more than chance.
-fn birge_ratio(members: &[Member<'_>], centre: f32) -> f32 {
+/// The scatter over what the uncertainties explain, where it is more than chance. `fitted` is what was taken from the rows' own scatter: 1 for
+/// their mean, 1 more for their motion.
+fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
     let chi_square: f32 = members.iter().map(|it| square(it.residual(centre))).sum();
-    let degrees = members.len() as f32 - 1.0;
+    let degrees = members.len() as f32 - fitted;
     if is_more_than_chance(chi_square, degrees) {
         libm::sqrtf(chi_square / degrees)
     } else {
@@ -246,17 +262,20 @@ fn is_more_than_chance(chi_square: f32, degrees: f32) -> bool {
     degrees >= 1.0 && chi_square > degrees + 3.0 * libm::sqrtf(2.0 * degrees)
 }
 
-/// Standard deviation of the rows' centres about their plain mean, in pixels.
-fn scatter(members: &[Member<'_>]) -> f32 {
-    let mean = plain_mean(members);
-    let squares: f32 = members.iter().map(|it| square(it.offset - mean)).sum();
-    libm::sqrtf(squares / members.len().max(1) as f32)
+/// Standard deviation of the rows' centres about their plain mean, in pixels, with a motion in pixels a row.
+fn scatter(members: &[Member<'_>], motion: f32) -> f32 {
+    let offset = |member: &Member<'_>| member.offset + motion * member.place;
+    let n = members.len().max(1) as f32;
+    let mean = members.iter().map(offset).sum::<f32>() / n;
+    let squares: f32 = members.iter().map(|it| square(offset(it) - mean)).sum();
+    libm::sqrtf(squares / n)
 }
 
-/// In pixels from the frame's origin; zero of nothing.
-fn plain_mean(members: &[Member<'_>]) -> f32 {
-    let sum: f32 = members.iter().map(|it| it.offset).sum();
-    sum / members.len().max(1) as f32
+/// How many of them are so. As a filter's `count`, which adds what could overflow for all that the compiler knows.
+fn number(members: &[Member<'_>], is_so: impl Fn(&Member<'_>) -> bool) -> usize {
+    members.iter().fold(0, |number, it| {
+        usize::saturating_add(number, is_so(it).into())
+    })
 }
 
 fn square(value: f32) -> f32 {

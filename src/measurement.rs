@@ -126,7 +126,9 @@ impl Measurement {
         let (distance, slope) = calibration.distance_at(frame.centre)?;
         Ok(Reading {
             distance,
-            uncertainty: Micrometres::from_f32(frame.uncertainty.to_f32() * slope.abs()),
+            // Never zero: the finest step stands for less.
+            uncertainty: Micrometres::from_f32(frame.uncertainty.to_f32() * slope.abs())
+                .max(Micrometres::from_bits(1)),
             centre: frame.centre,
             centre_uncertainty: frame.uncertainty,
             amplitude: frame.amplitude,

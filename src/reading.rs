@@ -6,7 +6,7 @@ use crate::units::{Counts, Micrometres, Pixels};
 /// A distance with its uncertainty and how it came about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading {
-    /// Distance to the target.
+    /// Distance to the target, of one that moves in the middle of the frame.
     pub distance: Micrometres,
     /// Standard uncertainty of the distance (one sigma): that of the centre through the slope of eq. (1).
     pub uncertainty: Micrometres,

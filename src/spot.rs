@@ -31,7 +31,7 @@ pub const MIN_PIXELS: usize = 32;
 const LARGEST_BLOCK_LOG2: u32 = 7;
 
 /// A response this far above its noise is a spot, in halves of a standard deviation. At 4.5 a spot of 1.5 pixels' width and a
-/// peak of five times the noise is missed once in some thousand rows, and noise alone gets there in one row of twenty. Those rows
+/// peak of five times the noise is missed once in some thousand rows, and noise alone gets there in one row of forty. Those rows
 /// end as too dim: see the estimator.
 const DETECTION: u16 = 9;
 
@@ -98,10 +98,15 @@ fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
     let sums = Sums::new(light, &mut memory).ok_or(no_spot)?;
     let (level, tilt) = sums.background().ok_or(no_spot)?;
     let noise = noise(light).ok_or(no_spot)?;
-    let best = (0..SIZES as u32)
-        .filter_map(|block_log2| Candidate::new(&sums, block_log2, level))
-        .max_by_key(|candidate| candidate.significance)
-        .ok_or(no_spot)?;
+    let candidates = || (0..SIZES as u32).filter_map(|log2| Candidate::new(&sums, log2, level));
+    let mut best = (candidates().max_by_key(|candidate| candidate.significance)).ok_or(no_spot)?;
+    if best.block_log2 == 0 && best.is_one_pixel(&sums, level) {
+        // A hot one. In larger blocks what it hides may stand out.
+        best = candidates()
+            .filter(|candidate| !candidate.is_one_pixel(&sums, level))
+            .max_by_key(|candidate| candidate.significance)
+            .ok_or(no_spot)?;
+    }
     if !is_level && tilt.matters(light, best.height(), noise) {
         return Ok(Found::Tilt(tilt));
     }
@@ -325,7 +330,6 @@ impl<'a> Sums<'a> {
     }
 
     /// Whether one pixel has three quarters of the light about a block: no spot has, whose width is 0.5 or more.
-    #[cold]
     fn is_one_pixel(&self, block_log2: u32, block: usize, level: Counts) -> bool {
         let size = 1usize << block_log2.min(LARGEST_BLOCK_LOG2);
         let from = block.saturating_sub(2).saturating_mul(size);
@@ -407,6 +411,11 @@ impl Candidate {
             response,
             significance,
         })
+    }
+
+    fn is_one_pixel(&self, sums: &Sums<'_>, level: Counts) -> bool {
+        let block = sums.highest(self.block_log2);
+        block.is_some_and(|block| sums.is_one_pixel(self.block_log2, block, level))
     }
 
     /// The kernel weighs blocks by 1 + 2 + 1; its response over that is the height of a spot much wider than the kernel, and

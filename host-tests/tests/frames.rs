@@ -263,6 +263,42 @@ fn a_mean_is_off_by_what_it_claims() {
     }
 }
 
+/// Of a target that moves, the frame's centre is where it was in the middle of the frame, whichever rows are bright. Rows that are wrong by less
+/// than the way that the target goes are not told from it in every frame; those frames claim more.
+#[test]
+fn a_target_that_moves_is_where_it_was_in_the_middle() {
+    for speed in [0.001, 0.01, 0.1, 0.3] {
+        for rows in [8, 16, 64] {
+            for (name, outliers, most) in [
+                ("brightness 4", Outliers::None, 1.1),
+                (
+                    "brightness 4, 10 % +3 px",
+                    Outliers::OneSided(0.1, 3.0),
+                    2.0,
+                ),
+            ] {
+                let outcome = run(FRAMES / 4, Mean::Weighted, |random| {
+                    let mut drawn = draw(random, rows, Some(4.0), outliers);
+                    for (i, row) in drawn.rows.iter_mut().enumerate() {
+                        let way = speed * (i as f64 - 0.5 * (rows as f64 - 1.0));
+                        row.centre = Pixels::from_bits(
+                            row.centre.to_bits() + (way * 65536.0).round() as i32,
+                        );
+                    }
+                    drawn
+                });
+                let name = format!("{speed} px a row, {name}");
+                println!("{}", line(&name, rows, Mean::Weighted, &outcome));
+                if rows == 64 {
+                    assert!(outcome.ratio <= most && outcome.faults == 0, "{name}");
+                    assert!((0.9..=1.1).contains(&outcome.pull), "{name}");
+                    assert!(outcome.flagged as u64 <= FRAMES / 4 / 100, "{name}");
+                }
+            }
+        }
+    }
+}
+
 /// Where rows that are wrong agree among themselves, and are half of the frame or more, they are the majority now and then. Where
 /// they do not, or are fewer, a frame is right, or is a fault.
 #[test]

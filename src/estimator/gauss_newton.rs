@@ -335,6 +335,29 @@ impl Window {
         }
     }
 
+    /// The mean of the samples within `reach` of one, above the row's level, which need not be in the window: from -2^8 to 2^9. `None` where they are not
+    /// on the row.
+    pub(super) fn mean(
+        &self,
+        row: &Row<'_>,
+        spot: &Spot,
+        sample: i32,
+        reach: usize,
+    ) -> Option<f32> {
+        let samples = reach.saturating_mul(2).saturating_add(1);
+        let before = sample.saturating_sub_unsigned(reach as u32);
+        let before = before.saturating_mul(self.block as i32);
+        let first = self.first.checked_add_signed(before as isize)?;
+        let end = first.checked_add(samples.checked_mul(self.block)?)?;
+        let pixels = row.light().get(first..end)?;
+        // On a row of at most 2^12 pixels of 12 bits.
+        let sum = pixels
+            .iter()
+            .fold(0, |sum, &count| proven::add_u32(sum, count.into()));
+        let level = spot.background.level.to_f32() * self.block as f32;
+        Some(sum as f32 / samples as f32 - level)
+    }
+
     pub(super) fn samples(&self) -> &[Sample] {
         self.samples.get(..self.length).unwrap_or_default()
     }

@@ -41,6 +41,9 @@ const OTHER_PROFILE: f32 = 0.3;
 /// Fewer pairs tell nothing.
 const FEWEST_PAIRS: f32 = 3.0;
 
+/// The same where samples were left out so that the others fit.
+const FEWEST_OF_A_PART: f32 = 5.0;
+
 /// Standard deviations of tilt and skew: beyond by chance in a row of 7000 and of 5000.
 const TILT: f32 = 3.8;
 /// See [`TILT`].
@@ -71,6 +74,9 @@ const SHAPE: f32 = 0.006;
 
 /// Standard deviations of both of these.
 const EVEN: f32 = 4.0;
+
+/// The same for a spot so narrow that it may be bad pixels: they are likelier than that noise.
+const EVEN_OF_NARROW: f32 = 2.5;
 
 /// Samples of a window that do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -105,7 +111,12 @@ pub(super) fn fits(
         return Some(false);
     }
     let mut look = Look::at(row, spot, found, geometry, left_out, 0.0);
-    if look.pairs < FEWEST_PAIRS {
+    let fewest = if left_out.samples == 0 {
+        FEWEST_PAIRS
+    } else {
+        FEWEST_OF_A_PART
+    };
+    if look.pairs < fewest {
         return None;
     }
     // To the tables of a tilt it is nothing.
@@ -113,7 +124,7 @@ pub(super) fn fits(
         look = Look::at(row, spot, found, geometry, left_out, look.slope());
     }
     let is_sharp = left_out.samples == 0 && is_sharp(row.light(), spot, found, geometry);
-    Some(!is_sharp && look.is_clean(found.uncertainty.to_f32()))
+    Some(!is_sharp && look.is_clean(found))
 }
 
 /// Whether the row ends within three widths on both sides: nothing tells the spot from its background.
@@ -201,7 +212,13 @@ struct Look {
 }
 
 impl Look {
-    fn is_clean(&self, uncertainty: f32) -> bool {
+    fn is_clean(&self, found: &RowCentre) -> bool {
+        let even = if found.width.to_f32() > SHARP_WIDTH {
+            EVEN
+        } else {
+            EVEN_OF_NARROW
+        };
+        let uncertainty = found.uncertainty.to_f32();
         let beyond = |product: f32, norm: f32, limit: f32| product * product > limit * limit * norm;
         let shift = self.shift / self.shift_norm * self.pixels_a_shift;
         let freedom = self.pairs - 1.0;
@@ -211,8 +228,8 @@ impl Look {
             || beyond(self.skew, self.skew_norm, SKEW)
             || self.worst > WORST * WORST
             || self.squares > freedom + SCATTER * scatter + SCATTER_SKEWED
-            || self.flatness < FLAT - EVEN * self.flatness_deviation
-            || self.shape > SHAPE + EVEN * self.shape_deviation)
+            || self.flatness < FLAT - even * self.flatness_deviation
+            || self.shape > SHAPE + even * self.shape_deviation)
     }
 
     /// The tilt in counts of z for each u.

@@ -35,6 +35,9 @@ const CURVED: f32 = 2.8;
 /// Narrower spots, in pixels, have too few of them to leave any out.
 const NARROWEST: f32 = 1.0;
 
+/// More samples side by side are no bad pixels but light, which may be the spot.
+const BAD_PIXELS: u32 = 3;
+
 /// Fits at most, each with more pixels left out.
 const ROUNDS: usize = 6;
 
@@ -154,8 +157,15 @@ impl Scene<'_> {
         let at = &fit.parameters;
         // At most SAMPLES each.
         let (mut all, mut masked, mut top) = (0, 0, 0);
+        let (mut run, mut longest) = (0, 0);
         for (i, sample) in window.samples().iter().enumerate() {
             let distance = (i as f32 - at.centre).abs();
+            run = if sample.is_left_out() {
+                proven::add_u32(run, 1)
+            } else {
+                0
+            };
+            longest = longest.max(run);
             if distance <= 3.0 * at.width {
                 all = proven::add_u32(all, 1);
                 masked = proven::add_u32(masked, sample.is_left_out().into());
@@ -168,7 +178,7 @@ impl Scene<'_> {
         let (noise, shot) = variances(&self.spot.background, self.geometry);
         let per_height = 1.0 / found.amplitude.to_f32();
         let whole = found.width.to_f32() * per_height * (1.13 * noise * per_height + 0.4 * shot);
-        let few = masked <= all / 8 || masked <= 1;
+        let few = longest <= BAD_PIXELS && (masked <= all / 8 || masked <= 1);
         few || (top == 0 && uncertainty * uncertainty <= 4.0 * whole)
     }
 
@@ -195,7 +205,7 @@ impl Scene<'_> {
         at = gauss_newton::fit(window.samples(), at, self.shot())?.parameters;
         for _ in 0..ROUNDS {
             window.unmask();
-            mask_second(window, &at)?;
+            mask_second(window, &at, self)?;
             let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
             at = fit.parameters;
             let look = Look::at(window, &at, self.shot());
@@ -334,7 +344,7 @@ fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
 /// Masks the second spot that stands out most beside the spot's top, as far as it is more than a thousandth of the spot: it has the same
 /// width, and so at two widths to either side of it less than half is left (of a gaussian 14 %). `None` where there is none: a flare is
 /// wider, and a tail has no top of its own.
-fn mask_second(window: &mut Window, at: &Parameters) -> Option<()> {
+fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Option<()> {
     let mut beside = gauss_newton::exponentials(at);
     for (sample, light) in window.samples().iter().zip(&mut beside) {
         *light = sample.counts - at.level - at.amplitude * *light;
@@ -361,10 +371,17 @@ fn mask_second(window: &mut Window, at: &Parameters) -> Option<()> {
     if !(1.0..THOUSAND).contains(&share) {
         return None;
     }
-    let flank = (2.0 * at.width) as usize;
-    let falls = |mean: Option<f32>| mean.is_none_or(|mean| mean < 0.5 * top);
-    if !falls(place.checked_sub(flank).and_then(mean)) || !falls(mean(place.saturating_add(flank)))
-    {
+    // Samples of a window: below 2^8.
+    let flank = (2.0 * at.width) as i32;
+    let falls = |place: i32| {
+        let inside = usize::try_from(place).ok().and_then(mean);
+        // Beyond the window the row is asked: of the first spot there is nothing left.
+        let mean =
+            inside.or_else(|| Some(window.mean(scene.row, scene.spot, place, reach)? - at.level));
+        mean.is_some_and(|mean| mean < 0.5 * top)
+    };
+    let place_of_top = place as i32;
+    if !falls(place_of_top.saturating_sub(flank)) || !falls(place_of_top.saturating_add(flank)) {
         return None;
     }
     let reach = dual_mac::square_root(2.0 * libm::logf(share)) * at.width;

@@ -26,7 +26,7 @@
 //! first centre stands, flagged: in speckle the robust rung is worse than a plain one.
 
 use crate::estimator::mirror::{self, LeftOut};
-use crate::estimator::{self, Estimator, RowCentre, gauss_newton, robust};
+use crate::estimator::{self, Estimator, RowCentre, alone, gauss_newton, robust};
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
@@ -41,6 +41,22 @@ const NARROWEST_CUT: f32 = 1.25;
 /// # Errors
 /// See [`estimator::centre`]; [`Fault::SpotAtEdge`] where the fit has none either.
 pub fn centre(
+    estimator: Estimator,
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    let found = look(estimator, row, spot, before, geometry)?;
+    if before.is_none() {
+        alone::is_alone(row.light(), &found)?;
+    }
+    Ok(found)
+}
+
+/// The same without a look at the rest of the row.
+#[inline(always)]
+fn look(
     estimator: Estimator,
     row: &Row<'_>,
     spot: &Spot,

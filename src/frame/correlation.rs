@@ -9,6 +9,7 @@
 
 use heapless::Vec;
 
+use super::motion::Line;
 use super::{FEWEST_INDEPENDENT, MAX_ROWS, Member, is_more_than_chance, square};
 use crate::estimator::plausible::limited;
 
@@ -45,12 +46,13 @@ impl Correlated {
 }
 
 /// What rows are worth whose neighbours err alike by more than chance. None where they do not, or where there are too few to tell.
-pub(super) fn independent(members: &[Member<'_>], centre: f32) -> Option<Correlated> {
+/// `fitted` as in [`super::birge_ratio`].
+pub(super) fn independent(members: &[Member<'_>], fitted: f32) -> Option<Correlated> {
     if members.len() < usize::from(FEWEST_INDEPENDENT) {
         return None;
     }
     let n = members.len() as f32;
-    let residuals = residuals(members, centre);
+    let residuals = residuals(members)?;
     let squares: f32 = residuals.iter().copied().map(square).sum();
     // Rows that agree to the last bit, or lie on a line.
     if squares <= 0.0 {
@@ -85,38 +87,24 @@ pub(super) fn independent(members: &[Member<'_>], centre: f32) -> Option<Correla
     // The sum is above 1, because its first pair is.
     let rows = limited(n / sum - LOST, 1.0, n);
     // Of so many independent ones, the scatter about their mean is (rows - 1) / rows of that about the truth.
-    let growth = limited(n / (rows - 1.0), 1.0, n);
+    let free = limited(rows - fitted, 1.0, n);
     Some(Correlated {
         rows,
-        growth: libm::sqrtf(growth),
+        growth: libm::sqrtf(n / free),
     })
 }
 
 /// The rows' residuals from a straight line, in each one's uncertainty, with a mean of zero.
-fn residuals(members: &[Member<'_>], centre: f32) -> Vec<f32, { MAX_ROWS as usize }> {
-    let weights: f32 = members.iter().map(|it| it.weight).sum();
-    let places = || {
-        members
-            .iter()
-            .zip(0..MAX_ROWS as u16)
-            .map(|(it, place)| (it, f32::from(place)))
-    };
-    let middle = places().map(|(it, place)| it.weight * place).sum::<f32>() / weights;
-    let moments: f32 = places()
-        .map(|(it, place)| it.weight * square(place - middle))
-        .sum();
-    let products: f32 = places()
-        .map(|(it, place)| it.weight * (place - middle) * (it.offset - centre))
-        .sum();
-    let slope = products / moments;
+fn residuals(members: &[Member<'_>]) -> Option<Vec<f32, { MAX_ROWS as usize }>> {
+    let line = Line::through(members)?;
     let mut residuals = Vec::new();
-    for (member, place) in places() {
+    for member in members {
         // As many as there are rows, and so room.
-        let _ = residuals.push(member.residual(centre + slope * (place - middle)));
+        let _ = residuals.push(member.residual(line.at(member.place)));
     }
     let mean = residuals.iter().sum::<f32>() / members.len() as f32;
     residuals.iter_mut().for_each(|residual| *residual -= mean);
-    residuals
+    Some(residuals)
 }
 
 #[cfg(test)]
@@ -135,14 +123,16 @@ mod tests {
             class: WidthClass::default(),
             misfit: false,
         };
-        let members: std::vec::Vec<Member<'_>> = offsets
-            .map(|offset| Member {
+        let members: std::vec::Vec<Member<'_>> = (offsets.zip(0u8..))
+            .map(|(offset, number)| Member {
+                row: &row,
+                place: f32::from(number),
                 offset,
-                ..Member::of(&row, 0)
+                uncertainty: 0.02,
+                weight: 1.0,
             })
             .collect();
-        let sum: f32 = members.iter().map(|it| it.offset).sum();
-        independent(&members, sum / members.len() as f32)
+        independent(&members, 1.0)
     }
 
     #[test]

@@ -1,0 +1,371 @@
+//! The coarse search on seeded rows: that it finds the spot, tells it from a second one, and takes nothing else for one.
+//! Every figure asserted is printed.
+
+use host_tests::accuracy::Cell;
+use host_tests::scene::{SecondReflection, quantise};
+use phase_tables::gaussian;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use slitrange::estimator::{Estimator, second_look};
+use slitrange::reading::Fault;
+use slitrange::row::{Geometry, Row};
+use slitrange::spot::{self, MIN_PIXELS, Spot};
+use slitrange::units::Pixels;
+
+fn find(light: &[u16]) -> Result<Spot, Fault> {
+    spot::find(&Row::new(light, &[], 4095).expect("12 bits"))
+}
+
+/// The place that a spot's pixel stands for: it is the one to the right of a block's middle.
+fn place(spot: &Spot) -> f64 {
+    spot.centre as f64 - 0.5
+}
+
+/// Whether any rung has a centre of that spot that is off by more than five times its claim and 0.05 pixel, without a misfit.
+fn misleads(light: &[u16], spot: &Spot, geometry: &Geometry, truth: Option<f64>) -> bool {
+    let row = Row::new(light, &[], 4095).expect("12 bits");
+    Estimator::ALL.into_iter().any(|rung| {
+        let found = second_look::centre(rung, &row, spot, None, geometry);
+        found.is_ok_and(|found| {
+            let error = truth.map_or(f64::INFINITY, |truth| found.centre.to_f64() - truth);
+            !found.misfit && error.abs() > 5.0 * found.uncertainty.to_f64() + 0.05
+        })
+    })
+}
+
+/// Fewer than one row in a thousand fails at a peak signal-to-noise ratio of 5, from a width of 1.5: no spot, or one that is off by
+/// more than a width and a half and a pixel. Where noise was taken for the spot, no rung makes a centre of it, at any ratio.
+#[test]
+fn dim_spots_are_found_or_no_centre_is() {
+    const ROWS: u64 = 20_000;
+    const NOISE: f64 = 20.0;
+    for (width, pixels) in [
+        (1.5, 1024),
+        (1.5, 3648),
+        (3.0, 3648),
+        (10.5, 2048),
+        (30.0, 2048),
+        (100.0, 3648),
+    ] {
+        for snr in [3.0, 4.0, 5.0, 6.0, 8.0] {
+            let cell = Cell {
+                width,
+                amplitude: snr * NOISE,
+                read_noise: NOISE,
+                electrons_per_count: None,
+                rows: ROWS,
+                seed: 21,
+            };
+            let scene = cell.scene_of(pixels);
+            // Missed, wrong, misleading.
+            let row = |row: u64| {
+                let margin = 3.0 * width + 8.0;
+                let part = (row as f64 * 0.618_033_988_749_895).fract();
+                let truth = margin + part * (pixels as f64 - 2.0 * margin);
+                let light = quantise(&scene.row_with_centre(row, truth, 1.0), 4095);
+                match find(&light) {
+                    Err(_) => [1, 0, 0],
+                    Ok(spot) if (place(&spot) - truth).abs() <= 1.5 * width + 1.0 => [0; 3],
+                    Ok(spot) => {
+                        let misleads = misleads(&light, &spot, &scene.geometry(), Some(truth));
+                        [0, 1, u32::from(misleads)]
+                    }
+                }
+            };
+            let add = |a: [u32; 3], b: [u32; 3]| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+            let [missed, wrong, misleading] =
+                (0..ROWS).into_par_iter().map(row).reduce(|| [0; 3], add);
+            println!(
+                "sigma {width:>5}, {pixels} pixels, signal to noise {snr}: missed {:.3} %, wrong {:.3} %, a centre of that {misleading} times",
+                100.0 * f64::from(missed) / ROWS as f64,
+                100.0 * f64::from(wrong) / ROWS as f64,
+            );
+            assert_eq!(misleading, 0);
+            if snr >= 5.0 {
+                assert!(f64::from(missed + wrong) < 0.001 * ROWS as f64);
+            }
+        }
+    }
+}
+
+/// Noise alone passes for a spot in one row of forty, and for a centre in none.
+#[test]
+fn noise_has_no_centre() {
+    const ROWS: u64 = 20_000;
+    let cell = Cell {
+        width: 1.0,
+        amplitude: 0.0,
+        read_noise: 20.0,
+        electrons_per_count: None,
+        rows: ROWS,
+        seed: 22,
+    };
+    let scene = cell.scene_of(3648);
+    let (passed, misleading) = (0..ROWS)
+        .into_par_iter()
+        .filter_map(|row| {
+            let light = quantise(&scene.row_with_centre(row, 1800.0, 1.0), 4095);
+            let spot = find(&light).ok()?;
+            let misleads = misleads(&light, &spot, &scene.geometry(), None);
+            Some((1, u32::from(misleads)))
+        })
+        .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+    println!("{passed} of {ROWS} rows of noise pass for a spot, {misleading} for a centre");
+    assert!(passed as u64 * 33 < ROWS && misleading == 0);
+}
+
+/// A row with a second spot of so much of the first one's height, so many widths off to either side, and the higher one's centre.
+fn pair(number: u64, width: f64, strength: f64, apart: f64) -> (Vec<u16>, f64) {
+    let random = &mut ChaCha8Rng::seed_from_u64(number);
+    let cell = Cell {
+        width,
+        amplitude: 2000.0,
+        read_noise: 4.0,
+        electrons_per_count: Some(10.0),
+        rows: 0,
+        seed: 23,
+    };
+    let mut scene = cell.scene_of(2048);
+    let side = if random.random_bool(0.5) { 1.0 } else { -1.0 };
+    let offset = side * apart * width;
+    scene.second_reflection = Some(SecondReflection {
+        offset,
+        width,
+        strength,
+    });
+    let truth = 1024.0 + random.random_range(-64.0..64.0);
+    let light = quantise(&scene.row_with_centre(number, truth, 1.0), 4095);
+    (light, truth + if strength > 1.0 { offset } else { 0.0 })
+}
+
+/// A second spot of half the height leads the search no further astray than half a width, or half a block and a tenth of one for the noise that
+/// decides between two, as a spot alone. One of 80 to 120 % is a fault, in the first row and where it turns up in a later one.
+#[test]
+fn two_spots_are_told_apart() {
+    const ROWS: u64 = 4000;
+    for width in [1.5, 4.0, 10.5, 30.0] {
+        for apart in [5.0, 6.0, 8.0, 12.0, 20.0] {
+            let found = (0..ROWS).into_par_iter().map(|number| {
+                let (light, higher) = pair(number, width, 0.5, apart);
+                let spot = find(&light).ok()?;
+                let block = f64::from(1u32 << spot.block_log2);
+                let off = (place(&spot) - higher).abs();
+                Some((off, off <= (0.5 * width).max(0.6 * block)))
+            });
+            let found: Vec<_> = found.collect();
+            let near = found.iter().flatten().filter(|found| found.1).count();
+            let furthest = (found.iter().flatten()).fold(0.0, |most: f64, found| most.max(found.0));
+            println!(
+                "sigma {width:>4}, 50 % at {apart:>2} widths: {near} of {ROWS} near, the furthest {:.2} widths off",
+                furthest / width
+            );
+            assert!(near as f64 >= 0.999 * ROWS as f64);
+            for strength in [0.8, 1.0, 1.2] {
+                let faults = (0..ROWS / 4).into_par_iter().map(|number| {
+                    let (light, _) = pair(number, width, strength, apart);
+                    let (before, _) = pair(number, width, 0.0, apart);
+                    let before = find(&before).expect("a spot");
+                    let row = Row::new(&light, &[], 4095).expect("12 bits");
+                    let again = spot::find_again(&row, &before, Pixels::from_f32(width as f32));
+                    let are_two = |found| u64::from(matches!(found, Err(Fault::TwoSpots { .. })));
+                    (are_two(find(&light)), are_two(again))
+                });
+                let (first, again) = faults.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+                println!(
+                    "sigma {width:>4}, {:>3} % at {apart:>2} widths: of {} rows {first} are two spots, and {again} after a row with one",
+                    100.0 * strength,
+                    ROWS / 4
+                );
+                assert!(first.min(again) as f64 >= 0.99 * (ROWS / 4) as f64);
+            }
+        }
+    }
+}
+
+/// A row of 2048 pixels of light on a level of 200, with 3 counts of noise.
+fn noisy(seed: u64, light: impl Fn(f64) -> f64) -> Vec<u16> {
+    let random = &mut ChaCha8Rng::seed_from_u64(seed);
+    let counts: Vec<f32> = (0..2048)
+        .map(|i| {
+            // Of twelve even numbers the sum is nearly normal, with a variance of one.
+            let normal = (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>();
+            (200.0 + light(f64::from(i)) + 3.0 * normal) as f32
+        })
+        .collect();
+    quantise(&counts, 4095)
+}
+
+/// A flat top, a box, side lobes, a hot or a dead pixel do not make a second spot of one.
+#[test]
+fn one_spot_is_one() {
+    let sinc_squared = |u: f64| {
+        let v = std::f64::consts::PI * u;
+        if v == 0.0 { 1.0 } else { (v.sin() / v).powi(2) }
+    };
+    for width in [1.5, 4.0, 10.5, 30.0, 80.0] {
+        for seed in 0..100 {
+            let centre = 1000.0 + seed as f64 * 0.37;
+            let shape = |factor: f64| {
+                noisy(seed, |x| {
+                    (2000.0 * factor * gaussian(x - centre, width)).min(3800.0)
+                })
+            };
+            let plain = shape(1.0);
+            let top = centre.round() as usize;
+            let with = |pixel: usize, count: u16| {
+                let mut light = plain.clone();
+                light[pixel] = count;
+                light
+            };
+            let boxed = noisy(seed, |x| {
+                f64::from((x - centre).abs() < 2.0 * width) * 2000.0
+            });
+            let lobes = noisy(seed, |x| {
+                2000.0 * sinc_squared((x - centre) / (2.66 * width))
+            });
+            for (name, light) in [
+                ("gaussian", plain.clone()),
+                ("cut off at half", shape(4.0)),
+                ("cut off at a fortieth", shape(80.0)),
+                ("box", boxed),
+                ("side lobes", lobes),
+                ("dead at the top", with(top, 0)),
+                ("dead on the flank", with(top + width.ceil() as usize, 0)),
+                ("hot beside it", with(top + (3.0 * width) as usize, 1200)),
+                ("hot far away", with(top + 700, 4095)),
+            ] {
+                let found = find(&light);
+                assert!(found.is_ok(), "{name} of {width}, {seed}: {found:?}");
+                let row = Row::new(&light, &[], 4095).expect("12 bits");
+                let again = spot::find_again(
+                    &row,
+                    &found.expect("a spot"),
+                    Pixels::from_f32(width as f32),
+                );
+                assert!(again.is_ok(), "{name} of {width}, {seed}, again: {again:?}");
+            }
+        }
+    }
+}
+
+/// Speckle of full contrast that breaks a spot into lumps is two spots in less than one row in seven: where two lumps have nearly all the
+/// light, and are as far apart as two spots.
+#[test]
+fn lumps_are_mostly_one_spot() {
+    const ROWS: u64 = 500;
+    for (width, grain) in [
+        (10.5, 1.0f64),
+        (10.5, 2.5),
+        (10.5, 5.0),
+        (30.0, 2.5),
+        (30.0, 10.0),
+    ] {
+        let two = (0..ROWS).into_par_iter().filter(|&seed| {
+            let random = &mut ChaCha8Rng::seed_from_u64(seed);
+            let reach = (3.0 * grain).ceil() as usize;
+            let weights: Vec<f64> = (0..=2 * reach)
+                .map(|k| (-0.5 * ((k as f64 - reach as f64) / grain).powi(2)).exp())
+                .collect();
+            let norm: f64 = weights.iter().map(|weight| weight * weight).sum();
+            let mut field = || -> Vec<f64> {
+                let white: Vec<f64> = (0..2048 + 2 * reach)
+                    .map(|_| (0..12).map(|_| random.random_range(-0.5..0.5)).sum())
+                    .collect();
+                let smooth = white.windows(weights.len());
+                let product =
+                    |white: &[f64]| white.iter().zip(&weights).map(|(a, b)| a * b).sum::<f64>();
+                smooth.map(product).collect()
+            };
+            let (real, imaginary) = (field(), field());
+            let light = noisy(seed, |x| {
+                let i = x as usize;
+                let speckle = (real[i] * real[i] + imaginary[i] * imaginary[i]) / (2.0 * norm);
+                700.0 * gaussian(x - 1000.0, width) * speckle
+            });
+            matches!(find(&light), Err(Fault::TwoSpots { .. }))
+        });
+        let two = two.count();
+        println!("sigma {width}, grains of {grain}: two spots in {two} rows of {ROWS}");
+        assert!(two as u64 * 7 < ROWS);
+    }
+}
+
+/// A background that rises by up to 5 counts a pixel, over all that a converter holds, hides no spot; and its level is that under the spot.
+#[test]
+fn a_rising_background_hides_no_spot() {
+    let mut furthest = 0.0f64;
+    for slope in [0.3, 1.0, 2.0, 5.0] {
+        let pixels = ((2200.0 / slope) as usize).clamp(440, 2048);
+        for width in [1.5, 4.0, 10.5, 20.0] {
+            for seed in 0..200 {
+                let random = &mut ChaCha8Rng::seed_from_u64(seed);
+                let truth = random.random_range(3.0 * width..pixels as f64 - 3.0 * width);
+                let mut light = noisy(seed, |x| 1000.0 * gaussian(x - truth, width) + slope * x);
+                light.truncate(pixels);
+                let mirrored: Vec<u16> = light.iter().rev().copied().collect();
+                for (light, truth) in [(light, truth), (mirrored, pixels as f64 - 1.0 - truth)] {
+                    let spot = find(&light).expect("a spot");
+                    furthest = furthest.max((place(&spot) - truth).abs() / (1.5 * width + 1.0));
+                    if slope >= 1.0 {
+                        // What it is above the row's dark end, to a tenth of what it drifts and a tenth of the spot.
+                        let from_dark = if light[..32] < light[pixels - 32..] {
+                            truth
+                        } else {
+                            pixels as f64 - truth
+                        };
+                        let off = spot.background.level.to_f64() - 200.0 - slope * from_dark;
+                        assert!(
+                            off.abs() <= 0.1 * slope * pixels as f64 + 100.0,
+                            "{slope} {width} {seed}: {off}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+    println!("the furthest {furthest:.2} of a width and a half and a pixel off");
+    assert!(furthest <= 1.0);
+}
+
+/// Rows that show nothing, or nothing that a sensor makes.
+#[test]
+fn senseless_rows_have_no_spot() {
+    for pixels in [0, 1, MIN_PIXELS - 1] {
+        assert!(matches!(
+            find(&vec![100; pixels]),
+            Err(Fault::NoSpot { .. })
+        ));
+    }
+    for pixels in [MIN_PIXELS, 142, 1000, 4096] {
+        for count in [0, 1, 2000, 4095] {
+            assert_eq!(find(&vec![count; pixels]), Err(Fault::SensorSilent));
+        }
+        let alternating: Vec<u16> = (0..pixels).map(|i| [0, 4095][i % 2]).collect();
+        assert!(matches!(find(&alternating), Err(Fault::NoSpot { .. })));
+    }
+}
+
+/// A converter of one bit, of two, or with a bit that is stuck, still shows where a spot is; and a spot may fill a third of a short
+/// row.
+#[test]
+fn crude_rows_have_their_spot() {
+    for (width, pixels) in [(4.0, 142), (10.5, 142), (10.5, 1000), (30.0, 1000)] {
+        let truth = pixels as f64 / 2.0 + 3.3;
+        let light = noisy(5, |x| 3000.0 * gaussian(x - truth, width));
+        let light = light.get(..pixels).expect("a short row");
+        for (name, turn) in [
+            ("as it is", (|count| count) as fn(u16) -> u16),
+            ("one bit", |count| count & 0x800),
+            ("two bits", |count| count & 0xC00),
+            ("a bit stuck low", |count| count & !0x100),
+            ("a bit stuck high", |count| count | 0x200),
+        ] {
+            let crude: Vec<u16> = light.iter().map(|&count| turn(count)).collect();
+            let spot = find(&crude).expect("a spot");
+            let off = (place(&spot) - truth).abs() / width;
+            println!("{name}, sigma {width} on {pixels} pixels: {off:.2} widths off");
+            assert!(off <= 1.5 + 1.0 / width);
+        }
+    }
+}

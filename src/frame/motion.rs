@@ -1,0 +1,65 @@
+//! How the rows' centres move during the frame: a straight line through them.
+
+use super::{Member, number, square};
+
+/// A straight line through the rows, each of which counts by its weight.
+pub(super) struct Line {
+    /// Pixels a row.
+    pub slope: f32,
+    /// Where it is best known: the mean place of the rows, from the middle of the frame.
+    pub middle: f32,
+    /// Its height there, in pixels from the frame's origin.
+    pub centre: f32,
+    /// The rows' weighted sum of squared places from there: the inverse of the slope's variance, where weights are 1/u^2.
+    pub moment: f32,
+}
+
+/// A slope counts as motion where it is so many times its standard deviation. For rows at rest whose errors are normal that is so in 0.7 %
+/// of frames of eight rows and in fewer of larger ones; to take it for motion costs them nothing then, but a little certainty.
+const SIGNIFICANT: f32 = 4.0;
+
+impl Line {
+    /// The line through at least two rows that count.
+    pub fn through(members: &[Member<'_>]) -> Option<Self> {
+        let weights: f32 = members.iter().map(|it| it.weight).sum();
+        let mean_of = |value: fn(&Member<'_>) -> f32| {
+            members.iter().map(|it| it.weight * value(it)).sum::<f32>() / weights
+        };
+        let (middle, centre) = (mean_of(|it| it.place), mean_of(|it| it.offset));
+        let moment: f32 = (members.iter())
+            .map(|it| it.weight * square(it.place - middle))
+            .sum();
+        let products: f32 = (members.iter())
+            .map(|it| it.weight * (it.place - middle) * (it.offset - centre))
+            .sum();
+        (weights > 0.0 && moment > 0.0).then(|| Self {
+            slope: products / moment,
+            middle,
+            centre,
+            moment,
+        })
+    }
+
+    /// Its height at a row's place.
+    pub fn at(&self, place: f32) -> f32 {
+        self.centre + self.slope * (place - self.middle)
+    }
+
+    /// Whether the target moves: the slope is more than chance, and more than the rows' scatter makes it.
+    fn is_motion(&self, members: &[Member<'_>]) -> bool {
+        let rest: f32 = (members.iter())
+            .map(|it| it.weight * square(it.offset - self.at(it.place)))
+            .sum();
+        let counting = number(members, |it| it.weight > 0.0);
+        // More than two, or the line goes through all of them.
+        let variance = rest / (counting as f32 - 2.0);
+        let variance = if variance > 1.0 { variance } else { 1.0 };
+        square(self.slope) * self.moment > square(SIGNIFICANT) * variance
+    }
+}
+
+/// Pixels a row by which the target moves, where it does.
+pub(super) fn of(members: &[Member<'_>]) -> Option<f32> {
+    let line = Line::through(members)?;
+    line.is_motion(members).then_some(line.slope)
+}
