@@ -325,12 +325,9 @@ impl Window {
         LeftOut {
             first: self.first,
             block: self.block,
+            // Fewer than 128.
             samples: samples.fold(0, |all, (i, sample)| {
-                if sample.is_masked() {
-                    all | 1u128 << i
-                } else {
-                    all
-                }
+                all | u128::from(sample.is_masked()).wrapping_shl(i as u32)
             }),
         }
     }

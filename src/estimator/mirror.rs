@@ -285,12 +285,11 @@ impl Look {
         }
         // A width of 2^15 pixels at most, and so a pitch of 1/6 or more.
         let most = ((REACH / pitch) as usize).saturating_add(1);
-        for i in 0..most {
+        let length = pixels.saturating_add(2);
+        let mut from = mirror.right.saturating_sub(1);
+        let mut to = mirror.left.saturating_add(1);
+        for _ in 0..most {
             // With a pixel more at either end, for the interpolation. At most 37 samples of 2^13 pixels.
-            let further = i.saturating_mul(pixels);
-            let from = mirror.right.saturating_sub(1).saturating_add(further);
-            let to = mirror.left.saturating_add(1).saturating_sub(further);
-            let length = pixels.saturating_add(2);
             let ends = from..from.saturating_add(length);
             let (Some(right), Some(start)) = (light.get(ends.clone()), to.checked_sub(length))
             else {
@@ -312,6 +311,8 @@ impl Look {
                 );
                 even.add(both, u, e);
             }
+            from = from.saturating_add(pixels);
+            to = to.saturating_sub(pixels);
             u += pitch;
             e *= ratio;
             ratio *= falls;
