@@ -23,6 +23,7 @@ use core::ops::Range;
 use crate::estimator::RowCentre;
 use crate::estimator::plausible::variances;
 use crate::estimator::tables::TILTED;
+use crate::proven;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 use crate::units::Pixels;
@@ -176,7 +177,7 @@ fn sinks(light: &[u16], found: &RowCentre) -> bool {
     let zeros = |count: &&u16| **count == 0;
     let left = left.iter().rev().take(reach as usize).filter(zeros).count();
     let right = right.iter().take(reach as usize).filter(zeros).count();
-    left.abs_diff(right) > 2 + left.min(right)
+    left.abs_diff(right) > left.min(right).saturating_add(2)
 }
 
 /// Whether the light falls from one pixel to the next by more than any optics lets it: bad pixels side by side look like a narrow spot.
@@ -275,7 +276,7 @@ impl Look {
     ) -> Self {
         let light = row.light();
         let width = found.width.to_f32();
-        let pixels = ((width / SAMPLES_A_WIDTH) as usize).wrapping_add(1);
+        let pixels = ((width / SAMPLES_A_WIDTH) as usize).saturating_add(1);
         let block = pixels as f32;
         let mirror = Place::of(found.centre);
         let d = mirror.offset.abs();
@@ -311,14 +312,14 @@ impl Look {
         }
         // A width of 2^15 pixels at most, and so a pitch of 1/6 or more.
         let most = ((REACH / pitch) as usize).saturating_add(1);
-        for i in 0..most {
-            // With a pixel more at either end, for the interpolation. At most 37 samples of 2^13 pixels, from a place below 2^15: nothing wraps.
-            let moved = i.wrapping_mul(pixels);
-            let from = mirror.right.wrapping_add(moved).wrapping_sub(1);
-            let ends = from..from.wrapping_add(pixels).wrapping_add(2);
-            let to = mirror.left.wrapping_add(1).saturating_sub(moved);
-            let start = to.checked_sub(pixels.wrapping_add(2));
-            let (Some(right), Some(start)) = (light.get(ends.clone()), start) else {
+        let length = pixels.saturating_add(2);
+        let mut from = mirror.right.saturating_sub(1);
+        let mut to = mirror.left.saturating_add(1);
+        for _ in 0..most {
+            // With a pixel more at either end, for the interpolation. At most 37 samples of 2^13 pixels.
+            let ends = from..from.saturating_add(length);
+            let (Some(right), Some(start)) = (light.get(ends.clone()), to.checked_sub(length))
+            else {
                 break;
             };
             let left = light.get(start..to).unwrap_or_default();
@@ -337,6 +338,8 @@ impl Look {
                 );
                 even.add(both, u, e);
             }
+            from = from.saturating_add(pixels);
+            to = to.saturating_sub(pixels);
             u += pitch;
             e *= ratio;
             ratio *= falls;
@@ -387,7 +390,9 @@ impl Place {
         const HALF_LOG2: u32 = Pixels::FRACTION - 1;
         let halves = centre.to_bits().saturating_add(1 << (HALF_LOG2 - 1)) >> HALF_LOG2;
         // Within 2^14 of zero.
-        let offset = centre.to_bits().wrapping_sub(halves << HALF_LOG2);
+        let offset = centre
+            .to_bits()
+            .wrapping_sub(halves.wrapping_mul(1 << HALF_LOG2));
         let halves = usize::try_from(halves).unwrap_or_default();
         let right = (halves / 2).wrapping_add(1);
         Self {
@@ -408,7 +413,9 @@ fn interpolated(pixels: &[u16], offset: f32) -> f32 {
         return 0.0;
     };
     // At most 2^13 pixels of 12 bits.
-    let sum = (block.iter()).fold(0, |sum: u32, &count| sum.wrapping_add(count.into()));
+    let sum = block
+        .iter()
+        .fold(0, |sum, &count| proven::add_u32(sum, count.into()));
     let ends = if offset > 0.0 {
         f32::from(*after) - f32::from(*first)
     } else {
