@@ -15,6 +15,7 @@ mod motion;
 use heapless::Vec;
 
 use crate::estimator::RowCentre;
+use crate::proven;
 use crate::reading::Fault;
 use crate::units::{Counts, Pixels};
 
@@ -117,7 +118,7 @@ impl Frame {
     /// that [`Fault::kind`] puts last). Or [`Fault::Unsteady`], where no majority of the rows agrees, or where those that do
     /// scatter by more than the spot's width.
     pub fn centre(&self, how: Mean) -> Result<FrameCentre, Fault> {
-        if self.centres.len() * 2 <= usize::from(self.rows) {
+        if self.centres.len() <= usize::from(self.rows) / 2 {
             let most = self.faults.iter().max_by_key(|(count, _)| *count);
             return Err(most
                 .and_then(|&(_, fault)| fault)
@@ -157,7 +158,7 @@ impl Frame {
             // At most the 64 rows there are.
             rows_used: members.len() as u16,
             rows: self.rows,
-            misfits: members.iter().filter(|it| it.row.misfit).count() as u16,
+            misfits: number(&members, |it| it.row.misfit) as u16,
             correlated,
         })
     }
@@ -202,6 +203,7 @@ type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
 /// other, is below 2^40, from another line below 2^47, and 64 squares below 2^100. A weight is at most 1/u^2 = 2^32: 64 times it, an offset
 /// and the square of a place are below 2^74, and its product with u is at most 2^16. Of rows that agree most have more than half of their
 /// 1/u^2 >= 2^-30, so that sums of weights are above zero.
+#[derive(Clone, Copy)]
 struct Member<'a> {
     row: &'a RowCentre,
     /// Its number from the middle of the frame, -31.5 to 31.5.
@@ -269,6 +271,13 @@ fn scatter(members: &[Member<'_>], motion: f32) -> f32 {
     libm::sqrtf(squares / n)
 }
 
+/// How many of them are so. As a filter's `count`, which adds what could overflow for all that the compiler knows.
+fn number(members: &[Member<'_>], is_so: impl Fn(&Member<'_>) -> bool) -> usize {
+    members.iter().fold(0, |number, it| {
+        usize::saturating_add(number, is_so(it).into())
+    })
+}
+
 fn square(value: f32) -> f32 {
     value * value
 }
@@ -276,9 +285,9 @@ fn square(value: f32) -> f32 {
 /// The mean, rounded to the nearest; zero of nothing.
 fn mean(values: impl ExactSizeIterator<Item = i32>) -> i32 {
     // At most 64 values of 32 bits, a count of at most 64: nothing overflows an i64, and a mean fits where its parts do.
-    let count = values.len() as i64;
-    let sum: i64 = values.map(i64::from).sum();
-    (2 * sum + count)
+    let count = i64::from(values.len() as u32);
+    let sum = values.fold(0, |sum, value| proven::add_i64(sum, i64::from(value)));
+    proven::add_i64(proven::mul_i64(2, sum), count)
         .checked_div_euclid(2 * count)
         .unwrap_or_default() as i32
 }
@@ -292,13 +301,15 @@ fn median(values: impl ExactSizeIterator<Item = u32> + Clone) -> Option<u32> {
     let (mut low, mut high) = (0u32, u32::MAX);
     // The distance between them halves each time.
     while low < high {
-        let between = low + (high - low) / 2;
-        let below = values.clone().filter(|&value| value <= between).count();
+        let between = low.midpoint(high);
+        let below = (values.clone()).fold(0, |below, value| {
+            usize::saturating_add(below, (value <= between).into())
+        });
         if below > middle {
             high = between;
         } else {
             // Not above `high`, because `between` is below it.
-            low = between + 1;
+            low = between.saturating_add(1);
         }
     }
     Some(low)

@@ -59,3 +59,10 @@ pub(crate) const fn mul_i64(a: i64, b: i64) -> i64 {
     debug_assert!(a.checked_mul(b).is_some());
     a.wrapping_mul(b)
 }
+
+/// a + b.
+#[inline(always)]
+pub(crate) const fn add_usize(a: usize, b: usize) -> usize {
+    debug_assert!(a.checked_add(b).is_some());
+    a.wrapping_add(b)
+}

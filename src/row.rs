@@ -160,7 +160,7 @@ fn turn_over(words: &mut [u16], full_scale: u16) -> (u16, bool) {
     let (mut any, mut borrows) = (0u32, 0u32);
     let (pairs, last) = words.as_chunks_mut::<2>();
     for pair in pairs {
-        let both = u32::from(pair[0]) | u32::from(pair[1]) << 16;
+        let both = u32::from(pair[0]) | (u32::from(pair[1]) * 0x1_0000);
         any |= both;
         // The high bit of each half is set where one less borrows, which only zero does (A. Mycroft, 1987); a zero in the
         // low half may show one in the high half too, which changes nothing.

@@ -16,9 +16,10 @@ mod tilt;
 use heapless::Vec;
 
 use crate::estimator::plausible::level_bits;
+use crate::proven;
 use crate::reading::Fault;
 use crate::row::{LARGEST_COUNT, MAX_PIXELS, Row};
-pub(crate) use crate::spot::sweep::sum;
+pub(crate) use crate::spot::sweep::sum_of_blocks;
 use crate::spot::sweep::{BLOCK_LOG2, Sweep};
 use crate::spot::tilt::Tilt;
 use crate::units::{Counts, Pixels};
@@ -32,7 +33,7 @@ const LARGEST_BLOCK_LOG2: u32 = 7;
 /// A response this far above its noise is a spot, in halves of a standard deviation. At 4.5 a spot of 1.5 pixels' width and a
 /// peak of five times the noise is missed once in some thousand rows, and noise alone gets there in one row of forty. Those rows
 /// end as too dim: see the estimator.
-const DETECTION: u64 = 9;
+const DETECTION: u16 = 9;
 
 /// A candidate for the estimator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -131,15 +132,16 @@ fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
     let mut level: Vec<u16, MAX_PIXELS> = Vec::new();
     // A row has no more pixels than that.
     let (lowest, above) = tilt.taken_off(light);
-    level.extend(above);
+    for count in above {
+        let _ = level.push(count);
+    }
     match search(&level, true)? {
         Found::Spot(spot) => Ok(Spot {
             background: Background {
                 level: Counts::from_bits(
-                    // Each below 2^21.
-                    spot.background.level.to_bits()
-                        + (lowest << Counts::FRACTION)
-                        + tilt.at(light, spot.centre),
+                    (spot.background.level.to_bits())
+                        .saturating_add(lowest.saturating_mul(1 << Counts::FRACTION))
+                        .saturating_add(tilt.at(light, spot.centre)),
                 ),
                 ..spot.background
             },
@@ -171,17 +173,18 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
     let sweep = Sweep::new(light.as_chunks().0, block_log2 - BLOCK_LOG2);
     let level = Counts::from_bits(level_bits(&before.background));
     let background = under_the_kernel(level, block_log2);
-    let above = |response: u32| ((response << Counts::FRACTION) as i32 - background).max(0);
+    let above = |response: u32| in_q8(response).saturating_sub(background).max(0);
     // A response like the peak's has two thirds of it: see `apart::is_alike`. Below 2^30 and 2^31.
-    let least_like =
-        |peak: u32| ((background + above(peak) / 3 * 2).max(0) >> Counts::FRACTION).unsigned_abs();
+    let least_like = |peak: u32| {
+        (proven::add_i32(background, above(peak) / 3 * 2).max(0) >> Counts::FRACTION).unsigned_abs()
+    };
     let Some(peak) = sweep.peak(least_like) else {
         return find(row);
     };
     let response = above(peak.response);
     let significance = square(response.unsigned_abs()) >> block_log2;
     let block = 1usize << block_log2;
-    let centre = (peak.group << block_log2) + block / 2;
+    let centre = middle(peak.group, block_log2);
     // At least three quarters of a block, by which the block was chosen, so not negative.
     let width = (width.to_bits() >> Pixels::FRACTION) as usize;
     // What is left of a spot that went away is not looked for in noise; and rows without change tell that no sensor is there.
@@ -195,7 +198,7 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
     Ok(Spot {
         centre,
         block_log2,
-        height: Counts::from_bits(response >> (2 + block_log2)),
+        height: height(response, block_log2),
         background: before.background,
     })
 }
@@ -215,16 +218,17 @@ const BESIDE: usize = 5;
 /// neither.
 fn background_beside(sweep: &Sweep<'_>, group: usize) -> Option<i32> {
     let left = (group.checked_sub(BESIDE)).and_then(|group| sweep.sum(group));
-    let right = sweep.sum(group + BESIDE);
-    let both = left.or(right)? + right.or(left)?;
-    // A group has at most 128 pixels of 12 bits: four of them, in Q8, are below 2^29.
-    Some(((2 * both) << Counts::FRACTION) as i32)
+    let right = sweep.sum(group.saturating_add(BESIDE));
+    let both = proven::add_u32(left.or(right)?, right.or(left)?);
+    // Twice two groups of at most 128 pixels, like a response.
+    Some(in_q8(proven::add_u32(both, both)))
 }
 
 /// The significance of a response so many halves of a standard deviation above the background. The kernel's noise is (1 + 4 + 1) *
 /// 2^block_log2 pixels' variance; Q8 counts squared: noise < 2^20, so below 2^50.
-fn needed(halves: u64, noise: Counts) -> u64 {
-    6 * square(noise.to_bits().unsigned_abs()) * halves * halves / 4
+fn needed(halves: u16, noise: Counts) -> u64 {
+    let halves = u64::from(halves);
+    square(noise.to_bits().unsigned_abs()).saturating_mul(6 * halves * halves) / 4
 }
 
 fn square(value: u32) -> u64 {
@@ -301,19 +305,20 @@ impl<'a> Sums<'a> {
         let left = self.block(block_log2, block.checked_sub(1)?)?;
         let (middle, right) = (
             self.block(block_log2, block)?,
-            self.block(block_log2, block + 1)?,
+            self.block(block_log2, block.checked_add(1)?)?,
         );
-        Some(left + 2 * middle + right)
+        let twice = proven::add_u32(middle, middle);
+        Some(proven::add_u32(proven::add_u32(left, twice), right))
     }
 
     /// The highest response of each part, and the blocks about which the kernel is in it.
     fn parts(&self, block_log2: u32) -> impl Iterator<Item = (u32, core::ops::Range<usize>)> {
         let parts = self.parts.get(block_log2 as usize).copied();
         // A part begins two blocks late, because the first pair starts the first kernel, whose last block is noted.
-        let blocks = |part| 2 * PART * part + 1..2 * PART * (part + 1) + 1;
+        let starts = (0..PARTS).map(|part| 2 * PART * part + 1);
         (parts.unwrap_or_default().iter().copied())
-            .enumerate()
-            .map(move |(part, highest)| (highest, blocks(part)))
+            .zip(starts)
+            .map(|(highest, start)| (highest, start..start + 2 * PART))
     }
 
     /// The first block about which the kernel has its highest response.
@@ -326,12 +331,20 @@ impl<'a> Sums<'a> {
 
     /// Whether one pixel has three quarters of the light about a block: no spot has, whose width is 0.5 or more.
     fn is_one_pixel(&self, block_log2: u32, block: usize, level: Counts) -> bool {
-        let from = block.saturating_sub(2) << block_log2;
-        let to = ((block + 3) << block_log2).min(self.light.len());
+        let size = 1usize << block_log2.min(LARGEST_BLOCK_LOG2);
+        let from = block.saturating_sub(2).saturating_mul(size);
+        let to = block
+            .saturating_add(3)
+            .saturating_mul(size)
+            .min(self.light.len());
         let pixels = self.light.get(from..to).unwrap_or_default();
         // At most 640 pixels of 12 bits in Q8: below 2^30.
-        let above = |count: u16| (i32::from(count) << Counts::FRACTION) - level.to_bits();
-        let light: i32 = pixels.iter().map(|&count| above(count)).sum();
+        let above = |count: u16| {
+            (i32::from(count) * (1 << Counts::FRACTION)).saturating_sub(level.to_bits())
+        };
+        let light = pixels
+            .iter()
+            .fold(0, |sum, &count| proven::add_i32(sum, above(count)));
         let highest = pixels.iter().map(|&count| above(count)).max();
         highest.is_some_and(|highest| highest / 3 > light / 4)
     }
@@ -340,11 +353,11 @@ impl<'a> Sums<'a> {
     fn background(&self) -> Option<(Counts, Tilt)> {
         let (block_log2, sums) = (1..SIZES as u32)
             .zip(self.sums)
-            .rfind(|(_, sums)| sums.len() >= 16)?;
+            .take_while(|(_, sums)| sums.len() >= 16)
+            .last()?;
         let mut values: Vec<u32, MEDIAN_BLOCKS> = Vec::from_slice(sums).ok()?;
         let sum = median(&mut values)?;
-        // At most 128 pixels of 12 bits in Q8: below 2^27.
-        let level = Counts::from_bits(((sum << Counts::FRACTION) >> block_log2) as i32);
+        let level = Counts::from_bits(in_q8(sum) >> block_log2);
         Some((level, Tilt::of(sums, block_log2)?))
     }
 }
@@ -362,16 +375,16 @@ fn sweep<T: Copy + Into<u32>>(pairs: &[[T; 2]], sums: &mut [u32], parts: &mut [u
     else {
         return;
     };
-    let (mut last, mut last_two): (u32, u32) = (b.into(), a.into() + b.into());
+    let (mut last, mut last_two): (u32, u32) = (b.into(), proven::add_u32(a.into(), b.into()));
     *sum = last_two;
     for ((pairs, sums), part) in pairs.chunks(PART).zip(sums.chunks_mut(PART)).zip(parts) {
         let mut highest = 0;
         for (&[a, b], sum) in pairs.iter().zip(sums) {
             // Sums of at most 128 pixels of 12 bits: four of them stay below 2^21.
             let (a, b) = (a.into(), b.into());
-            let (to_a, to_b) = (last + a, a + b);
+            let (to_a, to_b) = (proven::add_u32(last, a), proven::add_u32(a, b));
             // The kernel with its last block at a gives last_two + to_a, and at b to_a + to_b.
-            highest = highest.max(to_a + last_two.max(to_b));
+            highest = highest.max(proven::add_u32(to_a, last_two.max(to_b)));
             *sum = to_b;
             (last, last_two) = (b, to_b);
         }
@@ -408,23 +421,36 @@ impl Candidate {
     /// The kernel weighs blocks by 1 + 2 + 1; its response over that is the height of a spot much wider than the kernel, and
     /// less than that of others.
     fn height(&self) -> Counts {
-        Counts::from_bits(self.response >> (2 + self.block_log2))
+        height(self.response, self.block_log2)
     }
 }
 
-/// A response above the background, in Q24.8 counts: at most 4 * 128 * 4095 < 2^21 of them, and so is the background.
+/// See [`Candidate::height`].
+fn height(response: i32, block_log2: u32) -> Counts {
+    Counts::from_bits(response >> (2 + block_log2.min(LARGEST_BLOCK_LOG2)))
+}
+
+/// A response above the background, in Q24.8 counts.
 fn above(response: u32, block_log2: u32, level: Counts) -> i32 {
-    (response << Counts::FRACTION) as i32 - under_the_kernel(level, block_log2)
+    in_q8(response).saturating_sub(under_the_kernel(level, block_log2))
 }
 
 /// The kernel's response to the background alone, in Q24.8 counts.
 fn under_the_kernel(level: Counts, block_log2: u32) -> i32 {
-    (level.to_bits() * 4) << block_log2
+    level
+        .to_bits()
+        .saturating_mul(4 << block_log2.min(LARGEST_BLOCK_LOG2))
+}
+
+/// A response, or less, in Q24.8 counts.
+fn in_q8(response: u32) -> i32 {
+    proven::mul_i32(response as i32, 1 << Counts::FRACTION)
 }
 
 /// The pixel to the right of a block's middle.
 fn middle(block: usize, block_log2: u32) -> usize {
-    (block << block_log2) + ((1usize << block_log2) / 2)
+    let size = 1usize << block_log2.min(LARGEST_BLOCK_LOG2);
+    block.saturating_mul(size).saturating_add(size / 2)
 }
 
 /// Most blocks of a median.
@@ -439,12 +465,12 @@ fn noise(light: &[u16]) -> Option<Counts> {
         // Two pixels in four are enough: on a row of 3648 the noise is then known to 3 %.
         let fours = pixels.as_chunks::<4>().0;
         // At most 32 steps of 12 bits: below 2^17, and in Q8 below 2^25.
-        let steps: u32 = fours
-            .iter()
-            .map(|[a, b, ..]| u32::from(a.abs_diff(*b)))
-            .sum();
+        let steps = fours.iter().fold(0, |sum, [a, b, ..]| {
+            proven::add_u32(sum, u32::from(a.abs_diff(*b)))
+        });
         // There are 32 parts at most, and two steps in each at least.
-        let _ = noises.push((steps << Counts::FRACTION) / fours.len() as u32);
+        let mean = (in_q8(steps) as u32).checked_div(fours.len() as u32)?;
+        let _ = noises.push(mean);
     }
     // sqrt(pi)/2 = 0.886227 as 58080/65536; a mean step is below 2^20 in Q8.
     let noise = (u64::from(median(&mut noises)?) * 58_080) >> 16;
@@ -453,10 +479,22 @@ fn noise(light: &[u16]) -> Option<Counts> {
     Some(Counts::from_bits((noise as i32).max(ROUNDING)))
 }
 
-fn median(values: &mut Vec<u32, MEDIAN_BLOCKS>) -> Option<u32> {
-    values.sort_unstable();
+/// The median, of an even number the upper one of the middle two.
+fn median<T: Copy + Ord>(values: &mut [T]) -> Option<T> {
+    // By insertion, which is quick for so few; the library's sorts have a panic for values that they cannot order.
+    for end in 1..values.len() {
+        let mut sorted = values.get_mut(..=end)?;
+        while let Some((last, before)) = sorted.split_last_mut()
+            && let Some(previous) = before.last_mut()
+            && *last < *previous
+        {
+            core::mem::swap(last, previous);
+            sorted = before;
+        }
+    }
     values.get(values.len() / 2).copied()
 }
 
+// A response, 1 + 2 + 1 of the largest blocks, fits in Q8.
 const _: () =
     assert!((4 * LARGEST_COUNT as u64) << (LARGEST_BLOCK_LOG2 + Counts::FRACTION) < 1 << 31);

@@ -5,7 +5,7 @@ use dual_mac::{LARGEST_SAMPLE, Pair, Pairs};
 use proptest::prelude::*;
 
 /// Miri takes a thousand times as long for each.
-const CASES: u32 = if cfg!(miri) { 20 } else { 5000 };
+const CASES: u32 = if cfg!(miri) { 2 } else { 5000 };
 
 /// Longer than the longest window of the phase tables, which has 116 samples.
 const LONGEST: usize = 120;

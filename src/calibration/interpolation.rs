@@ -10,6 +10,7 @@
 
 use super::knots::Knot;
 use crate::estimator::plausible::limited;
+use crate::proven;
 use crate::units::{Micrometres, Pixels};
 
 /// Neighbouring knots differ by less than so many steps of Q24.8.
@@ -155,8 +156,10 @@ fn fraction(part: f32) -> i32 {
 const fn between(from: Micrometres, to: Micrometres, part: i32) -> Micrometres {
     // Twice the rise is below 2^31, and its product with the part below 2^62; the sum lies between from and to times 2^32,
     // and a half: one instruction of the chip (SMMLAR).
-    let twice = to.to_bits().wrapping_sub(from.to_bits()) << 1;
-    let sum = ((from.to_bits() as i64) << 32) + twice as i64 * part as i64 + (1 << 31);
+    let rise = to.to_bits().wrapping_sub(from.to_bits());
+    let twice = proven::mul_i32(rise, 2);
+    let from = from.to_bits() as i64 * (1 << 32) + (1 << 31);
+    let sum = proven::add_i64(from, twice as i64 * part as i64);
     Micrometres::from_bits((sum >> 32) as i32)
 }
 

@@ -138,5 +138,5 @@ fn flanks<'a>(light: &'a [u16], fit: &Fit<'_>) -> Option<(&'a [u16; FLANK], &'a 
 
 /// The sum of a flank.
 fn sum(flank: &[u16; FLANK]) -> u32 {
-    flank.as_chunks().0.iter().map(spot::sum).sum()
+    spot::sum_of_blocks(flank.as_chunks().0)
 }

@@ -4,7 +4,9 @@
 //! sum over half a width, and that over the next, of which the lower counts, so that a single bad pixel is no spot.
 
 use crate::estimator::RowCentre;
+use crate::proven;
 use crate::reading::Fault;
+use crate::row::MAX_PIXELS;
 use crate::units::Pixels;
 
 /// Closer than so many widths it would be seen in the row's mirror image.
@@ -22,22 +24,22 @@ const SHARE: f32 = 0.72;
 pub(super) fn is_alone(light: &[u16], found: &RowCentre) -> Result<(), Fault> {
     let width = found.width.to_f32();
     // A width is at most 170 pixels: `as` cuts off, and saturates.
-    let half = ((0.5 * width) as usize).max(1);
+    let half = ((0.5 * width) as usize).clamp(1, MAX_PIXELS);
     let centre = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
-    let apart = (APART * width) as usize;
-    // Sums of at most 85 pixels of 12 bits. Places do not come near the end of their type.
+    let apart = ((APART * width) as usize).min(MAX_PIXELS);
+    // Below 2^7 * 2^12.
     let sum = |from: usize| -> Option<u32> {
-        let pixels = light.get(from..from.wrapping_add(half))?;
+        let pixels = light.get(from..from.saturating_add(half))?;
         Some(
             pixels
                 .iter()
-                .fold(0, |sum, &count| sum.wrapping_add(count.into())),
+                .fold(0, |sum, &count| proven::add_u32(sum, count.into())),
         )
     };
-    let height = |from: usize| Some(sum(from)?.min(sum(from.wrapping_add(half))?));
+    let height = |from: usize| Some(sum(from)?.min(sum(from.saturating_add(half))?));
     let beside = |from: usize| {
         let left = from.checked_sub(apart).and_then(height);
-        (left, height(from.wrapping_add(apart)))
+        (left, height(from.saturating_add(apart)))
     };
     // Above what is beside it, so that a background that rises is no spot, and nor is where it begins or ends.
     let above = |from: usize| match beside(from) {
@@ -53,7 +55,7 @@ pub(super) fn is_alone(light: &[u16], found: &RowCentre) -> Result<(), Fault> {
     let near = centre.saturating_sub(half.wrapping_mul(2))..=centre;
     let own = near.filter_map(own).max().unwrap_or_default();
     let enough = (SHARE * own as f32) as u32;
-    let far = |from: usize| from.wrapping_add(half).abs_diff(centre) > apart;
+    let far = |from: usize| from.saturating_add(half).abs_diff(centre) > apart;
     let other = (0..light.len())
         .filter(|&from| far(from) && height(from).is_some_and(|height| height > enough))
         .filter_map(|from| Some((above(from)?, from)))
@@ -62,7 +64,7 @@ pub(super) fn is_alone(light: &[u16], found: &RowCentre) -> Result<(), Fault> {
         Some((above, from)) if above > enough => Err(Fault::TwoSpots {
             centre: found.centre,
             // On a row of at most 2^12 pixels.
-            other: Pixels::from_int(from.wrapping_add(half) as i32),
+            other: Pixels::from_int(from.saturating_add(half) as i32),
         }),
         _ => Ok(()),
     }

@@ -35,6 +35,7 @@ use crate::estimator::plausible::{
     certain, level_bits, limited, no_spot, saturated_pixels, variances,
 };
 use crate::estimator::{RowCentre, WidthClass};
+use crate::proven;
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
@@ -211,7 +212,10 @@ impl Start {
             (None, None) => return Err(Fault::SpotAtEdge { centre: half.top }),
         };
         // A place below 2^13 pixels, and an offset below 2^10.
-        let centre = Pixels::from_bits(half.top.to_bits() + Pixels::from_f32(offset).to_bits());
+        let centre = Pixels::from_bits(proven::add_i32(
+            half.top.to_bits(),
+            Pixels::from_f32(offset).to_bits(),
+        ));
         let flat = flat_top(light, half.top, geometry) as f32 * 0.5;
         let (width, amplitude) = if flat > 0.5 && flat < half_maximum {
             // The counts are full scale F at `flat` and F / 2 at the half maximum.
@@ -239,7 +243,8 @@ fn flat_top(light: &[u16], place: Pixels, geometry: &Geometry) -> usize {
     let place = usize::try_from(place.to_bits() >> Pixels::FRACTION).unwrap_or_default();
     let (left, right) = light.split_at_checked(place).unwrap_or_default();
     let is_full = |count: &&u16| **count >= full_scale;
-    left.iter().rev().take_while(is_full).count() + right.iter().take_while(is_full).count()
+    let left = left.iter().rev().take_while(is_full).count();
+    left.saturating_add(right.iter().take_while(is_full).count())
 }
 
 /// The samples that are fitted.
@@ -283,16 +288,19 @@ impl Window {
         for (sample, pixels) in window.samples.iter_mut().zip(pixels.chunks_exact(block)) {
             let (mut sum, mut highest) = (0, 0);
             for &count in pixels {
-                sum += i32::from(count);
+                // At most LARGEST_SAMPLE counts.
+                sum = proven::add_i32(sum, i32::from(count));
                 highest = highest.max(count);
             }
             let full = highest >= full_scale;
             *sample = Sample {
-                counts: ((sum << Counts::FRACTION) - level) as f32 / 256.0,
+                counts: proven::sub_i32(proven::mul_i32(sum, 1 << Counts::FRACTION), level) as f32
+                    / 256.0,
                 variance: if full { MASKED } else { window.variance },
             };
-            window.masked += usize::from(full);
-            window.length += 1;
+            // At most SAMPLES.
+            window.masked = proven::add_usize(window.masked, usize::from(full));
+            window.length = proven::add_usize(window.length, 1);
         }
         window
     }
@@ -317,8 +325,9 @@ impl Window {
         LeftOut {
             first: self.first,
             block: self.block,
+            // Fewer than 128.
             samples: samples.fold(0, |all, (i, sample)| {
-                all | u128::from(sample.is_masked()) << i
+                all | u128::from(sample.is_masked()).wrapping_shl(i as u32)
             }),
         }
     }
@@ -333,17 +342,16 @@ impl Window {
         reach: usize,
     ) -> Option<f32> {
         let samples = reach.saturating_mul(2).saturating_add(1);
-        // Of at most 16 pixels, on a row of at most 2^12.
-        let from = sample
-            .saturating_sub(reach as i32)
-            .saturating_mul(self.block as i32);
-        let from = usize::try_from((self.first as i32).saturating_add(from)).ok()?;
-        let to = from.saturating_add(samples.saturating_mul(self.block));
-        let pixels = row.light().get(from..to)?;
+        let before = sample.saturating_sub_unsigned(reach as u32);
+        let before = before.saturating_mul(self.block as i32);
+        let first = self.first.checked_add_signed(before as isize)?;
+        let end = first.checked_add(samples.checked_mul(self.block)?)?;
+        let pixels = row.light().get(first..end)?;
+        // At most 2^12 pixels, below 2^20 each in Q8: below 2^32.
         let level = level_bits(&spot.background);
-        // At most 2^12 pixels of a row, below 2^20 each.
         let sum = pixels.iter().fold(0i64, |sum, &count| {
-            sum.wrapping_add(((i32::from(count) << Counts::FRACTION) - level).into())
+            let above = (i32::from(count) << Counts::FRACTION).saturating_sub(level);
+            sum.saturating_add(above.into())
         });
         Some(sum as f32 / (256.0 * samples as f32))
     }
@@ -361,7 +369,8 @@ impl Window {
     pub(super) fn parameters(&self, start: &Start) -> Parameters {
         let block = self.block as f32;
         // Below 2^12 pixels, in Q16.
-        let from_first = start.centre.to_bits() - ((self.first as i32) << Pixels::FRACTION);
+        let first = Pixels::from_int(self.first as i32);
+        let from_first = start.centre.to_bits().saturating_sub(first.to_bits());
         let width = start.width / block;
         Parameters {
             centre: (Pixels::from_bits(from_first).to_f32() - self.half_sample()) / block,
@@ -380,9 +389,9 @@ impl Window {
         for (i, sample) in self.samples().iter().enumerate() {
             let distance = (i as f32 - fit.centre).abs();
             if sample.variance < MASKED {
-                fitted += usize::from(distance <= 3.0 * fit.width);
+                fitted = usize::saturating_add(fitted, (distance <= 3.0 * fit.width).into());
             } else {
-                full += usize::from(distance <= 2.0 * fit.width);
+                full = usize::saturating_add(full, (distance <= 2.0 * fit.width).into());
             }
         }
         match (full, fitted) {
@@ -407,7 +416,9 @@ impl Window {
         let freedom = self.length as f32 - self.masked as f32 - 4.0;
         RowCentre {
             centre: Pixels::from_bits(
-                ((self.first as i32) << Pixels::FRACTION).saturating_add(from_first.to_bits()),
+                Pixels::from_int(self.first as i32)
+                    .to_bits()
+                    .saturating_add(from_first.to_bits()),
             ),
             uncertainty: Pixels::from_f32(fit.uncertainty * block),
             // The light, height times width, is the same in pixels and in samples.

@@ -8,7 +8,9 @@
 
 use crate::estimator::RowCentre;
 use crate::estimator::plausible::{level_bits, limited, no_spot, on_the_row};
+use crate::proven;
 use crate::reading::Fault;
+use crate::row::{LARGEST_COUNT, MAX_PIXELS};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -88,14 +90,14 @@ pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
     let Some((place, sum)) = highest(near, smoothed) else {
         return Err(Fault::SpotAtEdge { centre: start });
     };
-    let first = before + place;
+    let first = before.saturating_add(place);
     // At most 64 counts of 12 bits in Q8: below 2^26.
-    let level = level_bits(&spot.background) * smoothed as i32;
-    let height = (sum << Counts::FRACTION) - level;
+    let level = proven::mul_i32(level_bits(&spot.background), smoothed as i32);
+    let height = in_q8(sum).saturating_sub(level);
     if height <= 0 {
         return Err(no_spot(spot));
     }
-    let half = level + height / 2;
+    let half = proven::add_i32(level, height / 2);
     let reach = 4 * block;
     let (left, right) = light.split_at_checked(first).unwrap_or_default();
     let (top, right) = right.split_at_checked(smoothed).unwrap_or_default();
@@ -111,12 +113,16 @@ pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
         return Err(no_spot(spot));
     }
     // A place below 4096 pixels; a sum over n pixels stands half of n - 1 to the right of its first.
-    let half_sum = (smoothed as i32 - 1) << (Pixels::FRACTION - 1);
+    let half_sum = (smoothed as i32 - 1) * (1 << (Pixels::FRACTION - 1));
     Ok(HalfMaximum {
-        top: Pixels::from_bits(((first as i32) << Pixels::FRACTION) + half_sum),
+        top: Pixels::from_bits(
+            Pixels::from_int(first as i32)
+                .to_bits()
+                .saturating_add(half_sum),
+        ),
         left: left.distance(),
         right: right.distance(),
-        height: height as f32 / ((smoothed as i32) << Counts::FRACTION) as f32,
+        height: height as f32 / (smoothed as i32 * (1 << Counts::FRACTION)) as f32,
         smoothed: smoothed as u16,
     })
 }
@@ -124,16 +130,35 @@ pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
 /// Where the sum over `pixels` neighbours is highest, and that sum: below 64 * 2^12. `None` where there are fewer.
 fn highest(near: &[u16], pixels: usize) -> Option<(usize, i32)> {
     let (first, entering) = near.split_at_checked(pixels)?;
-    let mut sum: i32 = first.iter().map(|&count| i32::from(count)).sum();
+    let mut sum = first
+        .iter()
+        .fold(0, |sum, &count| proven::add_i32(sum, i32::from(count)));
     let mut best = (0, sum);
-    for (i, (&enters, &leaves)) in entering.iter().zip(near).enumerate() {
-        sum += i32::from(enters) - i32::from(leaves);
+    for (i, (&enters, &leaves)) in (1..MAX_PIXELS).zip(entering.iter().zip(near)) {
+        sum = moved(sum, enters, leaves);
         if sum > best.1 {
-            best = (i + 1, sum);
+            best = (i, sum);
         }
     }
     Some(best)
 }
+
+/// A sum over the next pixel on.
+fn moved(sum: i32, enters: u16, leaves: u16) -> i32 {
+    proven::add_i32(sum, i32::from(enters) - i32::from(leaves))
+}
+
+/// At most [`MOST_SMOOTHED`] counts in Q8.
+fn in_q8(sum: i32) -> i32 {
+    proven::mul_i32(sum, 1 << Counts::FRACTION)
+}
+
+/// Pixels of a sum: half of the largest block.
+const MOST_SMOOTHED: u32 = 64;
+
+// Twice what they add up to fits in Q8.
+const _: () =
+    assert!((2 * LARGEST_COUNT as u64 * MOST_SMOOTHED as u64) << Counts::FRACTION < 1 << 31);
 
 /// How a walk ended.
 #[derive(Clone, Copy, PartialEq)]
@@ -162,11 +187,11 @@ fn walk<'a>(
 ) -> Walk {
     let mut walked = 0;
     for (&enters, &leaves) in steps.take(reach) {
-        let next = sum + i32::from(enters) - i32::from(leaves);
-        if next << Counts::FRACTION < half {
+        let next = moved(sum, enters, leaves);
+        if in_q8(next) < half {
             // The sum before was not below half, so the quotient is within 0 and 1.
-            let above = (sum << Counts::FRACTION) - half;
-            let fall = (sum - next) << Counts::FRACTION;
+            let above = proven::sub_i32(in_q8(sum), half);
+            let fall = proven::sub_i32(in_q8(sum), in_q8(next));
             return Walk::Half(walked as f32 + above as f32 / fall as f32);
         }
         sum = next;
@@ -190,7 +215,7 @@ pub fn follow(light: &[u16], spot: &Spot, centre: Pixels, width: f32) -> f32 {
     let sigma = dual_mac::square_root(width * width + 1.0 / 12.0);
     let level = level_bits(&spot.background);
     let reach = Pixels::from_f32(HALF_MAXIMUM * sigma).to_bits();
-    let above = |place: i32| interpolated(light, place).map(|count| count - level);
+    let above = |place: i32| interpolated(light, place).map(|count| proven::sub_i32(count, level));
     let centre = centre.to_bits();
     let (Some(top), Some(left), Some(right)) = (
         above(centre),
@@ -200,7 +225,7 @@ pub fn follow(light: &[u16], spot: &Spot, centre: Pixels, width: f32) -> f32 {
         return width;
     };
     // Each within 2^20.
-    let ratio = (left + right) as f32 / (2 * top.max(1)) as f32;
+    let ratio = proven::add_i32(left, right) as f32 / proven::mul_i32(2, top.max(1)) as f32;
     let wider = (ratio - 0.5) / core::f32::consts::LN_2;
     let sigma = sigma * (1.0 + GAIN * limited(wider, -0.5, 0.5));
     let squared = sigma * sigma - 1.0 / 12.0;

@@ -23,6 +23,7 @@ use core::ops::Range;
 use crate::estimator::RowCentre;
 use crate::estimator::plausible::{level_bits, variances};
 use crate::estimator::tables::TILTED;
+use crate::proven;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
@@ -77,6 +78,9 @@ const EVEN: f32 = 4.0;
 /// The same for a spot so narrow that it may be bad pixels: they are likelier than that noise.
 const EVEN_OF_NARROW: f32 = 2.5;
 
+/// The share of all other limits for such a spot.
+const TRUST_OF_NARROW: f32 = 0.7;
+
 /// Samples of a window that do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct LeftOut {
@@ -106,7 +110,8 @@ pub(super) fn fits(
     geometry: &Geometry,
     left_out: &LeftOut,
 ) -> Option<bool> {
-    if fills(row.light(), found) || is_coarse(row.light(), spot, found) {
+    if sinks(row.light(), found) || fills(row.light(), found) || is_coarse(row.light(), spot, found)
+    {
         return Some(false);
     }
     let mut look = Look::at(row, spot, found, geometry, left_out, 0.0);
@@ -150,6 +155,19 @@ fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
     let step = f32::from(changes.isolate_lowest_one());
     let noise = spot.background.noise.to_f32();
     step * step > 12.0 * noise * noise
+}
+
+/// Whether the background sinks below the converter's smallest word on one side of the spot: it is bent there, and nothing says how. On both sides it is noise
+/// that is cut off, or two dead pixels.
+fn sinks(light: &[u16], found: &RowCentre) -> bool {
+    let (centre, reach) = (found.centre.to_f32(), REACH * found.width.to_f32());
+    // `as` saturates.
+    let middle = (centre as usize).min(light.len());
+    let (left, right) = light.split_at_checked(middle).unwrap_or_default();
+    let zeros = |count: &&u16| **count == 0;
+    let left = left.iter().rev().take(reach as usize).filter(zeros).count();
+    let right = right.iter().take(reach as usize).filter(zeros).count();
+    left.abs_diff(right) > left.min(right).saturating_add(2)
 }
 
 /// Whether the light falls from one pixel to the next by more than any optics lets it: bad pixels side by side look like a narrow spot.
@@ -211,21 +229,22 @@ struct Look {
 
 impl Look {
     fn is_clean(&self, found: &RowCentre) -> bool {
-        let even = if found.width.to_f32() > SHARP_WIDTH {
-            EVEN
+        let is_wide = found.width.to_f32() > SHARP_WIDTH;
+        let (even, trust) = if is_wide {
+            (EVEN, 1.0)
         } else {
-            EVEN_OF_NARROW
+            (EVEN_OF_NARROW, TRUST_OF_NARROW)
         };
         let uncertainty = found.uncertainty.to_f32();
         let beyond = |product: f32, norm: f32, limit: f32| product * product > limit * limit * norm;
         let shift = self.shift / self.shift_norm * self.pixels_a_shift;
         let freedom = self.pairs - 1.0;
         let scatter = dual_mac::square_root(2.0 * freedom + NOISE_SQUARED * freedom * freedom);
-        !(shift.abs() > SHIFTED * uncertainty + SHIFTED_PIXELS
-            || beyond(self.tilt, self.tilt_norm, TILT)
-            || beyond(self.skew, self.skew_norm, SKEW)
-            || self.worst > WORST * WORST
-            || self.squares > freedom + SCATTER * scatter + SCATTER_SKEWED
+        !(shift.abs() > trust * SHIFTED * uncertainty + SHIFTED_PIXELS
+            || beyond(self.tilt, self.tilt_norm, trust * TILT)
+            || beyond(self.skew, self.skew_norm, trust * SKEW)
+            || self.worst > trust * trust * WORST * WORST
+            || self.squares > freedom + trust * (SCATTER * scatter + SCATTER_SKEWED)
             || self.flatness < FLAT - even * self.flatness_deviation
             || self.shape > SHAPE + even * self.shape_deviation)
     }
@@ -247,7 +266,7 @@ impl Look {
     ) -> Self {
         let light = row.light();
         let width = found.width.to_f32();
-        let pixels = ((width / SAMPLES_A_WIDTH) as usize).wrapping_add(1);
+        let pixels = ((width / SAMPLES_A_WIDTH) as usize).saturating_add(1);
         let block = pixels as f32;
         let mirror = Place::of(found.centre);
         let d = mirror.offset.abs();
@@ -283,14 +302,14 @@ impl Look {
         }
         // A width of 2^15 pixels at most, and so a pitch of 1/6 or more.
         let most = ((REACH / pitch) as usize).saturating_add(1);
-        for i in 0..most {
-            // With a pixel more at either end, for the interpolation. At most 37 samples of 2^13 pixels, from a place below 2^15: nothing wraps.
-            let moved = i.wrapping_mul(pixels);
-            let from = mirror.right.wrapping_add(moved).wrapping_sub(1);
-            let ends = from..from.wrapping_add(pixels).wrapping_add(2);
-            let to = mirror.left.wrapping_add(1).saturating_sub(moved);
-            let start = to.checked_sub(pixels.wrapping_add(2));
-            let (Some(right), Some(start)) = (light.get(ends.clone()), start) else {
+        let length = pixels.saturating_add(2);
+        let mut from = mirror.right.saturating_sub(1);
+        let mut to = mirror.left.saturating_add(1);
+        for _ in 0..most {
+            // With a pixel more at either end, for the interpolation. At most 37 samples of 2^13 pixels.
+            let ends = from..from.saturating_add(length);
+            let (Some(right), Some(start)) = (light.get(ends.clone()), to.checked_sub(length))
+            else {
                 break;
             };
             let left = light.get(start..to).unwrap_or_default();
@@ -309,6 +328,8 @@ impl Look {
                 );
                 even.add(both, u, e);
             }
+            from = from.saturating_add(pixels);
+            to = to.saturating_sub(pixels);
             u += pitch;
             e *= ratio;
             ratio *= falls;
@@ -359,7 +380,9 @@ impl Place {
         const HALF_LOG2: u32 = Pixels::FRACTION - 1;
         let halves = centre.to_bits().saturating_add(1 << (HALF_LOG2 - 1)) >> HALF_LOG2;
         // Within 2^14 of zero.
-        let offset = centre.to_bits().wrapping_sub(halves << HALF_LOG2);
+        let offset = centre
+            .to_bits()
+            .wrapping_sub(halves.wrapping_mul(1 << HALF_LOG2));
         let halves = usize::try_from(halves).unwrap_or_default();
         let right = (halves / 2).wrapping_add(1);
         Self {
@@ -380,9 +403,10 @@ fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
     let (Some(first), Some(last)) = (block.first(), block.last()) else {
         return 0.0;
     };
-    // A count and a level are below 2^20 in Q8. At most 2^11 pixels of a row make a sample of half of it.
-    let sum = block.iter().fold(0i32, |sum, &count| {
-        sum.wrapping_add((i32::from(count) << Counts::FRACTION).wrapping_sub(level))
+    // Both sides are on a row of at most 2^12 pixels: 2047 at most, of 4095 * 2^8 at most above or below the level, are below 2^31.
+    let sum = block.iter().fold(0, |sum, &count| {
+        let above = proven::sub_i32(i32::from(count) << Counts::FRACTION, level);
+        proven::add_i32(sum, above)
     });
     let ends = if offset > 0.0 {
         f32::from(*after) - f32::from(*first)

@@ -41,8 +41,9 @@ pub fn saturated_pixels(light: &[u16], centre: Pixels, width: f32, geometry: &Ge
     let near = light
         .get(from.min(light.len())..to.min(light.len()))
         .unwrap_or_default();
-    let pixels = near.iter().filter(|&&count| count >= full_scale).count();
-    u16::try_from(pixels).unwrap_or(u16::MAX)
+    near.iter().fold(0, |pixels, &count| {
+        u16::saturating_add(pixels, (count >= full_scale).into())
+    })
 }
 
 /// The place of a spot of this width in pixels and height in counts is known to an eighth of the width. An uncertainty

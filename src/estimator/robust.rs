@@ -16,6 +16,7 @@ use crate::estimator::mirror;
 use crate::estimator::plausible::{certain, variances};
 use crate::estimator::tables::TILTED;
 use crate::estimator::{RowCentre, adaptive, second_look};
+use crate::proven;
 use crate::reading::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
@@ -34,11 +35,11 @@ const CURVED: f32 = 2.8;
 /// Narrower spots, in pixels, have too few of them to leave any out.
 const NARROWEST: f32 = 1.0;
 
-/// The centre of a narrower spot, in pixels, is flagged where some of its few pixels were left out: among bad ones, the rest may fit by chance.
+/// The centre of a narrower spot, in pixels, is flagged where any of its few pixels were left out: among bad ones, the rest may fit by chance.
 pub(super) const NARROWEST_SURE: f32 = 2.5;
 
 /// More samples side by side are no bad pixels but light, which may be the spot.
-const BAD_PIXELS: i32 = 3;
+const BAD_PIXELS: u32 = 3;
 
 /// Fits at most, each with more pixels left out.
 const ROUNDS: usize = 6;
@@ -73,6 +74,15 @@ pub fn centre(
         found,
     };
     Ok(scene.refit().unwrap_or(looked_at))
+}
+
+/// What is left out.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Cause {
+    /// Bad pixels: a few, and no more than [`BAD_PIXELS`] side by side. More of them are no pixels but a background that is not level.
+    Pixels,
+    /// The light of a second spot.
+    Light,
 }
 
 /// What the fits are of.
@@ -123,18 +133,15 @@ impl Scene<'_> {
 
     /// The fit as a centre, if what was fitted looks like it.
     #[inline(never)]
-    fn accepted(&self, window: &Window, fit: &Fit, squares: f32, kept: f32) -> Option<RowCentre> {
+    fn accepted(&self, window: &Window, fit: &Fit, look: &Look, cause: Cause) -> Option<RowCentre> {
+        let found = window.row_centre(fit);
         let found = RowCentre {
             class: self.found.class,
-            misfit: false,
-            ..window.row_centre(fit)
-        };
-        let found = RowCentre {
             misfit: found.width.to_f32() < NARROWEST_SURE,
             ..found
         };
-        let freedom = kept - 4.0;
-        let scatters = squares > freedom + gauss_newton::allowed_scatter(freedom);
+        let freedom = look.kept - 4.0;
+        let scatters = look.squares > freedom + gauss_newton::allowed_scatter(freedom);
         let (uncertainty, width) = (found.uncertainty.to_f32(), found.width.to_f32());
         // A first look that was far off is a reason to doubt the second.
         let moved = self.found.centre.to_bits().abs_diff(found.centre.to_bits())
@@ -147,7 +154,7 @@ impl Scene<'_> {
         (sound
             && !moved
             && !scatters
-            && self.tells_enough(window, fit, uncertainty)
+            && self.tells_enough(window, fit, uncertainty, cause)
             && mirror::fits(
                 self.row,
                 self.spot,
@@ -159,18 +166,24 @@ impl Scene<'_> {
     }
 
     /// Whether what is left of the spot tells its place.
-    fn tells_enough(&self, window: &Window, fit: &Fit, uncertainty: f32) -> bool {
+    fn tells_enough(&self, window: &Window, fit: &Fit, uncertainty: f32, cause: Cause) -> bool {
         let at = &fit.parameters;
+        // At most SAMPLES each.
         let (mut all, mut masked, mut top) = (0, 0, 0);
         let (mut run, mut longest) = (0, 0);
         for (i, sample) in window.samples().iter().enumerate() {
             let distance = (i as f32 - at.centre).abs();
-            run = if sample.is_left_out() { run + 1 } else { 0 };
+            run = if sample.is_left_out() {
+                proven::add_u32(run, 1)
+            } else {
+                0
+            };
             longest = longest.max(run);
             if distance <= 3.0 * at.width {
-                all += 1;
-                masked += i32::from(sample.is_left_out());
-                top += i32::from(sample.is_left_out() && distance <= at.width);
+                all = proven::add_u32(all, 1);
+                masked = proven::add_u32(masked, sample.is_left_out().into());
+                let of_top = sample.is_left_out() && distance <= at.width;
+                top = proven::add_u32(top, of_top.into());
             }
         }
         // Of the whole spot.
@@ -178,8 +191,8 @@ impl Scene<'_> {
         let (noise, shot) = variances(&self.spot.background, self.geometry);
         let per_height = 1.0 / found.amplitude.to_f32();
         let whole = found.width.to_f32() * per_height * (1.13 * noise * per_height + 0.4 * shot);
-        let few = longest <= BAD_PIXELS && (8 * masked <= all || masked <= 1);
-        few || (top == 0 && uncertainty * uncertainty <= 4.0 * whole)
+        let few = longest <= BAD_PIXELS && (masked <= all / 8 || masked <= 1);
+        few || (cause == Cause::Light && top == 0 && uncertainty * uncertainty <= 4.0 * whole)
     }
 
     /// Leaves out the pixels that deviate, the worst first, until there are none.
@@ -192,7 +205,7 @@ impl Scene<'_> {
             at = fit.parameters;
             let look = Look::at(window, &at, self.shot());
             if look.worst <= OUTLIER {
-                return self.accepted(window, &fit, look.squares, look.kept);
+                return self.accepted(window, &fit, &look, Cause::Pixels);
             }
         }
         None
@@ -209,7 +222,7 @@ impl Scene<'_> {
             let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
             at = fit.parameters;
             let look = Look::at(window, &at, self.shot());
-            if let Some(found) = self.accepted(window, &fit, look.squares, look.kept) {
+            if let Some(found) = self.accepted(window, &fit, &look, Cause::Light) {
                 return Some(found);
             }
         }
@@ -221,7 +234,7 @@ impl Scene<'_> {
     fn without_one(&self, window: &mut Window, at: Parameters) -> Option<RowCentre> {
         // `as` saturates: a place beyond the window is at its end.
         let first = (at.centre - 3.0 * at.width) as usize;
-        let end = (at.centre + 3.0 * at.width) as usize + 1;
+        let end = ((at.centre + 3.0 * at.width) as usize).saturating_add(1);
         let mut best: Option<(f32, RowCentre)> = None;
         for left_out in first..end.min(window.samples().len()) {
             window.unmask();
@@ -234,7 +247,7 @@ impl Scene<'_> {
             let look = Look::at(window, &fit.parameters, self.shot());
             if look.worst <= OUTLIER
                 && best.is_none_or(|(least, _)| look.squares < least)
-                && let Some(found) = self.accepted(window, &fit, look.squares, look.kept)
+                && let Some(found) = self.accepted(window, &fit, &look, Cause::Pixels)
             {
                 best = Some((look.squares, found));
             }
@@ -352,7 +365,7 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
     let reach = (0.5 * at.width) as usize;
     let mean = |place: usize| {
         let from = place.saturating_sub(reach);
-        let near = beside.get(from..place + reach + 1)?;
+        let near = beside.get(from..place.saturating_add(reach).saturating_add(1))?;
         Some(near.iter().sum::<f32>() / near.len() as f32)
     };
     let (mut top, mut place) = (0.0, 0);
@@ -378,7 +391,8 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
             inside.or_else(|| Some(window.mean(scene.row, scene.spot, place, reach)? - at.level));
         mean.is_some_and(|mean| mean < 0.5 * top)
     };
-    if !falls(place as i32 - flank) || !falls(place as i32 + flank) {
+    let place_of_top = place as i32;
+    if !falls(place_of_top.saturating_sub(flank)) || !falls(place_of_top.saturating_add(flank)) {
         return None;
     }
     let reach = dual_mac::square_root(2.0 * libm::logf(share)) * at.width;

@@ -31,6 +31,9 @@ use crate::reading::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 
+/// A narrower spot, in pixels, is flagged: three bad pixels side by side look like one of 0.95, and nothing in a row tells them from it.
+const NARROWEST_SURE: f32 = 1.0;
+
 /// Narrower spots, in pixels, that the sensor's edge cuts are not told from bad pixels.
 const NARROWEST_CUT: f32 = 1.25;
 
@@ -51,7 +54,10 @@ pub fn centre(
     if before.is_none() {
         alone::is_alone(row.light(), &found)?;
     }
-    Ok(found)
+    Ok(RowCentre {
+        misfit: found.misfit || found.width.to_f32() < NARROWEST_SURE,
+        ..found
+    })
 }
 
 /// The same without a look at the rest of the row.

@@ -217,7 +217,7 @@ fn sum_chunks<const BLOCK: usize>(chunks: &[[u16; BLOCK]], block: u8, sums: &mut
             .as_chunks::<2>()
             .0
             .iter()
-            .map(|&[low, high]| u32::from(low) | u32::from(high) * 0x1_0000)
+            .map(|&[low, high]| u32::from(low) | (u32::from(high) * 0x1_0000))
             .fold(0, u32::wrapping_add);
         *sum = (((both & 0xffff) + (both >> 16)) >> halvings(block)) as u16;
     }

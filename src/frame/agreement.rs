@@ -5,7 +5,7 @@
 //! where none does, nobody can tell which of them is wrong. What moves steadily is seen as if it stood still.
 
 use super::{
-    Member, Members, birge_ratio, from_ordered, median, motion, ordered, scatter, square,
+    Member, Members, birge_ratio, from_ordered, median, motion, number, ordered, scatter, square,
     weighted_mean,
 };
 
@@ -40,8 +40,7 @@ const ENOUGH_FOR_GROUPS: usize = 17;
 
 /// So many rows agree where the others are wrong: two thirds of them, and at least three, because two agree by chance.
 const fn is_majority(rows: usize, of: usize) -> bool {
-    // At most 64.
-    rows >= 3 && 3 * rows >= 2 * of
+    rows >= 3 && rows >= of.saturating_mul(2).div_ceil(3)
 }
 
 /// Gives each row its weight, and takes away those that do not count, and the target's motion. Gives that in pixels a row, if what is
@@ -63,11 +62,11 @@ pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
         }
         reweigh(members);
     }
-    let agreeing = members
-        .iter()
-        .filter(|it| it.weight * square(it.uncertainty) > biweight(AGREES));
-    if is_majority(agreeing.count(), members.len()) {
-        members.retain(|it| it.weight > 0.0);
+    let agreeing = number(members, |it| {
+        it.weight * square(it.uncertainty) > biweight(AGREES)
+    });
+    if is_majority(agreeing, members.len()) {
+        keep(members, |it| it.weight > 0.0);
         let is_fault = members.len() >= ENOUGH_FOR_GROUPS && are_two_groups(members);
         return (!is_fault).then_some(motion);
     }
@@ -82,10 +81,20 @@ pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
 /// A row whose pixels do not fit its spot is off by more than it knows. A majority of better ones does without it; otherwise the frame
 /// is made of such rows and says so.
 fn leave_misfits_out(members: &mut Members<'_>) {
-    let fitting = members.iter().filter(|it| !it.row.misfit).count();
+    let fitting = number(members, |it| !it.row.misfit);
     if is_majority(fitting, members.len()) {
-        members.retain(|it| !it.row.misfit);
+        keep(members, |it| !it.row.misfit);
     }
+}
+
+/// As `Vec::retain`, whose counters could overflow for all that the compiler knows.
+fn keep(members: &mut Members<'_>, is_kept: impl Fn(&Member<'_>) -> bool) {
+    let mut kept = Members::new();
+    for member in members.iter().filter(|it| is_kept(it)) {
+        // As many as there were, and so room.
+        let _ = kept.push(*member);
+    }
+    *members = kept;
 }
 
 fn raise_the_most_certain(members: &mut [Member<'_>]) {
@@ -156,6 +165,5 @@ fn are_two_groups(members: &[Member<'_>]) -> bool {
     }
     let mean = members.iter().map(|it| it.offset).sum::<f32>() / rows as f32;
     let near = 0.5 * scatter(members, 0.0);
-    let near = members.iter().filter(|it| (it.offset - mean).abs() < near);
-    near.count() * 16 < rows
+    number(members, |it| (it.offset - mean).abs() < near) < rows.div_ceil(16)
 }

@@ -1,6 +1,6 @@
 //! How the rows' centres move during the frame: a straight line through them.
 
-use super::{Member, square};
+use super::{Member, number, square};
 
 /// A straight line through the rows, each of which counts by its weight.
 pub(super) struct Line {
@@ -50,7 +50,7 @@ impl Line {
         let rest: f32 = (members.iter())
             .map(|it| it.weight * square(it.offset - self.at(it.place)))
             .sum();
-        let counting = members.iter().filter(|it| it.weight > 0.0).count();
+        let counting = number(members, |it| it.weight > 0.0);
         // More than two, or the line goes through all of them.
         let variance = rest / (counting as f32 - 2.0);
         let variance = if variance > 1.0 { variance } else { 1.0 };

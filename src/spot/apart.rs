@@ -7,8 +7,9 @@
 //!
 //! Further away the kernel's responses tell: one that is nearly as high as the spot's is another spot.
 
+use crate::proven;
 use crate::reading::Fault;
-use crate::spot::{Spot, Sums, above, middle, needed, square};
+use crate::spot::{LARGEST_BLOCK_LOG2, Spot, Sums, above, height, in_q8, middle, needed, square};
 use crate::units::{Counts, Pixels};
 
 /// A second spot of 50 % of the first one's height is none to be confused with it, one of 80 % is. In blocks either is measured to a
@@ -24,7 +25,7 @@ const fn is_seen(height: i32, highest: i32) -> bool {
 
 /// Another spot's response stands this far above its noise, in halves of a standard deviation: noise gets there in one row of 10,000 (8000
 /// places, beyond 5.5), and a spot that is bright enough for a centre has ten.
-const OTHER: u64 = 11;
+const OTHER: u16 = 11;
 
 /// Blocks to either side of the spot in which it is looked at more finely: what they leave to the other test is
 /// apart enough for it.
@@ -96,10 +97,18 @@ struct Lump {
 impl Near {
     /// `None` where the row is too short for any.
     fn new(sums: &Sums<'_>, spot: &Spot) -> Option<Self> {
-        let block_log2 = spot.block_log2.saturating_sub(FINE_LOG2);
-        let reach = NEAR << (spot.block_log2 - block_log2);
-        let first = (spot.centre >> block_log2).saturating_sub(reach);
-        let level = spot.background.level.to_bits() << block_log2;
+        let block_log2 = spot
+            .block_log2
+            .min(LARGEST_BLOCK_LOG2)
+            .saturating_sub(FINE_LOG2);
+        let finer = spot.block_log2.saturating_sub(block_log2).min(FINE_LOG2);
+        let reach = NEAR * (1 << finer);
+        let first = block_of(spot.centre, block_log2).saturating_sub(reach);
+        let level = spot
+            .background
+            .level
+            .to_bits()
+            .saturating_mul(1 << block_log2);
         let mut near = Self {
             light: [0; FINE],
             smooth: [0; FINE],
@@ -111,12 +120,12 @@ impl Near {
                 * dual_mac::square_root((1u32 << (2 * Counts::FRACTION + block_log2)) as f32))
                 as i32,
         };
-        for (i, light) in near.light.iter_mut().take(2 * reach).enumerate() {
-            let Some(sum) = sums.block(block_log2, first + i) else {
+        for (length, light) in (1..=2 * reach).zip(&mut near.light) {
+            let Some(sum) = sums.block(block_log2, first.saturating_add(length - 1)) else {
                 break;
             };
-            *light = (sum << Counts::FRACTION) as i32 - level;
-            near.length += 1;
+            *light = in_q8(sum).saturating_sub(level);
+            near.length = length;
         }
         let light = near.light.get(..near.length)?;
         let (&start, &end) = (light.first()?, light.last()?);
@@ -139,9 +148,11 @@ impl Near {
         let to_the_right = self.second(right.iter(), highest);
         let to_the_left = self.second(left.iter().rev(), highest);
         let other = match (to_the_left, to_the_right) {
-            (Some((left, height)), Some((_, other))) if height > other => top - 1 - left,
-            (_, Some((right, _))) => top + right,
-            (Some((left, _)), None) => top - 1 - left,
+            (Some((left, height)), Some((_, other))) if height > other => {
+                top.saturating_sub(1).saturating_sub(left)
+            }
+            (_, Some((right, _))) => top.saturating_add(right),
+            (Some((left, _)), None) => top.saturating_sub(1).saturating_sub(left),
             (None, None) => return None,
         };
         let (here, other) = (self.lump(top)?, self.lump(other)?);
@@ -162,11 +173,11 @@ impl Near {
         highest: i32,
     ) -> Option<(usize, i32)> {
         let (mut valley, mut second) = (highest, None);
-        for (i, &light) in outwards.enumerate() {
+        for (i, &light) in (0..FINE).zip(outwards) {
             valley = valley.min(light);
             if is_seen(light, highest)
                 && valley <= light / 2
-                && light - valley > 5 * self.noise
+                && light.saturating_sub(valley) > self.noise.saturating_mul(5)
                 && second.is_none_or(|(_, height)| light > height)
             {
                 second = Some((i, light));
@@ -178,76 +189,113 @@ impl Near {
     fn lump(&self, top: usize) -> Option<Lump> {
         let (left, right) = self.smooth.get(..self.length)?.split_at_checked(top)?;
         let half = right.first()? / 2;
-        let is_above = |light: &&i32| **light > half;
-        let from = top - left.iter().rev().take_while(is_above).count();
-        let to = top + right.iter().take_while(is_above).count();
-        let about = from.saturating_sub(1)..(to + 1).min(self.length);
+        let is_below = |light: &i32| *light <= half;
+        let from = left
+            .iter()
+            .rposition(is_below)
+            .map_or(0, |below| below.saturating_add(1));
+        let to = right
+            .iter()
+            .position(is_below)
+            .map_or(self.length, |below| top.saturating_add(below));
+        let about = from.saturating_sub(1)..to.saturating_add(1).min(self.length);
         let threes = self.light.get(about)?.windows(3);
-        let height = threes.map(|three| three.iter().sum()).max()?;
+        let height = threes
+            .map(|three| {
+                three
+                    .iter()
+                    .fold(0i32, |sum, &light| sum.saturating_add(light))
+            })
+            .max()?;
         Some(Lump {
             top,
             from,
             to,
             height,
-            middle: ((2 * self.first + from + to) << self.block_log2) / 2,
-            full_width: (to - from) << self.block_log2,
+            middle: pixels(
+                self.first
+                    .saturating_mul(2)
+                    .saturating_add(from)
+                    .saturating_add(to),
+                self.block_log2,
+            ) / 2,
+            full_width: pixels(to.saturating_sub(from), self.block_log2),
         })
     }
 
     /// Three and a half widths at least: one and a half times the full width at half maximum, which is known to two blocks.
     fn are_apart(&self, one: &Lump, other: &Lump) -> bool {
-        let wider = (one.to - one.from).max(other.to - other.from);
-        2 * (one.top.abs_diff(other.top) + 2) >= 3 * wider
+        let wider = one.blocks().max(other.blocks());
+        one.top.abs_diff(other.top).saturating_add(2) >= wider.saturating_mul(3).div_ceil(2)
     }
 
     /// Whether there is little light beside the two: they reach three and a half widths from their middles.
     fn are_all(&self, one: &Lump, other: &Lump) -> bool {
         let is_of = |i: usize, lump: &Lump| {
-            let reach = lump.to - lump.from;
-            (lump.from.saturating_sub(reach)..lump.to + reach).contains(&i)
+            let reach = lump.blocks();
+            (lump.from.saturating_sub(reach)..lump.to.saturating_add(reach)).contains(&i)
         };
         let (mut all, mut beside) = (0i64, 0i64);
-        for (i, &light) in self.light.iter().take(self.length).enumerate() {
-            all += i64::from(light);
+        // 64 of 32 bits.
+        for (i, &light) in (0..self.length).zip(&self.light) {
+            all = proven::add_i64(all, i64::from(light));
             if !is_of(i, one) && !is_of(i, other) {
-                beside += i64::from(light);
+                beside = proven::add_i64(beside, i64::from(light));
             }
         }
-        8 * beside <= all
+        proven::mul_i64(8, beside) <= all
     }
 }
 
 impl Lump {
+    /// Blocks above half of the height.
+    fn blocks(&self) -> usize {
+        self.to.saturating_sub(self.from)
+    }
+
     /// The spot that it is, where its blocks are smaller.
     fn spot(&self, sums: &Sums<'_>, found: &Spot) -> Option<Spot> {
         // The full width is 2.35 widths, and blocks are at most four thirds of one.
         let block_log2 = (0..found.block_log2)
-            .take_while(|&log2| (4usize << log2) <= 7 * self.full_width / 3)
+            .take_while(|&log2| pixels(4, log2) <= self.full_width.saturating_mul(7) / 3)
             .last()?;
-        let response = sums.response(block_log2, self.middle >> block_log2)?;
+        let response = sums.response(block_log2, block_of(self.middle, block_log2))?;
         let response = above(response, block_log2, found.background.level);
         Some(Spot {
             centre: self.middle,
             block_log2,
-            height: Counts::from_bits(response >> (2 + block_log2)),
+            height: height(response, block_log2),
             background: found.background,
         })
     }
 }
 
+/// The pixels of so many blocks.
+fn pixels(blocks: usize, block_log2: u32) -> usize {
+    blocks.saturating_mul(1 << block_log2.min(LARGEST_BLOCK_LOG2))
+}
+
+/// The block that a pixel is in.
+fn block_of(pixel: usize, block_log2: u32) -> usize {
+    pixel >> block_log2.min(LARGEST_BLOCK_LOG2)
+}
+
 /// Another spot's pixel, further away than [`NEAR`] blocks.
 fn further_away(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
-    let (block_log2, level) = (spot.block_log2, spot.background.level);
-    let here = spot.centre >> block_log2;
+    let (block_log2, level) = (
+        spot.block_log2.min(LARGEST_BLOCK_LOG2),
+        spot.background.level,
+    );
+    let here = block_of(spot.centre, block_log2);
     let response = |block| Some(above(sums.response(block_log2, block)?, block_log2, level));
     // The spot's middle may be on the next block's side.
-    let highest = (here.saturating_sub(1)..here + 2)
+    let highest = (here.saturating_sub(1)..here.saturating_add(2))
         .filter_map(response)
         .max()?;
     let least = needed(OTHER, spot.background.noise);
     let is_other = |response: i32| {
         is_alike(response.into(), highest.into())
-            && square(response.max(0).unsigned_abs()) >> block_log2 >= least
+            && square(response.max(0).unsigned_abs()) >> block_log2.min(LARGEST_BLOCK_LOG2) >= least
     };
     let parts = sums.parts(block_log2);
     let others = parts.filter(|&(highest, _)| is_other(above(highest, block_log2, level)));

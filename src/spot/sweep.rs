@@ -1,5 +1,6 @@
 //! The coarse search for a spot whose width is known: one sweep of the kernel [1 2 1] over the row, in groups of blocks of 8 pixels.
 
+use crate::proven;
 use crate::row::{LARGEST_COUNT, MAX_PIXELS};
 
 /// Blocks of 2^3 = 8 pixels: their sums fit 16 bits, and four words of two pixels make one.
@@ -54,15 +55,20 @@ impl<'a> Sweep<'a> {
         let least = least_like(highest);
         let mut peak = None;
         let (mut first, mut last) = (usize::MAX, 0);
-        for (part, _) in (self.parts.iter().enumerate()).filter(|part| *part.1 >= least) {
+        for (part, _) in (0..PARTS).zip(&self.parts).filter(|part| *part.1 >= least) {
             let mut kernel = Kernel::default();
             // The kernel's last group is in the part, and two are before it.
-            let groups = 1usize << (PART_LOG2 - self.log2);
-            let start = (groups * part).saturating_sub(2);
-            let blocks = (self.blocks.get(start << self.log2..)).unwrap_or_default();
-            let responses = (start..groups * (part + 1))
-                .zip(blocks.chunks_exact(1 << self.log2))
-                .map(|(group, blocks)| (group, kernel.take(blocks.iter().map(sum).sum())));
+            let log2 = self.log2.min(PART_LOG2);
+            let groups = 1usize << (PART_LOG2 - log2);
+            let end = groups.saturating_mul(part.saturating_add(1));
+            let start = end.saturating_sub(groups).saturating_sub(2);
+            let blocks = self
+                .blocks
+                .get(start.saturating_mul(1 << log2)..)
+                .unwrap_or_default();
+            let responses = (start..end)
+                .zip(blocks.chunks_exact(1 << log2))
+                .map(|(group, blocks)| (group, kernel.take(sum_of_blocks(blocks))));
             for (group, response) in responses {
                 if response < least {
                     continue;
@@ -78,15 +84,16 @@ impl<'a> Sweep<'a> {
         Some(Peak {
             group,
             response: highest,
-            has_another: first + APART < group || last > group + APART,
+            has_another: first.saturating_add(APART) < group || last > group.saturating_add(APART),
         })
     }
 
     /// The sum over a group. `None` beside the row.
     pub(super) fn sum(&self, group: usize) -> Option<u32> {
-        let start = group << self.log2;
-        let blocks = self.blocks.get(start..start + (1 << self.log2))?;
-        Some(blocks.iter().map(sum).sum())
+        let size = 1usize << self.log2;
+        let start = group.checked_mul(size)?;
+        let blocks = self.blocks.get(start..start.checked_add(size)?)?;
+        Some(sum_of_blocks(blocks))
     }
 }
 
@@ -103,7 +110,7 @@ fn sweep_groups(blocks: &[[u16; 8]], log2: u32) -> [u32; PARTS] {
     let mut kernel = Kernel::default();
     each_part(blocks, |blocks| {
         let groups = blocks.chunks_exact(1 << log2);
-        kernel.highest(groups.map(|group| group.iter().map(sum).sum()))
+        kernel.highest(groups.map(sum_of_blocks))
     })
 }
 
@@ -132,8 +139,9 @@ impl Kernel {
     /// The response whose last sum this is.
     #[inline(always)]
     fn take(&mut self, sum: u32) -> u32 {
-        let two = self.last + sum;
-        let response = self.last_two + two;
+        // Sums of at most 128 pixels of 12 bits: four of them are below 2^21.
+        let two = proven::add_u32(self.last, sum);
+        let response = proven::add_u32(self.last_two, two);
         (self.last, self.last_two) = (sum, two);
         response
     }
@@ -147,12 +155,22 @@ impl Kernel {
 
 /// The sum of a block of 8 pixels, two at a time: four counts of 12 bits fit the 16 bits that each half has.
 #[inline(always)]
-pub(crate) fn sum(&[a, b, c, d, e, f, g, h]: &[u16; 8]) -> u32 {
-    let both = (pair(a, b) + pair(c, d)) + (pair(e, f) + pair(g, h));
+fn sum(&[a, b, c, d, e, f, g, h]: &[u16; 8]) -> u32 {
+    let left = proven::add_u32(pair(a, b), pair(c, d));
+    let right = proven::add_u32(pair(e, f), pair(g, h));
+    let both = proven::add_u32(left, right);
     (both & 0xffff) + (both >> 16)
+}
+
+/// The sum over blocks of at most 128 pixels together.
+#[inline(always)]
+pub(crate) fn sum_of_blocks(blocks: &[[u16; 8]]) -> u32 {
+    blocks
+        .iter()
+        .fold(0, |all, block| proven::add_u32(all, sum(block)))
 }
 
 #[inline(always)]
 fn pair(low: u16, high: u16) -> u32 {
-    u32::from(low) | u32::from(high) << 16
+    u32::from(low) | (u32::from(high) * 0x1_0000)
 }

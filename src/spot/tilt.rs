@@ -5,8 +5,9 @@
 
 use heapless::Vec;
 
-use crate::row::LARGEST_COUNT;
-use crate::spot::MEDIAN_BLOCKS;
+use crate::proven;
+use crate::row::{LARGEST_COUNT, MAX_PIXELS};
+use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, median};
 use crate::units::Counts;
 
 /// Bits after the binary point of a slope.
@@ -25,13 +26,14 @@ impl Tilt {
         let mut steps: Vec<i32, MEDIAN_BLOCKS> = Vec::new();
         for (this, next) in sums.iter().zip(sums.iter().skip(1)) {
             // Sums of at most 128 pixels of 12 bits: below 2^19.
-            steps.push(*next as i32 - *this as i32).ok()?;
+            steps
+                .push(proven::sub_i32(*next as i32, *this as i32))
+                .ok()?;
         }
-        steps.sort_unstable();
-        let step = i64::from(*steps.get(steps.len() / 2)?);
+        let step = i64::from(median(&mut steps)?);
         // One of them over the pixels of a block is the step of the mean, and twice that a pixel's.
         Some(Self {
-            slope: (step << FRACTION) >> (2 * block_log2),
+            slope: (step * (1 << FRACTION)) >> (2 * block_log2.min(LARGEST_BLOCK_LOG2)),
         })
     }
 
@@ -40,13 +42,13 @@ impl Tilt {
     /// 128 pixels: median steps scatter by 1.25 sqrt(2 / 128) / sqrt(27), and there are 14 in half a row).
     pub(super) fn matters(self, light: &[u16], height: Counts, noise: Counts) -> bool {
         let drift = self.rise(light.len() / 2);
-        drift > 2 * i64::from(noise.to_bits()) && 4 * drift > i64::from(height.to_bits())
+        drift > 2 * i64::from(noise.to_bits()) && drift > i64::from(height.to_bits()) / 4
     }
 
     /// By how much the background is higher so many pixels further, Q24.8 counts.
     fn rise(self, pixels: usize) -> i64 {
         // A row has at most 2^12 pixels: below 2^39.
-        (self.slope.abs() * pixels as i64) >> (FRACTION - Counts::FRACTION)
+        proven::mul_i64(self.slope.saturating_abs(), pixels as i64) >> (FRACTION - Counts::FRACTION)
     }
 
     /// By how much it is higher at a pixel than at the row's dark end, Q24.8 counts. At most 2^20, all that a row can hold.
@@ -54,7 +56,7 @@ impl Tilt {
         let from_dark = if self.slope > 0 {
             pixel
         } else {
-            light.len().saturating_sub(pixel + 1)
+            light.len().saturating_sub(pixel).saturating_sub(1)
         };
         self.rise(from_dark).min(1 << 20) as i32
     }
@@ -64,17 +66,15 @@ impl Tilt {
     pub(super) fn taken_off(self, light: &[u16]) -> (i32, impl Iterator<Item = u16>) {
         // At most 2^12 counts either way.
         let without = move |(pixel, &count): (usize, &u16)| {
-            i32::from(count) - (self.at(light, pixel) >> Counts::FRACTION)
+            i32::from(count).saturating_sub(self.at(light, pixel) >> Counts::FRACTION)
         };
-        let lowest = light
-            .iter()
-            .enumerate()
-            .map(without)
-            .min()
-            .unwrap_or_default();
+        let pixels = || (0..MAX_PIXELS).zip(light);
+        let lowest = pixels().map(without).min().unwrap_or_default();
         let above = move |pixel: (usize, &u16)| {
-            (without(pixel) - lowest).min(i32::from(LARGEST_COUNT)) as u16
+            without(pixel)
+                .saturating_sub(lowest)
+                .min(i32::from(LARGEST_COUNT)) as u16
         };
-        (lowest, light.iter().enumerate().map(above))
+        (lowest, pixels().map(above))
     }
 }

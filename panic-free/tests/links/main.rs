@@ -17,16 +17,6 @@ const OVERFLOW_CHECKED: &str = "overflow-checked";
 /// What the panic handler calls.
 const NOWHERE: &str = "a_panic_is_reachable";
 
-/// Files of the core that may still overflow as far as the compiler knows.
-const NOT_YET: [&str; 6] = [
-    "src/spot.rs",
-    "src/estimator/gauss_newton.rs",
-    "src/estimator/half_width.rs",
-    "src/estimator/robust.rs",
-    "src/frame.rs",
-    "/library/core/src/",
-];
-
 #[test]
 fn no_panic_is_reachable() {
     check(RELEASE);
@@ -43,13 +33,8 @@ fn check(profile: &str) {
     };
     assert!(messages.contains(NOWHERE), "{messages}");
     let places = places_of(profile, &[]);
-    let new: Vec<_> = places
-        .iter()
-        .filter(|place| !NOT_YET.iter().any(|file| place.contains(file)))
-        .collect();
-    assert!(
-        new.is_empty(),
-        "the program for the chip can panic ({profile}):\n{new:#?}"
+    panic!(
+        "the core can panic on the chip ({profile}), where it cannot be excluded that this does:\n{places:#?}"
     );
 }
 
