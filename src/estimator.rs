@@ -118,8 +118,8 @@ pub struct RowCentre {
     pub width: Pixels,
     /// The table that served, where there was one.
     pub class: WidthClass,
-    /// The pixels lie further from the fitted spot than their noise explains. Only [`Estimator::Robust`] and
-    /// [`Estimator::GaussNewton`] look.
+    /// The row does not look like a spot here: the centre may be off by more than its uncertainty. Of the rungs only [`Estimator::Robust`] and
+    /// [`Estimator::GaussNewton`] look by themselves; [`second_look::centre`] looks for all.
     pub misfit: bool,
 }
 

@@ -105,7 +105,7 @@ fn most(rate: f64) -> u64 {
 
 /// Of clean rows one in 100,000 may be confidently wrong with the rungs that people use, and of rows with flaws this share.
 const OF_CLEAN: f64 = 1e-5;
-const OF_FLAWED: f64 = 3.2e-3;
+const OF_FLAWED: f64 = 1e-3;
 
 #[test]
 fn confident_errors_are_rare() {

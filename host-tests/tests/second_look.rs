@@ -215,7 +215,7 @@ fn flaws_are_seen() {
 /// has no bias beyond 0.002 pixels and what is left of the noise, in nearly all rows.
 #[test]
 fn a_slope_is_taken_over_without_bias() {
-    const ROWS: u64 = 4000;
+    const ROWS: u64 = 16_000;
     let recipe = Recipe {
         pixels: 512,
         ..Recipe::clean(10.5)

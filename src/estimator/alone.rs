@@ -26,7 +26,7 @@ pub(super) fn is_alone(light: &[u16], found: &RowCentre) -> Result<(), Fault> {
     // A width is at most 170 pixels: `as` cuts off, and saturates.
     let half = ((0.5 * width) as usize).clamp(1, MAX_PIXELS);
     let centre = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
-    let apart = ((APART * width) as usize).min(MAX_PIXELS) + 1;
+    let apart = ((APART * width) as usize).min(MAX_PIXELS);
     // Below 2^7 * 2^12.
     let sum = |from: usize| -> Option<u32> {
         let pixels = light.get(from..from.saturating_add(half))?;
@@ -45,8 +45,8 @@ pub(super) fn is_alone(light: &[u16], found: &RowCentre) -> Result<(), Fault> {
         let beside = left.or(right)?.midpoint(right.or(left)?);
         Some(own.saturating_sub(beside))
     };
-    let near = centre.saturating_sub(2 * half)..centre + 1;
-    let own = near.clone().filter_map(above).max().unwrap_or_default();
+    let near = centre.saturating_sub(half.wrapping_mul(2))..=centre;
+    let own = near.filter_map(above).max().unwrap_or_default();
     let enough = (SHARE * own as f32) as u32;
     let far = |from: usize| from.saturating_add(half).abs_diff(centre) > apart;
     let other = (0..light.len())

@@ -78,6 +78,9 @@ const EVEN: f32 = 4.0;
 /// The same for a spot so narrow that it may be bad pixels: they are likelier than that noise.
 const EVEN_OF_NARROW: f32 = 2.5;
 
+/// The share of all other limits for such a spot.
+const TRUST_OF_NARROW: f32 = 0.7;
+
 /// Samples of a window that do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct LeftOut {
@@ -107,7 +110,11 @@ pub(super) fn fits(
     geometry: &Geometry,
     left_out: &LeftOut,
 ) -> Option<bool> {
-    if fills(row.light(), found) || is_coarse(row.light(), spot, found) {
+    if sinks(row.light(), found)
+        || fills(row.light(), found)
+        || is_coarse(row.light(), spot, found)
+        || is_too_high(row, spot, found, geometry)
+    {
         return Some(false);
     }
     let mut look = Look::at(row, spot, found, geometry, left_out, 0.0);
@@ -135,6 +142,12 @@ fn fills(light: &[u16], found: &RowCentre) -> bool {
     centre < reach && end - centre < reach
 }
 
+/// Whether the spot's height is more than full scale and no pixel is: a full well, or what spills from it, has cut it off below.
+fn is_too_high(row: &Row<'_>, spot: &Spot, found: &RowCentre, geometry: &Geometry) -> bool {
+    let top = spot.background.level.to_f32() + found.amplitude.to_f32();
+    !row.reaches_full_scale() && top > f32::from(geometry.full_scale())
+}
+
 /// Whether the converter's words are coarser than the noise, or one of its bits is stuck.
 fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
     let width = found.width.to_f32();
@@ -148,10 +161,23 @@ fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
     let changes = near
         .iter()
         .fold(0, |changes, count| changes | (count ^ first));
-    let step = f32::from(changes & changes.wrapping_neg());
+    let step = f32::from(changes.isolate_lowest_one());
     let noise = spot.background.noise.to_f32();
     let is_stuck = width >= 3.0 && (changes & changes.wrapping_add(1)) != 0;
     step * step > 12.0 * noise * noise || is_stuck
+}
+
+/// Whether the background sinks below the converter's smallest word on one side of the spot: it is bent there, and nothing says how. On both sides it is noise
+/// that is cut off, or two dead pixels.
+fn sinks(light: &[u16], found: &RowCentre) -> bool {
+    let (centre, reach) = (found.centre.to_f32(), REACH * found.width.to_f32());
+    // `as` saturates.
+    let middle = (centre as usize).min(light.len());
+    let (left, right) = light.split_at_checked(middle).unwrap_or_default();
+    let zeros = |count: &&u16| **count == 0;
+    let left = left.iter().rev().take(reach as usize).filter(zeros).count();
+    let right = right.iter().take(reach as usize).filter(zeros).count();
+    left.abs_diff(right) > left.min(right).saturating_add(2)
 }
 
 /// Whether the light falls from one pixel to the next by more than any optics lets it: bad pixels side by side look like a narrow spot.
@@ -213,21 +239,22 @@ struct Look {
 
 impl Look {
     fn is_clean(&self, found: &RowCentre) -> bool {
-        let even = if found.width.to_f32() > SHARP_WIDTH {
-            EVEN
+        let is_wide = found.width.to_f32() > SHARP_WIDTH;
+        let (even, trust) = if is_wide {
+            (EVEN, 1.0)
         } else {
-            EVEN_OF_NARROW
+            (EVEN_OF_NARROW, TRUST_OF_NARROW)
         };
         let uncertainty = found.uncertainty.to_f32();
         let beyond = |product: f32, norm: f32, limit: f32| product * product > limit * limit * norm;
         let shift = self.shift / self.shift_norm * self.pixels_a_shift;
         let freedom = self.pairs - 1.0;
         let scatter = dual_mac::square_root(2.0 * freedom + NOISE_SQUARED * freedom * freedom);
-        !(shift.abs() > SHIFTED * uncertainty + SHIFTED_PIXELS
-            || beyond(self.tilt, self.tilt_norm, TILT)
-            || beyond(self.skew, self.skew_norm, SKEW)
-            || self.worst > WORST * WORST
-            || self.squares > freedom + SCATTER * scatter + SCATTER_SKEWED
+        !(shift.abs() > trust * SHIFTED * uncertainty + SHIFTED_PIXELS
+            || beyond(self.tilt, self.tilt_norm, trust * TILT)
+            || beyond(self.skew, self.skew_norm, trust * SKEW)
+            || self.worst > trust * trust * WORST * WORST
+            || self.squares > freedom + trust * (SCATTER * scatter + SCATTER_SKEWED)
             || self.flatness < FLAT - even * self.flatness_deviation
             || self.shape > SHAPE + even * self.shape_deviation)
     }
@@ -278,8 +305,8 @@ impl Look {
         if pixels == 1
             && mirror.to_right == 1.0
             && let Some(before) = mirror.right.checked_sub(2)
-            && let Some(middle) = light.get(before..before + 3)
-            && belongs(middle, before..before + 3)
+            && let Some(middle) = light.get(before..mirror.right.wrapping_add(1))
+            && belongs(middle, before..mirror.right.wrapping_add(1))
         {
             even.add(2.0 * interpolated(middle, mirror.offset) - level, 0.0, 1.0);
         }
@@ -367,7 +394,7 @@ impl Place {
             .to_bits()
             .wrapping_sub(halves.wrapping_mul(1 << HALF_LOG2));
         let halves = usize::try_from(halves).unwrap_or_default();
-        let right = halves / 2 + 1;
+        let right = (halves / 2).wrapping_add(1);
         Self {
             right,
             left: halves.div_ceil(2),

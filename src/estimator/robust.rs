@@ -35,6 +35,9 @@ const CURVED: f32 = 2.8;
 /// Narrower spots, in pixels, have too few of them to leave any out.
 const NARROWEST: f32 = 1.0;
 
+/// The centre of a narrower spot, in pixels, is flagged where any of its few pixels were left out: among bad ones, the rest may fit by chance.
+pub(super) const NARROWEST_SURE: f32 = 2.5;
+
 /// More samples side by side are no bad pixels but light, which may be the spot.
 const BAD_PIXELS: u32 = 3;
 
@@ -71,6 +74,15 @@ pub fn centre(
         found,
     };
     Ok(scene.refit().unwrap_or(looked_at))
+}
+
+/// What is left out.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Cause {
+    /// Bad pixels: a few, and no more than [`BAD_PIXELS`] side by side. More of them are no pixels but a background that is not level.
+    Pixels,
+    /// The light of a second spot.
+    Light,
 }
 
 /// What the fits are of.
@@ -121,14 +133,15 @@ impl Scene<'_> {
 
     /// The fit as a centre, if what was fitted looks like it.
     #[inline(never)]
-    fn accepted(&self, window: &Window, fit: &Fit, squares: f32, kept: f32) -> Option<RowCentre> {
+    fn accepted(&self, window: &Window, fit: &Fit, look: &Look, cause: Cause) -> Option<RowCentre> {
+        let found = window.row_centre(fit);
         let found = RowCentre {
             class: self.found.class,
-            misfit: false,
-            ..window.row_centre(fit)
+            misfit: found.width.to_f32() < NARROWEST_SURE,
+            ..found
         };
-        let freedom = kept - 4.0;
-        let scatters = squares > freedom + gauss_newton::allowed_scatter(freedom);
+        let freedom = look.kept - 4.0;
+        let scatters = look.squares > freedom + gauss_newton::allowed_scatter(freedom);
         let (uncertainty, width) = (found.uncertainty.to_f32(), found.width.to_f32());
         // A first look that was far off is a reason to doubt the second.
         let moved = self.found.centre.to_bits().abs_diff(found.centre.to_bits())
@@ -141,7 +154,7 @@ impl Scene<'_> {
         (sound
             && !moved
             && !scatters
-            && self.tells_enough(window, fit, uncertainty)
+            && self.tells_enough(window, fit, uncertainty, cause)
             && mirror::fits(
                 self.row,
                 self.spot,
@@ -153,7 +166,7 @@ impl Scene<'_> {
     }
 
     /// Whether what is left of the spot tells its place.
-    fn tells_enough(&self, window: &Window, fit: &Fit, uncertainty: f32) -> bool {
+    fn tells_enough(&self, window: &Window, fit: &Fit, uncertainty: f32, cause: Cause) -> bool {
         let at = &fit.parameters;
         // At most SAMPLES each.
         let (mut all, mut masked, mut top) = (0, 0, 0);
@@ -179,7 +192,7 @@ impl Scene<'_> {
         let per_height = 1.0 / found.amplitude.to_f32();
         let whole = found.width.to_f32() * per_height * (1.13 * noise * per_height + 0.4 * shot);
         let few = longest <= BAD_PIXELS && (masked <= all / 8 || masked <= 1);
-        few || (top == 0 && uncertainty * uncertainty <= 4.0 * whole)
+        few || (cause == Cause::Light && top == 0 && uncertainty * uncertainty <= 4.0 * whole)
     }
 
     /// Leaves out the pixels that deviate, the worst first, until there are none.
@@ -192,7 +205,7 @@ impl Scene<'_> {
             at = fit.parameters;
             let look = Look::at(window, &at, self.shot());
             if look.worst <= OUTLIER {
-                return self.accepted(window, &fit, look.squares, look.kept);
+                return self.accepted(window, &fit, &look, Cause::Pixels);
             }
         }
         None
@@ -209,7 +222,7 @@ impl Scene<'_> {
             let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
             at = fit.parameters;
             let look = Look::at(window, &at, self.shot());
-            if let Some(found) = self.accepted(window, &fit, look.squares, look.kept) {
+            if let Some(found) = self.accepted(window, &fit, &look, Cause::Light) {
                 return Some(found);
             }
         }
@@ -234,7 +247,7 @@ impl Scene<'_> {
             let look = Look::at(window, &fit.parameters, self.shot());
             if look.worst <= OUTLIER
                 && best.is_none_or(|(least, _)| look.squares < least)
-                && let Some(found) = self.accepted(window, &fit, look.squares, look.kept)
+                && let Some(found) = self.accepted(window, &fit, &look, Cause::Pixels)
             {
                 best = Some((look.squares, found));
             }
@@ -281,12 +294,10 @@ impl Look {
         let mut place: Option<&mut f32> = None;
         for (sample, deviation) in window.samples().iter().zip(&mut look.deviations) {
             let light = at.amplitude * *deviation;
-            let next = (!sample.is_masked()).then(|| {
-                (
-                    sample.counts - at.level - light,
-                    sample.variance + shot * light,
-                )
-            });
+            let next = (!sample.is_masked()).then_some((
+                sample.counts - at.level - light,
+                sample.variance + shot * light,
+            ));
             *deviation = 0.0;
             if let Some((residual, variance)) = next {
                 *deviation = residual * residual / (variance + from_spot);

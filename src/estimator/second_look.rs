@@ -31,6 +31,9 @@ use crate::reading::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 
+/// A narrower spot, in pixels, is flagged: three bad pixels side by side look like one of 0.95, and nothing in a row tells them from it.
+const NARROWEST_SURE: f32 = 1.0;
+
 /// Narrower spots, in pixels, that the sensor's edge cuts are not told from bad pixels.
 const NARROWEST_CUT: f32 = 1.25;
 
@@ -51,7 +54,10 @@ pub fn centre(
     if before.is_none() {
         alone::is_alone(row.light(), &found)?;
     }
-    Ok(found)
+    Ok(RowCentre {
+        misfit: found.misfit || found.width.to_f32() < NARROWEST_SURE,
+        ..found
+    })
 }
 
 /// The same without a look at the rest of the row.
@@ -66,7 +72,11 @@ fn look(
     let found = match estimator::centre(estimator, row, spot, before, geometry) {
         Err(Fault::SpotAtEdge { .. }) if estimator != Estimator::GaussNewton => {
             let found = gauss_newton::centre(row, spot, before, geometry)?;
-            return Ok(looked_at(row, spot, found, geometry));
+            let found = looked_at(row, spot, found, geometry);
+            return Ok(RowCentre {
+                misfit: found.misfit || !is_certain_cut(row, &found),
+                ..found
+            });
         }
         found => found?,
     };
@@ -92,7 +102,7 @@ fn another(
     found: RowCentre,
 ) -> RowCentre {
     match robust::centre(row, spot, before, geometry) {
-        Ok(other) if !other.misfit => RowCentre {
+        Ok(other) if !other.misfit || other.width.to_f32() < robust::NARROWEST_SURE => RowCentre {
             class: found.class,
             ..other
         },
@@ -113,6 +123,12 @@ pub(super) fn looked_at(
         None => found.misfit || found.width.to_f32() < NARROWEST_CUT,
     };
     RowCentre { misfit, ..found }
+}
+
+/// Whether what the edge leaves of a spot tells it from a background that falls towards the edge.
+fn is_certain_cut(row: &Row<'_>, found: &RowCentre) -> bool {
+    let width = found.width.to_f32();
+    32.0 * found.uncertainty.to_f32() <= width && row.light().len() as f32 >= 8.0 * width
 }
 
 /// Whether all of the spot within five widths is on the row, and no pixel at full scale.
