@@ -4,8 +4,9 @@
 //! The phase tables sum to zero, so the centre does not depend on it; it is what a centroid takes off, and what a
 //! person watches for stray light and drift.
 
+use crate::frame::MAX_ROWS;
 use crate::proven;
-use crate::row::{MAX_PIXELS, Row};
+use crate::row::{LARGEST_COUNT, MAX_PIXELS, Row};
 use crate::spot::Background;
 use crate::units::Counts;
 
@@ -57,7 +58,6 @@ impl BlackPixels {
     }
 
     fn add_pixels(&mut self, pixels: &[u16]) {
-        // A row has at most 4096 pixels of 12 bits, below 2^24; a frame's 64 rows stay below 2^30.
         self.sum = self.sum.saturating_add(
             pixels
                 .iter()
@@ -80,6 +80,10 @@ impl BlackPixels {
     }
 }
 
+// A frame's rows of the largest counts fit the sum of black pixels.
+const _: () =
+    assert!(LARGEST_COUNT as u64 * MAX_PIXELS as u64 * MAX_ROWS as u64 <= u32::MAX as u64);
+
 /// The centroid of a row, eq. (2), to a pixel. Of all pixels, black ones outweigh a spot by their number, so only what
 /// stands four standard deviations above the background counts. `None` where nothing does.
 pub fn centroid(light: &[u16], background: Background) -> Option<usize> {
@@ -91,7 +95,7 @@ pub fn centroid(light: &[u16], background: Background) -> Option<usize> {
         >> Counts::FRACTION;
     let (mut weight, mut moment) = (0u64, 0u64);
     for (place, &count) in (0..MAX_PIXELS as u32).zip(light) {
-        // 2^12 pixels at places of 12 bits. A threshold is above -2^23, and a count below 2^16: below 2^36 and 2^48.
+        // At most MOST_ABOVE for each, by which the sums are proven.
         let above = i32::from(count).saturating_sub(threshold).max(0);
         let above = u64::from(above.unsigned_abs());
         weight = proven::add_u64(weight, above);
@@ -101,6 +105,13 @@ pub fn centroid(light: &[u16], background: Background) -> Option<usize> {
         .checked_div(weight)
         .and_then(|centroid| usize::try_from(centroid).ok())
 }
+
+/// What a count may be above a threshold: either is a Q24.8 number's whole part.
+const MOST_ABOVE: u64 = 1 << (32 - Counts::FRACTION);
+
+// Weight and moment fit, places being below MAX_PIXELS.
+const _: () =
+    assert!(MOST_ABOVE as u128 * MAX_PIXELS as u128 * MAX_PIXELS as u128 <= u64::MAX as u128);
 
 #[cfg(test)]
 mod tests {

@@ -4,9 +4,6 @@ use dual_mac::portable::{dot, dot2, square_root};
 use dual_mac::{LARGEST_SAMPLE, Pair, Pairs};
 use proptest::prelude::*;
 
-/// Miri takes a thousand times as long for each.
-const CASES: u32 = if cfg!(miri) { 2 } else { 5000 };
-
 /// Longer than the longest window of the phase tables, which has 116 samples.
 const LONGEST: usize = 120;
 
@@ -58,7 +55,7 @@ fn without_overflow(mut weights: Vec<Pairs>) -> Vec<Pairs> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(CASES))]
+    #![proptest_config(ProptestConfig::with_cases(5000))]
 
     /// Where nothing overflows both are the sum itself.
     #[test]
@@ -99,7 +96,7 @@ fn every_length_takes_the_samples_that_have_a_weight() {
     let ones = [Pairs(Pair(1, 1), Pair(-2, -2)); LONGEST / 2 + 1];
     let first_ones = ones.map(|pairs| pairs.0);
     let samples = [1u16; LONGEST + 1];
-    for length in (0..=LONGEST + 1).step_by(if cfg!(miri) { 7 } else { 1 }) {
+    for length in 0..=LONGEST + 1 {
         for pairs in 0..=LONGEST / 2 + 1 {
             let expected = 2 * (length / 2).min(pairs) as i32;
             let samples = &samples[..length];

@@ -15,8 +15,8 @@ use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads;
 use slitrange::units::{Counts, Micrometres, Pixels};
 
-/// Rows at most, so that an input takes a millisecond or two.
-const MAX_ROWS_OF_INPUT: usize = 200;
+/// Rows at most, so that an input takes a few milliseconds.
+const MAX_ROWS_OF_INPUT: usize = 24;
 
 fuzz_target!(|bytes: &[u8]| {
     let mut bench = Bench::new(geometry(bytes.first().copied().unwrap_or_default()));
@@ -249,10 +249,7 @@ impl Bench {
             .as_ref()
             .expect("a distance without calibration");
         self.check_centre(reading.centre, reading.centre_uncertainty);
-        let Calibration::Eq1(curve) = calibration;
-        let (first, last) = curve.valid();
-        let at = |centre| curve.distance_at(centre).expect("an end of the range").0;
-        let range = at(first).min(at(last))..=at(first).max(at(last));
+        let range = calibration.distances().expect("the ends are in the range");
         assert!(range.contains(&reading.distance), "{said}");
         assert!(
             reading.uncertainty >= Micrometres::from_int(0),
@@ -264,10 +261,9 @@ impl Bench {
             reading.rows == self.settings.rows.clamp(1, MAX_ROWS as u16),
             "{reading:?}"
         );
-        assert!(
-            2 * reading.rows_used > reading.rows && reading.rows_used <= reading.rows,
-            "{reading:?}"
-        );
+        // More than half of the rows have a centre, two thirds of those fit, and two thirds of those agree.
+        let (used, rows) = (reading.rows_used, reading.rows);
+        assert!(9 * used >= 2 * rows && used <= rows, "{reading:?}");
         assert!(reading.misfits <= reading.rows_used, "{reading:?}");
         assert!(
             reading

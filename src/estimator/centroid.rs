@@ -20,7 +20,7 @@
 //! | | |
 //! |---|---|
 //! | counts | 12 bits |
-//! | sums of up to 1025 counts | u32: of counts below 2^23, of those sums below 2^32 |
+//! | sums of up to 1022 counts | u32: of counts below 2^23, of those sums below 2^32 |
 //! | window's ends | Q16 of a pixel |
 //! | light and moment above the level | Q24 in i64: below 2^47 and 2^58 |
 //! | division | f32: 24 bits on a quotient below a pixel once the window rests |

@@ -37,7 +37,7 @@ use crate::estimator::plausible::{
 use crate::estimator::{RowCentre, WidthClass};
 use crate::proven;
 use crate::reading::Fault;
-use crate::row::{Geometry, Row};
+use crate::row::{Geometry, LARGEST_COUNT, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -49,6 +49,11 @@ const HALF_WINDOW: f32 = 5.0;
 
 /// Most pixels in a sample, what the widest spot needs (170 * 10 / 128 = 13.3) and more: the sum of their counts is below 2^16.
 const LARGEST_SAMPLE: usize = 16;
+
+// It fits in Q8, and is exact in an f32.
+const _: () = assert!(
+    (LARGEST_COUNT as u64 * LARGEST_SAMPLE as u64) << Counts::FRACTION <= 1 << f32::MANTISSA_DIGITS
+);
 
 /// s in samples: from half a pixel to half of the window.
 const SMALLEST_S: f32 = 0.57;

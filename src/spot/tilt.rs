@@ -47,7 +47,7 @@ impl Tilt {
 
     /// By how much the background is higher so many pixels further, Q24.8 counts.
     fn rise(self, pixels: usize) -> i64 {
-        // A row has at most 2^12 pixels: below 2^39.
+        // A slope is below 2^27, and a row has at most 2^12 pixels.
         proven::mul_i64(self.slope.saturating_abs(), pixels as i64) >> (FRACTION - Counts::FRACTION)
     }
 
