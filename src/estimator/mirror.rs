@@ -128,7 +128,7 @@ pub(super) fn fits(
         look = Look::at(row, spot, found, geometry, left_out, look.slope());
     }
     let is_sharp = left_out.samples == 0 && is_sharp(row.light(), spot, found, geometry);
-    Some(!is_sharp && look.is_clean(found))
+    Some(!is_sharp && look.is_clean(found, left_out))
 }
 
 /// Whether the row ends within three widths on both sides: nothing tells the spot from its background.
@@ -229,8 +229,9 @@ struct Look {
 }
 
 impl Look {
-    fn is_clean(&self, found: &RowCentre) -> bool {
-        let is_wide = found.width.to_f32() > SHARP_WIDTH;
+    fn is_clean(&self, found: &RowCentre, left_out: &LeftOut) -> bool {
+        // A narrow spot without some of its pixels is flagged anyway.
+        let is_wide = found.width.to_f32() > SHARP_WIDTH || left_out.samples != 0;
         let (even, trust) = if is_wide {
             (EVEN, 1.0)
         } else {
