@@ -355,7 +355,7 @@ impl Window {
         // At most 2^12 pixels, below 2^20 each in Q8: below 2^32.
         let level = level_bits(&spot.background);
         let sum = pixels.iter().fold(0i64, |sum, &count| {
-            let above = (i32::from(count) << Counts::FRACTION).saturating_sub(level);
+            let above = (i32::from(count) * (1 << Counts::FRACTION)).saturating_sub(level);
             sum.saturating_add(above.into())
         });
         Some(sum as f32 / (256.0 * samples as f32))

@@ -407,7 +407,7 @@ fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
     };
     // Both sides are on a row of at most 2^12 pixels: 2047 at most, of 4095 * 2^8 at most above or below the level, are below 2^31.
     let sum = block.iter().fold(0, |sum, &count| {
-        let above = proven::sub_i32(i32::from(count) << Counts::FRACTION, level);
+        let above = proven::sub_i32(i32::from(count) * (1 << Counts::FRACTION), level);
         proven::add_i32(sum, above)
     });
     let ends = if offset > 0.0 {
