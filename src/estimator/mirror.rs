@@ -174,9 +174,9 @@ fn sinks(light: &[u16], found: &RowCentre) -> bool {
     // `as` saturates.
     let middle = (centre as usize).min(light.len());
     let (left, right) = light.split_at_checked(middle).unwrap_or_default();
-    let zeros = |count: &&u16| **count == 0;
-    let left = left.iter().rev().take(reach as usize).filter(zeros).count();
-    let right = right.iter().take(reach as usize).filter(zeros).count();
+    let is_zero = |count: &u16| *count == 0;
+    let left = proven::count(left.iter().rev().take(reach as usize).map(is_zero));
+    let right = proven::count(right.iter().take(reach as usize).map(is_zero));
     left.abs_diff(right) > left.min(right).saturating_add(2)
 }
 
