@@ -271,11 +271,9 @@ fn scatter(members: &[Member<'_>], motion: f32) -> f32 {
     libm::sqrtf(squares / n)
 }
 
-/// How many of them are so. As a filter's `count`, which adds what could overflow for all that the compiler knows.
+/// How many of them are so.
 fn number(members: &[Member<'_>], is_so: impl Fn(&Member<'_>) -> bool) -> usize {
-    members.iter().fold(0, |number, it| {
-        usize::saturating_add(number, is_so(it).into())
-    })
+    proven::count(members.iter().map(is_so))
 }
 
 fn square(value: f32) -> f32 {
@@ -305,9 +303,7 @@ fn median(values: impl ExactSizeIterator<Item = u32> + Clone) -> Option<u32> {
     // The distance between them halves each time.
     while low < high {
         let between = low.midpoint(high);
-        let below = (values.clone()).fold(0, |below, value| {
-            usize::saturating_add(below, (value <= between).into())
-        });
+        let below = proven::count(values.clone().map(|value| value <= between));
         if below > middle {
             high = between;
         } else {

@@ -66,3 +66,9 @@ pub(crate) const fn add_usize(a: usize, b: usize) -> usize {
     debug_assert!(a.checked_add(b).is_some());
     a.wrapping_add(b)
 }
+
+/// How many are true: of what is in memory, no more than a `usize` holds. A filter's `count` is a sum that the compiler cannot prove.
+#[inline(always)]
+pub(crate) fn count(all: impl Iterator<Item = bool>) -> usize {
+    all.fold(0, |number, is_so| add_usize(number, usize::from(is_so)))
+}

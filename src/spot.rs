@@ -500,7 +500,8 @@ const _: () =
     assert!((4 * LARGEST_COUNT as u64) << (LARGEST_BLOCK_LOG2 + Counts::FRACTION) < 1 << 31);
 // So do the steps between neighbours in a 32nd of a row, of which every fourth counts, and five of the largest blocks.
 const _: () = assert!(
-    (LARGEST_COUNT as u64 * (MAX_PIXELS / MEDIAN_BLOCKS) as u64 / 4) << Counts::FRACTION < 1 << 31
+    LARGEST_COUNT as u64 * (MAX_PIXELS / MEDIAN_BLOCKS / 4) as u64 * (1 << Counts::FRACTION)
+        < 1 << 31
 );
 const _: () =
     assert!((5 * LARGEST_COUNT as u64) << (LARGEST_BLOCK_LOG2 + Counts::FRACTION) < 1 << 31);

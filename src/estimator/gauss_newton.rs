@@ -52,7 +52,8 @@ const LARGEST_SAMPLE: usize = 16;
 
 // It fits in Q8, and is exact in an f32.
 const _: () = assert!(
-    (LARGEST_COUNT as u64 * LARGEST_SAMPLE as u64) << Counts::FRACTION <= 1 << f32::MANTISSA_DIGITS
+    LARGEST_COUNT as u64 * LARGEST_SAMPLE as u64 * (1 << Counts::FRACTION)
+        <= 1 << f32::MANTISSA_DIGITS
 );
 
 /// s in samples: from half a pixel to half of the window.
