@@ -37,16 +37,23 @@ pub(super) fn is_alone(light: &[u16], found: &RowCentre) -> Result<(), Fault> {
         )
     };
     let height = |from: usize| Some(sum(from)?.min(sum(from.saturating_add(half))?));
-    // Above what is beside it, so that a background that rises is no spot.
-    let above = |from: usize| {
-        let own = height(from)?;
+    let beside = |from: usize| {
         let left = from.checked_sub(apart).and_then(height);
-        let right = height(from.saturating_add(apart));
+        (left, height(from.saturating_add(apart)))
+    };
+    // Above what is beside it, so that a background that rises is no spot, and nor is where it begins or ends.
+    let above = |from: usize| match beside(from) {
+        (Some(left), Some(right)) => Some(height(from)?.saturating_sub(left.max(right))),
+        _ => None,
+    };
+    // The spot itself may lie at the row's end, or on a slope.
+    let own = |from: usize| {
+        let (left, right) = beside(from);
         let beside = left.or(right)?.midpoint(right.or(left)?);
-        Some(own.saturating_sub(beside))
+        Some(height(from)?.saturating_sub(beside))
     };
     let near = centre.saturating_sub(half.wrapping_mul(2))..=centre;
-    let own = near.filter_map(above).max().unwrap_or_default();
+    let own = near.filter_map(own).max().unwrap_or_default();
     let enough = (SHARE * own as f32) as u32;
     let far = |from: usize| from.saturating_add(half).abs_diff(centre) > apart;
     let other = (0..light.len())

@@ -353,12 +353,13 @@ impl Window {
         let first = self.first.checked_add_signed(before as isize)?;
         let end = first.checked_add(samples.checked_mul(self.block)?)?;
         let pixels = row.light().get(first..end)?;
-        // On a row of at most 2^12 pixels of 12 bits.
-        let sum = pixels
-            .iter()
-            .fold(0, |sum, &count| proven::add_u32(sum, count.into()));
-        let level = spot.background.level.to_f32() * self.block as f32;
-        Some(sum as f32 / samples as f32 - level)
+        // At most 2^12 pixels, below 2^20 each in Q8: below 2^32.
+        let level = level_bits(&spot.background);
+        let sum = pixels.iter().fold(0i64, |sum, &count| {
+            let above = (i32::from(count) * (1 << Counts::FRACTION)).saturating_sub(level);
+            sum.saturating_add(above.into())
+        });
+        Some(sum as f32 / (256.0 * samples as f32))
     }
 
     pub(super) fn samples(&self) -> &[Sample] {

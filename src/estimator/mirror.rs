@@ -21,12 +21,12 @@
 use core::ops::Range;
 
 use crate::estimator::RowCentre;
-use crate::estimator::plausible::variances;
+use crate::estimator::plausible::{level_bits, variances};
 use crate::estimator::tables::TILTED;
 use crate::proven;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
-use crate::units::Pixels;
+use crate::units::{Counts, Pixels};
 
 /// Widths to either side that are looked at.
 const REACH: f32 = 6.0;
@@ -110,10 +110,7 @@ pub(super) fn fits(
     geometry: &Geometry,
     left_out: &LeftOut,
 ) -> Option<bool> {
-    if sinks(row.light(), found)
-        || fills(row.light(), found)
-        || is_coarse(row.light(), spot, found)
-        || is_too_high(row, spot, found, geometry)
+    if sinks(row.light(), found) || fills(row.light(), found) || is_coarse(row.light(), spot, found)
     {
         return Some(false);
     }
@@ -131,7 +128,7 @@ pub(super) fn fits(
         look = Look::at(row, spot, found, geometry, left_out, look.slope());
     }
     let is_sharp = left_out.samples == 0 && is_sharp(row.light(), spot, found, geometry);
-    Some(!is_sharp && look.is_clean(found))
+    Some(!is_sharp && look.is_clean(found, left_out))
 }
 
 /// Whether the row ends within three widths on both sides: nothing tells the spot from its background.
@@ -142,13 +139,7 @@ fn fills(light: &[u16], found: &RowCentre) -> bool {
     centre < reach && end - centre < reach
 }
 
-/// Whether the spot's height is more than full scale and no pixel is: a full well, or what spills from it, has cut it off below.
-fn is_too_high(row: &Row<'_>, spot: &Spot, found: &RowCentre, geometry: &Geometry) -> bool {
-    let top = spot.background.level.to_f32() + found.amplitude.to_f32();
-    !row.reaches_full_scale() && top > f32::from(geometry.full_scale())
-}
-
-/// Whether the converter's words are coarser than the noise, or one of its bits is stuck.
+/// Whether the converter's words are coarser than the noise.
 fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
     let width = found.width.to_f32();
     let (centre, reach) = (found.centre.to_f32(), REACH * width + 4.0);
@@ -163,8 +154,7 @@ fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
         .fold(0, |changes, count| changes | (count ^ first));
     let step = f32::from(changes.isolate_lowest_one());
     let noise = spot.background.noise.to_f32();
-    let is_stuck = width >= 3.0 && (changes & changes.wrapping_add(1)) != 0;
-    step * step > 12.0 * noise * noise || is_stuck
+    step * step > 12.0 * noise * noise
 }
 
 /// Whether the background sinks below the converter's smallest word on one side of the spot: it is bent there, and nothing says how. On both sides it is noise
@@ -174,9 +164,10 @@ fn sinks(light: &[u16], found: &RowCentre) -> bool {
     // `as` saturates.
     let middle = (centre as usize).min(light.len());
     let (left, right) = light.split_at_checked(middle).unwrap_or_default();
-    let is_zero = |count: &u16| *count == 0;
-    let left = proven::count(left.iter().rev().take(reach as usize).map(is_zero));
-    let right = proven::count(right.iter().take(reach as usize).map(is_zero));
+    let reach = reach as usize;
+    let counted = |zeros: u32, &count: &u16| zeros.saturating_add(u32::from(count == 0));
+    let left = left.iter().rev().take(reach).fold(0, counted);
+    let right = right.iter().take(reach).fold(0, counted);
     left.abs_diff(right) > left.min(right).saturating_add(2)
 }
 
@@ -238,8 +229,9 @@ struct Look {
 }
 
 impl Look {
-    fn is_clean(&self, found: &RowCentre) -> bool {
-        let is_wide = found.width.to_f32() > SHARP_WIDTH;
+    fn is_clean(&self, found: &RowCentre, left_out: &LeftOut) -> bool {
+        // A narrow spot without some of its pixels is flagged anyway.
+        let is_wide = found.width.to_f32() > SHARP_WIDTH || left_out.samples != 0;
         let (even, trust) = if is_wide {
             (EVEN, 1.0)
         } else {
@@ -293,7 +285,7 @@ impl Look {
         let (noise, shot) = variances(&spot.background, geometry);
         let noise = 2.0 * noise * block;
         let trusted = OTHER_PROFILE * bend.third;
-        let level = 2.0 * block * spot.background.level.to_f32();
+        let level = level_bits(&spot.background);
         let full_scale = geometry.full_scale();
         let is_cut = row.reaches_full_scale();
         let belongs = |pixels: &[u16], mut places: Range<usize>| {
@@ -308,7 +300,7 @@ impl Look {
             && let Some(middle) = light.get(before..mirror.right.wrapping_add(1))
             && belongs(middle, before..mirror.right.wrapping_add(1))
         {
-            even.add(2.0 * interpolated(middle, mirror.offset) - level, 0.0, 1.0);
+            even.add(2.0 * interpolated(middle, level, mirror.offset), 0.0, 1.0);
         }
         // A width of 2^15 pixels at most, and so a pitch of 1/6 or more.
         let most = ((REACH / pitch) as usize).saturating_add(1);
@@ -325,10 +317,10 @@ impl Look {
             let left = light.get(start..to).unwrap_or_default();
             if belongs(right, ends) && belongs(left, start..to) {
                 let (right, left) = (
-                    interpolated(right, mirror.offset),
-                    interpolated(left, mirror.offset),
+                    interpolated(right, level, mirror.offset),
+                    interpolated(left, level, mirror.offset),
                 );
-                let both = right + left - level;
+                let both = right + left;
                 let lit = if both > 0.0 { both } else { 0.0 };
                 odd.add(
                     right - left + bend.at(u, e) - slope * u,
@@ -404,24 +396,26 @@ impl Place {
     }
 }
 
-/// The sum of the pixels but the first and the last, moved by a part of a pixel towards the last or, where that is negative, the first.
-fn interpolated(pixels: &[u16], offset: f32) -> f32 {
+/// The light above a level (Q24.8 counts) of the pixels but the first and the last, moved by a part of a pixel towards the last or, where that is
+/// negative, the first. In whole numbers as long as the level is in it, which then changes no bit of what is found.
+fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
     let [before, block @ .., after] = pixels else {
         return 0.0;
     };
     let (Some(first), Some(last)) = (block.first(), block.last()) else {
         return 0.0;
     };
-    // At most 2^13 pixels of 12 bits.
-    let sum = block
-        .iter()
-        .fold(0, |sum, &count| proven::add_u32(sum, count.into()));
+    // Both sides are on a row of at most 2^12 pixels: 2047 at most, of 4095 * 2^8 at most above or below the level, are below 2^31.
+    let sum = block.iter().fold(0, |sum, &count| {
+        let above = proven::sub_i32(i32::from(count) * (1 << Counts::FRACTION), level);
+        proven::add_i32(sum, above)
+    });
     let ends = if offset > 0.0 {
         f32::from(*after) - f32::from(*first)
     } else {
         f32::from(*last) - f32::from(*before)
     };
-    sum as f32 + offset * ends
+    sum as f32 / 256.0 + offset * ends
 }
 
 /// What linear interpolation leaves of a gaussian's odd derivatives in z.
