@@ -12,9 +12,9 @@ use crate::units::Pixels;
 /// Closer than so many widths it would be seen in the row's mirror image.
 const APART: f32 = 4.0;
 
-/// The other has this share of the height at least. 0.8 is where two spots are no longer told apart by it, and a box of half a width takes off up to a tenth
+/// The other has this share of the height at least, as in the coarse search. 0.8 is where two spots are no longer told apart by it, and a box of half a width takes off up to a tenth
 /// more of a spot that is 0.7 times as wide.
-const SHARE: f32 = 0.72;
+const SHARE: f32 = 0.66;
 
 /// Looks over all of the row, which the search of a frame's first row does too.
 ///

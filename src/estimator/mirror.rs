@@ -164,10 +164,9 @@ fn sinks(light: &[u16], found: &RowCentre) -> bool {
     // `as` saturates.
     let middle = (centre as usize).min(light.len());
     let (left, right) = light.split_at_checked(middle).unwrap_or_default();
-    let reach = reach as usize;
-    let counted = |zeros: u32, &count: &u16| zeros.saturating_add(u32::from(count == 0));
-    let left = left.iter().rev().take(reach).fold(0, counted);
-    let right = right.iter().take(reach).fold(0, counted);
+    let is_zero = |count: &u16| *count == 0;
+    let left = proven::count(left.iter().rev().take(reach as usize).map(is_zero));
+    let right = proven::count(right.iter().take(reach as usize).map(is_zero));
     left.abs_diff(right) > left.min(right).saturating_add(2)
 }
 

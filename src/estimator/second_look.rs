@@ -31,8 +31,9 @@ use crate::reading::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 
-/// A narrower spot, in pixels, is flagged: three bad pixels side by side look like one of 0.95, and nothing in a row tells them from it.
-const NARROWEST_SURE: f32 = 1.0;
+/// A narrower spot, in pixels, is flagged: three bad pixels side by side look like one of 0.95, and with noise of up to this, and
+/// nothing in a row tells them from it.
+const NARROWEST_SURE: f32 = 1.1;
 
 /// Narrower spots, in pixels, that the sensor's edge cuts are not told from bad pixels.
 const NARROWEST_CUT: f32 = 1.25;
