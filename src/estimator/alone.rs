@@ -4,24 +4,26 @@
 //! sum over half a width, and that over the next, of which the lower counts, so that a single bad pixel is no spot.
 
 use crate::estimator::RowCentre;
+use crate::estimator::plausible::level_bits;
 use crate::proven;
 use crate::reading::Fault;
 use crate::row::MAX_PIXELS;
-use crate::units::Pixels;
+use crate::spot::Spot;
+use crate::units::{Counts, Pixels};
 
 /// Closer than so many widths it would be seen in the row's mirror image.
 const APART: f32 = 4.0;
 
 /// The other has this share of the height at least, as in the coarse search. 0.8 is where two spots are no longer told apart by it, and a box of half a width takes off up to a tenth
-/// more of a spot that is 0.7 times as wide.
-const SHARE: f32 = 0.66;
+/// more of a spot that is 0.7 times as wide, or that lies between two boxes.
+const SHARE: f32 = 0.62;
 
 /// Looks over all of the row, which the search of a frame's first row does too.
 ///
 /// # Errors
 /// [`Fault::TwoSpots`].
 #[inline(never)]
-pub(super) fn is_alone(light: &[u16], found: &RowCentre) -> Result<(), Fault> {
+pub(super) fn is_alone(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<(), Fault> {
     let width = found.width.to_f32();
     // A width is at most 170 pixels: `as` cuts off, and saturates.
     let half = ((0.5 * width) as usize).clamp(1, MAX_PIXELS);
@@ -30,11 +32,7 @@ pub(super) fn is_alone(light: &[u16], found: &RowCentre) -> Result<(), Fault> {
     // Below 2^7 * 2^12.
     let sum = |from: usize| -> Option<u32> {
         let pixels = light.get(from..from.saturating_add(half))?;
-        Some(
-            pixels
-                .iter()
-                .fold(0, |sum, &count| proven::add_u32(sum, count.into())),
-        )
+        Some(total(pixels))
     };
     let height = |from: usize| Some(sum(from)?.min(sum(from.saturating_add(half))?));
     let beside = |from: usize| {
@@ -52,14 +50,24 @@ pub(super) fn is_alone(light: &[u16], found: &RowCentre) -> Result<(), Fault> {
         let beside = left.or(right)?.midpoint(right.or(left)?);
         Some(height(from)?.saturating_sub(beside))
     };
-    let near = centre.saturating_sub(half.wrapping_mul(2))..=centre;
+    let near = centre.saturating_sub(half.wrapping_mul(2))..centre.saturating_add(1);
+    let near = near.step_by((half / 4).max(1));
     let own = near.filter_map(own).max().unwrap_or_default();
     let enough = (SHARE * own as f32) as u32;
     let far = |from: usize| from.saturating_add(half).abs_diff(centre) > apart;
-    let other = (0..light.len())
-        .filter(|&from| far(from) && height(from).is_some_and(|height| height > enough))
-        .filter_map(|from| Some((above(from)?, from)))
-        .max();
+    // Box after box, each summed once: what does not stand out from the level under the spot is not looked at, which spares nearly all of the row.
+    let level = level_bits(&spot.background).unsigned_abs();
+    let level = level.saturating_mul(half as u32) >> Counts::FRACTION;
+    let least = level.saturating_add(enough);
+    let (mut before, mut other) = (0, None);
+    for (from, pixels) in (0..light.len()).step_by(half).zip(light.chunks_exact(half)) {
+        let sum = total(pixels);
+        let from = usize::saturating_sub(from, half);
+        if before.min(sum) > least && far(from) {
+            other = other.max(above(from).map(|above| (above, from)));
+        }
+        before = sum;
+    }
     match other {
         Some((above, from)) if above > enough => Err(Fault::TwoSpots {
             centre: found.centre,
@@ -68,4 +76,10 @@ pub(super) fn is_alone(light: &[u16], found: &RowCentre) -> Result<(), Fault> {
         }),
         _ => Ok(()),
     }
+}
+
+fn total(pixels: &[u16]) -> u32 {
+    pixels
+        .iter()
+        .fold(0, |sum, &count| proven::add_u32(sum, count.into()))
 }

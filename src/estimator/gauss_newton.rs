@@ -271,13 +271,25 @@ pub(super) struct Window {
 
 impl Window {
     pub(super) fn around(light: &[u16], spot: &Spot, start: &Start, geometry: &Geometry) -> Self {
+        Self::within(SAMPLES / 2, light, spot, start, geometry)
+    }
+
+    /// The same with so many samples to either side.
+    pub(super) fn within(
+        half: usize,
+        light: &[u16],
+        spot: &Spot,
+        start: &Start,
+        geometry: &Geometry,
+    ) -> Self {
+        let half = half.min(SAMPLES / 2);
         let middle =
             usize::try_from(start.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
         let samples_a_pixel = SAMPLES as f32 / (2.0 * HALF_WINDOW * start.width);
         // `as` cuts off: one pixel up to a width of 12.8.
         let block = ((1.0 / samples_a_pixel) as usize).min(LARGEST_SAMPLE - 1) + 1;
-        let first = middle.saturating_sub(block * SAMPLES / 2).min(light.len());
-        let end = (middle + block * SAMPLES / 2).min(light.len());
+        let first = middle.saturating_sub(block * half).min(light.len());
+        let end = (middle + block * half).min(light.len());
         let pixels = light.get(first..end).unwrap_or_default();
         let full_scale = geometry.full_scale();
         // Below 2^16 in Q8, and 16 counts of 12 bits: 2^24 in Q8, exact in f32.

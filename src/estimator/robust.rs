@@ -41,6 +41,12 @@ pub(super) const NARROWEST_SURE: f32 = 2.5;
 /// More samples side by side are no bad pixels but light, which may be the spot.
 const BAD_PIXELS: u32 = 3;
 
+/// Half of a window, in widths: a second spot at five with three to either side of it.
+const HALF_WINDOW: f32 = 8.0;
+
+/// Samples to either side at least, which tell the level.
+const FEWEST: usize = 16;
+
 /// Fits at most, each with more pixels left out.
 const ROUNDS: usize = 6;
 
@@ -123,8 +129,12 @@ impl Scene<'_> {
         self.without_light(&mut window, start)
     }
 
+    /// Of a narrow spot no more than it takes: it is fitted many times.
     fn window(&self, start: &Start) -> Window {
-        Window::around(self.row.light(), self.spot, start, self.geometry)
+        // `as` saturates.
+        let half = ((HALF_WINDOW * start.width) as usize).max(FEWEST);
+        let light = self.row.light();
+        Window::within(half, light, self.spot, start, self.geometry)
     }
 
     fn shot(&self) -> f32 {

@@ -33,7 +33,7 @@ use crate::spot::Spot;
 
 /// A narrower spot, in pixels, is flagged: three bad pixels side by side look like one of 0.95, and with noise of up to this, and
 /// nothing in a row tells them from it.
-const NARROWEST_SURE: f32 = 1.1;
+const NARROWEST_SURE: f32 = 1.2;
 
 /// Narrower spots, in pixels, that the sensor's edge cuts are not told from bad pixels.
 const NARROWEST_CUT: f32 = 1.25;
@@ -53,7 +53,7 @@ pub fn centre(
 ) -> Result<RowCentre, Fault> {
     let found = look(estimator, row, spot, before, geometry)?;
     if before.is_none() {
-        alone::is_alone(row.light(), &found)?;
+        alone::is_alone(row.light(), spot, &found)?;
     }
     Ok(RowCentre {
         misfit: found.misfit || found.width.to_f32() < NARROWEST_SURE,

@@ -217,8 +217,9 @@ fn the_mean_is_the_one_that_is_set() {
     set(&mut board, "rows 8");
     assert_eq!(ask(&mut board, "mean"), "mean weighted");
     for (command, centre, rows) in [
-        ("mean plain", 1800.375, " n 8/8 "),
-        ("mean weighted", 1800.0, " n 7/8 "),
+        ("mean plain", 1800.375, 8.0..=8.0),
+        // The second look may leave out another one.
+        ("mean weighted", 1800.0, 6.0..=7.0),
     ] {
         set(&mut board, command);
         assert_eq!(ask(&mut board, "mean"), command);
@@ -227,7 +228,8 @@ fn the_mean_is_the_one_that_is_set() {
             println!("{command}: {line}");
             let off = number(&line, " x ", " a ") - centre;
             // Seven rows are uncertain by 0.01 px.
-            assert!(off.abs() < 0.05 && line.contains(rows), "{line}");
+            assert!(off.abs() < 0.05, "{line}");
+            assert!(rows.contains(&number(&line, " n ", "/8 ")), "{line}");
         }
     }
     for command in ["mean median", "mean plain plain"] {
