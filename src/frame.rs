@@ -1,12 +1,12 @@
 //! The rows' centres become one.
 //!
 //! The frame's centre is the mean of its rows' centres, weighted by how certain each row is of its own and by how well it agrees
-//! with the others ([`agreement`]); or the plain mean of all, as in the paper. Its uncertainty is that of the rows
+//! with the others (`agreement`); or the plain mean of all, as in the paper. Its uncertainty is that of the rows
 //! propagated. Where the rows scatter more than their uncertainties explain, it grows by the ratio (R. T. Birge, Phys.
-//! Rev. 40, 207 (1932)), and where neighbours err alike, by what fewer independent rows would have ([`correlation`]). Rows of
+//! Rev. 40, 207 (1932)), and where neighbours err alike, by what fewer independent rows would have (`correlation`). Rows of
 //! which no majority agrees, or that scatter by more than the spot's width, are not of one spot, and have no centre.
 //!
-//! Of a target that moves it is the centre in the middle of the frame, whichever rows count most ([`motion`]).
+//! Of a target that moves it is the centre in the middle of the frame, whichever rows count most (`motion`).
 
 mod agreement;
 mod correlation;

@@ -14,7 +14,9 @@ extern "C" fn _start() -> ! {
     whole_core::find_distances();
     whole_core::make_numbers();
     whole_core::talk();
-    loop {}
+    loop {
+        core::hint::spin_loop();
+    }
 }
 
 #[panic_handler]

@@ -32,7 +32,11 @@ pub(super) fn is_alone(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<
     // Below 2^7 * 2^12.
     let sum = |from: usize| -> Option<u32> {
         let pixels = light.get(from..from.saturating_add(half))?;
-        Some(total(pixels))
+        Some(
+            pixels
+                .iter()
+                .fold(0, |sum, &count| proven::add_u32(sum, count.into())),
+        )
     };
     let height = |from: usize| Some(sum(from)?.min(sum(from.saturating_add(half))?));
     let beside = |from: usize| {
@@ -50,8 +54,11 @@ pub(super) fn is_alone(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<
         let beside = left.or(right)?.midpoint(right.or(left)?);
         Some(height(from)?.saturating_sub(beside))
     };
-    let near = centre.saturating_sub(half.wrapping_mul(2))..centre.saturating_add(1);
-    let near = near.step_by((half / 4).max(1));
+    // Up to the centre, in steps of an eighth of a width: 16 at most.
+    let first = centre.saturating_sub(half.wrapping_mul(2));
+    let step = (half / 4).max(1);
+    let near = (0..16usize).map(|i| first.saturating_add(i.wrapping_mul(step)));
+    let near = near.filter(|&from| from <= centre);
     let own = near.filter_map(own).max().unwrap_or_default();
     let enough = (SHARE * own as f32) as u32;
     let far = |from: usize| from.saturating_add(half).abs_diff(centre) > apart;
@@ -60,9 +67,13 @@ pub(super) fn is_alone(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<
     let level = level.saturating_mul(half as u32) >> Counts::FRACTION;
     let least = level.saturating_add(enough);
     let (mut before, mut other) = (0, None);
-    for (from, pixels) in (0..light.len()).step_by(half).zip(light.chunks_exact(half)) {
-        let sum = total(pixels);
-        let from = usize::saturating_sub(from, half);
+    let mut to = 0usize;
+    for _ in 0..light.len() {
+        let Some(sum) = sum(to) else {
+            break;
+        };
+        let from = to.saturating_sub(half);
+        to = to.saturating_add(half);
         if before.min(sum) > least && far(from) {
             other = other.max(above(from).map(|above| (above, from)));
         }
@@ -76,10 +87,4 @@ pub(super) fn is_alone(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<
         }),
         _ => Ok(()),
     }
-}
-
-fn total(pixels: &[u16]) -> u32 {
-    pixels
-        .iter()
-        .fold(0, |sum, &count| proven::add_u32(sum, count.into()))
 }

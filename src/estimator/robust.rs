@@ -1,6 +1,6 @@
 //! The adaptive phase-table score, and where the row does not look like its centre, a fit of the pixels that belong to the spot.
 //!
-//! The first look is [`adaptive`]'s. Where the row is its own mirror image about that centre (see [`mirror`]), which is usual, it stands.
+//! The first look is [`adaptive`]'s. Where the row is its own mirror image about that centre (see `mirror`), which is usual, it stands.
 //! Where it is not, three ways lead to pixels that do not belong to the spot, each a series of fits ([`gauss_newton`]) to what is left:
 //!
 //! 1. **Pixels.** Hot and dead ones: the worst first, because one outlier bends the fit and makes good pixels look bad until it is gone.

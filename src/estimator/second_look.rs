@@ -5,7 +5,7 @@
 //! gaussian too: an exact Fresnel pattern lies 7 % from it.
 //!
 //! But all rungs are unbiased for a spot that is symmetric, whatever its shape. What moves a centre is what is *antisymmetric* about it, and of
-//! that no optics leave anything: the row is compared with its mirror image about the centre ([`mirror`]), to the noise, with hardly a
+//! that no optics leave anything: the row is compared with its mirror image about the centre (`mirror`), to the noise, with hardly a
 //! tolerance for shape. In orthonormal Hermite functions of u = (x - c) / sigma a second spot at d widths has components a^n / sqrt(n!), a = d / sqrt 2:
 //! the first is what moves the centre, and is gone about the centre that it moved; the third is the witness, 0.8 of the first at two widths and more beyond.
 //! It is tested by itself (*skew*), and so is a straight slope (*tilt*): a matched component is seen at 4 standard deviations where a

@@ -16,7 +16,7 @@ const JUMP_TO_ITSELF: [u8; 2] = 0xE7FE_u16.to_le_bytes();
 /// What panics without being told why: the function that `defmt::unwrap!` and the like call when they have said it.
 pub(crate) const PANIC: &str = "_defmt_panic";
 
-/// Where the firmware goes on instead of at the first instruction of a function: at a `b .`, or at [`PANIC`].
+/// Where the firmware goes on instead of at the first instruction of a function: at a `b .`, or at `PANIC`.
 pub type Detours = BTreeMap<u64, u32>;
 
 /// The address of a `b .` in `image`.
