@@ -3,7 +3,7 @@
 //! Four tasks, and what passes between them ([`shared`]):
 //!
 //! ```text
-//! acquisition --full rows--> measuring --readings, faults--> serial line
+//! acquisition --full rows--> measuring --centres, faults---> serial line
 //!             <--free rows--           <-----settings-------
 //! ```
 //!

@@ -7,14 +7,15 @@
 //!          (row)  (black_level)  (spot)  (estimator)  (frame)  (triangulation)  (reading)
 //! ```
 //!
-//! [`measurement::Measurement`] is the whole of it. It knows no hardware, no clock and no allocation, and runs the same on
+//! [`measurement::Measurement`] is all of it up to the calibration, which makes a reading of what was measured. It knows no hardware, no clock and no allocation, and runs the same on
 //! the chip and on a PC:
 //!
 //! ```
 //! use slitrange::{black_level::BlackLevel, calibration::Calibration, estimator::Estimator, frame::Mean};
 //! use slitrange::{measurement::{Measurement, Settings}, sensor_heads};
 //!
-//! let settings = Settings { rows: 1, mean: Mean::Weighted, estimator: Estimator::default(), black_level: BlackLevel::Shielded, calibration: Calibration::nominal() };
+//! let settings = Settings { rows: 1, mean: Mean::Weighted, estimator: Estimator::default(), black_level: BlackLevel::Shielded };
+//! let calibration = Calibration::nominal();
 //! let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
 //! // A row as the converter delivers it: words fall with light. A spot of 2000 counts is on pixel 1800 of the light range,
 //! // and the pixels' noise is a count.
@@ -25,7 +26,8 @@
 //!         (3800.0 - 2000.0 * (-0.5 * u * u).exp()) as u16 - (i as u16 * 7 % 5 / 2)
 //!     })
 //!     .collect();
-//! let reading = measurement.row(&mut words).expect("a frame of one row is complete").expect("a distance");
+//! let measured = measurement.row(&mut words).expect("a frame of one row is complete").expect("a centre");
+//! let reading = measured.reading(calibration.as_ref()).expect("a distance");
 //! assert!((reading.centre.to_f64() - 1800.0).abs() < 0.02);
 //! println!("{reading}");
 //! ```
@@ -43,5 +45,6 @@ pub mod reading;
 pub mod row;
 pub mod sensor_heads;
 pub mod spot;
+pub mod store;
 pub mod triangulation;
 pub mod units;

@@ -16,7 +16,7 @@ async fn main(spawner: embassy_executor::Spawner) {
     let urgent = board::start_urgent_executor();
     urgent.spawn(defmt::unwrap!(acquisition::acquire(board.sensor)));
     urgent.spawn(defmt::unwrap!(watchdog::watch(board.watchdog)));
-    spawner.spawn(defmt::unwrap!(measuring::measure(settings.clone())));
+    spawner.spawn(defmt::unwrap!(measuring::measure(settings)));
     spawner.spawn(defmt::unwrap!(serial_line::serve(
         board.serial,
         board.started_by,

@@ -1,18 +1,17 @@
-//! Rows in, readings out: the whole pipeline, pure.
+//! Rows in, centres of frames out: the whole pipeline up to the calibration, pure.
 //!
-//! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> centre of the frame -> distance.
+//! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> [`Measured`], the centre of the frame. What that means is a
+//! [`Calibration`](crate::calibration::Calibration)'s to say: [`Measured::reading`].
 
 use crate::black_level::{BlackLevel, BlackPixels};
-use crate::calibration::Calibration;
 use crate::estimator::{Estimator, RowCentre, second_look};
 use crate::frame::{Frame, Mean};
-use crate::reading::{Fault, Reading};
+use crate::reading::{Fault, Measured};
 use crate::row::{Geometry, Row};
 use crate::spot::{self, Spot};
-use crate::units::Micrometres;
 
 /// What a person can set.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Rows in a frame, 1 to [`MAX_ROWS`](crate::frame::MAX_ROWS); less counts as 1, more as that.
     pub rows: u16,
@@ -22,8 +21,6 @@ pub struct Settings {
     pub estimator: Estimator,
     /// How the black level is found.
     pub black_level: BlackLevel,
-    /// From the centre to the distance, where the sensor is calibrated.
-    pub calibration: Option<Calibration>,
 }
 
 /// The pipeline with the state of the frame that is under way.
@@ -61,8 +58,8 @@ impl Measurement {
     }
 
     /// Takes the words of a read-out (and turns them over in place, where the sensor's fall with light).
-    /// Gives a reading or a fault when the frame is complete.
-    pub fn row(&mut self, words: &mut [u16]) -> Option<Result<Reading, Fault>> {
+    /// Gives what was measured, or a fault, when the frame is complete.
+    pub fn row(&mut self, words: &mut [u16]) -> Option<Result<Measured, Fault>> {
         let centre = match self.geometry.row(words) {
             Ok(row) => self.centre(&row),
             Err(_) => {
@@ -73,9 +70,9 @@ impl Measurement {
         self.frame.add(centre);
         let rows = self.settings.rows.clamp(1, crate::frame::MAX_ROWS as u16);
         (self.frame.rows() >= rows).then(|| {
-            let reading = self.reading();
+            let measured = self.measured();
             self.start_frame();
-            reading
+            measured
         })
     }
 
@@ -115,30 +112,12 @@ impl Measurement {
         Ok(centre)
     }
 
-    fn reading(&self) -> Result<Reading, Fault> {
+    fn measured(&self) -> Result<Measured, Fault> {
         let frame = self.frame.centre(self.settings.mean)?;
-        let Some(calibration) = &self.settings.calibration else {
-            return Err(Fault::NotCalibrated {
-                centre: frame.centre,
-                uncertainty: frame.uncertainty,
-            });
-        };
-        let (distance, slope) = calibration.distance_at(frame.centre)?;
-        Ok(Reading {
-            distance,
-            // Never zero: the finest step stands for less.
-            uncertainty: Micrometres::from_f32(frame.uncertainty.to_f32() * slope.abs())
-                .max(Micrometres::from_bits(1)),
-            centre: frame.centre,
-            centre_uncertainty: frame.uncertainty,
-            amplitude: frame.amplitude,
-            width: frame.width,
-            rows_used: frame.rows_used,
-            rows: frame.rows,
+        Ok(Measured {
+            frame,
             black_level: self.black.level(self.settings.black_level),
             estimator: self.settings.estimator,
-            misfits: frame.misfits,
-            correlated: frame.correlated,
         })
     }
 }

@@ -6,6 +6,7 @@ pub mod info;
 pub mod input;
 pub mod ladder;
 pub mod line;
+pub mod piece;
 pub mod status;
 
 /// The longest answer, in bytes with its line ends: `help`, `help estimator` and `status` are the long ones.

@@ -1,7 +1,55 @@
-//! What comes out: a reading, or a fault.
+//! What comes out: where the spot is, a reading, or a fault.
 
+use crate::calibration::Calibration;
 use crate::estimator::Estimator;
+use crate::frame::FrameCentre;
 use crate::units::{Counts, Micrometres, Pixels};
+
+/// What a frame says of the spot: what there is to know without a calibration, and what one is made from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Measured {
+    /// Where the spot is, and how certain that is.
+    pub frame: FrameCentre,
+    /// What an unlit pixel reads.
+    pub black_level: Counts,
+    /// How the rows' centres were found.
+    pub estimator: Estimator,
+}
+
+impl Measured {
+    /// The distance that the centre stands for.
+    ///
+    /// # Errors
+    /// [`Fault::NotCalibrated`] without a calibration, [`Fault::OutOfRange`] where it is not valid.
+    pub fn reading(&self, calibration: Option<&Calibration>) -> Result<Reading, Fault> {
+        let Self {
+            frame,
+            black_level,
+            estimator,
+        } = *self;
+        let calibration = calibration.ok_or(Fault::NotCalibrated {
+            centre: frame.centre,
+            uncertainty: frame.uncertainty,
+        })?;
+        let (distance, slope) = calibration.distance_at(frame.centre)?;
+        Ok(Reading {
+            distance,
+            // Never zero: the finest step stands for less.
+            uncertainty: Micrometres::from_f32(frame.uncertainty.to_f32() * slope.abs())
+                .max(Micrometres::from_bits(1)),
+            centre: frame.centre,
+            centre_uncertainty: frame.uncertainty,
+            amplitude: frame.amplitude,
+            width: frame.width,
+            rows_used: frame.rows_used,
+            rows: frame.rows,
+            black_level,
+            estimator,
+            misfits: frame.misfits,
+            correlated: frame.correlated,
+        })
+    }
+}
 
 /// A distance with its uncertainty and how it came about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -142,7 +190,7 @@ impl Fault {
             }
             Self::TwoSpots { .. } => "cover what reflects the laser or shines beside it",
             Self::Unsteady { .. } => "hold the target still, or take fewer rows in a frame",
-            Self::NotCalibrated { .. } => "`calibration on`",
+            Self::NotCalibrated { .. } => "`calibration on`, or give it a calibration",
         }
     }
 }

@@ -41,7 +41,6 @@ impl Rungs {
                 mean: Mean::Weighted,
                 estimator,
                 black_level: BlackLevel::Frame,
-                calibration: every_centre(),
             };
             Measurement::new(geometry.clone(), settings)
         });
@@ -53,6 +52,7 @@ impl Rungs {
 
     /// Asks every rung, in the order of [`Estimator::ALL`], and says its words.
     pub fn ask(&mut self, light: &mut [u16], mut say: impl FnMut(Estimator, u32)) {
+        let calibration = every_centre();
         for (rung, measurement) in Estimator::ALL.into_iter().zip(&mut self.measurements) {
             let mut say = |word| say(rung, word);
             let found = self.geometry.row(light).map_err(|_| Fault::SensorSilent);
@@ -65,6 +65,7 @@ impl Rungs {
             });
             say_centre(looked_at, &mut say);
             if let Some(result) = measurement.row(light) {
+                let result = result.and_then(|measured| measured.reading(calibration.as_ref()));
                 say_reading(result, &mut say);
             }
         }

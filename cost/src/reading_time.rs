@@ -157,10 +157,10 @@ fn read(scene: &Scene, reading: u64) -> Vec<Option<Found>> {
             mean: Mean::default(),
             estimator: Estimator::default(),
             black_level: BlackLevel::Shielded,
-            calibration: Calibration::nominal(),
         };
         Measurement::new(scene.geometry(), settings)
     });
+    let calibration = Calibration::nominal();
     let mut results = vec![None; ROWS.len()];
     let full_scale = scene.geometry().full_scale();
     let mut sum_of_truths = 0.0;
@@ -176,7 +176,10 @@ fn read(scene: &Scene, reading: u64) -> Vec<Option<Found>> {
             if row >= rows {
                 continue;
             }
-            if let Some(Ok(reading)) = measurement.row(&mut words.clone()) {
+            let measured = measurement.row(&mut words.clone());
+            if let Some(Ok(reading)) =
+                measured.map(|measured| measured?.reading(calibration.as_ref()))
+            {
                 *result = Some(Found {
                     error: reading.distance.to_f64() - sum_of_truths / rows as f64,
                     claim: reading.uncertainty.to_f64(),

@@ -69,6 +69,7 @@ struct Bench {
     geometry: Geometry,
     light: Vec<f64>,
     settings: Settings,
+    calibration: Option<Calibration>,
     measurement: Measurement,
     /// Rows of the frame that is under way.
     rows: u16,
@@ -82,13 +83,13 @@ impl Bench {
             mean: Mean::Weighted,
             estimator: Estimator::default(),
             black_level: BlackLevel::Shielded,
-            calibration: None,
         };
         Self {
             light: vec![300.0; geometry.light.len().min(5000)],
-            measurement: Measurement::new(geometry.clone(), settings.clone()),
+            measurement: Measurement::new(geometry.clone(), settings),
             geometry,
             settings,
+            calibration: None,
             rows: 0,
             left: MAX_ROWS_OF_INPUT,
         }
@@ -169,13 +170,9 @@ impl Bench {
                 1 => BlackLevel::Frame,
                 _ => BlackLevel::Fixed(Counts::from_int(i32::from(d))),
             },
-            calibration: if a & 0x80 != 0 {
-                Calibration::nominal()
-            } else {
-                None
-            },
         };
-        self.measurement.set(self.settings.clone());
+        self.calibration = Calibration::nominal().filter(|_| a & 0x80 != 0);
+        self.measurement.set(self.settings);
         self.rows = 0;
     }
 
@@ -224,7 +221,7 @@ impl Bench {
         assert_eq!(result.is_some(), due, "after {} rows", self.rows);
         if let Some(result) = result {
             self.rows = 0;
-            match result {
+            match result.and_then(|measured| measured.reading(self.calibration.as_ref())) {
                 Ok(reading) => self.check(&reading),
                 Err(fault) => self.check_fault(fault),
             }
@@ -244,7 +241,6 @@ impl Bench {
         let said = format!("{reading}");
         assert!(said.starts_with("d ") && said.is_ascii(), "{said}");
         let calibration = self
-            .settings
             .calibration
             .as_ref()
             .expect("a distance without calibration");
@@ -293,7 +289,7 @@ impl Bench {
                 centre,
                 uncertainty,
             } => {
-                assert!(self.settings.calibration.is_none());
+                assert!(self.calibration.is_none());
                 self.check_centre(centre, uncertainty);
             }
             Fault::OutOfRange { centre } => self.check_centre(centre, Pixels::MAX),

@@ -406,8 +406,8 @@ fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
         mean: Mean::Weighted,
         estimator: Estimator::default(),
         black_level: BlackLevel::Shielded,
-        calibration: Calibration::nominal(),
     };
+    let calibration = Calibration::nominal();
     let full_scale = scene.geometry().full_scale();
     let results: Vec<Option<Found>> = (0..count)
         .into_par_iter()
@@ -416,7 +416,7 @@ fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
                 seed: scene.seed + reading,
                 ..scene.clone()
             });
-            let mut measurement = Measurement::new(scene.geometry(), settings.clone());
+            let mut measurement = Measurement::new(scene.geometry(), settings);
             let mut truth = 0.0;
             let mut result = None;
             for row in 0..u64::from(rows) {
@@ -428,7 +428,8 @@ fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
                     .collect();
                 result = measurement.row(&mut words);
             }
-            let reading = result.expect("a frame is complete").ok()?;
+            let measured = result.expect("a frame is complete").ok()?;
+            let reading = measured.reading(calibration.as_ref()).ok()?;
             Some(Found {
                 bound: 0.0,
                 error: reading.distance.to_f64() - truth,

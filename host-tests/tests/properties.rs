@@ -9,7 +9,7 @@ use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
 use slitrange::protocol::command::{self, MAX_LINE};
 use slitrange::protocol::input::Input;
-use slitrange::reading::{Fault, Reading};
+use slitrange::reading::{Fault, Measured, Reading};
 use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
 use slitrange::spot::{Background, Spot};
@@ -17,7 +17,6 @@ use slitrange::triangulation::NOMINAL;
 use slitrange::units::{Counts, Pixels};
 
 fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measurement {
-    let calibration = Calibration::nominal();
     Measurement::new(
         geometry,
         Settings {
@@ -25,9 +24,13 @@ fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measur
             rows,
             mean: Mean::default(),
             black_level,
-            calibration,
         },
     )
+}
+
+/// With the nominal calibration.
+fn reading(result: Result<Measured, Fault>) -> Result<Reading, Fault> {
+    result?.reading(Calibration::nominal().as_ref())
 }
 
 fn black_levels() -> impl Strategy<Value = BlackLevel> {
@@ -156,7 +159,7 @@ proptest! {
     fn any_words_give_a_reading_or_a_fault(mut words in words(), black_level in black_levels()) {
         let mut measurement = measurement(sensor_heads::tcd1304dg(), 1, black_level);
         let result = measurement.row(&mut words).expect("a frame of one row is complete");
-        if let Ok(reading) = result {
+        if let Ok(reading) = reading(result) {
             let (from, to) = NOMINAL.expect("a curve").valid();
             prop_assert!(reading.centre >= from && reading.centre <= to, "{reading}");
             prop_assert!(reading.centre_uncertainty.to_bits() > 0, "{reading}");
@@ -251,9 +254,8 @@ proptest! {
                     (3900.0 - amplitude * (-0.5 * u * u).exp()) as u16 - dither as u16 - offset
                 })
                 .collect();
-            measurement(sensor_heads::tcd1304dg(), 1, BlackLevel::Shielded)
-                .row(&mut words)
-                .expect("a frame of one row is complete")
+            let result = measurement(sensor_heads::tcd1304dg(), 1, BlackLevel::Shielded).row(&mut words);
+            reading(result.expect("a frame of one row is complete"))
         };
         let without_black = |reading: Reading| Reading { black_level: Counts::from_int(0), ..reading };
         let (dark, light) = (read(0), read(offset));
@@ -331,13 +333,14 @@ fn every_fault_is_reachable() {
                 rows: rows.len() as u16,
                 mean: Mean::default(),
                 black_level: BlackLevel::Shielded,
-                calibration: Calibration::nominal().filter(|_| *calibrated),
             };
             let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
             let results = rows
                 .iter()
                 .filter_map(|row| measurement.row(&mut row.clone()));
             let result = results.last().expect("the frame is complete");
+            let calibration = Calibration::nominal().filter(|_| *calibrated);
+            let result = result.and_then(|measured| measured.reading(calibration.as_ref()));
             let found = result.map_or_else(|fault| fault.name(), |_| "reading");
             assert_eq!(found, *name, "{estimator:?}: {result:?}");
         }

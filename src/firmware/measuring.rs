@@ -1,12 +1,11 @@
-//! Rows become readings: the pure core, with rows and settings brought to it and results carried away.
+//! Rows become centres of frames: the pure core, with rows and settings brought to it and results carried away.
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, with_timeout};
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
 use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
-use slitrange::reading::{Fault, Reading};
+use slitrange::reading::{Fault, Measured};
 
 use super::shared::{COUNTERS, FREE, FULL, RESULTS, SETTINGS, WORDS};
 use super::{board, tcd1304};
@@ -21,7 +20,6 @@ pub fn default_settings() -> Settings {
         rows: 16,
         mean: Mean::default(),
         black_level: BlackLevel::Shielded,
-        calibration: Calibration::nominal(),
     }
 }
 
@@ -60,12 +58,12 @@ pub async fn measure(settings: Settings) {
 fn measure_row(
     measurement: &mut Measurement,
     words: &mut [u16; WORDS],
-) -> Option<Result<Reading, Fault>> {
+) -> Option<Result<Measured, Fault>> {
     measurement.row(words)
 }
 
 /// Never waits: a serial line that is behind must not keep rows from being measured.
-fn publish(result: Result<Reading, Fault>) {
+fn publish(result: Result<Measured, Fault>) {
     COUNTERS
         .lines_dropped
         .add_if(RESULTS.try_send(result).is_err());

@@ -26,7 +26,7 @@ use slitrange::protocol::info::{Banner, Hardware, Info};
 use slitrange::protocol::input::Input;
 use slitrange::protocol::ladder::Ladder;
 use slitrange::protocol::status::{SerialErrors, StartCause, Status};
-use slitrange::reading::{Fault, Reading};
+use slitrange::reading::{Fault, Measured};
 
 use super::shared::{COUNTERS, RESULTS, SETTINGS};
 use super::{acquisition, board, tcd1304};
@@ -52,6 +52,7 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, settings
         started_by,
         started_at: Instant::now(),
         settings,
+        calibration: Calibration::nominal(),
         stream: true,
         distance_wanted: false,
         readings: 0,
@@ -89,6 +90,8 @@ struct Session {
     started_by: StartCause,
     started_at: Instant,
     settings: Settings,
+    /// What centres mean, where the sensor is calibrated.
+    calibration: Option<Calibration>,
     stream: bool,
     distance_wanted: bool,
     readings: u32,
@@ -97,7 +100,8 @@ struct Session {
 
 impl Session {
     /// Counts a result, and says it where it is wanted.
-    async fn report(&mut self, result: Result<Reading, Fault>) {
+    async fn report(&mut self, result: Result<Measured, Fault>) {
+        let result = result.and_then(|measured| measured.reading(self.calibration.as_ref()));
         COUNTERS.results.add();
         match &result {
             Ok(_) => self.readings = self.readings.wrapping_add(1),
@@ -136,6 +140,7 @@ impl Session {
                     hardware: &HARDWARE,
                     geometry: &geometry,
                     settings: &self.settings,
+                    calibration: self.calibration.as_ref(),
                 };
                 self.tx.send(format_args!("{info}")).await;
             }
@@ -192,10 +197,9 @@ impl Session {
             }
             Command::Calibration(on) => {
                 if let Some(on) = on {
-                    self.settings.calibration = if on { Calibration::nominal() } else { None };
-                    self.apply();
+                    self.calibration = if on { Calibration::nominal() } else { None };
                 }
-                let on = self.settings.calibration.is_some();
+                let on = self.calibration.is_some();
                 self.tx
                     .send(format_args!("{}", Command::Calibration(Some(on))))
                     .await;
@@ -204,7 +208,7 @@ impl Session {
     }
 
     fn apply(&self) {
-        SETTINGS.signal(self.settings.clone());
+        SETTINGS.signal(self.settings);
     }
 
     fn status(&self) -> Status {

@@ -6,7 +6,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use slitrange::measurement::Settings;
-use slitrange::reading::{Fault, Reading};
+use slitrange::reading::{Fault, Measured};
 use slitrange::sensor_heads;
 
 /// Words in a row, all of which one DMA transfer brings.
@@ -24,9 +24,9 @@ pub static FREE: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::ne
 /// Rows to compute on. Holds all there are, so that sending never waits.
 pub static FULL: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::new();
 
-/// Readings and faults for the serial line: 91 ms of them at the highest rate, a row a frame, so that the answer to
+/// What was measured, for the serial line: 91 ms of them at the highest rate, a row a frame, so that the answer to
 /// `status` (about 45 ms) loses none.
-pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Reading, Fault>, 16> = Channel::new();
+pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Measured, Fault>, 16> = Channel::new();
 
 /// Changed settings. Only the last change matters.
 pub static SETTINGS: Signal<CriticalSectionRawMutex, Settings> = Signal::new();

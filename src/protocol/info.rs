@@ -44,6 +44,8 @@ pub struct Info<'a> {
     pub geometry: &'a Geometry,
     /// What is set.
     pub settings: &'a Settings,
+    /// What its centres mean, where that is known and wanted.
+    pub calibration: Option<&'a Calibration>,
 }
 
 impl fmt::Display for Info<'_> {
@@ -82,7 +84,7 @@ impl fmt::Display for Info<'_> {
         write!(f, "\r\ninfo rate a row every {row_us} us, exposed as long")?;
         write!(f, "\r\ninfo mean {}", self.settings.mean.name())?;
         write!(f, "\r\ninfo estimator {}", self.settings.estimator.name())?;
-        let Some(calibration) = &self.settings.calibration else {
+        let Some(calibration) = self.calibration else {
             return f.write_str("\r\ninfo calibration off");
         };
         match calibration {
@@ -161,18 +163,19 @@ mod tests {
             Banner(&hardware, StartCause::PowerOn).to_string(),
             format!("slitrange {VERSION} NUCLEO-F429ZI TCD1304DG, started by power-on")
         );
-        let mut settings = Settings {
+        let settings = Settings {
             estimator: crate::estimator::Estimator::default(),
             rows: 16,
             mean: Mean::default(),
             black_level: BlackLevel::Shielded,
-            calibration: Calibration::nominal(),
         };
+        let nominal = Calibration::nominal();
         let geometry = sensor_heads::tcd1304dg();
         let info = Info {
             hardware: &hardware,
             geometry: &geometry,
             settings: &settings,
+            calibration: nominal.as_ref(),
         }
         .to_string();
         assert_eq!(
@@ -189,11 +192,11 @@ mod tests {
             info.contains("\r\ninfo mean weighted\r\ninfo estimator phase-table\r\n"),
             "{info}"
         );
-        settings.calibration = None;
         let info = Info {
             hardware: &hardware,
             geometry: &geometry,
             settings: &settings,
+            calibration: None,
         }
         .to_string();
         assert!(info.ends_with("info calibration off"), "{info}");
@@ -219,7 +222,6 @@ mod tests {
                     rows: 16,
                     mean: Mean::default(),
                     black_level: BlackLevel::Shielded,
-                    calibration: Some(calibration),
                 };
                 let hardware = Hardware {
                     board: "NUCLEO-F429ZI",
@@ -231,6 +233,7 @@ mod tests {
                     hardware: &hardware,
                     geometry: &geometry,
                     settings: &settings,
+                    calibration: Some(&calibration),
                 }
                 .to_string();
                 assert!(info.len() + 2 <= crate::protocol::MAX_ANSWER, "{info}");

@@ -2,11 +2,10 @@
 
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WORDS};
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
 use slitrange::estimator::Estimator;
 use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
-use slitrange::reading::{Fault, Reading};
+use slitrange::reading::{Fault, Measured};
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
 use slitrange::triangulation::{self, Eq1};
@@ -57,10 +56,10 @@ pub fn measure() {
         let mut pipeline = Pipeline {
             measurement: &mut measurement,
             words: &mut words,
-            reading: None,
+            measured: None,
         };
         whole[row] = counter::count(step_measurement_row, &(), &mut pipeline);
-        defmt::assert!(pipeline.reading.is_none());
+        defmt::assert!(pipeline.measured.is_none());
 
         let calibration = defmt::unwrap!(triangulation::NOMINAL.ok());
         let mut found = None;
@@ -82,7 +81,6 @@ fn settings() -> Settings {
         mean: Mean::default(),
         estimator: Estimator::default(),
         black_level: BlackLevel::Shielded,
-        calibration: Calibration::nominal(),
     }
 }
 
@@ -141,13 +139,13 @@ extern "C" fn step_geometry_row(geometry: &Geometry, read_out: &mut ReadOut<'_>)
 struct Pipeline<'a> {
     measurement: &'a mut Measurement,
     words: &'a mut [u16; WORDS],
-    reading: Option<Result<Reading, Fault>>,
+    measured: Option<Result<Measured, Fault>>,
 }
 
 #[inline(never)]
 #[unsafe(no_mangle)]
 extern "C" fn step_measurement_row(_: &(), pipeline: &mut Pipeline<'_>) {
-    pipeline.reading = pipeline.measurement.row(pipeline.words);
+    pipeline.measured = pipeline.measurement.row(pipeline.words);
 }
 
 /// A distance and the curve's slope, once it was asked for.

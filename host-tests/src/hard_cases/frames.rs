@@ -85,13 +85,13 @@ impl HardFrame {
             mean: Mean::Weighted,
             estimator: rung,
             black_level: BlackLevel::Shielded,
-            calibration: Some(Calibration::Eq1(calibration())),
         };
+        let calibration = Calibration::Eq1(calibration());
         let mut measurement = Measurement::new(self.geometry.clone(), settings);
         let mut reading = Err(Fault::SensorSilent);
         for row in &self.rows {
             if let Some(complete) = measurement.row(&mut row.clone()) {
-                reading = complete;
+                reading = complete.and_then(|measured| measured.reading(Some(&calibration)));
             }
         }
         reading

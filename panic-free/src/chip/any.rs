@@ -8,9 +8,9 @@ use slitrange::calibration::record::Record;
 use slitrange::calibration::residuals::Corrected;
 use slitrange::calibration::table::Table;
 use slitrange::estimator::{Estimator, RowCentre, WidthClass};
-use slitrange::frame::Mean;
+use slitrange::frame::{FrameCentre, Mean};
 use slitrange::measurement::Settings;
-use slitrange::reading::{Fault, Reading};
+use slitrange::reading::{Fault, Measured, Reading};
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 use slitrange::spot::{Background, Spot};
@@ -54,7 +54,6 @@ pub fn settings() -> Settings {
         mean: any(Mean::Plain),
         estimator: any(Estimator::Centroid),
         black_level: any(BlackLevel::Shielded),
-        calibration: any(true).then(calibration).flatten(),
     }
 }
 
@@ -120,6 +119,23 @@ pub fn row_centre() -> RowCentre {
         width: Pixels::MIN,
         class: WidthClass::default(),
         misfit: false,
+    })
+}
+
+pub fn measured() -> Measured {
+    any(Measured {
+        frame: FrameCentre {
+            centre: Pixels::MIN,
+            uncertainty: Pixels::MIN,
+            amplitude: Counts::MIN,
+            width: Pixels::MIN,
+            rows_used: 0,
+            rows: 0,
+            misfits: 0,
+            correlated: None,
+        },
+        black_level: Counts::MIN,
+        estimator: Estimator::Centroid,
     })
 }
 

@@ -31,11 +31,11 @@ pub fn measure_rows() {
             say(&measurement.silence());
         }
         match measurement.row(any::words(&mut words)) {
-            Some(Ok(reading)) => {
-                say(&reading);
-                reached(reading.distance.to_bits());
+            Some(Ok(measured)) => {
+                any(measured.reading(None).is_ok());
+                reached(measured.frame.centre.to_bits());
                 #[cfg(feature = "put-an-overflow-in")]
-                any(reading.centre.to_bits() + reading.distance.to_bits());
+                any(measured.frame.centre.to_bits() + measured.frame.uncertainty.to_bits());
             }
             Some(Err(fault)) => say(&fault),
             None => {}
@@ -94,6 +94,10 @@ pub fn find_distances() {
         return;
     };
     any(calibration.distances().is_ok());
+    if let Ok(reading) = any(any::measured().reading(Some(&calibration))) {
+        say(&reading);
+        reached(reading.distance.to_bits());
+    }
     if let Ok((distance, _)) = any(calibration.distance_at(any(Pixels::MIN))) {
         reached(distance.to_bits());
     }
@@ -139,6 +143,7 @@ pub fn talk() {
         hardware: &hardware,
         geometry: &any::geometry(),
         settings: &any::settings(),
+        calibration: any(true).then(any::calibration).flatten().as_ref(),
     });
     say(&any(Status {
         started_by: StartCause::PowerOn,

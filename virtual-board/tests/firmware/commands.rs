@@ -65,8 +65,8 @@ fn help_and_info_are_what_the_core_says() {
                 rows: 16,
                 mean: Mean::default(),
                 black_level: BlackLevel::Shielded,
-                calibration,
             },
+            calibration: calibration.as_ref(),
         }
         .to_string();
         let info: Vec<&str> = info.split("\r\n").collect();

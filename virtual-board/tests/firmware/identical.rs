@@ -95,14 +95,16 @@ fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<Strin
 }
 
 /// The line for each frame of the rows.
-fn on_this_pc(rows: &[Row], settings: &Settings) -> Vec<String> {
-    let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings.clone());
+fn on_this_pc(rows: &[Row], settings: Settings, calibration: Option<&Calibration>) -> Vec<String> {
+    let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
     rows.iter()
         .filter_map(|row| measurement.row(&mut row.words.clone()))
-        .map(|result| match result {
-            Ok(reading) => reading.to_string(),
-            Err(fault) => fault.to_string(),
-        })
+        .map(
+            |result| match result.and_then(|measured| measured.reading(calibration)) {
+                Ok(reading) => reading.to_string(),
+                Err(fault) => fault.to_string(),
+            },
+        )
         .collect()
 }
 
@@ -156,9 +158,8 @@ fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
             rows: 1,
             mean: Mean::default(),
             black_level: BlackLevel::Shielded,
-            calibration,
         };
-        let pc = on_this_pc(&rows, &settings);
+        let pc = on_this_pc(&rows, settings, calibration.as_ref());
         // The first of them may still be of a frame of 16 rows.
         let chip = &chip[1..];
         let pc = aligned(&pc, chip);
@@ -214,12 +215,12 @@ fn every_frame_is_the_same_line_on_the_chip_and_on_a_pc() {
             rows,
             mean,
             black_level: BlackLevel::Frame,
-            calibration: Calibration::nominal(),
         };
+        let calibration = Calibration::nominal();
         let chip = &chip[1..];
         // Frames begin with whichever row was the first with the settings in force.
         let pc: Vec<Vec<String>> = (0..usize::from(rows))
-            .map(|first| on_this_pc(&shown[first..], &settings))
+            .map(|first| on_this_pc(&shown[first..], settings, calibration.as_ref()))
             .collect();
         let pc = pc
             .iter()
@@ -261,9 +262,8 @@ fn every_estimator_says_the_same_on_the_chip_and_on_a_pc() {
                 rows: 1,
                 mean: Mean::default(),
                 black_level: BlackLevel::Shielded,
-                calibration,
             };
-            let pc = on_this_pc(&rows, &settings);
+            let pc = on_this_pc(&rows, settings, calibration.as_ref());
             // The first two may still be of the estimator before.
             let chip = &chip[2..];
             let pc = aligned(&pc, chip);

@@ -1,0 +1,7 @@
+//! `slitrange`: see `slitrange --help`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ExitCode::SUCCESS
+}

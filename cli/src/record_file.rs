@@ -1,0 +1,1 @@
+//! A calibration record as a file: the bytes that the sensor keeps in its flash ([`slitrange::calibration::record`]).

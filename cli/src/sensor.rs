@@ -1,0 +1,1 @@
+//! A sensor at a serial port.
