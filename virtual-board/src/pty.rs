@@ -21,10 +21,13 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// Opens a pseudo-terminal, prints its path, and runs `board` at the wall clock's pace (or as fast as it can, if that is
 /// slower), passing bytes both ways, until the process is interrupted. What nobody reads is lost, as on a real line.
 ///
+/// `meanwhile` is called every 5 ms: before the bytes that have been read are passed on to the board, and before those that the board
+/// has sent are written.
+///
 /// # Errors
 ///
-/// There is no pseudo-terminal to be had, or as [`VirtualBoard::run_for`].
-pub fn serve(board: &mut VirtualBoard) -> Result<()> {
+/// There is no pseudo-terminal to be had, or as `meanwhile` or [`VirtualBoard::run_for`].
+pub fn serve(board: &mut VirtualBoard, meanwhile: impl FnMut() -> Result<()>) -> Result<()> {
     let ends = openpty(None, None).context("opening a pseudo-terminal")?;
     let mut settings = tcgetattr(&ends.slave).context("reading the pseudo-terminal's settings")?;
     // Raw: no echo of what the firmware says back to it, and line ends as they are.
@@ -35,32 +38,40 @@ pub fn serve(board: &mut VirtualBoard) -> Result<()> {
     let path = ttyname(&ends.slave).context("asking for the pseudo-terminal's path")?;
     println!("serial line: {}", path.display());
     // `ends.slave` stays open, or reading would fail whenever no program has the terminal open.
-    forward(board, &mut File::from(ends.master))
+    forward(board, &mut File::from(ends.master), meanwhile)
 }
 
 /// Runs `board` and passes bytes between it and `terminal`.
-fn forward(board: &mut VirtualBoard, terminal: &mut File) -> Result<()> {
+fn forward(
+    board: &mut VirtualBoard,
+    terminal: &mut File,
+    mut meanwhile: impl FnMut() -> Result<()>,
+) -> Result<()> {
     let mut due = Instant::now();
     let mut received = [0; 256];
+    let mut sent = vec![];
     loop {
-        match terminal.read(&mut received) {
-            Ok(count) => board.send_at(board.now(), &received[..count]),
-            Err(error) if is_idle(error.kind()) => {}
+        let count = match terminal.read(&mut received) {
+            Ok(count) => count,
+            Err(error) if is_idle(error.kind()) => 0,
             Err(error) => return Err(error).context("reading the pseudo-terminal"),
+        };
+        // In between: a command finds what was done before it was sent, and what the board says it has done is done.
+        meanwhile()?;
+        match terminal.write(&sent) {
+            Ok(_) => {}
+            Err(error) if is_idle(error.kind()) => {}
+            Err(error) => return Err(error).context("writing to the pseudo-terminal"),
         }
+        board.send_at(board.now(), &received[..count]);
         board.run_for(SLICE)?;
-        let sent: Vec<u8> = board
+        sent = board
             .take_bytes()
             .into_iter()
             .map(|(_, byte)| byte)
             .collect();
         // The lines would pile up.
         board.take_lines();
-        match terminal.write(&sent) {
-            Ok(_) => {}
-            Err(error) if is_idle(error.kind()) => {}
-            Err(error) => return Err(error).context("writing to the pseudo-terminal"),
-        }
         due += SLICE;
         let now = Instant::now();
         if now > due + PATIENCE {
