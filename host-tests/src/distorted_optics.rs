@@ -6,9 +6,9 @@ use std::ops::RangeInclusive;
 use anyhow::{Context as _, Result};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use slitrange_cli::fit::eq1;
 
 use crate::optics::Optics;
-use crate::paper::eq1_fit;
 
 /// Distances of the paper's position table, in metres: over these the departure from eq. (1) holds.
 pub const RANGE: RangeInclusive<f64> = 0.60..=1.02;
@@ -98,7 +98,7 @@ impl DistortedOptics {
             .map(|share| RANGE.start() + share * (RANGE.end() - RANGE.start()))
             .map(|distance| (self.centre(distance), distance))
             .collect();
-        let fit = eq1_fit::fit(&points).context("fitting eq. (1) to the distorted geometry")?;
+        let fit = eq1::fit(&points).context("fitting eq. (1) to the distorted geometry")?;
         Ok(fit.largest)
     }
 
@@ -206,7 +206,7 @@ mod tests {
             let points: Vec<(f64, f64)> = distances(0.60, 1.02)
                 .map(|distance| (optics.centre(distance), distance))
                 .collect();
-            let largest = eq1_fit::fit(&points).expect("a fit").largest;
+            let largest = eq1::fit(&points).expect("a fit").largest;
             if seed < 5 {
                 let (third, fifth) = (optics.third, optics.fifth);
                 println!("{:.2} um by {third:.3} and {fifth:.3} px", largest * 1e6);

@@ -5,7 +5,8 @@ use anyhow::Result;
 use host_tests::distorted_optics::DistortedOptics;
 use host_tests::scene::Scene;
 use virtual_board::light::{Target, of_scene, of_scene_through};
-use virtual_board::{Exposure, Firmware, LightSource, SharedFlash, VirtualBoard, pty};
+use virtual_board::pty::{Pace, PseudoTerminal};
+use virtual_board::{Exposure, Firmware, LightSource, SharedFlash, VirtualBoard};
 
 use crate::Options;
 use crate::flash_file::FlashFile;
@@ -24,12 +25,19 @@ pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
     let flash = (flash_file.as_ref()).map_or_else(SharedFlash::default, FlashFile::flash);
     let light = light(options, scene, target)?;
     let mut board = VirtualBoard::power_on_with_flash(firmware, light, flash)?;
-    pty::serve(&mut board, || {
+    let mut terminal = PseudoTerminal::open()?;
+    println!("serial line: {}", terminal.path().display());
+    let mut kept = Ok(());
+    terminal.serve(&mut board, Pace::WallClock, |_| {
         if let Some(stage) = &mut stage {
             stage.look();
         }
-        flash_file.as_mut().map_or(Ok(()), FlashFile::keep)
-    })
+        if let Some(file) = &mut flash_file {
+            kept = file.keep();
+        }
+        kept.is_ok()
+    })?;
+    kept
 }
 
 /// What the sensor sees: a target that stays where it is put, or else one that goes to and fro.
