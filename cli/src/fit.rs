@@ -1,5 +1,7 @@
 //! From points to a calibration.
 
+pub mod eq1;
+
 use std::path::PathBuf;
 
 use anyhow::bail;

@@ -1,0 +1,8 @@
+//! The store: whatever happens to the power or to the flash, what it gives is something that was saved, whole.
+
+mod flash;
+mod power_cuts;
+#[path = "../records/mod.rs"]
+mod records;
+mod samples;
+mod saved;
