@@ -14,8 +14,10 @@ pub mod acquisition;
 pub mod board;
 pub mod measuring;
 pub mod serial_line;
+pub mod session;
 pub mod shared;
 pub mod tcd1304;
+pub mod transmitter;
 pub mod watchdog;
 
 // Linked for what they define: where defmt's log goes, and what a panic does (it is logged, then everything stops, and
