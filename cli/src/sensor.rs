@@ -1,10 +1,20 @@
 //! A sensor at a serial port.
+//!
+//! ```text
+//! bytes -> lines -> questions and answers -> points taken, records moved
+//!          (line)   (session, answers)       (run)         (transfer)
+//! ```
 
 use anyhow::bail;
 
-/// Of `slitrange calibrate run`.
-#[derive(clap::Args)]
-pub struct RunOptions {}
+pub mod answers;
+pub mod line;
+pub mod positions;
+pub mod run;
+pub mod session;
+pub mod taken;
+
+pub use run::{RunOptions, run};
 
 /// Of `slitrange calibrate write`.
 #[derive(clap::Args)]
@@ -17,14 +27,6 @@ pub struct ReadOptions {}
 /// Of `slitrange calibrate show`.
 #[derive(clap::Args)]
 pub struct ShowOptions {}
-
-/// `slitrange calibrate run`.
-///
-/// # Errors
-/// It cannot be done yet.
-pub fn run(_: &RunOptions) -> anyhow::Result<()> {
-    bail!("taking points is not there yet")
-}
 
 /// `slitrange calibrate write`.
 ///
