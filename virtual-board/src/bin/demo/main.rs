@@ -6,8 +6,6 @@ mod lines;
 mod moving_target;
 mod photograph;
 #[cfg(unix)]
-mod stage;
-#[cfg(unix)]
 mod terminal;
 
 use std::path::PathBuf;

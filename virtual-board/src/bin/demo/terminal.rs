@@ -6,12 +6,12 @@ use host_tests::distorted_optics::DistortedOptics;
 use host_tests::scene::Scene;
 use virtual_board::light::{Target, of_scene, of_scene_through};
 use virtual_board::pty::{Pace, PseudoTerminal};
+use virtual_board::stage::Stage;
 use virtual_board::{Exposure, Firmware, LightSource, SharedFlash, VirtualBoard};
 
 use crate::Options;
 use crate::flash_file::FlashFile;
 use crate::moving_target::{self, FARTHEST, NEAREST};
-use crate::stage::Stage;
 
 /// How far an unknown geometry is from eq. (1), in metres.
 const DEPARTURE: f64 = 300e-6;

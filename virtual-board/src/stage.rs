@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use virtual_board::light::Target;
+use crate::light::Target;
 
 /// The stage, and where it is.
+#[derive(Debug)]
 pub struct Stage {
     file: PathBuf,
     target: Target,
