@@ -7,6 +7,8 @@ use host_tests::bound;
 use host_tests::scene::{Scene, Sensor, Simulation};
 use serde::Serialize;
 use virtual_board::light::{Target, of_scene};
+#[cfg(unix)]
+use virtual_board::pty::{Pace, PseudoTerminal};
 use virtual_board::{Firmware, Line, VirtualBoard};
 
 use crate::lines::Report;
@@ -115,7 +117,11 @@ pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
             light(exposure)
         })
     };
-    virtual_board::pty::serve(&mut VirtualBoard::power_on(firmware, light)?)
+    let mut board = VirtualBoard::power_on(firmware, light)?;
+    let mut terminal = PseudoTerminal::open()?;
+    println!("serial line: {}", terminal.path().display());
+    // Until the process is interrupted.
+    terminal.serve(&mut board, Pace::WallClock, |_| true)
 }
 
 #[cfg(not(unix))]
