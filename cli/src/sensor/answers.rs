@@ -108,8 +108,6 @@ pub struct InUse {
 /// The record in use.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordInUse {
-    /// `default`, `stored` or `uploaded`.
-    pub source: String,
     /// Its length in bytes.
     pub bytes: usize,
     /// The CRC-32 at its end.
@@ -137,7 +135,6 @@ pub fn in_use(lines: &[String]) -> Option<InUse> {
     let (bytes, crc) = of("record")?.split_once(' ')?;
     Some(InUse {
         record: Some(RecordInUse {
-            source: of("source")?.to_owned(),
             bytes: bytes.parse().ok()?,
             crc: u32::from_str_radix(crc, 16).ok()?,
             serial_number: of("serial")?.parse().ok()?,
@@ -157,6 +154,8 @@ pub fn head(lines: &[String]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slitrange::calibration::written::Written;
+    use slitrange::protocol::calibration::{Shown, Stored};
 
     fn lines(text: &str) -> Vec<String> {
         text.lines().map(str::to_owned).collect()
@@ -209,26 +208,32 @@ mod tests {
 
     #[test]
     fn the_calibration_in_use_is_known_at_its_last_line() {
-        let said = "calibration on\ncalibration source uploaded\ncalibration kind corrected\n\
-                    calibration record 412 00c0ffee\ncalibration serial 17\ncalibration date 2026-11-21\n\
-                    calibration estimator phase-table\ncalibration black shielded\n\
-                    calibration centres 1191.00 2654.00 px\ncalibration distances 550.1 1099.7 mm";
-        assert_eq!(in_use(&lines(said)), None);
-        let said = format!("{said}\ncalibration stored other");
+        let written = Written::nominal().expect("a record");
+        let shown = Shown {
+            written: Some(&written),
+            on: true,
+            stored: Stored::Record(!written.sum()),
+        };
+        let said = lines(&shown.to_string());
+        let in_use = InUse {
+            record: Some(RecordInUse {
+                bytes: written.bytes().len(),
+                crc: written.sum(),
+                serial_number: 0,
+            }),
+            stored: "other".to_owned(),
+        };
+        for count in 0..said.len() {
+            assert_eq!(super::in_use(&said[..count]), None);
+        }
+        assert_eq!(super::in_use(&said), Some(in_use));
+        let none = Shown {
+            written: None,
+            stored: Stored::Damaged,
+            ..shown
+        };
         assert_eq!(
-            in_use(&lines(&said)),
-            Some(InUse {
-                record: Some(RecordInUse {
-                    source: "uploaded".to_owned(),
-                    bytes: 412,
-                    crc: 0x00c0_ffee,
-                    serial_number: 17,
-                }),
-                stored: "other".to_owned(),
-            })
-        );
-        assert_eq!(
-            in_use(&lines("calibration none\ncalibration stored unusable")),
+            super::in_use(&lines(&none.to_string())),
             Some(InUse {
                 record: None,
                 stored: "unusable".to_owned(),

@@ -7,9 +7,6 @@ use slitrange::protocol::command::{Command, parse};
 use super::answers::{self, Centre, InUse, NoCentre};
 use super::line::{Line, LineError, TRIES, Waits};
 
-/// Asks for the next frame's centre.
-const CENTRE: &str = "centre";
-
 /// Between two attempts to reach a sensor that is away.
 const PAUSE: Duration = Duration::from_millis(200);
 
@@ -152,9 +149,10 @@ impl Session {
     /// No answer came, or an error.
     pub fn centre(&mut self) -> Result<Result<Centre, NoCentre>, LineError> {
         let wait = self.line.waits.frame;
+        let question = Command::Centre.to_string();
         let mut tries = 0;
         loop {
-            let answer = self.line.ask_once(CENTRE, wait, answers::centre);
+            let answer = self.line.ask_once(&question, wait, answers::centre);
             tries += 1;
             match answer {
                 Err(LineError::Silent { .. } | LineError::Refused { .. }) if tries < TRIES => {
