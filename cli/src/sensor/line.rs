@@ -260,7 +260,10 @@ impl Line {
                 if let Ok(Command::Stream(Some(on))) = parse(line.as_bytes()) {
                     return Ok(on);
                 }
-                heard = Some(line);
+                // What it says of the line before the question is of no interest.
+                if !is_error(&line) {
+                    heard = Some(line);
+                }
             }
         }
         Err(self.silent(&question, heard))

@@ -175,8 +175,7 @@ impl PointsFile {
         } else {
             let content =
                 Content::read(&bytes).with_context(|| format!("{shown} stays as it is"))?;
-            same_setup(&content.first, setup)
-                .with_context(|| format!("{shown} stays as it is, take another file"))?;
+            same_setup(&content.first, setup).with_context(|| format!("{shown} stays as it is"))?;
             content
         };
         if let Some(torn) = &content.torn {
@@ -289,6 +288,10 @@ impl Content {
             torn: (!rest.is_empty()).then(|| rest.escape_ascii().to_string()),
         };
         let text = std::str::from_utf8(whole).context("it is not text")?;
+        ensure!(
+            text.lines().next() == Some(TITLE),
+            "it was not made by `calibrate run`, which goes on with its own files only: its first line is not `{TITLE}`"
+        );
         let mut lines = text.lines().zip(1..);
         for (line, number) in lines.by_ref() {
             if line == COLUMNS {
@@ -296,14 +299,11 @@ impl Content {
             }
             ensure!(
                 line.is_empty() || line.starts_with('#'),
-                "line {number} is none of `calibrate run`'s, which goes on with its own files only: expected {COLUMNS}"
+                "line {number}, `{}`, is no remark: expected {COLUMNS} above the points",
+                line.escape_debug()
             );
             content.first.push(line.to_owned());
         }
-        ensure!(
-            content.first.first().is_some_and(|line| line == TITLE),
-            "it was not made by `calibrate run`, which goes on with its own files only: its first line is not `{TITLE}`"
-        );
         for (line, number) in lines {
             if line.starts_with('#') {
                 content.remarks.push(line.to_owned());
@@ -354,13 +354,146 @@ fn same_setup(first: &[String], setup: &Setup) -> Result<()> {
         }
         match name {
             "estimator" | "black" => bail!(
-                "its points were taken with `{name} {then}`, and the sensor is set to `{name} {now}`: set it to that"
+                "its points were taken with `{name} {then}`, and the sensor is set to `{name} {now}`: set it to that, or take \
+                 another file"
             ),
-            "head" => bail!("its points were taken with sensor head {then}, and this is {now}"),
+            "head" => bail!(
+                "its points were taken with sensor head {then}, and this is {now}: take another file"
+            ),
             _ => bail!(
-                "its points were taken with the sensor of serial number {then}, and this one's is {now}"
+                "its points were taken with the sensor of serial number {then}, and this one's is {now}: take another file"
             ),
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn setup() -> Setup {
+        Setup {
+            head: "TCD1304DG".to_owned(),
+            serial_number: 17,
+            estimator: "phase-table".to_owned(),
+            black: "fixed 300".to_owned(),
+        }
+    }
+
+    /// Of whole steps: as many decimals as are written.
+    fn steps(range: std::ops::Range<i64>, a_unit: f64) -> impl Strategy<Value = f64> {
+        range.prop_map(move |steps| steps as f64 / a_unit)
+    }
+
+    prop_compose! {
+        fn point()(
+            x_px in steps(-500_000..4_096_000_000, 1e6),
+            d_mm in prop_oneof![steps(1..8_380_000, 1e3), 1.0..8380.0],
+            sigma_px in steps(1..100_000_000, 1e6),
+            frames in 1..1000_usize,
+            scatter_px in proptest::option::of(steps(0..100_000_000, 1e6)),
+            claimed_px in steps(1..100_000_000, 1e6),
+            misfits: u32,
+            correlated: Option<u16>,
+        ) -> Taken {
+            Taken { x_px, d_mm, sigma_px, frames, scatter_px, claimed_px, misfits, correlated }
+        }
+    }
+
+    /// A file with these points, and its path.
+    fn file(directory: &tempfile::TempDir, points: &[Taken]) -> (PointsFile, PathBuf) {
+        let path = directory.path().join("points.csv");
+        let mut file = PointsFile::open(&path, &setup(), "today").expect("a file");
+        for point in points {
+            file.add(*point).expect("added");
+        }
+        (file, path)
+    }
+
+    fn sorted(mut points: Vec<Taken>) -> Vec<Taken> {
+        points.sort_by(|a, b| a.x_px.total_cmp(&b.x_px));
+        points
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+
+        #[test]
+        fn points_are_read_as_they_were_written(points in prop::collection::vec(point(), 0..6)) {
+            let directory = tempfile::tempdir().expect("a directory");
+            let (mut written, path) = file(&directory, &points);
+            written.remark("failed at\n600 mm").expect("remarked");
+            prop_assert_eq!(written.points(), &points[..]);
+            let read = PointsFile::open(&path, &setup(), "tomorrow").expect("a file");
+            prop_assert_eq!(read.points(), &points[..]);
+            prop_assert_eq!(read.torn(), None);
+            read.put_in_order().expect("in order");
+            let read = PointsFile::open(&path, &setup(), "tomorrow").expect("a file");
+            prop_assert_eq!(read.points(), &sorted(points)[..]);
+            let text = std::fs::read_to_string(&path).expect("text");
+            prop_assert!(text.ends_with("\n# failed at\\n600 mm\n"), "{}", text);
+            prop_assert!(text.contains("\n# started today\n"));
+        }
+
+        /// Cut off at any byte below the line above the points, as power that fails may leave it.
+        #[test]
+        fn a_line_that_is_cut_off_costs_itself_only(
+            points in prop::collection::vec(point(), 1..5),
+            part in 0.0..1.0,
+            garbage in prop::collection::vec(any::<u8>().prop_filter("no line end", |byte| *byte != b'\n'), 0..4),
+        ) {
+            let directory = tempfile::tempdir().expect("a directory");
+            let (_, path) = file(&directory, &points);
+            let mut bytes = std::fs::read(&path).expect("bytes");
+            let lines = points.iter().map(|point| point.to_string().len() + 1).sum::<usize>();
+            let cut = bytes.len() - (part * lines as f64) as usize;
+            bytes.truncate(cut);
+            bytes.extend(&garbage);
+            let whole = bytes.iter().filter(|byte| **byte == b'\n').count();
+            let lost = std::fs::read_to_string(&path).expect("text").lines().count() - whole;
+            let left = &points[..points.len() - lost];
+            std::fs::write(&path, &bytes).expect("written");
+            let torn = !bytes.ends_with(b"\n");
+            for torn in [torn, false] {
+                let mut read = PointsFile::open(&path, &setup(), "tomorrow").expect("a file");
+                prop_assert_eq!(read.points(), left);
+                prop_assert_eq!(read.torn().is_some(), torn);
+                read.remark("goes on").expect("remarked");
+            }
+        }
+    }
+
+    #[test]
+    fn the_file_is_as_documented() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let point = Taken {
+            x_px: 1770.98771,
+            d_mm: 800.0,
+            sigma_px: 0.0007,
+            frames: 8,
+            scatter_px: Some(0.00195),
+            claimed_px: 0.0019,
+            misfits: 0,
+            correlated: Some(3),
+        };
+        let typed = Taken {
+            d_mm: 810.12345,
+            scatter_px: None,
+            correlated: None,
+            ..point
+        };
+        let (_, path) = file(&directory, &[point, typed]);
+        insta::assert_snapshot!(std::fs::read_to_string(path).expect("text"));
+    }
+
+    #[test]
+    fn an_empty_file_is_begun() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("points.csv");
+        std::fs::write(&path, "").expect("written");
+        let file = PointsFile::open(&path, &setup(), "today").expect("begun");
+        assert!(file.points().is_empty());
+    }
 }
