@@ -3,8 +3,8 @@
 //! Four tasks, and what passes between them ([`shared`]):
 //!
 //! ```text
-//! acquisition --full rows--> measuring --centres, faults---> serial line
-//!             <--free rows--           <-----settings-------
+//! acquisition --full rows--> measuring --centres, faults---> serial line --saved--> flash
+//!             <--free rows--           <-settings, pauses---
 //! ```
 //!
 //! and the watchdog, which looks on. Acquisition and watchdog run on an executor of their own in an interrupt, above
@@ -12,6 +12,8 @@
 
 pub mod acquisition;
 pub mod board;
+pub mod flash;
+pub mod in_use;
 pub mod measuring;
 pub mod serial_line;
 pub mod session;

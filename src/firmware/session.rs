@@ -1,11 +1,13 @@
 //! What the one at the other end of the serial line set, asked for and was told.
 
+use core::sync::atomic::Ordering;
+
 use embassy_time::Instant;
 use slitrange::calibration::Calibration;
 use slitrange::calibration::written::Written;
 use slitrange::measurement::Settings;
 use slitrange::protocol::answer::HELP;
-use slitrange::protocol::calibration::{Shown, Stored};
+use slitrange::protocol::calibration::Shown;
 use slitrange::protocol::command::{Command, Error};
 use slitrange::protocol::info::{Banner, Hardware, Info};
 use slitrange::protocol::ladder::Ladder;
@@ -14,8 +16,11 @@ use slitrange::protocol::refusal::Refusal;
 use slitrange::protocol::status::{SerialErrors, StartCause, Status};
 use slitrange::protocol::upload::{Step, Upload};
 use slitrange::reading::{Fault, Measured};
+use slitrange::store::Store;
 
-use super::shared::{COUNTERS, SETTINGS};
+use super::flash::CalibrationFlash;
+use super::in_use::InUse;
+use super::shared::{COUNTERS, PAUSED, SETTINGS};
 use super::transmitter::Transmitter;
 use super::{acquisition, board, measuring, tcd1304};
 
@@ -30,12 +35,10 @@ pub struct Session {
     tx: Transmitter,
     started_by: StartCause,
     started_at: Instant,
-    settings: Settings,
-    /// What centres mean, where that is known.
-    calibration: Option<Written>,
+    store: Store<CalibrationFlash>,
+    in_use: InUse,
     /// Whether distances are wanted.
     calibration_on: bool,
-    stored: Stored,
     upload: Upload,
     stream: bool,
     distance_wanted: bool,
@@ -46,15 +49,19 @@ pub struct Session {
 
 impl Session {
     /// One that begins.
-    pub fn new(tx: Transmitter, started_by: StartCause, settings: Settings) -> Self {
+    pub fn new(
+        tx: Transmitter,
+        started_by: StartCause,
+        store: Store<CalibrationFlash>,
+        in_use: InUse,
+    ) -> Self {
         Self {
             tx,
             started_by,
             started_at: Instant::now(),
-            settings,
-            calibration: Written::nominal(),
+            store,
+            in_use,
             calibration_on: true,
-            stored: Stored::Nothing,
             upload: Upload::none(),
             stream: true,
             distance_wanted: false,
@@ -131,8 +138,8 @@ impl Session {
                 let info = Info {
                     hardware: &HARDWARE,
                     geometry: &geometry,
-                    settings: &self.settings,
-                    record: self.calibration.as_ref().map(Written::record),
+                    settings: &self.in_use.settings,
+                    record: self.in_use.calibration.as_ref().map(Written::record),
                     on: self.calibration_on,
                 };
                 self.tx.send(&info).await;
@@ -152,50 +159,54 @@ impl Session {
                 if let Some(rows) = rows {
                     self.set(Settings {
                         rows,
-                        ..self.settings
+                        ..self.in_use.settings
                     });
                 }
-                self.tx.send(&Command::Rows(Some(self.settings.rows))).await;
+                self.tx
+                    .send(&Command::Rows(Some(self.in_use.settings.rows)))
+                    .await;
             }
             Command::Black(black_level) => {
                 if let Some(black_level) = black_level {
                     self.set(Settings {
                         black_level,
-                        ..self.settings
+                        ..self.in_use.settings
                     });
                 }
-                let black = Command::Black(Some(self.settings.black_level));
+                let black = Command::Black(Some(self.in_use.settings.black_level));
                 self.tx.send(&black).await;
             }
             Command::Mean(mean) => {
                 if let Some(mean) = mean {
                     self.set(Settings {
                         mean,
-                        ..self.settings
+                        ..self.in_use.settings
                     });
                 }
-                self.tx.send(&Command::Mean(Some(self.settings.mean))).await;
+                self.tx
+                    .send(&Command::Mean(Some(self.in_use.settings.mean)))
+                    .await;
             }
             Command::Estimator(estimator) => {
                 if let Some(estimator) = estimator {
                     self.set(Settings {
                         estimator,
-                        ..self.settings
+                        ..self.in_use.settings
                     });
                 }
-                let estimator = Command::Estimator(Some(self.settings.estimator));
+                let estimator = Command::Estimator(Some(self.in_use.settings.estimator));
                 self.tx.send(&estimator).await;
             }
             Command::Calibration(None) => {
                 let shown = Shown {
-                    written: self.calibration.as_ref(),
+                    written: self.in_use.calibration.as_ref(),
                     on: self.calibration_on,
-                    stored: self.stored,
+                    stored: self.in_use.stored,
                 };
                 self.tx.send(&shown).await;
             }
             Command::Calibration(Some(on)) => {
-                if on && self.calibration.is_none() {
+                if on && self.in_use.calibration.is_none() {
                     return Err(Refusal::NoCalibration);
                 }
                 self.calibration_on = on;
@@ -210,29 +221,37 @@ impl Session {
                 self.tx.send(&command).await;
             }
             Command::Defaults => {
-                self.calibration = Written::nominal();
+                self.in_use.calibration = Written::nominal();
                 self.calibration_on = true;
                 self.set(measuring::default_settings());
                 self.tx.send(&command).await;
             }
-            Command::Save => return Err(Refusal::NotSaved),
+            Command::Save => self.save().await?,
         }
         Ok(())
     }
 
     /// What centres mean, where that is known and wanted.
     fn calibration_wanted(&self) -> Option<&Calibration> {
-        let written = self.calibration.as_ref().filter(|_| self.calibration_on)?;
+        let written = self
+            .in_use
+            .calibration
+            .as_ref()
+            .filter(|_| self.calibration_on)?;
         Some(&written.record().calibration)
     }
 
     fn set(&mut self, settings: Settings) {
-        self.settings = settings;
+        self.in_use.settings = settings;
         SETTINGS.signal(settings);
     }
 
     fn piece(&self, offset: u16) -> Result<Piece, Refusal> {
-        let written = self.calibration.as_ref().ok_or(Refusal::NoCalibration)?;
+        let written = self
+            .in_use
+            .calibration
+            .as_ref()
+            .ok_or(Refusal::NoCalibration)?;
         let bytes = written.bytes();
         Piece::of(bytes, offset).ok_or(Refusal::NoPiece {
             offset,
@@ -247,10 +266,26 @@ impl Session {
             self.set(Settings {
                 estimator: record.estimator,
                 black_level: record.black_level,
-                ..self.settings
+                ..self.in_use.settings
             });
-            self.calibration = Some(written);
+            self.in_use.calibration = Some(written);
         }
+        Ok(())
+    }
+
+    /// Keeps what is in use. No reading is due meanwhile, so that the line can be silent for as long as the flash takes.
+    async fn save(&mut self) -> Result<(), Refusal> {
+        let saved = self.in_use.to_save().ok_or(Refusal::NoCalibration)?;
+        PAUSED.store(true, Ordering::Relaxed);
+        self.tx.send(&"save pauses the stream").await;
+        // Signs of life: each of the flash's own may take half a second, and so may the first frame after them.
+        COUNTERS.results.add();
+        let result = self.store.save(&saved).await;
+        COUNTERS.results.add();
+        PAUSED.store(false, Ordering::Relaxed);
+        result.map_err(Refusal::NotSaved)?;
+        self.in_use.saved();
+        self.tx.send(&Command::Save).await;
         Ok(())
     }
 

@@ -4,6 +4,7 @@
 use core::fmt;
 
 use crate::calibration::record::RecordError;
+use crate::store::StoreError;
 
 /// Why a command is not obeyed. Nothing has changed. `Display` is the answer, without its line end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,8 +45,8 @@ pub enum Refusal {
     },
     /// There is no calibration.
     NoCalibration,
-    /// The flash did not take what was to be saved.
-    NotSaved,
+    /// What is in use could not be saved.
+    NotSaved(StoreError),
 }
 
 impl fmt::Display for Refusal {
@@ -73,9 +74,7 @@ impl fmt::Display for Refusal {
             Self::NoCalibration => {
                 f.write_str("E15 there is no calibration: upload one, or defaults")
             }
-            Self::NotSaved => f.write_str(
-                "E16 not saved, the flash did not take it: all is in use, but only until the power goes",
-            ),
+            Self::NotSaved(error) => write!(f, "E16 not saved: {error}"),
         }
     }
 }
@@ -110,7 +109,7 @@ mod tests {
                 bytes: 54,
             },
             Refusal::NoCalibration,
-            Refusal::NotSaved,
+            Refusal::NotSaved(StoreError::Worn),
         ];
         for (refusal, number) in refusals.into_iter().zip(8..) {
             let text = refusal.to_string();

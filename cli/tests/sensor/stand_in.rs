@@ -31,6 +31,7 @@ use slitrange::protocol::status::StartCause;
 use slitrange::protocol::upload::Upload;
 use slitrange::reading::{Fault, Measured};
 use slitrange::sensor_heads::tcd1304dg;
+use slitrange::store::StoreError;
 use slitrange::triangulation::NOMINAL;
 use slitrange::units::{Counts, Pixels};
 use slitrange_cli::sensor::line::Waits;
@@ -398,7 +399,10 @@ impl Sensor {
                     state.saved = (*settings, state.calibration.clone());
                     "save pauses the stream\r\nsave".to_owned()
                 } else {
-                    format!("save pauses the stream\r\n{}", Refusal::NotSaved)
+                    format!(
+                        "save pauses the stream\r\n{}",
+                        Refusal::NotSaved(StoreError::Flash)
+                    )
                 }
             }
             Command::Centre => {
