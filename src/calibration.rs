@@ -7,6 +7,7 @@ pub mod knots;
 pub mod record;
 pub mod residuals;
 pub mod table;
+pub mod written;
 
 use core::ops::RangeInclusive;
 

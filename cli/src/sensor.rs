@@ -1,1 +1,17 @@
 //! A sensor at a serial port.
+//!
+//! ```text
+//! bytes -> lines -> questions and answers -> points taken, records moved
+//!          (line)   (session, answers)       (run)         (transfer)
+//! ```
+
+pub mod answers;
+pub mod line;
+pub mod positions;
+pub mod run;
+pub mod session;
+pub mod taken;
+pub mod transfer;
+
+pub use run::{RunOptions, run};
+pub use transfer::{ReadOptions, ShowOptions, WriteOptions, read, show, write};

@@ -3,16 +3,15 @@
 //!
 //! ```text
 //! surface, view -> light -> effects of the lens -> noise -> fit -> centre -> eq. (1) -> error
-//! (materials)      (field)  (lens_effects)      (camera)  (slit_path, lens_path)  (eq1_fit)  (errors)
+//! (materials)      (field)  (lens_effects)      (camera)  (slit_path, lens_path)  (fit::eq1)  (errors)
 //! ```
 //!
-//! The slit's rows go through the core itself. Beside the paper's methods, the core's other rungs and other ways to combine
+//! The fit of eq. (1) is that of `slitrange calibrate fit` ([`slitrange_cli::fit::eq1`]). The slit's rows go through the core itself. Beside the paper's methods, the core's other rungs and other ways to combine
 //! rows run on the same captures ([`methods`]).
 
 pub mod apparatus;
 pub mod camera;
 pub mod data_set;
-pub mod eq1_fit;
 pub mod errors;
 pub mod experiment;
 pub mod lens_effects;

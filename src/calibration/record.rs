@@ -22,6 +22,7 @@ use super::table::{Table, TableError};
 use crate::black_level::BlackLevel;
 use crate::estimator::Estimator;
 use crate::row::{Geometry, LARGEST_COUNT, MAX_PIXELS, Polarity};
+use crate::sensor_heads;
 use crate::triangulation::{Eq1, Eq1Error};
 use crate::units::{Counts, Micrometres, Pixels};
 
@@ -104,6 +105,24 @@ pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
 }
 
 impl Record {
+    /// That of the nominal calibration, which holds until a sensor has its own: of no serial number and no day, which are 0 and
+    /// the first of all.
+    pub fn nominal() -> Option<Self> {
+        Some(Self {
+            serial_number: 0,
+            date: Date::new(1, 1, 1)?,
+            geometry: sensor_heads::tcd1304dg(),
+            estimator: Estimator::default(),
+            black_level: BlackLevel::Shielded,
+            calibration: Calibration::nominal()?,
+        })
+    }
+
+    /// Whether it is that one.
+    pub fn is_nominal(&self) -> bool {
+        Self::nominal().as_ref() == Some(self)
+    }
+
     /// What the types of its parts leave open.
     fn check(&self) -> Result<(), RecordError> {
         let Geometry {

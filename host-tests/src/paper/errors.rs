@@ -2,10 +2,10 @@
 
 use anyhow::Context as _;
 use rayon::prelude::*;
+use slitrange_cli::fit::eq1::{self, Fit};
 
 use crate::paper::apparatus::Aperture;
 use crate::paper::data_set::Centres;
-use crate::paper::eq1_fit::{self, Fit};
 use crate::paper::methods::{Calibration, CentreMethod, Method};
 use crate::paper::residual_table::ResidualTable;
 
@@ -89,7 +89,7 @@ fn of_method(
         .filter(|(centre, _)| centre.is_finite())
         .map(|(&centre, distance)| (centre, distance - residual(centre)))
         .collect();
-    let fit = eq1_fit::fit(&points)?;
+    let fit = eq1::fit(&points)?;
     let errors: Vec<f32> = centres
         .iter()
         .zip(distances)
@@ -135,7 +135,7 @@ pub fn tables(centres: &Centres) -> anyhow::Result<Tables> {
             if points.is_empty() {
                 return Ok(None);
             }
-            let curve = eq1_fit::fit(&points)?.curve;
+            let curve = eq1::fit(&points)?.curve;
             let residuals: Vec<(f64, f64)> = points
                 .iter()
                 .map(|&(centre, distance)| (centre, distance - curve.distance(centre)))

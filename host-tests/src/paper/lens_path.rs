@@ -153,7 +153,6 @@ pub fn centroid_without_speckle(distance: f64, flare: &Flare) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::paper::eq1_fit;
     use crate::paper::lens_effects::{Ghost, Veil};
     use rayon::prelude::*;
 
@@ -206,7 +205,7 @@ mod tests {
                 .collect()
         };
         let points = centres(Some(&Flare::CHOSEN));
-        let curve = eq1_fit::fit(&points).expect("a fit").curve;
+        let curve = slitrange_cli::fit::eq1::fit(&points).expect("a fit").curve;
         let errors: Vec<f64> = points
             .iter()
             .map(|(centre, distance)| (curve.distance(*centre) - distance) * 1e6)

@@ -3,6 +3,7 @@
 //!
 //! All topics are one program: the firmware is built and loaded once, and the tests share the processor's cores.
 
+mod calibration;
 mod commands;
 mod common;
 mod faults;

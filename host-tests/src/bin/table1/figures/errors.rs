@@ -5,13 +5,13 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use host_tests::paper::apparatus::{Aperture, TABLE};
-use host_tests::paper::eq1_fit;
 use host_tests::paper::lens_effects::Flare;
 use host_tests::paper::lens_path::{centre_without_speckle, centroid_without_speckle};
 use host_tests::paper::materials::MATERIALS;
 use host_tests::paper::methods::Method;
 use plotters::prelude::*;
 use rayon::prelude::*;
+use slitrange_cli::fit::eq1;
 
 use super::panel::{Area, Axis, GRID, Panel, colour, panel};
 use crate::report::{Report, find};
@@ -112,7 +112,7 @@ fn errors(
             Some((centre(distance)?, distance))
         })
         .collect();
-    let curve = eq1_fit::fit(&points)?.curve;
+    let curve = eq1::fit(&points)?.curve;
     let error = |&(centre, distance): &(f64, f64)| (curve.distance(centre) - distance) * 1e6;
     Ok(points.iter().map(|point| (point.1, error(point))).collect())
 }

@@ -1,4 +1,4 @@
-//! Eq. (1) fitted to centres whose distances are known, by least squares of the distance.
+//! Eq. (1) fitted to centres whose distances are known, by weighted least squares of the distance.
 //!
 //! d0 + b tan(u - atan(x/f)) = D + K/(x - xp): the paper's four parameters make a curve that has three (see
 //! [`slitrange::triangulation`]), so three are fitted. (d0, u, b, f) cannot be told from data.
@@ -29,6 +29,46 @@ impl Eq1 {
     pub fn distance(&self, centre: f64) -> f64 {
         self.d + self.k / (centre - self.pole)
     }
+
+    /// Centre in pixels for a distance in metres.
+    pub fn centre(&self, distance: f64) -> f64 {
+        self.pole + self.k / (distance - self.d)
+    }
+
+    /// Metres a pixel at a centre in pixels.
+    pub fn slope(&self, centre: f64) -> f64 {
+        -self.k / (centre - self.pole).powi(2)
+    }
+
+    /// The curve through three points, where there is one with its pole beyond them.
+    pub fn through(points: [(f64, f64); 3]) -> Option<Self> {
+        let scale = Scale::of(&points.map(Observation::from)).ok()?;
+        let row = |(x, d): (f64, f64)| RowVector3::new(1.0, scale.z(x), -scale.z(x) * d);
+        let matrix = Matrix3::from_rows(&points.map(row));
+        let scaled = matrix.lu().solve(&Vector3::from(points.map(|(_, d)| d)))?;
+        (scaled[2].abs() < 1.0 && scaled[2].abs() > STRAIGHT).then(|| scale.eq1(&scaled))
+    }
+}
+
+/// A centre at a known distance, and what its residual counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// In pixels.
+    pub centre: f64,
+    /// In metres.
+    pub distance: f64,
+    /// The variance of the distance less the curve's, in square metres or in a unit of its own.
+    pub variance: f64,
+}
+
+impl From<(f64, f64)> for Observation {
+    fn from((centre, distance): (f64, f64)) -> Self {
+        Self {
+            centre,
+            distance,
+            variance: 1.0,
+        }
+    }
 }
 
 /// What a fit gives.
@@ -36,42 +76,81 @@ impl Eq1 {
 pub struct Fit {
     /// The curve.
     pub curve: Eq1,
-    /// Covariance of (D, K, xp), in the squares and products of their units, as the residuals tell it: for errors that are
-    /// independent and alike. Errors that neighbours share, as speckle makes them, leave the parameters less certain.
-    pub covariance: Matrix3<f64>,
-    /// The residuals' standard deviation in metres, with n - 3 degrees of freedom.
-    pub deviation: f64,
+    /// The sum of the squared residuals over their variances.
+    pub squares: f64,
+    /// Points less parameters.
+    pub freedom: usize,
     /// The largest residual in metres, without sign.
     pub largest: f64,
     /// The first and the last centre in pixels. The curve is known between them.
     pub valid: (f64, f64),
+    /// Covariance of (D, K, xp) as the variances of the points tell it, in the squares and products of their units.
+    pub unit_covariance: Matrix3<f64>,
+    scale: Scale,
+    scaled: Vector3<f64>,
+    /// Covariance of (p, q, r), likewise.
+    unit_scaled: Matrix3<f64>,
+}
+
+impl Fit {
+    /// The variance of a point whose variance was given as 1, as the residuals tell it: with the points' variances in square
+    /// metres, the factor by which the truth differs from them. `None` where there are as many parameters as points.
+    pub fn variance(&self) -> Option<f64> {
+        (self.freedom > 0).then(|| self.squares / self.freedom as f64)
+    }
+
+    /// Covariance of (D, K, xp), in the squares and products of their units, as the residuals tell it: for errors that are
+    /// independent. Errors that neighbours share, as speckle makes them, leave the parameters less certain.
+    pub fn covariance(&self) -> Option<Matrix3<f64>> {
+        Some(self.unit_covariance * self.variance()?)
+    }
+
+    /// The variance of the curve's distance at a centre, as the variances of the points tell it.
+    pub fn unit_variance_at(&self, centre: f64) -> f64 {
+        let (_, gradient) = self.scale.distance(&self.scaled, centre);
+        (gradient * self.unit_scaled * gradient.transpose())[0]
+    }
+
+    /// r over its standard uncertainty, as the residuals tell it: where it is not well above 1, a straight line does as well.
+    pub fn bend(&self) -> Option<f64> {
+        let variance = self.variance()?;
+        Some(self.scaled[2].abs() / (variance * self.unit_scaled[(2, 2)]).sqrt())
+    }
 }
 
 /// Steps at most; three are usual, because the start is within some per cent.
 const MAX_STEPS: usize = 50;
 
-/// Fits the curve to centres in pixels and their distances in metres.
+/// |r| below which points lie on a straight line to within rounding: the pole is a thousand million times the range away.
+const STRAIGHT: f64 = 1e-9;
+
+/// Fits the curve to centres in pixels and their distances in metres, all with the same variance.
 ///
 /// # Errors
-/// There are fewer than four points or fewer than three centres; a number is not finite; the points lie on a straight line, whose
-/// pole is at infinity; or the curve that fits best has its pole among the points.
+/// As [`fit_weighted`].
 pub fn fit(points: &[(f64, f64)]) -> anyhow::Result<Fit> {
+    let points: Vec<Observation> = points.iter().copied().map(Observation::from).collect();
+    fit_weighted(&points)
+}
+
+/// Fits the curve.
+///
+/// # Errors
+/// There are fewer than three points or centres; a number is not finite; the points lie on a straight line, whose
+/// pole is at infinity; or the curve that fits best has its pole among the points.
+pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
     ensure!(
-        points.len() >= 4,
-        "{} points: three parameters and their uncertainty need four at least",
+        points.len() >= 3,
+        "{} points: eq. (1) has three parameters and needs three at least",
         points.len()
     );
     ensure!(
-        points.iter().all(|(x, d)| x.is_finite() && d.is_finite()),
-        "a centre or a distance is not a finite number"
-    );
-    let scale = Scale::of(points);
-    ensure!(
         points
             .iter()
-            .any(|&(x, _)| x != scale.first && x != scale.last),
-        "all centres are the same, or one of two: three parameters need three at least"
+            .all(|point| point.centre.is_finite() && point.distance.is_finite()),
+        "a centre or a distance is not a finite number"
     );
+    let scale = Scale::of(points)?;
 
     let mut scaled = scale.start(points)?;
     let mut squares = scale.squares(points, &scaled);
@@ -92,6 +171,10 @@ pub fn fit(points: &[(f64, f64)]) -> anyhow::Result<Fit> {
         }
     }
     ensure!(
+        scaled[2].abs() > STRAIGHT,
+        "the points lie on a straight line: eq. (1) has no finite parameters"
+    );
+    ensure!(
         scaled[2].abs() < 1.0,
         "the curve that fits best has its pole at pixel {:.1}, among the centres from {:.1} to {:.1}: these are no \
          centres of one target that moves",
@@ -99,29 +182,31 @@ pub fn fit(points: &[(f64, f64)]) -> anyhow::Result<Fit> {
         scale.first,
         scale.last
     );
-    ensure!(
-        scaled[2].abs() > 1e-9,
-        "the points lie on a straight line: eq. (1) has no finite parameters"
-    );
 
     let (normal, _) = scale.normal_equations(points, &scaled);
-    let variance = squares / (points.len() - 3) as f64;
     let by_scaled = scale.derivatives_of_eq1(&scaled);
     let inverse = normal.cholesky().context(UNDETERMINED)?.inverse();
     let curve = scale.eq1(&scaled);
-    let residuals = points.iter().map(|&(x, d)| (curve.distance(x) - d).abs());
+    let residuals = points
+        .iter()
+        .map(|point| (curve.distance(point.centre) - point.distance).abs());
     Ok(Fit {
         curve,
-        covariance: by_scaled * inverse * by_scaled.transpose() * variance,
-        deviation: variance.sqrt(),
+        squares,
+        freedom: points.len() - 3,
         largest: residuals.fold(0.0, f64::max),
         valid: (scale.first, scale.last),
+        unit_covariance: by_scaled * inverse * by_scaled.transpose(),
+        scale,
+        scaled,
+        unit_scaled: inverse,
     })
 }
 
 const UNDETERMINED: &str = "the points do not determine three parameters";
 
 /// z = (x - middle) / half.
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Scale {
     first: f64,
     last: f64,
@@ -130,16 +215,20 @@ struct Scale {
 }
 
 impl Scale {
-    fn of(points: &[(f64, f64)]) -> Self {
-        let centres = || points.iter().map(|&(x, _)| x);
+    fn of(points: &[Observation]) -> anyhow::Result<Self> {
+        let centres = || points.iter().map(|point| point.centre);
         let first = centres().fold(f64::INFINITY, f64::min);
         let last = centres().fold(f64::NEG_INFINITY, f64::max);
-        Self {
+        ensure!(
+            centres().any(|x| x != first && x != last),
+            "all centres are the same, or one of two: three parameters need three at least"
+        );
+        Ok(Self {
             first,
             last,
             middle: 0.5 * (first + last),
             half: 0.5 * (last - first),
-        }
+        })
     }
 
     fn z(&self, centre: f64) -> f64 {
@@ -147,43 +236,56 @@ impl Scale {
     }
 
     /// p, q and r by linear least squares of d = p + q z - r z d.
-    fn start(&self, points: &[(f64, f64)]) -> anyhow::Result<Vector3<f64>> {
+    fn start(&self, points: &[Observation]) -> anyhow::Result<Vector3<f64>> {
         let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-        for &(x, d) in points {
-            let z = self.z(x);
-            let row = RowVector3::new(1.0, z, -z * d);
-            normal += row.transpose() * row;
-            right += row.transpose() * d;
+        for point in points {
+            let z = self.z(point.centre);
+            let row = RowVector3::new(1.0, z, -z * point.distance);
+            let weighted = row.transpose() / point.variance;
+            normal += weighted * row;
+            right += weighted * point.distance;
         }
         Ok(normal.cholesky().context(UNDETERMINED)?.solve(&right))
     }
 
-    /// The sum of the residuals' squares; infinite where the pole is among the centres.
-    fn squares(&self, points: &[(f64, f64)], scaled: &Vector3<f64>) -> f64 {
+    /// The distance at a centre, and its derivatives by p, q and r.
+    fn distance(&self, scaled: &Vector3<f64>, centre: f64) -> (f64, RowVector3<f64>) {
+        let z = self.z(centre);
+        let below = 1.0 / (1.0 + scaled[2] * z);
+        let distance = (scaled[0] + scaled[1] * z) * below;
+        (
+            distance,
+            RowVector3::new(below, z * below, -z * distance * below),
+        )
+    }
+
+    /// The sum of the residuals' squares over their variances; infinite where the pole is among the centres.
+    fn squares(&self, points: &[Observation], scaled: &Vector3<f64>) -> f64 {
         if scaled[2].abs() >= 1.0 {
             return f64::INFINITY;
         }
-        let residual = |&(x, d): &(f64, f64)| {
-            let z = self.z(x);
-            (scaled[0] + scaled[1] * z) / (1.0 + scaled[2] * z) - d
+        let residual = |point: &Observation| {
+            let z = self.z(point.centre);
+            (scaled[0] + scaled[1] * z) / (1.0 + scaled[2] * z) - point.distance
         };
-        points.iter().map(|point| residual(point).powi(2)).sum()
+        points
+            .iter()
+            .map(|point| residual(point).powi(2) / point.variance)
+            .sum()
     }
 
     /// Of a Gauss-Newton step.
     fn normal_equations(
         &self,
-        points: &[(f64, f64)],
+        points: &[Observation],
         scaled: &Vector3<f64>,
     ) -> (Matrix3<f64>, Vector3<f64>) {
         let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-        for &(x, d) in points {
-            let z = self.z(x);
-            let below = 1.0 / (1.0 + scaled[2] * z);
-            let distance = (scaled[0] + scaled[1] * z) * below;
-            let gradient = RowVector3::new(below, z * below, -z * distance * below);
-            normal += gradient.transpose() * gradient;
-            right += gradient.transpose() * (d - distance);
+        for point in points {
+            let (distance, gradient) = self.distance(scaled, point.centre);
+            let weighted = gradient.transpose() / point.variance;
+            normal += weighted * gradient;
+            right += weighted * (point.distance - distance);
         }
         (normal, right)
     }
@@ -218,8 +320,8 @@ impl Scale {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::Optics;
-    use crate::scene::Sensor;
+    use host_tests::optics::Optics;
+    use host_tests::scene::Sensor;
     use rand::SeedableRng as _;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution as _, StandardNormal};
@@ -282,7 +384,8 @@ mod tests {
     #[test]
     fn the_scaled_form_is_well_conditioned() {
         let points = exact(1000);
-        let scale = Scale::of(&points);
+        let points: Vec<Observation> = points.into_iter().map(Observation::from).collect();
+        let scale = Scale::of(&points).expect("a scale");
         let scaled = scale.start(&points).expect("a start");
         // The singular values of the derivatives with columns of unit length are the roots of the eigenvalues of N.
         let condition = |normal: Matrix3<f64>| {
@@ -328,8 +431,11 @@ mod tests {
             .map(|found| (found - mean) * (found - mean).transpose())
             .sum::<Matrix3<f64>>()
             / (FITS - 1) as f64;
-        let claimed: Matrix3<f64> =
-            fits.iter().map(|fit| fit.covariance).sum::<Matrix3<f64>>() / FITS as f64;
+        let claimed: Matrix3<f64> = fits
+            .iter()
+            .filter_map(Fit::covariance)
+            .sum::<Matrix3<f64>>()
+            / FITS as f64;
         for i in 0..3 {
             let ratio = (claimed[(i, i)] / scatter[(i, i)]).sqrt();
             println!(
@@ -345,7 +451,8 @@ mod tests {
                 assert!((claimed - found).abs() < 0.01, "{i} {j}: {claimed} {found}");
             }
         }
-        let deviation = fits.iter().map(|fit| fit.deviation).sum::<f64>() / FITS as f64;
+        let deviations = fits.iter().filter_map(Fit::variance).map(f64::sqrt);
+        let deviation = deviations.sum::<f64>() / FITS as f64;
         // The mean of a deviation of 37 degrees of freedom is 1 - 1/(4 * 37) of the true one.
         println!("deviation {:.3} um", deviation * 1e6);
         assert!((deviation / 20e-6 - (1.0 - 1.0 / 148.0)).abs() < 0.01);
@@ -354,7 +461,7 @@ mod tests {
     #[test]
     fn what_is_no_curve_is_said() {
         let error = |points: &[(f64, f64)]| fit(points).expect_err("no curve").to_string();
-        assert!(error(&[(1.0, 2.0); 3]).contains("3 points"));
+        assert!(error(&[(1.0, 2.0); 2]).contains("2 points"));
         assert!(error(&[(1.0, 2.0); 9]).contains("the same"));
         assert!(error(&[(1.0, f64::NAN); 9]).contains("finite"));
         let two: Vec<(f64, f64)> = (0..10).map(|i| (f64::from(i % 2), f64::from(i))).collect();
