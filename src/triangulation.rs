@@ -146,7 +146,7 @@ impl Eq1 {
 
     /// Whether |K|/(x - xp)^2 is below the least slope where it is least: at the end of the range that is further from xp.
     const fn is_flat(&self) -> bool {
-        let (from, to) = (self.from_pole(self.valid.0), self.from_pole(self.valid.1));
+        let (from, to) = (self.off_pole(self.valid.0), self.off_pole(self.valid.1));
         let span = (if from > to { from } else { to }) as u128;
         // Q16 over Q32 to 2^-4: |K| 2^16 2^4 against the square. Below 2^75, and 2^64.
         (self.k.unsigned_abs() as u128) * (1 << (Pixels::FRACTION + FLATTEST_SHIFT)) < span * span
@@ -156,13 +156,13 @@ impl Eq1 {
     const fn holds(&self, centre: Pixels) -> bool {
         let end = if self.above_d > 0 { i32::MAX } else { i32::MIN };
         let room = end.abs_diff(self.d.to_bits()) as u64;
-        let from_pole = self.from_pole(centre) as u64;
+        let off_pole = self.off_pole(centre) as u64;
         // Below 2^63 + 2^31, and 2^32 * (2^32 - 1).
-        proven::add_u64(self.dividend.value(), from_pole / 2) < proven::mul_u64(room + 1, from_pole)
+        proven::add_u64(self.dividend.value(), off_pole / 2) < proven::mul_u64(room + 1, off_pole)
     }
 
     /// |x - xp| in Q16.16 pixels, for a centre on the range's side of xp: a difference of two i32 fits an u32.
-    const fn from_pole(&self, centre: Pixels) -> u32 {
+    const fn off_pole(&self, centre: Pixels) -> u32 {
         let beyond = centre.to_bits().wrapping_sub(self.pole.to_bits());
         beyond.wrapping_mul(self.beyond_pole) as u32
     }
@@ -181,7 +181,7 @@ impl Eq1 {
             return Err(Fault::OutOfRange { centre });
         }
         // A pixel from the pole or more, and the quotient is less than 2^32: `new` has refused all else.
-        let quotient = self.dividend.over(self.from_pole(centre));
+        let quotient = self.dividend.over(self.off_pole(centre));
         // An i32 (`holds`), whatever of it the sum passes through.
         let above_d = (quotient.rounded as i32).wrapping_mul(self.above_d);
         let distance = Micrometres::from_bits(self.d.to_bits().wrapping_add(above_d));
