@@ -98,11 +98,16 @@ impl Knots {
                 });
             }
         }
-        let pieces = match interpolation {
-            Interpolation::Linear => Vec::from_slice(knots).ok().map(Pieces::Linear),
-            Interpolation::Cubic => cubic(knots).map(Pieces::Cubic),
-        };
-        pieces.map(Self).ok_or(too_many)
+        match interpolation {
+            Interpolation::Linear => match Vec::from_slice(knots) {
+                Ok(knots) => Ok(Self(Pieces::Linear(knots))),
+                Err(_) => Err(too_many),
+            },
+            Interpolation::Cubic => match cubic(knots) {
+                Some(knots) => Ok(Self(Pieces::Cubic(knots))),
+                None => Err(too_many),
+            },
+        }
     }
 
     /// What lies between the knots.
