@@ -23,7 +23,7 @@ use crate::common::{
 };
 
 /// The record of a sensor of its own with that calibration.
-fn record(calibration: Calibration) -> Record {
+pub fn record(calibration: Calibration) -> Record {
     Record {
         serial_number: 4711,
         date: Date::new(2026, 11, 21).expect("a day"),
@@ -54,7 +54,7 @@ fn knots(count: usize, value: impl Fn(Pixels) -> Micrometres) -> Vec<Knot> {
 }
 
 /// A calibration of each kind, the longest of its kind.
-fn calibrations() -> [Calibration; 4] {
+pub fn calibrations() -> [Calibration; 4] {
     let nominal = NOMINAL.expect("a curve");
     let (first, last) = nominal.valid();
     let distance = |centre: Pixels| {
@@ -96,7 +96,7 @@ fn send(board: &mut VirtualBoard, bytes: &[u8]) {
     }
 }
 
-fn upload(board: &mut VirtualBoard, written: &Written) {
+pub fn upload(board: &mut VirtualBoard, written: &Written) {
     send(board, written.bytes());
     set(board, "calibration commit");
 }
