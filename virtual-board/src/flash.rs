@@ -116,7 +116,6 @@ impl SharedFlash {
     }
 
     /// What was done to it since this was last asked.
-    #[must_use]
     pub fn take_history(&self) -> History {
         let mut flash = self.lock();
         let from_now = History::since(flash.contents.clone());

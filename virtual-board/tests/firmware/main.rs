@@ -7,7 +7,9 @@ mod calibration;
 mod commands;
 mod common;
 mod faults;
+mod flash;
 mod identical;
+mod kept;
 #[cfg(unix)]
 mod pseudo_terminal;
 mod records;

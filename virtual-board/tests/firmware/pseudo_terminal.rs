@@ -157,6 +157,26 @@ fn an_unknown_geometry_is_one_that_the_sensor_is_not_calibrated_for() {
     fs::remove_file(&file).expect("the file");
 }
 
+/// What is saved is in the file as soon as the sensor says so: the demo is killed then.
+#[test]
+fn what_was_saved_is_there_when_the_demo_is_started_again() {
+    let file = no_file("flash");
+    let arguments = ["--distance", "0.8", "--flash", name(&file)];
+    let mut demo = Demo::start(&arguments);
+    for command in ["rows 5", "save"] {
+        demo.send(command);
+        demo.line(|line| line == command);
+    }
+    demo.send("rows 6");
+    demo.line(|line| line == "rows 6");
+    drop(demo);
+    let mut demo = Demo::start(&arguments);
+    demo.send("rows");
+    assert_eq!(demo.line(|line| line.starts_with("rows ")), "rows 5");
+    drop(demo);
+    fs::remove_file(&file).expect("the file");
+}
+
 #[test]
 fn a_file_that_is_no_flash_is_refused() {
     let file = no_file("no-flash");

@@ -1,0 +1,353 @@
+//! What is saved stays over a power cycle, whatever happens to the power and to the flash.
+
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use slitrange::calibration::written::Written;
+use slitrange::frame::Mean;
+use slitrange::measurement::Settings;
+use slitrange::store::Kept;
+use slitrange::store::saved::Saved;
+use virtual_board::flash::{BASE, Contents, History, Operation, SECTOR_BYTES};
+use virtual_board::{Line, SharedFlash, VirtualBoard};
+
+use crate::common::{PATIENCE, ask, firmware, is_result, paper, set};
+use crate::kept;
+use crate::records::{longest, upload};
+
+/// Virtual time that a save takes at most: an erase of 800 ms (DS9405 table 48), and the words of the longest record.
+const SAVE: Duration = Duration::from_secs(2);
+
+/// What a sensor has saved that was set to `rows` rows, with the longest record of the tests.
+fn saved(rows: u16) -> Saved {
+    let record = longest().record().clone();
+    Saved {
+        settings: Settings {
+            rows,
+            mean: Mean::default(),
+            estimator: record.estimator,
+            black_level: record.black_level,
+        },
+        record: Some(record),
+    }
+}
+
+/// How often that fits into a sector: 16 KB over 2.7.
+const IN_A_SECTOR: u16 = 6;
+
+/// Flash to which so many of these were saved, with 1, 2, 3 rows and so on.
+fn with_saves(count: u16) -> SharedFlash {
+    let mut contents = Contents::erased();
+    for rows in 1..=count {
+        kept::save(&mut contents, &saved(rows));
+    }
+    SharedFlash::holding(contents)
+}
+
+/// A board that is powered on with what `flash` has, and has said its banner.
+fn power_on(flash: &SharedFlash) -> VirtualBoard {
+    let mut board = VirtualBoard::power_on_with_flash(firmware(), paper(), flash.clone())
+        .expect("the board starts");
+    await_banner(&mut board);
+    board
+}
+
+fn await_banner(board: &mut VirtualBoard) {
+    board
+        // What a reset cut off is a part of its line.
+        .run_until_line(|line| line.contains("slitrange "), PATIENCE)
+        .expect("a banner");
+}
+
+/// Saves, and gives the answer's two lines.
+fn save(board: &mut VirtualBoard) -> [Line; 2] {
+    board.send("save\r\n");
+    let mut next = |timeout| {
+        board
+            .run_until_line(|line| !is_result(line), timeout)
+            .expect("an answer")
+    };
+    let lines = [next(PATIENCE), next(SAVE)];
+    let text = [0, 1].map(|i| lines[i].text.as_str());
+    assert_eq!(text, ["save pauses the stream", "save"]);
+    lines
+}
+
+/// What the firmware does to flash in a save.
+struct Saves {
+    /// Where nothing was ever saved.
+    first_ever: History,
+    /// Where there is room in the sector in use.
+    without_erase: History,
+    /// Where the other sector is erased.
+    with_erase: History,
+}
+
+impl Saves {
+    fn of_the_firmware() -> &'static Self {
+        static SAVES: OnceLock<Saves> = OnceLock::new();
+        SAVES.get_or_init(|| Self {
+            first_ever: first_save(),
+            without_erase: save_over(&with_saves(1)),
+            with_erase: save_over(&with_saves(IN_A_SECTOR)),
+        })
+    }
+}
+
+/// What a board does that is sent the record and told to save.
+fn first_save() -> History {
+    let flash = SharedFlash::default();
+    let mut board = power_on(&flash);
+    let record = saved(1).record.expect("a record");
+    upload(&mut board, &Written::new(record).expect("a usable one"));
+    set(&mut board, "rows 20");
+    assert_eq!(flash.operation_count(), 0, "that touches no flash");
+    save(&mut board);
+    board.finish().expect("a clean run");
+    flash.take_history()
+}
+
+/// What a board does that has a record, is set to 20 rows and told to save.
+fn save_over(flash: &SharedFlash) -> History {
+    let mut board = power_on(flash);
+    set(&mut board, "rows 20");
+    save(&mut board);
+    board.finish().expect("a clean run");
+    flash.take_history()
+}
+
+fn erases(history: &History) -> [usize; 2] {
+    [12, 13].map(|sector| history.erases_of(sector))
+}
+
+/// The power is cut between the first so many operations and the next, or during the next.
+#[derive(Clone, Copy, Debug)]
+enum Cut {
+    After(usize),
+    During(usize, u64),
+}
+
+impl Cut {
+    fn leaves(self, history: &History) -> Contents {
+        match self {
+            Self::After(count) => history.after(count),
+            Self::During(count, seed) => history.torn_after(count, seed),
+        }
+    }
+}
+
+/// What was there before a save and after it.
+fn before_and_after(history: &History) -> [Saved; 2] {
+    [0, history.operations().len()].map(|count| kept::saved_in(&history.after(count)))
+}
+
+/// A board that starts on `contents` has in use what the store finds there on this PC.
+fn assert_board_starts_with(contents: &Contents) {
+    let flash = SharedFlash::holding(contents.clone());
+    let mut board = power_on(&flash);
+    kept::assert_in_use(&mut board, &kept::read(contents));
+    assert_eq!(flash.contents(), *contents, "a start only reads");
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn what_was_saved_is_used_after_a_power_cycle_and_after_a_reset() {
+    let history = &Saves::of_the_firmware().first_ever;
+    let contents = history.after(history.operations().len());
+    let kept = Kept::Saved(saved(20));
+    assert!(kept::read(&contents) == kept);
+    let flash = SharedFlash::holding(contents);
+    let mut board = power_on(&flash);
+    kept::assert_in_use(&mut board, &kept);
+    assert_eq!(ask(&mut board, "estimator"), "estimator adaptive");
+    assert_eq!(ask(&mut board, "black"), "black fixed 300");
+
+    // Set and not saved.
+    set(&mut board, "rows 2");
+    set(&mut board, "estimator centroid");
+    board.reset_pin().expect("the emulator");
+    await_banner(&mut board);
+    kept::assert_in_use(&mut board, &kept);
+    assert_eq!(ask(&mut board, "estimator"), "estimator adaptive");
+    assert_eq!(flash.operation_count(), 0, "a start only reads");
+    board.finish().expect("a clean run");
+}
+
+/// After each operation of a save, and torn in the middle of each, what was saved before is there or what is being saved, whole; and once
+/// the new is there, it stays.
+#[test]
+fn a_power_cut_at_any_operation_leaves_the_old_or_the_new() {
+    /// Ways in which an erase and a program are torn.
+    const TORN: [u64; 2] = [100, 4];
+
+    let saves = Saves::of_the_firmware();
+    for (what, history, erased) in [
+        ("without an erase", &saves.without_erase, [0, 0]),
+        ("with an erase", &saves.with_erase, [1, 0]),
+    ] {
+        assert_eq!(erases(history), erased);
+        let [old, new] = before_and_after(history);
+        assert_eq!(new, saved(20));
+        assert_ne!(old, new);
+        let is_new = |cut: Cut| match kept::saved_in(&cut.leaves(history)) {
+            saved if saved == old => false,
+            saved if saved == new => true,
+            other => panic!("{what}, {cut:?}: neither the old nor the new but {other:?}"),
+        };
+        let count = history.operations().len();
+        let plain: Vec<bool> = (0..=count).map(|count| is_new(Cut::After(count))).collect();
+        assert!(plain.is_sorted(), "{what}: the old one came back");
+        let mut torn = vec![];
+        for (number, done) in history.operations().iter().enumerate() {
+            let [of_an_erase, of_a_program] = TORN;
+            let ways = match done.operation {
+                Operation::Erase { .. } => of_an_erase,
+                Operation::Program { .. } => of_a_program,
+            };
+            let seeds = (0..ways).map(|way| way << 32 | number as u64);
+            torn.extend(seeds.map(|seed| is_new(Cut::During(number, seed))));
+        }
+        let new = |cuts: &[bool]| cuts.iter().filter(|&&new| new).count();
+        println!(
+            "a save {what}, {count} operations: of {} cuts between them {} leave the new, of {} torn ones {}",
+            plain.len(),
+            new(&plain),
+            torn.len(),
+            new(&torn)
+        );
+        assert!(count > 500, "{count} operations");
+    }
+}
+
+/// Before anything was ever saved there is no old one: the nominal calibration holds, or none, until the new one is whole.
+#[test]
+fn a_power_cut_in_the_first_save_of_all_leaves_the_nominal_calibration_or_none() {
+    let history = &Saves::of_the_firmware().first_ever;
+    let count = history.operations().len();
+    let new = Kept::Saved(kept::saved_in(&history.after(count)));
+    let mut found = [0; 3];
+    for count in 0..count {
+        for cut in [Cut::After(count), Cut::During(count, count as u64)] {
+            let kept = kept::read(&cut.leaves(history));
+            let is = [Kept::Nothing, Kept::Unusable, new.clone()].map(|possible| possible == kept);
+            assert!(is.contains(&true), "{cut:?}: {kept:?}");
+            for (found, is) in found.iter_mut().zip(is) {
+                *found += usize::from(is);
+            }
+        }
+    }
+    let [nothing, unusable, new] = found;
+    println!(
+        "{count} operations: {nothing} cuts leave nothing, {unusable} none, {new} the new one"
+    );
+    assert_board_starts_with(&history.after(count / 2));
+}
+
+/// For a dozen cuts the board, too, has in use what the store finds on this PC.
+#[test]
+fn a_board_starts_with_what_a_power_cut_left() {
+    let saves = Saves::of_the_firmware();
+    let mut random = ChaCha8Rng::seed_from_u64(2);
+    for history in [&saves.without_erase, &saves.with_erase] {
+        let last = history.operations().len() - 1;
+        let mut cuts = vec![Cut::During(0, 0), Cut::After(1), Cut::During(last, 0)];
+        cuts.extend((0..3).map(|_| Cut::During(random.random_range(1..last), random.random())));
+        for cut in cuts {
+            println!("{cut:?} of {last}");
+            assert_board_starts_with(&cut.leaves(history));
+        }
+    }
+}
+
+/// A start after each operation. It takes an hour or so: a start and its answers are three seconds of computation.
+#[test]
+#[ignore = "starts a board 1124 times"]
+fn a_board_starts_with_what_any_power_cut_left() {
+    let saves = Saves::of_the_firmware();
+    for history in [&saves.without_erase, &saves.with_erase] {
+        for count in 0..=history.operations().len() {
+            assert_board_starts_with(&history.after(count));
+        }
+    }
+}
+
+/// The board's own power fails in the middle of a save. The next board, with the same flash, has the old one in use, and saves.
+#[test]
+fn a_board_without_power_saves_no_further() {
+    let flash = with_saves(3);
+    let mut board = power_on(&flash);
+    set(&mut board, "rows 20");
+    flash.cut_power_after(300);
+    board.send("save\r\n");
+    board.run_for(SAVE).expect("a run");
+    drop(board);
+    let history = flash.take_history();
+    assert_eq!(history.operations().len(), 300);
+
+    let mut board = power_on(&flash);
+    kept::assert_in_use(&mut board, &Kept::Saved(saved(3)));
+    set(&mut board, "rows 21");
+    save(&mut board);
+    assert_eq!(kept::saved_in(&flash.contents()), saved(21));
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn a_reset_during_an_erase_leaves_what_was_saved() {
+    let flash = with_saves(IN_A_SECTOR);
+    let mut board = power_on(&flash);
+    set(&mut board, "rows 20");
+    board.send("save\r\n");
+    board
+        .run_until_line(|line| line == "save pauses the stream", PATIENCE)
+        .expect("an answer");
+    board.run_for(Duration::from_millis(100)).expect("a run");
+    assert_eq!(flash.operation_count(), 1, "it is being erased");
+    board.reset_pin().expect("the emulator");
+    await_banner(&mut board);
+    kept::assert_in_use(&mut board, &Kept::Saved(saved(IN_A_SECTOR)));
+    set(&mut board, "rows 21");
+    save(&mut board);
+    assert_eq!(kept::saved_in(&flash.contents()), saved(21));
+    board.finish().expect("a clean run");
+}
+
+/// A bit in what was saved last: what was saved before is used, or where that was all, there are no distances. A bit in what was saved
+/// before: nothing changes.
+#[test]
+fn a_flipped_bit_is_found() {
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let mut flipped = |contents: &Contents, offset: usize| {
+        let mut flipped = contents.clone();
+        flipped.flip_bits(offset, 1 << random.random_range(0..8));
+        flipped
+    };
+    let history = &Saves::of_the_firmware().without_erase;
+    let [old, new] = before_and_after(history);
+    let before = history.after(0);
+    let after = history.after(history.operations().len());
+    let programmed: Vec<usize> = (history.operations().iter())
+        .filter_map(|done| match done.operation {
+            Operation::Program { address, .. } => Some((address - BASE) as usize),
+            Operation::Erase { .. } => None,
+        })
+        .collect();
+    // In its number, its record's middle and its last knot.
+    for place in [3, programmed.len() / 2, programmed.len() - 10] {
+        let contents = flipped(&after, programmed[place]);
+        assert_eq!(kept::saved_in(&contents), old, "at {place}");
+        assert_board_starts_with(&contents);
+    }
+    // The first item begins in the second word of the second sector.
+    for offset in [20, 1000].map(|offset| SECTOR_BYTES + offset) {
+        let contents = flipped(&after, offset);
+        assert_eq!(kept::saved_in(&contents), new);
+        assert_board_starts_with(&contents);
+
+        let contents = flipped(&before, offset);
+        assert!(kept::read(&contents) == Kept::Unusable);
+        assert_board_starts_with(&contents);
+    }
+}

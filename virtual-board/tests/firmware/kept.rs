@@ -1,0 +1,115 @@
+//! What the core keeps in flash and finds there on this PC, and what a sensor that has found the same says.
+
+use std::convert::Infallible;
+
+use embassy_futures::block_on;
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+use slitrange::calibration::written::Written;
+use slitrange::protocol::calibration::{Shown, Stored};
+use slitrange::store::saved::Saved;
+use slitrange::store::{Kept, Store};
+use virtual_board::VirtualBoard;
+use virtual_board::flash::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES};
+
+use crate::common::{ask, ask_for_lines, fresh_results, is_reading};
+
+/// Saves to `contents` as the firmware does.
+pub fn save(contents: &mut Contents, saved: &Saved) {
+    let done = block_on(Store::new(Flash(contents)).save(saved));
+    done.expect("sound flash");
+}
+
+/// What the store finds in `contents`.
+pub fn read(contents: &Contents) -> Kept {
+    let mut read = contents.clone();
+    let kept = block_on(Store::new(Flash(&mut read)).read());
+    assert_eq!(read, *contents, "reading only reads");
+    kept
+}
+
+/// What the store finds in `contents`, which is something.
+pub fn saved_in(contents: &Contents) -> Saved {
+    match read(contents) {
+        Kept::Saved(saved) => saved,
+        other => panic!("{other:?} in {contents:?}"),
+    }
+}
+
+/// A board that found `kept` in its flash at its start says so, measures with these settings, and gives distances if it has a
+/// calibration.
+pub fn assert_in_use(board: &mut VirtualBoard, kept: &Kept) {
+    let calibration = match kept {
+        Kept::Nothing => Written::nominal(),
+        Kept::Saved(saved) => match saved.record.clone() {
+            Some(record) => Some(Written::new(record).expect("a usable one")),
+            None => Written::nominal(),
+        },
+        Kept::Unusable => None,
+    };
+    let stored = match (kept, &calibration) {
+        (Kept::Saved(_), Some(written)) => Stored::Record(written.sum()),
+        (Kept::Nothing, _) => Stored::Nothing,
+        _ => Stored::Damaged,
+    };
+    let shown = Shown {
+        written: calibration.as_ref(),
+        on: true,
+        stored,
+    }
+    .to_string();
+    let shown: Vec<&str> = shown.split("\r\n").collect();
+    assert_eq!(ask_for_lines(board, "calibration", shown.len()), shown);
+
+    if let Kept::Saved(saved) = kept {
+        assert_eq!(ask(board, "rows"), format!("rows {}", saved.settings.rows));
+    }
+    let results = fresh_results(board, 1);
+    let is_as_kept = match calibration {
+        Some(_) => is_reading(&results[0]),
+        None => results[0].starts_with("f not calibrated: "),
+    };
+    assert!(is_as_kept, "{results:?} with {kept:?}");
+}
+
+/// The emulated flash, as the store sees it.
+struct Flash<'a>(&'a mut Contents);
+
+impl ErrorType for Flash<'_> {
+    type Error = Infallible;
+}
+
+impl ReadNorFlash for Flash<'_> {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Infallible> {
+        let start = offset as usize;
+        bytes.copy_from_slice(&self.0.bytes()[start..start + bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        BYTES
+    }
+}
+
+impl NorFlash for Flash<'_> {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = SECTOR_BYTES;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), Infallible> {
+        for sector in from as usize / SECTOR_BYTES..to as usize / SECTOR_BYTES {
+            let sector = FIRST_SECTOR + sector;
+            self.0.apply(Operation::Erase { sector });
+        }
+        Ok(())
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Infallible> {
+        let (words, _) = bytes.as_chunks();
+        for (address, word) in (BASE + u64::from(offset)..).step_by(4).zip(words) {
+            let word = u32::from_le_bytes(*word);
+            self.0.apply(Operation::Program { address, word });
+        }
+        Ok(())
+    }
+}
