@@ -3,15 +3,20 @@
 use core::fmt::{self, Display, Write};
 
 use slitrange::black_level::{self, BlackPixels};
-use slitrange::calibration::record;
+use slitrange::calibration::record::{self, Record};
+use slitrange::calibration::written::Written;
 use slitrange::estimator::{self, Estimator, second_look};
 use slitrange::frame::Frame;
 use slitrange::measurement::Measurement;
 use slitrange::protocol::answer::HELP;
+use slitrange::protocol::calibration::{Shown, Stored};
 use slitrange::protocol::info::{Banner, Hardware, Info};
 use slitrange::protocol::input::Input;
 use slitrange::protocol::ladder::Ladder;
+use slitrange::protocol::piece::Piece;
+use slitrange::protocol::refusal::Refusal;
 use slitrange::protocol::status::{SerialErrors, StartCause, Status};
+use slitrange::protocol::upload::{Step, Upload};
 use slitrange::reading::Fault;
 use slitrange::row::Row;
 use slitrange::spot;
@@ -129,6 +134,34 @@ pub fn find_distances() {
     }
 }
 
+/// A calibration comes in pieces, and is shown.
+pub fn take_calibrations() {
+    let mut upload = Upload::none();
+    let mut in_use = Written::nominal();
+    while any(true) {
+        match upload.take(any(Step::Commit), &any::geometry()) {
+            Ok(Some(record)) => in_use = Written::new(record).ok(),
+            Ok(None) => {}
+            Err(refusal) => say(&refusal),
+        }
+        let written = in_use.as_ref().filter(|_| any(true));
+        say(&Shown {
+            written,
+            on: any(true),
+            stored: any(Stored::Nothing),
+        });
+        if let Some(piece) = written.and_then(|written| Piece::of(written.bytes(), any(0))) {
+            say(&piece);
+            reached(piece.offset().into());
+        }
+    }
+    say(&any(Refusal::NoUpload));
+    any(any::calibration()
+        .and_then(any::record)
+        .as_ref()
+        .is_some_and(Record::is_nominal));
+}
+
 /// The constructors of the numbers.
 pub fn make_numbers() {
     reached(Pixels::from_int(any(0)).to_bits());
@@ -158,7 +191,8 @@ pub fn talk() {
         hardware: &hardware,
         geometry: &any::geometry(),
         settings: &any::settings(),
-        calibration: any(true).then(any::calibration).flatten().as_ref(),
+        record: any::calibration().and_then(any::record).as_ref(),
+        on: any(true),
     });
     say(&any(Status {
         started_by: StartCause::PowerOn,
@@ -175,6 +209,7 @@ pub fn talk() {
     say(&Ladder);
     say(&HELP);
     say(&any::reading());
+    say(&any::measured());
     let fault = any::fault();
     say(&fault);
     say(&fault.advice());
