@@ -89,11 +89,10 @@ impl<F: NorFlash> Store<F> {
     /// [`StoreError`] says why it could not.
     pub async fn save(&mut self, saved: &Saved) -> Result<(), StoreError> {
         let Items { last, newest } = self.items().await?;
-        let number = last.checked_add(1).ok_or(StoreError::Worn)?;
         let next = match newest {
             Some(newest) if newest.saved == *saved => return Ok(()),
             Some(newest) => {
-                if self.add(newest.sector, number, saved).await? {
+                if self.add(newest.sector, last, saved).await? {
                     return Ok(());
                 }
                 newest.sector.other()
@@ -103,7 +102,9 @@ impl<F: NorFlash> Store<F> {
             None => Sector::First,
         };
         next.erase(&mut self.flash).await?;
-        if self.add(next, number, saved).await? {
+        // What was tried may have brought items to light that damage had hidden.
+        let Items { last, .. } = self.items().await?;
+        if self.add(next, last, saved).await? {
             Ok(())
         } else {
             Err(StoreError::Worn)
@@ -116,12 +117,9 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Adds an item to a sector. False if it has no room, or if damage in it hides the new item.
-    async fn add(
-        &mut self,
-        sector: Sector,
-        number: u32,
-        saved: &Saved,
-    ) -> Result<bool, StoreError> {
+    async fn add(&mut self, sector: Sector, last: u32, saved: &Saved) -> Result<bool, StoreError> {
+        // So many saves no flash endures.
+        let number = last.checked_add(1).ok_or(StoreError::Worn)?;
         let (head, body) = self.item.split_first_chunk_mut().ok_or(StoreError::Worn)?;
         *head = number.to_le_bytes();
         let length = NUMBER.saturating_add(saved::encode(saved, body)?.len());

@@ -36,6 +36,7 @@ pub mod rtt;
 pub mod run;
 pub mod sensor_head;
 pub mod serial_line;
+pub mod stage;
 pub mod stm32f429;
 pub mod trace;
 mod watched_core;

@@ -33,6 +33,8 @@ pub enum Pace {
 #[derive(Debug)]
 pub struct PseudoTerminal {
     board_side: File,
+    /// What a program has sent and no board has been told yet.
+    received: Vec<u8>,
     /// Stays open, or reading would fail whenever no program has the terminal open.
     _program_side: OwnedFd,
     path: PathBuf,
@@ -57,6 +59,7 @@ impl PseudoTerminal {
         let path = ttyname(&ends.slave).context("asking for the pseudo-terminal's path")?;
         Ok(Self {
             board_side: File::from(ends.master),
+            received: vec![],
             _program_side: ends.slave,
             path,
         })
@@ -70,6 +73,9 @@ impl PseudoTerminal {
 
     /// Runs `board` and passes bytes both ways for as long as `goes_on` says so. What nobody reads is lost, as on a real line.
     ///
+    /// `goes_on` is asked every 5 ms: before the board is told what the program has sent, and before the program is told what the board
+    /// has said. So a command finds what was done before it was sent, and what the board says it has done, `goes_on` has seen.
+    ///
     /// # Errors
     ///
     /// The pseudo-terminal failed, or as [`VirtualBoard::run_for`].
@@ -80,8 +86,16 @@ impl PseudoTerminal {
         mut goes_on: impl FnMut(&mut VirtualBoard) -> bool,
     ) -> Result<()> {
         let mut due = Instant::now();
-        while goes_on(board) {
-            self.pass_on(board)?;
+        loop {
+            self.receive()?;
+            let goes_on = goes_on(board);
+            self.say(board)?;
+            if !goes_on {
+                return Ok(());
+            }
+            board.send_at(board.now(), &self.received);
+            self.received.clear();
+            board.run_for(SLICE)?;
             if pace == Pace::WallClock {
                 due += SLICE;
                 let now = Instant::now();
@@ -91,26 +105,26 @@ impl PseudoTerminal {
                 std::thread::sleep(due.saturating_duration_since(now));
             }
         }
-        Ok(())
     }
 
-    /// What a program has sent goes to the board, which runs for a slice; what it says goes back.
-    fn pass_on(&mut self, board: &mut VirtualBoard) -> Result<()> {
-        let mut received = [0; 256];
-        match self.board_side.read(&mut received) {
-            Ok(count) => board.send_at(board.now(), &received[..count]),
+    /// Takes what a program has sent.
+    fn receive(&mut self) -> Result<()> {
+        let mut bytes = [0; 256];
+        match self.board_side.read(&mut bytes) {
+            Ok(count) => self.received.extend(&bytes[..count]),
             Err(error) if is_idle(error.kind()) => {}
             Err(error) => return Err(error).context("reading the pseudo-terminal"),
         }
-        board.run_for(SLICE)?;
-        let sent: Vec<u8> = board
-            .take_bytes()
-            .into_iter()
-            .map(|(_, byte)| byte)
-            .collect();
+        Ok(())
+    }
+
+    /// Passes on what the board has said.
+    fn say(&mut self, board: &mut VirtualBoard) -> Result<()> {
+        let said = board.take_bytes().into_iter().map(|(_, byte)| byte);
+        let said: Vec<u8> = said.collect();
         // The lines would pile up.
         board.take_lines();
-        match self.board_side.write(&sent) {
+        match self.board_side.write(&said) {
             Ok(_) => Ok(()),
             Err(error) if is_idle(error.kind()) => Ok(()),
             Err(error) => Err(error).context("writing to the pseudo-terminal"),

@@ -1,8 +1,10 @@
 //! The store: whatever happens to the power or to the flash, what it gives is something that was saved, whole.
 
 mod flash;
+mod flipped_bits;
 mod power_cuts;
 #[path = "../records/mod.rs"]
 mod records;
 mod samples;
 mod saved;
+mod wear;

@@ -20,6 +20,8 @@ use slitrange::protocol::upload::{Step, Upload};
 use slitrange::reading::Fault;
 use slitrange::row::Row;
 use slitrange::spot;
+use slitrange::store::StoreError;
+use slitrange::store::saved::{self, Saved};
 use slitrange::units::{AsMillimetres, Counts, Micrometres, Pixels};
 
 use super::any::{self, any};
@@ -93,7 +95,7 @@ pub fn find_centres() {
     any(black_level::centroid(row.light(), spot.background));
 }
 
-/// From centres to distances, with whatever calibration is accepted; and its record, written and read.
+/// From centres to distances, with whatever calibration is accepted; and its record, written and read, alone and with what is saved.
 pub fn find_distances() {
     let Some(calibration) = any::calibration() else {
         return;
@@ -107,14 +109,27 @@ pub fn find_distances() {
         reached(distance.to_bits());
     }
     let mut buffer = [0; 4096];
-    if let Some(record) = any::record(calibration) {
-        match record::encode(&record, any::bytes(&mut buffer)) {
+    let record = any::record(calibration);
+    if let Some(record) = &record {
+        match record::encode(record, any::bytes(&mut buffer)) {
             Ok(written) => reached(written.len() as i32),
             Err(error) => say(&error),
         }
     }
     match record::decode(any::bytes(&mut buffer)) {
         Ok(record) => reached(record.serial_number as i32),
+        Err(error) => say(&error),
+    }
+    let settings = any::settings();
+    match saved::encode(&Saved { settings, record }, any::bytes(&mut buffer)) {
+        Ok(written) => reached(written.len() as i32),
+        Err(error) => say(&StoreError::Saved(error)),
+    }
+    match saved::decode(any::bytes(&mut buffer)) {
+        Ok(Saved { settings, record }) => {
+            reached(i32::from(settings.rows));
+            reached(record.map_or(0, |record| record.serial_number as i32));
+        }
         Err(error) => say(&error),
     }
 }
