@@ -66,6 +66,8 @@ pub struct Shown {
     pub estimator: String,
     /// How the black level was found.
     pub black: String,
+    /// Whether it is that of the nominal geometry, which holds until a sensor has its own.
+    pub nominal: bool,
     /// `eq1`, `table` or `corrected`.
     pub kind: &'static str,
     /// D, K and xp, where the calibration is eq. (1), plain or corrected.
@@ -166,6 +168,7 @@ impl Shown {
             },
             estimator: record.estimator.name().to_owned(),
             black: value(Command::Black(Some(record.black_level))),
+            nominal: record.is_nominal(),
             kind,
             eq1: eq1.map(|curve| ShownEq1 {
                 d_mm: curve.d().to_f64() / 1e3,
@@ -223,6 +226,9 @@ impl Shown {
             (
                 "calibration",
                 match self.kind {
+                    _ if self.nominal => {
+                        "d = D + K/(x - xp), nominal: the sensor has none of its own".to_owned()
+                    }
                     "eq1" => "d = D + K/(x - xp)".to_owned(),
                     "table" => "a table of distances".to_owned(),
                     _ => "d = D + K/(x - xp), plus a table of residuals".to_owned(),

@@ -152,8 +152,7 @@ impl std::error::Error for LineError {}
 fn cannot_open(f: &mut fmt::Formatter<'_>, name: &str, error: &serialport::Error) -> fmt::Result {
     use serialport::ErrorKind::{Io, NoDevice};
     match error.kind() {
-        // So says the library on Unix of a port that another program has locked.
-        NoDevice if cfg!(unix) => {
+        _ if is_in_use(error) => {
             write!(f, "{name} is in use: end the program that has it open")
         }
         NoDevice | Io(io::ErrorKind::NotFound) => {
@@ -181,7 +180,17 @@ impl Line {
     /// # Errors
     /// [`LineError::Port`].
     pub fn open(name: &str, waits: Waits) -> Result<Self, LineError> {
-        let port = open(name).map_err(|error| LineError::Port {
+        // A program that was killed while it started another leaves the port to that one for a moment.
+        let until = Instant::now() + waits.answer;
+        let port = loop {
+            match open(name) {
+                Err(error) if is_in_use(&error) && Instant::now() < until => {
+                    std::thread::sleep(Duration::from_millis(10));
+                }
+                opened => break opened,
+            }
+        };
+        let port = port.map_err(|error| LineError::Port {
             name: name.to_owned(),
             error,
         })?;
@@ -205,9 +214,9 @@ impl Line {
     ) -> Result<T, LineError> {
         let mut result = self.ask_once(command, wait, &answer);
         for _ in 1..TRIES {
-            match result {
-                // What the sensor refuses may be what noise made of the command.
-                Err(LineError::Silent { .. } | LineError::Refused { .. }) => {}
+            match &result {
+                Err(LineError::Silent { .. }) => {}
+                Err(LineError::Refused { answer, .. }) if !is_understood(answer) => {}
                 _ => break,
             }
             self.synchronise()?;
@@ -359,10 +368,26 @@ fn open(name: &str) -> serialport::Result<Port> {
     Ok(port)
 }
 
+/// So says the library on Unix of a port that another program has locked.
+fn is_in_use(error: &serialport::Error) -> bool {
+    cfg!(unix) && error.kind() == serialport::ErrorKind::NoDevice
+}
+
 /// `E3 out of range ...`
 fn is_error(line: &str) -> bool {
     let mut bytes = line.bytes();
     bytes.next() == Some(b'E') && bytes.next().is_some_and(|byte| byte.is_ascii_digit())
+}
+
+/// Whether an error is about what was asked, and not about words that noise may have changed: those are the errors up to E7, of
+/// [`Error`](slitrange::protocol::command::Error).
+fn is_understood(error: &str) -> bool {
+    let digits = error
+        .strip_prefix('E')
+        .and_then(|rest| rest.split(' ').next());
+    digits
+        .and_then(|digits| digits.parse().ok())
+        .is_some_and(|number: u32| number > 7)
 }
 
 /// What a sensor says when it starts.

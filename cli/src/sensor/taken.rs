@@ -372,6 +372,7 @@ fn same_setup(first: &[String], setup: &Setup) -> Result<()> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
 
     fn setup() -> Setup {
         Setup {
@@ -418,7 +419,12 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig {
+            cases: 64,
+            rng_seed: RngSeed::Fixed(6),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
 
         #[test]
         fn points_are_read_as_they_were_written(points in prop::collection::vec(point(), 0..6)) {

@@ -11,12 +11,12 @@ use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::piece::{PIECE, Piece};
 use slitrange::protocol::upload::Step;
 
-use super::answers::RecordInUse;
+use super::answers::{InUse, RecordInUse};
 use super::line::{LineError, Waits};
 use super::session::Session;
 use crate::record_file::{self, Comparison, Shown};
 
-/// How often an upload begins anew, if the sensor goes away in it, and how often the flash is asked to keep it.
+/// How often a transfer begins anew if the sensor goes away in it, and how often the sensor is asked to save.
 const TRIES: usize = 3;
 
 /// Write a record to the sensor: upload it, read it back, compare, and save it
@@ -105,49 +105,64 @@ pub fn write_with(options: &WriteOptions, waits: Waits, output: &mut dyn Write) 
             "mind: the sensor's calibration until now was that of sensor {serial_number}"
         )?;
     }
-    let mut session = upload(session, &written)
-        .context("nothing has changed, the sensor uses the calibration that it had")?;
-    let back = record_in_use(&mut session)?;
-    ensure!(
-        back.bytes() == written.bytes(),
-        "what the sensor uses now is another record, CRC-32 {:08x}: write it again",
-        back.sum()
-    );
+    transfer(session, &written, !options.no_save)?;
     writeln!(
         output,
         "uploaded and in use; read back, it is the same bit for bit. Set with it: estimator {}, {}",
         record.estimator.name(),
         Command::Black(Some(record.black_level))
     )?;
-    if options.no_save {
-        writeln!(output, "not saved: it is used until the power goes")?;
-        return Ok(());
-    }
-    save(&mut session, &written).context("it is in use, but not saved")?;
-    writeln!(output, "saved: it is kept over a power cycle")?;
+    let kept = if options.no_save {
+        "not saved: it is used until the power goes"
+    } else {
+        "saved: it is kept over a power cycle"
+    };
+    writeln!(output, "{kept}")?;
     Ok(())
 }
 
-/// Sends a record and has the sensor use it; again from the beginning if the sensor goes away meanwhile.
-fn upload(mut session: Session, written: &Written) -> Result<Session> {
+/// Uploads a record, checks it and has it saved, if it is to be; again from the beginning if the sensor goes away meanwhile.
+fn transfer(mut session: Session, written: &Written, and_save: bool) -> Result<()> {
     let mut tries = 1;
     loop {
-        match send(&mut session, written) {
-            Ok(()) => return Ok(session),
-            Err(error) if error.may_pass() && tries < TRIES => {
-                tries += 1;
-                session = session.reopen()?;
-            }
-            Err(error) => {
-                // Whether that succeeds does not matter: the next upload drops this one, too.
-                let _ = session.set(Command::Upload(Step::Abort));
-                return Err(error.into());
-            }
+        let Err(error) = transfer_once(&mut session, written, and_save) else {
+            return Ok(());
+        };
+        let may_pass = error.downcast_ref().is_some_and(LineError::may_pass);
+        if !may_pass || tries == TRIES {
+            return Err(error);
         }
+        tries += 1;
+        session = match session.reopen() {
+            Ok(session) => session,
+            // What the sensor uses now is what the first error says.
+            Err(_) => return Err(error),
+        };
     }
 }
 
-fn send(session: &mut Session, written: &Written) -> Result<(), LineError> {
+fn transfer_once(session: &mut Session, written: &Written, and_save: bool) -> Result<()> {
+    let uploaded = upload(session, written);
+    if let Err(LineError::Refused { .. }) = uploaded {
+        // The next upload drops this one all the same, should it fail.
+        let _ = session.set(Command::Upload(Step::Abort));
+    }
+    uploaded.context("nothing has changed, the sensor uses the calibration that it had")?;
+    commit(session, written)?;
+    let back = record_in_use(session).context("uploaded, but not read back and not saved")?;
+    ensure!(
+        back.bytes() == written.bytes(),
+        "what the sensor uses now is another record, CRC-32 {:08x}: write it again",
+        back.sum()
+    );
+    if and_save {
+        save(session, written)?;
+    }
+    Ok(())
+}
+
+/// Sends a record; nothing changes yet.
+fn upload(session: &mut Session, written: &Written) -> Result<(), LineError> {
     let bytes = written.bytes();
     // A record is at most some thousand bytes long.
     session.set(Command::Upload(Step::Begin(bytes.len() as u16)))?;
@@ -156,41 +171,54 @@ fn send(session: &mut Session, written: &Written) -> Result<(), LineError> {
             session.set(Command::Upload(Step::Piece(piece)))?;
         }
     }
-    let committed = session.set(Command::Upload(Step::Commit));
-    if committed.is_ok() {
-        return committed;
-    }
+    Ok(())
+}
+
+/// Has the sensor use what was sent.
+fn commit(session: &mut Session, written: &Written) -> Result<()> {
+    let Err(error) = session.set(Command::Upload(Step::Commit)) else {
+        return Ok(());
+    };
     // Where only the answer was lost, the sensor has no upload any more to commit once again.
-    match session.calibration()?.record {
-        Some(now) if now.crc == written.sum() => Ok(()),
-        _ => committed,
+    match session.calibration() {
+        Ok(InUse {
+            record: Some(now), ..
+        }) if now.crc == written.sum() => Ok(()),
+        Ok(_) => Err(error).context("nothing has changed, the sensor uses the calibration that it had"),
+        Err(_) => Err(error).context(
+            "the sensor uses the calibration that it had or the new one: `calibrate show` tells, with FILE and --port",
+        ),
     }
 }
 
 /// Has the sensor keep what is in use.
 fn save(session: &mut Session, written: &Written) -> Result<()> {
+    const UNKNOWN: &str =
+        "it is in use; whether it is saved, `calibration` on the sensor's line tells";
     let wait = session.line().waits.save;
     let question = Command::Save.to_string();
-    for tries in 1.. {
+    let mut tries = 1;
+    loop {
         let saved = session.line().ask_once(&question, wait, |lines| {
             (*lines.last()? == question).then_some(())
         });
         if let Err(LineError::Silent { .. } | LineError::Refused { .. }) = saved {
-            session.line().synchronise()?;
+            session.line().synchronise().context(UNKNOWN)?;
         }
-        let now = session.calibration()?;
+        let now = session.calibration().context(UNKNOWN)?;
         let same = now.record.is_some_and(|record| record.crc == written.sum());
         if same && now.stored == "same" {
-            break;
+            return Ok(());
         }
         if tries == TRIES {
-            saved?;
+            saved.context("it is in use, but not saved")?;
             bail!(
-                "the sensor says that it saved, and then that its flash holds another record (`calibration`)"
+                "the sensor says that it saved, but not that its flash holds what it uses: it says `stored {}`",
+                now.stored
             );
         }
+        tries += 1;
     }
-    Ok(())
 }
 
 /// `calibrate read`.

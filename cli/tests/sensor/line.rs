@@ -110,13 +110,13 @@ fn a_sensor_that_starts_anew_is_noticed() {
 /// Values arrive whole over a line on which every fifth line is lost or garbled, either way.
 #[test]
 fn a_bad_line_takes_longer_and_no_more() {
-    let trouble = Trouble {
+    let sensor = StandIn::new(5, Trouble::default());
+    let mut session = Session::open(&sensor.port(), WAITS).expect("a session");
+    sensor.state().trouble = Trouble {
         lost: 0.1,
         garbled: 0.1,
         ..Trouble::default()
     };
-    let sensor = StandIn::new(5, trouble);
-    let mut session = Session::open(&sensor.port(), WAITS).expect("a session");
     let (mut failed, mut set) = (0, 0);
     for rows in (1..=64).cycle().take(40) {
         match session.set(Command::Rows(Some(rows))) {

@@ -83,6 +83,8 @@ pub struct State {
     pub off_until: Option<Instant>,
     /// The port is not there until then.
     pub unplugged_until: Option<Instant>,
+    /// The one line of an upload, here or there, that arrives spoilt: how many come before it, and whether it is lost.
+    pub spoil: Option<(usize, bool)>,
     /// Commands that it understood.
     pub asked: Vec<Command>,
     upload: Upload,
@@ -115,6 +117,7 @@ impl StandIn {
             flash_works: true,
             off_until: None,
             unplugged_until: None,
+            spoil: None,
             asked: Vec::new(),
             upload: Upload::none(),
         }));
@@ -270,7 +273,7 @@ impl Sensor {
                 Ok(measured) => measured.to_string(),
                 Err(fault) => format!("{fault}\r\n({})", fault.advice()),
             };
-            self.say(&state, &line);
+            self.say(&mut state, &line);
         } else if state.stream && now >= self.streamed + Duration::from_millis(6) {
             self.streamed = now;
             let line = match self.frame(&state) {
@@ -284,7 +287,7 @@ impl Sensor {
                     .map_or_else(|fault| fault.to_string(), |reading| reading.to_string()),
                 Err(fault) => fault.to_string(),
             };
-            self.say(&state, &line);
+            self.say(&mut state, &line);
         }
     }
 
@@ -307,7 +310,7 @@ impl Sensor {
             state.off_until = Some(Instant::now() + Duration::from_millis(50));
             return;
         }
-        let Some(line) = self.noisy(&state.trouble, line) else {
+        let Some(line) = self.noisy(state, line) else {
             return;
         };
         for byte in line {
@@ -451,8 +454,8 @@ impl Sensor {
         })
     }
 
-    fn say(&mut self, state: &State, line: &str) {
-        let Some(line) = self.noisy(&state.trouble, format!("{line}\r\n").as_bytes()) else {
+    fn say(&mut self, state: &mut State, line: &str) {
+        let Some(line) = self.noisy(state, format!("{line}\r\n").as_bytes()) else {
             return;
         };
         // What nobody reads is lost, as on a real line.
@@ -465,12 +468,31 @@ impl Sensor {
     }
 
     /// What arrives of a line.
-    fn noisy(&mut self, trouble: &Trouble, line: &[u8]) -> Option<Vec<u8>> {
-        if self.random.random_bool(trouble.lost) {
+    fn noisy(&mut self, state: &mut State, line: &[u8]) -> Option<Vec<u8>> {
+        let of_upload = [
+            &b"calibration begin"[..],
+            b"calibration data",
+            b"calibration commit",
+        ]
+        .iter()
+        .any(|start| line.starts_with(start));
+        let spoilt = match &mut state.spoil {
+            Some((0, lost)) if of_upload => Some(*lost),
+            Some((before, _)) if of_upload => {
+                *before -= 1;
+                None
+            }
+            _ => None,
+        };
+        if spoilt.is_some() {
+            state.spoil = None;
+        }
+        let trouble = state.trouble;
+        if spoilt == Some(true) || self.random.random_bool(trouble.lost) {
             return None;
         }
         let mut line = line.to_vec();
-        if self.random.random_bool(trouble.garbled) {
+        if spoilt == Some(false) || self.random.random_bool(trouble.garbled) {
             let at = self.random.random_range(0..line.len());
             if self.random.random() {
                 line[at] ^= 1 << self.random.random_range(0..8);

@@ -10,6 +10,8 @@ mod faults;
 mod identical;
 #[cfg(unix)]
 mod pseudo_terminal;
+mod records;
+mod saving;
 mod scenes;
 mod sensor_head;
 mod serial_line;
