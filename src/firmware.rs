@@ -3,8 +3,8 @@
 //! Four tasks, and what passes between them ([`shared`]):
 //!
 //! ```text
-//! acquisition --full rows--> measuring --centres, faults---> serial line
-//!             <--free rows--           <-----settings-------
+//! acquisition --full rows--> measuring --centres, faults---> serial line --saved--> flash
+//!             <--free rows--           <-settings, pauses---
 //! ```
 //!
 //! and the watchdog, which looks on. Acquisition and watchdog run on an executor of their own in an interrupt, above
@@ -12,10 +12,14 @@
 
 pub mod acquisition;
 pub mod board;
+pub mod flash;
+pub mod in_use;
 pub mod measuring;
 pub mod serial_line;
+pub mod session;
 pub mod shared;
 pub mod tcd1304;
+pub mod transmitter;
 pub mod watchdog;
 
 // Linked for what they define: where defmt's log goes, and what a panic does (it is logged, then everything stops, and

@@ -10,17 +10,16 @@ async fn main(spawner: embassy_executor::Spawner) {
     use firmware::{acquisition, board, measuring, serial_line, watchdog};
 
     let board = board::init();
-    let settings = measuring::default_settings();
 
     // Spawning fails only if a task is spawned twice: a programming error, which the first start would show.
     let urgent = board::start_urgent_executor();
     urgent.spawn(defmt::unwrap!(acquisition::acquire(board.sensor)));
     urgent.spawn(defmt::unwrap!(watchdog::watch(board.watchdog)));
-    spawner.spawn(defmt::unwrap!(measuring::measure(settings)));
+    spawner.spawn(defmt::unwrap!(measuring::measure()));
     spawner.spawn(defmt::unwrap!(serial_line::serve(
         board.serial,
         board.started_by,
-        settings
+        board.flash
     )));
 }
 

@@ -1,13 +1,16 @@
 //! The serial line's words: commands in, lines out. Pure text; the firmware brings the bytes.
 
 pub mod answer;
+pub mod calibration;
 pub mod command;
 pub mod info;
 pub mod input;
 pub mod ladder;
 pub mod line;
 pub mod piece;
+pub mod refusal;
 pub mod status;
+pub mod upload;
 
 /// The longest answer, in bytes with its line ends: `help`, `help estimator` and `status` are the long ones.
-pub const MAX_ANSWER: usize = 1024;
+pub const MAX_ANSWER: usize = 1536;

@@ -18,6 +18,20 @@ pub(crate) const fn add_u64(a: u64, b: u64) -> u64 {
     a.wrapping_add(b)
 }
 
+/// a - b.
+#[inline(always)]
+pub(crate) const fn sub_u64(a: u64, b: u64) -> u64 {
+    debug_assert!(a.checked_sub(b).is_some());
+    a.wrapping_sub(b)
+}
+
+/// a * b.
+#[inline(always)]
+pub(crate) const fn mul_u64(a: u64, b: u64) -> u64 {
+    debug_assert!(a.checked_mul(b).is_some());
+    a.wrapping_mul(b)
+}
+
 /// a + b.
 #[inline(always)]
 pub(crate) const fn add_i32(a: i32, b: i32) -> i32 {

@@ -190,7 +190,9 @@ impl Fault {
             }
             Self::TwoSpots { .. } => "cover what reflects the laser or shines beside it",
             Self::Unsteady { .. } => "hold the target still, or take fewer rows in a frame",
-            Self::NotCalibrated { .. } => "`calibration on`, or give it a calibration",
+            Self::NotCalibrated { .. } => {
+                "`calibration on`; where there is none, upload one or `defaults`"
+            }
         }
     }
 }

@@ -1,3 +1,216 @@
 //! What a sensor keeps over a power cycle, in two sectors of flash.
+//!
+//! Each save adds an item to the sector in use: a number that counts on, and [`saved`]'s bytes. When the sector is full, the other is
+//! erased and is the one in use. So what was saved before is never erased until something newer is whole, and a power cut at any
+//! moment leaves the old or the new. What is read is the item with the highest number of those that are whole and usable.
+//!
+//! `sequential-storage` lays out the items and checks them with a CRC-32, a sector at a time (see `sector`). It repairs what it takes
+//! for broken by erasing, which a half-erased sector can turn against the good one: so it cannot erase here, and nothing is ever
+//! repaired; the next save overwrites instead. The library is not ours, and not in the proof that no panic is reachable: tests and
+//! fuzzing look for contents of the flash that it would panic on.
 
 pub mod saved;
+mod sector;
+
+use core::fmt;
+
+use embedded_storage_async::nor_flash::NorFlash;
+
+use saved::{Saved, SavedError};
+use sector::{PageError, Sector};
+
+/// Bytes of an item's number.
+const NUMBER: usize = size_of::<u32>();
+
+/// The longest item, in whole words of flash.
+const LONGEST: usize = (NUMBER + saved::MAX_ENCODED).next_multiple_of(4);
+
+/// The store, in the first 32 KB of a flash with sectors of 16 KB that is programmed in words of 4 bytes.
+pub struct Store<F> {
+    flash: F,
+    item: [u8; LONGEST],
+}
+
+/// What the store has.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one, at the start, and no heap"
+)]
+pub enum Kept {
+    /// Nothing was ever saved: the flash is erased.
+    Nothing,
+    /// What was saved last, as far as it is still whole.
+    Saved(Saved),
+    /// Something was there, and nothing usable is left of it.
+    Unusable,
+}
+
+/// An item that can be used.
+struct Item {
+    number: u32,
+    sector: Sector,
+    saved: Saved,
+}
+
+/// All items.
+struct Items {
+    /// The highest number, of those too that cannot be used; 0 if there is none.
+    last: u32,
+    newest: Option<Item>,
+}
+
+impl<F: NorFlash> Store<F> {
+    /// A store. Nothing is read yet.
+    pub const fn new(flash: F) -> Self {
+        Self {
+            flash,
+            item: [0; LONGEST],
+        }
+    }
+
+    /// What was saved last. Reads only. Flash that cannot be read is unusable.
+    pub async fn read(&mut self) -> Kept {
+        match self.items().await {
+            Ok(Items {
+                newest: Some(newest),
+                ..
+            }) => Kept::Saved(newest.saved),
+            Ok(_) if matches!(self.is_blank().await, Ok(true)) => Kept::Nothing,
+            _ => Kept::Unusable,
+        }
+    }
+
+    /// Saves, unless just that is what was saved last. If it is interrupted, or fails, what was saved before is still there.
+    ///
+    /// It erases a sector where needed, which takes up to half a second.
+    ///
+    /// # Errors
+    /// [`StoreError`] says why it could not.
+    pub async fn save(&mut self, saved: &Saved) -> Result<(), StoreError> {
+        let Items { last, newest } = self.items().await?;
+        let next = match newest {
+            Some(newest) if newest.saved == *saved => return Ok(()),
+            Some(newest) => {
+                if self.add(newest.sector, last, saved).await? {
+                    return Ok(());
+                }
+                newest.sector.other()
+            }
+            // What is unusable stays to be seen until something usable is whole: one of two sectors in which there is something.
+            None if Sector::First.is_blank(&mut self.flash).await? => Sector::First,
+            None => Sector::Second,
+        };
+        next.erase(&mut self.flash).await?;
+        // What was tried may have brought items to light that damage had hidden.
+        let Items { last, .. } = self.items().await?;
+        if self.add(next, last, saved).await? {
+            Ok(())
+        } else {
+            Err(StoreError::Worn)
+        }
+    }
+
+    async fn is_blank(&mut self) -> Result<bool, StoreError> {
+        Ok(Sector::First.is_blank(&mut self.flash).await?
+            && Sector::Second.is_blank(&mut self.flash).await?)
+    }
+
+    /// Adds an item to a sector. False if it has no room, or if damage in it hides the new item.
+    async fn add(&mut self, sector: Sector, last: u32, saved: &Saved) -> Result<bool, StoreError> {
+        // So many saves no flash endures.
+        let number = last.checked_add(1).ok_or(StoreError::Worn)?;
+        let (head, body) = self.item.split_first_chunk_mut().ok_or(StoreError::Worn)?;
+        *head = number.to_le_bytes();
+        let length = NUMBER.saturating_add(saved::encode(saved, body)?.len());
+        let item = self.item.get(..length).unwrap_or_default();
+        let pushed = sector.queue(&mut self.flash).push(item, false).await;
+        if done(pushed)?.is_none() {
+            return Ok(false);
+        }
+        let newest = self.items().await?.newest;
+        Ok(newest.is_some_and(|newest| newest.number == number && newest.saved == *saved))
+    }
+
+    /// Goes through the items of both sectors.
+    async fn items(&mut self) -> Result<Items, StoreError> {
+        let mut items = Items {
+            last: 0,
+            newest: None,
+        };
+        for sector in Sector::BOTH {
+            let mut queue = sector.queue(&mut self.flash);
+            let Some(mut iterator) = done(queue.iter().await)? else {
+                continue;
+            };
+            while let Some(Some(item)) = done(iterator.next(&mut self.item).await)? {
+                let Some((number, bytes)) = item.split_first_chunk() else {
+                    continue;
+                };
+                let number = u32::from_le_bytes(*number);
+                items.last = items.last.max(number);
+                if items
+                    .newest
+                    .as_ref()
+                    .is_some_and(|newest| newest.number >= number)
+                {
+                    continue;
+                }
+                if let Ok(saved) = saved::decode(bytes) {
+                    items.newest = Some(Item {
+                        number,
+                        sector,
+                        saved,
+                    });
+                }
+            }
+        }
+        Ok(items)
+    }
+}
+
+/// None if the library could not do it with what is in the sector.
+fn done<T>(
+    result: Result<T, sequential_storage::Error<PageError>>,
+) -> Result<Option<T>, StoreError> {
+    match result {
+        Ok(done) => Ok(Some(done)),
+        Err(sequential_storage::Error::Storage {
+            value: PageError::Flash,
+        }) => Err(StoreError::Flash),
+        Err(_) => Ok(None),
+    }
+}
+
+/// Why something could not be saved. What was saved before is still there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StoreError {
+    /// It is nothing that could be read again.
+    Saved(SavedError),
+    /// The flash refused.
+    Flash,
+    /// The flash did, but does not keep what is written to it.
+    Worn,
+}
+
+impl From<SavedError> for StoreError {
+    fn from(error: SavedError) -> Self {
+        Self::Saved(error)
+    }
+}
+
+impl fmt::Display for StoreError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Saved(error) => error.fmt(f),
+            Self::Flash => f.write_str(
+                "the flash did not do as it was told, what was saved before still holds: save again",
+            ),
+            Self::Worn => f.write_str(
+                "the flash does not keep what is written, what was saved before still holds: save again, and if that does not help, replace the sensor's board",
+            ),
+        }
+    }
+}
+
+impl core::error::Error for StoreError {}

@@ -18,17 +18,19 @@ pub mod spline;
 pub mod start;
 pub mod tabulate;
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
 use slitrange::black_level::BlackLevel;
 use slitrange::calibration::date::Date;
 use slitrange::calibration::record::Record;
+use slitrange::calibration::written::Written;
 use slitrange::estimator::Estimator;
 use slitrange::sensor_heads::tcd1304dg;
 
 use crate::points::{self, Points, Taken};
-use crate::record_file;
+use crate::record_file::{self, Shown};
 use physical::{Branch, Physical};
 use report::{RecordWritten, Report};
 use solve::Form;
@@ -140,16 +142,17 @@ pub fn run(options: &Options) -> anyhow::Result<()> {
         "{}: the record would take the place of the points: name another file with --output",
         path.display()
     );
-    let bytes = record_file::write(&path, &record)?;
-    report.record = Some(written(&path, bytes, &record));
+    record_file::write(&path, &record)?;
+    report.record = Some(written(&path, &record));
     if let Some(path) = &options.figure {
         figure::draw(&solved, made.form, path)
             .with_context(|| format!("{} cannot be drawn", path.display()))?;
     }
-    match options.json {
-        true => println!("{}", serde_json::to_string_pretty(&report)?),
-        false => print!("{report}"),
-    }
+    let text = match options.json {
+        true => serde_json::to_string_pretty(&report)? + "\n",
+        false => report.to_string(),
+    };
+    std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
 }
 
@@ -158,8 +161,8 @@ impl Options {
         &self,
         taken: &Taken,
         calibration: slitrange::calibration::Calibration,
-    ) -> anyhow::Result<Record> {
-        Ok(Record {
+    ) -> anyhow::Result<Written> {
+        Ok(Written::new(Record {
             serial_number: self.serial.or(taken.serial_number).unwrap_or(0),
             date: match self.date {
                 Some(date) => date,
@@ -172,7 +175,7 @@ impl Options {
                 .or(taken.black_level)
                 .unwrap_or(BlackLevel::Shielded),
             calibration,
-        })
+        })?)
     }
 
     fn record_path(&self) -> PathBuf {
@@ -183,18 +186,15 @@ impl Options {
     }
 }
 
-fn written(path: &Path, bytes: usize, record: &Record) -> RecordWritten {
+fn written(path: &Path, record: &Written) -> RecordWritten {
+    let shown = Shown::of(record);
     RecordWritten {
         file: path.display().to_string(),
-        bytes,
-        serial: record.serial_number,
-        date: record.date.to_string(),
-        estimator: record.estimator.name().into(),
-        black: match record.black_level {
-            BlackLevel::Shielded => "shielded".into(),
-            BlackLevel::Frame => "frame".into(),
-            BlackLevel::Fixed(counts) => format!("fixed {counts:.0}"),
-        },
+        bytes: shown.bytes,
+        serial: shown.serial_number,
+        date: shown.date,
+        estimator: shown.estimator,
+        black: shown.black,
     }
 }
 

@@ -11,3 +11,4 @@ pub mod fit;
 pub mod points;
 pub mod record_file;
 pub mod sensor;
+mod whole_file;

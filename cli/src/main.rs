@@ -18,27 +18,23 @@ enum Command {
 enum Calibrate {
     /// Fit a calibration to points that were taken, report on it and write it as a record
     Fit(fit::Options),
-    /// Take the points: centres from the sensor at distances that a person or a stage sets
     Run(sensor::RunOptions),
-    /// Write a record to the sensor
     Write(sensor::WriteOptions),
-    /// Read the sensor's record into a file
     Read(sensor::ReadOptions),
-    /// Show what a sensor or a file holds, or how the two differ
     Show(sensor::ShowOptions),
 }
 
 fn main() -> ExitCode {
     let Command::Calibrate(command) = Command::parse();
     let outcome = match command {
-        Calibrate::Fit(options) => fit::run(&options),
-        Calibrate::Run(options) => sensor::run(&options),
-        Calibrate::Write(options) => sensor::write(&options),
-        Calibrate::Read(options) => sensor::read(&options),
+        Calibrate::Fit(options) => fit::run(&options).map(|()| ExitCode::SUCCESS),
+        Calibrate::Run(options) => sensor::run(&options).map(|()| ExitCode::SUCCESS),
+        Calibrate::Write(options) => sensor::write(&options).map(|()| ExitCode::SUCCESS),
+        Calibrate::Read(options) => sensor::read(&options).map(|()| ExitCode::SUCCESS),
         Calibrate::Show(options) => sensor::show(&options),
     };
     match outcome {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(error) => {
             eprintln!("slitrange: {error:#}");
             ExitCode::FAILURE

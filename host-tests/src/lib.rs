@@ -4,6 +4,7 @@ pub mod accuracy;
 pub mod bound;
 pub mod budget;
 pub mod core_tables;
+pub mod distorted_optics;
 pub mod docs;
 pub mod field;
 pub mod grid;

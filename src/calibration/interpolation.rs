@@ -41,15 +41,17 @@ impl Interval {
     }
 
     /// The value at a centre of the interval on a straight line, and its slope in micrometres a pixel.
+    #[inline(always)]
     pub fn linear(&self, centre: Pixels) -> (Micrometres, f32) {
         let part = fraction(self.way(centre) as f32 / self.length() as f32);
         (
             between(self.from.value, self.to.value, part),
-            self.per_pixel(self.rise() as f32),
+            self.per_pixel(self.rise(), 1.0),
         )
     }
 
     /// The same on a cubic with two further control points.
+    #[inline(always)]
     pub fn cubic(&self, centre: Pixels, controls: Controls) -> (Micrometres, f32) {
         let part = fraction(self.way(centre) as f32 / self.length() as f32);
         let (from, to) = (self.from.value, self.to.value);
@@ -59,36 +61,30 @@ impl Interval {
         let (left, right) = (between(first, middle, part), between(middle, last, part));
         // The last line is the tangent, over a third of the interval; its ends are in order, like all others.
         let tangent = right.to_bits().wrapping_sub(left.to_bits());
-        (
-            between(left, right, part),
-            self.per_pixel(3.0 * tangent as f32),
-        )
+        (between(left, right, part), self.per_pixel(tangent, 3.0))
     }
 
     /// The largest slope, without sign, that the straight line or the cubic has, in micrometres a pixel.
     pub fn steepest(&self, controls: Option<Controls>) -> f32 {
         let Some(controls) = controls else {
-            return self.per_pixel(self.rise() as f32).abs();
+            return self.per_pixel(self.rise(), 1.0).abs();
         };
         // The slope is a parabola, which lies between the largest and the least of its control points: the differences of
         // the curve's. They lie between the knots: no difference exceeds the rise.
-        let step = |from: Micrometres, to: Micrometres| to.to_bits().wrapping_sub(from.to_bits());
-        let [first, middle, last] = [
-            step(self.from.value, controls.0),
-            step(controls.0, controls.1),
-            step(controls.1, self.to.value),
-        ]
-        .map(|step| (step as f32).abs());
-        let most = if first > last { first } else { last };
-        let most = if middle > most { middle } else { most };
-        self.per_pixel(3.0 * most)
+        let step = |from: Micrometres, to: Micrometres| from.to_bits().abs_diff(to.to_bits());
+        let most = step(self.from.value, controls.0)
+            .max(step(controls.0, controls.1))
+            .max(step(controls.1, self.to.value));
+        // Below 2^30, as the rise.
+        self.per_pixel(most as i32, 3.0)
     }
 
-    /// Steps of Q24.8 micrometres over the interval as micrometres a pixel. There are at most three times 2^30, and an
-    /// interval has at least a sixteenth of a pixel: below 2^28.
-    fn per_pixel(&self, rise: f32) -> f32 {
+    /// Steps of Q24.8 micrometres over one of `parts` parts of the interval, as micrometres a pixel. There are less than 2^30, and
+    /// an interval has at least a sixteenth of a pixel: below 3 * 2^26.
+    #[inline(always)]
+    fn per_pixel(&self, rise: i32, parts: f32) -> f32 {
         const UNITS: f32 = (1u32 << (Pixels::FRACTION - Micrometres::FRACTION)) as f32;
-        rise / self.length() as f32 * UNITS
+        rise as f32 / self.length() as f32 * (UNITS * parts)
     }
 }
 

@@ -2,10 +2,11 @@
 
 use core::fmt;
 
-use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
+use super::centres::Centres;
 use super::interpolation::{Controls, Interval, MAX_RISE, controls};
+use crate::reading::Fault;
 use crate::units::{Micrometres, Pixels};
 
 /// Most knots with straight lines between them.
@@ -52,18 +53,31 @@ pub struct Knot {
 /// it is exact. Elsewhere its arithmetic is off by at most 2^-22 of the difference between the two knots and three steps of
 /// Q24.8 (0.012 um).
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Knots(Pieces);
-
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Pieces {
-    Linear(Vec<Knot, MAX_LINEAR>),
-    Cubic(Vec<CubicKnot, MAX_CUBIC>),
+pub struct Knots {
+    /// How many.
+    len: usize,
+    /// The first centre and the last.
+    valid: (Pixels, Pixels),
+    pieces: Pieces,
 }
 
-/// A knot with the control points of the cubic that begins there; the last one's are of no meaning.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct CubicKnot {
-    knot: Knot,
+/// What belongs to each knot; what is beyond the last has no meaning.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Pieces {
+    Linear {
+        centres: Centres<MAX_LINEAR>,
+        values: [Micrometres; MAX_LINEAR],
+    },
+    Cubic {
+        centres: Centres<MAX_CUBIC>,
+        starts: [CubicStart; MAX_CUBIC],
+    },
+}
+
+/// Where a cubic begins; the last knot's control points have no meaning.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct CubicStart {
+    value: Micrometres,
     controls: Controls,
 }
 
@@ -99,35 +113,43 @@ impl Knots {
             }
         }
         let pieces = match interpolation {
-            Interpolation::Linear => Vec::from_slice(knots).ok().map(Pieces::Linear),
-            Interpolation::Cubic => cubic(knots).map(Pieces::Cubic),
+            Interpolation::Linear => linear(knots),
+            Interpolation::Cubic => cubic(knots),
         };
-        pieces.map(Self).ok_or(too_many)
+        match (knots, pieces) {
+            ([first, .., last], Some(pieces)) => Ok(Self {
+                len: knots.len(),
+                valid: (first.centre, last.centre),
+                pieces,
+            }),
+            _ => Err(too_many),
+        }
     }
 
     /// What lies between the knots.
     pub const fn interpolation(&self) -> Interpolation {
-        match self.0 {
-            Pieces::Linear(_) => Interpolation::Linear,
-            Pieces::Cubic(_) => Interpolation::Cubic,
+        match self.pieces {
+            Pieces::Linear { .. } => Interpolation::Linear,
+            Pieces::Cubic { .. } => Interpolation::Cubic,
         }
     }
 
     /// How many knots there are.
     #[expect(clippy::len_without_is_empty, reason = "there are always two")]
-    pub fn len(&self) -> usize {
-        match &self.0 {
-            Pieces::Linear(knots) => knots.len(),
-            Pieces::Cubic(knots) => knots.len(),
-        }
+    pub const fn len(&self) -> usize {
+        self.len
     }
 
     /// A knot.
     pub fn get(&self, index: usize) -> Option<Knot> {
-        match &self.0 {
-            Pieces::Linear(knots) => knots.get(index).copied(),
-            Pieces::Cubic(knots) => knots.get(index).map(|at| at.knot),
+        if index >= self.len {
+            return None;
         }
+        let (centre, value) = match &self.pieces {
+            Pieces::Linear { centres, values } => (centres.get(index)?, *values.get(index)?),
+            Pieces::Cubic { centres, starts } => (centres.get(index)?, starts.get(index)?.value),
+        };
+        Some(Knot { centre, value })
     }
 
     /// All knots in their order.
@@ -135,36 +157,22 @@ impl Knots {
         (0..self.len()).filter_map(|index| self.get(index))
     }
 
-    /// The first and the last knot.
-    pub fn ends(&self) -> (Knot, Knot) {
-        // There are at least two.
-        const NONE: Knot = Knot {
-            centre: Pixels::MIN,
-            value: Micrometres::MIN,
-        };
-        let last = self.len().saturating_sub(1);
-        (self.get(0).unwrap_or(NONE), self.get(last).unwrap_or(NONE))
+    /// The first and the last centre.
+    pub const fn valid(&self) -> (Pixels, Pixels) {
+        self.valid
     }
 
-    /// The value at a centre, and the slope there in micrometres a pixel. `None` before the first knot and beyond the last.
-    pub fn at(&self, centre: Pixels) -> Option<(Micrometres, f32)> {
-        match &self.0 {
-            Pieces::Linear(knots) => {
-                let (from, to) = around(knots, |knot| knot.centre, centre)?;
-                let interval = Interval {
-                    from: *from,
-                    to: *to,
-                };
-                Some(interval.linear(centre))
-            }
-            Pieces::Cubic(knots) => {
-                let (from, to) = around(knots, |at| at.knot.centre, centre)?;
-                let interval = Interval {
-                    from: from.knot,
-                    to: to.knot,
-                };
-                Some(interval.cubic(centre, from.controls))
-            }
+    /// The value at a centre, and the slope there in micrometres a pixel; at a knot that of the interval before it.
+    ///
+    /// # Errors
+    /// [`Fault::OutOfRange`] before the first knot and beyond the last.
+    pub fn at(&self, centre: Pixels) -> Result<(Micrometres, f32), Fault> {
+        if centre < self.valid.0 || centre > self.valid.1 {
+            return Err(Fault::OutOfRange { centre });
+        }
+        match &self.pieces {
+            Pieces::Linear { centres, values } => on_a_line(centres, values, centre),
+            Pieces::Cubic { centres, starts } => on_a_cubic(centres, starts, centre),
         }
     }
 
@@ -174,17 +182,29 @@ impl Knots {
             from: self.get(index)?,
             to: self.get(index.checked_add(1)?)?,
         };
-        let controls = match &self.0 {
-            Pieces::Linear(_) => None,
-            Pieces::Cubic(knots) => knots.get(index).map(|at| at.controls),
+        let controls = match &self.pieces {
+            Pieces::Linear { .. } => None,
+            Pieces::Cubic { starts, .. } => starts.get(index).map(|start| start.controls),
         };
         Some((interval.from, interval.to, interval.steepest(controls)))
     }
 }
 
-/// Knots with their control points. `None` where there are too many.
-fn cubic(knots: &[Knot]) -> Option<Vec<CubicKnot, MAX_CUBIC>> {
-    let mut cubics = Vec::new();
+/// `None` where there are too many.
+fn linear(knots: &[Knot]) -> Option<Pieces> {
+    let mut values = [Micrometres::default(); MAX_LINEAR];
+    for (at, knot) in values.get_mut(..knots.len())?.iter_mut().zip(knots) {
+        *at = knot.value;
+    }
+    Some(Pieces::Linear {
+        centres: Centres::of(knots)?,
+        values,
+    })
+}
+
+/// `None` where there are too many.
+fn cubic(knots: &[Knot]) -> Option<Pieces> {
+    let mut starts = [CubicStart::default(); MAX_CUBIC];
     let interval = |index: Option<usize>| {
         let from = index?;
         Some(Interval {
@@ -192,7 +212,7 @@ fn cubic(knots: &[Knot]) -> Option<Vec<CubicKnot, MAX_CUBIC>> {
             to: *knots.get(from.checked_add(1)?)?,
         })
     };
-    for (index, &knot) in knots.iter().enumerate() {
+    for ((index, knot), at) in knots.iter().enumerate().zip(starts.get_mut(..knots.len())?) {
         let controls = match interval(Some(index)) {
             Some(this) => controls(
                 interval(index.checked_sub(1)),
@@ -201,21 +221,63 @@ fn cubic(knots: &[Knot]) -> Option<Vec<CubicKnot, MAX_CUBIC>> {
             ),
             None => (knot.value, knot.value),
         };
-        cubics.push(CubicKnot { knot, controls }).ok()?;
+        *at = CubicStart {
+            value: knot.value,
+            controls,
+        };
     }
-    Some(cubics)
+    Some(Pieces::Cubic {
+        centres: Centres::of(knots)?,
+        starts,
+    })
 }
 
-/// The knots to either side of a centre; the last interval has both its ends.
-#[inline]
-fn around<K>(knots: &[K], centre_of: impl Fn(&K) -> Pixels, centre: Pixels) -> Option<(&K, &K)> {
-    let [_, inner @ .., _] = knots else {
-        return None;
+// Two functions: in one, the compiler makes one end of both, and does not find SMMLAR for it.
+
+/// The value and the slope at a centre of the range, on straight lines.
+#[inline(never)]
+fn on_a_line(
+    centres: &Centres<MAX_LINEAR>,
+    values: &[Micrometres; MAX_LINEAR],
+    centre: Pixels,
+) -> Result<(Micrometres, f32), Fault> {
+    let index = centres.before(centre);
+    let knot = |index| {
+        Some(Knot {
+            centre: centres.get(index)?,
+            value: *values.get(index)?,
+        })
     };
-    let index = inner.partition_point(|knot| centre_of(knot) <= centre);
-    // At most the number of inner knots, which is two less than there are.
-    let (from, to) = (knots.get(index)?, knots.get(index + 1)?);
-    (centre_of(from) <= centre && centre <= centre_of(to)).then_some((from, to))
+    let (Some(from), Some(to)) = (knot(index), knot(index + 1)) else {
+        // There is an interval for every centre.
+        return Err(Fault::OutOfRange { centre });
+    };
+    Ok(Interval { from, to }.linear(centre))
+}
+
+/// The same on cubics.
+#[inline(never)]
+fn on_a_cubic(
+    centres: &Centres<MAX_CUBIC>,
+    starts: &[CubicStart; MAX_CUBIC],
+    centre: Pixels,
+) -> Result<(Micrometres, f32), Fault> {
+    let index = centres.before(centre);
+    let knot = |index| {
+        let start = starts.get(index)?;
+        Some((
+            Knot {
+                centre: centres.get(index)?,
+                value: start.value,
+            },
+            start.controls,
+        ))
+    };
+    let (Some((from, controls)), Some((to, _))) = (knot(index), knot(index + 1)) else {
+        // There is an interval for every centre.
+        return Err(Fault::OutOfRange { centre });
+    };
+    Ok(Interval { from, to }.cubic(centre, controls))
 }
 
 /// Why knots give no curve. An index counts from 0.

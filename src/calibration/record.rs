@@ -22,6 +22,7 @@ use super::table::{Table, TableError};
 use crate::black_level::BlackLevel;
 use crate::estimator::Estimator;
 use crate::row::{Geometry, LARGEST_COUNT, MAX_PIXELS, Polarity};
+use crate::sensor_heads;
 use crate::triangulation::{Eq1, Eq1Error};
 use crate::units::{Counts, Micrometres, Pixels};
 
@@ -93,17 +94,31 @@ pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
     if version != VERSION {
         return Err(RecordError::Version { version });
     }
-    let (stored, rest): (Stored, &[u8]) =
-        postcard::take_from_bytes(body).map_err(|_| RecordError::Shape)?;
-    if !rest.is_empty() {
-        return Err(RecordError::Shape);
+    match &Stored::read(body) {
+        Ok(stored) => stored.record(),
+        Err(error) => Err(*error),
     }
-    let record = stored.record()?;
-    record.check()?;
-    Ok(record)
 }
 
 impl Record {
+    /// That of the nominal calibration, which holds until a sensor has its own: of no serial number and no day, which are 0 and
+    /// the first of all.
+    pub fn nominal() -> Option<Self> {
+        Some(Self {
+            serial_number: 0,
+            date: Date::new(1, 1, 1)?,
+            geometry: sensor_heads::tcd1304dg(),
+            estimator: Estimator::default(),
+            black_level: BlackLevel::Shielded,
+            calibration: Calibration::nominal()?,
+        })
+    }
+
+    /// Whether it is that one.
+    pub fn is_nominal(&self) -> bool {
+        Self::nominal().as_ref() == Some(self)
+    }
+
     /// What the types of its parts leave open.
     fn check(&self) -> Result<(), RecordError> {
         let Geometry {
@@ -228,7 +243,18 @@ impl Stored {
         })
     }
 
-    fn record(self) -> Result<Record, RecordError> {
+    /// Not inlined, as what makes a calibration of it: each moves kilobytes, which would all be on the chip's stack at once.
+    #[inline(never)]
+    fn read(body: &[u8]) -> Result<Self, RecordError> {
+        match postcard::take_from_bytes(body) {
+            Ok((stored, [])) => Ok(stored),
+            _ => Err(RecordError::Shape),
+        }
+    }
+
+    /// Made anew, as far as it can be used.
+    #[inline(never)]
+    fn record(&self) -> Result<Record, RecordError> {
         let estimator = Estimator::ALL
             .into_iter()
             .find(|estimator| estimator.letter() == char::from(self.estimator))
@@ -236,7 +262,7 @@ impl Stored {
                 letter: self.estimator,
             })?;
         let range = |(start, end): (u16, u16)| usize::from(start)..usize::from(end);
-        Ok(Record {
+        let record = Record {
             serial_number: self.serial_number,
             date: Date::new(self.year, self.month, self.day).ok_or(RecordError::Date)?,
             geometry: Geometry {
@@ -257,17 +283,21 @@ impl Stored {
                 StoredBlackLevel::Shielded => BlackLevel::Shielded,
                 StoredBlackLevel::Frame => BlackLevel::Frame,
             },
-            calibration: match self.calibration {
-                StoredCalibration::Eq1(curve) => Calibration::Eq1(curve.eq1()?),
-                StoredCalibration::Table(stored) => Calibration::Table(
-                    Table::new(stored.interpolation, &stored.knots).map_err(RecordError::Table)?,
-                ),
-                StoredCalibration::Corrected(curve, stored) => Calibration::Corrected(
-                    Corrected::new(curve.eq1()?, stored.interpolation, &stored.knots)
-                        .map_err(RecordError::Corrected)?,
-                ),
-            },
-        })
+            calibration: self.calibration.calibration()?,
+        };
+        record.check()?;
+        Ok(record)
+    }
+}
+
+impl StoredCalibration {
+    #[inline(never)]
+    fn calibration(&self) -> Result<Calibration, RecordError> {
+        match self {
+            Self::Eq1(curve) => Ok(Calibration::Eq1(curve.eq1()?)),
+            Self::Table(stored) => stored.table(),
+            Self::Corrected(curve, stored) => stored.corrected(curve),
+        }
     }
 }
 
@@ -299,6 +329,22 @@ impl StoredKnots {
             let _ = stored.knots.push(knot);
         }
         stored
+    }
+
+    #[inline(never)]
+    fn table(&self) -> Result<Calibration, RecordError> {
+        match Table::new(self.interpolation, &self.knots) {
+            Ok(table) => Ok(Calibration::Table(table)),
+            Err(error) => Err(RecordError::Table(error)),
+        }
+    }
+
+    #[inline(never)]
+    fn corrected(&self, curve: &StoredEq1) -> Result<Calibration, RecordError> {
+        match Corrected::new(curve.eq1()?, self.interpolation, &self.knots) {
+            Ok(corrected) => Ok(Calibration::Corrected(corrected)),
+            Err(error) => Err(RecordError::Corrected(error)),
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 //! moves, and a smoothed table what a lens or the mounting adds.
 
 use core::fmt;
+use core::ops::RangeInclusive;
 
 use super::knots::{Interpolation, Knot, Knots, KnotsError};
 use crate::estimator::plausible::limited;
@@ -23,7 +24,7 @@ pub struct Corrected {
 
 /// Steps of Q24.8 that distances at the ends stay away from the ends of [`Micrometres`], so that what lies between cannot
 /// leave it by rounding: more than four and 2^-22 of 2^30.
-const MARGIN: i64 = 1024;
+const MARGIN: i32 = 1024;
 
 impl Corrected {
     /// Eq. (1) with residuals (distance less curve) at knots.
@@ -51,14 +52,12 @@ impl Corrected {
                 centre: knot.centre,
             });
         }
-        let (first, last) = corrected.residuals.ends();
-        for end in [first, last] {
-            let inside = i64::from(i32::MIN) + MARGIN..=i64::from(i32::MAX) - MARGIN;
-            if !corrected
-                .sum(end.centre)
-                .is_ok_and(|(bits, _)| inside.contains(&bits))
-            {
-                return Err(CorrectedError::Distance { centre: end.centre });
+        let (first, last) = corrected.valid();
+        for centre in [first, last] {
+            const INSIDE: RangeInclusive<i32> = i32::MIN + MARGIN..=i32::MAX - MARGIN;
+            let distance = corrected.distance_at(centre);
+            if !distance.is_ok_and(|(distance, _)| INSIDE.contains(&distance.to_bits())) {
+                return Err(CorrectedError::Distance { centre });
             }
         }
         Ok(corrected)
@@ -87,27 +86,24 @@ impl Corrected {
         })
     }
 
-    /// Distance in steps of Q24.8, and slope.
-    fn sum(&self, centre: Pixels) -> Result<(i64, f32), Fault> {
-        let out_of_range = Fault::OutOfRange { centre };
-        let (residual, change) = self.residuals.at(centre).ok_or(out_of_range)?;
-        let (distance, slope) = self.curve.distance_at(centre)?;
-        // Two i32 fit an i64.
-        let bits = i64::from(distance.to_bits()) + i64::from(residual.to_bits());
-        // Half of the slope is what `new` allows; over a short interval the tangent's rounding may add to it.
-        let most = 0.5 * slope.abs();
-        Ok((bits, slope + limited(change, -most, most)))
-    }
-
     /// The distance at a centre, and the slope there in micrometres a pixel.
     ///
     /// # Errors
     /// [`Fault::OutOfRange`] before the first knot of the residuals and beyond the last.
     pub fn distance_at(&self, centre: Pixels) -> Result<(Micrometres, f32), Fault> {
-        let (bits, slope) = self.sum(centre)?;
+        let (residual, change) = self.residuals.at(centre)?;
+        let (distance, slope) = self.curve.distance_at(centre)?;
         // It always fits: both ends do, with a margin, and what rounding takes from the sum's order is less.
-        let bits = i32::try_from(bits).map_err(|_| Fault::OutOfRange { centre })?;
-        Ok((Micrometres::from_bits(bits), slope))
+        let bits = distance
+            .to_bits()
+            .checked_add(residual.to_bits())
+            .ok_or(Fault::OutOfRange { centre })?;
+        // Half of the slope is what `new` allows; over a short interval the tangent's rounding may add to it.
+        let most = 0.5 * slope.abs();
+        Ok((
+            Micrometres::from_bits(bits),
+            slope + limited(change, -most, most),
+        ))
     }
 
     /// Eq. (1).
@@ -121,9 +117,8 @@ impl Corrected {
     }
 
     /// The first and the last centre of the residuals.
-    pub fn valid(&self) -> (Pixels, Pixels) {
-        let (first, last) = self.residuals.ends();
-        (first.centre, last.centre)
+    pub const fn valid(&self) -> (Pixels, Pixels) {
+        self.residuals.valid()
     }
 }
 

@@ -21,8 +21,7 @@ impl Table {
     /// [`TableError`] says which knot stands against it.
     pub fn new(interpolation: Interpolation, knots: &[Knot]) -> Result<Self, TableError> {
         let curve = Knots::new(interpolation, knots).map_err(TableError::Knots)?;
-        let (first, last) = curve.ends();
-        let falls = last.value < first.value;
+        let falls = matches!(knots, [first, .., last] if last.value < first.value);
         for (index, (before, knot)) in (1..knots.len()).zip(knots.iter().zip(knots.iter().skip(1)))
         {
             let length = i64::from(knot.centre.to_bits()) - i64::from(before.centre.to_bits());
@@ -45,7 +44,7 @@ impl Table {
     /// # Errors
     /// [`Fault::OutOfRange`] before the first knot and beyond the last.
     pub fn distance_at(&self, centre: Pixels) -> Result<(Micrometres, f32), Fault> {
-        self.0.at(centre).ok_or(Fault::OutOfRange { centre })
+        self.0.at(centre)
     }
 
     /// The knots.
@@ -54,9 +53,8 @@ impl Table {
     }
 
     /// The first and the last centre of the table.
-    pub fn valid(&self) -> (Pixels, Pixels) {
-        let (first, last) = self.0.ends();
-        (first.centre, last.centre)
+    pub const fn valid(&self) -> (Pixels, Pixels) {
+        self.0.valid()
     }
 }
 

@@ -8,6 +8,7 @@
 //! | PD14 | output | converter, chip select |
 //! | PA5, PA6, PA7 | SPI1 | converter, SCLK, DOUT, DIN |
 //! | PD8, PD9 | USART3 | ST-LINK's serial port, TX, RX |
+//! | PA12 | output, low | nothing (see `keep_pa12_low`) |
 //!
 //! # Priorities
 //!
@@ -15,25 +16,29 @@
 //! 1. DMA and TIM5 (the clock of embassy-time). Their handlers do no more than wake tasks, and say when a row is due.
 //! 2. UART4, which carries the urgent executor: from the tick to the pulses nothing but the handlers above.
 //! 3. USART3, a character every 87 us. It may wait for the pulses, 10 us, because a character may wait for the next.
-//! 4. Thread mode: computation and text. Whatever it does, rows are taken on time.
+//! 4. FLASH, after each word of a save. It does no more than wake the task that waits, and nothing waits for that.
+//! 5. Thread mode: computation and text. Whatever it does, rows are taken on time.
 
 use cortex_m::peripheral::DWT;
 use embassy_executor::{InterruptExecutor, SendSpawner};
+use embassy_stm32::flash::{self, Flash};
 use embassy_stm32::gpio::{Level, Output, OutputType, Speed};
 use embassy_stm32::interrupt::typelevel::Handler;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::mode::Async;
+use embassy_stm32::pac::gpio::vals::Pupdr;
 use embassy_stm32::spi::mode::Master;
 use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::CountingMode;
 use embassy_stm32::timer::simple_pwm::{PwmPin, SimplePwm};
 use embassy_stm32::usart::{self, BufferedUart};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Config, bind_interrupts, dma, interrupt, pac, peripherals, rcc, spi};
+use embassy_stm32::{Config, Peri, bind_interrupts, dma, interrupt, pac, peripherals, rcc, spi};
 use slitrange::protocol::MAX_ANSWER;
 use slitrange::protocol::status::StartCause;
 use static_cell::ConstStaticCell;
 
+use super::flash::CalibrationFlash;
 use super::shared::COUNTERS;
 use super::tcd1304::{Pins, Tcd1304};
 
@@ -72,6 +77,7 @@ bind_interrupts!(struct Interrupts {
     USART3 => CountSerialErrors, usart::BufferedInterruptHandler<peripherals::USART3>;
     DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
     DMA2_STREAM3 => dma::InterruptHandler<peripherals::DMA2_CH3>;
+    FLASH => flash::InterruptHandler;
 });
 
 /// The board, ready.
@@ -80,6 +86,8 @@ pub struct Board {
     pub sensor: Tcd1304,
     /// The serial line.
     pub serial: BufferedUart<'static>,
+    /// Where the calibration is kept.
+    pub flash: CalibrationFlash,
     /// The watchdog. It runs: a start that does not get as far as to pet it starts again.
     pub watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
     /// What made the board start.
@@ -110,6 +118,7 @@ pub fn init() -> Board {
         (interrupt::TIM5, Priority::P1),
         (interrupt::UART4, Priority::P2),
         (SERIAL_INTERRUPT, Priority::P3),
+        (interrupt::FLASH, Priority::P4),
     ] {
         interrupt.set_priority(priority);
     }
@@ -162,12 +171,26 @@ pub fn init() -> Board {
     // The configuration is constant: if it cannot be had, the first start shows it.
     let serial = defmt::unwrap!(serial);
 
+    keep_pa12_low(p.PA12);
+    let flash = Flash::new(p.FLASH, Interrupts).into_regions();
+
     Board {
         sensor,
         serial,
+        flash: CalibrationFlash::new(flash.bank2_region1),
         watchdog,
         started_by,
     }
+}
+
+/// On chips before revision 3, reading bank 2 of the flash may go wrong while PA12 changes (STM32F42xx errata sheet, section 2.2.11). It
+/// is to be an output that stays low, with its pull-down, and embassy-stm32's flash driver panics where it is not.
+fn keep_pa12_low(pin: Peri<'static, peripherals::PA12>) {
+    // Dropped, it would be an input again.
+    core::mem::forget(Output::new(pin, Level::Low, Speed::Low));
+    pac::GPIOA
+        .pupdr()
+        .modify(|pulls| pulls.set_pupdr(12, Pupdr::PULL_DOWN));
 }
 
 /// The sensor's converter.

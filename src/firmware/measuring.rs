@@ -1,5 +1,7 @@
 //! Rows become centres of frames: the pure core, with rows and settings brought to it and results carried away.
 
+use core::sync::atomic::Ordering;
+
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, with_timeout};
 use slitrange::black_level::BlackLevel;
@@ -7,7 +9,7 @@ use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
 use slitrange::reading::{Fault, Measured};
 
-use super::shared::{COUNTERS, FREE, FULL, RESULTS, SETTINGS, WORDS};
+use super::shared::{COUNTERS, FREE, FULL, PAUSED, RESULTS, SETTINGS, WORDS};
 use super::{board, tcd1304};
 
 /// Without a row for so long (17 of them) the sensor is silent.
@@ -25,10 +27,15 @@ pub fn default_settings() -> Settings {
 
 /// Measures for ever. Deadline: a row within [`super::acquisition::ROW_PERIOD`], or rows are lost.
 #[embassy_executor::task]
-pub async fn measure(settings: Settings) {
-    let mut measurement = Measurement::new(tcd1304::geometry(), settings);
+pub async fn measure() {
+    let mut measurement = Measurement::new(tcd1304::geometry(), default_settings());
     loop {
         match select(with_timeout(SILENCE, FULL.receive()), SETTINGS.wait()).await {
+            Either::First(Ok(row)) if paused() => {
+                FREE.send(row).await;
+                // The frame starts again after the pause.
+                measurement.set(*measurement.settings());
+            }
             Either::First(Ok(row)) => {
                 let start = board::cycles();
                 let result = measure_row(&mut measurement, row);
@@ -38,6 +45,7 @@ pub async fn measure(settings: Settings) {
                     publish(result);
                 }
             }
+            Either::First(Err(_)) if paused() => {}
             Either::First(Err(_)) => publish(Err(measurement.silence())),
             Either::Second(settings) => {
                 measurement.set(settings);
@@ -47,6 +55,11 @@ pub async fn measure(settings: Settings) {
             }
         }
     }
+}
+
+fn paused() -> bool {
+    // Relaxed: it orders nothing, and who sets it waits in the same executor.
+    PAUSED.load(Ordering::Relaxed)
 }
 
 /// All the computation that a row takes.

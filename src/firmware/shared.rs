@@ -1,6 +1,6 @@
 //! What passes between the tasks, and what they count.
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
@@ -31,6 +31,9 @@ pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Measured, Fault>, 16
 /// Changed settings. Only the last change matters.
 pub static SETTINGS: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
 
+/// While this is set, no reading is due: rows are taken and dropped. So they are until it is known what was saved.
+pub static PAUSED: AtomicBool = AtomicBool::new(true);
+
 /// What is counted since the start.
 pub static COUNTERS: Counters = Counters {
     pulses: Counter::new(),
@@ -55,7 +58,8 @@ pub struct Counters {
     pub rows_lost: Counter,
     /// Read-outs that failed.
     pub rows_failed: Counter,
-    /// Readings and faults that the serial line took, and changes of settings that measuring took: their sign of life.
+    /// Readings and faults that the serial line took, changes of settings that measuring took, and what a save did to the flash:
+    /// their sign of life.
     pub results: Counter,
     /// Core cycles that the latest row took to compute, interrupts included.
     pub row_cycles: Counter,

@@ -3,7 +3,8 @@
 //! It is petted while two counters move. The sensor's pulses show that acquisition lives; a sensor that brings no rows
 //! is no reason to start again, because that would not bring it back: it becomes a fault, every 100 ms, and a fault
 //! shows life as well as a reading does. The results that the serial line took show that measuring and serial line live
-//! and that what one sends reaches the other. A panic stops the pulses with the rest.
+//! and that what one sends reaches the other; while a save pauses them, so does each thing that it did to the flash. A panic
+//! stops the pulses with the rest.
 
 use embassy_stm32::peripherals;
 use embassy_stm32::wdg::IndependentWatchdog;
@@ -19,7 +20,8 @@ pub const TIMEOUT_US: u32 = 1_000_000;
 const LOOK: Duration = Duration::from_millis(100);
 
 /// Looks without a change until a counter counts as stopped. The longest frame, 64 rows, lasts 365 ms, and the serial
-/// line may be up to 100 ms into an answer when it ends: 800 ms leave room for lost rows.
+/// line may be up to 100 ms into an answer when it ends: 800 ms leave room for lost rows. Erasing a sector of 16 KB takes 500 ms at most
+/// (data sheet of the STM32F429, flash memory programming, words of 32 bits).
 const PATIENCE: u32 = 8;
 
 /// Watches for ever.

@@ -11,13 +11,19 @@ help [estimator]                       this list, or what each estimator costs a
 info                                   what this sensor is, its calibration and its range\r
 status                                 how it fares: rows, readings, faults and errors since the start\r
 distance                               the next frame's reading, or its fault and what to do about it\r
+centre                                 the next frame's centre, calibrated or not, or its fault\r
 stream [on|off]                        a line for every frame\r
 rows [1..64]                           rows in a frame\r
 mean [plain|weighted]                  how their centres become one\r
 black [shielded|frame|fixed 0..4095]   how the black level is found\r
 estimator [NAME]                       how the centre of a row is found\r
-calibration [on|off]                   distances, or centres only\r
-\x20                                      a name alone shows its value; d is a reading, f a fault, E an error";
+calibration [on|off]                   what centres mean; distances, or centres only\r
+calibration begin BYTES                start to send another calibration's record, for now only in RAM\r
+calibration data OFFSET [HEX CRC16]    a piece of the record in use, or of the one that is sent\r
+calibration commit|abort               use what was sent, or drop it\r
+save                                   keep settings and calibration over a power cycle; pauses the stream\r
+defaults                               settings and calibration as they left the factory, until save\r
+\x20                                      a name alone shows its value; d is a reading, x a centre, f a fault";
 
 impl fmt::Display for Command {
     /// The line that [`super::command::parse`] reads as this command.
@@ -43,6 +49,11 @@ impl fmt::Display for Command {
             Self::Estimator(Some(estimator)) => write!(f, "estimator {}", estimator.name()),
             Self::Calibration(None) => f.write_str("calibration"),
             Self::Calibration(Some(on)) => write!(f, "calibration {}", switch(*on)),
+            Self::Data(offset) => write!(f, "calibration data {offset}"),
+            Self::Upload(step) => step.fmt(f),
+            Self::Centre => f.write_str("centre"),
+            Self::Save => f.write_str("save"),
+            Self::Defaults => f.write_str("defaults"),
         }
     }
 }
@@ -57,6 +68,8 @@ mod tests {
     use crate::estimator::Estimator;
     use crate::frame::Mean;
     use crate::protocol::command::parse;
+    use crate::protocol::piece::Piece;
+    use crate::protocol::upload::Step;
     use crate::units::Counts;
 
     #[test]
@@ -82,6 +95,14 @@ mod tests {
             Command::Calibration(None),
             Command::Calibration(Some(true)),
             Command::Calibration(Some(false)),
+            Command::Data(2640),
+            Command::Upload(Step::Begin(2641)),
+            Command::Upload(Step::Piece(Piece::new(2640, &[0xE5]).expect("a piece"))),
+            Command::Upload(Step::Commit),
+            Command::Upload(Step::Abort),
+            Command::Centre,
+            Command::Save,
+            Command::Defaults,
         ]
         .into_iter()
         .chain(Mean::ALL.map(|mean| Command::Mean(Some(mean))))
@@ -92,23 +113,26 @@ mod tests {
     }
 
     #[test]
-    fn help_has_a_line_for_every_command() {
-        for name in [
-            "help",
-            "info",
-            "status",
-            "distance",
-            "stream",
-            "rows",
-            "mean",
-            "black",
-            "estimator",
-            "calibration",
+    fn help_has_every_command() {
+        for (name, count) in [
+            ("help", 1),
+            ("info", 1),
+            ("status", 1),
+            ("distance", 1),
+            ("stream", 1),
+            ("rows", 1),
+            ("mean", 1),
+            ("black", 1),
+            ("estimator", 1),
+            ("calibration", 4),
+            ("centre", 1),
+            ("save", 1),
+            ("defaults", 1),
         ] {
             let lines = HELP
                 .split("\r\n")
                 .filter(|line| line.split([' ', '[']).next() == Some(name));
-            assert_eq!(lines.count(), 1, "{name}");
+            assert_eq!(lines.count(), count, "{name}");
         }
         assert!(
             HELP.split("\r\n")

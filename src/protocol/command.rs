@@ -5,7 +5,10 @@
 use core::fmt;
 use core::ops::RangeInclusive;
 
+use super::piece::{Piece, PieceError};
+use super::upload::Step;
 use crate::black_level::BlackLevel;
+use crate::calibration::record::MAX_ENCODED;
 use crate::estimator::Estimator;
 use crate::frame::{MAX_ROWS, Mean};
 use crate::units::Counts;
@@ -31,6 +34,8 @@ pub enum Command {
     Status,
     /// One reading.
     Distance,
+    /// One centre, calibrated or not.
+    Centre,
     /// Show whether readings stream, or set it.
     Stream(Option<bool>),
     /// Show how the black level is found, or set it.
@@ -41,8 +46,16 @@ pub enum Command {
     Mean(Option<Mean>),
     /// Show how the centre of a row is found, or set it.
     Estimator(Option<Estimator>),
-    /// Show the calibration in use, or switch it.
+    /// Show the calibration in use, or switch between distances and centres only.
     Calibration(Option<bool>),
+    /// Show the piece of the calibration's record that begins at an offset.
+    Data(u16),
+    /// A step of an upload of another record.
+    Upload(Step),
+    /// Keep settings and calibration over a power cycle.
+    Save,
+    /// Settings and calibration as they left the factory.
+    Defaults,
 }
 
 /// Why a line is no command. `Display` is the answer, without its line end.
@@ -60,6 +73,13 @@ pub enum Error {
     NotText,
     /// No estimator has that name.
     NoEstimator,
+    /// A piece of a record does not have the checksum that was sent with it.
+    Checksum {
+        /// What was sent.
+        written: u16,
+        /// What it is.
+        computed: u16,
+    },
 }
 
 impl fmt::Display for Error {
@@ -71,6 +91,12 @@ impl fmt::Display for Error {
             Self::TooLong => write!(f, "E4 line longer than {MAX_LINE} characters"),
             Self::NotText => f.write_str("E5 not ASCII text"),
             Self::NoEstimator => f.write_str("E6 unknown estimator, try help estimator"),
+            Self::Checksum { written, computed } => {
+                write!(
+                    f,
+                    "E7 checksum {written:04x}, of what came {computed:04x}: send it again"
+                )
+            }
         }
     }
 }
@@ -83,7 +109,9 @@ const MEAN: &str = "mean plain|weighted";
 const STREAM: &str = "stream on|off";
 const HELP: &str = "help [estimator]";
 const ESTIMATOR: &str = "estimator NAME, try help estimator";
-const CALIBRATION: &str = "calibration on|off";
+const CALIBRATION: &str = "calibration on|off|begin|data|commit|abort";
+const BEGIN: &str = "calibration begin 1..2641";
+const DATA: &str = "calibration data 0..2640 [HEX CRC16]";
 
 /// Reads a line (without its end).
 ///
@@ -101,14 +129,17 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
     let Some(name) = words.next() else {
         return Ok(Command::Nothing);
     };
-    let values = (words.next(), words.next(), words.next());
+    let values = [(); MOST_VALUES + 1].map(|()| words.next());
     match name {
         "help" => help(values),
         "info" => alone(values, Command::Info, "info"),
         "status" => alone(values, Command::Status, "status"),
         "distance" => alone(values, Command::Distance, "distance"),
+        "centre" => alone(values, Command::Centre, "centre"),
+        "save" => alone(values, Command::Save, "save"),
+        "defaults" => alone(values, Command::Defaults, "defaults"),
         "stream" => switch(values, STREAM).map(Command::Stream),
-        "calibration" => switch(values, CALIBRATION).map(Command::Calibration),
+        "calibration" => calibration(values),
         "black" => black(values).map(Command::Black),
         "rows" => rows(values).map(Command::Rows),
         "mean" => mean(values).map(Command::Mean),
@@ -117,38 +148,42 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
     }
 }
 
-type Values<'a> = (Option<&'a str>, Option<&'a str>, Option<&'a str>);
+/// Values of the command that takes the most.
+const MOST_VALUES: usize = 4;
+
+/// The words behind a command's name. The last one is there only if there are too many.
+type Values<'a> = [Option<&'a str>; MOST_VALUES + 1];
 
 fn alone(values: Values<'_>, command: Command, form: &'static str) -> Result<Command, Error> {
     match values {
-        (None, ..) => Ok(command),
+        [None, ..] => Ok(command),
         _ => Err(Error::Form(form)),
     }
 }
 
 fn help(values: Values<'_>) -> Result<Command, Error> {
     match values {
-        (None, ..) => Ok(Command::Help),
-        (Some("estimator"), None, _) => Ok(Command::HelpEstimator),
+        [None, ..] => Ok(Command::Help),
+        [Some("estimator"), None, ..] => Ok(Command::HelpEstimator),
         _ => Err(Error::Form(HELP)),
     }
 }
 
 fn switch(values: Values<'_>, form: &'static str) -> Result<Option<bool>, Error> {
     match values {
-        (None, ..) => Ok(None),
-        (Some("on"), None, _) => Ok(Some(true)),
-        (Some("off"), None, _) => Ok(Some(false)),
+        [None, ..] => Ok(None),
+        [Some("on"), None, ..] => Ok(Some(true)),
+        [Some("off"), None, ..] => Ok(Some(false)),
         _ => Err(Error::Form(form)),
     }
 }
 
 fn black(values: Values<'_>) -> Result<Option<BlackLevel>, Error> {
     match values {
-        (None, ..) => Ok(None),
-        (Some("shielded"), None, _) => Ok(Some(BlackLevel::Shielded)),
-        (Some("frame"), None, _) => Ok(Some(BlackLevel::Frame)),
-        (Some("fixed"), Some(counts), None) => {
+        [None, ..] => Ok(None),
+        [Some("shielded"), None, ..] => Ok(Some(BlackLevel::Shielded)),
+        [Some("frame"), None, ..] => Ok(Some(BlackLevel::Frame)),
+        [Some("fixed"), Some(counts), None, ..] => {
             let counts = number(counts, 0..=MAX_BLACK, BLACK)?;
             Ok(Some(BlackLevel::Fixed(Counts::from_int(counts as i32))))
         }
@@ -158,25 +193,56 @@ fn black(values: Values<'_>) -> Result<Option<BlackLevel>, Error> {
 
 fn rows(values: Values<'_>) -> Result<Option<u16>, Error> {
     match values {
-        (None, ..) => Ok(None),
-        (Some(rows), None, _) => Ok(Some(number(rows, 1..=MAX_ROWS, ROWS)? as u16)),
+        [None, ..] => Ok(None),
+        [Some(rows), None, ..] => Ok(Some(number(rows, 1..=MAX_ROWS, ROWS)? as u16)),
         _ => Err(Error::Form(ROWS)),
     }
 }
 
 fn mean(values: Values<'_>) -> Result<Option<Mean>, Error> {
     match values {
-        (None, ..) => Ok(None),
-        (Some(name), None, _) => Mean::named(name).map(Some).ok_or(Error::Form(MEAN)),
+        [None, ..] => Ok(None),
+        [Some(name), None, ..] => Mean::named(name).map(Some).ok_or(Error::Form(MEAN)),
         _ => Err(Error::Form(MEAN)),
     }
 }
 
 fn estimator(values: Values<'_>) -> Result<Option<Estimator>, Error> {
     match values {
-        (None, ..) => Ok(None),
-        (Some(name), None, _) => Estimator::named(name).map(Some).ok_or(Error::NoEstimator),
+        [None, ..] => Ok(None),
+        [Some(name), None, ..] => Estimator::named(name).map(Some).ok_or(Error::NoEstimator),
         _ => Err(Error::Form(ESTIMATOR)),
+    }
+}
+
+fn calibration(values: Values<'_>) -> Result<Command, Error> {
+    match values {
+        [Some("begin"), Some(bytes), None, ..] => {
+            let bytes = number(bytes, 1..=MAX_ENCODED as u32, BEGIN)?;
+            Ok(Command::Upload(Step::Begin(bytes as u16)))
+        }
+        [Some("begin"), ..] => Err(Error::Form(BEGIN)),
+        [Some("data"), Some(offset), None, ..] => {
+            let offset = number(offset, 0..=MAX_ENCODED as u32 - 1, DATA)?;
+            Ok(Command::Data(offset as u16))
+        }
+        [
+            Some("data"),
+            Some(offset),
+            Some(digits),
+            Some(checksum),
+            None,
+        ] => match Piece::parse(offset, digits, checksum) {
+            Ok(piece) => Ok(Command::Upload(Step::Piece(piece))),
+            Err(PieceError::Form) => Err(Error::Form(DATA)),
+            Err(PieceError::Checksum { written, computed }) => {
+                Err(Error::Checksum { written, computed })
+            }
+        },
+        [Some("data"), ..] => Err(Error::Form(DATA)),
+        [Some("commit"), None, ..] => Ok(Command::Upload(Step::Commit)),
+        [Some("abort"), None, ..] => Ok(Command::Upload(Step::Abort)),
+        _ => switch(values, CALIBRATION).map(Command::Calibration),
     }
 }
 
@@ -218,6 +284,23 @@ mod tests {
             parse(b"calibration on"),
             Ok(Command::Calibration(Some(true)))
         );
+        assert_eq!(parse(b"calibration"), Ok(Command::Calibration(None)));
+        assert_eq!(parse(b"calibration data 2640"), Ok(Command::Data(2640)));
+        assert_eq!(
+            parse(b"calibration begin 2641"),
+            Ok(Command::Upload(Step::Begin(2641)))
+        );
+        assert_eq!(
+            parse(b" calibration  commit"),
+            Ok(Command::Upload(Step::Commit))
+        );
+        assert_eq!(
+            parse(b"calibration abort"),
+            Ok(Command::Upload(Step::Abort))
+        );
+        assert_eq!(parse(b"centre"), Ok(Command::Centre));
+        assert_eq!(parse(b"save"), Ok(Command::Save));
+        assert_eq!(parse(b"defaults"), Ok(Command::Defaults));
         assert_eq!(parse(b"help estimator"), Ok(Command::HelpEstimator));
         assert_eq!(parse(b"estimator"), Ok(Command::Estimator(None)));
         assert_eq!(
@@ -248,6 +331,27 @@ mod tests {
         assert_eq!(parse(b"black fixed"), Err(Error::Form(BLACK)));
         assert_eq!(parse(b"black fixed 4096"), Err(Error::Range(BLACK)));
         assert_eq!(parse(b"stream on off"), Err(Error::Form(STREAM)));
+        for (line, error) in [
+            ("calibration begin", Error::Form(BEGIN)),
+            ("calibration begin 0", Error::Range(BEGIN)),
+            ("calibration begin 2642", Error::Range(BEGIN)),
+            ("calibration begin 10 10", Error::Form(BEGIN)),
+            ("calibration data", Error::Form(DATA)),
+            ("calibration data -1", Error::Form(DATA)),
+            ("calibration data 2641", Error::Range(DATA)),
+            ("calibration data 0 00", Error::Form(DATA)),
+            ("calibration data 0 00 1d0f 0", Error::Form(DATA)),
+            ("calibration data 0 00 1d0f 0 0", Error::Form(DATA)),
+            ("calibration commit now", Error::Form(CALIBRATION)),
+            ("calibration abort 1", Error::Form(CALIBRATION)),
+            ("calibration on off", Error::Form(CALIBRATION)),
+            ("calibration start", Error::Form(CALIBRATION)),
+            ("save it", Error::Form("save")),
+            ("defaults on", Error::Form("defaults")),
+            ("centre 3", Error::Form("centre")),
+        ] {
+            assert_eq!(parse(line.as_bytes()), Err(error), "{line}");
+        }
         assert_eq!(parse(&[b'a'; MAX_LINE + 1]), Err(Error::TooLong));
         assert_eq!(parse(b"rows \xff"), Err(Error::NotText));
         assert_eq!(parse(b"rows\x001"), Err(Error::NotText));
@@ -255,5 +359,20 @@ mod tests {
             Error::Range(ROWS).to_string(),
             "E3 out of range, expected rows 1..64"
         );
+        assert_eq!(
+            Error::Checksum {
+                written: 0x1d0f,
+                computed: 0xe
+            }
+            .to_string(),
+            "E7 checksum 1d0f, of what came 000e: send it again"
+        );
+    }
+
+    #[test]
+    fn the_forms_name_the_longest_record() {
+        assert_eq!(BEGIN, format!("calibration begin 1..{MAX_ENCODED}"));
+        let last = MAX_ENCODED - 1;
+        assert_eq!(DATA, format!("calibration data 0..{last} [HEX CRC16]"));
     }
 }

@@ -5,6 +5,7 @@ use core::fmt;
 use super::status::StartCause;
 use crate::calibration::Calibration;
 use crate::calibration::knots::{Interpolation, Knots};
+use crate::calibration::record::Record;
 use crate::measurement::Settings;
 use crate::row::{Geometry, Polarity};
 use crate::triangulation::Eq1;
@@ -44,8 +45,10 @@ pub struct Info<'a> {
     pub geometry: &'a Geometry,
     /// What is set.
     pub settings: &'a Settings,
-    /// What its centres mean, where that is known and wanted.
-    pub calibration: Option<&'a Calibration>,
+    /// The calibration in use, where there is one.
+    pub record: Option<&'a Record>,
+    /// Whether distances are wanted.
+    pub on: bool,
 }
 
 impl fmt::Display for Info<'_> {
@@ -84,9 +87,17 @@ impl fmt::Display for Info<'_> {
         write!(f, "\r\ninfo rate a row every {row_us} us, exposed as long")?;
         write!(f, "\r\ninfo mean {}", self.settings.mean.name())?;
         write!(f, "\r\ninfo estimator {}", self.settings.estimator.name())?;
-        let Some(calibration) = self.calibration else {
-            return f.write_str("\r\ninfo calibration off");
+        let Some(record) = self.record else {
+            return f.write_str("\r\ninfo calibration none");
         };
+        if !record.is_nominal() {
+            let (number, date) = (record.serial_number, record.date);
+            write!(f, "\r\ninfo serial number {number}, calibrated {date}")?;
+        }
+        if !self.on {
+            return f.write_str("\r\ninfo calibration off");
+        }
+        let calibration = &record.calibration;
         match calibration {
             Calibration::Eq1(curve) => write!(f, "{}", Curve(curve))?,
             Calibration::Table(table) => {
@@ -145,61 +156,68 @@ impl fmt::Display for KindOfTable<'_> {
 mod tests {
     use super::*;
     use crate::black_level::BlackLevel;
+    use crate::calibration::date::Date;
     use crate::calibration::knots::Knot;
     use crate::calibration::residuals::Corrected;
     use crate::calibration::table::Table;
+    use crate::estimator::Estimator;
     use crate::frame::Mean;
     use crate::units::{Micrometres, Pixels};
     use crate::{sensor_heads, triangulation};
 
-    #[test]
-    fn banner_and_info_are_as_documented() {
-        let hardware = Hardware {
-            board: "NUCLEO-F429ZI",
-            head: "TCD1304DG",
-            row_us: 5700,
-        };
-        assert_eq!(
-            Banner(&hardware, StartCause::PowerOn).to_string(),
-            format!("slitrange {VERSION} NUCLEO-F429ZI TCD1304DG, started by power-on")
-        );
-        let settings = Settings {
-            estimator: crate::estimator::Estimator::default(),
-            rows: 16,
-            mean: Mean::default(),
-            black_level: BlackLevel::Shielded,
-        };
-        let nominal = Calibration::nominal();
-        let geometry = sensor_heads::tcd1304dg();
+    const HARDWARE: Hardware = Hardware {
+        board: "NUCLEO-F429ZI",
+        head: "TCD1304DG",
+        row_us: 5700,
+    };
+
+    const SETTINGS: Settings = Settings {
+        estimator: Estimator::PhaseTable,
+        rows: 16,
+        mean: Mean::Weighted,
+        black_level: BlackLevel::Shielded,
+    };
+
+    fn info(record: Option<&Record>, on: bool) -> String {
         let info = Info {
-            hardware: &hardware,
-            geometry: &geometry,
-            settings: &settings,
-            calibration: nominal.as_ref(),
+            hardware: &HARDWARE,
+            geometry: &sensor_heads::tcd1304dg(),
+            settings: &SETTINGS,
+            record,
+            on,
         }
         .to_string();
-        assert_eq!(
-            info.lines().last(),
-            Some("info range x 1191 to 2654 px, 550.0874 to 1099.7177 mm"),
-            "{info}"
-        );
         assert!(
             info.split("\r\n")
                 .all(|line| line.starts_with("info ") && line.len() <= 110),
             "{info}"
         );
-        assert!(
-            info.contains("\r\ninfo mean weighted\r\ninfo estimator phase-table\r\n"),
-            "{info}"
+        assert!(info.len() + 2 <= crate::protocol::MAX_ANSWER, "{info}");
+        info
+    }
+
+    #[test]
+    fn banner_and_info_are_as_documented() {
+        assert_eq!(
+            Banner(&HARDWARE, StartCause::PowerOn).to_string(),
+            format!("slitrange {VERSION} NUCLEO-F429ZI TCD1304DG, started by power-on")
         );
-        let info = Info {
-            hardware: &hardware,
-            geometry: &geometry,
-            settings: &settings,
-            calibration: None,
-        }
-        .to_string();
-        assert!(info.ends_with("info calibration off"), "{info}");
+        let nominal = Record::nominal();
+        let on = info(nominal.as_ref(), true);
+        assert_eq!(
+            on.lines().last(),
+            Some("info range x 1191 to 2654 px, 550.0874 to 1099.7177 mm"),
+            "{on}"
+        );
+        assert!(
+            on.contains("\r\ninfo mean weighted\r\ninfo estimator phase-table\r\n"),
+            "{on}"
+        );
+        assert!(!on.contains("serial number"), "{on}");
+        let off = info(nominal.as_ref(), false);
+        assert!(off.ends_with("\r\ninfo calibration off"), "{off}");
+        let none = info(None, true);
+        assert!(none.ends_with("\r\ninfo calibration none"), "{none}");
     }
 
     #[test]
@@ -217,40 +235,35 @@ mod tests {
         let corrected = Corrected::new(nominal, Interpolation::Cubic, &residuals).expect("usable");
         let lines =
             [Calibration::Table(table), Calibration::Corrected(corrected)].map(|calibration| {
-                let settings = Settings {
-                    estimator: crate::estimator::Estimator::default(),
-                    rows: 16,
-                    mean: Mean::default(),
-                    black_level: BlackLevel::Shielded,
+                let record = Record {
+                    serial_number: 17,
+                    date: Date::new(2026, 11, 21).expect("a day"),
+                    calibration,
+                    ..Record::nominal().expect("a record")
                 };
-                let hardware = Hardware {
-                    board: "NUCLEO-F429ZI",
-                    head: "TCD1304DG",
-                    row_us: 5700,
-                };
-                let geometry = sensor_heads::tcd1304dg();
-                let info = Info {
-                    hardware: &hardware,
-                    geometry: &geometry,
-                    settings: &settings,
-                    calibration: Some(&calibration),
-                }
-                .to_string();
-                assert!(info.len() + 2 <= crate::protocol::MAX_ANSWER, "{info}");
-                assert!(info.lines().all(|line| line.len() <= 110), "{info}");
-                let (_, calibration) = info
+                let on = info(Some(&record), true);
+                let (_, calibration) = on
                     .split_once("info estimator phase-table\r\n")
                     .expect("the estimator");
+                let off = info(Some(&record), false);
+                assert!(
+                    off.ends_with(
+                        "\r\ninfo serial number 17, calibrated 2026-11-21\r\ninfo calibration off"
+                    ),
+                    "{off}"
+                );
                 calibration.to_owned()
             });
         assert_eq!(
             lines[0],
-            "info calibration a table of distances at 3 knots, straight lines between them\r\n\
+            "info serial number 17, calibrated 2026-11-21\r\n\
+             info calibration a table of distances at 3 knots, straight lines between them\r\n\
              info range x 1200 to 2600 px, 555.0000 to 1000.0000 mm"
         );
         assert_eq!(
             lines[1],
-            "info calibration d = D + K/(x - xp)\r\n\
+            "info serial number 17, calibrated 2026-11-21\r\n\
+             info calibration d = D + K/(x - xp)\r\n\
              info calibration D -115.3846 mm, K 2152366863 um px, xp -580.34616 px\r\n\
              info calibration plus a table of residuals at 3 knots, monotone cubics between them\r\n\
              info range x 1200 to 2600 px, 561.4866 to 1093.6751 mm"

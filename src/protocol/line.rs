@@ -4,7 +4,8 @@
 //! millimetres, centre in pixels, amplitude in counts, rows used of the frame's, black level in counts, and the estimator's
 //! [`letter`](crate::estimator::Estimator::letter). Where rows did not fit their spot, ` m 3` says how many. Where they err alike
 //! and may be worth fewer than eight independent ones, ` c 3` says as how few they may count
-//! ([`Reading::correlated`]). A fault is `f too dim: 35.2 counts, needs 60.1`.
+//! ([`Reading::correlated`]). A fault is `f too dim: 35.2 counts, needs 60.1`. What was measured, calibrated or not, is
+//! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t`: a reading's centre and its own uncertainty in pixels, to all their digits.
 //!
 //! 115200 baud carries 65.6 bytes in the 5.7 ms of a row, so that is what a frame may take for each of its rows. The longest
 //! line of a frame of one row is 64 bytes with its end (for distances that are positive and below 10 m, uncertainties
@@ -15,7 +16,7 @@
 
 use core::fmt;
 
-use crate::reading::{Fault, Reading};
+use crate::reading::{Fault, Measured, Reading};
 use crate::units::AsMillimetres;
 
 impl fmt::Display for Reading {
@@ -32,13 +33,39 @@ impl fmt::Display for Reading {
             self.black_level,
             self.estimator.letter()
         )?;
-        if self.misfits > 0 {
-            write!(f, " m {}", self.misfits)?;
-        }
-        match self.correlated {
-            Some(rows) => write!(f, " c {rows}"),
-            None => Ok(()),
-        }
+        flags(f, self.misfits, self.correlated)
+    }
+}
+
+impl fmt::Display for Measured {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            frame,
+            black_level,
+            estimator,
+        } = self;
+        write!(
+            f,
+            "x {:.5} u {:.5} a {:.0} n {}/{} b {black_level:.0} e {}",
+            frame.centre,
+            frame.uncertainty,
+            frame.amplitude,
+            frame.rows_used,
+            frame.rows,
+            estimator.letter()
+        )?;
+        flags(f, frame.misfits, frame.correlated)
+    }
+}
+
+/// What a frame's line ends with.
+fn flags(f: &mut fmt::Formatter<'_>, misfits: u16, correlated: Option<u16>) -> fmt::Result {
+    if misfits > 0 {
+        write!(f, " m {misfits}")?;
+    }
+    match correlated {
+        Some(rows) => write!(f, " c {rows}"),
+        None => Ok(()),
     }
 }
 
@@ -70,7 +97,7 @@ impl core::error::Error for Fault {}
 mod tests {
     use super::*;
     use crate::estimator::Estimator;
-    use crate::frame::FEWEST_INDEPENDENT;
+    use crate::frame::{FEWEST_INDEPENDENT, FrameCentre};
     use crate::units::{Counts, Micrometres, Pixels};
 
     #[test]
@@ -126,6 +153,35 @@ mod tests {
             needed: Counts::from_f32(60.1),
         };
         assert_eq!(dim.to_string(), "f too dim: 35.2 counts, needs 60.1");
+    }
+
+    #[test]
+    fn a_centre_is_as_documented() {
+        let measured = Measured {
+            frame: FrameCentre {
+                centre: Pixels::from_f32(1770.9877),
+                uncertainty: Pixels::from_f32(0.00195),
+                amplitude: Counts::from_f32(1993.25),
+                width: Pixels::from_int(9),
+                rows_used: 16,
+                rows: 16,
+                misfits: 0,
+                correlated: None,
+            },
+            black_level: Counts::from_f32(300.25),
+            estimator: Estimator::PhaseTable,
+        };
+        let line = "x 1770.98767 u 0.00195 a 1993 n 16/16 b 300 e t";
+        assert_eq!(measured.to_string(), line);
+        let flagged = Measured {
+            frame: FrameCentre {
+                misfits: 3,
+                correlated: Some(2),
+                ..measured.frame
+            },
+            ..measured
+        };
+        assert_eq!(flagged.to_string(), format!("{line} m 3 c 2"));
     }
 
     /// The longest line of a frame, in bytes with its end.

@@ -1,6 +1,6 @@
 //! Pieces of a record, which is more than a line: each a line with a checksum of its own.
 //!
-//! `calibration data 32 00112233445566778899aabbccddeeff 1d0f` is the record's bytes from the 32nd on, up to [`PIECE`] of them in
+//! `calibration data 32 00112233445566778899aabbccddeeff a23c` is the record's bytes from the 32nd on, up to [`PIECE`] of them in
 //! hexadecimal digits, and the CRC-16 (IBM-3740) of the offset, two bytes little endian, and of the bytes.
 
 use core::fmt;
@@ -54,8 +54,32 @@ impl Piece {
     /// # Errors
     /// [`PieceError`] says what they lack.
     pub fn parse(offset: &str, digits: &str, checksum: &str) -> Result<Self, PieceError> {
-        let _ = (offset, digits, checksum);
-        todo!()
+        let (pairs, rest) = digits.as_bytes().as_chunks();
+        let ([high, low], []) = checksum.as_bytes().as_chunks() else {
+            return Err(PieceError::Form);
+        };
+        if !rest.is_empty() || !offset.bytes().all(|digit| digit.is_ascii_digit()) {
+            return Err(PieceError::Form);
+        }
+        let mut bytes = [0; PIECE];
+        let places = bytes.get_mut(..pairs.len()).ok_or(PieceError::Form)?;
+        for (place, pair) in places.iter_mut().zip(pairs) {
+            *place = byte(pair).ok_or(PieceError::Form)?;
+        }
+        let offset = offset.parse().map_err(|_| PieceError::Form)?;
+        let piece = Self::new(offset, places).ok_or(PieceError::Form)?;
+        let (high, low) = byte(high).zip(byte(low)).ok_or(PieceError::Form)?;
+        let (written, computed) = (u16::from_be_bytes([high, low]), piece.checksum());
+        if written != computed {
+            return Err(PieceError::Checksum { written, computed });
+        }
+        Ok(piece)
+    }
+
+    /// The piece of a record that begins at an offset, if one does.
+    pub fn of(record: &[u8], offset: u16) -> Option<Self> {
+        let rest = record.get(usize::from(offset)..)?;
+        Self::new(offset, rest.get(..PIECE).unwrap_or(rest))
     }
 
     /// Where its bytes belong in the record.
@@ -78,6 +102,13 @@ impl Piece {
     }
 }
 
+/// The byte that two hexadecimal digits stand for.
+fn byte(digits: &[u8; 2]) -> Option<u8> {
+    let [high, low] = digits.map(|digit| char::from(digit).to_digit(16));
+    // Both are below 16.
+    u8::try_from(high?.saturating_mul(16).saturating_add(low?)).ok()
+}
+
 impl fmt::Display for Piece {
     /// The line without its end.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -86,5 +117,107 @@ impl fmt::Display for Piece {
             write!(f, "{byte:02x}")?;
         }
         write!(f, " {:04x}", self.checksum())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::command::{Command, Error, MAX_LINE, parse};
+    use crate::protocol::upload::Step;
+
+    #[test]
+    fn a_piece_is_as_documented() {
+        let bytes = [
+            0x00, 0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88, 0x99, 0xaa, 0xbb, 0xcc, 0xdd,
+            0xee, 0xff,
+        ];
+        let piece = Piece::new(32, &bytes).expect("a piece");
+        assert_eq!(
+            piece.to_string(),
+            "calibration data 32 00112233445566778899aabbccddeeff a23c"
+        );
+        // The sum's check value, as its catalogue has it: of "123456789", of which the first two are the offset.
+        let check = Piece::new(u16::from_le_bytes(*b"12"), b"3456789").expect("a piece");
+        assert_eq!(
+            check.to_string(),
+            "calibration data 12849 33343536373839 29b1"
+        );
+        let longest = Piece::new(u16::MAX, &bytes).expect("a piece").to_string();
+        assert!(longest.len() <= MAX_LINE, "{longest}");
+    }
+
+    #[test]
+    fn pieces_of_a_record_are_all_of_it() {
+        let record: Vec<u8> = (0..=99).collect();
+        let mut read = Vec::new();
+        while let Some(piece) = Piece::of(&record, read.len() as u16) {
+            read.extend_from_slice(piece.bytes());
+        }
+        assert_eq!(read, record);
+        assert_eq!(Piece::of(&record, 100), None);
+        assert_eq!(Piece::of(&record, 101), None);
+        assert_eq!(Piece::of(&[], 0), None);
+        assert_eq!(Piece::new(0, &[0; PIECE + 1]), None);
+    }
+
+    #[test]
+    fn words_that_are_no_piece_are_refused() {
+        for (offset, digits, checksum) in [
+            ("", "00", "0000"),
+            ("+1", "00", "0000"),
+            ("65536", "00", "0000"),
+            ("0", "", "0000"),
+            ("0", "0", "0000"),
+            ("0", "+0", "0000"),
+            ("0", "0g", "0000"),
+            ("0", "000102030405060708090a0b0c0d0e0f10", "0000"),
+            ("0", "00", "+000"),
+            ("0", "00", "000"),
+            ("0", "00", "00000"),
+            ("0", "00", "000000"),
+            ("0", "00", ""),
+        ] {
+            let words = (offset, digits, checksum);
+            assert_eq!(
+                Piece::parse(offset, digits, checksum),
+                Err(PieceError::Form),
+                "{words:?}"
+            );
+        }
+    }
+
+    /// Any character in the place of any other: a sum of 16 bits tells all that differ within 16 bits in a row, as the offset and
+    /// a digit do.
+    #[test]
+    fn a_character_that_is_garbled_is_noticed() {
+        let bytes = [7, 0, 255, 128, 1, 9, 0x5c, 0xa3, 77, 3, 250, 0, 0, 0, 0, 1];
+        for (offset, count) in [
+            (0, 16),
+            (32, 16),
+            (9, 1),
+            (2640, 1),
+            (1111, 7),
+            (65_535, 16),
+        ] {
+            let piece = Piece::new(offset, &bytes[..count]).expect("a piece");
+            let line = piece.to_string();
+            let same = Ok(Command::Upload(Step::Piece(piece)));
+            assert_eq!(parse(line.as_bytes()), same, "{line}");
+            let mut refused = 0;
+            for at in 0..line.len() {
+                for character in 0..=255 {
+                    let mut garbled = line.clone().into_bytes();
+                    garbled[at] = character;
+                    match parse(&garbled) {
+                        Err(Error::Unknown | Error::NotText | Error::Form(_))
+                        | Err(Error::Checksum { .. }) => refused += 1,
+                        other => assert_eq!(other, same, "{}", garbled.escape_ascii()),
+                    }
+                }
+            }
+            // All but the character itself, a digit's other case, and a blank's other form.
+            assert!(refused >= line.len() * 253, "{line}: {refused}");
+        }
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use host_tests::distorted_optics::DistortedOptics;
 use host_tests::scene::{Scene, Simulation};
 
 use crate::{Exposure, LightSource, Nanos, PIXELS};
@@ -75,12 +76,30 @@ impl Target {
 /// A scene's rows. A target that the caller moves stands still during an exposure, where it was found at the end; one that the scene
 /// moves ([`host_tests::scene::Motion`]) does so from row to row and during exposures.
 pub fn of_scene(scene: Scene, target: Target) -> LightSource {
+    seen(scene, target, |distance| distance)
+}
+
+/// The rows of a scene whose light falls where another geometry has it: through `optics`, in place of the scene's own. For scenes in
+/// which the distance moves the spot and does nothing else, and whose target does not move by itself.
+pub fn of_scene_through(optics: DistortedOptics, scene: Scene, target: Target) -> LightSource {
+    let own = scene.optics;
+    seen(scene, target, move |distance| {
+        own.distance(optics.centre(distance))
+    })
+}
+
+/// A scene's rows, where a target at a distance is seen as one at `seen_at` of it would be.
+fn seen(
+    scene: Scene,
+    target: Target,
+    seen_at: impl Fn(f64) -> f64 + Send + 'static,
+) -> LightSource {
     let simulation = Simulation::new(scene);
     let mut row = 0;
     Box::new(move |exposure: &Exposure| {
         row += 1;
         let distance = target.expose(exposure, row, &simulation);
-        simulation.row(row, distance, exposure.duration() as f64 * 1e-9)
+        simulation.row(row, seen_at(distance), exposure.duration() as f64 * 1e-9)
     })
 }
 
@@ -99,7 +118,42 @@ pub fn outputs(light: &[f32], level: f32) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use host_tests::least_squares;
+    use host_tests::optics::Optics;
     use host_tests::scene::{Motion, Sensor};
+
+    /// The spot is where the other geometry has it; the scene's own has it pixels away.
+    #[test]
+    fn light_through_another_geometry_falls_where_that_has_it() {
+        let optics = DistortedOptics {
+            optics: Optics {
+                offset: 0.003,
+                ..Optics::nominal()
+            },
+            third: 2.0,
+            fifth: 0.2,
+        };
+        let scene = Scene {
+            shot_noise: None,
+            read_noise: None,
+            ..Scene::white_paper()
+        };
+        let own = scene.optics;
+        let target = Target::at(0.6);
+        let mut light = of_scene_through(optics, scene, target.clone());
+        for (row, distance) in [0.6, 0.75, 1.0].into_iter().enumerate() {
+            target.move_to(distance);
+            let start = row as Nanos * 5_700_000;
+            let end = start + 5_700_000;
+            let outputs = light(&Exposure { start, end });
+            let counts: Vec<f64> = outputs[LIGHT].iter().map(|&count| count.into()).collect();
+            let expected = optics.centre(distance);
+            let found = least_squares::fit_near(&counts, expected).expect("a spot");
+            println!("{} {expected}", found.centre);
+            assert!((found.centre - expected).abs() < 1e-4);
+            assert!((found.centre - own.centre(distance)).abs() > 2.0);
+        }
+    }
 
     /// 0.1 m/s at 175.4 rows a second: n rows after the target was put somewhere it is n / 1754 m farther away. Of 20 rows the last four are
     /// on average 17.5 rows after the first.

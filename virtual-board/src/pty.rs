@@ -2,6 +2,8 @@
 
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
+use std::os::fd::OwnedFd;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
@@ -18,55 +20,115 @@ const SLICE: Duration = Duration::from_millis(5);
 /// How far the board may fall behind the wall clock before it stops trying to catch up.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-/// Opens a pseudo-terminal, prints its path, and runs `board` at the wall clock's pace (or as fast as it can, if that is
-/// slower), passing bytes both ways, until the process is interrupted. What nobody reads is lost, as on a real line.
-///
-/// # Errors
-///
-/// There is no pseudo-terminal to be had, or as [`VirtualBoard::run_for`].
-pub fn serve(board: &mut VirtualBoard) -> Result<()> {
-    let ends = openpty(None, None).context("opening a pseudo-terminal")?;
-    let mut settings = tcgetattr(&ends.slave).context("reading the pseudo-terminal's settings")?;
-    // Raw: no echo of what the firmware says back to it, and line ends as they are.
-    cfmakeraw(&mut settings);
-    tcsetattr(&ends.slave, SetArg::TCSANOW, &settings).context("making the pseudo-terminal raw")?;
-    fcntl(&ends.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK))
-        .context("making the pseudo-terminal non-blocking")?;
-    let path = ttyname(&ends.slave).context("asking for the pseudo-terminal's path")?;
-    println!("serial line: {}", path.display());
-    // `ends.slave` stays open, or reading would fail whenever no program has the terminal open.
-    forward(board, &mut File::from(ends.master))
+/// How fast the board runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// At the wall clock's, or as fast as it can if that is slower.
+    WallClock,
+    /// As fast as it can.
+    Unbound,
 }
 
-/// Runs `board` and passes bytes between it and `terminal`.
-fn forward(board: &mut VirtualBoard, terminal: &mut File) -> Result<()> {
-    let mut due = Instant::now();
-    let mut received = [0; 256];
-    loop {
-        match terminal.read(&mut received) {
-            Ok(count) => board.send_at(board.now(), &received[..count]),
+/// A pseudo-terminal that stands for the board's serial line, over a power cycle too: what is plugged in stays plugged in.
+#[derive(Debug)]
+pub struct PseudoTerminal {
+    board_side: File,
+    /// What a program has sent and no board has been told yet.
+    received: Vec<u8>,
+    /// Stays open, or reading would fail whenever no program has the terminal open.
+    _program_side: OwnedFd,
+    path: PathBuf,
+}
+
+impl PseudoTerminal {
+    /// Opens one.
+    ///
+    /// # Errors
+    ///
+    /// There is none to be had.
+    pub fn open() -> Result<Self> {
+        let ends = openpty(None, None).context("opening a pseudo-terminal")?;
+        let mut settings =
+            tcgetattr(&ends.slave).context("reading the pseudo-terminal's settings")?;
+        // Raw: no echo of what the firmware says back to it, and line ends as they are.
+        cfmakeraw(&mut settings);
+        tcsetattr(&ends.slave, SetArg::TCSANOW, &settings)
+            .context("making the pseudo-terminal raw")?;
+        fcntl(&ends.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK))
+            .context("making the pseudo-terminal non-blocking")?;
+        let path = ttyname(&ends.slave).context("asking for the pseudo-terminal's path")?;
+        Ok(Self {
+            board_side: File::from(ends.master),
+            received: vec![],
+            _program_side: ends.slave,
+            path,
+        })
+    }
+
+    /// What a program opens.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Runs `board` and passes bytes both ways for as long as `goes_on` says so. What nobody reads is lost, as on a real line.
+    ///
+    /// `goes_on` is asked every 5 ms: before the board is told what the program has sent, and before the program is told what the board
+    /// has said. So a command finds what was done before it was sent, and what the board says it has done, `goes_on` has seen.
+    ///
+    /// # Errors
+    ///
+    /// The pseudo-terminal failed, or as [`VirtualBoard::run_for`].
+    pub fn serve(
+        &mut self,
+        board: &mut VirtualBoard,
+        pace: Pace,
+        mut goes_on: impl FnMut(&mut VirtualBoard) -> bool,
+    ) -> Result<()> {
+        let mut due = Instant::now();
+        loop {
+            self.receive()?;
+            let goes_on = goes_on(board);
+            self.say(board)?;
+            if !goes_on {
+                return Ok(());
+            }
+            board.send_at(board.now(), &self.received);
+            self.received.clear();
+            board.run_for(SLICE)?;
+            if pace == Pace::WallClock {
+                due += SLICE;
+                let now = Instant::now();
+                if now > due + PATIENCE {
+                    due = now;
+                }
+                std::thread::sleep(due.saturating_duration_since(now));
+            }
+        }
+    }
+
+    /// Takes what a program has sent.
+    fn receive(&mut self) -> Result<()> {
+        let mut bytes = [0; 256];
+        match self.board_side.read(&mut bytes) {
+            Ok(count) => self.received.extend(&bytes[..count]),
             Err(error) if is_idle(error.kind()) => {}
             Err(error) => return Err(error).context("reading the pseudo-terminal"),
         }
-        board.run_for(SLICE)?;
-        let sent: Vec<u8> = board
-            .take_bytes()
-            .into_iter()
-            .map(|(_, byte)| byte)
-            .collect();
+        Ok(())
+    }
+
+    /// Passes on what the board has said.
+    fn say(&mut self, board: &mut VirtualBoard) -> Result<()> {
+        let said = board.take_bytes().into_iter().map(|(_, byte)| byte);
+        let said: Vec<u8> = said.collect();
         // The lines would pile up.
         board.take_lines();
-        match terminal.write(&sent) {
-            Ok(_) => {}
-            Err(error) if is_idle(error.kind()) => {}
-            Err(error) => return Err(error).context("writing to the pseudo-terminal"),
+        match self.board_side.write(&said) {
+            Ok(_) => Ok(()),
+            Err(error) if is_idle(error.kind()) => Ok(()),
+            Err(error) => Err(error).context("writing to the pseudo-terminal"),
         }
-        due += SLICE;
-        let now = Instant::now();
-        if now > due + PATIENCE {
-            due = now;
-        }
-        std::thread::sleep(due.saturating_duration_since(now));
     }
 }
 

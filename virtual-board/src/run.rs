@@ -16,6 +16,7 @@ use rigless::time::VirtualNanos;
 
 use crate::board::{INSTRUCTIONS_PER_SECOND, Nucleo, SERIAL_PORT};
 use crate::firmware::Firmware;
+use crate::flash::{self, SharedFlash};
 use crate::hang::{self, Detours};
 use crate::rtt::{self, Message};
 use crate::sensor_head::pins::{CONVERTER, CONVERTER_BUS, SharedHead};
@@ -90,11 +91,37 @@ impl VirtualBoard {
     ///
     /// The emulator refuses the board or the firmware.
     pub fn power_on(firmware: &Firmware, light: LightSource) -> Result<Self> {
+        Self::power_on_with_flash(firmware, light, SharedFlash::default())
+    }
+
+    /// As [`VirtualBoard::power_on`], with what another board has left in `flash`. That board is to be dropped first: it would go on
+    /// writing.
+    ///
+    /// # Errors
+    ///
+    /// The emulator refuses the board or the firmware, or the firmware has something in the sectors that `flash` is.
+    pub fn power_on_with_flash(
+        firmware: &Firmware,
+        light: LightSource,
+        flash: SharedFlash,
+    ) -> Result<Self> {
+        for (address, bytes) in firmware.image.segments() {
+            let end = address + bytes.len() as u64;
+            let store = flash::BASE..flash::BASE + flash::BYTES as u64;
+            ensure!(
+                end <= store.start || address >= store.end,
+                "the firmware has something at {address:#010x} to {end:#010x}, where the calibration is kept: does memory.x reserve it?"
+            );
+        }
+        flash.power_on();
         let head = SharedHead::new(SensorHead::new(light));
         let line = Arc::<Mutex<SerialLine>>::default();
         let trap = hang::find_trap(&firmware.image)
             .context("the firmware has no `b .`, which hang_at needs")?;
-        let watched = Watched::default();
+        let watched = Watched {
+            flash,
+            ..Watched::default()
+        };
         let log_bytes = Arc::<Mutex<Vec<u8>>>::default();
         let (orders, taken_orders) = channel();
         let (reported_stops, stops) = channel();
@@ -102,6 +129,7 @@ impl VirtualBoard {
             orders: taken_orders,
             stops: reported_stops,
             head: Arc::clone(&head),
+            flash: watched.flash.clone(),
             log_block: firmware.address_of("_SEGGER_RTT")?,
             log_bytes: Arc::clone(&log_bytes),
         };
@@ -141,7 +169,7 @@ impl VirtualBoard {
     ///
     /// # Errors
     ///
-    /// The firmware violated one of the sensor head's limits and [`VirtualBoard::expect_violations`] was not called,
+    /// The firmware violated one of the limits of the sensor head or of flash and [`VirtualBoard::expect_violations`] was not called,
     /// or the emulator failed.
     pub fn run_for(&mut self, time: Duration) -> Result<()> {
         self.run_to(self.now() + nanos(time))
@@ -254,6 +282,12 @@ impl VirtualBoard {
         look(&mut self.head.lock())
     }
 
+    /// The flash that outlives this board.
+    #[must_use]
+    pub fn flash(&self) -> &SharedFlash {
+        &self.watched.flash
+    }
+
     /// Cuts the converter off from the next chip select on, or connects it again. Words then read as zero.
     ///
     /// # Errors
@@ -290,7 +324,10 @@ impl VirtualBoard {
             address.is_multiple_of(4),
             "{address:#010x} is not the address of a word: it is no multiple of 4"
         );
-        let word = self.on_emulator(move |_, host, _| host.read(address, Width::W32))?;
+        let kept = self.flash().word(address);
+        let word = self.on_emulator(move |_, host, _| {
+            kept.map_or_else(|| host.read(address, Width::W32), Ok)
+        })?;
         let word = word.with_context(|| format!("reading the word at {address:#010x}"))?;
         Ok(u32::try_from(word).expect("32 bits were read"))
     }
@@ -465,9 +502,9 @@ impl VirtualBoard {
             self.order(Order::RunTo(next))?;
             self.await_stop()?;
             self.now = next;
-            if !self.expects_violations && self.head.lock().violation_count() > 0 {
+            if !self.expects_violations && self.violation_count() > 0 {
                 bail!(
-                    "the firmware violated the sensor head's limits:\n  {}",
+                    "the firmware violated the limits of the sensor head or of flash:\n  {}",
                     self.violations().join("\n  ")
                 );
             }
@@ -475,10 +512,19 @@ impl VirtualBoard {
         Ok(())
     }
 
+    fn violation_count(&self) -> u64 {
+        self.head.lock().violation_count() + self.flash().violation_count()
+    }
+
     fn violations(&self) -> Vec<String> {
+        let of_flash = self.flash().violations();
         let head = self.head.lock();
-        let mut lines: Vec<String> = head.violations().iter().map(Violation::to_string).collect();
-        let more = head.violation_count() - lines.len() as u64;
+        let mut lines: Vec<String> = (head.violations().iter())
+            .chain(&of_flash)
+            .map(Violation::to_string)
+            .collect();
+        drop(head);
+        let more = self.violation_count() - lines.len() as u64;
         if more > 0 {
             lines.push(format!("and {more} more"));
         }
@@ -582,6 +628,7 @@ struct Steps {
     orders: Receiver<Order>,
     stops: Sender<Stop>,
     head: Arc<SharedHead>,
+    flash: SharedFlash,
     log_block: u64,
     log_bytes: Arc<Mutex<Vec<u8>>>,
 }
@@ -593,12 +640,14 @@ impl Driver<Nucleo> for Steps {
         _host: &mut dyn Host,
         settled: Settled,
     ) {
-        let now = match settled {
-            Settled::Access { access, .. } => access.virtual_time.0,
-            Settled::Stop(stop) => stop.at.0,
+        let (now, access) = match settled {
+            Settled::Access { access, .. } => (access.virtual_time.0, Some(access)),
+            Settled::Stop(stop) => (stop.at.0, None),
             _ => return,
         };
-        self.head.look_at(&mut session.board_mut().processor, now);
+        let processor = &mut session.board_mut().processor;
+        self.head.look_at(processor, now);
+        (self.flash).look_at(processor.flash_interface(), access.as_ref(), now);
     }
 
     fn on_stop(

@@ -25,17 +25,25 @@ pub struct Stm32f429 {
     pub part: Stm32f427,
     tim1: LazyTimer,
     tim1_slot: usize,
+    flash_slot: usize,
 }
 
 impl Stm32f429 {
     pub(crate) fn new() -> Result<Self, Error> {
         let part = Stm32f427::new()?;
         let tim1_slot = part.bus().slot("TIM1")?;
+        let flash_slot = part.bus().slot("FLASH")?;
         Ok(Self {
             part,
             tim1: LazyTimer::new(),
             tim1_slot,
+            flash_slot,
         })
+    }
+
+    /// The registers of the flash interface.
+    pub(crate) fn flash_interface(&self) -> &RegisterFile {
+        self.part.bus().slots()[self.flash_slot].registers()
     }
 
     /// If TIM1's channel 1 repeats a pulse: the timer clocks from one to the next.

@@ -1,17 +1,20 @@
 //! rigless's core, wrapped for what it does not offer itself: to hang or panic at a function ([`crate::hang`]), to write to the
-//! core's own registers as a debug probe does, and to write down which instructions a function executes ([`crate::trace`]).
+//! core's own registers as a debug probe does, to write down which instructions a function executes ([`crate::trace`]), and to
+//! erase and program flash ([`crate::flash`]).
 
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rigless::emulator::{
-    BitAlias, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall, Processor, Queued,
+    Access, BitAlias, Checked, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall,
+    InterruptLine, Processor, Queued,
 };
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
 use crate::Nanos;
+use crate::flash::{self, SharedFlash};
 use crate::hang::Detours;
 use crate::trace::{self, Recorder, Traces};
 
@@ -28,6 +31,8 @@ pub(crate) struct Watched {
     pub(crate) probe_writes: Arc<Mutex<Vec<(u64, u32, Nanos)>>>,
     /// What it traces.
     pub(crate) traces: Arc<Mutex<Traces>>,
+    /// What it finds in the sectors that it has not mapped.
+    pub(crate) flash: SharedFlash,
 }
 
 /// Has the core that `spec` makes do what `watched` says.
@@ -146,8 +151,61 @@ impl Core {
     }
 }
 
+/// The core's bus, with flash that can be erased and programmed.
+struct BusWithFlash<'a> {
+    inner: &'a mut dyn CoreBus,
+    flash: SharedFlash,
+}
+
+impl CoreBus for BusWithFlash<'_> {
+    fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
+        if SharedFlash::holds(access.address) {
+            return Some(self.flash.access(&access));
+        }
+        self.inner.access(access, from_code)
+    }
+
+    // From here on everything is the inner bus's.
+
+    fn time(&self, instructions: u64) -> VirtualNanos {
+        self.inner.time(instructions)
+    }
+
+    fn queued(&mut self) -> Vec<Queued> {
+        self.inner.queued()
+    }
+
+    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
+        self.inner.carry_on(instructions, event)
+    }
+
+    fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
+        self.inner.acknowledge(line, instructions)
+    }
+
+    fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
+        self.inner.read_checked(access, report)
+    }
+
+    fn write_checked(&mut self, access: Access) -> Option<bool> {
+        self.inner.write_checked(access)
+    }
+
+    fn stops_before(&mut self, access: &Access) -> bool {
+        self.inner.stops_before(access)
+    }
+
+    fn send_trace(&mut self, bytes: &[u8]) {
+        self.inner.send_trace(bytes);
+    }
+}
+
 impl Processor for Core {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        let bus = &mut BusWithFlash {
+            inner: bus,
+            flash: self.watched.flash.clone(),
+        };
         self.write_for_the_probe();
         self.arm_detours();
         {
@@ -169,12 +227,21 @@ impl Processor for Core {
         (exit, ran)
     }
 
-    // From here on everything is the inner core's.
-
+    /// All but the sectors whose contents are elsewhere.
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
-        // SAFETY: the caller's promise, passed on as it is.
-        unsafe { self.inner.map(start, length, host, writable) }
+        let end = start + length;
+        let hole = [flash::BASE, flash::BASE + flash::BYTES as u64];
+        let [hole_start, hole_end] = hole.map(|address| address.clamp(start, end));
+        for (from, to) in [(start, hole_start), (hole_end, end)] {
+            if from < to {
+                let host = host.wrapping_add((from - start) as usize);
+                // SAFETY: a part of what the caller promises, in whole pages: the hole begins and ends at multiples of 16 KB.
+                unsafe { self.inner.map(from, to - from, host, writable) }
+            }
+        }
     }
+
+    // From here on everything is the inner core's.
 
     fn retired(&self) -> u64 {
         self.inner.retired()

@@ -463,18 +463,12 @@ impl fmt::Display for Measured<'_> {
 }
 
 impl Solved {
-    /// What the covariance of eq. (1), as the points' variances give it, is to be multiplied with: the scatter's square, or 1 where
-    /// only the given uncertainties are known. Where a departure from eq. (1) was found, that is no scatter.
+    /// What the covariance of eq. (1), as the points' variances give it, is to be multiplied with: the square of the scatter about eq. (1)
+    /// alone, or 1 where only the given uncertainties are known. A departure from eq. (1) counts as scatter: the parameters are
+    /// no better known than that.
     pub fn variance(&self) -> Option<f64> {
-        let smoothed = self
-            .corrected
-            .as_ref()
-            .and_then(|(_, quality)| quality.scatter);
-        let scatter = match self.better() {
-            Form::Eq1 => self.plain_quality.scatter,
-            Form::Corrected | Form::Table => smoothed,
-        };
         let known = (self.weights == Weights::Known).then_some(1.0);
+        let scatter = self.plain_quality.scatter;
         scatter.map(|scatter| scatter * scatter).or(known)
     }
 }

@@ -65,6 +65,7 @@ fn points_become_a_record_a_report_and_a_figure() {
     insta::assert_snapshot!(printed(&output));
 
     let record = record_file::read(&directory.path().join("points.record")).expect("a record");
+    let record = record.record();
     assert_eq!(
         (record.serial_number, record.estimator),
         (42, Estimator::Adaptive)
@@ -135,6 +136,7 @@ fn options_go_before_what_the_points_say_and_json_is_the_report() {
     assert_eq!(report["record"]["black"], "fixed 120");
     assert_eq!(report["record"]["date"], "2026-02-28");
     let record = record_file::read(&directory.path().join("other")).expect("a record");
+    let record = record.record();
     assert!(matches!(record.calibration, Calibration::Table(_)));
     assert_eq!(record.estimator, Estimator::Robust);
     let keys: Vec<&String> = report.as_object().expect("an object").keys().collect();

@@ -3,12 +3,12 @@
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use slitrange::calibration::record::decode;
+use slitrange::calibration::written::Written;
 use slitrange_cli::fit::calibration::make;
 use slitrange_cli::fit::figure;
 use slitrange_cli::fit::report::Report;
 use slitrange_cli::fit::solve::{Form, solve};
 use slitrange_cli::points::Points;
-use slitrange_cli::record_file;
 
 /// The same cases in every run.
 fn cases(cases: u32) -> ProptestConfig {
@@ -29,7 +29,6 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
         return Ok(false);
     };
     let directory = tempfile::tempdir().expect("a directory");
-    let path = directory.path().join("a.record");
     let mut any = false;
     for form in [
         None,
@@ -48,8 +47,8 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
             black_level: slitrange::black_level::BlackLevel::Shielded,
             calibration: made.calibration.clone(),
         };
-        record_file::write(&path, &record).expect("written");
-        let read = decode(&std::fs::read(&path).expect("a file")).expect("a record");
+        let written = Written::new(record.clone()).expect("a record");
+        let read = decode(written.bytes()).expect("a record");
         prop_assert_eq!(&read, &record);
         for centre in made.curve.even_steps(100) {
             let at = slitrange::units::Pixels::from_bits((centre * 65536.0).round() as i32);
@@ -111,11 +110,11 @@ proptest! {
     ) {
         let k = 10f64.powf(scale);
         let mut text = String::from(if sigma.is_some() { "x_px,d_mm,sigma_px\n" } else { "x_px,d_mm\n" });
-        for i in 0..count {
+        for (i, by_noise) in noises.iter().enumerate().take(count) {
             let part = i as f64 / count.max(2) as f64;
             let x = ends.0 + (ends.1 - ends.0) * part;
             let mut distance = d + k / (x - pole) * (1.0 + bend * (3.0 * part).sin());
-            let mut x = x + noise * noises[i];
+            let mut x = x + noise * by_noise;
             for &(_, by, of_distance) in spoilt.iter().filter(|spoilt| spoilt.0 == i) {
                 if of_distance { distance += by } else { x += by }
             }

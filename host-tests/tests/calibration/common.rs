@@ -1,11 +1,12 @@
 //! Knots of every kind, and what every calibration promises.
 
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use slitrange::calibration::Calibration;
-use slitrange::calibration::knots::{CLOSEST, Interpolation, Knot, Knots};
+use slitrange::calibration::knots::{Knot, Knots};
 use slitrange::reading::Fault;
 use slitrange::units::{Micrometres, Pixels};
+
+use crate::records::chain;
 
 /// A step of Q24.8, in micrometres.
 pub const STEP: f64 = 1.0 / 256.0;
@@ -16,15 +17,6 @@ pub fn knot(centre: i32, value: i32) -> Knot {
         value: Micrometres::from_int(value),
     }
 }
-/// Thousands of cases, the same in every run.
-pub fn cases(cases: u32) -> ProptestConfig {
-    ProptestConfig {
-        cases,
-        rng_seed: RngSeed::Fixed(6),
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    }
-}
 
 /// Spacing in steps of Q16.16 and rise in steps of Q24.8 from knot to knot: of every size.
 pub fn steps() -> impl Strategy<Value = Vec<(u32, i64)>> {
@@ -33,30 +25,6 @@ pub fn steps() -> impl Strategy<Value = Vec<(u32, i64)>> {
     let any_size = prop::collection::vec((size(1..32), size(1..30).prop_map(i64::from)), 1..40);
     let like_a_sensor = prop::collection::vec((1u32 << 16..1 << 22, 1i64 << 14..1 << 20), 1..140);
     prop_oneof![any_size, like_a_sensor]
-}
-
-/// Knots that begin anywhere, with `rise` made of a step's length and rise; they end where a number does.
-pub fn chain(start: (i32, i32), steps: &[(u32, i64)], rise: impl Fn(u32, i64) -> i64) -> Vec<Knot> {
-    let (mut centre, mut value) = (i64::from(start.0), i64::from(start.1));
-    let mut knots = Vec::new();
-    let mut steps = steps.iter();
-    while let (Ok(x), Ok(y)) = (i32::try_from(centre), i32::try_from(value)) {
-        knots.push(Knot {
-            centre: Pixels::from_bits(x),
-            value: Micrometres::from_bits(y),
-        });
-        let Some(&(length, step)) = steps.next() else {
-            break;
-        };
-        let length = length.saturating_add(CLOSEST.to_bits() as u32);
-        centre += i64::from(length);
-        value += rise(length, step);
-    }
-    knots
-}
-
-pub fn interpolations() -> impl Strategy<Value = Interpolation> {
-    prop_oneof![Just(Interpolation::Linear), Just(Interpolation::Cubic)]
 }
 
 /// Knots that are a table, most of them.

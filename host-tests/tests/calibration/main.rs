@@ -3,6 +3,8 @@
 mod common;
 mod figures;
 mod record;
+#[path = "../records/mod.rs"]
+mod records;
 mod reference;
 mod refusals;
 mod residuals;

@@ -9,7 +9,8 @@ use slitrange::calibration::table::{Table, TableError};
 use slitrange::triangulation::NOMINAL;
 use slitrange::units::{Micrometres, Pixels};
 
-use crate::common::{cases, interpolations, knot};
+use crate::common::knot;
+use crate::records::{cases, interpolations};
 
 #[test]
 fn what_is_no_table_is_refused_with_the_knot_that_is_wrong() {

@@ -7,9 +7,8 @@ use slitrange::calibration::residuals::{Corrected, CorrectedError};
 use slitrange::triangulation::{Eq1, NOMINAL};
 use slitrange::units::{Micrometres, Pixels};
 
-use crate::common::{
-    STEP, cases, chain, holds_what_it_promises, interpolations, knot, largest_rise, places,
-};
+use crate::common::{STEP, holds_what_it_promises, knot, largest_rise, places};
+use crate::records::{cases, chain, interpolations};
 
 /// Every centre of some intervals, one by one: how far the two roundings take the distance back.
 #[test]

@@ -6,9 +6,8 @@ use slitrange::calibration::knots::Interpolation;
 use slitrange::calibration::table::Table;
 use slitrange::units::Pixels;
 
-use crate::common::{
-    STEP, cases, holds_what_it_promises, interpolations, knot, largest_rise, monotone_knots, places,
-};
+use crate::common::{STEP, holds_what_it_promises, knot, largest_rise, monotone_knots, places};
+use crate::records::{cases, interpolations};
 use crate::reference::{pchip, straight};
 
 /// Every centre of some intervals, one by one: no bit goes back, and none goes further than the slope and a rounding allow.

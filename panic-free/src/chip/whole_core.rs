@@ -3,18 +3,25 @@
 use core::fmt::{self, Display, Write};
 
 use slitrange::black_level::{self, BlackPixels};
-use slitrange::calibration::record;
+use slitrange::calibration::record::{self, Record};
+use slitrange::calibration::written::Written;
 use slitrange::estimator::{self, Estimator, second_look};
 use slitrange::frame::Frame;
 use slitrange::measurement::Measurement;
 use slitrange::protocol::answer::HELP;
+use slitrange::protocol::calibration::{Shown, Stored};
 use slitrange::protocol::info::{Banner, Hardware, Info};
 use slitrange::protocol::input::Input;
 use slitrange::protocol::ladder::Ladder;
+use slitrange::protocol::piece::Piece;
+use slitrange::protocol::refusal::Refusal;
 use slitrange::protocol::status::{SerialErrors, StartCause, Status};
+use slitrange::protocol::upload::{Step, Upload};
 use slitrange::reading::Fault;
 use slitrange::row::Row;
 use slitrange::spot;
+use slitrange::store::StoreError;
+use slitrange::store::saved::{self, Saved};
 use slitrange::units::{AsMillimetres, Counts, Micrometres, Pixels};
 
 use super::any::{self, any};
@@ -88,7 +95,7 @@ pub fn find_centres() {
     any(black_level::centroid(row.light(), spot.background));
 }
 
-/// From centres to distances, with whatever calibration is accepted; and its record, written and read.
+/// From centres to distances, with whatever calibration is accepted; and its record, written and read, alone and with what is saved.
 pub fn find_distances() {
     let Some(calibration) = any::calibration() else {
         return;
@@ -102,8 +109,9 @@ pub fn find_distances() {
         reached(distance.to_bits());
     }
     let mut buffer = [0; 4096];
-    if let Some(record) = any::record(calibration) {
-        match record::encode(&record, any::bytes(&mut buffer)) {
+    let record = any::record(calibration);
+    if let Some(record) = &record {
+        match record::encode(record, any::bytes(&mut buffer)) {
             Ok(written) => reached(written.len() as i32),
             Err(error) => say(&error),
         }
@@ -112,6 +120,46 @@ pub fn find_distances() {
         Ok(record) => reached(record.serial_number as i32),
         Err(error) => say(&error),
     }
+    let settings = any::settings();
+    match saved::encode(&Saved { settings, record }, any::bytes(&mut buffer)) {
+        Ok(written) => reached(written.len() as i32),
+        Err(error) => say(&StoreError::Saved(error)),
+    }
+    match saved::decode(any::bytes(&mut buffer)) {
+        Ok(Saved { settings, record }) => {
+            reached(i32::from(settings.rows));
+            reached(record.map_or(0, |record| record.serial_number as i32));
+        }
+        Err(error) => say(&error),
+    }
+}
+
+/// A calibration comes in pieces, and is shown.
+pub fn take_calibrations() {
+    let mut upload = Upload::none();
+    let mut in_use = Written::nominal();
+    while any(true) {
+        match upload.take(any(Step::Commit), &any::geometry()) {
+            Ok(Some(record)) => in_use = Written::new(record).ok(),
+            Ok(None) => {}
+            Err(refusal) => say(&refusal),
+        }
+        let written = in_use.as_ref().filter(|_| any(true));
+        say(&Shown {
+            written,
+            on: any(true),
+            stored: any(Stored::Nothing),
+        });
+        if let Some(piece) = written.and_then(|written| Piece::of(written.bytes(), any(0))) {
+            say(&piece);
+            reached(piece.offset().into());
+        }
+    }
+    say(&any(Refusal::NoUpload));
+    any(any::calibration()
+        .and_then(any::record)
+        .as_ref()
+        .is_some_and(Record::is_nominal));
 }
 
 /// The constructors of the numbers.
@@ -143,7 +191,8 @@ pub fn talk() {
         hardware: &hardware,
         geometry: &any::geometry(),
         settings: &any::settings(),
-        calibration: any(true).then(any::calibration).flatten().as_ref(),
+        record: any::calibration().and_then(any::record).as_ref(),
+        on: any(true),
     });
     say(&any(Status {
         started_by: StartCause::PowerOn,
@@ -160,6 +209,7 @@ pub fn talk() {
     say(&Ladder);
     say(&HELP);
     say(&any::reading());
+    say(&any::measured());
     let fault = any::fault();
     say(&fault);
     say(&fault.advice());

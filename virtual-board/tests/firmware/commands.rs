@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use host_tests::scene::Scene;
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
+use slitrange::calibration::record::Record;
 use slitrange::estimator::Estimator;
 use slitrange::frame::Mean;
 use slitrange::measurement::Settings;
@@ -52,10 +52,7 @@ fn help_and_info_are_what_the_core_says() {
     let help: Vec<&str> = HELP.split("\r\n").collect();
     assert_eq!(ask_for_lines(&mut board, "help", help.len()), help);
 
-    for (calibration, command) in [
-        (Calibration::nominal(), "calibration on"),
-        (None, "calibration off"),
-    ] {
+    for (on, command) in [(true, "calibration on"), (false, "calibration off")] {
         set(&mut board, command);
         let info = Info {
             hardware: &HARDWARE,
@@ -66,7 +63,8 @@ fn help_and_info_are_what_the_core_says() {
                 mean: Mean::default(),
                 black_level: BlackLevel::Shielded,
             },
-            calibration: calibration.as_ref(),
+            record: Record::nominal().as_ref(),
+            on,
         }
         .to_string();
         let info: Vec<&str> = info.split("\r\n").collect();
@@ -299,17 +297,6 @@ fn the_black_level_is_found_in_the_way_that_is_set() {
                 "{command}: {lines:#?}"
             );
         }
-    }
-    board.finish().expect("a clean run");
-}
-
-#[test]
-fn calibration_says_whether_it_is_on() {
-    let mut board = measuring(4);
-    assert_eq!(ask(&mut board, "calibration"), "calibration on");
-    for command in ["calibration off", "calibration on"] {
-        set(&mut board, command);
-        assert_eq!(ask(&mut board, "calibration"), command);
     }
     board.finish().expect("a clean run");
 }

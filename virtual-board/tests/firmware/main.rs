@@ -3,12 +3,15 @@
 //!
 //! All topics are one program: the firmware is built and loaded once, and the tests share the processor's cores.
 
+mod calibration;
 mod commands;
 mod common;
 mod faults;
 mod identical;
 #[cfg(unix)]
 mod pseudo_terminal;
+mod records;
+mod saving;
 mod scenes;
 mod sensor_head;
 mod serial_line;

@@ -1,67 +1,176 @@
 //! The serial line as a pseudo-terminal: `cargo demo --pty`, talked to as `tio` would.
 
-use std::fs::OpenOptions;
+use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead as _, BufReader, Write as _};
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use crate::common::is_result;
+use host_tests::distorted_optics::DistortedOptics;
+use host_tests::optics::Optics;
+
+use crate::common::{is_reading, is_result, number};
 
 /// Lines that may come ahead of an answer. Results never end, so this ends the test and no clock.
 const LINES: usize = 200;
 
-/// The demo, which goes on until it is ended.
-struct Demo(Child);
+/// The demo, which goes on until it is ended, and its terminal.
+struct Demo {
+    process: Child,
+    terminal: BufReader<File>,
+}
 
 impl Drop for Demo {
     fn drop(&mut self) {
         // Gone already if it failed, which the test has said by then.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
+        let _ = self.process.kill();
+        let _ = self.process.wait();
     }
+}
+
+impl Demo {
+    fn start(arguments: &[&str]) -> Self {
+        let mut process = Command::new(env!("CARGO_BIN_EXE_demo"))
+            .arg("--pty")
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the demo starts");
+        let stdout = process.stdout.take().expect("a pipe");
+        let mut line = String::new();
+        BufReader::new(stdout)
+            .read_line(&mut line)
+            .expect("a first line");
+        let path = line
+            .trim_end()
+            .strip_prefix("serial line: ")
+            .unwrap_or_else(|| panic!("no path in {line:?}"));
+        let terminal = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .open(path)
+            .unwrap_or_else(|error| panic!("{path}: {error}"));
+        let terminal = BufReader::new(terminal);
+        Self { process, terminal }
+    }
+
+    fn send(&mut self, command: &str) {
+        let sent = write!(self.terminal.get_mut(), "{command}\r\n");
+        sent.expect("a command sent");
+    }
+
+    /// The next line that is `wanted`.
+    fn line(&mut self, wanted: impl Fn(&str) -> bool) -> String {
+        let mut lines = vec![];
+        for _ in 0..LINES {
+            let mut line = String::new();
+            self.terminal.read_line(&mut line).expect("a line");
+            let line = line.trim_end().to_owned();
+            if wanted(&line) {
+                return line;
+            }
+            lines.push(line);
+        }
+        panic!("not the line that was awaited: {lines:#?}");
+    }
+
+    /// A reading of rows that were all exposed after this call.
+    fn fresh_reading(&mut self) -> String {
+        self.send("rows 4");
+        // What comes after the answer is said after the call.
+        self.line(|line| line == "rows 4");
+        // Of that, one reading waited for the line, and one was not complete.
+        (0..3).map(|_| self.line(is_reading)).last().expect("three")
+    }
+}
+
+/// A file of this test's own, which is not there.
+fn no_file(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    // Left by a test that failed.
+    let _ = fs::remove_file(&path);
+    path
+}
+
+fn name(path: &Path) -> &str {
+    path.to_str().expect("a path in UTF-8")
 }
 
 #[test]
 fn a_terminal_program_talks_to_the_firmware() {
-    let mut demo = Demo(
-        Command::new(env!("CARGO_BIN_EXE_demo"))
-            .args(["--pty", "--distance", "0.8"])
-            .stdout(Stdio::piped())
-            .spawn()
-            .expect("the demo starts"),
-    );
-    let stdout = demo.0.stdout.take().expect("a pipe");
-    let mut line = String::new();
-    BufReader::new(stdout)
-        .read_line(&mut line)
-        .expect("a first line");
-    let path = line
-        .trim_end()
-        .strip_prefix("serial line: ")
-        .unwrap_or_else(|| panic!("no path in {line:?}"));
+    let mut demo = Demo::start(&["--distance", "0.8"]);
+    demo.send("rows 3");
+    demo.line(|line| line == "rows 3");
+    let line = demo.line(|line| line.contains(" n 3/3 "));
+    println!("{line}");
+    assert!(is_result(&line), "{line}");
+}
 
-    let terminal = OpenOptions::new()
-        .read(true)
-        .write(true)
-        .open(path)
-        .unwrap_or_else(|error| panic!("{path}: {error}"));
-    (&terminal)
-        .write_all(b"rows 3\r\n")
-        .expect("a command sent");
-    let mut lines = vec![];
-    for line in BufReader::new(&terminal).lines().take(LINES) {
-        let line = line.expect("a line");
-        let done = line.contains(" n 3/3 ");
-        lines.push(line);
-        if done {
-            break;
+/// Readings of white paper are uncertain by some um.
+#[test]
+fn the_target_is_where_the_stages_file_says() {
+    let file = no_file("stage");
+    let mut demo = Demo::start(&["--distance", "0.65", "--stage", name(&file)]);
+    for (text, expected) in [
+        (None, 650.0),
+        (Some("700\n"), 700.0),
+        (Some("somewhere"), 700.0),
+        (Some(""), 700.0),
+        (Some("1000.25"), 1000.25),
+    ] {
+        if let Some(text) = text {
+            fs::write(&file, text).expect("a file");
         }
+        let line = demo.fresh_reading();
+        println!("{text:?}: {line}");
+        let off = number(&line, "d ", " mm") - expected;
+        assert!(off.abs() < 0.05, "{off} mm off: {line}");
     }
-    println!("{path}: {lines:#?}");
-    assert!(lines.iter().any(|line| line == "rows 3"), "{lines:#?}");
+    fs::remove_file(&file).expect("the file");
+    let line = demo.fresh_reading();
     assert!(
-        lines
-            .last()
-            .is_some_and(|line| is_result(line) && line.contains(" n 3/3 ")),
-        "{lines:#?}"
+        (number(&line, "d ", " mm") - 1000.25).abs() < 0.05,
+        "{line}"
     );
+    drop(demo);
+}
+
+/// The centre is where the hidden geometry has it, and the distance is what the nominal calibration makes of that.
+#[test]
+fn an_unknown_geometry_is_one_that_the_sensor_is_not_calibrated_for() {
+    const SEED: u64 = 7;
+    let file = no_file("stage-of-an-unknown-geometry");
+    let seed = SEED.to_string();
+    let mut demo = Demo::start(&["--stage", name(&file), "--unknown-geometry", &seed]);
+    let hidden = DistortedOptics::unknown(SEED, 300e-6).expect("a geometry");
+    for distance in [0.62, 0.99] {
+        fs::write(&file, (1e3 * distance).to_string()).expect("a file");
+        let line = demo.fresh_reading();
+        let centre = number(&line, " x ", " a ");
+        println!("{distance} m: {line}");
+        assert!((centre - hidden.centre(distance)).abs() < 0.05, "{line}");
+        let reading = number(&line, "d ", " mm");
+        let nominal = 1e3 * Optics::nominal().distance(hidden.centre(distance));
+        assert!((reading - nominal).abs() < 0.05, "{nominal} mm: {line}");
+        assert!((reading - 1e3 * distance).abs() > 1.0, "{line}");
+    }
+    drop(demo);
+    fs::remove_file(&file).expect("the file");
+}
+
+#[test]
+fn a_file_that_is_no_flash_is_refused() {
+    let file = no_file("no-flash");
+    fs::write(&file, [0; 100]).expect("a file");
+    let output = Command::new(env!("CARGO_BIN_EXE_demo"))
+        .args(["--pty", "--flash", name(&file)])
+        .output()
+        .expect("the demo starts");
+    let message = String::from_utf8_lossy(&output.stderr);
+    println!("{message}");
+    assert!(!output.status.success());
+    assert!(
+        message.contains("no-flash") && message.contains("100 bytes"),
+        "{message}"
+    );
+    fs::remove_file(&file).expect("the file");
 }

@@ -1,8 +1,12 @@
 //! `cargo demo`: the firmware as it is flashed, on the emulated board, measuring a target that moves.
 
+#[cfg(unix)]
+mod flash_file;
 mod lines;
 mod moving_target;
 mod photograph;
+#[cfg(unix)]
+mod terminal;
 
 use std::path::PathBuf;
 
@@ -33,6 +37,17 @@ struct Options {
     /// Open the serial line as a pseudo-terminal for tio or screen, and run on wall time until interrupted.
     #[arg(long, conflicts_with_all = ["json", "steps"])]
     pty: bool,
+    /// Put the target where FILE says: a distance in millimetres, read again whenever it changes. To try calibrating without
+    /// hardware: the command that moves such a stage is `echo {} > FILE`.
+    #[arg(long, value_name = "FILE", requires = "pty")]
+    stage: Option<PathBuf>,
+    /// Give the sensor a geometry that only a calibration can find: millimetres to centimetres from the nominal one, 0.3 mm from any that
+    /// eq. (1) describes, another one for each SEED. For white paper.
+    #[arg(long, value_name = "SEED", requires = "pty", conflicts_with = "scene")]
+    unknown_geometry: Option<u64>,
+    /// Keep the sensor's flash in FILE, so that it has what it saved when the demo is started again, as after a power cycle.
+    #[arg(long, value_name = "FILE", requires = "pty")]
+    flash: Option<PathBuf>,
     /// Print the summary as one JSON object on standard output, and everything else on standard error.
     #[arg(long)]
     json: bool,
@@ -53,7 +68,10 @@ fn main() -> Result<()> {
     let firmware = Firmware::build()?;
     let summary = match &options.pgm {
         Some(path) => serde_json::to_value(photograph::show(&firmware, path, options.json)?),
-        None if options.pty => return moving_target::serve(&firmware, &options),
+        #[cfg(unix)]
+        None if options.pty => return terminal::serve(&firmware, &options),
+        #[cfg(not(unix))]
+        None if options.pty => anyhow::bail!("--pty needs a system with pseudo-terminals"),
         None => serde_json::to_value(moving_target::measure(&firmware, &options)?),
     };
     if options.json {

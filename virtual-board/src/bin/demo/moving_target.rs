@@ -13,8 +13,9 @@ use crate::lines::Report;
 use crate::{Options, say};
 
 /// The range of the paper's position table, in metres.
-const NEAREST: f64 = 0.60;
-const FARTHEST: f64 = 1.02;
+pub const NEAREST: f64 = 0.60;
+/// As [`NEAREST`].
+pub const FARTHEST: f64 = 1.02;
 
 /// Steps, of a target that moves over the table and of one that stays.
 const STEPS: u32 = 43;
@@ -50,7 +51,7 @@ struct Compared {
 }
 
 /// The scene to show, and where its target is first.
-fn scene(options: &Options) -> Result<(Scene, f64)> {
+pub fn scene(options: &Options) -> Result<(Scene, f64)> {
     let Some(name) = &options.scene else {
         return Ok((Scene::white_paper(), options.distance.unwrap_or(NEAREST)));
     };
@@ -96,31 +97,6 @@ fn frame(rows: u16) -> Duration {
 /// How long an answer takes: boot, and the answer, wait behind at most a frame.
 fn patience(rows: u16) -> Duration {
     Duration::from_secs(1) + 4 * frame(rows)
-}
-
-/// Opens the serial line as a pseudo-terminal.
-#[cfg(unix)]
-pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
-    let (scene, distance) = scene(options)?;
-    let target = Target::at(distance);
-    let light = if options.distance.is_some() || options.scene.is_some() {
-        of_scene(scene, target)
-    } else {
-        // To the far end and back in 20 s of virtual time.
-        let mut light = of_scene(scene, target.clone());
-        Box::new(move |exposure: &virtual_board::Exposure| {
-            let turns = exposure.end as f64 * 1e-9 / 20.0;
-            let there = 1.0 - (2.0 * turns.fract() - 1.0).abs();
-            target.move_to(NEAREST + there * (FARTHEST - NEAREST));
-            light(exposure)
-        })
-    };
-    virtual_board::pty::serve(&mut VirtualBoard::power_on(firmware, light)?)
-}
-
-#[cfg(not(unix))]
-pub fn serve(_: &Firmware, _: &Options) -> Result<()> {
-    anyhow::bail!("--pty needs a system with pseudo-terminals")
 }
 
 /// Measures at each step and sums up.

@@ -1,0 +1,396 @@
+//! The serial line as lines: a command goes out, its answer is told from what the sensor says on its own.
+//!
+//! Answers come in the order of the commands; lines of the stream may come in between. A line that noise made unreadable is
+//! not an answer, nor is silence: a command is asked again where neither can be told from a loss, which harms with no command
+//! that is asked here.
+
+use std::fmt;
+use std::io::{self, Read as _, Write as _};
+use std::time::{Duration, Instant};
+
+use serialport::{ClearBuffer, SerialPort as _};
+use slitrange::protocol::command::{Command, parse};
+
+/// Bits a second, as the firmware sets them.
+const BAUD: u32 = 115_200;
+
+/// How often a command is said before nobody answers.
+pub const TRIES: usize = 4;
+
+/// The longest line that is kept: three times as long as any that a sensor sends. Beyond it is noise.
+const LONGEST: usize = 256;
+
+#[cfg(unix)]
+type Port = serialport::TTYPort;
+#[cfg(windows)]
+type Port = serialport::COMPort;
+
+/// How long answers may take.
+#[derive(Clone, Copy, Debug)]
+pub struct Waits {
+    /// For the answer to a command.
+    pub answer: Duration,
+    /// For a frame and the answer that says what it gave.
+    pub frame: Duration,
+    /// For the flash to be written.
+    pub save: Duration,
+    /// For a sensor to come back that does not answer any more.
+    pub reconnect: Duration,
+}
+
+impl Default for Waits {
+    /// Many times what a board takes (some 0.1 s for the longest answer, 0.4 s for a frame of 64 rows, 1 s for a sector of
+    /// flash that is erased), for an emulated one, which can be slower than the clock on the wall.
+    fn default() -> Self {
+        Self {
+            answer: Duration::from_secs(2),
+            frame: Duration::from_secs(5),
+            save: Duration::from_secs(20),
+            reconnect: Duration::from_secs(20),
+        }
+    }
+}
+
+/// A sensor's serial line, held for this program alone.
+pub struct Line {
+    port: Port,
+    name: String,
+    /// How long answers may take.
+    pub waits: Waits,
+    /// What came and is no whole line yet.
+    received: Vec<u8>,
+}
+
+impl fmt::Debug for Line {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Line").field(&self.name).finish()
+    }
+}
+
+/// Why a command has no answer.
+#[derive(Debug)]
+pub enum LineError {
+    /// The port cannot be opened.
+    Port {
+        /// Its name.
+        name: String,
+        /// What the system says.
+        error: serialport::Error,
+    },
+    /// No answer came, asked repeatedly.
+    Silent {
+        /// The port's name.
+        name: String,
+        /// What was asked.
+        command: String,
+        /// The last line that came instead.
+        heard: Option<String>,
+    },
+    /// The sensor answered with an error.
+    Refused {
+        /// What was asked.
+        command: String,
+        /// The answer.
+        answer: String,
+    },
+    /// The sensor started anew, and has forgotten what was set.
+    Restarted {
+        /// What it said.
+        banner: String,
+    },
+    /// The port stopped working.
+    Gone {
+        /// Its name.
+        name: String,
+        /// What the system says.
+        error: io::Error,
+    },
+}
+
+impl LineError {
+    /// Whether the sensor may be there again, if it is given time.
+    pub fn may_pass(&self) -> bool {
+        !matches!(self, Self::Refused { .. })
+    }
+}
+
+impl fmt::Display for LineError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Port { name, error } => cannot_open(f, name, error),
+            Self::Silent {
+                name,
+                command,
+                heard: None,
+            } => write!(
+                f,
+                "nobody answers `{command}` at {name}: check that this is the sensor's port and that the sensor has power"
+            ),
+            Self::Silent {
+                name,
+                command,
+                heard: Some(line),
+            } => write!(
+                f,
+                "`{command}` has no answer at {name}, where `{}` came last: check that this is the sensor's port, and that its \
+                 firmware knows that command (`info`, `help`)",
+                line.escape_debug()
+            ),
+            Self::Refused { command, answer } => {
+                write!(f, "the sensor answers `{command}` with `{answer}`")
+            }
+            Self::Restarted { banner } => write!(f, "the sensor started anew: `{banner}`"),
+            Self::Gone { name, error } => {
+                write!(f, "{name} stopped working ({error}): check the cable")
+            }
+        }
+    }
+}
+
+impl std::error::Error for LineError {}
+
+fn cannot_open(f: &mut fmt::Formatter<'_>, name: &str, error: &serialport::Error) -> fmt::Result {
+    use serialport::ErrorKind::{Io, NoDevice};
+    match error.kind() {
+        _ if is_in_use(error) => {
+            write!(f, "{name} is in use: end the program that has it open")
+        }
+        NoDevice | Io(io::ErrorKind::NotFound) => {
+            write!(f, "there is no serial port {name}")?;
+            let ports = serialport::available_ports().unwrap_or_default();
+            if ports.is_empty() {
+                return f.write_str(", nor any other: check the cable");
+            }
+            f.write_str("; there is")?;
+            ports
+                .iter()
+                .try_for_each(|port| write!(f, " {}", port.port_name))
+        }
+        Io(io::ErrorKind::PermissionDenied) => write!(
+            f,
+            "{name} may not be opened: on Linux, become a member of the group that owns it (`ls -l {name}`), often dialout"
+        ),
+        _ => write!(f, "{name} cannot be opened as a serial port: {error}"),
+    }
+}
+
+impl Line {
+    /// Opens a port, unless another program has it open, and forgets what came before.
+    ///
+    /// # Errors
+    /// [`LineError::Port`].
+    pub fn open(name: &str, waits: Waits) -> Result<Self, LineError> {
+        // A program that was killed while it started another leaves the port to that one for a moment.
+        let until = Instant::now() + waits.answer;
+        let port = loop {
+            match open(name) {
+                Err(error) if is_in_use(&error) && Instant::now() < until => {
+                    std::thread::sleep(Duration::from_millis(10));
+                }
+                opened => break opened,
+            }
+        };
+        let port = port.map_err(|error| LineError::Port {
+            name: name.to_owned(),
+            error,
+        })?;
+        Ok(Self {
+            port,
+            name: name.to_owned(),
+            waits,
+            received: Vec::new(),
+        })
+    }
+
+    /// Says a command until `answer` makes something of the lines that came since.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn ask<T>(
+        &mut self,
+        command: &str,
+        wait: Duration,
+        answer: impl Fn(&[String]) -> Option<T>,
+    ) -> Result<T, LineError> {
+        let mut result = self.ask_once(command, wait, &answer);
+        for _ in 1..TRIES {
+            match &result {
+                Err(LineError::Silent { .. }) => {}
+                Err(LineError::Refused { answer, .. }) if !is_understood(answer) => {}
+                _ => break,
+            }
+            self.synchronise()?;
+            result = self.ask_once(command, wait, &answer);
+        }
+        result
+    }
+
+    /// The same, said once: for what must not be done twice.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn ask_once<T>(
+        &mut self,
+        command: &str,
+        wait: Duration,
+        answer: impl Fn(&[String]) -> Option<T>,
+    ) -> Result<T, LineError> {
+        self.pass_over()?;
+        self.say(format!("{command}\r").as_bytes(), command)?;
+        let until = Instant::now() + wait;
+        let mut lines = Vec::new();
+        while let Some(line) = self.line(until)? {
+            if is_error(&line) {
+                return Err(LineError::Refused {
+                    command: command.to_owned(),
+                    answer: line,
+                });
+            }
+            lines.push(line);
+            if let Some(answer) = answer(&lines) {
+                return Ok(answer);
+            }
+        }
+        Err(self.silent(command, lines.pop()))
+    }
+
+    /// Leaves behind whatever was said before, and gives whether readings stream.
+    ///
+    /// # Errors
+    /// Nobody answers.
+    pub fn synchronise(&mut self) -> Result<bool, LineError> {
+        let question = Command::Stream(None).to_string();
+        let mut heard = None;
+        for _ in 0..TRIES {
+            // Ctrl-U is not text: a line that somebody left half typed, or that lost its end, is an error and no command.
+            self.say(format!("\x15\r{question}\r").as_bytes(), &question)?;
+            let until = Instant::now() + self.waits.answer;
+            while let Some(line) = self.line(until)? {
+                if let Ok(Command::Stream(Some(on))) = parse(line.as_bytes()) {
+                    return Ok(on);
+                }
+                // What it says of the line before the question is of no interest.
+                if !is_error(&line) {
+                    heard = Some(line);
+                }
+            }
+        }
+        Err(self.silent(&question, heard))
+    }
+
+    /// Lets the sensor say what it still has to say of what was asked before.
+    ///
+    /// # Errors
+    /// The sensor started anew, or the port stopped working.
+    pub fn wait_out(&mut self, time: Duration) -> Result<(), LineError> {
+        let until = Instant::now() + time;
+        while self.line(until)?.is_some() {}
+        Ok(())
+    }
+
+    /// What has come so far is not about what is asked next.
+    fn pass_over(&mut self) -> Result<(), LineError> {
+        self.wait_out(Duration::ZERO)
+    }
+
+    fn say(&mut self, bytes: &[u8], command: &str) -> Result<(), LineError> {
+        self.port.write_all(bytes).map_err(|error| {
+            if error.kind() == io::ErrorKind::TimedOut {
+                self.silent(command, None)
+            } else {
+                self.gone(error)
+            }
+        })
+    }
+
+    /// The next line that is not empty, if it comes in time. Once time is up, what has come by then.
+    fn line(&mut self, until: Instant) -> Result<Option<String>, LineError> {
+        let mut bytes = [0; 1024];
+        loop {
+            while let Some(end) = self.received.iter().position(|byte| b"\r\n".contains(byte)) {
+                let line: Vec<u8> = self.received.drain(..=end).take(end).collect();
+                if line.is_empty() {
+                    continue;
+                }
+                let line = String::from_utf8_lossy(&line).into_owned();
+                if is_banner(&line) {
+                    return Err(LineError::Restarted { banner: line });
+                }
+                return Ok(Some(line));
+            }
+            if self.received.len() > LONGEST {
+                self.received.clear();
+            }
+            let left = until.saturating_duration_since(Instant::now());
+            let read = self
+                .port
+                .set_timeout(left)
+                .map_err(io::Error::from)
+                .and_then(|()| self.port.read(&mut bytes));
+            match read {
+                Ok(0) => return Err(self.gone(io::ErrorKind::UnexpectedEof.into())),
+                Ok(count) => self.received.extend(bytes.iter().take(count)),
+                Err(error) if error.kind() == io::ErrorKind::TimedOut => return Ok(None),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(self.gone(error)),
+            }
+        }
+    }
+
+    fn silent(&self, command: &str, heard: Option<String>) -> LineError {
+        LineError::Silent {
+            name: self.name.clone(),
+            command: command.to_owned(),
+            heard,
+        }
+    }
+
+    fn gone(&self, error: io::Error) -> LineError {
+        LineError::Gone {
+            name: self.name.clone(),
+            error,
+        }
+    }
+}
+
+/// Opens a port if no other program has it open, and keeps others away.
+fn open(name: &str) -> serialport::Result<Port> {
+    let port = serialport::new(name, BAUD).open_native()?;
+    #[cfg(unix)]
+    let port = {
+        let mut port = port;
+        // The mark of exclusive use outlives a program that is killed, where another end of a pseudo-terminal stays open, and
+        // would keep everybody out. The lock does not, and the next who wants the port for himself fails at it.
+        port.set_exclusive(false)?;
+        port
+    };
+    port.clear(ClearBuffer::Input)?;
+    Ok(port)
+}
+
+/// So says the library on Unix of a port that another program has locked.
+fn is_in_use(error: &serialport::Error) -> bool {
+    cfg!(unix) && error.kind() == serialport::ErrorKind::NoDevice
+}
+
+/// `E3 out of range ...`
+fn is_error(line: &str) -> bool {
+    let mut bytes = line.bytes();
+    bytes.next() == Some(b'E') && bytes.next().is_some_and(|byte| byte.is_ascii_digit())
+}
+
+/// Whether an error is about what was asked, and not about words that noise may have changed: those are the errors up to E7, of
+/// [`Error`](slitrange::protocol::command::Error).
+fn is_understood(error: &str) -> bool {
+    let digits = error
+        .strip_prefix('E')
+        .and_then(|rest| rest.split(' ').next());
+    digits
+        .and_then(|digits| digits.parse().ok())
+        .is_some_and(|number: u32| number > 7)
+}
+
+/// What a sensor says when it starts.
+fn is_banner(line: &str) -> bool {
+    line.starts_with("slitrange ") && line.contains(", started by ")
+}

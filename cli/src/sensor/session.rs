@@ -1,0 +1,190 @@
+//! A conversation with a sensor, which leaves it as it was found.
+
+use std::time::{Duration, Instant};
+
+use slitrange::protocol::command::{Command, parse};
+
+use super::answers::{self, Centre, InUse, NoCentre};
+use super::line::{Line, LineError, TRIES, Waits};
+
+/// Between two attempts to reach a sensor that is away.
+const PAUSE: Duration = Duration::from_millis(200);
+
+/// A sensor that answers and does not stream. What was set for the session alone is put back at its end.
+#[derive(Debug)]
+pub struct Session {
+    line: Line,
+    port: String,
+    head: String,
+    before: Before,
+}
+
+/// What is put back.
+#[derive(Clone, Copy, Debug)]
+struct Before {
+    streamed: bool,
+    rows: Option<u16>,
+}
+
+impl Session {
+    /// Opens a port and finds out which sensor head answers there.
+    ///
+    /// # Errors
+    /// The port cannot be opened, or what answers there is no sensor.
+    pub fn open(port: &str, waits: Waits) -> Result<Self, LineError> {
+        let mut line = Line::open(port, waits)?;
+        let streamed = match line.synchronise() {
+            // It may have got its power with the port.
+            Err(LineError::Restarted { .. }) => line.synchronise(),
+            synchronised => synchronised,
+        }?;
+        let mut session = Self {
+            line,
+            port: port.to_owned(),
+            head: String::new(),
+            before: Before {
+                streamed,
+                rows: None,
+            },
+        };
+        session.set(Command::Stream(Some(false)))?;
+        let wait = session.line.waits.answer;
+        let info = Command::Info.to_string();
+        session.head = session.line.ask(&info, wait, answers::head)?;
+        Ok(session)
+    }
+
+    /// The same sensor once more after it went away or forgot what was set.
+    ///
+    /// # Errors
+    /// It does not come back within [`Waits::reconnect`].
+    pub fn reopen(mut self) -> Result<Self, LineError> {
+        let (port, waits, before) = (self.port.clone(), self.line.waits, self.before);
+        // Nothing to say good-bye to.
+        self.before = Before {
+            streamed: false,
+            rows: None,
+        };
+        // The port must be free to be opened.
+        drop(self);
+        let until = Instant::now() + waits.reconnect;
+        loop {
+            match Self::open(&port, waits) {
+                Ok(mut session) => {
+                    session.before = before;
+                    return Ok(session);
+                }
+                Err(error) if Instant::now() >= until => return Err(error),
+                Err(_) => std::thread::sleep(PAUSE),
+            }
+        }
+    }
+
+    /// The sensor head's name.
+    pub fn head(&self) -> &str {
+        &self.head
+    }
+
+    /// The port's name.
+    pub fn port(&self) -> &str {
+        &self.port
+    }
+
+    /// The line, for further questions.
+    pub fn line(&mut self) -> &mut Line {
+        &mut self.line
+    }
+
+    /// Asks for the value that a command without one shows; the answer is the command that sets it.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn value(&mut self, of: Command) -> Result<Command, LineError> {
+        let wait = self.line.waits.answer;
+        self.line.ask(&of.to_string(), wait, |lines| {
+            let said = parse(lines.last()?.as_bytes()).ok()?;
+            // `rows` is not the answer to `rows`, and `mean plain` is neither.
+            (said != of && std::mem::discriminant(&said) == std::mem::discriminant(&of))
+                .then_some(said)
+        })
+    }
+
+    /// Sets a value.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn set(&mut self, command: Command) -> Result<(), LineError> {
+        let wait = self.line.waits.answer;
+        self.line.ask(&command.to_string(), wait, |lines| {
+            (parse(lines.last()?.as_bytes()) == Ok(command)).then_some(())
+        })
+    }
+
+    /// Sets the rows in a frame for as long as the session lasts.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn borrow_rows(&mut self, rows: u16) -> Result<(), LineError> {
+        if self.before.rows.is_none()
+            && let Command::Rows(before) = self.value(Command::Rows(None))?
+        {
+            self.before.rows = before;
+        }
+        self.set(Command::Rows(Some(rows)))
+    }
+
+    /// What the sensor's centres mean at present.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn calibration(&mut self) -> Result<InUse, LineError> {
+        let wait = self.line.waits.answer;
+        let question = Command::Calibration(None).to_string();
+        self.line.ask(&question, wait, answers::in_use)
+    }
+
+    /// The centre of the next frame that is complete.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn centre(&mut self) -> Result<Result<Centre, NoCentre>, LineError> {
+        let wait = self.line.waits.frame;
+        let question = Command::Centre.to_string();
+        let mut tries = 0;
+        loop {
+            let answer = self.line.ask_once(&question, wait, answers::centre);
+            tries += 1;
+            match answer {
+                Err(LineError::Silent { .. } | LineError::Refused { .. }) if tries < TRIES => {
+                    self.line.synchronise()?;
+                    // The answer may only be late: it must not become that of another frame.
+                    self.line.wait_out(wait / 4)?;
+                }
+                answer => return answer,
+            }
+        }
+    }
+
+    /// Puts back what was set for the session.
+    fn put_back(&mut self) -> Result<(), LineError> {
+        let Before { streamed, rows } = self.before;
+        if rows.is_none() && !streamed {
+            return Ok(());
+        }
+        self.line.synchronise()?;
+        if let Some(rows) = rows {
+            self.set(Command::Rows(Some(rows)))?;
+        }
+        self.set(Command::Stream(Some(streamed)))
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        if let Err(error) = self.put_back() {
+            eprintln!(
+                "the sensor's stream and rows stay as they are now, `stream off` and `rows 64`: {error}"
+            );
+        }
+    }
+}

@@ -1,0 +1,505 @@
+//! The file of points that a run takes: none that is in it is ever lost.
+//!
+//! It is CSV that `calibrate fit` reads, with remarks on lines of their own. A point is appended and flushed to the disk before
+//! the target moves on. What changes other than at its end is written as another file, which then takes its name.
+
+use std::fmt;
+use std::fs::{File, OpenOptions};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+
+/// The line above the points.
+const COLUMNS: &str = "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated";
+
+/// The first line, by which a file is known as one of these.
+const TITLE: &str = "# points of a sensor, by slitrange calibrate run";
+
+/// A distance in millimetres with three decimals, or with as many as it takes.
+pub struct Millimetres(pub f64);
+
+impl fmt::Display for Millimetres {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if (self.0 * 1000.0).round() / 1000.0 == self.0 {
+            write!(f, "{:.3}", self.0)
+        } else {
+            write!(f, "{}", self.0)
+        }
+    }
+}
+
+/// With what points are taken: those of a file all with the same.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Setup {
+    /// The sensor head.
+    pub head: String,
+    /// The sensor's serial number; 0 until it has one.
+    pub serial_number: u32,
+    /// How centres are found.
+    pub estimator: String,
+    /// How the black level is found.
+    pub black: String,
+}
+
+impl Setup {
+    /// Names and values of its parts, as the file's first lines have them.
+    fn parts(&self) -> [(&'static str, String); 4] {
+        [
+            ("head", self.head.clone()),
+            ("serial", self.serial_number.to_string()),
+            ("estimator", self.estimator.clone()),
+            ("black", self.black.clone()),
+        ]
+    }
+}
+
+/// A point: what the sensor saw with the target at a known distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Taken {
+    /// The centre in pixels: the mean of the frames'.
+    pub x_px: f64,
+    /// The target's distance in millimetres.
+    pub d_mm: f64,
+    /// The standard uncertainty of the mean in pixels, as far as frames tell.
+    pub sigma_px: f64,
+    /// Frames taken.
+    pub frames: usize,
+    /// The sample standard deviation of the frames' centres in pixels; none of a single frame.
+    pub scatter_px: Option<f64>,
+    /// The standard uncertainty that the sensor claims for one frame, in pixels (root mean square).
+    pub claimed_px: f64,
+    /// Rows of all frames that did not look like their spot.
+    pub misfits: u32,
+    /// As how few independent rows a frame's may count: the least of those that the sensor flagged.
+    pub correlated: Option<u16>,
+}
+
+impl fmt::Display for Taken {
+    /// The line, without its end.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            x_px,
+            sigma_px,
+            frames,
+            claimed_px,
+            misfits,
+            ..
+        } = self;
+        write!(
+            f,
+            "{x_px:.6},{},{sigma_px:.6},{frames},",
+            Millimetres(self.d_mm)
+        )?;
+        if let Some(scatter) = self.scatter_px {
+            write!(f, "{scatter:.6}")?;
+        }
+        write!(f, ",{claimed_px:.6},{misfits},")?;
+        match self.correlated {
+            Some(rows) => write!(f, "{rows}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Taken {
+    /// The point that a line stands for.
+    fn parse(line: &str) -> Option<Self> {
+        let columns: Vec<&str> = line.split(',').map(str::trim).collect();
+        let &[x, d, sigma, frames, scatter, claimed, misfits, correlated] = columns.as_slice()
+        else {
+            return None;
+        };
+        let number = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite());
+        Some(Self {
+            x_px: number(x)?,
+            d_mm: number(d)?,
+            sigma_px: number(sigma)?,
+            frames: frames.parse().ok()?,
+            scatter_px: if scatter.is_empty() {
+                None
+            } else {
+                Some(number(scatter)?)
+            },
+            claimed_px: number(claimed)?,
+            misfits: misfits.parse().ok()?,
+            correlated: if correlated.is_empty() {
+                None
+            } else {
+                Some(correlated.parse().ok()?)
+            },
+        })
+    }
+}
+
+/// A file of points, open to take more.
+#[derive(Debug)]
+pub struct PointsFile {
+    path: PathBuf,
+    /// At its end.
+    file: File,
+    points: Vec<Taken>,
+    /// The last line was cut off; what was left of it.
+    torn: Option<String>,
+}
+
+/// What a file's text holds.
+struct Content {
+    /// The lines before the points.
+    first: Vec<String>,
+    points: Vec<Taken>,
+    /// Remarks below.
+    remarks: Vec<String>,
+    torn: Option<String>,
+}
+
+impl PointsFile {
+    /// Opens a file for more points, or begins one. `started` is the time, as its first lines have it.
+    ///
+    /// # Errors
+    /// There is such a file, but not of this program or of another sensor or setting; or it cannot be read or written.
+    pub fn open(path: &Path, setup: &Setup, started: &str) -> Result<Self> {
+        let shown = path.display();
+        let bytes = match std::fs::read(path) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+            Err(error) => return Err(error).with_context(|| format!("{shown} cannot be read")),
+        };
+        let mut content = if bytes.is_empty() {
+            Content {
+                first: heading(setup, started),
+                points: Vec::new(),
+                remarks: Vec::new(),
+                torn: None,
+            }
+        } else {
+            let content =
+                Content::read(&bytes).with_context(|| format!("{shown} stays as it is"))?;
+            same_setup(&content.first, setup).with_context(|| format!("{shown} stays as it is"))?;
+            content
+        };
+        if let Some(torn) = &content.torn {
+            content.remarks.push(format!("# cut off: {torn}"));
+        }
+        if bytes.is_empty() || content.torn.is_some() {
+            content.write(path)?;
+        }
+        let file = OpenOptions::new()
+            .append(true)
+            .open(path)
+            .with_context(|| format!("{shown} cannot be written"))?;
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            points: content.points,
+            torn: content.torn,
+        })
+    }
+
+    /// The points in it.
+    pub fn points(&self) -> &[Taken] {
+        &self.points
+    }
+
+    /// What was left of its last line, if that was cut off when it was opened.
+    pub fn torn(&self) -> Option<&str> {
+        self.torn.as_deref()
+    }
+
+    /// Adds a point. It is on the disk when this returns.
+    ///
+    /// # Errors
+    /// It could not be written.
+    pub fn add(&mut self, point: Taken) -> Result<()> {
+        self.append(&point.to_string())?;
+        self.points.push(point);
+        Ok(())
+    }
+
+    /// Adds a remark.
+    ///
+    /// # Errors
+    /// It could not be written.
+    pub fn remark(&mut self, text: &str) -> Result<()> {
+        self.append(&format!("# {}", text.escape_debug()))
+    }
+
+    fn append(&mut self, line: &str) -> Result<()> {
+        self.file
+            .write_all(format!("{line}\n").as_bytes())
+            .and_then(|()| self.file.sync_data())
+            .with_context(|| {
+                format!(
+                    "{} cannot be written; the {} points in it are safe",
+                    self.path.display(),
+                    self.points.len()
+                )
+            })
+    }
+
+    /// Puts the points in the order of their centres, as the fit wants them, and remarks below.
+    ///
+    /// # Errors
+    /// The file could not be read or written; it is then as it was.
+    pub fn put_in_order(self) -> Result<()> {
+        let in_order = self.points.is_sorted_by(|a, b| a.x_px <= b.x_px);
+        if in_order {
+            return Ok(());
+        }
+        let bytes = std::fs::read(&self.path)
+            .with_context(|| format!("{} cannot be read", self.path.display()))?;
+        let mut content = Content::read(&bytes)?;
+        content.points.sort_by(|a, b| a.x_px.total_cmp(&b.x_px));
+        content.write(&self.path)
+    }
+}
+
+fn heading(setup: &Setup, started: &str) -> Vec<String> {
+    let mut lines = vec![TITLE.to_owned()];
+    lines.extend(
+        setup
+            .parts()
+            .map(|(name, value)| format!("# {name} {value}")),
+    );
+    lines.push(format!("# started {started}"));
+    lines.extend(
+        [
+            "# x_px: the mean of the frames' centres. sigma_px: the larger of the frames' scatter and what the sensor claims for a",
+            "# frame, over the square root of their number. Frames of a target at rest share its speckle, which is not in it: it",
+            "# shows as residuals of the fit.",
+        ]
+        .map(str::to_owned),
+    );
+    lines
+}
+
+impl Content {
+    fn read(bytes: &[u8]) -> Result<Self> {
+        // Whatever stands after the last line end was not written to its end.
+        let end = bytes
+            .iter()
+            .rposition(|&byte| byte == b'\n')
+            .map_or(0, |at| at + 1);
+        let (whole, rest) = bytes.split_at(end);
+        let mut content = Self {
+            first: Vec::new(),
+            points: Vec::new(),
+            remarks: Vec::new(),
+            torn: (!rest.is_empty()).then(|| rest.escape_ascii().to_string()),
+        };
+        let text = std::str::from_utf8(whole).context("it is not text")?;
+        ensure!(
+            text.lines().next() == Some(TITLE),
+            "it was not made by `calibrate run`, which goes on with its own files only: its first line is not `{TITLE}`"
+        );
+        let mut lines = text.lines().zip(1..);
+        for (line, number) in lines.by_ref() {
+            if line == COLUMNS {
+                break;
+            }
+            ensure!(
+                line.is_empty() || line.starts_with('#'),
+                "line {number}, `{}`, is no remark: expected {COLUMNS} above the points",
+                line.escape_debug()
+            );
+            content.first.push(line.to_owned());
+        }
+        for (line, number) in lines {
+            if line.starts_with('#') {
+                content.remarks.push(line.to_owned());
+            } else if !line.trim().is_empty() {
+                let Some(point) = Taken::parse(line) else {
+                    bail!(
+                        "line {number}, `{}`, is no point: expected {COLUMNS}",
+                        line.escape_debug()
+                    );
+                };
+                content.points.push(point);
+            }
+        }
+        Ok(content)
+    }
+
+    /// Writes it to the disk under another name, and gives it the file's then: at no time is there neither.
+    fn write(&self, path: &Path) -> Result<()> {
+        let mut text = String::new();
+        let points: Vec<String> = self.points.iter().map(ToString::to_string).collect();
+        let columns = [COLUMNS.to_owned()];
+        for line in [&self.first[..], &columns, &points, &self.remarks]
+            .into_iter()
+            .flatten()
+        {
+            text.push_str(line);
+            text.push('\n');
+        }
+        crate::whole_file::write(path, text.as_bytes())
+    }
+}
+
+/// Whether a file's first lines say the same setup.
+fn same_setup(first: &[String], setup: &Setup) -> Result<()> {
+    for (name, now) in setup.parts() {
+        let said = first.iter().find_map(|line| {
+            line.strip_prefix("# ")?
+                .strip_prefix(name)?
+                .strip_prefix(' ')
+        });
+        let Some(then) = said else {
+            bail!(
+                "it does not say with which {name} its points were taken: a line `# {name} ...` is missing"
+            );
+        };
+        if then == now {
+            continue;
+        }
+        match name {
+            "estimator" | "black" => bail!(
+                "its points were taken with `{name} {then}`, and the sensor is set to `{name} {now}`: set it to that, or take \
+                 another file"
+            ),
+            "head" => bail!(
+                "its points were taken with sensor head {then}, and this is {now}: take another file"
+            ),
+            _ => bail!(
+                "its points were taken with the sensor of serial number {then}, and this one's is {now}: take another file"
+            ),
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+
+    fn setup() -> Setup {
+        Setup {
+            head: "TCD1304DG".to_owned(),
+            serial_number: 17,
+            estimator: "phase-table".to_owned(),
+            black: "fixed 300".to_owned(),
+        }
+    }
+
+    /// Of whole steps: as many decimals as are written.
+    fn steps(range: std::ops::Range<i64>, a_unit: f64) -> impl Strategy<Value = f64> {
+        range.prop_map(move |steps| steps as f64 / a_unit)
+    }
+
+    prop_compose! {
+        fn point()(
+            x_px in steps(-500_000..4_096_000_000, 1e6),
+            d_mm in prop_oneof![steps(1..8_380_000, 1e3), 1.0..8380.0],
+            sigma_px in steps(1..100_000_000, 1e6),
+            frames in 1..1000_usize,
+            scatter_px in proptest::option::of(steps(0..100_000_000, 1e6)),
+            claimed_px in steps(1..100_000_000, 1e6),
+            misfits: u32,
+            correlated: Option<u16>,
+        ) -> Taken {
+            Taken { x_px, d_mm, sigma_px, frames, scatter_px, claimed_px, misfits, correlated }
+        }
+    }
+
+    /// A file with these points, and its path.
+    fn file(directory: &tempfile::TempDir, points: &[Taken]) -> (PointsFile, PathBuf) {
+        let path = directory.path().join("points.csv");
+        let mut file = PointsFile::open(&path, &setup(), "today").expect("a file");
+        for point in points {
+            file.add(*point).expect("added");
+        }
+        (file, path)
+    }
+
+    fn sorted(mut points: Vec<Taken>) -> Vec<Taken> {
+        points.sort_by(|a, b| a.x_px.total_cmp(&b.x_px));
+        points
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 64,
+            rng_seed: RngSeed::Fixed(6),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
+        #[test]
+        fn points_are_read_as_they_were_written(points in prop::collection::vec(point(), 0..6)) {
+            let directory = tempfile::tempdir().expect("a directory");
+            let (mut written, path) = file(&directory, &points);
+            written.remark("failed at\n600 mm").expect("remarked");
+            prop_assert_eq!(written.points(), &points[..]);
+            let read = PointsFile::open(&path, &setup(), "tomorrow").expect("a file");
+            prop_assert_eq!(read.points(), &points[..]);
+            prop_assert_eq!(read.torn(), None);
+            read.put_in_order().expect("in order");
+            let read = PointsFile::open(&path, &setup(), "tomorrow").expect("a file");
+            prop_assert_eq!(read.points(), &sorted(points)[..]);
+            let text = std::fs::read_to_string(&path).expect("text");
+            prop_assert!(text.ends_with("\n# failed at\\n600 mm\n"), "{}", text);
+            prop_assert!(text.contains("\n# started today\n"));
+        }
+
+        /// Cut off at any byte below the line above the points, as power that fails may leave it.
+        #[test]
+        fn a_line_that_is_cut_off_costs_itself_only(
+            points in prop::collection::vec(point(), 1..5),
+            part in 0.0..1.0,
+            garbage in prop::collection::vec(any::<u8>().prop_filter("no line end", |byte| *byte != b'\n'), 0..4),
+        ) {
+            let directory = tempfile::tempdir().expect("a directory");
+            let (_, path) = file(&directory, &points);
+            let mut bytes = std::fs::read(&path).expect("bytes");
+            let lines = points.iter().map(|point| point.to_string().len() + 1).sum::<usize>();
+            let cut = bytes.len() - (part * lines as f64) as usize;
+            bytes.truncate(cut);
+            bytes.extend(&garbage);
+            let whole = bytes.iter().filter(|byte| **byte == b'\n').count();
+            let lost = std::fs::read_to_string(&path).expect("text").lines().count() - whole;
+            let left = &points[..points.len() - lost];
+            std::fs::write(&path, &bytes).expect("written");
+            let torn = !bytes.ends_with(b"\n");
+            for torn in [torn, false] {
+                let mut read = PointsFile::open(&path, &setup(), "tomorrow").expect("a file");
+                prop_assert_eq!(read.points(), left);
+                prop_assert_eq!(read.torn().is_some(), torn);
+                read.remark("goes on").expect("remarked");
+            }
+        }
+    }
+
+    #[test]
+    fn the_file_is_as_documented() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let point = Taken {
+            x_px: 1770.98771,
+            d_mm: 800.0,
+            sigma_px: 0.0007,
+            frames: 8,
+            scatter_px: Some(0.00195),
+            claimed_px: 0.0019,
+            misfits: 0,
+            correlated: Some(3),
+        };
+        let typed = Taken {
+            d_mm: 810.12345,
+            scatter_px: None,
+            correlated: None,
+            ..point
+        };
+        let (_, path) = file(&directory, &[point, typed]);
+        insta::assert_snapshot!(std::fs::read_to_string(path).expect("text"));
+    }
+
+    #[test]
+    fn an_empty_file_is_begun() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("points.csv");
+        std::fs::write(&path, "").expect("written");
+        let file = PointsFile::open(&path, &setup(), "today").expect("begun");
+        assert!(file.points().is_empty());
+    }
+}

@@ -1,0 +1,7 @@
+//! The PC's side of the serial line, against a sensor that loses, garbles and delays lines, starts anew and goes away.
+#![cfg(unix)]
+
+mod line;
+mod run;
+mod stand_in;
+mod transfer;

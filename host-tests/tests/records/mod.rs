@@ -1,0 +1,201 @@
+//! Records of every kind: for tests of the record and of the store.
+
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use slitrange::black_level::BlackLevel;
+use slitrange::calibration::Calibration;
+use slitrange::calibration::date::Date;
+use slitrange::calibration::knots::{CLOSEST, Interpolation, Knot};
+use slitrange::calibration::record::Record;
+use slitrange::calibration::residuals::Corrected;
+use slitrange::calibration::table::Table;
+use slitrange::estimator::Estimator;
+use slitrange::row::{Geometry, Polarity};
+use slitrange::sensor_heads;
+use slitrange::triangulation::Eq1;
+use slitrange::units::{Counts, Micrometres, Pixels};
+
+/// Thousands of cases, the same in every run.
+pub fn cases(cases: u32) -> ProptestConfig {
+    ProptestConfig {
+        cases,
+        rng_seed: RngSeed::Fixed(6),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}
+
+pub fn nominal() -> Record {
+    Record {
+        serial_number: 4711,
+        date: Date::new(2026, 11, 21).expect("a day"),
+        geometry: sensor_heads::tcd1304dg(),
+        estimator: Estimator::PhaseTable,
+        black_level: BlackLevel::Fixed(Counts::from_int(120)),
+        calibration: Calibration::nominal().expect("a curve"),
+    }
+}
+
+/// The longest record that there can be.
+pub fn longest() -> Record {
+    // Centres beyond 2048 pixels, values beyond 0.52 m and a K of 55 bits take all bytes that theirs can.
+    let at = |i: i32| Knot {
+        centre: Pixels::from_bits((2048 << 16) + i * 400_000),
+        value: Micrometres::from_int(2_000_000 + i),
+    };
+    let knots: Vec<Knot> = (0..257).map(at).collect();
+    let curve = Eq1::new(
+        Micrometres::from_int(-7_000_000),
+        (1 << 55) - 1,
+        Pixels::from_int(-32_768),
+        at(0).centre..=at(256).centre,
+    );
+    // At 34816 and 36379 pixels from the pole, 15.8 and 15.1 m less 7 m: too far, so the K is as long, but less.
+    assert!(curve.is_err());
+    let curve = Eq1::new(
+        Micrometres::from_int(-7_000_000),
+        1 << 54,
+        Pixels::from_int(-32_768),
+        at(0).centre..=at(256).centre,
+    )
+    .expect("7.9 m to 7.6 m, less 7 m");
+    Record {
+        serial_number: u32::MAX,
+        date: Date::new(9999, 12, 31).expect("a day"),
+        geometry: Geometry {
+            words: 65_535,
+            shielded: 65_000..65_535,
+            light: 60_000..64_096,
+            polarity: Polarity::Rising,
+            bits: 12,
+            shot_variance_per_count_q16: u16::MAX,
+        },
+        estimator: Estimator::Robust,
+        black_level: BlackLevel::Fixed(Counts::from_int(4095)),
+        calibration: Calibration::Corrected(
+            Corrected::new(curve, Interpolation::Linear, &knots).expect("usable"),
+        ),
+    }
+}
+
+/// Records of every kind, most of them usable.
+pub fn records() -> impl Strategy<Value = Option<Record>> {
+    let estimators = prop::sample::select(Estimator::ALL.to_vec());
+    let black_levels = prop_oneof![
+        Just(BlackLevel::Shielded),
+        Just(BlackLevel::Frame),
+        (0..=4095 << 8).prop_map(|bits| BlackLevel::Fixed(Counts::from_bits(bits))),
+    ];
+    let geometries = (
+        any::<[u16; 2]>(),
+        3648..=4096usize,
+        any::<[u8; 2]>(),
+        any::<bool>(),
+        1..=12u8,
+    )
+        .prop_map(|([start, shot], pixels, [shielded, more], falling, bits)| {
+            let light = usize::from(start) % 61_000..usize::from(start) % 61_000 + pixels;
+            Geometry {
+                words: light.end + usize::from(more),
+                shielded: 0..usize::from(shielded),
+                light,
+                polarity: if falling {
+                    Polarity::Falling
+                } else {
+                    Polarity::Rising
+                },
+                bits,
+                shot_variance_per_count_q16: shot,
+            }
+        });
+    let days = (any::<u16>(), any::<u8>(), any::<u8>())
+        .prop_map(|(year, month, day)| Date::new(year % 9999 + 1, month % 12 + 1, day % 28 + 1));
+    (
+        any::<u32>(),
+        days,
+        geometries,
+        estimators,
+        black_levels,
+        calibrations(),
+    )
+        .prop_map(
+            |(serial_number, date, geometry, estimator, black_level, calibration)| {
+                Some(Record {
+                    serial_number,
+                    date: date?,
+                    geometry,
+                    estimator,
+                    black_level,
+                    calibration: calibration?,
+                })
+            },
+        )
+}
+
+/// Calibrations over centres of 3648 pixels.
+fn calibrations() -> impl Strategy<Value = Option<Calibration>> {
+    let steps = || prop::collection::vec((0..1u32 << 21, 1i64 << 10..1 << 18), 1..120);
+    let start = || (0..1 << 24i32, any::<i32>());
+    let table = (start(), steps(), any::<bool>(), interpolations()).prop_map(
+        |(start, steps, falls, interpolation)| {
+            let rise = |_, rise: i64| if falls { -rise } else { rise };
+            Table::new(interpolation, &chain(start, &steps, rise))
+                .ok()
+                .map(Calibration::Table)
+        },
+    );
+    // K from 1 m at a thousand pixels down, on either side of a pole.
+    let curve = || {
+        (
+            any::<i32>(),
+            1i64 << 40..1 << 46,
+            any::<bool>(),
+            1..4000i32,
+            any::<bool>(),
+        )
+            .prop_map(|(d, k, falls, from_pole, below)| {
+                let pole = if below { -from_pole } else { 3647 + from_pole };
+                let k = if falls { k } else { -k };
+                let range = Pixels::from_int(0)..=Pixels::from_int(3647);
+                Eq1::new(Micrometres::from_bits(d), k, Pixels::from_int(pole), range)
+            })
+    };
+    let corrected = (curve(), start(), steps(), 0..12u32, interpolations()).prop_map(
+        |(curve, start, steps, shift, interpolation)| {
+            let rise = |_, rise: i64| (rise - (1 << 17)) >> shift;
+            let knots = chain((start.0, start.1 >> 12), &steps, rise);
+            Corrected::new(curve.ok()?, interpolation, &knots)
+                .ok()
+                .map(Calibration::Corrected)
+        },
+    );
+    prop_oneof![
+        curve().prop_map(|curve| curve.ok().map(Calibration::Eq1)),
+        table,
+        corrected
+    ]
+}
+
+/// Knots that begin anywhere, with `rise` made of a step's length and rise; they end where a number does.
+pub fn chain(start: (i32, i32), steps: &[(u32, i64)], rise: impl Fn(u32, i64) -> i64) -> Vec<Knot> {
+    let (mut centre, mut value) = (i64::from(start.0), i64::from(start.1));
+    let mut knots = Vec::new();
+    let mut steps = steps.iter();
+    while let (Ok(x), Ok(y)) = (i32::try_from(centre), i32::try_from(value)) {
+        knots.push(Knot {
+            centre: Pixels::from_bits(x),
+            value: Micrometres::from_bits(y),
+        });
+        let Some(&(length, step)) = steps.next() else {
+            break;
+        };
+        let length = length.saturating_add(CLOSEST.to_bits() as u32);
+        centre += i64::from(length);
+        value += rise(length, step);
+    }
+    knots
+}
+
+pub fn interpolations() -> impl Strategy<Value = Interpolation> {
+    prop_oneof![Just(Interpolation::Linear), Just(Interpolation::Cubic)]
+}

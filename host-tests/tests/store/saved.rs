@@ -1,0 +1,226 @@
+//! What is saved, as bytes: what goes in comes out, and what cannot be used does not.
+
+use proptest::prelude::*;
+use slitrange::black_level::BlackLevel;
+use slitrange::calibration::record::{self, Record, RecordError};
+use slitrange::estimator::Estimator;
+use slitrange::frame::Mean;
+use slitrange::measurement::Settings;
+use slitrange::store::StoreError;
+use slitrange::store::saved::{MAX_ENCODED, Saved, SavedError, VERSION, decode, encode};
+use slitrange::units::{Counts, Pixels};
+
+use crate::records::{cases, records};
+use crate::samples::{Size, sample};
+
+fn encoded(saved: &Saved) -> Vec<u8> {
+    encode(saved, &mut [0; MAX_ENCODED])
+        .expect("it can be used")
+        .to_vec()
+}
+
+/// What is in flash is read for ever, or its version counts on.
+#[test]
+fn version_1_is_what_it_was() {
+    let settings = |mean, estimator, black_level| Settings {
+        rows: 16,
+        mean,
+        estimator,
+        black_level,
+    };
+    let level = BlackLevel::Fixed(Counts::from_bits(0x0001_2345));
+    let text: Vec<String> = [
+        settings(Mean::Weighted, Estimator::PhaseTable, BlackLevel::Shielded),
+        settings(Mean::Plain, Estimator::Centroid, BlackLevel::Frame),
+        settings(Mean::Weighted, Estimator::Fraunhofer, level),
+    ]
+    .map(|settings| {
+        let record = None;
+        let bytes = encoded(&Saved { settings, record });
+        bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    })
+    .into();
+    insta::assert_snapshot!(text.join("\n"));
+    // The record's bytes are its own, with a snapshot of their own.
+    let saved = sample(Size::Middle, 5);
+    let mut buffer = [0; record::MAX_ENCODED];
+    let own = record::encode(saved.record.as_ref().expect("one"), &mut buffer).expect("usable");
+    assert_eq!(&encoded(&saved)[10..], own);
+}
+
+#[test]
+fn the_longest_is_as_long_as_is_stated() {
+    let longest = sample(Size::Most, 7);
+    let bytes = encoded(&longest);
+    println!(
+        "{} bytes; with eq. (1) {}, settings alone {}",
+        bytes.len(),
+        encoded(&sample(Size::Middle, 7)).len(),
+        encoded(&sample(Size::Least, 7)).len()
+    );
+    assert_eq!(bytes.len(), MAX_ENCODED);
+    for room in (0..MAX_ENCODED).step_by(97).chain(0..20) {
+        let error = encode(&longest, &mut vec![0; room]).err();
+        let expected = match room {
+            0..10 => SavedError::NoRoom { bytes: room },
+            _ => RecordError::NoRoom { bytes: room - 10 }.into(),
+        };
+        assert_eq!(error, Some(expected));
+    }
+}
+
+#[test]
+fn what_cannot_be_used_is_refused() {
+    let with = |change: fn(&mut Saved)| {
+        let mut saved = sample(Size::Least, 0);
+        change(&mut saved);
+        encode(&saved, &mut [0; MAX_ENCODED]).err()
+    };
+    assert_eq!(with(|_| {}), None);
+    for rows in [0, 65, u16::MAX] {
+        let mut saved = sample(Size::Least, 0);
+        saved.settings.rows = rows;
+        let error = encode(&saved, &mut [0; MAX_ENCODED]).err();
+        assert_eq!(error, Some(SavedError::Rows { rows }));
+    }
+    assert_eq!(with(|saved| saved.settings.rows = 1), None);
+    assert_eq!(with(|saved| saved.settings.rows = 64), None);
+    for (bits, fits) in [
+        (-1, false),
+        (0, true),
+        (4095 << 8, true),
+        ((4095 << 8) + 1, false),
+    ] {
+        let level = Counts::from_bits(bits);
+        let mut saved = sample(Size::Least, 0);
+        saved.settings.black_level = BlackLevel::Fixed(level);
+        let error = encode(&saved, &mut [0; MAX_ENCODED]).err();
+        assert_eq!(error, (!fits).then_some(SavedError::BlackLevel { level }));
+    }
+    // The same in bytes: 0 version, 1 rows, 3 mean, 4 estimator, 5 black level, 6 its value, 10 the record.
+    let bytes = encoded(&sample(Size::Least, 0));
+    let with = |place: usize, byte: u8| {
+        let mut bytes = bytes.clone();
+        bytes[place] = byte;
+        decode(&bytes).err()
+    };
+    let version = VERSION + 1;
+    assert_eq!(with(0, version), Some(SavedError::Version { version }));
+    assert_eq!(with(1, 0), Some(SavedError::Rows { rows: 0 }));
+    assert_eq!(with(2, 1), Some(SavedError::Rows { rows: 0x110 }));
+    for place in [3, 4, 5] {
+        let letter = b'?';
+        assert_eq!(with(place, letter), Some(SavedError::Letter { letter }));
+    }
+    let level = Counts::from_bits(i32::MIN);
+    assert_eq!(with(9, 0x80), Some(SavedError::BlackLevel { level }));
+    assert_eq!(with(5, b's'), None);
+    let mut valued = bytes.clone();
+    (valued[5], valued[6]) = (b's', 1);
+    assert_eq!(
+        decode(&valued).err(),
+        Some(SavedError::Letter { letter: b's' })
+    );
+    for bytes in (0..10).map(|length| &bytes[..length]) {
+        let error = SavedError::Short { bytes: bytes.len() };
+        assert_eq!(decode(bytes), Err(error));
+    }
+    let mut longer = bytes;
+    longer.push(0);
+    assert_eq!(
+        decode(&longer).err(),
+        Some(SavedError::Record(RecordError::Short { bytes: 1 }))
+    );
+}
+
+#[test]
+fn errors_say_what_is_wrong_and_what_to_do() {
+    let text: Vec<String> = [
+        StoreError::Saved(SavedError::NoRoom { bytes: 100 }),
+        StoreError::Saved(SavedError::Short { bytes: 3 }),
+        StoreError::Saved(SavedError::Version { version: 2 }),
+        StoreError::Saved(SavedError::Rows { rows: 65 }),
+        StoreError::Saved(SavedError::Letter { letter: b'?' }),
+        StoreError::Saved(SavedError::Letter { letter: 0 }),
+        StoreError::Saved(SavedError::BlackLevel {
+            level: Counts::from_int(5000),
+        }),
+        StoreError::Saved(SavedError::Record(RecordError::OffTheSensor {
+            first: Pixels::from_int(-3),
+            last: Pixels::from_int(4000),
+        })),
+        StoreError::Flash,
+        StoreError::Worn,
+    ]
+    .map(|error| error.to_string())
+    .into();
+    insta::assert_snapshot!(text.join("\n"));
+}
+
+/// Settings and records of every kind, most of them usable.
+fn all() -> impl Strategy<Value = Saved> {
+    let black_levels = prop_oneof![
+        Just(BlackLevel::Shielded),
+        Just(BlackLevel::Frame),
+        (0..=4095 << 8).prop_map(|bits| BlackLevel::Fixed(Counts::from_bits(bits))),
+    ];
+    let settings = (
+        1..=64u16,
+        prop::sample::select(Mean::ALL.to_vec()),
+        prop::sample::select(Estimator::ALL.to_vec()),
+        black_levels,
+    )
+        .prop_map(|(rows, mean, estimator, black_level)| Settings {
+            rows,
+            mean,
+            estimator,
+            black_level,
+        });
+    let records = prop::option::weighted(0.9, records()).prop_map(Option::flatten);
+    (settings, records).prop_map(|(settings, record)| Saved { settings, record })
+}
+
+/// Without a record that ranges over centres that its sensor has not: see the test of the record.
+fn usable(saved: Saved) -> Saved {
+    let fits = |record: &Record| record::encode(record, &mut [0; record::MAX_ENCODED]).is_ok();
+    Saved {
+        record: saved.record.filter(fits),
+        ..saved
+    }
+}
+
+proptest! {
+    #![proptest_config(cases(2000))]
+
+    /// All that can be saved comes back as it was, and is written the same again.
+    #[test]
+    fn what_goes_in_comes_out(saved in all()) {
+        let saved = usable(saved);
+        let bytes = encoded(&saved);
+        prop_assert!(bytes.len() <= MAX_ENCODED);
+        let again = decode(&bytes);
+        prop_assert_eq!(again.as_ref(), Ok(&saved));
+        prop_assert_eq!(encoded(&saved), bytes);
+    }
+
+    /// Bytes that are not quite those, or any at all: what is taken can be written, as just those bytes.
+    #[test]
+    fn what_is_taken_can_be_used(
+        saved in all(),
+        changes in prop::collection::vec((0..12usize, any::<u8>()), 1..4),
+        any_bytes in prop::collection::vec(any::<u8>(), 0..60),
+    ) {
+        let mut near = encoded(&usable(saved));
+        for (place, byte) in changes {
+            if let Some(changed) = near.get_mut(place) {
+                *changed = byte;
+            }
+        }
+        let versioned: Vec<u8> = [VERSION].into_iter().chain(any_bytes.iter().copied()).collect();
+        for bytes in [near, any_bytes, versioned] {
+            if let Ok(saved) = decode(&bytes) {
+                prop_assert_eq!(encoded(&saved), bytes);
+            }
+        }
+    }
+}

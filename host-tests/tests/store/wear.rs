@@ -1,0 +1,60 @@
+//! Ten thousand saves: both sectors wear evenly, and nothing is lost. What is there already is not written again.
+
+use slitrange::store::Kept;
+
+use crate::flash::Flash;
+use crate::samples::{Size, keep, read, sample, save};
+
+fn wear(what: &str, saves: u32, sizes: &[Size]) {
+    let mut flash = Flash::erased();
+    for (i, &size) in (0..saves).zip(sizes.iter().cycle()) {
+        let saved = sample(size, i);
+        // Every so often read as after a start; each save reads what it wrote, too.
+        if i % 20 == 0 || i + 10 > saves {
+            keep(&mut flash, &saved);
+        } else {
+            assert_eq!(save(&mut flash, &saved), Ok(()));
+        }
+        let [first, second] = flash.erases;
+        assert!(first.abs_diff(second) <= 1, "after {i}: {first}, {second}");
+        assert_eq!(flash.overwritten, 0);
+    }
+    let last = sample(sizes[(saves as usize - 1) % sizes.len()], saves - 1);
+    assert!(read(&mut flash) == Kept::Saved(last));
+    println!(
+        "{what}: {saves} saves erase the sectors {:?} times, {} words programmed",
+        flash.erases, flash.operations
+    );
+}
+
+#[test]
+fn of_the_largest() {
+    wear("the largest", 10_000, &[Size::Most]);
+}
+
+#[test]
+fn of_all_sizes() {
+    use Size::{Least, Middle, Most};
+    wear(
+        "all sizes",
+        10_000,
+        &[Least, Most, Middle, Middle, Least, Most, Most],
+    );
+}
+
+#[test]
+fn of_the_smallest() {
+    wear("the smallest", 2000, &[Size::Least]);
+}
+
+#[test]
+fn the_same_again_writes_nothing() {
+    let mut flash = Flash::erased();
+    for (i, size) in (0..).zip([Size::Least, Size::Middle, Size::Most].repeat(5)) {
+        let saved = sample(size, i);
+        keep(&mut flash, &saved);
+        let operations = flash.operations;
+        assert_eq!(save(&mut flash, &saved), Ok(()));
+        assert_eq!(flash.operations, operations);
+    }
+}

@@ -1,0 +1,69 @@
+//! The flash that the store is in: the first two sectors of bank 2.
+//!
+//! embassy-stm32's driver waits for the flash's interrupt where it erases and programs, so that rows are taken meanwhile: the
+//! program is in bank 1. This adds a sign of life for each thing done, by which the watchdog tells a save from a firmware that
+//! hangs, and lets the other tasks go on between two looks into the flash.
+
+use embassy_futures::yield_now;
+use embassy_stm32::flash::{Async, Bank2Region1, Error};
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+
+use super::shared::COUNTERS;
+
+unsafe extern "C" {
+    /// Where `memory.x` reserves it.
+    static _calibration_start: u8;
+    /// Where that ends.
+    static _calibration_end: u8;
+}
+
+/// See the module.
+pub struct CalibrationFlash(Bank2Region1<'static, Async>);
+
+impl CalibrationFlash {
+    /// What `memory.x` reserves of a region: two of its sectors, from its first on.
+    pub fn new(region: Bank2Region1<'static, Async>) -> Self {
+        let (start, end) = (
+            (&raw const _calibration_start).addr(),
+            (&raw const _calibration_end).addr(),
+        );
+        // As constant as the program: the first start would show it.
+        defmt::assert_eq!(start, region.0.base() as usize);
+        defmt::assert_eq!(end - start, 2 * Self::ERASE_SIZE);
+        Self(region)
+    }
+}
+
+impl ErrorType for CalibrationFlash {
+    type Error = Error;
+}
+
+impl ReadNorFlash for CalibrationFlash {
+    const READ_SIZE: usize = Bank2Region1::<'static, Async>::READ_SIZE;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Error> {
+        yield_now().await;
+        self.0.read(offset, bytes).await
+    }
+
+    fn capacity(&self) -> usize {
+        2 * Self::ERASE_SIZE
+    }
+}
+
+impl NorFlash for CalibrationFlash {
+    const WRITE_SIZE: usize = Bank2Region1::<'static, Async>::WRITE_SIZE;
+    const ERASE_SIZE: usize = Bank2Region1::<'static, Async>::ERASE_SIZE;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
+        let erased = self.0.erase(from, to).await;
+        COUNTERS.results.add();
+        erased
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Error> {
+        let written = self.0.write(offset, bytes).await;
+        COUNTERS.results.add();
+        written
+    }
+}

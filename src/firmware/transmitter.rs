@@ -1,0 +1,63 @@
+//! The serial line's sending side.
+//!
+//! # Note
+//!
+//! embassy-stm32 0.6.0's buffered transmitter wants care:
+//! * `write` takes all of the bytes or none, and fails if there are more than its buffer holds.
+//! * `write` without room registers no waker: awaited, it would sleep for ever. It is polled here.
+//! * `write` starts the interrupt only if the buffer was empty when it looked. If the last bytes leave between that
+//!   look and the new bytes' arrival, nobody starts it: it is started here after every write.
+
+use core::fmt::{Display, Write as _};
+
+use embassy_futures::poll_once;
+use embassy_stm32::interrupt::InterruptExt;
+use embassy_stm32::usart::BufferedUartTx;
+use embassy_time::Timer;
+use embedded_io_async::Write as _;
+use heapless::String;
+use slitrange::protocol::MAX_ANSWER;
+
+use super::board;
+use super::shared::COUNTERS;
+
+/// Bytes handed over at a time: a small part of the driver's buffer, so that it does not run dry meanwhile.
+const PIECE: usize = 64;
+
+/// See the module.
+pub struct Transmitter(BufferedUartTx<'static>);
+
+impl Transmitter {
+    /// Of a port's sending side.
+    pub const fn new(port: BufferedUartTx<'static>) -> Self {
+        Self(port)
+    }
+
+    /// Sends an answer, however long that takes: a person or a program waits for it.
+    pub async fn send(&mut self, answer: &dyn Display) {
+        let mut text = String::<MAX_ANSWER>::new();
+        // An answer that does not fit is cut off; the tests of the protocol hold that all fit.
+        let _ = write!(text, "{answer}\r\n");
+        for piece in text.as_bytes().chunks(PIECE) {
+            while !self.accept(piece) {
+                // The line carries 11 bytes a millisecond.
+                Timer::after_millis(2).await;
+            }
+        }
+    }
+
+    /// Sends a result if there is room for it, and drops it otherwise: the next one is more recent.
+    pub fn offer(&mut self, result: &dyn Display) {
+        let mut line = String::<128>::new();
+        let _ = write!(line, "{result}\r\n");
+        COUNTERS.lines_dropped.add_if(!self.accept(line.as_bytes()));
+    }
+
+    /// Hands over all of the bytes or, without room for them, none. An error would come again if it were repeated:
+    /// the bytes count as handed over.
+    fn accept(&mut self, bytes: &[u8]) -> bool {
+        let accepted = poll_once(self.0.write(bytes)).is_ready();
+        board::SERIAL_INTERRUPT.pend();
+        accepted
+    }
+}

@@ -1,0 +1,53 @@
+//! The sensor's flash in a file.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use virtual_board::SharedFlash;
+use virtual_board::flash::Contents;
+
+/// A file that holds what flash does.
+pub struct FlashFile {
+    path: PathBuf,
+    flash: SharedFlash,
+}
+
+impl FlashFile {
+    /// What the file at `path` holds; erased flash if there is none yet.
+    ///
+    /// # Errors
+    /// It cannot be read, or is no flash.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref().to_owned();
+        let contents = match fs::read(&path) {
+            Ok(bytes) => {
+                Contents::new(bytes).with_context(|| format!("reading {}", path.display()))?
+            }
+            Err(error) if error.kind() == ErrorKind::NotFound => Contents::erased(),
+            Err(error) => return Err(error).with_context(|| format!("reading {}", path.display())),
+        };
+        let flash = SharedFlash::holding(contents);
+        Ok(Self { path, flash })
+    }
+
+    /// The flash whose contents are kept.
+    pub fn flash(&self) -> SharedFlash {
+        self.flash.clone()
+    }
+
+    /// Writes the file if something was done to the flash since. Whenever the process is ended, one whole state is in the file.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn keep(&mut self) -> Result<()> {
+        if self.flash.take_history().operations().is_empty() {
+            return Ok(());
+        }
+        let unfinished = self.path.with_added_extension("unfinished");
+        fs::write(&unfinished, self.flash.contents().bytes())
+            .and_then(|()| fs::rename(&unfinished, &self.path))
+            .with_context(|| format!("writing {}", self.path.display()))
+    }
+}

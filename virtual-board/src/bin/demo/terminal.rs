@@ -1,0 +1,62 @@
+//! The board's serial line as a pseudo-terminal, with what stands around a sensor on a bench: a target on a stage, and the flash
+//! that a power switch leaves alone.
+
+use anyhow::Result;
+use host_tests::distorted_optics::DistortedOptics;
+use host_tests::scene::Scene;
+use virtual_board::light::{Target, of_scene, of_scene_through};
+use virtual_board::pty::{Pace, PseudoTerminal};
+use virtual_board::stage::Stage;
+use virtual_board::{Exposure, Firmware, LightSource, SharedFlash, VirtualBoard};
+
+use crate::Options;
+use crate::flash_file::FlashFile;
+use crate::moving_target::{self, FARTHEST, NEAREST};
+
+/// How far an unknown geometry is from eq. (1), in metres.
+const DEPARTURE: f64 = 300e-6;
+
+/// Runs the board until the process is interrupted.
+pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
+    let (scene, distance) = moving_target::scene(options)?;
+    let target = Target::at(distance);
+    let mut stage = (options.stage.as_ref()).map(|file| Stage::new(file, target.clone()));
+    let mut flash_file = (options.flash.as_ref()).map(FlashFile::open).transpose()?;
+    let flash = (flash_file.as_ref()).map_or_else(SharedFlash::default, FlashFile::flash);
+    let light = light(options, scene, target)?;
+    let mut board = VirtualBoard::power_on_with_flash(firmware, light, flash)?;
+    let mut terminal = PseudoTerminal::open()?;
+    println!("serial line: {}", terminal.path().display());
+    let mut kept = Ok(());
+    terminal.serve(&mut board, Pace::WallClock, |_| {
+        if let Some(stage) = &mut stage {
+            stage.look();
+        }
+        if let Some(file) = &mut flash_file {
+            kept = file.keep();
+        }
+        kept.is_ok()
+    })?;
+    kept
+}
+
+/// What the sensor sees: a target that stays where it is put, or else one that goes to and fro.
+fn light(options: &Options, scene: Scene, target: Target) -> Result<LightSource> {
+    let mut light = match options.unknown_geometry {
+        Some(seed) => {
+            let optics = DistortedOptics::unknown(seed, DEPARTURE)?;
+            of_scene_through(optics, scene, target.clone())
+        }
+        None => of_scene(scene, target.clone()),
+    };
+    if options.distance.is_some() || options.scene.is_some() || options.stage.is_some() {
+        return Ok(light);
+    }
+    // To the far end and back in 20 s of virtual time.
+    Ok(Box::new(move |exposure: &Exposure| {
+        let turns = exposure.end as f64 * 1e-9 / 20.0;
+        let there = 1.0 - (2.0 * turns.fract() - 1.0).abs();
+        target.move_to(NEAREST + there * (FARTHEST - NEAREST));
+        light(exposure)
+    }))
+}

@@ -1,0 +1,402 @@
+//! The flash that the calibration is kept in: sectors 12 and 13, the first two of bank 2.
+//!
+//! rigless models the registers of the flash interface (keys and lock, how long an erase takes, its interrupt) and not what is in the
+//! array. This adds it for the two sectors, which the core does not have mapped, so that each load and store comes here: an erase
+//! that the registers begin sets the sector's bits, and a store with PG set clears bits. What silicon answers with an error, or with a
+//! core that stands still until an erase is over, is a [`Violation`] of the run, and the store is not done.
+//!
+//! An erase is done at its begin and takes its time (400 ms, of which rigless's registers know); a program takes none, where silicon
+//! needs 16 us a word (DS9405 table 48). DMA does not reach the sectors.
+//!
+//! A [`SharedFlash`] outlives the boards that it is in, so whoever holds one has what is kept over a power cycle. It writes down each
+//! operation, from which [`History`] gives the contents after any of them, as after a power cut.
+
+mod contents;
+mod history;
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rigless::device::RegisterFile;
+use rigless::emulator::{Access, AccessKind};
+use rigless::soc::Width;
+use rigless::soc::stm32f427::generated::flash::{Register, cr, sr};
+
+pub use contents::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES, SECTORS};
+pub use history::{Done, History};
+
+use crate::{Nanos, Violation};
+
+/// The flash interface's control register (RM0090 section 3.9.8).
+const CONTROL: u64 = 0x4002_3C10;
+
+/// The flash interface's registers (RM0090 table 1).
+const INTERFACE: std::ops::Range<u64> = 0x4002_3C00..0x4002_4000;
+
+/// SNB of sector 12; those of bank 2 go on from there (RM0090 section 3.9.8).
+const FIRST_SNB: usize = 16;
+
+/// PSIZE for words of 32 bits (RM0090 section 3.9.8).
+const WORDS: u64 = 2;
+
+/// How many violations are kept. The first ones say what is wrong.
+const VIOLATIONS_KEPT: usize = 200;
+
+/// The two sectors. Clones are the same ones.
+#[derive(Clone, Debug)]
+pub struct SharedFlash(Arc<Mutex<Flash>>);
+
+/// What is shared.
+#[derive(Debug)]
+struct Flash {
+    contents: Contents,
+    history: History,
+    interface: Interface,
+    /// How many more operations are done until the power is cut.
+    operations_left: Option<usize>,
+    violations: Vec<Violation>,
+    violation_count: u64,
+}
+
+/// What matters of the interface's registers.
+#[derive(Clone, Copy, Debug)]
+struct Interface {
+    locked: bool,
+    /// A store programs.
+    programs: bool,
+    /// Of PSIZE words.
+    takes_words: bool,
+    busy: bool,
+}
+
+impl Interface {
+    /// As a reset leaves it.
+    const RESET: Self = Self {
+        locked: true,
+        programs: false,
+        takes_words: false,
+        busy: false,
+    };
+
+    fn of(registers: &RegisterFile) -> Self {
+        let control = registers.get(Register::Cr);
+        let locked = cr::LOCK.is_set(control);
+        Self {
+            locked,
+            programs: !locked && cr::PG.is_set(control),
+            takes_words: cr::PSIZE.get(control) == WORDS,
+            busy: sr::BSY.is_set(registers.get(Register::Sr)),
+        }
+    }
+}
+
+impl Default for SharedFlash {
+    fn default() -> Self {
+        Self::holding(Contents::erased())
+    }
+}
+
+impl SharedFlash {
+    /// Flash that holds `contents`.
+    #[must_use]
+    pub fn holding(contents: Contents) -> Self {
+        Self(Arc::new(Mutex::new(Flash {
+            history: History::since(contents.clone()),
+            contents,
+            interface: Interface::RESET,
+            operations_left: None,
+            violations: vec![],
+            violation_count: 0,
+        })))
+    }
+
+    /// What it holds now.
+    #[must_use]
+    pub fn contents(&self) -> Contents {
+        self.lock().contents.clone()
+    }
+
+    /// What was done to it since this was last asked.
+    #[must_use]
+    pub fn take_history(&self) -> History {
+        let mut flash = self.lock();
+        let from_now = History::since(flash.contents.clone());
+        std::mem::replace(&mut flash.history, from_now)
+    }
+
+    /// The number of operations done since [`SharedFlash::take_history`] was last asked.
+    #[must_use]
+    pub fn operation_count(&self) -> usize {
+        self.lock().history.operations().len()
+    }
+
+    /// Cuts the power after so many more operations: nothing that the board does later reaches the flash, until another board is
+    /// powered on with it.
+    pub fn cut_power_after(&self, operations: usize) {
+        self.lock().operations_left = Some(operations);
+    }
+
+    /// What was done that silicon answers with an error or by standing still, as far as it is kept, since the last power-on.
+    #[must_use]
+    pub fn violations(&self) -> Vec<Violation> {
+        self.lock().violations.clone()
+    }
+
+    /// How many there were.
+    #[must_use]
+    pub fn violation_count(&self) -> u64 {
+        self.lock().violation_count
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Flash> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A board with it is powered on.
+    pub(crate) fn power_on(&self) {
+        let mut flash = self.lock();
+        flash.interface = Interface::RESET;
+        flash.operations_left = None;
+        flash.violations.clear();
+        flash.violation_count = 0;
+    }
+
+    /// If `address` is in one of the sectors.
+    pub(crate) fn holds(address: u64) -> bool {
+        (BASE..BASE + BYTES as u64).contains(&address)
+    }
+
+    /// The word at `address`, if it is in one of the sectors.
+    pub(crate) fn word(&self, address: u64) -> Option<u64> {
+        Self::holds(address).then(|| self.lock().contents.read(address, 4))
+    }
+
+    /// The core's load or store in one of the sectors; gives what is there, or what was to be stored.
+    pub(crate) fn access(&self, access: &Access) -> u64 {
+        let mut flash = self.lock();
+        match access.kind {
+            AccessKind::Read => flash.load(access),
+            AccessKind::Write => {
+                flash.store(access);
+                access.value
+            }
+        }
+    }
+
+    /// Takes over the interface's registers after `access`, or after something else that may have changed them.
+    pub(crate) fn look_at(&self, registers: &RegisterFile, access: Option<&Access>, now: Nanos) {
+        if access.is_some_and(|access| !INTERFACE.contains(&access.address)) {
+            return;
+        }
+        let mut flash = self.lock();
+        let before = std::mem::replace(&mut flash.interface, Interface::of(registers));
+        let Some(access) = access else { return };
+        if access.kind == AccessKind::Write && access.address == CONTROL {
+            if before.locked {
+                flash.violated(
+                    now,
+                    "the flash's control register was written while it was locked (RM0090 section 3.6.1)"
+                        .to_owned(),
+                );
+            } else if flash.interface.busy && !before.busy {
+                flash.erase(registers.get(Register::Cr), now);
+            }
+        }
+    }
+}
+
+impl Flash {
+    fn load(&mut self, access: &Access) -> u64 {
+        if self.interface.busy {
+            self.violated(
+                access.virtual_time.0,
+                format!(
+                    "a load from {:#010x} while bank 2 is busy: the core stands still meanwhile (RM0090 section 3.6)",
+                    access.address
+                ),
+            );
+        }
+        self.contents.read(access.address, access.width.bytes())
+    }
+
+    fn store(&mut self, access: &Access) {
+        let why_not = if self.interface.busy {
+            "while bank 2 is busy: the core stands still meanwhile (RM0090 section 3.6)"
+        } else if !self.interface.programs {
+            "without unlocking the flash's control register and setting its PG (RM0090 section 3.6.4)"
+        } else if !self.interface.takes_words || access.width != Width::W32 {
+            "of another size than PSIZE, or of another one than 32 bits, which is not modelled (RM0090 section 3.6.4)"
+        } else {
+            // 32 bits.
+            let word = access.value as u32;
+            let address = access.address;
+            self.done(access.virtual_time.0, Operation::Program { address, word });
+            return;
+        };
+        self.violated(
+            access.virtual_time.0,
+            format!("a store to {:#010x} {why_not}", access.address),
+        );
+    }
+
+    /// An erase has begun, by the control register.
+    fn erase(&mut self, control: u64, now: Nanos) {
+        let is_whole_bank = cr::MER1.is_set(control);
+        let number = cr::SNB.get(control) as usize;
+        for sector in 0..SECTORS {
+            let is_this = cr::SER.is_set(control) && number == FIRST_SNB + sector;
+            if is_whole_bank || is_this {
+                let sector = FIRST_SECTOR + sector;
+                self.done(now, Operation::Erase { sector });
+            }
+        }
+    }
+
+    fn done(&mut self, at: Nanos, operation: Operation) {
+        match &mut self.operations_left {
+            Some(0) => return,
+            Some(left) => *left -= 1,
+            None => {}
+        }
+        self.contents.apply(operation);
+        self.history.done.push(Done { at, operation });
+    }
+
+    fn violated(&mut self, at: Nanos, what: String) {
+        self.violation_count += 1;
+        if self.violations.len() < VIOLATIONS_KEPT {
+            self.violations.push(Violation { at, what });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rigless::time::VirtualNanos;
+
+    const READY: Interface = Interface {
+        locked: false,
+        programs: true,
+        takes_words: true,
+        busy: false,
+    };
+
+    /// Flash whose interface stands so, as its registers tell after the firmware's accesses.
+    fn flash(interface: Interface) -> SharedFlash {
+        let flash = SharedFlash::default();
+        flash.lock().interface = interface;
+        flash
+    }
+
+    fn store(flash: &SharedFlash, address: u64, width: Width, value: u64) {
+        let access = Access::new(AccessKind::Write, address, width, value);
+        flash.access(&access.at(7, VirtualNanos(42)));
+    }
+
+    fn load(flash: &SharedFlash, address: u64, width: Width) -> u64 {
+        flash.access(&Access::new(AccessKind::Read, address, width, 0))
+    }
+
+    #[test]
+    fn a_word_is_programmed_and_read_back_at_any_width() {
+        let flash = flash(READY);
+        store(&flash, BASE + 8, Width::W32, 0x0403_0201);
+        assert_eq!(load(&flash, BASE + 8, Width::W32), 0x0403_0201);
+        assert_eq!(load(&flash, BASE + 10, Width::W16), 0x0403);
+        assert_eq!(load(&flash, BASE + 9, Width::W8), 0x02);
+        assert_eq!(load(&flash, BASE + 7, Width::W8), 0xFF);
+        assert_eq!(flash.word(BASE + 8), Some(0x0403_0201));
+        assert_eq!(flash.word(BASE + BYTES as u64), None);
+        assert_eq!(flash.violation_count(), 0);
+        let history = flash.take_history();
+        let program = Operation::Program {
+            address: BASE + 8,
+            word: 0x0403_0201,
+        };
+        assert_eq!(
+            history.operations(),
+            [Done {
+                at: 42,
+                operation: program
+            }]
+        );
+        assert_eq!(history.after(1), flash.contents());
+        assert_eq!(history.after(0), Contents::erased());
+        assert_eq!(flash.operation_count(), 0, "a new history begins");
+    }
+
+    #[test]
+    fn a_store_that_silicon_refuses_is_refused_and_a_violation() {
+        let locked = Interface::RESET;
+        let not_programming = Interface {
+            programs: false,
+            ..READY
+        };
+        let of_bytes = Interface {
+            takes_words: false,
+            ..READY
+        };
+        let busy = Interface {
+            busy: true,
+            ..READY
+        };
+        for (interface, width, why) in [
+            (locked, Width::W32, "unlocking"),
+            (not_programming, Width::W32, "PG"),
+            (of_bytes, Width::W32, "PSIZE"),
+            (READY, Width::W8, "32 bits"),
+            (busy, Width::W32, "busy"),
+        ] {
+            let flash = flash(interface);
+            store(&flash, BASE, width, 0);
+            let violations = flash.violations();
+            println!("{violations:?}");
+            assert_eq!(violations.len(), 1);
+            assert!(violations[0].what.contains(why), "{violations:?}");
+            assert_eq!(violations[0].at, 42);
+            assert_eq!(flash.contents(), Contents::erased());
+            assert_eq!(flash.operation_count(), 0);
+        }
+        let flash = flash(busy);
+        load(&flash, BASE + 0x7FFC, Width::W32);
+        assert_eq!(flash.violation_count(), 1, "the core stands still");
+    }
+
+    #[test]
+    fn an_erase_is_of_the_sector_that_the_register_names() {
+        let erased_by = |control: u64| {
+            let flash = SharedFlash::default();
+            flash.lock().erase(control, 5);
+            let history = flash.take_history();
+            [12, 13, 14].map(|sector| history.erases_of(sector))
+        };
+        // SER is bit 1, SNB begins at bit 3, MER1 is bit 15 (RM0090 section 3.9.8).
+        let sector = |snb: u64| erased_by(1 << 1 | snb << 3);
+        assert_eq!(sector(16), [1, 0, 0]);
+        assert_eq!(sector(17), [0, 1, 0]);
+        assert_eq!(sector(18), [0, 0, 0], "another one of bank 2");
+        assert_eq!(sector(0), [0, 0, 0], "one of bank 1");
+        assert_eq!(erased_by(1 << 15), [1, 1, 0], "the whole bank");
+    }
+
+    #[test]
+    fn after_a_power_cut_nothing_is_done_until_the_next_power_on() {
+        let flash = flash(READY);
+        flash.cut_power_after(2);
+        for word in 0..4 {
+            store(&flash, BASE + 4 * word, Width::W32, word);
+        }
+        assert_eq!(flash.operation_count(), 2);
+        let words = [0, 4, 8, 12].map(|offset| flash.word(BASE + offset));
+        assert_eq!(
+            words,
+            [Some(0), Some(1), Some(0xFFFF_FFFF), Some(0xFFFF_FFFF)]
+        );
+        flash.power_on();
+        assert!(flash.lock().interface.locked);
+        flash.lock().interface = READY;
+        store(&flash, BASE + 8, Width::W32, 9);
+        assert_eq!(flash.word(BASE + 8), Some(9));
+        assert_eq!(flash.word(BASE), Some(0), "what was there is still there");
+    }
+}

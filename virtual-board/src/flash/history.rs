@@ -1,0 +1,121 @@
+//! What was done to flash, one operation after the other, from which any state in between can be had again.
+
+use super::contents::{Contents, Operation};
+use crate::Nanos;
+
+/// An operation and when it began, counted from the power-on of the board that did it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Done {
+    /// When.
+    pub at: Nanos,
+    /// What.
+    pub operation: Operation,
+}
+
+/// What flash held at first, and all that was done to it since.
+#[derive(Clone, Debug)]
+pub struct History {
+    pub(super) first: Contents,
+    pub(super) done: Vec<Done>,
+}
+
+impl History {
+    /// Nothing yet.
+    #[must_use]
+    pub fn since(first: Contents) -> Self {
+        let done = vec![];
+        Self { first, done }
+    }
+
+    /// What was done, in order.
+    #[must_use]
+    pub fn operations(&self) -> &[Done] {
+        &self.done
+    }
+
+    /// How often sector 12 or 13 was erased.
+    #[must_use]
+    pub fn erases_of(&self, sector: usize) -> usize {
+        let erase = Operation::Erase { sector };
+        self.done
+            .iter()
+            .filter(|done| done.operation == erase)
+            .count()
+    }
+
+    /// What flash held after the first `count` operations.
+    ///
+    /// # Panics
+    ///
+    /// There are not as many.
+    #[must_use]
+    pub fn after(&self, count: usize) -> Contents {
+        let mut contents = self.first.clone();
+        for done in &self.done[..count] {
+            contents.apply(done.operation);
+        }
+        contents
+    }
+
+    /// What a power cut during the operation after the first `count` leaves; `seed` decides how much of it was done.
+    ///
+    /// # Panics
+    ///
+    /// There are no more than `count`.
+    #[must_use]
+    pub fn torn_after(&self, count: usize, seed: u64) -> Contents {
+        let mut contents = self.after(count);
+        contents.apply_torn(self.done[count].operation, seed);
+        contents
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::contents::{BASE, BYTES};
+    use super::*;
+
+    #[test]
+    fn any_state_in_between_can_be_had_again() {
+        let mut history = History::since(Contents::new(vec![0x55; BYTES]).expect("two sectors"));
+        let operations = [
+            Operation::Erase { sector: 13 },
+            Operation::Program {
+                address: BASE + 0x4000,
+                word: 0x0000_00AA,
+            },
+            Operation::Erase { sector: 12 },
+            Operation::Erase { sector: 13 },
+        ];
+        history.done = (operations.into_iter().zip(1..))
+            .map(|(operation, at)| Done { at, operation })
+            .collect();
+        let word =
+            |contents: Contents, sector: u64| contents.read(BASE + 0x4000 * (sector - 12), 4);
+        let states: Vec<_> = (0..=4)
+            .map(|count| {
+                (
+                    word(history.after(count), 12),
+                    word(history.after(count), 13),
+                )
+            })
+            .collect();
+        let (old, erased) = (0x5555_5555, 0xFFFF_FFFF);
+        assert_eq!(
+            states,
+            [
+                (old, old),
+                (old, erased),
+                (old, 0xAA),
+                (erased, 0xAA),
+                (erased, erased)
+            ]
+        );
+        assert_eq!((history.erases_of(12), history.erases_of(13)), (1, 2));
+        // Cut off in the second operation, which clears 28 bits: some, with this seed.
+        let torn = word(history.torn_after(1, 3), 13);
+        assert_eq!(torn & 0xAA, 0xAA);
+        assert!(torn != erased && torn != 0xAA, "{torn:#x}");
+        assert_eq!(word(history.torn_after(1, 3), 12), old);
+    }
+}

@@ -1,0 +1,58 @@
+//! A stage that carries the target to where a file says.
+
+use std::path::PathBuf;
+
+use crate::light::Target;
+
+/// The stage, and where it is.
+#[derive(Debug)]
+pub struct Stage {
+    file: PathBuf,
+    target: Target,
+    /// What the file said when the target was last moved, in millimetres.
+    position: Option<f64>,
+}
+
+impl Stage {
+    /// A stage that has not looked at its file yet.
+    pub fn new(file: impl Into<PathBuf>, target: Target) -> Self {
+        Self {
+            file: file.into(),
+            target,
+            position: None,
+        }
+    }
+
+    /// Moves the target to where the file says. It stays where it is if the file is not there, or says no distance: whoever writes it may
+    /// not have finished.
+    pub fn look(&mut self) {
+        let text = std::fs::read_to_string(&self.file).ok();
+        let position = text.and_then(|text| millimetres(&text));
+        if let Some(millimetres) = position
+            && position != self.position
+        {
+            self.target.move_to(1e-3 * millimetres);
+            self.position = position;
+        }
+    }
+}
+
+/// A distance in front of the sensor.
+fn millimetres(text: &str) -> Option<f64> {
+    let number: f64 = text.trim().parse().ok()?;
+    (number > 0.0 && number.is_finite()).then_some(number)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_distance_is_a_positive_number() {
+        assert_eq!(millimetres("812.5\n"), Some(812.5));
+        assert_eq!(millimetres(" 600"), Some(600.0));
+        for text in ["", "\n", "-600", "0", "nan", "inf", "600 mm", "6e999"] {
+            assert_eq!(millimetres(text), None, "{text:?}");
+        }
+    }
+}
