@@ -172,7 +172,8 @@ pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
     }
     ensure!(
         scaled[2].abs() > STRAIGHT,
-        "the points lie on a straight line: eq. (1) has no finite parameters"
+        "the points lie on a straight line, for which eq. (1) has no finite parameters: check the distances, or take a wider range of \
+         them"
     );
     ensure!(
         scaled[2].abs() < 1.0,

@@ -265,7 +265,7 @@ fn groups_go_back(points: &[Point]) -> anyhow::Result<()> {
     let back = steps.iter().position(|step| sign * step <= 0.0);
     if let Some(i) = back {
         bail!(
-            "lines {} and {}: from {} to {} mm the centres go back, from about {:.1} to {:.1} px, where the others go on: two \
+            "lines {} to {}: from {} to {} mm the centres go back, from about {:.1} to {:.1} px, where the others go on: two \
              distances would have one centre; take a range in which the centre only rises or only falls",
             groups[i + 1][0].line,
             groups[i + 1][groups[i + 1].len() - 1].line,

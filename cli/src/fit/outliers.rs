@@ -24,7 +24,8 @@ const BY_MEDIAN: f64 = 1.4826;
 const LEAST_SCATTER: f64 = 1e-5;
 
 /// A curve is less certain where it is continued beyond its points than its own variance says, which takes it to bend there as
-/// it does elsewhere: that counts so many times. Chosen: at the end of a distorted range 2 loses one good point of a thousand less.
+/// it does elsewhere: that counts so many times. Chosen: with 1, 6 of 9000 good points were rejected (60 a row, distorted by 100 to 490
+/// um), all at the ends; with 2 none.
 const EXTRAPOLATED: f64 = 2.0;
 
 /// Rounds of least absolute residuals.

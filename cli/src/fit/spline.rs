@@ -133,8 +133,8 @@ impl Equations {
             for i in 0..4 {
                 let weighted = residual.weight * values[i];
                 equations.right[start + i] += weighted * residual.value;
-                for j in 0..4 {
-                    equations.normal[(start + i, start + j)] += weighted * values[j];
+                for (j, value) in values.iter().enumerate() {
+                    equations.normal[(start + i, start + j)] += weighted * value;
                 }
             }
             equations.squares += residual.weight * residual.value * residual.value;

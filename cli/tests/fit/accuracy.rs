@@ -169,9 +169,9 @@ fn covariance_and_uncertainty_are_honest() {
             rms(&ratios),
             rms(&scatters)
         );
+        assert!((mean / expected - 1.0).abs() < 0.15);
+        assert!((rms(&ratios) - (expected / 3.0).sqrt()).abs() < 0.1);
         if position.is_none() {
-            assert!((mean / expected - 1.0).abs() < 0.15);
-            assert!((rms(&ratios) - (expected / 3.0).sqrt()).abs() < 0.1);
             let scatter = NOISE / sigma.unwrap_or(1.0);
             assert!((rms(&scatters) / scatter - 1.0).abs() < 0.03);
         }

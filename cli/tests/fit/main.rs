@@ -1,4 +1,7 @@
 //! `slitrange calibrate fit` against known truth.
 
 mod accuracy;
+mod command;
+mod properties;
+mod refusals;
 mod truth;

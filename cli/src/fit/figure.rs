@@ -1,0 +1,243 @@
+//! The fit and its residuals, as in the paper's figs. 12a and 12b.
+
+use std::ops::Range;
+use std::path::Path;
+
+use plotters::chart::ChartContext;
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
+
+use super::curve::Curve;
+use super::solve::{Form, Solved};
+use crate::points::Point;
+
+/// Ticks and labels.
+const TEXT: i32 = 19;
+/// The names of axes and panels.
+const TITLE: i32 = 21;
+/// Lines of the grid.
+const GRID: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
+/// Points that count.
+const USED: RGBColor = RGBColor(0x15, 0x55, 0xd0);
+/// Points that were rejected.
+const REJECTED: RGBColor = RGBColor(0xc6, 0x20, 0x20);
+
+/// Height of the panel with the curve, and of each with residuals.
+const UPPER: u32 = 520;
+const LOWER: u32 = 330;
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Panel<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// Draws the points and the curve above, what eq. (1) leaves below, and where it is corrected what that leaves, too.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn draw(solved: &Solved, form: Form, path: &Path) -> anyhow::Result<()> {
+    let corrected = solved
+        .corrected
+        .as_ref()
+        .map(|(curve, _)| curve)
+        .filter(|_| form != Form::Eq1);
+    let height = UPPER + LOWER * if corrected.is_some() { 2 } else { 1 };
+    let root = SVGBackend::new(path, (1000, height)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let (above, below) = root.split_vertically(UPPER);
+    let plain = &solved.plain;
+    let (first, last) = plain.eq1.valid;
+    let all = solved.points.iter().map(|point| point.x_px);
+    let ends = all.fold((first, last), |(least, most), x| {
+        (least.min(x), most.max(x))
+    });
+    let room = 0.04 * (ends.1 - ends.0);
+    let centres = ends.0 - room..ends.1 + room;
+    draw_curve(&above, solved, corrected.unwrap_or(plain), centres.clone())?;
+    match corrected {
+        None => {
+            draw_residuals(&below, solved, plain, None, "residuals of eq. (1)", centres)?;
+        }
+        Some(curve) => {
+            let (middle, lowest) = below.split_vertically(LOWER);
+            let line = Some(curve);
+            let title = "residuals of eq. (1) alone, and the curve that is added to it";
+            draw_residuals(&middle, solved, plain, line, title, centres.clone())?;
+            draw_residuals(&lowest, solved, curve, None, "what is left", centres)?;
+        }
+    }
+    root.present()?;
+    Ok(())
+}
+
+/// The points, and the curve through them.
+fn draw_curve(
+    area: &Area<'_>,
+    solved: &Solved,
+    curve: &Curve,
+    centres: Range<f64>,
+) -> anyhow::Result<()> {
+    let (near, far) = around(
+        curve
+            .even_steps(1)
+            .map(|centre| 1e3 * curve.distance(centre)),
+        0.06,
+    );
+    let rejected = solved
+        .verdicts
+        .iter()
+        .filter(|verdict| !verdict.kept)
+        .count();
+    let title = match rejected {
+        0 => format!("{} points and their fit", solved.points.len()),
+        _ => format!(
+            "{} points and their fit ({rejected} rejected, red)",
+            solved.points.len()
+        ),
+    };
+    let mut panel = panel(
+        area,
+        &title,
+        centres,
+        near..far,
+        ("centre, px", "distance, mm"),
+    )?;
+    let line: Vec<(f64, f64)> = curve
+        .even_steps(200)
+        .map(|centre| (centre, 1e3 * curve.distance(centre)))
+        .collect();
+    panel.draw_series([PathElement::new(line, BLACK.stroke_width(2))])?;
+    draw_points(&mut panel, solved, near..far, |point| point.d_mm)?;
+
+    // The words stand where a falling or a rising curve leaves room.
+    let eq1 = curve.eq1.curve;
+    let left = if eq1.k > 0.0 { 640 } else { 130 };
+    for (line, words) in [
+        "d = D + K/(x − xp)".into(),
+        format!("D = {:.3} mm", eq1.d * 1e3),
+        format!("K = {:.0} mm px", eq1.k * 1e3),
+        format!("xp = {:.2} px", eq1.pole),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        area.draw(&Text::new(
+            words,
+            (left, 60 + 26 * line as i32),
+            text(TEXT, BLACK),
+        ))?;
+    }
+    Ok(())
+}
+
+/// What a curve leaves of the points, and another curve less the first.
+fn draw_residuals(
+    area: &Area<'_>,
+    solved: &Solved,
+    curve: &Curve,
+    line: Option<&Curve>,
+    title: &str,
+    centres: Range<f64>,
+) -> anyhow::Result<()> {
+    let residual = |point: &Point| 1e3 * point.d_mm - 1e6 * curve.distance(point.x_px);
+    let kept = solved
+        .points
+        .iter()
+        .zip(&solved.verdicts)
+        .filter(|(_, verdict)| verdict.kept);
+    let (low, high) = around(kept.map(|(point, _)| residual(point)).chain([0.0]), 0.15);
+    let mut panel = panel(
+        area,
+        title,
+        centres.clone(),
+        low..high,
+        ("centre, px", "residual, µm"),
+    )?;
+    panel.draw_series([PathElement::new(
+        vec![(centres.start, 0.0), (centres.end, 0.0)],
+        BLACK.stroke_width(1),
+    )])?;
+    if let Some(other) = line {
+        let line: Vec<(f64, f64)> = other
+            .even_steps(400)
+            .map(|centre| {
+                (
+                    centre,
+                    1e6 * (other.distance(centre) - curve.distance(centre)),
+                )
+            })
+            .collect();
+        panel.draw_series([PathElement::new(line, BLACK.stroke_width(2))])?;
+    }
+    draw_points(&mut panel, solved, low..high, residual)
+}
+
+/// Points that count as dots, rejected ones as crosses; those beyond the axis lie near its end.
+fn draw_points(
+    panel: &mut Panel<'_, '_>,
+    solved: &Solved,
+    heights: Range<f64>,
+    height: impl Fn(&Point) -> f64,
+) -> anyhow::Result<()> {
+    let radius = if solved.points.len() > 300 { 2 } else { 4 };
+    let edge = 0.03 * (heights.end - heights.start);
+    let (low, high) = (heights.start + edge, heights.end - edge);
+    // Where there is none, on the pole, at the lower end.
+    let at = |point: &Point| (point.x_px, height(point).max(low).min(high));
+    let all = || solved.points.iter().zip(&solved.verdicts);
+    let kept = all().filter(|(_, verdict)| verdict.kept);
+    panel.draw_series(kept.map(|(point, _)| Circle::new(at(point), radius, USED.filled())))?;
+    let rejected = all().filter(|(_, verdict)| !verdict.kept);
+    panel.draw_series(
+        rejected.map(|(point, _)| Cross::new(at(point), radius + 2, REJECTED.stroke_width(2))),
+    )?;
+    Ok(())
+}
+
+/// The least and the largest of numbers, with room for a part of their difference on either side.
+fn around(numbers: impl Iterator<Item = f64>, part: f64) -> (f64, f64) {
+    let (least, most) = numbers.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), x| {
+        (least.min(x), most.max(x))
+    });
+    // What is no wider than rounding gets an axis nevertheless.
+    let room = (part * (most - least)).max(0.001);
+    (least - room, most + room)
+}
+
+fn text(size: i32, colour: RGBColor) -> TextStyle<'static> {
+    ("sans-serif", size).into_font().color(&colour)
+}
+
+fn panel<'a, 'b>(
+    area: &'b Area<'a>,
+    title: &str,
+    x: Range<f64>,
+    y: Range<f64>,
+    (x_name, y_name): (&str, &str),
+) -> anyhow::Result<Panel<'a, 'b>> {
+    let digits = (2.0 - (y.end - y.start).log10()).clamp(0.0, 4.0) as usize;
+    let x_digits = (2.0 - (x.end - x.start).log10()).clamp(0.0, 4.0) as usize;
+    let mut panel = ChartBuilder::on(area)
+        .margin_top(8)
+        .margin_left(6)
+        .margin_bottom(6)
+        .margin_right(30)
+        .x_label_area_size(TEXT + TITLE + 16)
+        .y_label_area_size(4 * TEXT + 14)
+        .caption(title, text(TITLE, BLACK))
+        .build_cartesian_2d(x, y)?;
+    panel
+        .configure_mesh()
+        .bold_line_style(GRID)
+        .max_light_lines(0)
+        .axis_style(BLACK)
+        .label_style(text(TEXT, BLACK))
+        .axis_desc_style(text(TITLE, BLACK))
+        .x_desc(x_name)
+        .y_desc(y_name)
+        .x_labels(10)
+        .y_labels(6)
+        .x_label_formatter(&|value| format!("{value:.x_digits$}"))
+        .y_label_formatter(&|value| format!("{value:.digits$}"))
+        .draw()?;
+    Ok(panel)
+}

@@ -1,0 +1,474 @@
+//! What a person, or a program, is told of a fit.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::calibration::Made;
+use super::curve::Quality;
+use super::observed::Weights;
+use super::order::FEWEST_TO_REJECT;
+use super::physical::{Physical, Value};
+use super::solve::{Form, Solved};
+
+/// The report. Units stand in the names.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// The file of the points.
+    pub file: String,
+    /// Points that were read.
+    pub points: usize,
+    /// Points that count.
+    pub used: usize,
+    /// Points that do not.
+    pub rejected: Vec<Rejected>,
+    /// What the calibration is made of.
+    pub form: Form,
+    /// Why.
+    pub form_because: String,
+    /// Eq. (1).
+    pub eq1: Parameters,
+    /// How the centres lie to xp.
+    pub pole: Pole,
+    /// How well eq. (1) alone goes with the points.
+    pub eq1_alone: Residuals,
+    /// How well the curve of that form does.
+    pub curve: Residuals,
+    /// The centres and distances for which it holds.
+    pub range: Range,
+    /// Its table, where it has one.
+    pub table: Option<Table>,
+    /// How far the sensor's distances are from the curve, by rounding and tabulation, at most.
+    pub held_within_um: f64,
+    /// What was known of the points' errors.
+    pub weights: String,
+    /// How much the points scatter over what was given of their errors; where nothing was, their centres' scatter in pixels.
+    pub scatter: Option<f64>,
+    /// The paper's four parameters, where they were asked for.
+    pub physical: Option<Physical>,
+    /// What the points cannot show.
+    pub cannot_show: Vec<String>,
+    /// The record that was written.
+    pub record: Option<RecordWritten>,
+}
+
+/// A point that was rejected.
+#[derive(Clone, Debug, Serialize)]
+pub struct Rejected {
+    /// Its line in the file.
+    pub line: u64,
+    /// Its centre.
+    pub x_px: f64,
+    /// Its distance.
+    pub d_mm: f64,
+    /// Its distance less that of the curve at its centre.
+    pub off_mm: f64,
+    /// How many times its standard uncertainty that is.
+    pub off_deviations: f64,
+}
+
+/// Eq. (1)'s parameters.
+#[derive(Clone, Debug, Serialize)]
+pub struct Parameters {
+    /// D.
+    pub d_mm: Value,
+    /// K.
+    pub k_mm_px: Value,
+    /// xp.
+    pub xp_px: Value,
+    /// Correlation of D with K, D with xp, K with xp.
+    pub correlation: [f64; 3],
+    /// Covariance in the order D, K, xp, where it is known.
+    pub covariance: Option<[[f64; 3]; 3]>,
+}
+
+/// Where the pole lies.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Pole {
+    /// From the nearest centre of the range.
+    pub from_range_px: f64,
+    /// The same over the range's length.
+    pub ranges_away: f64,
+}
+
+/// How well a curve goes with its points.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Residuals {
+    /// How many parameters it is worth.
+    pub freedoms: f64,
+    /// Root mean square of the residuals.
+    pub rms_um: f64,
+    /// The largest.
+    pub largest_um: f64,
+    /// Root mean square of each point's distance from the curve that the others make.
+    pub cross_validated_um: Option<f64>,
+    /// Root mean square of the curve's own standard uncertainty over the range.
+    pub uncertainty_um: Option<f64>,
+    /// The largest of it.
+    pub largest_uncertainty_um: Option<f64>,
+    /// The part of an error of the point at the first centre that the curve takes over.
+    pub leverage_first: f64,
+    /// The same at the last centre.
+    pub leverage_last: f64,
+}
+
+/// For which centres and distances a calibration holds.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Range {
+    /// The first centre.
+    pub first_px: f64,
+    /// The last centre.
+    pub last_px: f64,
+    /// The distance there.
+    pub first_mm: f64,
+    /// The distance there.
+    pub last_mm: f64,
+}
+
+/// A table.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Table {
+    /// Its knots.
+    pub knots: usize,
+}
+
+/// A record that was written.
+#[derive(Clone, Debug, Serialize)]
+pub struct RecordWritten {
+    /// Where.
+    pub file: String,
+    /// Its length.
+    pub bytes: usize,
+    /// The sensor's serial number.
+    pub serial: u32,
+    /// The day.
+    pub date: String,
+    /// How centres were found.
+    pub estimator: String,
+    /// How the black level was found.
+    pub black: String,
+}
+
+impl Residuals {
+    fn of(quality: &Quality, freedoms: f64) -> Self {
+        let um = |metres: f64| 1e6 * metres;
+        Self {
+            freedoms,
+            rms_um: um(quality.rms),
+            largest_um: um(quality.largest),
+            cross_validated_um: quality.cross_validated.map(um),
+            uncertainty_um: quality.uncertainty.map(um),
+            largest_uncertainty_um: quality.largest_uncertainty.map(um),
+            leverage_first: quality.leverages.0,
+            leverage_last: quality.leverages.1,
+        }
+    }
+}
+
+impl Report {
+    /// That of a calibration.
+    pub fn of(file: String, solved: &Solved, made: &Made<'_>, physical: Option<Physical>) -> Self {
+        let (curve, quality) = match &solved.corrected {
+            Some((curve, quality)) if made.form != Form::Eq1 => (curve, quality),
+            _ => (&solved.plain, &solved.plain_quality),
+        };
+        let fit = &solved.plain.eq1;
+        let unit = fit.unit_covariance;
+        let variance = solved.variance();
+        let value = |value: f64, i: usize, factor: f64| Value {
+            value: factor * value,
+            uncertainty: variance.map(|variance| factor * (variance * unit[(i, i)]).sqrt()),
+        };
+        let correlation = |i, j| unit[(i, j)] / (unit[(i, i)] * unit[(j, j)]).sqrt();
+        let factors = [1e3, 1e3, 1.0];
+        let covariance = variance.map(|variance| {
+            [0, 1, 2].map(|i| [0, 1, 2].map(|j| variance * unit[(i, j)] * factors[i] * factors[j]))
+        });
+        let (first, last) = curve.eq1.valid;
+        let from_range = (first - fit.curve.pole)
+            .abs()
+            .min((last - fit.curve.pole).abs());
+        let all = || solved.points.iter().zip(&solved.verdicts);
+        let rejected = all().filter(|(_, verdict)| !verdict.kept);
+        let mut report = Self {
+            file,
+            points: solved.points.len(),
+            used: all().filter(|(_, verdict)| verdict.kept).count(),
+            rejected: rejected
+                .map(|(point, verdict)| Rejected {
+                    line: point.line,
+                    x_px: point.x_px,
+                    d_mm: point.d_mm,
+                    off_mm: point.d_mm - 1e3 * curve.distance(point.x_px),
+                    off_deviations: verdict.off,
+                })
+                .collect(),
+            form: made.form,
+            form_because: made.because.clone(),
+            eq1: Parameters {
+                d_mm: value(fit.curve.d, 0, 1e3),
+                k_mm_px: value(fit.curve.k, 1, 1e3),
+                xp_px: value(fit.curve.pole, 2, 1.0),
+                correlation: [correlation(0, 1), correlation(0, 2), correlation(1, 2)],
+                covariance,
+            },
+            pole: Pole {
+                from_range_px: from_range,
+                ranges_away: from_range / (last - first),
+            },
+            eq1_alone: Residuals::of(&solved.plain_quality, 3.0),
+            curve: Residuals::of(quality, curve.freedoms()),
+            range: Range {
+                first_px: first,
+                last_px: last,
+                first_mm: 1e3 * curve.distance(first),
+                last_mm: 1e3 * curve.distance(last),
+            },
+            table: made.knots.map(|knots| Table { knots }),
+            held_within_um: made.error_um,
+            weights: match solved.weights {
+                Weights::Alike => "all centres alike, for want of sigma_px".into(),
+                Weights::Known => "by what was given of the points' uncertainties".into(),
+            },
+            scatter: quality.scatter,
+            physical,
+            cannot_show: Vec::new(),
+            record: None,
+        };
+        report.cannot_show = report.limits(solved.weights);
+        report
+    }
+
+    /// What the points cannot show.
+    fn limits(&self, weights: Weights) -> Vec<String> {
+        let mut limits = Vec::new();
+        if self.used == 3 {
+            limits.push(
+                "three points lie on some eq. (1) whatever they are: there are no residuals, and nothing checks them".into(),
+            );
+            if weights == Weights::Alike {
+                limits
+                    .push("nor is there an uncertainty: give sigma_px, or take more points".into());
+            }
+        } else if self.points < FEWEST_TO_REJECT {
+            limits.push(format!(
+                "with fewer than {FEWEST_TO_REJECT} points none could be rejected, and no departure from eq. (1) be seen"
+            ));
+        }
+        let freedom = self.used as f64 - self.curve.freedoms;
+        if freedom > 0.5 && freedom < 20.0 {
+            limits.push(format!(
+                "the scatter, and with it every uncertainty here, is known to {:.0} % only",
+                100.0 / (2.0 * freedom).sqrt()
+            ));
+        }
+        if self.used > 3 {
+            for (which, leverage) in [
+                ("first", self.curve.leverage_first),
+                ("last", self.curve.leverage_last),
+            ] {
+                if leverage > 0.5 {
+                    limits.push(format!(
+                        "the {which} point holds the curve there: {:.0} % of its error is in it; take more points near that end",
+                        100.0 * leverage
+                    ));
+                }
+            }
+        }
+        limits.push(
+            "an error that all positions share (the zero or the scale of a stage or ruler) is in the calibration, and not in \
+             these figures"
+                .into(),
+        );
+        limits.push(
+            "one that neighbours share (speckle, where steps are short) makes the uncertainties too small".into(),
+        );
+        limits
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let form = match self.form {
+            Form::Eq1 => "eq. (1)",
+            Form::Corrected => "eq. (1) with a table of smoothed residuals",
+            Form::Table => "a table of smoothed distances",
+        };
+        writeln!(
+            f,
+            "{}: {} points, {} used, {} rejected",
+            self.file,
+            self.points,
+            self.used,
+            self.rejected.len()
+        )?;
+        writeln!(f, "  weighted {}", self.weights)?;
+        let Range {
+            first_px,
+            last_px,
+            first_mm,
+            last_mm,
+        } = self.range;
+        writeln!(
+            f,
+            "  from {first_px:.3} to {last_px:.3} px, which are {first_mm:.3} to {last_mm:.3} mm"
+        )?;
+        writeln!(f, "\nCalibration: {form} ({})", self.form_because)?;
+        if let Some(Table { knots }) = self.table {
+            writeln!(f, "  {knots} knots")?;
+        }
+        writeln!(
+            f,
+            "  the sensor's distances are within {:.3} um of the curve, rounding and knots included",
+            self.held_within_um
+        )?;
+
+        writeln!(f, "\nEq. (1): d = D + K/(x - xp)")?;
+        let Parameters {
+            d_mm,
+            k_mm_px,
+            xp_px,
+            correlation,
+            ..
+        } = &self.eq1;
+        writeln!(f, "  D   {:>14} mm", Measured(d_mm))?;
+        writeln!(f, "  K   {:>14} mm px", Measured(k_mm_px))?;
+        writeln!(f, "  xp  {:>14} px", Measured(xp_px))?;
+        writeln!(
+            f,
+            "  correlation D,K {:+.6}  D,xp {:+.6}  K,xp {:+.6}",
+            correlation[0], correlation[1], correlation[2]
+        )?;
+        writeln!(
+            f,
+            "  the pole xp is {:.0} px from the range, {:.2} times its length",
+            self.pole.from_range_px, self.pole.ranges_away
+        )?;
+
+        writeln!(
+            f,
+            "\nResiduals, um                 RMS    largest  cross-validated"
+        )?;
+        residuals(f, "eq. (1)", &self.eq1_alone)?;
+        if self.form != Form::Eq1 {
+            residuals(f, "smoothed", &self.curve)?;
+        }
+        match (self.scatter, self.weights.starts_with("all")) {
+            (Some(scatter), true) => writeln!(f, "  centres scatter by {scatter:.5} px")?,
+            (Some(scatter), false) => writeln!(
+                f,
+                "  points scatter {scatter:.2} times as much as was given{}",
+                if scatter > 1.5 && self.used >= FEWEST_TO_REJECT {
+                    ": an uncertainty was given too small, or an error not at all"
+                } else {
+                    ""
+                }
+            )?,
+            (None, _) => {}
+        }
+
+        writeln!(f, "\nThe curve itself")?;
+        if let (Some(rms), Some(largest)) =
+            (self.curve.uncertainty_um, self.curve.largest_uncertainty_um)
+        {
+            writeln!(
+                f,
+                "  standard uncertainty over the range: RMS {rms:.2} um, largest {largest:.2} um"
+            )?;
+        }
+        writeln!(
+            f,
+            "  freedoms {:.1}; leverage of the first point {:.2}, of the last {:.2}",
+            self.curve.freedoms, self.curve.leverage_first, self.curve.leverage_last
+        )?;
+
+        if !self.rejected.is_empty() {
+            writeln!(f, "\nRejected: off the curve that the others make")?;
+            for point in &self.rejected {
+                writeln!(
+                    f,
+                    "  line {}: {} px at {} mm, off by {:+.4} mm, {:.1} standard deviations",
+                    point.line, point.x_px, point.d_mm, point.off_mm, point.off_deviations
+                )?;
+            }
+        }
+        if let Some(physical) = &self.physical {
+            writeln!(f, "\nThe paper's parameters, given {}", physical.constraint)?;
+            writeln!(f, "  d0  {:>14} mm", Measured(&physical.d0_mm))?;
+            writeln!(
+                f,
+                "  u   {:>14} degrees, tan u {}",
+                Measured(&physical.u_degrees),
+                Measured(&physical.tan_u)
+            )?;
+            writeln!(f, "  b   {:>14} mm", Measured(&physical.b_mm))?;
+            writeln!(f, "  f   {:>14} mm", Measured(&physical.f_mm))?;
+            writeln!(
+                f,
+                "  the optical axis taken through the middle of the row{}",
+                if physical.mirrored {
+                    ", whose pixels are counted against the paper's x"
+                } else {
+                    ""
+                }
+            )?;
+        }
+        writeln!(f, "\nWhat these points cannot show")?;
+        for limit in &self.cannot_show {
+            writeln!(f, "  {limit}")?;
+        }
+        if let Some(record) = &self.record {
+            writeln!(
+                f,
+                "\n{}: {} bytes, serial {}, {}, estimator {}, black {}",
+                record.file,
+                record.bytes,
+                record.serial,
+                record.date,
+                record.estimator,
+                record.black
+            )?;
+        }
+        Ok(())
+    }
+}
+
+fn residuals(f: &mut fmt::Formatter<'_>, name: &str, of: &Residuals) -> fmt::Result {
+    let cross_validated = match of.cross_validated_um {
+        Some(error) => format!("{error:.3}"),
+        None => "none".into(),
+    };
+    writeln!(
+        f,
+        "  {name:<21} {:>10.3} {:>10.3} {cross_validated:>16}",
+        of.rms_um, of.largest_um
+    )
+}
+
+/// A value with as many digits as its uncertainty gives it two of.
+struct Measured<'a>(&'a Value);
+
+impl fmt::Display for Measured<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Value { value, uncertainty } = *self.0;
+        let text = match uncertainty {
+            Some(uncertainty) if uncertainty > 0.0 && uncertainty.is_finite() => {
+                let digits = (1.0 - uncertainty.log10().floor()).clamp(0.0, 9.0) as usize;
+                format!("{value:.digits$} +- {uncertainty:.digits$}")
+            }
+            _ => format!("{value:.4}"),
+        };
+        f.pad(&text)
+    }
+}
+
+impl Solved {
+    /// What the covariance of eq. (1), as the points' variances give it, is to be multiplied with: the square of the scatter about eq. (1)
+    /// alone, or 1 where only the given uncertainties are known. A departure from eq. (1) counts as scatter: the parameters are
+    /// no better known than that.
+    pub fn variance(&self) -> Option<f64> {
+        let known = (self.weights == Weights::Known).then_some(1.0);
+        let scatter = self.plain_quality.scatter;
+        scatter.map(|scatter| scatter * scatter).or(known)
+    }
+}
