@@ -7,24 +7,19 @@ mod firmware;
 #[cfg(target_os = "none")]
 #[embassy_executor::main]
 async fn main(spawner: embassy_executor::Spawner) {
-    use firmware::in_use::InUse;
     use firmware::{acquisition, board, measuring, serial_line, watchdog};
-    use slitrange::store::Store;
 
     let board = board::init();
-    let mut store = Store::new(board.flash);
-    let in_use = InUse::from(store.read().await);
 
     // Spawning fails only if a task is spawned twice: a programming error, which the first start would show.
     let urgent = board::start_urgent_executor();
     urgent.spawn(defmt::unwrap!(acquisition::acquire(board.sensor)));
     urgent.spawn(defmt::unwrap!(watchdog::watch(board.watchdog)));
-    spawner.spawn(defmt::unwrap!(measuring::measure(in_use.settings)));
+    spawner.spawn(defmt::unwrap!(measuring::measure()));
     spawner.spawn(defmt::unwrap!(serial_line::serve(
         board.serial,
         board.started_by,
-        store,
-        in_use
+        board.flash
     )));
 }
 

@@ -98,8 +98,8 @@ impl<F: NorFlash> Store<F> {
                 newest.sector.other()
             }
             // What is unusable stays to be seen until something usable is whole: one of two sectors in which there is something.
-            None if Sector::Second.is_blank(&mut self.flash).await? => Sector::Second,
-            None => Sector::First,
+            None if Sector::First.is_blank(&mut self.flash).await? => Sector::First,
+            None => Sector::Second,
         };
         next.erase(&mut self.flash).await?;
         // What was tried may have brought items to light that damage had hidden.

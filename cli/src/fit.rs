@@ -1,6 +1,13 @@
 //! From points to a calibration.
 
+pub mod curve;
 pub mod eq1;
+pub mod observed;
+pub mod order;
+pub mod outliers;
+pub mod solve;
+pub mod spline;
+pub mod start;
 
 use std::path::PathBuf;
 

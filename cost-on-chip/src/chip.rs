@@ -2,6 +2,7 @@
 
 pub mod board;
 pub mod counter;
+pub mod distances;
 pub mod kernels;
 pub mod peers;
 pub mod rungs;

@@ -1,7 +1,8 @@
-//! What the program on the chip computes with, apart from the counting: the same rows on the chip and on a PC, so that
-//! both can be asked for the same centres.
+//! What the program on the chip computes with, apart from the counting: the same rows and calibrations on the chip and on a
+//! PC, so that both can be asked for the same centres and distances.
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod calibrations;
 pub mod inputs;
 pub mod rows;

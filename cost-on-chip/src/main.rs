@@ -14,6 +14,7 @@ fn main() -> ! {
     chip::counter::check();
     chip::rungs::measure();
     chip::steps::measure();
+    chip::distances::measure();
     chip::peers::measure();
     chip::kernels::compare();
     defmt::println!("end");

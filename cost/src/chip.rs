@@ -6,6 +6,8 @@
 //! - **Code** is the size of all functions that can be reached from the rung's own, with what they share with other rungs
 //!   counted for each: see [`program`]. **Tables** are the weights that the rung reads.
 //! - **Stack** is what the call wrote to below its caller's.
+//! - **Distances** are counted likewise, by every form of a calibration, from the first instruction of the function that
+//!   makes them.
 //!
 //! The program prints the same lines on a board, where its cycles are the silicon's: [`on_board`].
 
@@ -38,6 +40,9 @@ const PACKAGE: &str = "cost-on-chip";
 /// The function that does one iteration of the Gauss-Newton rung, as Rust names it.
 const GAUSS_NEWTON_ITERATION: &str = "slitrange::estimator::gauss_newton::normal_equations";
 
+/// The function that makes a distance of a centre, as Rust names it.
+const DISTANCE_AT: &str = "<slitrange::calibration::Calibration>::distance_at";
+
 /// The emulator makes its cycle counter from whole nanoseconds, of which a cycle has six: a difference is off by up to this.
 const CLOCK_ROUNDS: u64 = 2;
 
@@ -56,8 +61,8 @@ pub struct Chip {
     pub gauss_newton_instructions_per_iteration: Option<f64>,
     /// Words in, centre added to the frame: all that a row takes, with the default settings.
     pub measurement_instructions_per_row: u64,
-    /// Eq. (1), once a frame.
-    pub distance_instructions: u64,
+    /// Every form of a calibration.
+    pub forms: Vec<FormOnChip>,
     /// What one would use instead.
     pub peers: Vec<PeerOnChip>,
     /// Times that an inner product or a square root in assembly was compared with its portable twin, and was the same.
@@ -85,6 +90,21 @@ pub struct RungOnChip {
     pub stack_bytes: u64,
     /// The fault that one of the rows gave, if one did.
     pub fault: Option<String>,
+}
+
+/// A form of a calibration, over several centres: a distance, once a frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FormOnChip {
+    /// Its name in the log.
+    pub name: String,
+    /// Instructions, the median over the centres.
+    pub instructions: u64,
+    /// The most over the centres.
+    pub instructions_most: u64,
+    /// Estimated cycles, the median over the centres.
+    pub cycles_estimated: u64,
+    /// Bytes of stack.
+    pub stack_bytes: u64,
 }
 
 /// A peer's fit of eq. (5) to 127 pixels.
@@ -146,7 +166,7 @@ fn chip(run: &Run) -> Result<Chip> {
         geometry_instructions_per_word: per_item(step("geometry-row")?)?,
         gauss_newton_instructions_per_iteration: gauss_newton_iteration(run, &program),
         measurement_instructions_per_row: step("measurement-row")?.whole("cycles")?,
-        distance_instructions: step("distance-at")?.whole("cycles")?,
+        forms: forms(run, &program, &model)?,
         peers: lines::all(&run.lines, Kind::Peer)
             .map(peer)
             .collect::<Result<_>>()?,
@@ -224,6 +244,41 @@ fn calls_of_rungs<'a>(run: &'a Run, program: &Program) -> Result<Vec<(&'a Line, 
         rows.len()
     );
     Ok(rows.into_iter().zip(calls).collect())
+}
+
+/// The program asks each form for a distance at each of its centres, and prints a line for each.
+fn forms(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<FormOnChip>> {
+    let function = program
+        .named(DISTANCE_AT)
+        .with_context(|| format!("the chip's program has no function {DISTANCE_AT}"))?;
+    let asked: Vec<&Line> = lines::all(&run.lines, Kind::Distance).collect();
+    let calls = run.calls.iter().filter(|call| call.function == function);
+    let calls: Vec<&Call> = calls.collect();
+    ensure!(
+        calls.len() == asked.len(),
+        "the chip's program made {} distances and spoke of {}",
+        calls.len(),
+        asked.len()
+    );
+    let form = |line: &Line| {
+        let calls = || {
+            let pairs = asked.iter().zip(&calls);
+            pairs.filter_map(|(asked, call)| (asked.name == line.name).then_some(call))
+        };
+        let instructions = sorted(calls().map(|call| call.instructions()));
+        let cycles = sorted(calls().map(|call| model.cycles(call)));
+        let (Some(median), Some(most)) = (middle(&instructions), instructions.last()) else {
+            bail!("the chip's program made no distance by {}", line.name);
+        };
+        Ok(FormOnChip {
+            name: line.name.clone(),
+            instructions: median,
+            instructions_most: *most,
+            cycles_estimated: middle(&cycles).unwrap_or_default(),
+            stack_bytes: line.whole("stack")?,
+        })
+    };
+    lines::all(&run.lines, Kind::Form).map(form).collect()
 }
 
 fn sorted(numbers: impl Iterator<Item = u64>) -> Vec<u64> {

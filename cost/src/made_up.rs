@@ -5,6 +5,7 @@ use slitrange::estimator::Estimator;
 
 use crate::accuracy::{Accuracy, Bias, InSituation, NOISES, Noise, RungOnCell, SITUATIONS, WIDTHS};
 use crate::chip::{Chip, RungOnChip};
+use crate::distances::Distance;
 use crate::reading_time::{self, Light, Point};
 use crate::report::Measured;
 
@@ -74,6 +75,16 @@ pub fn measured() -> Measured {
         estimators: Estimator::ALL.to_vec(),
         accuracy,
         chip: chip(),
+        distances: vec![Distance {
+            form: "eq. (1)",
+            knots: 0,
+            error_max_um: 0.01,
+            instructions: 60,
+            instructions_most: 60,
+            cycles_estimated: 100,
+            ram_bytes: 64,
+            record_bytes: 50,
+        }],
         host_ns: RUNGS.iter().map(|rung| Some(rung.3 as f64 / 5.0)).collect(),
         readings: readings(),
         peers: None,
@@ -109,7 +120,7 @@ fn chip() -> Chip {
         search_instructions_per_pixel: 27.0,
         geometry_instructions_per_word: 0.0,
         measurement_instructions_per_row: 0,
-        distance_instructions: 0,
+        forms: vec![],
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod accuracy;
 mod chip;
+mod distances;
 mod figures;
 mod figures_for_help;
 mod host_time;
@@ -44,6 +45,9 @@ struct Options {
     /// Rows in a cell. docs/ is rewritten only where it is the full number, or with --write
     #[arg(long, value_name = "N", default_value_t = FULL, value_parser = clap::value_parser!(u64).range(1..))]
     rows: u64,
+    /// Only what a distance costs by every form of a calibration, and its table in docs/
+    #[arg(long)]
+    distances: bool,
     /// Only this estimator
     #[arg(long, value_name = "NAME", value_parser = estimator)]
     estimator: Option<Estimator>,
@@ -68,6 +72,16 @@ fn main() -> anyhow::Result<()> {
     let options = Options::parse();
     if options.board {
         return chip::on_board();
+    }
+    if options.distances {
+        let chip = chip::measure().context("on the emulated chip")?;
+        let distances = distances::measure(&chip)?;
+        print!("{}", report::distances(&distances));
+        return write_block(
+            "docs/accuracy.md",
+            DISTANCES,
+            &report::distances_markdown(&distances),
+        );
     }
     let measured = measure(&options)?;
     if options.json {
@@ -101,6 +115,7 @@ fn measure(options: &Options) -> anyhow::Result<Measured> {
         accuracy: accuracy::measure(&estimators, options.rows),
         readings: reading_time::measure((options.rows / 100).max(8))?,
         estimators,
+        distances: distances::measure(&chip)?,
         chip,
         host_ns,
         peers,
@@ -127,19 +142,29 @@ fn write(measured: &Measured) -> anyhow::Result<()> {
         .context("the workspace")?;
     measured.write_csv(&root.join("docs/cost"))?;
     figures::draw(measured, &root.join("docs/figures"))?;
-    for (page, block) in [
-        ("docs/accuracy.md", measured.markdown()),
-        ("README.md", measured.short_markdown()),
-    ] {
-        let page = root.join(page);
-        let text = std::fs::read_to_string(&page).with_context(|| page.display().to_string())?;
-        std::fs::write(&page, docs::with_block(&text, "cargo cost", &block)?)?;
-    }
+    write_block("docs/accuracy.md", ALL, &measured.markdown())?;
+    write_block("README.md", ALL, &measured.short_markdown())?;
+    let distances = report::distances_markdown(&measured.distances);
+    write_block("docs/accuracy.md", DISTANCES, &distances)?;
     std::fs::write(
         root.join("src/estimator/figures/measured.rs"),
         figures_for_help::source(measured),
     )?;
     Ok(())
+}
+
+/// The blocks that this writes.
+const ALL: &str = "cargo cost";
+const DISTANCES: &str = "cargo cost --distances";
+
+/// Rewrites a block of a page, which is named from the workspace's root.
+fn write_block(page: &str, name: &str, block: &str) -> anyhow::Result<()> {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(page);
+    let text = std::fs::read_to_string(&page).with_context(|| page.display().to_string())?;
+    Ok(std::fs::write(
+        &page,
+        docs::with_block(&text, name, block)?,
+    )?)
 }
 
 #[cfg(test)]

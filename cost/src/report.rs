@@ -9,6 +9,7 @@ use slitrange::estimator::Estimator;
 
 use crate::accuracy::{Accuracy, Noise, SITUATIONS, Worst};
 use crate::chip::{Chip, RungOnChip};
+use crate::distances::Distance;
 use crate::peers::{Peer, Peers};
 use crate::reading_time;
 
@@ -29,6 +30,8 @@ pub struct Measured {
     pub accuracy: Accuracy,
     /// Their cost on the chip.
     pub chip: Chip,
+    /// The forms of a calibration.
+    pub distances: Vec<Distance>,
     /// Their time on this computer in nanoseconds a row.
     pub host_ns: Vec<Option<f64>>,
     /// The whole sensor.
@@ -159,14 +162,14 @@ impl Measured {
         let _ = writeln!(
             out,
             "From words to the frame, by the default rung: {} instructions a row, {:.2} a word of them to turn the words \
-             over; a distance, once a frame: {}.",
-            self.chip.measurement_instructions_per_row,
-            self.chip.geometry_instructions_per_word,
-            self.chip.distance_instructions,
+             over.",
+            self.chip.measurement_instructions_per_row, self.chip.geometry_instructions_per_word,
         );
+        out += "\nA distance, once a frame, over the paper's range\n";
+        out += &distances(&self.distances);
         let _ = writeln!(
             out,
-            "Assembly and its portable twin compared {} times: none differs.",
+            "\nAssembly and its portable twin compared {} times: none differs.",
             self.chip.kernels_compared
         );
         out +=
@@ -340,6 +343,7 @@ impl Measured {
         write_csv(&directory.join("situations.csv"), self.situations())?;
         write_csv(&directory.join("chip.csv"), self.on_chips())?;
         write_csv(&directory.join("reading-time.csv"), &self.readings)?;
+        write_csv(&directory.join("distances.csv"), &self.distances)?;
         if let Some(peers) = &self.peers {
             write_csv(&directory.join("peers.csv"), &peers.peers)?;
         }
@@ -411,6 +415,44 @@ impl Measured {
             }
         })
     }
+}
+
+/// The table of a calibration's forms for a terminal.
+pub fn distances(distances: &[Distance]) -> String {
+    table(&distance_table(distances))
+}
+
+/// The same for `docs/accuracy.md`.
+pub fn distances_markdown(distances: &[Distance]) -> String {
+    markdown(&distance_table(distances))
+}
+
+fn distance_table(distances: &[Distance]) -> Vec<Vec<String>> {
+    let mut rows = vec![strings(&[
+        "form",
+        "knots",
+        "error um",
+        "instructions",
+        "most",
+        "cycles",
+        "us",
+        "RAM B",
+        "record B",
+    ])];
+    rows.extend(distances.iter().map(|distance| {
+        vec![
+            distance.form.to_owned(),
+            distance.knots.to_string(),
+            format!("{:.4}", distance.error_max_um),
+            distance.instructions.to_string(),
+            distance.instructions_most.to_string(),
+            distance.cycles_estimated.to_string(),
+            format!("{:.1}", distance.cycles_estimated as f64 / CLOCK_MHZ),
+            distance.ram_bytes.to_string(),
+            distance.record_bytes.to_string(),
+        ]
+    }));
+    rows
 }
 
 /// A line of `accuracy.csv`: either `snr`, or the three that follow it.
@@ -647,6 +689,7 @@ mod tests {
         assert_eq!(lines("bias.csv").1, 10 * 12);
         assert_eq!(lines("situations.csv").1, 10 * SITUATIONS.len());
         assert_eq!(lines("reading-time.csv").1, 4 * 7);
+        assert_eq!(lines("distances.csv").1, 1);
         std::fs::remove_dir_all(directory).expect("removed");
     }
 

@@ -94,14 +94,10 @@ pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
     if version != VERSION {
         return Err(RecordError::Version { version });
     }
-    let (stored, rest): (Stored, &[u8]) =
-        postcard::take_from_bytes(body).map_err(|_| RecordError::Shape)?;
-    if !rest.is_empty() {
-        return Err(RecordError::Shape);
+    match &Stored::read(body) {
+        Ok(stored) => stored.record(),
+        Err(error) => Err(*error),
     }
-    let record = stored.record()?;
-    record.check()?;
-    Ok(record)
 }
 
 impl Record {
@@ -247,7 +243,18 @@ impl Stored {
         })
     }
 
-    fn record(self) -> Result<Record, RecordError> {
+    /// Not inlined, as what makes a calibration of it: each moves kilobytes, which would all be on the chip's stack at once.
+    #[inline(never)]
+    fn read(body: &[u8]) -> Result<Self, RecordError> {
+        match postcard::take_from_bytes(body) {
+            Ok((stored, [])) => Ok(stored),
+            _ => Err(RecordError::Shape),
+        }
+    }
+
+    /// Made anew, as far as it can be used.
+    #[inline(never)]
+    fn record(&self) -> Result<Record, RecordError> {
         let estimator = Estimator::ALL
             .into_iter()
             .find(|estimator| estimator.letter() == char::from(self.estimator))
@@ -255,7 +262,7 @@ impl Stored {
                 letter: self.estimator,
             })?;
         let range = |(start, end): (u16, u16)| usize::from(start)..usize::from(end);
-        Ok(Record {
+        let record = Record {
             serial_number: self.serial_number,
             date: Date::new(self.year, self.month, self.day).ok_or(RecordError::Date)?,
             geometry: Geometry {
@@ -276,17 +283,21 @@ impl Stored {
                 StoredBlackLevel::Shielded => BlackLevel::Shielded,
                 StoredBlackLevel::Frame => BlackLevel::Frame,
             },
-            calibration: match self.calibration {
-                StoredCalibration::Eq1(curve) => Calibration::Eq1(curve.eq1()?),
-                StoredCalibration::Table(stored) => Calibration::Table(
-                    Table::new(stored.interpolation, &stored.knots).map_err(RecordError::Table)?,
-                ),
-                StoredCalibration::Corrected(curve, stored) => Calibration::Corrected(
-                    Corrected::new(curve.eq1()?, stored.interpolation, &stored.knots)
-                        .map_err(RecordError::Corrected)?,
-                ),
-            },
-        })
+            calibration: self.calibration.calibration()?,
+        };
+        record.check()?;
+        Ok(record)
+    }
+}
+
+impl StoredCalibration {
+    #[inline(never)]
+    fn calibration(&self) -> Result<Calibration, RecordError> {
+        match self {
+            Self::Eq1(curve) => Ok(Calibration::Eq1(curve.eq1()?)),
+            Self::Table(stored) => stored.table(),
+            Self::Corrected(curve, stored) => stored.corrected(curve),
+        }
     }
 }
 
@@ -318,6 +329,22 @@ impl StoredKnots {
             let _ = stored.knots.push(knot);
         }
         stored
+    }
+
+    #[inline(never)]
+    fn table(&self) -> Result<Calibration, RecordError> {
+        match Table::new(self.interpolation, &self.knots) {
+            Ok(table) => Ok(Calibration::Table(table)),
+            Err(error) => Err(RecordError::Table(error)),
+        }
+    }
+
+    #[inline(never)]
+    fn corrected(&self, curve: &StoredEq1) -> Result<Calibration, RecordError> {
+        match Corrected::new(curve.eq1()?, self.interpolation, &self.knots) {
+            Ok(corrected) => Ok(Calibration::Corrected(corrected)),
+            Err(error) => Err(RecordError::Corrected(error)),
+        }
     }
 }
 

@@ -27,8 +27,8 @@ pub fn default_settings() -> Settings {
 
 /// Measures for ever. Deadline: a row within [`super::acquisition::ROW_PERIOD`], or rows are lost.
 #[embassy_executor::task]
-pub async fn measure(settings: Settings) {
-    let mut measurement = Measurement::new(tcd1304::geometry(), settings);
+pub async fn measure() {
+    let mut measurement = Measurement::new(tcd1304::geometry(), default_settings());
     loop {
         match select(with_timeout(SILENCE, FULL.receive()), SETTINGS.wait()).await {
             Either::First(Ok(row)) if paused() => {

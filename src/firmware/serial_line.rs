@@ -5,10 +5,8 @@ use embassy_stm32::usart::BufferedUart;
 use embedded_io_async::Read as _;
 use slitrange::protocol::input::Input;
 use slitrange::protocol::status::StartCause;
-use slitrange::store::Store;
 
 use super::flash::CalibrationFlash;
-use super::in_use::InUse;
 use super::session::Session;
 use super::shared::RESULTS;
 use super::transmitter::Transmitter;
@@ -21,15 +19,10 @@ const PIECE: usize = 64;
 /// Results are looked at before bytes: they come 175 times a second at most, so bytes get their turn, while bytes
 /// could come without an end.
 #[embassy_executor::task]
-pub async fn serve(
-    uart: BufferedUart<'static>,
-    started_by: StartCause,
-    store: Store<CalibrationFlash>,
-    in_use: InUse,
-) {
+pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: CalibrationFlash) {
     let (tx, mut rx) = uart.split();
-    let mut session = Session::new(Transmitter::new(tx), started_by, store, in_use);
-    session.greet().await;
+    let mut session = Session::new(Transmitter::new(tx), started_by, flash);
+    session.start().await;
     let mut input = Input::new();
     let mut bytes = [0; PIECE];
     loop {

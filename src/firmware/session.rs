@@ -22,7 +22,7 @@ use super::flash::CalibrationFlash;
 use super::in_use::InUse;
 use super::shared::{COUNTERS, PAUSED, SETTINGS};
 use super::transmitter::Transmitter;
-use super::{acquisition, board, measuring, tcd1304};
+use super::{acquisition, board, tcd1304};
 
 const HARDWARE: Hardware = Hardware {
     board: board::NAME,
@@ -48,19 +48,15 @@ pub struct Session {
 }
 
 impl Session {
-    /// One that begins.
-    pub fn new(
-        tx: Transmitter,
-        started_by: StartCause,
-        store: Store<CalibrationFlash>,
-        in_use: InUse,
-    ) -> Self {
+    /// One that begins. Not inlined, for the reason that [`InUse`] names.
+    #[inline(never)]
+    pub fn new(tx: Transmitter, started_by: StartCause, flash: CalibrationFlash) -> Self {
         Self {
             tx,
             started_by,
             started_at: Instant::now(),
-            store,
-            in_use,
+            store: Store::new(flash),
+            in_use: InUse::new(),
             calibration_on: true,
             upload: Upload::none(),
             stream: true,
@@ -71,8 +67,12 @@ impl Session {
         }
     }
 
-    /// Says what this is.
-    pub async fn greet(&mut self) {
+    /// Takes over what was saved, says what this is, and lets measuring begin.
+    pub async fn start(&mut self) {
+        let kept = self.store.read().await;
+        self.in_use.set_kept(kept);
+        self.apply();
+        PAUSED.store(false, Ordering::Relaxed);
         let banner = Banner(&HARDWARE, self.started_by);
         self.tx.send(&banner).await;
     }
@@ -221,9 +221,9 @@ impl Session {
                 self.tx.send(&command).await;
             }
             Command::Defaults => {
-                self.in_use.calibration = Written::nominal();
+                self.in_use.set_defaults();
                 self.calibration_on = true;
-                self.set(measuring::default_settings());
+                self.apply();
                 self.tx.send(&command).await;
             }
             Command::Save => self.save().await?,
@@ -243,7 +243,11 @@ impl Session {
 
     fn set(&mut self, settings: Settings) {
         self.in_use.settings = settings;
-        SETTINGS.signal(settings);
+        self.apply();
+    }
+
+    fn apply(&self) {
+        SETTINGS.signal(self.in_use.settings);
     }
 
     fn piece(&self, offset: u16) -> Result<Piece, Refusal> {
@@ -259,32 +263,30 @@ impl Session {
         })
     }
 
-    /// A calibration that has come is used from here on, with centres and black level found as when it was made.
+    /// Not inlined, for the reason that [`InUse`] names.
+    #[inline(never)]
     fn take(&mut self, step: Step) -> Result<(), Refusal> {
-        if let Some(written) = self.upload.take(step, &tcd1304::geometry())? {
-            let record = written.record();
-            self.set(Settings {
-                estimator: record.estimator,
-                black_level: record.black_level,
-                ..self.in_use.settings
-            });
-            self.in_use.calibration = Some(written);
+        if let Some(record) = self.upload.take(step, &tcd1304::geometry())? {
+            self.in_use.set_calibration(record);
+            self.apply();
         }
         Ok(())
     }
 
     /// Keeps what is in use. No reading is due meanwhile, so that the line can be silent for as long as the flash takes.
     async fn save(&mut self) -> Result<(), Refusal> {
-        let saved = self.in_use.to_save().ok_or(Refusal::NoCalibration)?;
+        let Some(saved) = &self.in_use.to_save() else {
+            return Err(Refusal::NoCalibration);
+        };
         PAUSED.store(true, Ordering::Relaxed);
         self.tx.send(&"save pauses the stream").await;
         // Signs of life: each of the flash's own may take half a second, and so may the first frame after them.
         COUNTERS.results.add();
-        let result = self.store.save(&saved).await;
+        let result = self.store.save(saved).await;
         COUNTERS.results.add();
         PAUSED.store(false, Ordering::Relaxed);
         result.map_err(Refusal::NotSaved)?;
-        self.in_use.saved();
+        self.in_use.note_saved();
         self.tx.send(&Command::Save).await;
         Ok(())
     }

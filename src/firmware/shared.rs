@@ -31,8 +31,8 @@ pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Measured, Fault>, 16
 /// Changed settings. Only the last change matters.
 pub static SETTINGS: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
 
-/// While this is set, no reading is due: rows are taken and dropped.
-pub static PAUSED: AtomicBool = AtomicBool::new(false);
+/// While this is set, no reading is due: rows are taken and dropped. So they are until it is known what was saved.
+pub static PAUSED: AtomicBool = AtomicBool::new(true);
 
 /// What is counted since the start.
 pub static COUNTERS: Counters = Counters {

@@ -13,8 +13,7 @@ use core::fmt;
 
 use super::piece::Piece;
 use super::refusal::Refusal;
-use crate::calibration::record::{MAX_ENCODED, decode};
-use crate::calibration::written::Written;
+use crate::calibration::record::{MAX_ENCODED, Record, decode};
 use crate::row::Geometry;
 
 /// What an upload goes through.
@@ -73,7 +72,7 @@ impl Upload {
     /// # Errors
     /// [`Refusal`] says why the step cannot be taken. An upload that lacks pieces or got a wrong one goes on as if that step had
     /// not been; one whose record is refused is over.
-    pub fn take(&mut self, step: Step, sensor: &Geometry) -> Result<Option<Written>, Refusal> {
+    pub fn take(&mut self, step: Step, sensor: &Geometry) -> Result<Option<Record>, Refusal> {
         match step {
             Step::Begin(bytes) => {
                 self.begin(bytes);
@@ -123,7 +122,7 @@ impl Upload {
         }
     }
 
-    fn commit(&mut self, sensor: &Geometry) -> Result<Written, Refusal> {
+    fn commit(&mut self, sensor: &Geometry) -> Result<Record, Refusal> {
         if self.announced == 0 {
             return Err(Refusal::NoUpload);
         }
@@ -139,7 +138,7 @@ impl Upload {
         if record.geometry != *sensor {
             return Err(Refusal::OtherSensor);
         }
-        Written::new(record).map_err(Refusal::Record)
+        Ok(record)
     }
 }
 
@@ -148,8 +147,9 @@ mod tests {
     use super::*;
     use crate::calibration::Calibration;
     use crate::calibration::knots::{Interpolation, Knot, MAX_LINEAR};
-    use crate::calibration::record::{Record, RecordError};
+    use crate::calibration::record::RecordError;
     use crate::calibration::residuals::Corrected;
+    use crate::calibration::written::Written;
     use crate::protocol::piece::PIECE;
     use crate::sensor_heads::tcd1304dg;
     use crate::triangulation::NOMINAL;
@@ -200,7 +200,7 @@ mod tests {
         }
     }
 
-    fn commit(upload: &mut Upload) -> Written {
+    fn commit(upload: &mut Upload) -> Record {
         let taken = upload.take(Step::Commit, &tcd1304dg());
         taken.expect("no refusal").expect("a record")
     }
@@ -215,7 +215,7 @@ mod tests {
                 Piece::of(written.bytes(), 0).expect("a piece")
             );
             send(&mut upload, written.bytes());
-            assert_eq!(commit(&mut upload), written);
+            assert_eq!(commit(&mut upload), *written.record());
             assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
         }
     }
@@ -231,7 +231,7 @@ mod tests {
                 go(&mut upload, Step::Piece(piece));
             }
         }
-        assert_eq!(commit(&mut upload), written);
+        assert_eq!(commit(&mut upload), *written.record());
     }
 
     #[test]
@@ -264,7 +264,7 @@ mod tests {
                 }
             );
         }
-        assert_eq!(commit(&mut upload), written);
+        assert_eq!(commit(&mut upload), *written.record());
     }
 
     #[test]
@@ -298,7 +298,7 @@ mod tests {
                 announced
             }
         );
-        assert_eq!(commit(&mut upload), written);
+        assert_eq!(commit(&mut upload), *written.record());
     }
 
     #[test]
@@ -349,6 +349,6 @@ mod tests {
         assert_eq!(upload.take(Step::Commit, &other), Err(Refusal::OtherSensor));
         assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
         send(&mut upload, written.bytes());
-        assert_eq!(commit(&mut upload), written);
+        assert_eq!(commit(&mut upload), *written.record());
     }
 }

@@ -111,10 +111,10 @@ impl Fit {
         (gradient * self.unit_scaled * gradient.transpose())[0]
     }
 
-    /// r over its standard uncertainty, as the residuals tell it: where it is not well above 1, a straight line does as well.
-    pub fn bend(&self) -> Option<f64> {
-        let variance = self.variance()?;
-        Some(self.scaled[2].abs() / (variance * self.unit_scaled[(2, 2)]).sqrt())
+    /// r over its standard uncertainty, as the variances of the points tell it: where it is not well above 1, a straight line does
+    /// as well.
+    pub fn unit_bend(&self) -> f64 {
+        self.scaled[2].abs() / self.unit_scaled[(2, 2)].sqrt()
     }
 }
 

@@ -12,7 +12,7 @@ use time::OffsetDateTime;
 
 use super::answers::{Centre, NoCentre};
 use super::line::{LineError, Waits};
-use super::positions::{Moved, Mover, Which, check_command, missing};
+use super::positions::{self, Moved, Mover, Which, check_command};
 use super::session::Session;
 use super::taken::{Millimetres, PointsFile, Setup, Taken};
 
@@ -22,6 +22,9 @@ const TRIES: usize = 3;
 /// Frames further than this many times their scatter from the others are no matter of chance: a digit that noise on the line
 /// changed, or a target that was not at rest.
 const OUTLYING: f64 = 10.0;
+
+/// The finest step of the sensor's centres, in pixels: no point claims to be better known.
+const FINEST_PX: f64 = 1e-5;
 
 /// Take points for a calibration: what the sensor sees at distances that a person or a stage sets
 ///
@@ -65,7 +68,7 @@ pub struct RunOptions {
         requires = "stage_command"
     )]
     pub settle: f64,
-    /// Frames at each position
+    /// Frames at each position. They average noise, but not the speckle that a target at rest keeps: more positions do
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub frames: u16,
 }
@@ -116,7 +119,7 @@ pub fn run_with(
         )?;
     }
     let taken: Vec<f64> = file.points().iter().map(|point| point.d_mm).collect();
-    let missing = missing(&wanted, &taken);
+    let missing = positions::missing(&wanted, &taken);
     writeln!(
         output,
         "sensor {} at {}, {}, {}: {} of {} positions to go",
@@ -135,10 +138,16 @@ pub fn run_with(
         output,
     }
     .through(&missing, &mut file);
-    let count = file.points().len();
+    let taken: Vec<f64> = file.points().iter().map(|point| point.d_mm).collect();
+    let left = positions::missing(&wanted, &taken).len();
     // In any case: it goes on at once with what there is.
     file.put_in_order()?;
-    writeln!(output, "{count} points are in {}", options.file.display())?;
+    let path = options.file.display();
+    writeln!(
+        output,
+        "{} points are in {path}, {left} positions are left",
+        taken.len()
+    )?;
     walk.context("stopped; run the same command again to go on")
 }
 
@@ -225,6 +234,11 @@ impl Walk<'_> {
             let mut tries = 0;
             loop {
                 let d_mm = match self.mover.to(position, self.output)? {
+                    Moved::To(mm) if file.points().iter().any(|point| point.d_mm == mm) => {
+                        let mm = Millimetres(mm);
+                        writeln!(self.output, "there is a point at {mm} mm already")?;
+                        continue;
+                    }
                     Moved::To(mm) => mm,
                     Moved::Skip => break,
                     Moved::Quit => return Ok(()),
@@ -237,7 +251,7 @@ impl Walk<'_> {
                     }
                     Ok(Err(no_point)) => no_point,
                     Err(error) if error.may_pass() => {
-                        writeln!(self.output, "{error}")?;
+                        writeln!(self.output, "{error}; waits for it to come back")?;
                         self = self.reconnect()?;
                         continue;
                     }
@@ -380,17 +394,15 @@ fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
     let claimed = (squares(&|centre| centre.claimed_px) / count).sqrt();
     let scatter =
         (centres.len() > 1).then(|| (squares(&|centre| centre.x_px - mean) / (count - 1.0)).sqrt());
-    // A hundredth of what the sensor's five decimals resolve; and no point claims to be without any uncertainty.
     let rounded = |value: f64| (value * 1e6).round() / 1e6;
-    let least = 1e-6;
     Taken {
         x_px: rounded(mean),
         d_mm,
         // Frames of a target at rest share its speckle: their number brings down what differs between them only.
-        sigma_px: rounded(claimed.max(scatter.unwrap_or_default()) / count.sqrt()).max(least),
+        sigma_px: rounded(claimed.max(scatter.unwrap_or_default()) / count.sqrt()).max(FINEST_PX),
         frames: centres.len(),
         scatter_px: scatter.map(rounded),
-        claimed_px: rounded(claimed).max(least),
+        claimed_px: rounded(claimed).max(FINEST_PX),
         misfits: centres.iter().map(|centre| centre.misfits).sum(),
         correlated: centres.iter().filter_map(|centre| centre.correlated).min(),
     }

@@ -156,7 +156,7 @@ fn transfer_once(session: &mut Session, written: &Written, and_save: bool) -> Re
         back.sum()
     );
     if and_save {
-        save(session, written).context("it is in use, but not known to be saved")?;
+        save(session, written)?;
     }
     Ok(())
 }
@@ -193,6 +193,8 @@ fn commit(session: &mut Session, written: &Written) -> Result<()> {
 
 /// Has the sensor keep what is in use.
 fn save(session: &mut Session, written: &Written) -> Result<()> {
+    const UNKNOWN: &str =
+        "it is in use; whether it is saved, `calibration` on the sensor's line tells";
     let wait = session.line().waits.save;
     let question = Command::Save.to_string();
     let mut tries = 1;
@@ -201,17 +203,18 @@ fn save(session: &mut Session, written: &Written) -> Result<()> {
             (*lines.last()? == question).then_some(())
         });
         if let Err(LineError::Silent { .. } | LineError::Refused { .. }) = saved {
-            session.line().synchronise()?;
+            session.line().synchronise().context(UNKNOWN)?;
         }
-        let now = session.calibration()?;
+        let now = session.calibration().context(UNKNOWN)?;
         let same = now.record.is_some_and(|record| record.crc == written.sum());
         if same && now.stored == "same" {
             return Ok(());
         }
         if tries == TRIES {
-            saved?;
+            saved.context("it is in use, but not saved")?;
             bail!(
-                "the sensor says that it saved, and then that its flash holds another record (`calibration`)"
+                "the sensor says that it saved, but not that its flash holds what it uses: it says `stored {}`",
+                now.stored
             );
         }
         tries += 1;

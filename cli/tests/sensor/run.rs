@@ -179,13 +179,17 @@ fn a_person_is_asked_and_asked_again() {
     let (result, output) = run(
         &sensor,
         &["--positions", &positions, "--frames", "2"],
-        "\n\ns\n",
+        "799.5\n\n\ns\n",
         WAITS,
     );
     result.expect("the input's end");
     assert!(output.contains("2 of 3 positions to go"), "{output}");
     let fault = "600.000 mm  too dim: 35.0 counts, needs 60.0 (more laser power, a brighter target or less ambient light)";
     assert_eq!(output.matches(fault).count(), 2, "{output}");
+    assert!(
+        output.contains("there is a point at 799.500 mm already\n"),
+        "{output}"
+    );
     assert!(output.contains("move the target to 700.000 mm"), "{output}");
     assert_eq!(lines(&sensor).len(), 1);
 }

@@ -384,11 +384,11 @@ impl Sensor {
                 None => Refusal::NoCalibration.to_string(),
             },
             Command::Upload(step) => match state.upload.take(step, &tcd1304dg()) {
-                Ok(written) => {
-                    if let Some(written) = written {
-                        settings.estimator = written.record().estimator;
-                        settings.black_level = written.record().black_level;
-                        state.calibration = Some(written);
+                Ok(record) => {
+                    if let Some(record) = record {
+                        settings.estimator = record.estimator;
+                        settings.black_level = record.black_level;
+                        state.calibration = Written::new(record).ok();
                     }
                     command.to_string()
                 }

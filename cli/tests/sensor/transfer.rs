@@ -186,7 +186,7 @@ fn without_saving_the_flash_stays_as_it_is() {
         .expect_err("no flash");
     assert!(
         error.starts_with(
-            "it is in use, but not known to be saved: the sensor answers `save` with `E16 not saved, "
+            "it is in use, but not saved: the sensor answers `save` with `E16 not saved"
         ),
         "{error}"
     );

@@ -1,4 +1,4 @@
-//! The other steps from the words of a read-out to a distance.
+//! The other steps from the words of a read-out to a frame.
 
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WORDS};
 use slitrange::black_level::BlackLevel;
@@ -8,8 +8,7 @@ use slitrange::measurement::{Measurement, Settings};
 use slitrange::reading::{Fault, Measured};
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
-use slitrange::triangulation::{self, Eq1};
-use slitrange::units::{Micrometres, Pixels};
+use slitrange::units::Pixels;
 
 use super::board::let_the_log_out;
 use super::counter::{self, Cost};
@@ -24,7 +23,7 @@ pub fn measure() {
     let mut words = [0; WORDS];
     let mut measurement = Measurement::new(rows::geometry(), settings());
     let (mut turning, mut search, mut search_again) = (none(), none(), none());
-    let (mut whole, mut distance) = (none(), none());
+    let mut whole = none();
     for row in 0..ROWS {
         rows::light(WIDTH, row, Turn::Now, &mut pixels);
 
@@ -60,18 +59,11 @@ pub fn measure() {
         };
         whole[row] = counter::count(step_measurement_row, &(), &mut pipeline);
         defmt::assert!(pipeline.measured.is_none());
-
-        let calibration = defmt::unwrap!(triangulation::NOMINAL.ok());
-        let mut found = None;
-        let input = (calibration, Pixels::from_int(1800 + row as i32));
-        distance[row] = counter::count(step_distance_at, &input, &mut found);
-        defmt::assert!(matches!(found, Some(Ok(_))));
     }
     print("geometry-row", WORDS, turning);
     print("spot-find", PIXELS, search);
     print("spot-find-again", PIXELS, search_again);
     print("measurement-row", 1, whole);
-    print("distance-at", 1, distance);
 }
 
 /// As the firmware starts with, and with more rows in a frame than are given: no call ends a frame.
@@ -146,14 +138,4 @@ struct Pipeline<'a> {
 #[unsafe(no_mangle)]
 extern "C" fn step_measurement_row(_: &(), pipeline: &mut Pipeline<'_>) {
     pipeline.measured = pipeline.measurement.row(pipeline.words);
-}
-
-/// A distance and the curve's slope, once it was asked for.
-type Distance = Option<Result<(Micrometres, f32), Fault>>;
-
-#[inline(never)]
-#[unsafe(no_mangle)]
-extern "C" fn step_distance_at(input: &(Eq1, Pixels), distance: &mut Distance) {
-    let (calibration, centre) = input;
-    *distance = Some(calibration.distance_at(*centre));
 }

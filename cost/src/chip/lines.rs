@@ -19,6 +19,10 @@ pub enum Kind {
     Rung,
     /// Another step of the pipeline.
     Step,
+    /// A distance at one centre.
+    Distance,
+    /// A form of a calibration over all centres.
+    Form,
     /// A peer on one row.
     PeerRow,
     /// A peer over all rows.
@@ -53,6 +57,8 @@ impl Line {
             Some("row") => Kind::Row,
             Some("rung") => Kind::Rung,
             Some("step") => Kind::Step,
+            Some("distance") => Kind::Distance,
+            Some("form") => Kind::Form,
             Some("peer-row") => Kind::PeerRow,
             Some("peer") => Kind::Peer,
             Some("kernels") => Kind::Kernels,

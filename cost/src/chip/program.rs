@@ -90,6 +90,7 @@ impl Program {
         Estimator::ALL
             .into_iter()
             .filter_map(|estimator| self.address(&super::wrapper(estimator.name())))
+            .chain(self.named(super::DISTANCE_AT))
             .chain(self.named(super::GAUSS_NEWTON_ITERATION))
     }
 

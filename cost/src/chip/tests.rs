@@ -2,6 +2,7 @@
 
 use std::sync::LazyLock;
 
+use cost_on_chip::calibrations::{self, CENTRES, Form};
 use cost_on_chip::inputs::{self, Input, Searched};
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WIDTHS};
 use slitrange::estimator;
@@ -136,5 +137,41 @@ fn every_rung_is_there_at_every_width() {
             assert!(rung.instructions_most >= rung.instructions, "{rung:?}");
             assert!(rung.code_bytes > 50, "{rung:?}");
         }
+    }
+}
+
+/// Distances are integers and slopes single operations of f32, which the chip has in hardware.
+#[test]
+fn the_chip_and_a_pc_make_the_same_distances() {
+    let mut on_the_chip = lines::all(&RUN.lines, Kind::Distance);
+    for form in Form::ALL {
+        let calibration = form.calibration().expect("usable");
+        for number in 0..CENTRES {
+            let line = on_the_chip.next().expect("a line for each centre");
+            assert_eq!(line.name, form.name());
+            let word = |key| line.number(key).expect("a whole number of 32 bits");
+            let found = (word("distance") as i32, word("slope") as u32);
+            let centre = calibrations::asked(number);
+            let (distance, slope) = calibration.distance_at(centre).expect("in range");
+            assert_eq!(found, (distance.to_bits(), slope.to_bits()), "{line:?}");
+        }
+    }
+    assert_eq!(on_the_chip.next(), None);
+}
+
+/// At most 60 by eq. (1) and 120 by a PCHIP, at any centre.
+#[test]
+fn a_distance_takes_few_instructions() {
+    for (form, most) in Form::ALL.into_iter().zip([60, 100, 120, 200]) {
+        let counted = CHIP
+            .forms
+            .iter()
+            .find(|counted| counted.name == form.name());
+        let counted = counted.expect("counted");
+        println!("{counted:?}");
+        assert!(counted.instructions_most <= most, "{counted:?}");
+        assert!(counted.instructions > 40, "{counted:?}");
+        let cycles_per_instruction = counted.cycles_estimated as f64 / counted.instructions as f64;
+        assert!((1.0..3.0).contains(&cycles_per_instruction), "{counted:?}");
     }
 }

@@ -2,6 +2,7 @@
 
 mod flash;
 mod flipped_bits;
+mod later_firmware;
 mod power_cuts;
 #[path = "../records/mod.rs"]
 mod records;

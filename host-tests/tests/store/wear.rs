@@ -1,4 +1,4 @@
-//! Ten thousand saves: both sectors wear evenly, and nothing is lost.
+//! Ten thousand saves: both sectors wear evenly, and nothing is lost. What is there already is not written again.
 
 use slitrange::store::Kept;
 
@@ -45,4 +45,16 @@ fn of_all_sizes() {
 #[test]
 fn of_the_smallest() {
     wear("the smallest", 2000, &[Size::Least]);
+}
+
+#[test]
+fn the_same_again_writes_nothing() {
+    let mut flash = Flash::erased();
+    for (i, size) in (0..).zip([Size::Least, Size::Middle, Size::Most].repeat(5)) {
+        let saved = sample(size, i);
+        keep(&mut flash, &saved);
+        let operations = flash.operations;
+        assert_eq!(save(&mut flash, &saved), Ok(()));
+        assert_eq!(flash.operations, operations);
+    }
 }

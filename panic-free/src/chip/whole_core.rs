@@ -140,7 +140,7 @@ pub fn take_calibrations() {
     let mut in_use = Written::nominal();
     while any(true) {
         match upload.take(any(Step::Commit), &any::geometry()) {
-            Ok(Some(written)) => in_use = Some(written),
+            Ok(Some(record)) => in_use = Written::new(record).ok(),
             Ok(None) => {}
             Err(refusal) => say(&refusal),
         }

@@ -1,209 +1,302 @@
 //! Calibrations that come over the serial line: what was sent is used as the core uses it, or nothing changes.
 
-use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
-use slitrange::calibration::date::Date;
-use slitrange::calibration::knots::{Interpolation, Knot};
-use slitrange::calibration::record::Record;
-use slitrange::calibration::residuals::Corrected;
-use slitrange::calibration::table::Table;
+use slitrange::calibration::record::RecordError;
 use slitrange::calibration::written::Written;
-use slitrange::estimator::Estimator;
 use slitrange::measurement::{Measurement, Settings};
-use slitrange::protocol::calibration::{Shown, Stored};
-use slitrange::protocol::piece::{PIECE, Piece};
+use slitrange::protocol::calibration::Stored;
+use slitrange::protocol::piece::Piece;
 use slitrange::protocol::refusal::Refusal;
-use slitrange::triangulation::NOMINAL;
-use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange::row::Geometry;
 use slitrange::{frame, sensor_heads};
 use virtual_board::VirtualBoard;
 
 use crate::common::{
-    Status, ask, ask_for_lines, fresh_results, is_reading, measuring, number, set,
+    PATIENCE, Status, ask, ask_for_lines, boot, fresh_results, is_reading, measuring, number, set,
+    spot_at,
 };
-
-/// The record of a sensor of its own with that calibration.
-pub fn record(calibration: Calibration) -> Record {
-    Record {
-        serial_number: 4711,
-        date: Date::new(2026, 11, 21).expect("a day"),
-        geometry: sensor_heads::tcd1304dg(),
-        estimator: Estimator::Adaptive,
-        black_level: BlackLevel::Fixed(Counts::from_int(300)),
-        calibration,
-    }
-}
-
-fn written(record: Record) -> Written {
-    Written::new(record).expect("a record")
-}
-
-/// Knots all over the nominal range: `values` at evenly spaced centres, of which none is a round number.
-fn knots(count: usize, value: impl Fn(Pixels) -> Micrometres) -> Vec<Knot> {
-    let (first, last) = (1191.0, 2654.0);
-    (0..count)
-        .map(|i| {
-            let centre = first + (last - first) * i as f64 / (count - 1) as f64;
-            let centre = Pixels::from_f32(centre as f32);
-            Knot {
-                centre,
-                value: value(centre),
-            }
-        })
-        .collect()
-}
-
-/// A calibration of each kind, the longest of its kind.
-pub fn calibrations() -> [Calibration; 4] {
-    let nominal = NOMINAL.expect("a curve");
-    let (first, last) = nominal.valid();
-    let distance = |centre: Pixels| {
-        let inside = centre.max(first).min(last);
-        nominal.distance_at(inside).expect("in range").0
-    };
-    // Bent by a third of a millimetre, and as long as numbers get.
-    let residual =
-        |centre: Pixels| Micrometres::from_f32(300.7 * (centre.to_f32() / 211.3).sin() - 5000.0);
-    let table = |interpolation: Interpolation| {
-        let knots = knots(interpolation.most(), distance);
-        Calibration::Table(Table::new(interpolation, &knots).expect("a table"))
-    };
-    let corrected = |interpolation: Interpolation| {
-        let knots = knots(interpolation.most(), residual);
-        let corrected = Corrected::new(nominal.clone(), interpolation, &knots);
-        Calibration::Corrected(corrected.expect("usable"))
-    };
-    [
-        table(Interpolation::Linear),
-        table(Interpolation::Cubic),
-        corrected(Interpolation::Cubic),
-        corrected(Interpolation::Linear),
-    ]
-}
-
-fn pieces(bytes: &[u8]) -> Vec<Piece> {
-    (0..bytes.len())
-        .step_by(PIECE)
-        .map(|offset| Piece::of(bytes, offset as u16).expect("a piece"))
-        .collect()
-}
-
-/// Sends all of a record but the commit.
-fn send(board: &mut VirtualBoard, bytes: &[u8]) {
-    set(board, &format!("calibration begin {}", bytes.len()));
-    for piece in pieces(bytes) {
-        set(board, &piece.to_string());
-    }
-}
-
-pub fn upload(board: &mut VirtualBoard, written: &Written) {
-    send(board, written.bytes());
-    set(board, "calibration commit");
-}
-
-/// The record in use, read piece by piece.
-fn read_back(board: &mut VirtualBoard) -> Vec<u8> {
-    let shown = ask_for_lines(board, "calibration", 11);
-    let length = number(&shown[3], "calibration record ", " ") as usize;
-    let mut bytes = Vec::new();
-    while bytes.len() < length {
-        let offset = bytes.len() as u16;
-        let line = ask(board, &format!("calibration data {offset}"));
-        let words: Vec<&str> = line.split(' ').collect();
-        let ["calibration", "data", offset, digits, sum] = words[..] else {
-            panic!("{line}");
-        };
-        let piece = Piece::parse(offset, digits, sum).expect("a piece");
-        bytes.extend_from_slice(piece.bytes());
-    }
-    bytes
-}
-
-/// The answer to `calibration` with that record in use.
-fn assert_shown(board: &mut VirtualBoard, written: &Written, stored: Stored) {
-    let shown = Shown {
-        written: Some(written),
-        on: true,
-        stored,
-    }
-    .to_string();
-    let lines: Vec<&str> = shown.split("\r\n").collect();
-    assert_eq!(ask_for_lines(board, "calibration", lines.len()), lines);
-}
+use crate::records::{
+    CENTRE, assert_shown, eq1, every_kind, longest, pieces, read_back, record, send, shown, upload,
+    written,
+};
 
 #[test]
 fn a_sensor_without_its_own_has_the_nominal_calibration() {
     let mut board = measuring(4);
     let nominal = Written::nominal().expect("a record");
-    assert_shown(&mut board, &nominal, Stored::Nothing);
+    assert_shown(&mut board, Some(&nominal), Stored::Nothing);
     assert_eq!(read_back(&mut board), nominal.bytes());
     set(&mut board, "calibration off");
     assert!(fresh_results(&mut board, 1)[0].starts_with("f not calibrated: x "));
-    assert_eq!(
-        ask_for_lines(&mut board, "calibration", 11)[0],
-        "calibration off"
-    );
+    assert_eq!(shown(&mut board)[0], "calibration off");
     set(&mut board, "calibration on");
     assert!(is_reading(&fresh_results(&mut board, 1)[0]));
-    let bytes = nominal.bytes().len();
-    let offset = bytes as u16;
-    assert_eq!(
-        ask(&mut board, &format!("calibration data {offset}")),
-        Refusal::NoPiece { offset, bytes }.to_string()
-    );
     board.finish().expect("a clean run");
 }
 
-/// The settings that a record brings, and the board's other ones.
-fn settings(record: &Record, rows: u16) -> Settings {
-    Settings {
-        rows,
-        mean: frame::Mean::default(),
-        estimator: record.estimator,
-        black_level: record.black_level,
-    }
-}
-
-/// Each kind at its longest: it is sent while readings stream, and read back; then each frame's line is the one that the core makes on
-/// this PC from the words that the sensor head sent.
+/// Each kind is sent while readings stream, and read back; then each frame's line is the one that the core makes on this PC from the
+/// words that the sensor head sent.
 #[test]
 fn what_was_sent_is_what_readings_are_made_with() {
-    for calibration in calibrations() {
-        let mut board = measuring(8);
-        board.head(|head| head.keep_all_rows(true));
-        let written = written(record(calibration));
+    let (mut board, _) = boot(spot_at(CENTRE, 2000.0));
+    set(&mut board, "rows 6");
+    board.head(|head| head.keep_all_rows(true));
+    for written in every_kind() {
         println!("{} bytes", written.bytes().len());
+        set(&mut board, "defaults");
+        set(&mut board, "rows 6");
         upload(&mut board, &written);
-        assert_shown(&mut board, &written, Stored::Nothing);
+        assert_shown(&mut board, Some(&written), Stored::Nothing);
         assert_eq!(read_back(&mut board), written.bytes());
         assert_eq!(ask(&mut board, "estimator"), "estimator adaptive");
         assert_eq!(ask(&mut board, "black"), "black fixed 300");
         assert!(
             ask_for_lines(&mut board, "info", 8)
-                .contains(&"info serial number 4711, calibrated 2026-11-21".to_owned())
+                .contains(&"info serial number 4000000711, calibrated 2026-11-21".to_owned())
         );
 
-        let lines = fresh_results(&mut board, 12);
+        let lines = fresh_results(&mut board, 5);
+        println!("{}", lines[4]);
+        assert!(lines.iter().all(|line| is_reading(line)), "{lines:#?}");
         let rows: Vec<_> = board.head(|head| head.rows().cloned().collect());
-        let record = written.record();
-        // Frames begin with whichever row was the first with these settings.
-        let same = (0..8)
-            .map(|first| {
-                let mut measurement =
-                    Measurement::new(sensor_heads::tcd1304dg(), settings(record, 8));
-                rows[first..]
-                    .iter()
-                    .filter_map(|row| measurement.row(&mut row.words.clone()))
-                    .map(|result| {
-                        let measured = result.expect("a centre");
-                        let reading = measured.reading(Some(&record.calibration));
-                        reading.expect("a distance").to_string()
-                    })
-                    .collect::<Vec<String>>()
-            })
-            .any(|pc| pc.windows(lines.len()).any(|window| window == lines));
+        // Those that the lines are of are among the last ones.
+        let last = &rows[rows.len() - 60..];
+        let same = (0..6).any(|first| {
+            let pc = on_this_pc(&last[first..], &written);
+            pc.windows(lines.len()).any(|window| window == lines)
+        });
         assert!(same, "the PC nowhere says {lines:#?}");
-        Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    }
+    Status::ask(&mut board).assert_none(&[
+        "rows lost",
+        "rows failed",
+        "lines dropped",
+        "serial overrun",
+    ]);
+    board.finish().expect("a clean run");
+}
+
+/// The lines of frames of six rows that begin with the first one.
+fn on_this_pc(rows: &[virtual_board::Row], written: &Written) -> Vec<String> {
+    let record = written.record();
+    let settings = Settings {
+        rows: 6,
+        mean: frame::Mean::default(),
+        estimator: record.estimator,
+        black_level: record.black_level,
+    };
+    let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
+    rows.iter()
+        .filter_map(|row| measurement.row(&mut row.words.clone()))
+        .map(|measured| {
+            let measured = measured.expect("a centre");
+            let reading = measured.reading(Some(&record.calibration));
+            reading.expect("a distance").to_string()
+        })
+        .collect()
+}
+
+/// What is in use: the answer to `calibration`, and what makes readings of centres.
+fn in_use(board: &mut VirtualBoard) -> Vec<String> {
+    let mut all = shown(board);
+    all.extend(["estimator", "black", "rows"].map(|command| ask(board, command)));
+    all
+}
+
+fn assert_refused(board: &mut VirtualBoard, command: &str, refusal: Refusal) {
+    assert_eq!(ask(board, command), refusal.to_string(), "{command}");
+}
+
+/// Each refusal that a step of an upload can meet, at that step; after all of them, what was in use is.
+#[test]
+fn what_is_refused_changes_nothing() {
+    let mut board = measuring(4);
+    upload(&mut board, &eq1());
+    set(&mut board, "estimator robust");
+    let before = in_use(&mut board);
+
+    let other = written(record(longest().record().calibration.clone()));
+    let (bytes, commit) = (other.bytes(), "calibration commit");
+    let all = pieces(bytes);
+    assert_refused(&mut board, commit, Refusal::NoUpload);
+    assert_refused(&mut board, &all[0].to_string(), Refusal::NoUpload);
+
+    // Half of it, with pieces that are not its next ones in between.
+    let announced = bytes.len();
+    set(&mut board, &format!("calibration begin {announced}"));
+    set(&mut board, &all[0].to_string());
+    for (at, piece) in all.iter().enumerate().take(8).skip(1) {
+        let expected = 16 * at;
+        let (skipped, offset) = (&all[at + 2], 16 * (at + 2));
+        assert_refused(
+            &mut board,
+            &skipped.to_string(),
+            Refusal::WrongOffset { offset, expected },
+        );
+        set(&mut board, &piece.to_string());
+        // Its answer may have been lost.
+        set(&mut board, &piece.to_string());
+    }
+    let (came, beyond) = (128, Piece::new(announced as u16, &[0]).expect("a piece"));
+    assert_refused(
+        &mut board,
+        &beyond.to_string(),
+        Refusal::TooLong {
+            end: announced + 1,
+            announced,
+        },
+    );
+    assert_refused(&mut board, commit, Refusal::Incomplete { came, announced });
+    assert_eq!(in_use(&mut board), before);
+    set(&mut board, "calibration abort");
+    assert_refused(&mut board, commit, Refusal::NoUpload);
+
+    // All of a record, of which a bit was wrong before it was cut into pieces.
+    let mut damaged = eq1().bytes().to_vec();
+    damaged[20] ^= 0x10;
+    send(&mut board, &damaged);
+    let answer = ask(&mut board, commit);
+    println!("{answer}");
+    assert!(
+        answer.starts_with("E12 the record is damaged, its CRC is "),
+        "{answer}"
+    );
+    assert_refused(&mut board, commit, Refusal::NoUpload);
+    send(&mut board, &[1, 2, 3]);
+    assert_refused(
+        &mut board,
+        commit,
+        Refusal::Record(RecordError::Short { bytes: 3 }),
+    );
+
+    let another_head = slitrange::calibration::record::Record {
+        geometry: Geometry {
+            light: 34..3681,
+            ..sensor_heads::tcd1304dg()
+        },
+        ..eq1().record().clone()
+    };
+    send(&mut board, written(another_head).bytes());
+    assert_refused(&mut board, commit, Refusal::OtherSensor);
+
+    let (offset, bytes) = (eq1().bytes().len() as u16, eq1().bytes().len());
+    assert_refused(
+        &mut board,
+        &format!("calibration data {offset}"),
+        Refusal::NoPiece { offset, bytes },
+    );
+    assert_eq!(in_use(&mut board), before);
+    assert!(
+        fresh_results(&mut board, 2)
+            .iter()
+            .all(|line| is_reading(line))
+    );
+    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    board.finish().expect("a clean run");
+}
+
+/// A byte in fifty comes garbled. Whoever sends each line until it is answered by itself gets the record across.
+#[test]
+fn an_upload_over_a_line_that_garbles_arrives_whole() {
+    let mut board = measuring(4);
+    set(&mut board, "stream off");
+    board
+        .garble_serial_line(10_000, 10_000, 3)
+        .expect("the emulator");
+    let [_, _, cubic, ..] = every_kind();
+    let bytes = cubic.bytes();
+    let mut lines = vec![format!("calibration begin {}", bytes.len())];
+    lines.extend(pieces(bytes).iter().map(Piece::to_string));
+    let mut again = 0;
+    for line in &lines {
+        while ask(&mut board, line) != *line {
+            again += 1;
+            assert!(again < 10 * lines.len(), "{line}");
+            // What is left of the garbled line, answered or not.
+            board.send("\r\n");
+            board.run_for(PATIENCE / 20).expect("a run");
+            board.take_lines();
+        }
+    }
+    board.garble_serial_line(0, 0, 3).expect("the emulator");
+    println!("{} lines, {again} sent again", lines.len());
+    assert!(again >= 10, "{again}");
+    set(&mut board, "calibration commit");
+    assert_eq!(read_back(&mut board), bytes);
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn defaults_are_what_a_new_sensor_has() {
+    let mut board = measuring(4);
+    set(&mut board, "defaults");
+    let new = in_use(&mut board);
+    assert_eq!(new.last().map(String::as_str), Some("rows 16"));
+    upload(&mut board, &eq1());
+    for command in ["rows 3", "mean plain", "black frame", "calibration off"] {
+        set(&mut board, command);
+    }
+    assert_ne!(in_use(&mut board), new);
+    set(&mut board, "defaults");
+    assert_eq!(in_use(&mut board), new);
+    assert_eq!(ask(&mut board, "mean"), "mean weighted");
+    board.finish().expect("a clean run");
+}
+
+/// The centre of a spot where the nominal calibration is valid and where it is not, and without any.
+#[test]
+fn a_centre_needs_no_calibration() {
+    for (centre, has_distance) in [(1800.3, true), (3000.7, false)] {
+        let (mut board, _) = boot(spot_at(centre, 2000.0));
+        set(&mut board, "rows 4");
+        for command in ["calibration on", "calibration off"] {
+            set(&mut board, command);
+            let streamed = fresh_results(&mut board, 1).remove(0);
+            let has_distance = has_distance && command.ends_with("on");
+            assert_eq!(is_reading(&streamed), has_distance, "{streamed}");
+            let line = ask(&mut board, "centre");
+            println!("{line}");
+            assert!(line.starts_with("x "), "{line}");
+            let (found, claimed) = (number(&line, "x ", " u"), number(&line, " u ", " a "));
+            assert!((0.001..0.01).contains(&claimed), "{line}");
+            assert!((found - centre).abs() < 5.0 * claimed, "{line}");
+            assert!(
+                line.contains(" n 4/4 b ") && line.ends_with(" e t"),
+                "{line}"
+            );
+        }
+        // Of a frame each, and no more.
+        set(&mut board, "stream off");
+        board.run_for(PATIENCE / 20).expect("a run");
+        board.take_lines();
+        board.send("centre\r\ndistance\r\n");
+        board.run_for(PATIENCE / 4).expect("a run");
+        let lines = board.take_lines();
+        let texts: Vec<&str> = lines.iter().map(|line| line.text.as_str()).collect();
+        assert!(
+            matches!(texts[..], [fault, "(`calibration on`; where there is none, upload one or `defaults`)", centre]
+                if fault.starts_with("f not calibrated: x ") && centre.starts_with("x ")),
+            "{texts:#?}"
+        );
+        board.finish().expect("a clean run");
+    }
+}
+
+#[test]
+fn where_there_is_no_centre_its_fault_says_what_to_do() {
+    for (height, fault) in [(0.0, "f no spot: "), (12_000.0, "f saturated: ")] {
+        let (mut board, _) = boot(spot_at(1800.3, height));
+        set(&mut board, "stream off");
+        board.run_for(PATIENCE / 20).expect("a run");
+        board.take_lines();
+        board.send("centre\r\n");
+        board.run_for(PATIENCE / 4).expect("a run");
+        let lines = board.take_lines();
+        let texts: Vec<&str> = lines.iter().map(|line| line.text.as_str()).collect();
+        println!("{texts:?}");
+        assert!(
+            matches!(texts[..], [said, advice] if said.starts_with(fault) && advice.starts_with('(')),
+            "{texts:#?}"
+        );
         board.finish().expect("a clean run");
     }
 }

@@ -12,6 +12,8 @@ mod identical;
 mod kept;
 #[cfg(unix)]
 mod pseudo_terminal;
+mod records;
+mod saving;
 mod scenes;
 mod sensor_head;
 mod serial_line;

@@ -7,6 +7,7 @@ use slitrange::estimator::Estimator;
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use crate::common::{PATIENCE, firmware, paper, results, set, spot_at};
+use crate::records::{longest, upload};
 
 /// What untouched stack holds.
 const PATTERN: u32 = 0xA5C3_5A3C;
@@ -48,11 +49,28 @@ fn the_stack_stays_far_from_the_statics() {
         "info",
         "status",
         "distance",
+        "centre",
+        "calibration",
         "what",
     ] {
         board.send(&format!("{command}\r\n"));
         board.run_for(Duration::from_millis(200)).expect("a run");
     }
+    board.take_lines();
+    // Records are the largest things that are moved: one comes, is kept, and is found again at the next start.
+    upload(&mut board, &longest());
+    for _ in 0..2 {
+        board.send("save\r\n");
+        board
+            .run_until_line(|line| line == "save", PATIENCE)
+            .expect("it is saved");
+        set(&mut board, "defaults");
+    }
+    board.reset_pin().expect("the emulator");
+    board
+        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+        .expect("a banner");
+    set(&mut board, "defaults");
     let deepest = board
         .on_emulator(move |_, host, _| {
             (end..start)

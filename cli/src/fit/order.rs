@@ -1,0 +1,328 @@
+//! What makes points no calibration, whatever curve is sought: too few, repeated, out of order, or centres that go back while
+//! distances go on.
+//!
+//! **Order of the lines.** Distances are what a person or a stage sets: they rise or fall from line to line. A line out of order is
+//! a slip in the file, except where it turns out to be an outlier, a distance that was mistyped: then it is rejected like any other.
+//!
+//! **Centres along the distances** rise or fall as well. Here noise and outliers do not count, and a fold does: that the centre turns
+//! and comes back, so that two distances have one centre. A fold is found where medians of groups of points go back, or five
+//! points in a row by more than their scatter. (A lesser one than that is outliers, which are named.)
+//!
+//! With fewer than ten points nothing can be rejected: any step back counts.
+
+use anyhow::{bail, ensure};
+
+use super::start::median;
+use crate::points::Point;
+
+/// From so many points on outliers are looked for: of fewer, the rest would say too little.
+pub const FEWEST_TO_REJECT: usize = 10;
+
+/// How many points of so many may be rejected: a fifth.
+pub const fn most_rejected(points: usize) -> usize {
+    if points < FEWEST_TO_REJECT {
+        0
+    } else {
+        points / 5
+    }
+}
+
+/// Steps back in a row that make a fold.
+const FOLD: usize = 4;
+
+/// Steps back by less, in standard deviations of their difference, are noise.
+const NOISE: f64 = 6.0;
+
+/// Looks at the points before any fit. Gives the lines that are out of order, which only outliers may be.
+///
+/// # Errors
+/// Says which line and why.
+pub fn before(points: &[Point]) -> anyhow::Result<Vec<OutOfOrder>> {
+    ensure!(
+        points.len() >= 3,
+        "there {} in the file, and eq. (1) has three parameters: take three at least, better 20 or more",
+        match points.len() {
+            0 => "are no points".into(),
+            1 => format!("is one point (line {})", points[0].line),
+            count => format!(
+                "are {count} points (lines {} and {})",
+                points[0].line, points[1].line
+            ),
+        }
+    );
+    repeated(points)?;
+    let out_of_order = out_of_order(points);
+    if let Some(first) = out_of_order.first()
+        && out_of_order.len() > most_rejected(points.len())
+    {
+        bail!("{first}");
+    }
+    if points.len() < FEWEST_TO_REJECT {
+        steps_back(points)?;
+    } else {
+        groups_go_back(points)?;
+    }
+    Ok(out_of_order)
+}
+
+/// Looks at them when it is known which are kept, and how far centres scatter, in pixels.
+///
+/// # Errors
+/// Says which line and why.
+pub fn after(
+    points: &[Point],
+    out_of_order: &[OutOfOrder],
+    kept: &[bool],
+    scatter: &[f64],
+) -> anyhow::Result<()> {
+    if let Some(line) = out_of_order.iter().find(|line| kept[line.index]) {
+        bail!("{line}");
+    }
+    folds(points, scatter)
+}
+
+/// A line whose distance does not go on from those before it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutOfOrder {
+    /// Its place among the points.
+    index: usize,
+    point: Point,
+    /// The line with which it does not go together.
+    other: Point,
+    rise: bool,
+}
+
+impl std::fmt::Display for OutOfOrder {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { point, other, .. } = self;
+        let (after, before) = match point.line > other.line {
+            true => (point, other),
+            false => (other, point),
+        };
+        write!(
+            f,
+            "line {}: its distance, {} mm, comes after the {} mm of line {}, where the others {} from line to line: sort the \
+             lines by distance, or correct it",
+            after.line,
+            after.d_mm,
+            before.d_mm,
+            before.line,
+            if self.rise { "rise" } else { "fall" }
+        )
+    }
+}
+
+/// A centre or a distance twice.
+fn repeated(points: &[Point]) -> anyhow::Result<()> {
+    let twice = |value: fn(&Point) -> f64| {
+        let mut sorted: Vec<&Point> = points.iter().collect();
+        sorted.sort_by(|a, b| value(a).total_cmp(&value(b)).then(a.line.cmp(&b.line)));
+        let pairs = sorted
+            .windows(2)
+            .filter(|pair| value(pair[0]) == value(pair[1]))
+            .map(|pair| (*pair[0], *pair[1]));
+        pairs.min_by_key(|(_, later)| later.line)
+    };
+    if let Some((first, later)) = twice(|point| point.d_mm) {
+        ensure!(
+            first.x_px != later.x_px,
+            "line {} repeats line {}: remove one of them",
+            later.line,
+            first.line
+        );
+        bail!(
+            "line {} has the distance of line {}, {} mm, with another centre: keep one of them, or their mean",
+            later.line,
+            first.line,
+            first.d_mm
+        );
+    }
+    if let Some((first, later)) = twice(|point| point.x_px) {
+        bail!(
+            "line {} has the centre of line {}, {} px, at another distance: no calibration can tell the two apart; take one \
+             of them again, or remove it",
+            later.line,
+            first.line,
+            first.x_px
+        );
+    }
+    Ok(())
+}
+
+/// The lines outside of the longest run of distances that rise, or fall, whichever is longer.
+fn out_of_order(points: &[Point]) -> Vec<OutOfOrder> {
+    let distances = |sign: f64| -> Vec<f64> { points.iter().map(|p| sign * p.d_mm).collect() };
+    let (rising, falling) = (
+        longest_rise(&distances(1.0)),
+        longest_rise(&distances(-1.0)),
+    );
+    let rise = rising.len() >= falling.len();
+    let run = if rise { rising } else { falling };
+    let sign = if rise { 1.0 } else { -1.0 };
+    (0..points.len())
+        .filter(|index| run.binary_search(index).is_err())
+        .map(|index| {
+            let after = run.partition_point(|&member| member < index);
+            // It lies above the next of the run, or below the last.
+            let neighbours = [after.checked_sub(1), Some(after)];
+            let not_in_order = neighbours
+                .into_iter()
+                .flatten()
+                .filter_map(|place| run.get(place).copied())
+                .find(|&member| {
+                    (sign * points[member].d_mm < sign * points[index].d_mm) != (member < index)
+                });
+            OutOfOrder {
+                index,
+                point: points[index],
+                other: points[not_in_order.unwrap_or(index)],
+                rise,
+            }
+        })
+        .collect()
+}
+
+/// The places of the longest run of numbers that rise; of several the one that takes the earliest.
+fn longest_rise(numbers: &[f64]) -> Vec<usize> {
+    // From the end: the largest number that a run of each length may begin with, and how long that from each place is.
+    let mut heads: Vec<f64> = Vec::new();
+    let mut lengths = vec![0; numbers.len()];
+    for (place, &number) in numbers.iter().enumerate().rev() {
+        let length = heads.partition_point(|&head| head > number);
+        match heads.get_mut(length) {
+            Some(head) => *head = number,
+            None => heads.push(number),
+        }
+        lengths[place] = length + 1;
+    }
+    let mut run: Vec<usize> = Vec::new();
+    let mut left = heads.len();
+    for (place, &number) in numbers.iter().enumerate() {
+        if lengths[place] == left && run.last().is_none_or(|&last| numbers[last] < number) {
+            run.push(place);
+            left -= 1;
+        }
+    }
+    run
+}
+
+fn by_distance(points: &[Point]) -> Vec<&Point> {
+    let mut sorted: Vec<&Point> = points.iter().collect();
+    sorted.sort_by(|a, b| a.d_mm.total_cmp(&b.d_mm));
+    sorted
+}
+
+/// Few points: each goes on from the one before.
+fn steps_back(points: &[Point]) -> anyhow::Result<()> {
+    let sorted = by_distance(points);
+    let centres = |sign: f64| -> Vec<f64> { sorted.iter().map(|p| sign * p.x_px).collect() };
+    let (rising, falling) = (longest_rise(&centres(1.0)), longest_rise(&centres(-1.0)));
+    let (run, sign) = match rising.len() >= falling.len() {
+        true => (rising, 1.0),
+        false => (falling, -1.0),
+    };
+    if run.len() == sorted.len() {
+        return Ok(());
+    }
+    let pair = sorted
+        .windows(2)
+        .find(|pair| sign * pair[1].x_px < sign * pair[0].x_px);
+    if let Some([near, far]) = pair {
+        bail!(
+            "line {}: its centre, {} px, goes back from the {} px of line {} while the distance goes on from {} to {} mm: take it \
+             again, or leave it out (a wrong point can be told from good ones where there are {FEWEST_TO_REJECT} or more)",
+            far.line,
+            far.x_px,
+            near.x_px,
+            near.line,
+            near.d_mm,
+            far.d_mm
+        );
+    }
+    Ok(())
+}
+
+/// Many points: the medians of three to six groups of them go on.
+fn groups_go_back(points: &[Point]) -> anyhow::Result<()> {
+    let sorted = by_distance(points);
+    let count = (sorted.len() / 10).clamp(3, 6);
+    let groups: Vec<&[&Point]> = (0..count)
+        .map(|i| &sorted[i * sorted.len() / count..(i + 1) * sorted.len() / count])
+        .collect();
+    let medians: Vec<f64> = groups
+        .iter()
+        .map(|group| median(&mut group.iter().map(|point| point.x_px).collect::<Vec<f64>>()))
+        .collect();
+    let ends = medians[count - 1] - medians[0];
+    let steps: Vec<f64> = medians.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    // The way that most steps go; where as many go either way, that from the first to the last.
+    let up = steps.iter().filter(|step| **step > 0.0).count();
+    let sign = match (2 * up).cmp(&steps.len()) {
+        std::cmp::Ordering::Greater => 1.0,
+        std::cmp::Ordering::Less => -1.0,
+        std::cmp::Ordering::Equal => ends.signum(),
+    };
+    let back = steps.iter().position(|step| sign * step <= 0.0);
+    if let Some(i) = back {
+        bail!(
+            "lines {} and {}: from {} to {} mm the centres go back, from about {:.1} to {:.1} px, where the others go on: two \
+             distances would have one centre; take a range in which the centre only rises or only falls",
+            groups[i + 1][0].line,
+            groups[i + 1][groups[i + 1].len() - 1].line,
+            groups[i][0].d_mm,
+            groups[i + 1][groups[i + 1].len() - 1].d_mm,
+            medians[i],
+            medians[i + 1]
+        );
+    }
+    Ok(())
+}
+
+/// Five points in a row whose centres go back, each by more than noise makes them.
+fn folds(points: &[Point], scatter: &[f64]) -> anyhow::Result<()> {
+    let mut sorted: Vec<(&Point, f64)> = points.iter().zip(scatter.iter().copied()).collect();
+    sorted.sort_by(|(a, _), (b, _)| a.d_mm.total_cmp(&b.d_mm));
+    let mut centres: Vec<f64> = sorted
+        .windows(2)
+        .map(|pair| pair[1].0.x_px - pair[0].0.x_px)
+        .collect();
+    let sign = median(&mut centres).signum();
+    let goes_back = |pair: &[(&Point, f64)]| {
+        let noise = NOISE * pair[0].1.hypot(pair[1].1);
+        sign * (pair[1].0.x_px - pair[0].0.x_px) < -noise
+    };
+    let fold = sorted
+        .windows(FOLD + 1)
+        .find(|run| run.windows(2).all(goes_back));
+    if let Some([(first, _), .., (last, _)]) = fold {
+        bail!(
+            "lines {} to {}: the centre goes back from {} to {} px while the distance goes on from {} to {} mm: two distances \
+             would have one centre; take a range in which the centre only rises or only falls",
+            first.line,
+            last.line,
+            first.x_px,
+            last.x_px,
+            first.d_mm,
+            last.d_mm
+        );
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_longest_run_is_the_longest() {
+        for (numbers, run) in [
+            (&[1.0, 2.0, 3.0][..], &[0, 1, 2][..]),
+            (&[3.0, 1.0, 2.0, 4.0, 3.5], &[1, 2, 3]),
+            (&[-900.0, -800.0, -850.0, -700.0], &[0, 1, 3]),
+            (&[2.0, 2.0], &[0]),
+            (&[], &[]),
+        ] {
+            assert_eq!(longest_rise(numbers), run, "{numbers:?}");
+        }
+    }
+}

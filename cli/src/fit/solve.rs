@@ -1,0 +1,221 @@
+//! From points to curves: order, outliers, eq. (1), the smooth curve of what it leaves, and which of the two to take.
+
+use anyhow::{Context as _, bail, ensure};
+
+use super::curve::{Curve, Quality, without_each};
+use super::eq1::{self, Observation};
+use super::observed::{Observed, Weights};
+use super::order::{self, FEWEST_TO_REJECT};
+use super::outliers::{self, Verdict};
+use super::spline::{Equations, Grid, Residual};
+use super::start;
+use crate::points::Point;
+
+/// What a calibration is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Form {
+    /// Eq. (1) alone.
+    Eq1,
+    /// Eq. (1) with a table of smoothed residuals.
+    Corrected,
+    /// A table of smoothed distances.
+    Table,
+}
+
+/// Curves through points.
+#[derive(Clone, Debug)]
+pub struct Solved {
+    /// Eq. (1) alone.
+    pub plain: Curve,
+    /// How well it goes with the points.
+    pub plain_quality: Quality,
+    /// Eq. (1) with the smooth curve of what it leaves, where there are ten points, and how well that goes.
+    pub corrected: Option<(Curve, Quality)>,
+    /// How clearly the correction is better: see [`CLEARLY`].
+    pub gain: Option<f64>,
+    /// The points in their order.
+    pub points: Vec<Point>,
+    /// What became of each.
+    pub verdicts: Vec<Verdict>,
+    /// What was known of their errors.
+    pub weights: Weights,
+}
+
+/// How many standard errors a correction must gain to be taken for better than eq. (1) alone.
+pub const CLEARLY: f64 = 2.0;
+
+/// Bends below this many standard uncertainties are those of a straight line.
+const BENT: f64 = 2.0;
+
+/// Rounds in which the points' weights follow the curve's slope.
+const WEIGHT_ROUNDS: usize = 3;
+
+/// Fits both curves to points, with the standard uncertainty of the positions in metres, where it is known.
+///
+/// # Errors
+/// Says which line stands against it, and why.
+pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> {
+    let out_of_order = order::before(points)?;
+    let (all, weights) = Observed::all(points, position);
+    let verdicts = verdicts(&all)?;
+    let kept: Vec<Observed> = all
+        .iter()
+        .zip(&verdicts)
+        .filter(|(_, verdict)| verdict.kept)
+        .map(|(point, _)| *point)
+        .collect();
+    let rejected = || {
+        verdicts
+            .iter()
+            .zip(points)
+            .filter(|(verdict, _)| !verdict.kept)
+    };
+    if all.len() - kept.len() > order::most_rejected(all.len()) {
+        let lines: Vec<String> = rejected()
+            .take(6)
+            .map(|(_, point)| point.line.to_string())
+            .collect();
+        bail!(
+            "{} of {} points lie off the curve that the others make (lines {}{}), more than a fifth: look at what is wrong with \
+             them, or take a range over which the centre follows the distance smoothly",
+            all.len() - kept.len(),
+            all.len(),
+            lines.join(", "),
+            if rejected().count() > 6 { ", ..." } else { "" }
+        );
+    }
+
+    let lines = || {
+        let line = |better: fn(u64, u64) -> u64| kept.iter().map(|point| point.line).reduce(better);
+        format!(
+            "lines {} to {}",
+            line(u64::min).unwrap_or(0),
+            line(u64::max).unwrap_or(0)
+        )
+    };
+    let eq1 = weighted(&kept).with_context(lines)?;
+    let plain = Curve {
+        eq1,
+        correction: None,
+    };
+    let known = weights == Weights::Known;
+    let plain_quality = Quality::of(&plain, &kept, known);
+    let corrected = correct(&plain, &kept).map(|curve| {
+        let quality = Quality::of(&curve, &kept, known);
+        (curve, quality)
+    });
+    let scatter = corrected
+        .as_ref()
+        .and_then(|(_, quality)| quality.scatter)
+        .or(plain_quality.scatter)
+        .unwrap_or(1.0);
+    ensure!(
+        plain.eq1.unit_bend() > BENT * scatter,
+        "{}: a straight line goes through the points as well as eq. (1), whose xp would be at infinity: take a wider range of \
+         distances, or points that scatter less",
+        lines()
+    );
+    let scatter_px: Vec<f64> = all
+        .iter()
+        .map(|point| {
+            scatter * (point.sigma(&plain.eq1.curve) / plain.eq1.curve.slope(point.centre)).abs()
+        })
+        .collect();
+    let is_kept: Vec<bool> = verdicts.iter().map(|verdict| verdict.kept).collect();
+    order::after(points, &out_of_order, &is_kept, &scatter_px)?;
+    let gain = corrected
+        .as_ref()
+        .and_then(|(curve, _)| gain(&plain, curve, &kept));
+    Ok(Solved {
+        plain,
+        plain_quality,
+        corrected,
+        gain,
+        points: points.to_vec(),
+        verdicts,
+        weights,
+    })
+}
+
+/// All are kept where there are too few to reject any.
+fn verdicts(points: &[Observed]) -> anyhow::Result<Vec<Verdict>> {
+    if points.len() < FEWEST_TO_REJECT {
+        let kept = Verdict {
+            off: 0.0,
+            kept: true,
+        };
+        return Ok(vec![kept; points.len()]);
+    }
+    start::robust(points)
+        .and_then(|start| outliers::judge(points, &start))
+        .context("no three of the points lie on an eq. (1): check that distances and centres belong together")
+}
+
+/// Eq. (1) with each point's weight from the curve's slope there.
+fn weighted(points: &[Observed]) -> anyhow::Result<eq1::Fit> {
+    let alike: Vec<Observation> = points
+        .iter()
+        .map(|point| Observation::from((point.centre, point.distance)))
+        .collect();
+    let mut fit = eq1::fit_weighted(&alike)?;
+    for _ in 0..WEIGHT_ROUNDS {
+        let weighted: Vec<Observation> = points
+            .iter()
+            .map(|point| point.observation(&fit.curve))
+            .collect();
+        fit = eq1::fit_weighted(&weighted)?;
+    }
+    Ok(fit)
+}
+
+/// Eq. (1) with the smooth curve of what it leaves. `None` where there are too few points for one.
+fn correct(plain: &Curve, points: &[Observed]) -> Option<Curve> {
+    if points.len() < FEWEST_TO_REJECT {
+        return None;
+    }
+    let curve = plain.eq1.curve;
+    let (first, last) = plain.eq1.valid;
+    let ends = (curve.distance(first), curve.distance(last));
+    let grid = Grid::new(ends.0.min(ends.1), ends.0.max(ends.1), points.len());
+    let residuals = points.iter().map(|point| Residual {
+        at: curve.distance(point.centre),
+        value: point.residual(&curve),
+        weight: 1.0 / point.sigma(&curve).powi(2),
+    });
+    let equations = Equations::new(grid, residuals, points.len() as f64);
+    Some(Curve {
+        eq1: plain.eq1.clone(),
+        correction: Some(equations.solve(equations.best_penalty()?)?),
+    })
+}
+
+/// By how many of its standard errors the corrected curve's cross-validated error lies below that of eq. (1) alone. `None` where a
+/// point alone holds one of the curves, or both are the same.
+fn gain(plain: &Curve, corrected: &Curve, points: &[Observed]) -> Option<f64> {
+    let (before, after) = (
+        without_each(plain, points)?,
+        without_each(corrected, points)?,
+    );
+    let gains: Vec<f64> = points
+        .iter()
+        .zip(before.iter().zip(&after))
+        .map(|(point, (before, after))| {
+            (before.powi(2) - after.powi(2)) / point.sigma(&plain.eq1.curve).powi(2)
+        })
+        .collect();
+    let count = gains.len() as f64;
+    let mean = gains.iter().sum::<f64>() / count;
+    let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    (variance > 0.0).then(|| mean / (variance / count).sqrt())
+}
+
+impl Solved {
+    /// The form to take: the corrected one where its cross-validated error is clearly lower, by [`CLEARLY`] times its standard error.
+    pub fn better(&self) -> Form {
+        match self.gain {
+            Some(gain) if gain > CLEARLY => Form::Corrected,
+            _ => Form::Eq1,
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! Eq. (1) to begin with, which no outlier can move: of curves through three points each, that with the least median of residuals
+//! (P. Rousseeuw, 1984). It holds as long as more than half of the points are good.
+
+use super::eq1::Eq1;
+use super::observed::Observed;
+
+/// Curves that are tried. Where a fifth of the points are bad, half of the triples have none of them.
+const TRIES: usize = 300;
+
+/// The curve through three points, one from each third of the distances, from which half of the points differ least. `None` where
+/// no three points give a curve.
+pub fn robust(points: &[Observed]) -> Option<Eq1> {
+    let mut by_distance: Vec<&Observed> = points.iter().collect();
+    by_distance.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+    let third = points.len() / 3;
+    let (near, rest) = by_distance.split_at(third);
+    let (middle, far) = rest.split_at(rest.len() - third);
+    // Numerical Recipes' generator: always the same triples for the same number of points.
+    let mut random = 1u32;
+    let mut one_of = |part: &[&Observed]| {
+        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let point = part.get((random >> 8) as usize % part.len().max(1))?;
+        Some((point.centre, point.distance))
+    };
+    (0..TRIES)
+        .filter_map(|_| Eq1::through([one_of(near)?, one_of(middle)?, one_of(far)?]))
+        .map(|curve| {
+            let mut residuals: Vec<f64> = points
+                .iter()
+                .map(|point| (point.residual(&curve) / point.sigma(&curve)).abs())
+                .collect();
+            (median(&mut residuals), curve)
+        })
+        .min_by(|(a, _), (b, _)| a.total_cmp(b))
+        .map(|(_, curve)| curve)
+}
+
+/// The median of numbers, which it puts in another order; infinite where there are none.
+pub fn median(numbers: &mut [f64]) -> f64 {
+    let middle = numbers.len() / 2;
+    if numbers.is_empty() {
+        return f64::INFINITY;
+    }
+    let (below, upper, _) = numbers.select_nth_unstable_by(middle, f64::total_cmp);
+    let upper = *upper;
+    let lower = below.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if numbers.len() % 2 == 1 {
+        upper
+    } else {
+        0.5 * (lower + upper)
+    }
+}

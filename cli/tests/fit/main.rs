@@ -1,0 +1,4 @@
+//! `slitrange calibrate fit` against known truth.
+
+mod accuracy;
+mod truth;

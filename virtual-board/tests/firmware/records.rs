@@ -1,0 +1,167 @@
+//! Calibrations of every kind, and how they come to the board and back.
+
+use slitrange::black_level::BlackLevel;
+use slitrange::calibration::Calibration;
+use slitrange::calibration::date::Date;
+use slitrange::calibration::knots::{Interpolation, Knot, MAX_LINEAR};
+use slitrange::calibration::record::Record;
+use slitrange::calibration::residuals::Corrected;
+use slitrange::calibration::table::Table;
+use slitrange::calibration::written::Written;
+use slitrange::estimator::Estimator;
+use slitrange::protocol::calibration::{Shown, Stored};
+use slitrange::protocol::piece::{PIECE, Piece};
+use slitrange::sensor_heads;
+use slitrange::triangulation::{Eq1, NOMINAL};
+use slitrange::units::{Counts, Micrometres, Pixels};
+use virtual_board::VirtualBoard;
+
+use crate::common::{PATIENCE, ask, is_result, number, set};
+
+/// A pixel at which each of [`every_kind`] is valid.
+pub const CENTRE: f64 = 2300.4;
+
+/// The record of a sensor of its own with that calibration, on other settings than a start's.
+pub fn record(calibration: Calibration) -> Record {
+    Record {
+        serial_number: 4_000_000_711,
+        date: Date::new(2026, 11, 21).expect("a day"),
+        geometry: sensor_heads::tcd1304dg(),
+        estimator: Estimator::Adaptive,
+        black_level: BlackLevel::Fixed(Counts::from_int(300)),
+        calibration,
+    }
+}
+
+pub fn written(record: Record) -> Written {
+    Written::new(record).expect("a record")
+}
+
+/// A sensor's own eq. (1): the nominal one, but for a millimetre.
+pub fn eq1() -> Written {
+    let nominal = NOMINAL.expect("a curve");
+    let (first, last) = nominal.valid();
+    let d = Micrometres::from_bits(nominal.d().to_bits() + Micrometres::from_int(1000).to_bits());
+    let curve = Eq1::new(d, nominal.k(), nominal.pole(), first..=last);
+    written(record(Calibration::Eq1(curve.expect("a curve"))))
+}
+
+/// Eq. (1), tables and residuals of either interpolation, and the longest record that this sensor can have.
+pub fn every_kind() -> [Written; 6] {
+    let nominal = NOMINAL.expect("a curve");
+    let distance = |centre| nominal.distance_at(centre).expect("in range").0;
+    // Bent by a third of a millimetre.
+    let residual = |centre: Pixels| Micrometres::from_f32(300.7 * (centre.to_f32() / 211.3).sin());
+    let table = |interpolation| {
+        let table = Table::new(interpolation, &knots(33, distance));
+        written(record(Calibration::Table(table.expect("a table"))))
+    };
+    let corrected = |interpolation| {
+        let corrected = Corrected::new(nominal.clone(), interpolation, &knots(21, residual));
+        written(record(Calibration::Corrected(corrected.expect("usable"))))
+    };
+    [
+        eq1(),
+        table(Interpolation::Linear),
+        table(Interpolation::Cubic),
+        corrected(Interpolation::Linear),
+        corrected(Interpolation::Cubic),
+        longest(),
+    ]
+}
+
+/// Knots over the nominal range, at places that are no round numbers.
+fn knots(count: i32, value: impl Fn(Pixels) -> Micrometres) -> Vec<Knot> {
+    let (first, last) = NOMINAL.expect("a curve").valid();
+    let step = (last.to_bits() - first.to_bits()) / (count - 1);
+    (0..count)
+        .map(|i| Pixels::from_bits(first.to_bits() + i * step))
+        .map(|centre| Knot {
+            centre,
+            value: value(centre),
+        })
+        .collect()
+}
+
+/// As many knots as there may be; centres beyond 2048 pixels, residuals beyond 0.52 m and a K of 55 bits take all the bytes that they
+/// can.
+pub fn longest() -> Written {
+    let knots: Vec<Knot> = (0..MAX_LINEAR as i32)
+        .map(|i| Knot {
+            centre: Pixels::from_bits((2048 << 16) + i * 400_000),
+            value: Micrometres::from_int(2_000_000 + i),
+        })
+        .collect();
+    let (first, last) = (knots[0].centre, knots[MAX_LINEAR - 1].centre);
+    let curve = Eq1::new(
+        Micrometres::from_int(-8_000_000),
+        1 << 54,
+        Pixels::from_int(-32_768),
+        first..=last,
+    );
+    let corrected = Corrected::new(curve.expect("a curve"), Interpolation::Linear, &knots);
+    written(record(Calibration::Corrected(corrected.expect("usable"))))
+}
+
+pub fn pieces(bytes: &[u8]) -> Vec<Piece> {
+    (0..bytes.len())
+        .step_by(PIECE)
+        .map(|offset| Piece::of(bytes, offset as u16).expect("a piece"))
+        .collect()
+}
+
+/// Sends all of a record but the commit.
+pub fn send(board: &mut VirtualBoard, bytes: &[u8]) {
+    set(board, &format!("calibration begin {}", bytes.len()));
+    for piece in pieces(bytes) {
+        set(board, &piece.to_string());
+    }
+}
+
+pub fn upload(board: &mut VirtualBoard, written: &Written) {
+    send(board, written.bytes());
+    set(board, "calibration commit");
+}
+
+/// The record in use, read piece by piece.
+pub fn read_back(board: &mut VirtualBoard) -> Vec<u8> {
+    let shown = shown(board);
+    let length = number(&shown[3], "calibration record ", " ") as usize;
+    let mut bytes = Vec::new();
+    while bytes.len() < length {
+        let offset = bytes.len() as u16;
+        let line = ask(board, &format!("calibration data {offset}"));
+        let words: Vec<&str> = line.split(' ').collect();
+        let ["calibration", "data", offset, digits, sum] = words[..] else {
+            panic!("{line}");
+        };
+        let piece = Piece::parse(offset, digits, sum).expect("a piece");
+        bytes.extend_from_slice(piece.bytes());
+    }
+    bytes
+}
+
+/// The answer to `calibration`.
+pub fn shown(board: &mut VirtualBoard) -> Vec<String> {
+    let mut lines = vec![ask(board, "calibration")];
+    while lines
+        .last()
+        .is_some_and(|line| !line.starts_with("calibration stored "))
+    {
+        let line = board.run_until_line(|line| !is_result(line), PATIENCE);
+        lines.push(line.expect("a line").text);
+    }
+    lines
+}
+
+/// It is what the core says of that record.
+pub fn assert_shown(board: &mut VirtualBoard, written: Option<&Written>, stored: Stored) {
+    let expected = Shown {
+        written,
+        on: true,
+        stored,
+    }
+    .to_string();
+    let expected: Vec<&str> = expected.split("\r\n").collect();
+    assert_eq!(shown(board), expected);
+}

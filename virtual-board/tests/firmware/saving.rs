@@ -1,0 +1,312 @@
+//! What is in use outlives a power cycle once it is saved; what cannot be read again is not replaced by what might be wrong.
+
+use std::time::Duration;
+
+use slitrange::calibration::record::Record;
+use slitrange::calibration::written::Written;
+use slitrange::measurement::Settings;
+use slitrange::protocol::calibration::Stored;
+use slitrange::protocol::refusal::Refusal;
+use slitrange::row::Geometry;
+use slitrange::sensor_heads;
+use slitrange::store::StoreError;
+use slitrange::store::saved::Saved;
+use virtual_board::flash::{BYTES, Contents, SharedFlash};
+use virtual_board::{LightSource, Line, VirtualBoard};
+
+use crate::common::{
+    PATIENCE, Status, ask, boot, firmware, fresh_results, is_reading, is_result, measuring, number,
+    paper, set, spot_at,
+};
+use crate::kept;
+use crate::records::{assert_shown, eq1, longest, read_back, shown, upload};
+
+/// Longer than erasing a sector takes, 400 ms here.
+const SAVING: Duration = Duration::from_millis(900);
+
+/// Saves, and gives both lines of the answer.
+fn save(board: &mut VirtualBoard) -> [Line; 2] {
+    board.send("save\r\n");
+    let mut next = || {
+        board
+            .run_until_line(|line| !is_result(line), SAVING)
+            .expect("an answer")
+    };
+    let lines = [next(), next()];
+    assert_eq!(lines[0].text, "save pauses the stream");
+    lines
+}
+
+/// Saves, and it goes well.
+fn save_well(board: &mut VirtualBoard) {
+    assert_eq!(save(board)[1].text, "save");
+}
+
+fn boot_with(flash: SharedFlash, light: LightSource) -> VirtualBoard {
+    let mut board =
+        VirtualBoard::power_on_with_flash(firmware(), light, flash).expect("the board starts");
+    board
+        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+        .expect("a banner");
+    board
+}
+
+/// Takes the power away, and gives it back.
+fn power_cycle(board: VirtualBoard) -> VirtualBoard {
+    let flash = board.flash().clone();
+    board.finish().expect("a clean run");
+    boot_with(flash, paper())
+}
+
+const NOTHING_LOST: [&str; 5] = [
+    "rows lost",
+    "rows failed",
+    "lines dropped",
+    "fault sensor silent",
+    "serial overrun",
+];
+
+#[test]
+fn what_was_saved_is_in_use_after_a_power_cycle() {
+    let mut board = measuring(4);
+    let own = eq1();
+    upload(&mut board, &own);
+    for command in ["rows 7", "mean plain", "estimator robust"] {
+        set(&mut board, command);
+    }
+    assert_shown(&mut board, Some(&own), Stored::Nothing);
+    save_well(&mut board);
+    let stored = Stored::Record(own.sum());
+    assert_shown(&mut board, Some(&own), stored);
+    Status::ask(&mut board).assert_none(&NOTHING_LOST);
+
+    // What is not saved is not kept.
+    let nominal = Written::nominal().expect("a record");
+    set(&mut board, "defaults");
+    assert_shown(&mut board, Some(&nominal), stored);
+    let mut board = power_cycle(board);
+    assert_shown(&mut board, Some(&own), stored);
+    assert_eq!(read_back(&mut board), own.bytes());
+    for command in [
+        "rows 7",
+        "mean plain",
+        "estimator robust",
+        "black fixed 300",
+    ] {
+        let (name, _) = command.split_once(' ').expect("a value");
+        assert_eq!(ask(&mut board, name), command);
+    }
+    let reading = fresh_results(&mut board, 1).remove(0);
+    println!("{reading}");
+    assert!(is_reading(&reading) && reading.contains("/7 "), "{reading}");
+
+    // Back to the factory's, for good.
+    set(&mut board, "defaults");
+    save_well(&mut board);
+    let mut board = power_cycle(board);
+    assert_shown(&mut board, Some(&nominal), Stored::Record(nominal.sum()));
+    assert_eq!(ask(&mut board, "rows"), "rows 16");
+    Status::ask(&mut board).assert_none(&NOTHING_LOST);
+    board.finish().expect("a clean run");
+}
+
+/// The longest record, again and again: the first sector is full after six of them, and the other one is erased. The target goes
+/// elsewhere in each pause.
+#[test]
+fn saving_pauses_the_stream_and_nothing_else() {
+    let (mut board, _) = boot(spot_at(2300.4, 2000.0));
+    let own = longest();
+    upload(&mut board, &own);
+    let mut erased = 0;
+    for rows in 1..=8 {
+        set(&mut board, &format!("rows {rows}"));
+        fresh_results(&mut board, 1);
+        board.flash().take_history();
+        board.take_lines();
+        board.send("save\r\n");
+        let await_line = |board: &mut VirtualBoard, wanted: &str| {
+            let line = board.run_until_line(|line| line == wanted, SAVING);
+            line.expect("an answer").at
+        };
+        let paused = await_line(&mut board, "save pauses the stream");
+        let centre = 2300.4 + 10.0 * f64::from(rows);
+        board.set_light(spot_at(centre, 2000.0));
+        let done = await_line(&mut board, "save");
+        board.run_until_rows(40, PATIENCE).expect("rows");
+
+        let lasted = (done - paused) / 1_000_000;
+        let operations = board.flash().operation_count();
+        println!("{rows} rows in a frame: {lasted} ms, {operations} operations");
+        // Words of 2.6 KB with what the store adds, and perhaps an erase, which takes 400 ms.
+        assert!((650..700).contains(&operations), "{operations}");
+        erased += usize::from(lasted > 350);
+        let lines = board.take_lines();
+        let results: Vec<&Line> = lines.iter().filter(|line| is_result(&line.text)).collect();
+        assert!(
+            !results
+                .iter()
+                .any(|line| (paused..=done).contains(&line.at)),
+            "{results:#?}"
+        );
+        // No frame has rows of before and after. One of before may have waited for the line.
+        let after: Vec<&&Line> = results.iter().filter(|line| line.at > done).collect();
+        assert!(after.len() >= 4, "{results:#?}");
+        for line in &after[1..] {
+            assert!(is_reading(&line.text), "{results:#?}");
+            let found = number(&line.text, " x ", " a ");
+            assert!((found - centre).abs() < 0.2, "{results:#?}");
+        }
+    }
+    assert_eq!(erased, 2);
+    board.flash().take_history();
+    save_well(&mut board);
+    let again = board.flash().operation_count();
+    assert_eq!(again, 0, "just that was saved already");
+    assert_eq!(board.resets().expect("resets"), []);
+    Status::ask(&mut board).assert_none(&NOTHING_LOST);
+    let mut board = power_cycle(board);
+    assert_shown(&mut board, Some(&own), Stored::Record(own.sum()));
+    assert_eq!(ask(&mut board, "rows"), "rows 8");
+    board.finish().expect("a clean run");
+}
+
+/// The longest frame lasts 365 ms, and the erase another 400: the watchdog sees life all the time.
+#[test]
+fn the_watchdog_waits_for_an_erase() {
+    let mut board = measuring(64);
+    for command in ["distance", "centre"] {
+        board.send(&format!("{command}\r\n"));
+    }
+    // To just before the frame's end.
+    fresh_results(&mut board, 1);
+    board.run_for(Duration::from_millis(330)).expect("a run");
+    save_well(&mut board);
+    let reading = fresh_results(&mut board, 1).remove(0);
+    assert!(reading.contains(" n 64/64 "), "{reading}");
+    board.run_for(2 * PATIENCE).expect("a run");
+    assert_eq!(board.resets().expect("resets"), []);
+    Status::ask(&mut board).assert_none(&NOTHING_LOST);
+    board.finish().expect("a clean run");
+}
+
+/// The core's register by which interrupts are switched off (NVIC_ICER0), and the flash's one there (RM0090 table 62).
+const FLASH_INTERRUPT_OFF: (u64, u32) = (0xE000_E180, 1 << 4);
+
+/// An upset of a register, after which nobody hears of the end of the erase.
+#[test]
+fn a_flash_that_never_answers_is_ended_by_the_watchdog() {
+    let mut board = measuring(4);
+    fresh_results(&mut board, 1);
+    board.send("save\r\n");
+    board
+        .run_until_line(|line| line == "save pauses the stream", PATIENCE)
+        .expect("a pause");
+    board.run_for(Duration::from_millis(100)).expect("a run");
+    let (register, word) = FLASH_INTERRUPT_OFF;
+    board.probe_writes(register, word);
+    let banner = board
+        .run_until_line(|line| line.contains("slitrange "), 3 * PATIENCE)
+        .expect("a banner");
+    assert!(banner.text.ends_with("started by watchdog"), "{banner}");
+    assert_eq!(
+        shown(&mut board).last().map(String::as_str),
+        Some("calibration stored none")
+    );
+    save_well(&mut board);
+    board.finish().expect("a clean run");
+}
+
+/// What the flash was told never reaches it.
+#[test]
+fn what_the_flash_does_not_keep_is_said_and_what_was_saved_before_holds() {
+    let mut board = measuring(4);
+    let own = eq1();
+    upload(&mut board, &own);
+    save_well(&mut board);
+    upload(&mut board, &longest());
+    board.flash().cut_power_after(0);
+    let refusal = Refusal::NotSaved(StoreError::Worn);
+    assert_eq!(save(&mut board)[1].text, refusal.to_string());
+    let stored = Stored::Record(own.sum());
+    assert_shown(&mut board, Some(&longest()), stored);
+    let mut board = power_cycle(board);
+    assert_shown(&mut board, Some(&own), stored);
+    assert_eq!(ask(&mut board, "rows"), "rows 4");
+    board.finish().expect("a clean run");
+}
+
+/// Nothing usable is left of what was saved: centres only, until somebody decides.
+#[test]
+fn without_a_usable_calibration_there_is_no_distance() {
+    let damaged = Contents::new(vec![0x5A; BYTES]).expect("two sectors");
+    let other_head = Record {
+        geometry: Geometry {
+            shot_variance_per_count_q16: 1,
+            ..sensor_heads::tcd1304dg()
+        },
+        ..eq1().record().clone()
+    };
+    let mut of_another_head = Contents::erased();
+    kept::save(
+        &mut of_another_head,
+        &Saved {
+            settings: Settings {
+                rows: 5,
+                mean: slitrange::frame::Mean::Plain,
+                estimator: other_head.estimator,
+                black_level: other_head.black_level,
+            },
+            record: Some(other_head),
+        },
+    );
+    for (contents, stored, rows) in [
+        (damaged, Stored::Damaged, 16),
+        (of_another_head, Stored::OtherSensor, 5),
+    ] {
+        let mut board = boot_with(SharedFlash::holding(contents), paper());
+        assert_shown(&mut board, None, stored);
+        assert_eq!(ask(&mut board, "rows"), format!("rows {rows}"));
+        let lines = fresh_results(&mut board, 2);
+        assert!(
+            lines
+                .iter()
+                .all(|line| line.starts_with("f not calibrated: x ")),
+            "{lines:#?}"
+        );
+        let centre = ask(&mut board, "centre");
+        // Of the nominal geometry at 0.80 m.
+        assert!(
+            (number(&centre, "x ", " u") - 1771.0).abs() < 0.1,
+            "{centre}"
+        );
+        for command in ["calibration on", "calibration data 0", "save"] {
+            let refusal = Refusal::NoCalibration.to_string();
+            assert_eq!(ask(&mut board, command), refusal, "{command}");
+        }
+        assert_eq!(board.flash().operation_count(), 0);
+
+        let own = eq1();
+        upload(&mut board, &own);
+        assert_shown(&mut board, Some(&own), stored);
+        assert!(is_reading(&fresh_results(&mut board, 1)[0]));
+        save_well(&mut board);
+        let mut board = power_cycle(board);
+        assert_shown(&mut board, Some(&own), Stored::Record(own.sum()));
+        board.finish().expect("a clean run");
+    }
+}
+
+/// `defaults` is the other way out.
+#[test]
+fn the_nominal_calibration_is_used_where_it_is_asked_for() {
+    let damaged = Contents::new(vec![0x5A; BYTES]).expect("two sectors");
+    let mut board = boot_with(SharedFlash::holding(damaged), paper());
+    set(&mut board, "defaults");
+    let nominal = Written::nominal().expect("a record");
+    assert_shown(&mut board, Some(&nominal), Stored::Damaged);
+    save_well(&mut board);
+    let mut board = power_cycle(board);
+    assert_shown(&mut board, Some(&nominal), Stored::Record(nominal.sum()));
+    assert!(is_reading(&fresh_results(&mut board, 1)[0]));
+    board.finish().expect("a clean run");
+}
