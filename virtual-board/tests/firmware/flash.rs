@@ -1,26 +1,25 @@
-//! What is saved stays over a power cycle, whatever happens to the power and to the flash.
+//! What was saved stays, whatever happens to the power and to the flash: power cuts, resets and flipped bits.
 
 use std::sync::OnceLock;
 use std::time::Duration;
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use slitrange::calibration::written::Written;
 use slitrange::frame::Mean;
 use slitrange::measurement::Settings;
 use slitrange::store::Kept;
 use slitrange::store::saved::Saved;
-use virtual_board::flash::{BASE, Contents, History, Operation, SECTOR_BYTES};
-use virtual_board::{Line, SharedFlash, VirtualBoard};
+use virtual_board::flash::{BASE, Contents, History, Operation};
+use virtual_board::{SharedFlash, VirtualBoard};
 
-use crate::common::{PATIENCE, ask, firmware, is_result, paper, set};
+use crate::common::{PATIENCE, firmware, set, spot_at};
 use crate::kept;
-use crate::records::{longest, upload};
+use crate::records::{CENTRE, longest, upload};
 
 /// Virtual time that a save takes at most: an erase of 800 ms (DS9405 table 48), and the words of the longest record.
 const SAVE: Duration = Duration::from_secs(2);
 
-/// What a sensor has saved that was set to `rows` rows, with the longest record of the tests.
+/// What a sensor with the longest record has saved that was set to `rows` rows.
 fn saved(rows: u16) -> Saved {
     let record = longest().record().clone();
     Saved {
@@ -34,7 +33,7 @@ fn saved(rows: u16) -> Saved {
     }
 }
 
-/// How often that fits into a sector: 16 KB over 2.7.
+/// How often that fits into a sector: 16 KB over 2.6.
 const IN_A_SECTOR: u16 = 6;
 
 /// Flash to which so many of these were saved, with 1, 2, 3 rows and so on.
@@ -48,8 +47,9 @@ fn with_saves(count: u16) -> SharedFlash {
 
 /// A board that is powered on with what `flash` has, and has said its banner.
 fn power_on(flash: &SharedFlash) -> VirtualBoard {
-    let mut board = VirtualBoard::power_on_with_flash(firmware(), paper(), flash.clone())
-        .expect("the board starts");
+    let mut board =
+        VirtualBoard::power_on_with_flash(firmware(), spot_at(CENTRE, 2000.0), flash.clone())
+            .expect("the board starts");
     await_banner(&mut board);
     board
 }
@@ -61,18 +61,13 @@ fn await_banner(board: &mut VirtualBoard) {
         .expect("a banner");
 }
 
-/// Saves, and gives the answer's two lines.
-fn save(board: &mut VirtualBoard) -> [Line; 2] {
+fn save(board: &mut VirtualBoard) {
     board.send("save\r\n");
-    let mut next = |timeout| {
+    for expected in ["save pauses the stream", "save"] {
         board
-            .run_until_line(|line| !is_result(line), timeout)
-            .expect("an answer")
-    };
-    let lines = [next(PATIENCE), next(SAVE)];
-    let text = [0, 1].map(|i| lines[i].text.as_str());
-    assert_eq!(text, ["save pauses the stream", "save"]);
-    lines
+            .run_until_line(|line| line == expected, SAVE)
+            .expect("an answer");
+    }
 }
 
 /// What the firmware does to flash in a save.
@@ -100,8 +95,7 @@ impl Saves {
 fn first_save() -> History {
     let flash = SharedFlash::default();
     let mut board = power_on(&flash);
-    let record = saved(1).record.expect("a record");
-    upload(&mut board, &Written::new(record).expect("a usable one"));
+    upload(&mut board, &longest());
     set(&mut board, "rows 20");
     assert_eq!(flash.operation_count(), 0, "that touches no flash");
     save(&mut board);
@@ -118,8 +112,8 @@ fn save_over(flash: &SharedFlash) -> History {
     flash.take_history()
 }
 
-fn erases(history: &History) -> [usize; 2] {
-    [12, 13].map(|sector| history.erases_of(sector))
+fn erases(history: &History) -> usize {
+    history.erases_of(12) + history.erases_of(13)
 }
 
 /// The power is cut between the first so many operations and the next, or during the next.
@@ -152,29 +146,6 @@ fn assert_board_starts_with(contents: &Contents) {
     board.finish().expect("a clean run");
 }
 
-#[test]
-fn what_was_saved_is_used_after_a_power_cycle_and_after_a_reset() {
-    let history = &Saves::of_the_firmware().first_ever;
-    let contents = history.after(history.operations().len());
-    let kept = Kept::Saved(saved(20));
-    assert!(kept::read(&contents) == kept);
-    let flash = SharedFlash::holding(contents);
-    let mut board = power_on(&flash);
-    kept::assert_in_use(&mut board, &kept);
-    assert_eq!(ask(&mut board, "estimator"), "estimator adaptive");
-    assert_eq!(ask(&mut board, "black"), "black fixed 300");
-
-    // Set and not saved.
-    set(&mut board, "rows 2");
-    set(&mut board, "estimator centroid");
-    board.reset_pin().expect("the emulator");
-    await_banner(&mut board);
-    kept::assert_in_use(&mut board, &kept);
-    assert_eq!(ask(&mut board, "estimator"), "estimator adaptive");
-    assert_eq!(flash.operation_count(), 0, "a start only reads");
-    board.finish().expect("a clean run");
-}
-
 /// After each operation of a save, and torn in the middle of each, what was saved before is there or what is being saved, whole; and once
 /// the new is there, it stays.
 #[test]
@@ -184,8 +155,8 @@ fn a_power_cut_at_any_operation_leaves_the_old_or_the_new() {
 
     let saves = Saves::of_the_firmware();
     for (what, history, erased) in [
-        ("without an erase", &saves.without_erase, [0, 0]),
-        ("with an erase", &saves.with_erase, [1, 0]),
+        ("without an erase", &saves.without_erase, 0),
+        ("with an erase", &saves.with_erase, 1),
     ] {
         assert_eq!(erases(history), erased);
         let [old, new] = before_and_after(history);
@@ -217,7 +188,7 @@ fn a_power_cut_at_any_operation_leaves_the_old_or_the_new() {
             torn.len(),
             new(&torn)
         );
-        assert!(count > 500, "{count} operations");
+        assert!(count > 600, "{count} operations");
     }
 }
 
@@ -263,7 +234,7 @@ fn a_board_starts_with_what_a_power_cut_left() {
 
 /// A start after each operation. It takes an hour or so: a start and its answers are three seconds of computation.
 #[test]
-#[ignore = "starts a board 1124 times"]
+#[ignore = "starts a board 1300 times"]
 fn a_board_starts_with_what_any_power_cut_left() {
     let saves = Saves::of_the_firmware();
     for history in [&saves.without_erase, &saves.with_erase] {
@@ -340,8 +311,9 @@ fn a_flipped_bit_is_found() {
         assert_eq!(kept::saved_in(&contents), old, "at {place}");
         assert_board_starts_with(&contents);
     }
-    // The first item begins in the second word of the second sector.
-    for offset in [20, 1000].map(|offset| SECTOR_BYTES + offset) {
+    // A word before the older item marks its sector as used.
+    let used = (before.bytes().iter()).position(|&byte| byte != 0xFF);
+    for offset in [20, 1000].map(|offset| used.expect("an item") + offset) {
         let contents = flipped(&after, offset);
         assert_eq!(kept::saved_in(&contents), new);
         assert_board_starts_with(&contents);

@@ -5,13 +5,14 @@ use std::convert::Infallible;
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use slitrange::calibration::written::Written;
-use slitrange::protocol::calibration::{Shown, Stored};
+use slitrange::protocol::calibration::Stored;
 use slitrange::store::saved::Saved;
 use slitrange::store::{Kept, Store};
 use virtual_board::VirtualBoard;
 use virtual_board::flash::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES};
 
-use crate::common::{ask, ask_for_lines, fresh_results, is_reading};
+use crate::common::{ask, fresh_results, is_reading};
+use crate::records::assert_shown;
 
 /// Saves to `contents` as the firmware does.
 pub fn save(contents: &mut Contents, saved: &Saved) {
@@ -51,15 +52,7 @@ pub fn assert_in_use(board: &mut VirtualBoard, kept: &Kept) {
         (Kept::Nothing, _) => Stored::Nothing,
         _ => Stored::Damaged,
     };
-    let shown = Shown {
-        written: calibration.as_ref(),
-        on: true,
-        stored,
-    }
-    .to_string();
-    let shown: Vec<&str> = shown.split("\r\n").collect();
-    assert_eq!(ask_for_lines(board, "calibration", shown.len()), shown);
-
+    assert_shown(board, calibration.as_ref(), stored);
     if let Kept::Saved(saved) = kept {
         assert_eq!(ask(board, "rows"), format!("rows {}", saved.settings.rows));
     }

@@ -1,11 +1,7 @@
 //! What is in use outlives a power cycle once it is saved; what cannot be read again is not replaced by what might be wrong.
 
-use std::future::Future;
-use std::pin::pin;
-use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 
-use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use slitrange::calibration::record::Record;
 use slitrange::calibration::written::Written;
 use slitrange::measurement::Settings;
@@ -13,15 +9,16 @@ use slitrange::protocol::calibration::Stored;
 use slitrange::protocol::refusal::Refusal;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
+use slitrange::store::StoreError;
 use slitrange::store::saved::Saved;
-use slitrange::store::{Store, StoreError};
-use virtual_board::flash::{BYTES, Contents, SECTOR_BYTES, SharedFlash};
+use virtual_board::flash::{BYTES, Contents, SharedFlash};
 use virtual_board::{LightSource, Line, VirtualBoard};
 
 use crate::common::{
     PATIENCE, Status, ask, boot, firmware, fresh_results, is_reading, is_result, measuring, number,
     paper, set, spot_at,
 };
+use crate::kept;
 use crate::records::{assert_shown, eq1, longest, read_back, shown, upload};
 
 /// Longer than erasing a sector takes, 400 ms here.
@@ -124,7 +121,7 @@ fn saving_pauses_the_stream_and_nothing_else() {
     for rows in 1..=8 {
         set(&mut board, &format!("rows {rows}"));
         fresh_results(&mut board, 1);
-        let _ = board.flash().take_history();
+        board.flash().take_history();
         board.take_lines();
         board.send("save\r\n");
         let await_line = |board: &mut VirtualBoard, wanted: &str| {
@@ -161,7 +158,7 @@ fn saving_pauses_the_stream_and_nothing_else() {
         }
     }
     assert_eq!(erased, 2);
-    let _ = board.flash().take_history();
+    board.flash().take_history();
     save_well(&mut board);
     let again = board.flash().operation_count();
     assert_eq!(again, 0, "just that was saved already");
@@ -249,15 +246,19 @@ fn without_a_usable_calibration_there_is_no_distance() {
         },
         ..eq1().record().clone()
     };
-    let of_another_head = saved_on_this_pc(Saved {
-        settings: Settings {
-            rows: 5,
-            mean: slitrange::frame::Mean::Plain,
-            estimator: other_head.estimator,
-            black_level: other_head.black_level,
+    let mut of_another_head = Contents::erased();
+    kept::save(
+        &mut of_another_head,
+        &Saved {
+            settings: Settings {
+                rows: 5,
+                mean: slitrange::frame::Mean::Plain,
+                estimator: other_head.estimator,
+                black_level: other_head.black_level,
+            },
+            record: Some(other_head),
         },
-        record: Some(other_head),
-    });
+    );
     for (contents, stored, rows) in [
         (damaged, Stored::Damaged, 16),
         (of_another_head, Stored::OtherSensor, 5),
@@ -308,46 +309,4 @@ fn the_nominal_calibration_is_used_where_it_is_asked_for() {
     assert_shown(&mut board, Some(&nominal), Stored::Record(nominal.sum()));
     assert!(is_reading(&fresh_results(&mut board, 1)[0]));
     board.finish().expect("a clean run");
-}
-
-/// The flash that the core's store leaves on this PC.
-fn saved_on_this_pc(saved: Saved) -> Contents {
-    struct Flash([u8; BYTES]);
-    impl ErrorType for Flash {
-        type Error = std::convert::Infallible;
-    }
-    impl ReadNorFlash for Flash {
-        const READ_SIZE: usize = 1;
-        async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
-            bytes.copy_from_slice(&self.0[offset as usize..][..bytes.len()]);
-            Ok(())
-        }
-        fn capacity(&self) -> usize {
-            BYTES
-        }
-    }
-    impl NorFlash for Flash {
-        const WRITE_SIZE: usize = 4;
-        const ERASE_SIZE: usize = SECTOR_BYTES;
-        async fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
-            self.0[from as usize..to as usize].fill(0xFF);
-            Ok(())
-        }
-        async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
-            for (byte, new) in self.0[offset as usize..].iter_mut().zip(bytes) {
-                *byte &= new;
-            }
-            Ok(())
-        }
-    }
-    let mut flash = Flash([0xFF; BYTES]);
-    {
-        let mut store = Store::new(&mut flash);
-        let saving = pin!(store.save(&saved));
-        let Poll::Ready(done) = saving.poll(&mut Context::from_waker(Waker::noop())) else {
-            panic!("this flash never waits");
-        };
-        done.expect("it is saved");
-    }
-    Contents::new(flash.0.to_vec()).expect("two sectors")
 }
