@@ -10,7 +10,7 @@
 //! loses nothing against a fit that knew beforehand which points are good.
 
 use super::eq1::Eq1;
-use super::observed::Observed;
+use super::observed::{Observed, Weights};
 use super::spline::{Equations, Grid, Residual, Spline, most_freedoms, penalties};
 use super::start::median;
 
@@ -44,25 +44,38 @@ pub struct Verdict {
 }
 
 /// Judges points against curves near a start. `None` where there is no smooth curve through them.
-pub fn judge(points: &[Observed], start: &Eq1) -> Option<Vec<Verdict>> {
+///
+/// Where the points' uncertainties are known, their scatter is not taken to be less, however well a curve goes through most of them: of
+/// a dozen points it does so by chance.
+pub fn judge(points: &[Observed], weights: Weights, start: &Eq1) -> Option<Vec<Verdict>> {
+    let least_scatter = match weights {
+        Weights::Known => 1.0,
+        Weights::Alike => 0.0,
+    };
     let residuals: Vec<Judged> = points
         .iter()
         .map(|point| Judged::of(point, start))
         .collect();
     let grid = grid(&residuals)?;
     let (weights, spline) = stiffest(grid, &residuals)?;
-    biweight(grid, &residuals, judge_by(&residuals, &weights, &spline))
+    let first = judge_by(&residuals, &weights, &spline, least_scatter);
+    biweight(grid, &residuals, first, least_scatter)
 }
 
 /// Judges again and again with weights by the verdicts before, until they stay.
-fn biweight(grid: Grid, residuals: &[Judged], first: Vec<Verdict>) -> Option<Vec<Verdict>> {
+fn biweight(
+    grid: Grid,
+    residuals: &[Judged],
+    first: Vec<Verdict>,
+    least_scatter: f64,
+) -> Option<Vec<Verdict>> {
     let mut verdicts = first;
     for _ in 0..ROUNDS {
         let weights: Vec<f64> = verdicts
             .iter()
             .map(|verdict| (1.0 - (verdict.off / REACH).powi(2)).max(0.0).powi(2))
             .collect();
-        let next = judge_with(grid, residuals, &weights)?;
+        let next = judge_with(grid, residuals, &weights, least_scatter)?;
         let same = |(a, b): (&Verdict, &Verdict)| {
             a.kept == b.kept && (!a.kept || (a.off - b.off).abs() < 1e-3)
         };
@@ -75,10 +88,15 @@ fn biweight(grid: Grid, residuals: &[Judged], first: Vec<Verdict>) -> Option<Vec
     Some(verdicts)
 }
 
-fn judge_with(grid: Grid, residuals: &[Judged], weights: &[f64]) -> Option<Vec<Verdict>> {
+fn judge_with(
+    grid: Grid,
+    residuals: &[Judged],
+    weights: &[f64],
+    least_scatter: f64,
+) -> Option<Vec<Verdict>> {
     let equations = equations(grid, residuals, weights);
     let spline = equations.solve(equations.best_penalty()?)?;
-    Some(judge_by(residuals, weights, &spline))
+    Some(judge_by(residuals, weights, &spline, least_scatter))
 }
 
 /// The stiffest curve with the least absolute residuals from which the points are hardly further than from any other, each
@@ -229,14 +247,19 @@ fn without_each(residuals: &[Judged], weights: &[f64], spline: &Spline) -> Vec<(
 }
 
 /// How far each point is from the curve through the others, over its own scatter and that curve's uncertainty together.
-fn judge_by(residuals: &[Judged], weights: &[f64], spline: &Spline) -> Vec<Verdict> {
+fn judge_by(
+    residuals: &[Judged],
+    weights: &[f64],
+    spline: &Spline,
+    least_scatter: f64,
+) -> Vec<Verdict> {
     let without = without_each(residuals, weights, spline);
     let mut off: Vec<f64> = residuals
         .iter()
         .zip(&without)
         .map(|(residual, (off, variance))| off.abs() / (residual.sigma.powi(2) + variance).sqrt())
         .collect();
-    let scatter = BY_MEDIAN * median(&mut off);
+    let scatter = (BY_MEDIAN * median(&mut off)).max(least_scatter);
     residuals
         .iter()
         .zip(&without)

@@ -58,7 +58,7 @@ const WEIGHT_ROUNDS: usize = 3;
 pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> {
     let out_of_order = order::before(points)?;
     let (all, weights) = Observed::all(points, position);
-    let verdicts = verdicts(&all)?;
+    let verdicts = verdicts(&all, weights)?;
     let kept: Vec<Observed> = all
         .iter()
         .zip(&verdicts)
@@ -139,7 +139,7 @@ pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> 
 }
 
 /// All are kept where there are too few to reject any.
-fn verdicts(points: &[Observed]) -> anyhow::Result<Vec<Verdict>> {
+fn verdicts(points: &[Observed], weights: Weights) -> anyhow::Result<Vec<Verdict>> {
     if points.len() < FEWEST_TO_REJECT {
         let kept = Verdict {
             off: 0.0,
@@ -148,7 +148,7 @@ fn verdicts(points: &[Observed]) -> anyhow::Result<Vec<Verdict>> {
         return Ok(vec![kept; points.len()]);
     }
     start::robust(points)
-        .and_then(|start| outliers::judge(points, &start))
+        .and_then(|start| outliers::judge(points, weights, &start))
         .context("no three of the points lie on an eq. (1): check that distances and centres belong together")
 }
 
