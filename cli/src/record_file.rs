@@ -126,8 +126,8 @@ pub struct Example {
     pub x_px: f64,
     /// The distance in millimetres.
     pub d_mm: f64,
-    /// The slope in micrometres a pixel.
-    pub um_per_px: f32,
+    /// The slope in micrometres a pixel, to a thousandth.
+    pub um_per_px: f64,
 }
 
 impl Shown {
@@ -141,7 +141,7 @@ impl Shown {
             Some(Example {
                 x_px: centre.to_f64(),
                 d_mm: distance.to_f64() / 1e3,
-                um_per_px: slope,
+                um_per_px: (f64::from(slope) * 1e3).round() / 1e3,
             })
         };
         let distances = calibration.distances().ok();

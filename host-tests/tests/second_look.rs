@@ -163,25 +163,28 @@ impl Kind {
     }
 }
 
-/// The share of confident errors for each flaw, of the rung alone and with the second look; limits for the default rung are three standard deviations above
-/// the shares measured when they were set.
+/// Confident errors of rows with each flaw, of the rung alone and with the second look. The default rung may have as many as when the look was
+/// made, and three standard deviations of that count more: rare rows scatter as Poisson's, by the root of their mean, which is taken to
+/// be one at least.
 #[test]
 fn flaws_are_seen() {
     const ROWS: u64 = 8000;
     // Confident errors of 8000.
-    const LIMITS: [(Kind, usize); 6] = [
-        (Kind::Second, 30),
-        (Kind::Hot, 15),
-        (Kind::Dead, 15),
-        (Kind::Slope, 8),
-        (Kind::Flare, 8),
-        (Kind::Lopsided, 8),
+    const MEASURED: [(Kind, u32); 6] = [
+        (Kind::Second, 5),
+        (Kind::Hot, 0),
+        (Kind::Dead, 0),
+        (Kind::Slope, 0),
+        (Kind::Flare, 0),
+        (Kind::Lopsided, 0),
     ];
     let mut failures = vec![];
     println!(
         "confident errors of {ROWS} rows, flagged rows, faults (confident errors without the look)"
     );
-    for (kind, limit) in LIMITS {
+    for (kind, measured) in MEASURED {
+        let mean = f64::from(measured);
+        let limit = mean + 3.0 * mean.max(1.0).sqrt();
         for rung in [
             Estimator::PhaseTable,
             Estimator::Robust,
@@ -212,8 +215,8 @@ fn flaws_are_seen() {
                 "{kind:?}, {}: {wrong}, {flagged}, {faults} ({before})",
                 rung.name()
             );
-            if rung == Estimator::default() && wrong > limit {
-                failures.push(format!("{kind:?}: {wrong}, limit {limit}"));
+            if rung == Estimator::default() && wrong as f64 > limit {
+                failures.push(format!("{kind:?}: {wrong}, limit {limit:.1}"));
             }
         }
     }

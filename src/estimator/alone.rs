@@ -29,7 +29,7 @@ pub(super) fn is_alone(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<
     let half = ((0.5 * width) as usize).clamp(1, MAX_PIXELS);
     let centre = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
     let apart = ((APART * width) as usize).min(MAX_PIXELS);
-    // Below 2^7 * 2^12.
+    // At most 2^12 pixels of 12 bits: a row has no more.
     let sum = |from: usize| -> Option<u32> {
         let pixels = light.get(from..from.saturating_add(half))?;
         Some(

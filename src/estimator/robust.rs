@@ -35,8 +35,8 @@ const CURVED: f32 = 2.8;
 /// Narrower spots, in pixels, have too few of them to leave any out.
 const NARROWEST: f32 = 1.0;
 
-/// The centre of a narrower spot, in pixels, is flagged where any of its few pixels were left out: among bad ones, the rest may fit by chance.
-pub(super) const NARROWEST_SURE: f32 = 2.5;
+/// A fit without some pixels of a narrower spot, in pixels, is flagged: among bad ones, the few that are left may fit by chance.
+pub(super) const NARROWEST_SURE_REFIT: f32 = 2.5;
 
 /// More samples side by side are no bad pixels but light, which may be the spot.
 const BAD_PIXELS: u32 = 3;
@@ -147,7 +147,7 @@ impl Scene<'_> {
         let found = window.row_centre(fit);
         let found = RowCentre {
             class: self.found.class,
-            misfit: found.width.to_f32() < NARROWEST_SURE,
+            misfit: found.width.to_f32() < NARROWEST_SURE_REFIT,
             ..found
         };
         let freedom = look.kept - 4.0;

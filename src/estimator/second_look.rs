@@ -103,10 +103,12 @@ fn another(
     found: RowCentre,
 ) -> RowCentre {
     match robust::centre(row, spot, before, geometry) {
-        Ok(other) if !other.misfit || other.width.to_f32() < robust::NARROWEST_SURE => RowCentre {
-            class: found.class,
-            ..other
-        },
+        Ok(other) if !other.misfit || other.width.to_f32() < robust::NARROWEST_SURE_REFIT => {
+            RowCentre {
+                class: found.class,
+                ..other
+            }
+        }
         _ => found,
     }
 }

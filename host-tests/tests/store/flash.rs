@@ -26,8 +26,8 @@ pub struct Flash {
 #[derive(Clone)]
 enum Power {
     On,
-    /// Off after some more operations. With a generator, the next one is then begun.
-    Until(usize, Option<ChaCha8Rng>),
+    /// Off after some more operations. With a seed, the next one is then begun.
+    Until(usize, Option<u64>),
     Off,
 }
 
@@ -60,7 +60,7 @@ impl Flash {
 
     /// Power fails after so many operations from now. With a seed the next operation is begun, but not finished.
     pub fn cut_after(&mut self, operations: usize, torn: Option<u64>) {
-        self.power = Power::Until(operations, torn.map(ChaCha8Rng::seed_from_u64));
+        self.power = Power::Until(operations, torn);
     }
 
     pub fn power_on(&mut self) {
@@ -72,8 +72,9 @@ impl Flash {
         match &mut self.power {
             Power::On => {}
             Power::Until(0, torn) => {
-                if let Some(random) = torn {
-                    tear(random, &mut self.bytes[range], new);
+                if let Some(seed) = *torn {
+                    let mut random = ChaCha8Rng::seed_from_u64(seed);
+                    tear(&mut random, &mut self.bytes[range], new);
                 }
                 self.power = Power::Off;
                 return Err(NoPower);

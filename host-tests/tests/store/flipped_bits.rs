@@ -51,7 +51,7 @@ fn turn_over(
 /// What marks a sector as used, and the first item's place.
 fn marks(bit: usize) -> bool {
     let byte = bit / 8 % SECTOR;
-    byte < 12 || byte >= SECTOR - 4
+    !(12..SECTOR - 4).contains(&byte)
 }
 
 fn all() -> impl Iterator<Item = usize> {

@@ -83,7 +83,8 @@ fn the_stack_stays_far_from_the_statics() {
     println!("stack: {used} bytes at most of {room}");
     // It was watched: rows alone take more than this, and not so much that the interrupts that did not come could matter.
     assert!(used > 4 * 1024, "{used} of {room}");
-    assert!(used < room / 4, "{used} of {room}");
+    // A save that reads the longest record again takes most: every function on the way down holds a record or two, of 2 KB each.
+    assert!(used < room / 3, "{used} of {room}");
     board.finish().expect("a clean run");
 }
 
