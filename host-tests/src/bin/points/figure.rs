@@ -18,6 +18,14 @@ const COLOURS: [RGBColor; 4] = [
     RGBColor(0xb3, 0x59, 0x00),
 ];
 
+/// A tick's text: there is no room for all of them.
+fn label(count: f64) -> String {
+    match count.round() as u32 {
+        count @ (10 | 20 | 30 | 50 | 100 | 200) => count.to_string(),
+        _ => String::new(),
+    }
+}
+
 /// Draws it. Full lines are for sensors that follow eq. (1), broken ones for those that depart from it.
 pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
     let root = SVGBackend::new(path, (1000, 620)).into_drawing_area();
@@ -27,7 +35,7 @@ pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
         .margin_right(340)
         .x_label_area_size(2 * TEXT + 16)
         .y_label_area_size(4 * TEXT)
-        .build_cartesian_2d((3.0..200.0_f64).log_scale(), (0.3..1000.0_f64).log_scale())?;
+        .build_cartesian_2d((3.0..200.0_f64).log_scale(), (0.1..1000.0_f64).log_scale())?;
     let style = |colour: RGBColor| ("sans-serif", TEXT).into_font().color(&colour);
     chart
         .configure_mesh()
@@ -37,7 +45,7 @@ pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
         .label_style(style(BLACK))
         .x_desc("points")
         .y_desc("RMS error of the curve, µm")
-        .x_label_formatter(&|count| format!("{count:.0}"))
+        .x_label_formatter(&|count| label(*count))
         .y_label_formatter(&|error| format!("{error}"))
         .draw()?;
     for (departs, sensors) in cells.iter().enumerate() {

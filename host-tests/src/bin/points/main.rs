@@ -12,7 +12,8 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use rayon::prelude::*;
-use slitrange_cli::fit::solve::{Form, solve};
+use slitrange_cli::fit::figure::draw as draw_fit;
+use slitrange_cli::fit::solve::{Form, Solved, solve};
 use slitrange_cli::points::Point;
 use slitrange_cli::sensor::positions::{Spacing, Which};
 
@@ -63,6 +64,9 @@ const MEANS: [Means; 4] = [
 /// How far sensors are from eq. (1), in metres.
 const DEPARTURES: [f64; 2] = [0.0, 300e-6];
 
+/// The sensor whose fit is drawn.
+const EXAMPLE: u64 = 6;
+
 /// Places of the range at which a curve is compared with the truth.
 const PLACES: u32 = 85;
 
@@ -90,7 +94,14 @@ fn main() -> Result<()> {
         let page = docs.join("calibration.md");
         let text = std::fs::read_to_string(&page).context("docs/calibration.md")?;
         std::fs::write(&page, docs::with_block(&text, "cargo points", &block)?)?;
-        figure::draw(&cells, &docs.join("figures/calibration-points.svg"))?;
+        let figures = docs.join("figures");
+        figure::draw(&cells, &figures.join("calibration-points.svg"))?;
+        let (_, example) = solved(DEPARTURES[1], &MEANS[0], 60, EXAMPLE).context("no fit")?;
+        draw_fit(
+            &example,
+            example.better(),
+            &figures.join("calibration-fit.svg"),
+        )?;
     }
     Ok(())
 }
@@ -109,8 +120,13 @@ fn cell(departure: f64, means: &Means, count: usize) -> Cell {
     }
 }
 
-/// The mean square error over the range, in square metres, and whether the residuals were taken.
-fn calibrated(departure: f64, means: &Means, count: usize, seed: u64) -> Option<(f64, bool)> {
+/// A sensor, and the curves through its points.
+fn solved(
+    departure: f64,
+    means: &Means,
+    count: usize,
+    seed: u64,
+) -> Option<(DistortedOptics, Solved)> {
     let optics = sensor(departure, seed);
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
@@ -129,7 +145,12 @@ fn calibrated(departure: f64, means: &Means, count: usize, seed: u64) -> Option<
             sigma_px: Some(CENTRE),
         })
         .collect();
-    let solved = solve(&points, Some(means.position)).ok()?;
+    Some((optics, solve(&points, Some(means.position)).ok()?))
+}
+
+/// The mean square error over the range, in square metres, and whether the residuals were taken.
+fn calibrated(departure: f64, means: &Means, count: usize, seed: u64) -> Option<(f64, bool)> {
+    let (optics, solved) = solved(departure, means, count, seed)?;
     let corrected = solved.better() == Form::Corrected;
     let curve = match &solved.corrected {
         Some((curve, _)) if corrected => curve,
