@@ -136,6 +136,11 @@ fn what_is_refused_changes_nothing() {
         // Its answer may have been lost.
         set(&mut board, &piece.to_string());
     }
+    // A digit of the next one is another.
+    let garbled = all[8].to_string().replacen(" 128 ", " 129 ", 1);
+    let answer = ask(&mut board, &garbled);
+    println!("{answer}");
+    assert!(answer.starts_with("E7 checksum "), "{answer}");
     let (came, beyond) = (128, Piece::new(announced as u16, &[0]).expect("a piece"));
     assert_refused(
         &mut board,
