@@ -83,7 +83,7 @@ impl<F: NorFlash> Store<F> {
 
     /// Saves, unless just that is what was saved last. If it is interrupted, or fails, what was saved before is still there.
     ///
-    /// It erases a sector where needed, which takes up to half a second.
+    /// It erases a sector where needed, which takes up to 0.8 s.
     ///
     /// # Errors
     /// [`StoreError`] says why it could not.

@@ -4,11 +4,18 @@
 //! program is in bank 1. This adds a sign of life for each thing done, by which the watchdog tells a save from a firmware that
 //! hangs, and lets the other tasks go on between two looks into the flash.
 
+use core::pin::pin;
+
+use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_stm32::flash::{Async, Bank2Region1, Error};
+use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 use super::shared::COUNTERS;
+
+/// A sector of 16 KB takes 800 ms at most (data sheet of the STM32F429, flash memory programming, by bytes: the driver leaves it at that).
+const HALF_OF_AN_ERASE: Duration = Duration::from_millis(400);
 
 unsafe extern "C" {
     /// Where `memory.x` reserves it.
@@ -56,7 +63,15 @@ impl NorFlash for CalibrationFlash {
     const ERASE_SIZE: usize = Bank2Region1::<'static, Async>::ERASE_SIZE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
-        let erased = self.0.erase(from, to).await;
+        let mut erase = pin!(self.0.erase(from, to));
+        // One sign of life on the way, and no more: a flash that never answers is the watchdog's.
+        let erased = match select(&mut erase, Timer::after(HALF_OF_AN_ERASE)).await {
+            Either::First(erased) => erased,
+            Either::Second(()) => {
+                COUNTERS.results.add();
+                erase.await
+            }
+        };
         COUNTERS.results.add();
         erased
     }

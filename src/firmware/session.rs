@@ -280,7 +280,7 @@ impl Session {
         };
         PAUSED.store(true, Ordering::Relaxed);
         self.tx.send(&"save pauses the stream").await;
-        // Signs of life: each of the flash's own may take half a second, and so may the first frame after them.
+        // Signs of life: from one of the flash to the next may take half a second, and so may the first frame after them.
         COUNTERS.results.add();
         let result = self.store.save(saved).await;
         COUNTERS.results.add();

@@ -20,8 +20,7 @@ pub const TIMEOUT_US: u32 = 1_000_000;
 const LOOK: Duration = Duration::from_millis(100);
 
 /// Looks without a change until a counter counts as stopped. The longest frame, 64 rows, lasts 365 ms, and the serial
-/// line may be up to 100 ms into an answer when it ends: 800 ms leave room for lost rows. Erasing a sector of 16 KB takes 500 ms at most
-/// (data sheet of the STM32F429, flash memory programming, words of 32 bits).
+/// line may be up to 100 ms into an answer when it ends: 800 ms leave room for lost rows.
 const PATIENCE: u32 = 8;
 
 /// Watches for ever.
