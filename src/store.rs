@@ -2,7 +2,8 @@
 //!
 //! Each save adds an item to the sector in use: a number that counts on, and [`saved`]'s bytes. When the sector is full, the other is
 //! erased and is the one in use. So what was saved before is never erased until something newer is whole, and a power cut at any
-//! moment leaves the old or the new. What is read is the item with the highest number of those that are whole and usable.
+//! moment leaves the old or the new. What is read is the item with the highest number of those that are whole and usable, and
+//! whether something newer was begun that is not.
 //!
 //! `sequential-storage` lays out the items and checks them with a CRC-32, a sector at a time (see `sector`). It repairs what it takes
 //! for broken by erasing, which a half-erased sector can turn against the good one: so it cannot erase here, and nothing is ever
@@ -22,6 +23,9 @@ use sector::{PageError, Sector};
 /// Bytes of an item's number.
 const NUMBER: usize = size_of::<u32>();
 
+/// Bytes that the library puts before an item.
+const HEADER: usize = 8;
+
 /// The longest item, in whole words of flash.
 const LONGEST: usize = (NUMBER + saved::MAX_ENCODED).next_multiple_of(4);
 
@@ -33,17 +37,25 @@ pub struct Store<F> {
 
 /// What the store has.
 #[derive(Clone, Debug, PartialEq, Eq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is one, at the start, and no heap"
-)]
 pub enum Kept {
     /// Nothing was ever saved: the flash is erased.
     Nothing,
-    /// What was saved last, as far as it is still whole.
+    /// What was saved last.
     Saved(Saved),
+    /// What was saved before. Something newer was begun: it was interrupted, is damaged, or is of a later firmware.
+    Older(Saved),
     /// Something was there, and nothing usable is left of it.
     Unusable,
+}
+
+impl Kept {
+    /// What there is to use.
+    pub const fn saved(&self) -> Option<&Saved> {
+        match self {
+            Self::Saved(saved) | Self::Older(saved) => Some(saved),
+            Self::Nothing | Self::Unusable => None,
+        }
+    }
 }
 
 /// An item that can be used.
@@ -69,16 +81,59 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// What was saved last. Reads only. Flash that cannot be read is unusable.
+    /// What was saved last, or else before. Reads only. Flash that cannot be read is unusable.
     pub async fn read(&mut self) -> Kept {
         match self.items().await {
             Ok(Items {
                 newest: Some(newest),
-                ..
-            }) => Kept::Saved(newest.saved),
+                last,
+            }) => {
+                let is_last = newest.number == last && self.is_last(&newest).await;
+                if is_last {
+                    Kept::Saved(newest.saved)
+                } else {
+                    Kept::Older(newest.saved)
+                }
+            }
             Ok(_) if matches!(self.is_blank().await, Ok(true)) => Kept::Nothing,
             _ => Kept::Unusable,
         }
+    }
+
+    /// Nothing was begun after an item: it is what its sector ends with; and where that has no room for any other, nothing is in the other
+    /// sector but whole items, all of them older.
+    async fn is_last(&mut self, newest: &Item) -> bool {
+        let sector = newest.sector;
+        let other_is_newer = match sector.room(&mut self.flash).await {
+            Ok(room) if room < (HEADER + LONGEST) as u32 => self.is_broken(sector.other()).await,
+            Ok(_) => Ok(false),
+            Err(error) => Err(error),
+        };
+        let Some((head, body)) = self.item.split_first_chunk_mut() else {
+            return false;
+        };
+        *head = newest.number.to_le_bytes();
+        let Ok(length) = saved::encode(&newest.saved, body).map(<[u8]>::len) else {
+            return false;
+        };
+        let item = self.item.get(..NUMBER.saturating_add(length));
+        let ends_with = newest
+            .sector
+            .ends_with(&mut self.flash, item.unwrap_or_default());
+        matches!(other_is_newer, Ok(false)) && matches!(ends_with.await, Ok(true))
+    }
+
+    /// There is something in a sector, and no whole item.
+    async fn is_broken(&mut self, sector: Sector) -> Result<bool, StoreError> {
+        if sector.is_blank(&mut self.flash).await? {
+            return Ok(false);
+        }
+        let mut queue = sector.queue(&mut self.flash);
+        let Some(mut iterator) = done(queue.iter().await)? else {
+            return Ok(true);
+        };
+        let first = done(iterator.next(&mut self.item).await)?;
+        Ok(!matches!(first, Some(Some(_))))
     }
 
     /// Saves, unless just that is what was saved last. If it is interrupted, or fails, what was saved before is still there.
@@ -89,8 +144,14 @@ impl<F: NorFlash> Store<F> {
     /// [`StoreError`] says why it could not.
     pub async fn save(&mut self, saved: &Saved) -> Result<(), StoreError> {
         let Items { last, newest } = self.items().await?;
+        if let Some(newest) = &newest
+            && newest.saved == *saved
+            && newest.number == last
+            && self.is_last(newest).await
+        {
+            return Ok(());
+        }
         let next = match newest {
-            Some(newest) if newest.saved == *saved => return Ok(()),
             Some(newest) => {
                 if self.add(newest.sector, last, saved).await? {
                     return Ok(());
@@ -116,7 +177,7 @@ impl<F: NorFlash> Store<F> {
             && Sector::Second.is_blank(&mut self.flash).await?)
     }
 
-    /// Adds an item to a sector. False if it has no room, or if damage in it hides the new item.
+    /// Adds an item to a sector. False if it has no room, or if damage hides the new item or looks like a newer one.
     async fn add(&mut self, sector: Sector, last: u32, saved: &Saved) -> Result<bool, StoreError> {
         // So many saves no flash endures.
         let number = last.checked_add(1).ok_or(StoreError::Worn)?;
@@ -128,8 +189,10 @@ impl<F: NorFlash> Store<F> {
         if done(pushed)?.is_none() {
             return Ok(false);
         }
-        let newest = self.items().await?.newest;
-        Ok(newest.is_some_and(|newest| newest.number == number && newest.saved == *saved))
+        let Some(newest) = self.items().await?.newest else {
+            return Ok(false);
+        };
+        Ok(newest.number == number && newest.saved == *saved && self.is_last(&newest).await)
     }
 
     /// Goes through the items of both sectors.

@@ -49,6 +49,9 @@ pub struct Options {
     /// Write the record here [default: the points' name with .record]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Replace the record's file even if something else is in it
+    #[arg(long)]
+    force: bool,
     /// The sensor's serial number [default: that of the points, or 0]
     #[arg(long, value_name = "N")]
     serial: Option<u32>,
@@ -142,7 +145,7 @@ pub fn run(options: &Options) -> anyhow::Result<()> {
         "{}: the record would take the place of the points: name another file with --output",
         path.display()
     );
-    record_file::write(&path, &record)?;
+    record_file::write(&path, &record, options.force)?;
     report.record = Some(written(&path, &record));
     if let Some(path) = &options.figure {
         figure::draw(&solved, made.form, path)

@@ -5,6 +5,9 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use slitrange_cli::{fit, sensor};
 
+/// The exit code of whatever went wrong: 1 says that two records differ, as with `cmp`.
+const FAILED: u8 = 2;
+
 /// What the owner of a slitrange sensor does on a PC
 #[derive(Parser)]
 #[command(name = "slitrange", version)]
@@ -37,7 +40,7 @@ fn main() -> ExitCode {
         Ok(code) => code,
         Err(error) => {
             eprintln!("slitrange: {error:#}");
-            ExitCode::FAILURE
+            ExitCode::from(FAILED)
         }
     }
 }

@@ -41,11 +41,23 @@ pub fn read(path: &Path) -> Result<Written> {
         .with_context(|| shown.to_string())
 }
 
-/// Writes a record, on the disk when this returns; a file that was there is replaced as a whole or not at all.
+/// Writes a record, on the disk when this returns; a file that was there is replaced as a whole or not at all, and with other
+/// bytes in it only by `force`.
 ///
 /// # Errors
-/// The system's.
-pub fn write(path: &Path, record: &Written) -> Result<()> {
+/// Something else is in the file; or the system's.
+pub fn write(path: &Path, record: &Written, force: bool) -> Result<()> {
+    let shown = path.display();
+    match std::fs::read(path) {
+        _ if force => {}
+        Ok(bytes) => ensure!(
+            bytes == record.bytes(),
+            "{shown} stays as it is, it holds something else than this record: name another file with --output, or replace it \
+             with --force"
+        ),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+        Err(error) => return Err(error).with_context(|| format!("{shown} cannot be read")),
+    }
     whole_file::write(path, record.bytes())
 }
 

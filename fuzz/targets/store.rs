@@ -138,7 +138,7 @@ fn check(flash: &mut Flash) {
         kept == Kept::Nothing,
         flash.bytes.iter().all(|&byte| byte == 0xff)
     );
-    if let Kept::Saved(saved) = kept {
+    if let Kept::Saved(saved) | Kept::Older(saved) = kept {
         let mut buffer = [0; MAX_ENCODED];
         let bytes = encode(&saved, &mut buffer).expect("what was read can be saved");
         assert_eq!(decode(bytes), Ok(saved));

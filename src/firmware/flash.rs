@@ -15,7 +15,7 @@ use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use super::shared::COUNTERS;
 
 /// A sector of 16 KB takes 800 ms at most (data sheet of the STM32F429, flash memory programming, by bytes: the driver leaves it at that).
-const HALF_OF_AN_ERASE: Duration = Duration::from_millis(400);
+const PART_OF_AN_ERASE: Duration = Duration::from_millis(300);
 
 unsafe extern "C" {
     /// Where `memory.x` reserves it.
@@ -65,7 +65,7 @@ impl NorFlash for CalibrationFlash {
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
         let mut erase = pin!(self.0.erase(from, to));
         // One sign of life on the way, and no more: a flash that never answers is the watchdog's.
-        let erased = match select(&mut erase, Timer::after(HALF_OF_AN_ERASE)).await {
+        let erased = match select(&mut erase, Timer::after(PART_OF_AN_ERASE)).await {
             Either::First(erased) => erased,
             Either::Second(()) => {
                 COUNTERS.results.add();

@@ -63,20 +63,29 @@ impl InUse {
                 self.calibration = None;
                 self.stored = Stored::Damaged;
             }
-            Kept::Saved(Saved { settings, record }) => {
-                self.settings = settings;
-                match record {
-                    Some(record) if record.geometry != tcd1304::geometry() => {
-                        self.calibration = None;
-                        self.stored = Stored::OtherSensor;
-                        return;
-                    }
-                    Some(record) => self.set_record(record),
-                    None => {}
+            Kept::Saved(saved) => self.set_saved(saved),
+            Kept::Older(saved) => {
+                self.set_saved(saved);
+                if let Stored::Record(sum) = self.stored {
+                    self.stored = Stored::Older(sum);
                 }
-                self.note_saved();
             }
         }
+    }
+
+    #[inline(never)]
+    fn set_saved(&mut self, Saved { settings, record }: Saved) {
+        self.settings = settings;
+        match record {
+            Some(record) if record.geometry != tcd1304::geometry() => {
+                self.calibration = None;
+                self.stored = Stored::OtherSensor;
+                return;
+            }
+            Some(record) => self.set_record(record),
+            None => {}
+        }
+        self.note_saved();
     }
 
     /// What is to be kept of it. Not without a calibration: the next start would take the nominal one.

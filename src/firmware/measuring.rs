@@ -30,13 +30,14 @@ pub fn default_settings() -> Settings {
 pub async fn measure() {
     let mut measurement = Measurement::new(tcd1304::geometry(), default_settings());
     loop {
-        match select(with_timeout(SILENCE, FULL.receive()), SETTINGS.wait()).await {
-            Either::First(Ok(row)) if paused() => {
+        // Settings first: no row that comes after they were set is measured without them.
+        match select(SETTINGS.wait(), with_timeout(SILENCE, FULL.receive())).await {
+            Either::Second(Ok(row)) if paused() => {
                 FREE.send(row).await;
                 // The frame starts again after the pause.
                 measurement.set(*measurement.settings());
             }
-            Either::First(Ok(row)) => {
+            Either::Second(Ok(row)) => {
                 let start = board::cycles();
                 let result = measure_row(&mut measurement, row);
                 COUNTERS.row_cycles.set(board::cycles().wrapping_sub(start));
@@ -45,9 +46,9 @@ pub async fn measure() {
                     publish(result);
                 }
             }
-            Either::First(Err(_)) if paused() => {}
-            Either::First(Err(_)) => publish(Err(measurement.silence())),
-            Either::Second(settings) => {
+            Either::Second(Err(_)) if paused() => {}
+            Either::Second(Err(_)) => publish(Err(measurement.silence())),
+            Either::First(settings) => {
                 measurement.set(settings);
                 // The frame starts again. Someone who changes settings faster than frames end would otherwise have
                 // the watchdog take the lack of results for a fault.

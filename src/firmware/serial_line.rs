@@ -36,6 +36,10 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
                     .filter_map(|&byte| input.take(byte))
                 {
                     session.answer(command).await;
+                    // A line full of commands takes seconds to answer: results have their turn in between.
+                    while let Ok(result) = RESULTS.try_receive() {
+                        session.report(result).await;
+                    }
                 }
             }
         }

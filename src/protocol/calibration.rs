@@ -18,6 +18,8 @@ pub enum Stored {
     OtherSensor,
     /// A record whose CRC-32 is this.
     Record(u32),
+    /// The same, but something was to be saved after it and is not there.
+    Older(u32),
 }
 
 /// The answer to `calibration`, lines parted by CR LF. The first is `calibration on`, `calibration off` or, where there is
@@ -75,7 +77,7 @@ impl Shown<'_> {
     fn source(&self, written: &Written) -> &'static str {
         if written.record().is_nominal() {
             "default"
-        } else if self.stored == Stored::Record(written.sum()) {
+        } else if self.kept() == "same" {
             "stored"
         } else {
             "uploaded"
@@ -86,7 +88,12 @@ impl Shown<'_> {
     const fn fault(&self) -> Option<&'static str> {
         match self.stored {
             Stored::Nothing | Stored::Record(_) => None,
-            Stored::Damaged => Some("what was saved is damaged: upload it again, then save"),
+            Stored::Damaged => Some(
+                "what was saved cannot be used, or was interrupted: upload it again, or defaults, then save",
+            ),
+            Stored::Older(_) => Some(
+                "what was saved last cannot be used, or was interrupted; this is from before: upload it again, or save this",
+            ),
             Stored::OtherSensor => Some(
                 "what was saved is of another sensor head: upload this one's calibration, then save",
             ),
@@ -97,7 +104,7 @@ impl Shown<'_> {
         match self.stored {
             Stored::Nothing => "none",
             Stored::Damaged | Stored::OtherSensor => "unusable",
-            Stored::Record(sum) => {
+            Stored::Record(sum) | Stored::Older(sum) => {
                 if self.written.map(Written::sum) == Some(sum) {
                     "same"
                 } else {

@@ -7,7 +7,7 @@
 //! calibration commit
 //! ```
 //!
-//! Each line is answered by itself. One whose answer was lost may be sent again.
+//! Each line is answered by itself. A piece whose answer was lost may be sent again.
 
 use core::fmt;
 

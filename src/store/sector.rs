@@ -63,6 +63,73 @@ impl Sector {
         Ok(true)
     }
 
+    /// Bytes behind what was programmed.
+    pub async fn room<F: NorFlash>(self, flash: &mut F) -> Result<u32, StoreError> {
+        let end = self.programmed(flash).await?;
+        Ok(BYTES.saturating_sub(4).saturating_sub(end))
+    }
+
+    /// An item is the last thing that was programmed. Items begin at whole words.
+    pub async fn ends_with<F: NorFlash>(
+        self,
+        flash: &mut F,
+        item: &[u8],
+    ) -> Result<bool, StoreError> {
+        // Bytes that fill its last word up belong to it.
+        let length = (item.len() as u32).next_multiple_of(4);
+        let end = self.programmed(flash).await?;
+        // The item's own last bytes may be as if erased: not more than its CRC-32 has.
+        let first = end.saturating_sub(length).next_multiple_of(4);
+        for start in [first, first.saturating_add(4)] {
+            if start.saturating_add(length) >= end && self.has_at(flash, start, item).await? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Where it is erased from there on, but for the last word, which says that it is full.
+    async fn programmed<F: NorFlash>(self, flash: &mut F) -> Result<u32, StoreError> {
+        const PART: u32 = 64;
+        let mut end = 0;
+        let mut at = 0;
+        while at < BYTES {
+            let mut part = [0; PART as usize];
+            let read = flash.read(self.start().saturating_add(at), &mut part).await;
+            read.map_err(|_| StoreError::Flash)?;
+            let is_last = at.saturating_add(PART) >= BYTES;
+            let items = part.len() - if is_last { 4 } else { 0 };
+            let last = part.iter().take(items).rposition(|&byte| byte != 0xff);
+            if let Some(last) = last {
+                end = at.saturating_add(last as u32).saturating_add(1);
+            }
+            at = at.saturating_add(PART);
+        }
+        Ok(end)
+    }
+
+    async fn has_at<F: NorFlash>(
+        self,
+        flash: &mut F,
+        start: u32,
+        bytes: &[u8],
+    ) -> Result<bool, StoreError> {
+        if start.saturating_add(bytes.len() as u32) > BYTES {
+            return Ok(false);
+        }
+        let mut at = self.start().saturating_add(start);
+        for expected in bytes.chunks(4) {
+            let mut word = [0; 4];
+            let read = flash.read(at, &mut word).await;
+            read.map_err(|_| StoreError::Flash)?;
+            if word.get(..expected.len()) != Some(expected) {
+                return Ok(false);
+            }
+            at = at.saturating_add(4);
+        }
+        Ok(true)
+    }
+
     pub async fn erase<F: NorFlash>(self, flash: &mut F) -> Result<(), StoreError> {
         let start = self.start();
         let erased = flash.erase(start, start.saturating_add(BYTES)).await;

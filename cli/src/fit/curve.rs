@@ -82,6 +82,9 @@ pub struct Quality {
     /// The factor from the points' uncertainties, as they were given, to those that the residuals tell. `None` where there are no
     /// more points than freedoms.
     pub scatter: Option<f64>,
+    /// The factor by which the uncertainties here are larger than the points' own, as they were given, make them: the scatter, but see
+    /// [`FEW_FREEDOMS`].
+    pub factor: Option<f64>,
     /// Root mean square of the curve's own standard uncertainty over the range, at even steps of the distance.
     pub uncertainty: Option<f64>,
     /// The largest of it.
@@ -92,6 +95,11 @@ pub struct Quality {
 
 /// A point that all but determines the curve where it is: without it there is none to compare it with.
 const ALONE: f64 = 1.0 - 1e-6;
+
+/// Points beyond the freedoms, below which known uncertainties are not taken to be smaller because the residuals are: those may be by
+/// chance. The scatter squared is a chi-square over its freedoms: with ten it is below half of the truth in 1 of 100 calibrations
+/// (P(chi-square < 2.5) = 0.9 %), with one in 38.
+pub const FEW_FREEDOMS: f64 = 10.0;
 
 impl Quality {
     /// That of a curve. `known` says whether the points' uncertainties were: then they stand in where residuals tell nothing.
@@ -111,7 +119,11 @@ impl Quality {
         let scatter = (freedom > 0.5).then(|| (squares / freedom).sqrt());
         let without = without_each(curve, points);
         let rms = |squares: f64, count: f64| (squares / count).sqrt();
-        let of_points = scatter.or(known.then_some(1.0));
+        let factor = match scatter {
+            Some(scatter) if known && freedom < FEW_FREEDOMS => Some(scatter.max(1.0)),
+            None if known => Some(1.0),
+            scatter => scatter,
+        };
         const STEPS: usize = 200;
         let variances: Vec<f64> = curve
             .even_steps(STEPS)
@@ -129,8 +141,9 @@ impl Quality {
             cross_validated: without
                 .map(|errors| rms(errors.iter().map(|error| error * error).sum(), count)),
             scatter,
-            uncertainty: of_points.map(|scatter| scatter * mean.sqrt()),
-            largest_uncertainty: of_points.map(|scatter| scatter * most.sqrt()),
+            factor,
+            uncertainty: factor.map(|factor| factor * mean.sqrt()),
+            largest_uncertainty: factor.map(|factor| factor * most.sqrt()),
             leverages: (ends(f64::total_cmp), ends(|a, b| b.total_cmp(a))),
         }
     }

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::calibration::Made;
-use super::curve::Quality;
+use super::curve::{FEW_FREEDOMS, Quality};
 use super::observed::Weights;
 use super::order::FEWEST_TO_REJECT;
 use super::physical::{Physical, Value};
@@ -257,10 +257,17 @@ impl Report {
         }
         let freedom = self.used as f64 - self.curve.freedoms;
         if freedom > 0.5 && freedom < 20.0 {
-            limits.push(format!(
-                "the scatter, and with it every uncertainty here, is known to {:.0} % only",
-                100.0 / (2.0 * freedom).sqrt()
-            ));
+            let percent = 100.0 / (2.0 * freedom).sqrt();
+            limits.push(if weights == Weights::Known && freedom < FEW_FREEDOMS {
+                format!(
+                    "the scatter is known to {percent:.0} % only: however small it is, the uncertainties here are not less than what \
+                     was given of the points makes them"
+                )
+            } else {
+                format!(
+                    "the scatter, and with it every uncertainty here, is known to {percent:.0} % only"
+                )
+            });
         }
         if self.used > 3 {
             for (which, leverage) in [
@@ -464,11 +471,9 @@ impl fmt::Display for Measured<'_> {
 
 impl Solved {
     /// What the covariance of eq. (1), as the points' variances give it, is to be multiplied with: the square of the scatter about eq. (1)
-    /// alone, or 1 where only the given uncertainties are known. A departure from eq. (1) counts as scatter: the parameters are
-    /// no better known than that.
+    /// alone, or at least 1 where uncertainties were given and few points tell more. A departure from eq. (1) counts as scatter: the
+    /// parameters are no better known than that.
     pub fn variance(&self) -> Option<f64> {
-        let known = (self.weights == Weights::Known).then_some(1.0);
-        let scatter = self.plain_quality.scatter;
-        scatter.map(|scatter| scatter * scatter).or(known)
+        self.plain_quality.factor.map(|factor| factor * factor)
     }
 }

@@ -107,8 +107,8 @@ pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> 
     });
     let scatter = corrected
         .as_ref()
-        .and_then(|(_, quality)| quality.scatter)
-        .or(plain_quality.scatter)
+        .and_then(|(_, quality)| quality.factor)
+        .or(plain_quality.factor)
         .unwrap_or(1.0);
     ensure!(
         plain.eq1.unit_bend() > BENT * scatter,

@@ -13,16 +13,17 @@ use super::taken::Millimetres;
 /// geometry, D of [`slitrange::triangulation::NOMINAL`] in millimetres.
 const D_MM: f64 = -115.4;
 
-/// The least and the largest distance that a sensor can give, in millimetres.
-const SENSIBLE_MM: std::ops::RangeInclusive<f64> = 1.0..=8380.0;
+/// The least and the largest distance that a record can hold, in millimetres, with a little to spare. The stage's zero may be
+/// anywhere: where it is, eq. (1)'s D takes in.
+const SENSIBLE_MM: std::ops::RangeInclusive<f64> = -8380.0..=8380.0;
 
 /// How positions lie between the first and the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Spacing {
     /// Centres, in pixels: closer together where the target is near. Best for a fit, because every part of the sensor counts alike.
-    /// That is even in 1/(d - D), here with D = -115.4 mm of the nominal sensor.
+    /// That is even in 1/(d - D), here with D = -115.4 mm of the nominal sensor: it assumes distances from the laser's origin.
     Pixels,
-    /// Distances, in millimetres.
+    /// Distances, in millimetres: for a stage whose zero is elsewhere, or that counts the other way.
     Distance,
 }
 
@@ -33,15 +34,26 @@ pub struct Which {
     #[arg(long, value_name = "LIST", conflicts_with_all = ["from", "to", "points", "spacing"])]
     pub positions: Option<PathBuf>,
     /// The first distance in millimetres
-    #[arg(long, value_name = "MM", required_unless_present = "positions")]
+    #[arg(
+        long,
+        value_name = "MM",
+        required_unless_present = "positions",
+        allow_negative_numbers = true
+    )]
     pub from: Option<f64>,
     /// The last distance in millimetres
-    #[arg(long, value_name = "MM", required_unless_present = "positions")]
+    #[arg(
+        long,
+        value_name = "MM",
+        required_unless_present = "positions",
+        allow_negative_numbers = true
+    )]
     pub to: Option<f64>,
     /// How many positions there are from the first to the last, both included
     #[arg(long, value_name = "N", default_value_t = 30)]
     pub points: usize,
-    /// What is even between them
+    /// What is even between them: `pixels` assumes distances from the laser's origin; if the stage's zero is elsewhere, take
+    /// `distance`
     #[arg(long, value_enum, default_value_t = Spacing::Pixels)]
     pub spacing: Spacing,
 }
@@ -99,6 +111,10 @@ fn spread(from: f64, to: f64, points: usize, spacing: Spacing) -> Result<Vec<f64
             "{end} mm is no distance of a target: {}",
             sensible()
         );
+        ensure!(
+            spacing == Spacing::Distance || end > D_MM,
+            "{end} mm is no distance from the laser's origin, which even pixels are reckoned from: give --spacing distance"
+        );
     }
     let most = ((to - from).abs() * 1000.0) as usize;
     ensure!(
@@ -118,6 +134,8 @@ fn spread(from: f64, to: f64, points: usize, spacing: Spacing) -> Result<Vec<f64
             };
             (mm * 1000.0).round() / 1000.0
         })
+        // No -0.
+        .map(|mm| mm + 0.0)
         .collect())
 }
 
@@ -131,7 +149,8 @@ fn distance(word: &str) -> Result<f64> {
         "{word} is no distance of a target: {}",
         sensible()
     );
-    Ok(mm)
+    // No -0.
+    Ok(mm + 0.0)
 }
 
 fn sensible() -> String {
@@ -303,9 +322,9 @@ mod tests {
         for (from, to, points) in [
             (600.0, 600.0, 2),
             (600.0, 1020.0, 1),
-            (0.0, 1020.0, 5),
+            (-8381.0, 1020.0, 5),
             (600.0, f64::NAN, 5),
-            (0.6, 1.02, 5),
+            (-115.4, 1020.0, 5),
             (600.0, 600.01, 20),
         ] {
             let error = spread(from, to, points, Spacing::Pixels).expect_err("no positions");
@@ -318,11 +337,11 @@ mod tests {
             ),
             (
                 "600\nnan\n",
-                "line 2: nan is no distance of a target: it is 1 to 8380 mm",
+                "line 2: nan is no distance of a target: it is -8380 to 8380 mm",
             ),
             (
-                "600\n# far\n-5\n",
-                "line 3: -5 is no distance of a target: it is 1 to 8380 mm",
+                "600\n# far\n8381\n",
+                "line 3: 8381 is no distance of a target: it is -8380 to 8380 mm",
             ),
             (
                 "\n# none\n",
@@ -348,6 +367,23 @@ mod tests {
             [600.0, 650.0, 700.5, 900.0]
         );
         assert_eq!(list("900\n600\n650\n"), [900.0, 650.0, 600.0]);
+    }
+
+    /// A stage may count from anywhere, and towards the sensor.
+    #[test]
+    fn the_zero_may_be_anywhere() {
+        assert_eq!(
+            listed("-210\n-0\n210\n").expect("positions"),
+            [-210.0, 0.0, 210.0]
+        );
+        let even = spread(210.0, -210.0, 3, Spacing::Distance).expect("positions");
+        assert_eq!(even, [210.0, 0.0, -210.0]);
+        assert!(even[1].is_sign_positive());
+        let error = spread(-210.0, 210.0, 3, Spacing::Pixels).expect_err("refused");
+        assert!(
+            error.to_string().ends_with("give --spacing distance"),
+            "{error}"
+        );
     }
 
     #[test]

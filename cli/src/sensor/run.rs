@@ -13,7 +13,7 @@ use time::OffsetDateTime;
 use super::answers::{Centre, NoCentre};
 use super::line::{LineError, Waits};
 use super::positions::{self, Moved, Mover, Which, check_command};
-use super::session::Session;
+use super::session::{Before, Session};
 use super::taken::{Millimetres, PointsFile, Setup, Taken};
 
 /// How often a position is tried with a stage, which cannot be asked.
@@ -33,7 +33,8 @@ const FINEST_PX: f64 = 1e-5;
 /// is safe whatever happens (Ctrl-C, a cable that falls out, a sensor without power): run the same command again, and it goes on
 /// with the distances that are missing.
 ///
-/// The sensor takes 64 rows a frame and does not stream meanwhile; both are put back at the end (Ctrl-C leaves them). Its
+/// The sensor takes 64 rows a frame and does not stream meanwhile; both are put back at the end (after Ctrl-C, by the next run
+/// that goes on with FILE). Its
 /// estimator and black level stay as they are, and are what the calibration will hold for: set them before.
 #[derive(Clone, Debug, clap::Args)]
 #[command(
@@ -111,7 +112,18 @@ pub fn run_with(
     };
     let mut session = Session::open(&options.port, waits)?;
     let settings = Settings::of(&mut session)?;
-    let mut file = PointsFile::open(&options.file, &settings.setup(), &now())?;
+    let found = session.before()?;
+    let mut file = PointsFile::open(&options.file, &settings.setup(), found, &now())?;
+    // That is how a run that was killed leaves the sensor.
+    let left_behind = Before {
+        streamed: false,
+        rows: Some(MAX_ROWS as u16),
+    };
+    if found == left_behind
+        && let Some(begun_with) = file.begun_with()
+    {
+        session.put_back_instead(begun_with);
+    }
     if let Some(torn) = file.torn() {
         writeln!(
             output,

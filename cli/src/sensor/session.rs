@@ -20,10 +20,12 @@ pub struct Session {
 }
 
 /// What is put back.
-#[derive(Clone, Copy, Debug)]
-struct Before {
-    streamed: bool,
-    rows: Option<u16>,
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Before {
+    /// Whether readings streamed.
+    pub streamed: bool,
+    /// The rows in a frame; none where they are not changed.
+    pub rows: Option<u16>,
 }
 
 impl Session {
@@ -125,12 +127,26 @@ impl Session {
     /// # Errors
     /// No answer came, or an error.
     pub fn borrow_rows(&mut self, rows: u16) -> Result<(), LineError> {
-        if self.before.rows.is_none()
-            && let Command::Rows(before) = self.value(Command::Rows(None))?
-        {
-            self.before.rows = before;
-        }
+        self.before()?;
         self.set(Command::Rows(Some(rows)))
+    }
+
+    /// What is put back at the end, with the rows.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn before(&mut self) -> Result<Before, LineError> {
+        if self.before.rows.is_none()
+            && let Command::Rows(rows) = self.value(Command::Rows(None))?
+        {
+            self.before.rows = rows;
+        }
+        Ok(self.before)
+    }
+
+    /// Puts back something else at the end than what was found.
+    pub fn put_back_instead(&mut self, before: Before) {
+        self.before = before;
     }
 
     /// What the sensor's centres mean at present.

@@ -9,6 +9,9 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use slitrange::protocol::command::{Command, parse};
+
+use super::session::Before;
 
 /// The line above the points.
 const COLUMNS: &str = "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated";
@@ -141,6 +144,7 @@ pub struct PointsFile {
     points: Vec<Taken>,
     /// The last line was cut off; what was left of it.
     torn: Option<String>,
+    begun_with: Option<Before>,
 }
 
 /// What a file's text holds.
@@ -154,11 +158,12 @@ struct Content {
 }
 
 impl PointsFile {
-    /// Opens a file for more points, or begins one. `started` is the time, as its first lines have it.
+    /// Opens a file for more points, or begins one. `found` is how the sensor was before the run, and `started` the time, as its first
+    /// lines have them.
     ///
     /// # Errors
     /// There is such a file, but not of this program or of another sensor or setting; or it cannot be read or written.
-    pub fn open(path: &Path, setup: &Setup, started: &str) -> Result<Self> {
+    pub fn open(path: &Path, setup: &Setup, found: Before, started: &str) -> Result<Self> {
         let shown = path.display();
         let bytes = match std::fs::read(path) {
             Ok(bytes) => bytes,
@@ -167,7 +172,7 @@ impl PointsFile {
         };
         let mut content = if bytes.is_empty() {
             Content {
-                first: heading(setup, started),
+                first: heading(setup, found, started),
                 points: Vec::new(),
                 remarks: Vec::new(),
                 torn: None,
@@ -190,6 +195,7 @@ impl PointsFile {
             .with_context(|| format!("{shown} cannot be written"))?;
         Ok(Self {
             path: path.to_owned(),
+            begun_with: begun_with(&content.first),
             file,
             points: content.points,
             torn: content.torn,
@@ -199,6 +205,11 @@ impl PointsFile {
     /// The points in it.
     pub fn points(&self) -> &[Taken] {
         &self.points
+    }
+
+    /// How the sensor was set before the run that began the file, as far as a run changes that. `None` where the file does not say.
+    pub fn begun_with(&self) -> Option<Before> {
+        self.begun_with
     }
 
     /// What was left of its last line, if that was cut off when it was opened.
@@ -254,13 +265,17 @@ impl PointsFile {
     }
 }
 
-fn heading(setup: &Setup, started: &str) -> Vec<String> {
+fn heading(setup: &Setup, found: Before, started: &str) -> Vec<String> {
     let mut lines = vec![TITLE.to_owned()];
     lines.extend(
         setup
             .parts()
             .map(|(name, value)| format!("# {name} {value}")),
     );
+    if found.rows.is_some() {
+        lines.push(format!("# {}", Command::Rows(found.rows)));
+    }
+    lines.push(format!("# {}", Command::Stream(Some(found.streamed))));
     lines.push(format!("# started {started}"));
     lines.extend(
         [
@@ -336,6 +351,24 @@ impl Content {
     }
 }
 
+/// What a file's first lines say of rows and stream.
+fn begun_with(first: &[String]) -> Option<Before> {
+    let said = || {
+        let lines = first.iter().filter_map(|line| line.strip_prefix("# "));
+        lines.filter_map(|line| parse(line.as_bytes()).ok())
+    };
+    Some(Before {
+        streamed: said().find_map(|command| match command {
+            Command::Stream(on) => on,
+            _ => None,
+        })?,
+        rows: Some(said().find_map(|command| match command {
+            Command::Rows(rows) => rows,
+            _ => None,
+        })?),
+    })
+}
+
 /// Whether a file's first lines say the same setup.
 fn same_setup(first: &[String], setup: &Setup) -> Result<()> {
     for (name, now) in setup.parts() {
@@ -349,7 +382,9 @@ fn same_setup(first: &[String], setup: &Setup) -> Result<()> {
                 "it does not say with which {name} its points were taken: a line `# {name} ...` is missing"
             );
         };
-        if then == now {
+        // A sensor gets its number with its first record; there may be points to add.
+        let numberless = name == "serial" && then == "0";
+        if then == now || numberless {
             continue;
         }
         match name {
@@ -383,6 +418,11 @@ mod tests {
         }
     }
 
+    const BEFORE: Before = Before {
+        streamed: true,
+        rows: Some(16),
+    };
+
     /// Of whole steps: as many decimals as are written.
     fn steps(range: std::ops::Range<i64>, a_unit: f64) -> impl Strategy<Value = f64> {
         range.prop_map(move |steps| steps as f64 / a_unit)
@@ -391,7 +431,7 @@ mod tests {
     prop_compose! {
         fn point()(
             x_px in steps(-500_000..4_096_000_000, 1e6),
-            d_mm in prop_oneof![steps(1..8_380_000, 1e3), 1.0..8380.0],
+            d_mm in prop_oneof![steps(-8_380_000..8_380_000, 1e3), -8380.0..8380.0],
             sigma_px in steps(1..100_000_000, 1e6),
             frames in 1..1000_usize,
             scatter_px in proptest::option::of(steps(0..100_000_000, 1e6)),
@@ -406,7 +446,7 @@ mod tests {
     /// A file with these points, and its path.
     fn file(directory: &tempfile::TempDir, points: &[Taken]) -> (PointsFile, PathBuf) {
         let path = directory.path().join("points.csv");
-        let mut file = PointsFile::open(&path, &setup(), "today").expect("a file");
+        let mut file = PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
         for point in points {
             file.add(*point).expect("added");
         }
@@ -432,11 +472,12 @@ mod tests {
             let (mut written, path) = file(&directory, &points);
             written.remark("failed at\n600 mm").expect("remarked");
             prop_assert_eq!(written.points(), &points[..]);
-            let read = PointsFile::open(&path, &setup(), "tomorrow").expect("a file");
+            let read = PointsFile::open(&path, &setup(), BEFORE, "tomorrow").expect("a file");
             prop_assert_eq!(read.points(), &points[..]);
             prop_assert_eq!(read.torn(), None);
+            prop_assert_eq!(read.begun_with(), Some(BEFORE));
             read.put_in_order().expect("in order");
-            let read = PointsFile::open(&path, &setup(), "tomorrow").expect("a file");
+            let read = PointsFile::open(&path, &setup(), BEFORE, "tomorrow").expect("a file");
             prop_assert_eq!(read.points(), &sorted(points)[..]);
             let text = std::fs::read_to_string(&path).expect("text");
             prop_assert!(text.ends_with("\n# failed at\\n600 mm\n"), "{}", text);
@@ -463,7 +504,7 @@ mod tests {
             std::fs::write(&path, &bytes).expect("written");
             let torn = !bytes.ends_with(b"\n");
             for torn in [torn, false] {
-                let mut read = PointsFile::open(&path, &setup(), "tomorrow").expect("a file");
+                let mut read = PointsFile::open(&path, &setup(), BEFORE, "tomorrow").expect("a file");
                 prop_assert_eq!(read.points(), left);
                 prop_assert_eq!(read.torn().is_some(), torn);
                 read.remark("goes on").expect("remarked");
@@ -499,7 +540,7 @@ mod tests {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("points.csv");
         std::fs::write(&path, "").expect("written");
-        let file = PointsFile::open(&path, &setup(), "today").expect("begun");
+        let file = PointsFile::open(&path, &setup(), BEFORE, "today").expect("begun");
         assert!(file.points().is_empty());
     }
 }

@@ -45,12 +45,15 @@ pub struct ReadOptions {
     /// The file to write
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Replace FILE even if something else is in it
+    #[arg(long, requires = "output")]
+    pub force: bool,
 }
 
 /// Show a record, of a file or of a sensor, or how two of them differ
 ///
 /// With two files, or a file and a port: what they say otherwise than each other, and by how much their distances differ. The exit
-/// code is then 0 if they are the same bit for bit, 1 if not.
+/// code is then 0 if they are the same bit for bit, 1 if they differ, and 2 if one of them cannot be read.
 #[derive(Clone, Debug, clap::Args)]
 #[command(override_usage = "\
 slitrange calibrate show FILE
@@ -125,7 +128,14 @@ pub fn write_with(options: &WriteOptions, waits: Waits, output: &mut dyn Write) 
 fn transfer(mut session: Session, written: &Written, and_save: bool) -> Result<()> {
     let mut tries = 1;
     loop {
-        let Err(error) = transfer_once(&mut session, written, and_save) else {
+        // A try before this one may have got as far as the flash.
+        let if_not_uploaded = if tries == 1 {
+            "nothing has changed, the sensor uses the calibration that it had"
+        } else {
+            "`calibrate show`, with FILE and --port, tells which calibration the sensor uses"
+        };
+        let result = transfer_once(&mut session, written, and_save, if_not_uploaded);
+        let Err(error) = result else {
             return Ok(());
         };
         let may_pass = error.downcast_ref().is_some_and(LineError::may_pass);
@@ -141,15 +151,20 @@ fn transfer(mut session: Session, written: &Written, and_save: bool) -> Result<(
     }
 }
 
-fn transfer_once(session: &mut Session, written: &Written, and_save: bool) -> Result<()> {
+fn transfer_once(
+    session: &mut Session,
+    written: &Written,
+    and_save: bool,
+    if_not_uploaded: &'static str,
+) -> Result<()> {
     let uploaded = upload(session, written);
     if let Err(LineError::Refused { .. }) = uploaded {
         // The next upload drops this one all the same, should it fail.
         let _ = session.set(Command::Upload(Step::Abort));
     }
-    uploaded.context("nothing has changed, the sensor uses the calibration that it had")?;
+    uploaded.context(if_not_uploaded)?;
     commit(session, written)?;
-    let back = record_in_use(session).context("uploaded, but not read back and not saved")?;
+    let back = record_in_use(session).context("uploaded, but not read back: write it again")?;
     ensure!(
         back.bytes() == written.bytes(),
         "what the sensor uses now is another record, CRC-32 {:08x}: write it again",
@@ -191,10 +206,9 @@ fn commit(session: &mut Session, written: &Written) -> Result<()> {
     }
 }
 
-/// Has the sensor keep what is in use.
+/// Has the sensor keep what is in use. A sensor that starts anew meanwhile uses what its flash holds: it is not asked to save that.
 fn save(session: &mut Session, written: &Written) -> Result<()> {
-    const UNKNOWN: &str =
-        "it is in use; whether it is saved, `calibration` on the sensor's line tells";
+    const UNKNOWN: &str = "uploaded; whether it is saved, `calibration` on the sensor's line tells";
     let wait = session.line().waits.save;
     let question = Command::Save.to_string();
     let mut tries = 1;
@@ -202,12 +216,23 @@ fn save(session: &mut Session, written: &Written) -> Result<()> {
         let saved = session.line().ask_once(&question, wait, |lines| {
             (*lines.last()? == question).then_some(())
         });
-        if let Err(LineError::Silent { .. } | LineError::Refused { .. }) = saved {
-            session.line().synchronise().context(UNKNOWN)?;
+        match saved {
+            Ok(()) => {}
+            Err(LineError::Silent { .. } | LineError::Refused { .. }) => {
+                session.line().synchronise().context(UNKNOWN)?;
+            }
+            Err(_) => return saved.context(UNKNOWN),
         }
         let now = session.calibration().context(UNKNOWN)?;
-        let same = now.record.is_some_and(|record| record.crc == written.sum());
-        if same && now.stored == "same" {
+        let crc = now.record.map(|record| record.crc);
+        if crc != Some(written.sum()) {
+            let banner = match crc {
+                Some(crc) => format!("it uses another record, CRC-32 {crc:08x}"),
+                None => "it has no calibration".to_owned(),
+            };
+            return Err(LineError::Restarted { banner }).context(UNKNOWN);
+        }
+        if now.stored == "same" {
             return Ok(());
         }
         if tries == TRIES {
@@ -238,7 +263,7 @@ pub fn read_with(options: &ReadOptions, waits: Waits, output: &mut dyn Write) ->
     let written = record_in_use(&mut session)?;
     writeln!(output, "{}", Shown::of(&written))?;
     if let Some(path) = &options.output {
-        record_file::write(path, &written)?;
+        record_file::write(path, &written, options.force)?;
         writeln!(output, "\nwritten to {}", path.display())?;
     }
     Ok(())

@@ -177,3 +177,37 @@ fn covariance_and_uncertainty_are_honest() {
         }
     }
 }
+
+/// Four points with known uncertainties: the one residual's scatter z is often near zero by chance, and the claim is at least what was given.
+/// For z normal and independent of the error, error over claim squared is on average P(z^2 < 1) + E(1/z^2; z^2 > 1) = 0.849, the root of
+/// which is 0.92; and the claim's square E(max(1, z^2)) = 1.484 of the error's, whose root is 1.22. 400 sets give both to 5 %.
+#[test]
+fn four_points_claim_no_less_than_was_given() {
+    const SETS: u64 = 400;
+    let truth = Truth::nominal();
+    let (mut ratios, mut errors, mut claims, mut of_d) = (vec![], vec![], vec![], vec![]);
+    for seed in 0..SETS {
+        let mut points = truth.points(4, NOISE, &mut seeded(3000 + seed));
+        points
+            .iter_mut()
+            .for_each(|point| point.sigma_px = Some(NOISE));
+        let solved = solve(&points, None).expect("a fit");
+        let error = truth.error(|x| solved.plain.distance(x)).0 * 1e-6;
+        let claim = solved.plain_quality.uncertainty.expect("given");
+        ratios.push(error / claim);
+        errors.push(error);
+        claims.push(claim);
+        let fit = &solved.plain.eq1;
+        let variance = solved.variance().expect("given") * fit.unit_covariance[(0, 0)];
+        of_d.push((fit.curve.d - truth.parameters()[0]) / variance.sqrt());
+    }
+    let over = rms(&claims) / rms(&errors);
+    println!(
+        "error over claim {:.3}, of D {:.3}, claim over error {over:.3}",
+        rms(&ratios),
+        rms(&of_d)
+    );
+    assert!((rms(&ratios) - 0.92).abs() < 0.1);
+    assert!((rms(&of_d) - 0.92).abs() < 0.1);
+    assert!((over - 1.22).abs() < 0.12);
+}

@@ -143,6 +143,33 @@ fn options_go_before_what_the_points_say_and_json_is_the_report() {
     insta::assert_debug_snapshot!(keys);
 }
 
+#[test]
+fn another_record_is_not_replaced_unless_forced() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let points = Truth::nominal().points(20, 0.002, &mut seeded(3));
+    file(&directory.path().join("points.csv"), &points);
+    let record = directory.path().join("sensor.record");
+    let fit = |options: &[&str]| {
+        let output = [&["points.csv", "-o", "sensor.record"], options].concat();
+        let output = slitrange(directory.path(), &output);
+        (output.status.code(), printed(&output))
+    };
+    assert_eq!(fit(&["--date", "2026-01-31"]).0, Some(0));
+    let first = std::fs::read(&record).expect("a record");
+    // The same again replaces nothing.
+    assert_eq!(fit(&["--date", "2026-01-31"]).0, Some(0));
+    let (code, said) = fit(&["--date", "2026-02-01"]);
+    assert_eq!(code, Some(2));
+    assert_eq!(
+        said,
+        "slitrange: sensor.record stays as it is, it holds something else than this record: name another file with --output, or \
+         replace it with --force\n"
+    );
+    assert_eq!(std::fs::read(&record).expect("a record"), first);
+    assert_eq!(fit(&["--date", "2026-02-01", "--force"]).0, Some(0));
+    assert_ne!(std::fs::read(&record).expect("a record"), first);
+}
+
 /// What is refused leaves no record, and an older one as it was.
 #[test]
 fn refusals_leave_what_is_there() {
@@ -170,7 +197,7 @@ fn refusals_leave_what_is_there() {
         &["good.csv", "-o", "good.csv"],
     ] {
         let output = slitrange(directory.path(), options);
-        assert!(!output.status.success(), "{options:?}");
+        assert_eq!(output.status.code(), Some(2), "{options:?}");
         said += &format!("{}\n  {}", options.join(" "), printed(&output));
     }
     insta::assert_snapshot!(said);

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use clap::Parser;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use slitrange::calibration::written::Written;
 use slitrange::estimator::Estimator;
 use slitrange_cli::points::Points;
 use slitrange_cli::sensor::line::Waits;
@@ -326,6 +327,24 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
         .expect("nothing to do");
 }
 
+/// Points are added after the first record was written, with which the sensor got its number.
+#[test]
+fn points_are_added_once_the_sensor_has_a_number() {
+    let sensor = StandIn::new(18, Trouble::default());
+    let stage = sensor.stage_command();
+    let more = |positions: &[f64]| {
+        let positions = list(&sensor, positions);
+        let arguments = ["--positions", &positions, "--stage-command", &stage];
+        run(&sensor, &arguments, "", WAITS).0
+    };
+    more(&[600.0, 700.0]).expect("taken");
+    let mut record = Written::nominal().expect("a record").record().clone();
+    record.serial_number = 42;
+    sensor.state().calibration = Written::new(record).ok();
+    more(&[600.0, 650.0, 700.0]).expect("taken");
+    check(&sensor, &[600.0, 650.0, 700.0], noise(8));
+}
+
 /// Waits until so many points are there, and then for a moment more.
 fn once_there_are(sensor: &StandIn, count: usize, then: Duration) {
     let until = Instant::now() + Duration::from_secs(60);
@@ -475,6 +494,28 @@ fn start(sensor: &StandIn, positions: &str) -> Child {
         .stdout(Stdio::null())
         .spawn()
         .expect("slitrange runs")
+}
+
+/// What was set before the run that was killed is set after the one that goes on.
+#[test]
+fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
+    let sensor = StandIn::new(19, Trouble::default());
+    let positions = list(&sensor, &TEN);
+    let mut program = start(&sensor, &positions);
+    once_there_are(&sensor, 1, Duration::ZERO);
+    program.kill().expect("killed");
+    program.wait().expect("ended");
+    let set = |sensor: &StandIn| {
+        let state = sensor.state();
+        (state.settings.rows, state.stream)
+    };
+    assert_eq!(set(&sensor), (64, false));
+    assert!(start(&sensor, &positions).wait().expect("ended").success());
+    assert_eq!(set(&sensor), (16, true));
+    // What somebody set after that is not of a run that was killed.
+    sensor.state().settings.rows = 32;
+    assert!(start(&sensor, &positions).wait().expect("ended").success());
+    assert_eq!(set(&sensor), (32, true));
 }
 
 /// The program is killed after each point, at whatever it is about; what was in the file then is in it in the end.

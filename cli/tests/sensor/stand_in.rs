@@ -85,6 +85,8 @@ pub struct State {
     pub unplugged_until: Option<Instant>,
     /// The one line of an upload, here or there, that arrives spoilt: how many come before it, and whether it is lost.
     pub spoil: Option<(usize, bool)>,
+    /// Power fails so many times while the flash is written, which then holds what it held.
+    pub restarts_on_save: usize,
     /// Commands that it understood.
     pub asked: Vec<Command>,
     upload: Upload,
@@ -118,6 +120,7 @@ impl StandIn {
             off_until: None,
             unplugged_until: None,
             spoil: None,
+            restarts_on_save: 0,
             asked: Vec::new(),
             upload: Upload::none(),
         }));
@@ -395,7 +398,11 @@ impl Sensor {
                 Err(refusal) => refusal.to_string(),
             },
             Command::Save => {
-                if state.flash_works {
+                if state.restarts_on_save > 0 {
+                    state.restarts_on_save -= 1;
+                    state.off_until = Some(Instant::now() + Duration::from_millis(50));
+                    "save pauses the stream".to_owned()
+                } else if state.flash_works {
                     state.saved = (*settings, state.calibration.clone());
                     "save pauses the stream\r\nsave".to_owned()
                 } else {

@@ -81,7 +81,7 @@ fn kinds() -> Vec<Written> {
 /// A file of a record beside the sensor's port.
 fn file(sensor: &StandIn, name: &str, written: &Written) -> PathBuf {
     let path = sensor.path(name);
-    record_file::write(&path, written).expect("written");
+    record_file::write(&path, written, true).expect("written");
     path
 }
 
@@ -144,7 +144,7 @@ fn every_kind_is_written_read_and_the_same() {
         assert!(state.stream, "put back");
         drop(state);
         let back = sensor.path("back");
-        run(&["read", "--port", &port, "-o", text(&back)])
+        run(&["read", "--port", &port, "-o", text(&back), "--force"])
             .0
             .expect("read");
         assert_eq!(
@@ -190,6 +190,88 @@ fn without_saving_the_flash_stays_as_it_is() {
         ),
         "{error}"
     );
+}
+
+/// A sensor that starts anew uses the old record again: saving that once more is no help.
+#[test]
+fn power_that_fails_while_it_is_saved_is_made_up_for() {
+    let sensor = StandIn::new(36, Trouble::default());
+    let port = sensor.port();
+    let [first, second, third, ..] = &kinds()[..] else {
+        panic!("three records")
+    };
+    for written in [first, second] {
+        let path = file(&sensor, "record", written);
+        sensor.state().restarts_on_save = 2;
+        let (result, output) = run(&["write", text(&path), "--port", &port]);
+        result.expect("written");
+        assert!(
+            output.ends_with("saved: it is kept over a power cycle\n"),
+            "{output}"
+        );
+        assert_eq!(sensor.state().saved.1.as_ref(), Some(written));
+        assert_eq!(sensor.state().restarts_on_save, 0);
+    }
+    let path = file(&sensor, "record", third);
+    sensor.state().restarts_on_save = 3;
+    let error = run(&["write", text(&path), "--port", &port])
+        .0
+        .expect_err("no power");
+    assert!(
+        error.starts_with(
+            "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor started anew: `"
+        ),
+        "{error}"
+    );
+    assert_eq!(sensor.state().saved.1.as_ref(), Some(second));
+}
+
+#[test]
+fn another_record_is_not_replaced_unless_forced() {
+    let sensor = StandIn::new(37, Trouble::default());
+    let port = sensor.port();
+    let path = file(&sensor, "record", &kinds()[2]);
+    let before = std::fs::read(&path).expect("bytes");
+    let read = ["read", "--port", &port, "-o", text(&path)];
+    let error = run(&read).0.expect_err("another record");
+    assert_eq!(
+        error,
+        format!(
+            "{} stays as it is, it holds something else than this record: name another file with --output, or replace it with \
+             --force",
+            path.display()
+        )
+    );
+    assert_eq!(std::fs::read(&path).expect("bytes"), before);
+    run(&[&read[..], &["--force"]].concat()).0.expect("read");
+    let nominal = Written::nominal().expect("a record");
+    assert_eq!(std::fs::read(&path).expect("bytes"), nominal.bytes());
+    // The same once more replaces nothing.
+    run(&read).0.expect("read");
+}
+
+#[test]
+fn the_exit_code_tells_a_difference_from_an_error() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let [first, second, ..] = &kinds()[..] else {
+        panic!("two records")
+    };
+    for (name, written) in [("first", first), ("second", second)] {
+        record_file::write(&directory.path().join(name), written, false).expect("written");
+    }
+    for (files, code) in [
+        (["first", "first"], 0),
+        (["first", "second"], 1),
+        (["first", "none"], 2),
+    ] {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_slitrange"))
+            .args(["calibrate", "show"])
+            .args(files)
+            .current_dir(directory.path())
+            .output()
+            .expect("it runs");
+        assert_eq!(output.status.code(), Some(code), "{files:?}");
+    }
 }
 
 #[test]
@@ -272,6 +354,7 @@ fn a_bad_line_at_any_step_of_an_upload_is_made_up_for() {
 #[test]
 fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
     let kinds = kinds();
+    let mut done = 0;
     for seed in 40..44 {
         let trouble = Trouble {
             lost: 0.01,
@@ -281,7 +364,6 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
         };
         let sensor = StandIn::new(seed, trouble);
         let (mut used, mut saved) = (Written::nominal(), None);
-        let mut done = 0;
         for written in &kinds[..5] {
             let path = file(&sensor, "record", written);
             let result = run(&["write", text(&path), "--port", &sensor.port()]).0;
@@ -295,14 +377,28 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
             let now = &state.calibration;
             assert!(*now == used || *now == new || *now == kept);
             assert!(state.saved.1 == saved || state.saved.1 == new);
-            if result.is_ok() {
-                done += 1;
-                assert_eq!(state.saved.1, new);
+            match result {
+                Ok(_) => {
+                    done += 1;
+                    assert_eq!(state.saved.1, new);
+                }
+                Err(error) => {
+                    let same = saved == new || used == new;
+                    assert!(!error.starts_with("nothing has changed") || *now != new || same);
+                    assert!(!error.contains("not saved") || state.saved.1 != new || same);
+                    assert!(
+                        !error.contains("says that it saved") || !error.contains("`stored same`")
+                    );
+                }
             }
             (used, saved) = (now.clone(), state.saved.1.clone());
         }
-        println!("seed {seed}: {done} of 5 written");
+        println!("to seed {seed}: {done} written");
     }
+    // A try takes at most some 60 commands (20 pieces each way, and as many again for what noise cost), of which each cuts the power
+    // with 0.5 %: a quarter of the tries fail, three in a row 2 % of the time. The few questions before the first are not asked again:
+    // 3 %. Of 20 records more than 5 fail with 5 % each 3 times in 10000.
+    assert!(done >= 15, "{done} of 20");
 }
 
 #[test]

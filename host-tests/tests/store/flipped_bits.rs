@@ -12,6 +12,7 @@ use crate::samples::{Size, keep, read, sample};
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Count {
     newest: usize,
+    doubted: usize,
     before: usize,
     unusable: usize,
 }
@@ -32,9 +33,16 @@ fn turn_over(
         match read(&mut flash) {
             Kept::Nothing => panic!("{what}, bit {bit}: as if nothing had ever been saved"),
             Kept::Unusable => count.unusable += 1,
-            Kept::Saved(kept) => match saved.iter().rev().position(|saved| *saved == kept) {
-                Some(0) => count.newest += 1,
-                Some(1) => count.before += 1,
+            kept => match saved
+                .iter()
+                .rev()
+                .position(|saved| Some(saved) == kept.saved())
+            {
+                Some(0) if matches!(kept, Kept::Saved(_)) => count.newest += 1,
+                // Whole, but damage elsewhere looks like something newer.
+                Some(0) => count.doubted += 1,
+                // That it is not the newest is always said.
+                Some(1) if matches!(kept, Kept::Older(_)) => count.before += 1,
                 Some(by) => panic!("{what}, bit {bit}: that of {by} saves before"),
                 None => panic!("{what}, bit {bit}: {kept:?} was never saved"),
             },

@@ -213,6 +213,8 @@ fn a_power_cut_in_the_first_save_of_all_leaves_the_nominal_calibration_or_none()
     println!(
         "{count} operations: {nothing} cuts leave nothing, {unusable} none, {new} the new one"
     );
+    // Nothing only before the first word; the new one not before the last is whole.
+    assert!((1..=4).contains(&nothing) && new <= 1);
     assert_board_starts_with(&history.after(count / 2));
 }
 
@@ -258,7 +260,7 @@ fn a_board_without_power_saves_no_further() {
     assert_eq!(history.operations().len(), 300);
 
     let mut board = power_on(&flash);
-    kept::assert_in_use(&mut board, &Kept::Saved(saved(3)));
+    kept::assert_in_use(&mut board, &Kept::Older(saved(3)));
     set(&mut board, "rows 21");
     save(&mut board);
     assert_eq!(kept::saved_in(&flash.contents()), saved(21));

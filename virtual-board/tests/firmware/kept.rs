@@ -31,7 +31,7 @@ pub fn read(contents: &Contents) -> Kept {
 /// What the store finds in `contents`, which is something.
 pub fn saved_in(contents: &Contents) -> Saved {
     match read(contents) {
-        Kept::Saved(saved) => saved,
+        Kept::Saved(saved) | Kept::Older(saved) => saved,
         other => panic!("{other:?} in {contents:?}"),
     }
 }
@@ -41,7 +41,7 @@ pub fn saved_in(contents: &Contents) -> Saved {
 pub fn assert_in_use(board: &mut VirtualBoard, kept: &Kept) {
     let calibration = match kept {
         Kept::Nothing => Written::nominal(),
-        Kept::Saved(saved) => match saved.record.clone() {
+        Kept::Saved(saved) | Kept::Older(saved) => match saved.record.clone() {
             Some(record) => Some(Written::new(record).expect("a usable one")),
             None => Written::nominal(),
         },
@@ -49,11 +49,12 @@ pub fn assert_in_use(board: &mut VirtualBoard, kept: &Kept) {
     };
     let stored = match (kept, &calibration) {
         (Kept::Saved(_), Some(written)) => Stored::Record(written.sum()),
+        (Kept::Older(_), Some(written)) => Stored::Older(written.sum()),
         (Kept::Nothing, _) => Stored::Nothing,
         _ => Stored::Damaged,
     };
     assert_shown(board, calibration.as_ref(), stored);
-    if let Kept::Saved(saved) = kept {
+    if let Some(saved) = kept.saved() {
         assert_eq!(ask(board, "rows"), format!("rows {}", saved.settings.rows));
     }
     let results = fresh_results(board, 1);
