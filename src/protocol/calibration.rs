@@ -88,11 +88,11 @@ impl Shown<'_> {
     const fn fault(&self) -> Option<&'static str> {
         match self.stored {
             Stored::Nothing | Stored::Record(_) => None,
-            Stored::Damaged => Some(
-                "what was saved cannot be used, or was interrupted: upload it again, or defaults, then save",
-            ),
+            Stored::Damaged => {
+                Some("what was saved cannot be used: upload it again, or defaults, then save")
+            }
             Stored::Older(_) => Some(
-                "what was saved last cannot be used, or was interrupted; this is from before: upload it again, or save this",
+                "what was saved last cannot be used, this is from before: upload it again, or save",
             ),
             Stored::OtherSensor => Some(
                 "what was saved is of another sensor head: upload this one's calibration, then save",
@@ -184,8 +184,16 @@ mod tests {
                 Stored::Damaged,
                 &[
                     "source uploaded",
-                    "fault what was saved is damaged: upload it again, then save",
+                    "fault what was saved cannot be used: upload it again, or defaults, then save",
                     "stored unusable",
+                ],
+            ),
+            (
+                Stored::Older(own.sum()),
+                &[
+                    "source stored",
+                    "fault what was saved last cannot be used, this is from before: upload it again, or save",
+                    "stored same",
                 ],
             ),
             (
@@ -228,7 +236,7 @@ mod tests {
         assert_eq!(
             shown.to_string(),
             "calibration none\r\n\
-             calibration fault what was saved is damaged: upload it again, then save\r\n\
+             calibration fault what was saved cannot be used: upload it again, or defaults, then save\r\n\
              calibration stored unusable"
         );
     }

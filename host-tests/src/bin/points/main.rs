@@ -32,8 +32,8 @@ const COUNTS: [usize; 10] = [3, 4, 5, 8, 12, 20, 30, 60, 120, 200];
 /// Sensors that are calibrated for each figure, each of a geometry of its own: the figures' own error is 5 %.
 const SENSORS: u64 = 200;
 
-/// Standard uncertainty of a point's centre in pixels: eight frames of 64 rows of white paper at 0.8 m, of which 16 rows have 0.002.
-const CENTRE: f64 = 0.0004;
+/// Standard uncertainty of a point's centre in pixels: eight frames of 64 rows of white paper, each of 0.002.
+const CENTRE: f64 = 0.0007;
 
 /// How well distances are known.
 struct Means {
