@@ -191,6 +191,9 @@ mod tests {
     /// a digit do.
     #[test]
     fn a_character_that_is_garbled_is_noticed() {
+        /// Characters of which one is tried: Miri is slow.
+        const STRIDE: usize = if cfg!(miri) { 97 } else { 1 };
+
         let bytes = [7, 0, 255, 128, 1, 9, 0x5c, 0xa3, 77, 3, 250, 0, 0, 0, 0, 1];
         for (offset, count) in [
             (0, 16),
@@ -206,7 +209,7 @@ mod tests {
             assert_eq!(parse(line.as_bytes()), same, "{line}");
             let mut refused = 0;
             for at in 0..line.len() {
-                for character in 0..=255 {
+                for character in (0..=255).step_by(STRIDE) {
                     let mut garbled = line.clone().into_bytes();
                     garbled[at] = character;
                     match parse(&garbled) {
@@ -217,7 +220,10 @@ mod tests {
                 }
             }
             // All but the character itself, a digit's other case, and a blank's other form.
-            assert!(refused >= line.len() * 253, "{line}: {refused}");
+            assert!(
+                cfg!(miri) || refused >= line.len() * 253,
+                "{line}: {refused}"
+            );
         }
     }
 }
