@@ -115,6 +115,13 @@ impl SharedFlash {
         self.lock().contents.clone()
     }
 
+    /// Puts other contents in its place, as when a chip is exchanged.
+    pub fn put(&self, contents: Contents) {
+        let mut flash = self.lock();
+        flash.history = History::since(contents.clone());
+        flash.contents = contents;
+    }
+
     /// What was done to it since this was last asked.
     pub fn take_history(&self) -> History {
         let mut flash = self.lock();

@@ -234,16 +234,33 @@ fn a_board_starts_with_what_a_power_cut_left() {
     }
 }
 
-/// A start after each operation. It takes an hour or so: a start and its answers are three seconds of computation.
-#[test]
-#[ignore = "starts a board 1300 times"]
-fn a_board_starts_with_what_any_power_cut_left() {
-    let saves = Saves::of_the_firmware();
-    for history in [&saves.without_erase, &saves.with_erase] {
-        for count in 0..=history.operations().len() {
-            assert_board_starts_with(&history.after(count));
-        }
+/// A start after every so many operations of a save: the board says that it uses what the store finds on this PC, the old one or the new.
+/// A start takes three seconds of computation, so that each operation would take an hour.
+fn assert_board_starts_all_along(history: &History) {
+    const EVERY: usize = 47;
+
+    let flash = SharedFlash::holding(history.after(0));
+    let mut board = power_on(&flash);
+    let last = history.operations().len();
+    println!("every {EVERY}th of {last}");
+    for count in (0..last).step_by(EVERY).chain([last - 1, last]) {
+        flash.put(history.after(count));
+        board.reset_pin().expect("the emulator");
+        board.take_lines();
+        await_banner(&mut board);
+        kept::assert_shown_as(&mut board, &kept::read(&flash.contents()));
     }
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn a_board_starts_all_along_a_save_without_an_erase() {
+    assert_board_starts_all_along(&Saves::of_the_firmware().without_erase);
+}
+
+#[test]
+fn a_board_starts_all_along_a_save_with_an_erase() {
+    assert_board_starts_all_along(&Saves::of_the_firmware().with_erase);
 }
 
 /// The board's own power fails in the middle of a save. The next board, with the same flash, has the old one in use, and saves.

@@ -36,9 +36,8 @@ pub fn saved_in(contents: &Contents) -> Saved {
     }
 }
 
-/// A board that found `kept` in its flash at its start says so, measures with these settings, and gives distances if it has a
-/// calibration.
-pub fn assert_in_use(board: &mut VirtualBoard, kept: &Kept) {
+/// A board that found `kept` in its flash at its start says so. Gives the calibration that it has then.
+pub fn assert_shown_as(board: &mut VirtualBoard, kept: &Kept) -> Option<Written> {
     let calibration = match kept {
         Kept::Nothing => Written::nominal(),
         Kept::Saved(saved) | Kept::Older(saved) => match saved.record.clone() {
@@ -57,6 +56,12 @@ pub fn assert_in_use(board: &mut VirtualBoard, kept: &Kept) {
     if let Some(saved) = kept.saved() {
         assert_eq!(ask(board, "rows"), format!("rows {}", saved.settings.rows));
     }
+    calibration
+}
+
+/// It says so, measures with these settings, and gives distances if it has a calibration.
+pub fn assert_in_use(board: &mut VirtualBoard, kept: &Kept) {
+    let calibration = assert_shown_as(board, kept);
     let results = fresh_results(board, 1);
     let is_as_kept = match calibration {
         Some(_) => is_reading(&results[0]),
