@@ -1,14 +1,47 @@
-//! The firmware: laser spots in, distances out of the serial line. See the library for how.
+//! The firmware: laser spots in, distances out of the serial line.
+//!
+//! Four tasks, and what passes between them ([`shared`]):
+//!
+//! ```text
+//! acquisition --full rows--> measuring --centres, faults---> serial line --records--> flash
+//!             <--free rows--           <-settings, pauses---
+//! ```
+//!
+//! A fifth task feeds the watchdog while all others make progress. Acquisition and watchdog run in an interrupt, above the other
+//! tasks, so that a row's computation never shifts the sensor's pulses.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
-mod firmware;
+mod acquisition;
+#[cfg(target_os = "none")]
+mod board;
+#[cfg(target_os = "none")]
+mod flash;
+#[cfg(target_os = "none")]
+mod in_use;
+#[cfg(target_os = "none")]
+mod measuring;
+#[cfg(target_os = "none")]
+mod serial_line;
+#[cfg(target_os = "none")]
+mod session;
+#[cfg(target_os = "none")]
+mod shared;
+#[cfg(target_os = "none")]
+mod tcd1304;
+#[cfg(target_os = "none")]
+mod transmitter;
+#[cfg(target_os = "none")]
+mod watchdog;
+
+// Linked for what they define: where defmt's log goes, and what a panic does (defmt logs it, everything stops, and the watchdog
+// starts the board again).
+#[cfg(target_os = "none")]
+use {defmt_rtt as _, panic_probe as _};
 
 #[cfg(target_os = "none")]
 #[embassy_executor::main]
 async fn main(spawner: embassy_executor::Spawner) {
-    use firmware::{acquisition, board, measuring, serial_line, watchdog};
-
     let board = board::init();
 
     // Spawning fails only if a task is spawned twice: a programming error, which the first start would show.

@@ -3,9 +3,9 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use libfuzzer_sys::fuzz_target;
-use slitrange::calibration::Calibration;
-use slitrange::calibration::record::{MAX_ENCODED, Record, decode, encode};
-use slitrange::reading::Fault;
+use slitrange::distance::Calibration;
+use slitrange::fault::Fault;
+use slitrange::record::{MAX_ENCODED, Record, decode, encode};
 use slitrange::units::Pixels;
 
 /// No mutation would meet it: each input is also tried with the sum that it should have.
@@ -84,7 +84,7 @@ fn usable(calibration: &Calibration, places: &[u8]) {
     }
 }
 
-/// Steps of a distance that rounding may take it back: see [`slitrange::calibration::residuals::Corrected`].
+/// Steps of a distance that rounding may take it back: see [`slitrange::distance::residuals::Corrected`].
 fn rounding(calibration: &Calibration) -> i32 {
     let Calibration::Corrected(corrected) = calibration else {
         return 0;

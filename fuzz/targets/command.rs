@@ -3,12 +3,12 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use slitrange::calibration::record::{MAX_ENCODED, Record, decode};
-use slitrange::calibration::written::Written;
 use slitrange::protocol::command::{Command, Error, MAX_LINE, parse};
 use slitrange::protocol::input::Input;
 use slitrange::protocol::piece::{PIECE, Piece};
 use slitrange::protocol::upload::{Step, Upload};
+use slitrange::record::written::Written;
+use slitrange::record::{MAX_ENCODED, Record, decode};
 use slitrange::sensor_heads::tcd1304dg;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -6,11 +6,12 @@
 
 use libfuzzer_sys::fuzz_target;
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
-use slitrange::estimator::Estimator;
+use slitrange::centre::Estimator;
+use slitrange::distance::Calibration;
+use slitrange::fault::Fault;
 use slitrange::frame::{FEWEST_INDEPENDENT, MAX_ROWS, Mean};
 use slitrange::measurement::{Measurement, Settings};
-use slitrange::reading::{Fault, Reading};
+use slitrange::reading::Reading;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads;
 use slitrange::units::{Counts, Micrometres, Pixels};

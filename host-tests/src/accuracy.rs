@@ -1,14 +1,14 @@
 //! Many seeded rows through the core: how far its centres lie from the truth, and from what it claims.
 
 use rayon::prelude::*;
-use slitrange::estimator::tables::{Sampling, TableSet};
-use slitrange::estimator::{RowCentre, phase_table};
-use slitrange::reading::Fault;
+use slitrange::centre::tables::{Sampling, TableSet};
+use slitrange::centre::{RowCentre, phase_table};
+use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 
-use crate::bound;
-use crate::scene::{BlackLevel, ReadNoise, Scene, Sensor, ShotNoise, Spot, quantise};
+use simulator::bound;
+use simulator::scene::{BlackLevel, ReadNoise, Scene, Sensor, ShotNoise, Spot, quantise};
 
 /// Pixels of a test row: enough for the background of the widest spot.
 pub const PIXELS: usize = 2048;

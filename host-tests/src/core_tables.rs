@@ -1,7 +1,7 @@
 //! Phase tables made on the PC, handed to the core: other weights, other profiles.
 
 use phase_tables::IntegerTable;
-use slitrange::estimator::tables::Table;
+use slitrange::centre::tables::Table;
 
 /// The tables as the core reads them; `TableSet::new` takes and proves the slice.
 pub fn borrow(tables: &[IntegerTable]) -> Vec<Table<'_>> {

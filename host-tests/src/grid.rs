@@ -5,14 +5,14 @@
 
 use phase_tables::gaussian;
 use rayon::prelude::*;
-use slitrange::estimator::{self, Estimator, RowCentre};
-use slitrange::reading::Fault;
+use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 
 use crate::accuracy::{Cell, Outcome, PIXELS};
-use crate::bound;
-use crate::scene::{Scene, quantise};
+use simulator::bound;
+use simulator::scene::{Scene, quantise};
 
 /// Rows in a series.
 pub const SERIES: u64 = 16;
@@ -134,7 +134,7 @@ impl Rows {
                 estimators.iter().zip(&mut sums).zip(&mut before)
             {
                 let centre = spot.and_then(|spot| {
-                    estimator::centre(estimator, &row, &spot, before.as_ref(), &scene.geometry())
+                    centre::centre(estimator, &row, &spot, before.as_ref(), &scene.geometry())
                 });
                 sums.count(centre, truth, gross);
                 *before = centre.ok().filter(|_| knows == Before::Known);
@@ -234,8 +234,7 @@ fn bias(estimator: Estimator, width: f64, geometry: &Geometry) -> Option<f64> {
                 let counts = quantise(&counts, 4095);
                 let row = Row::new(&counts, &[], 4095).expect("quantised to 12 bits");
                 let spot = spot::find(&row).ok()?;
-                let centre =
-                    |before| estimator::centre(estimator, &row, &spot, before, geometry).ok();
+                let centre = |before| centre::centre(estimator, &row, &spot, before, geometry).ok();
                 let alone = centre(None)?;
                 let known = centre(last.as_ref())?;
                 for (centre, errors) in [alone, known].iter().zip(&mut errors) {
@@ -280,7 +279,7 @@ mod tests {
     /// ratio to 1.1 %, so the difference of two is within 5 % with three standard deviations to spare.
     #[test]
     fn agrees_with_the_cell_on_its_own() {
-        let alone = rows().cell.run(&slitrange::estimator::tables::GAUSSIAN);
+        let alone = rows().cell.run(&slitrange::centre::tables::GAUSSIAN);
         let [outcome] = rows().run(&[Estimator::PhaseTable])[..] else {
             panic!("one estimator, one outcome");
         };

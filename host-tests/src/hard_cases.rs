@@ -25,7 +25,7 @@ pub use recipe::{HardRow, Recipe};
 pub use shape::Shape;
 pub use truth::Truth;
 
-use crate::scene::Sensor;
+use simulator::scene::Sensor;
 
 /// What kind of difficulty a case is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,7 +104,7 @@ pub enum Due {
     Unknowable,
     /// A fault or a flag: no centre without one.
     NoCentre,
-    /// A fault of one of these kinds ([`slitrange::reading::Fault::name`]).
+    /// A fault of one of these kinds ([`slitrange::fault::Fault::name`]).
     Fault(&'static [&'static str]),
 }
 

@@ -1,14 +1,14 @@
 //! Every rung of the ladder on the same seeded rows.
 
 use rayon::prelude::*;
-use slitrange::estimator::{Estimator, RowCentre, centre};
-use slitrange::reading::Fault;
+use slitrange::centre::{Estimator, RowCentre, centre};
+use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot;
 
 use crate::accuracy::{Cell, Outcome, PIXELS};
-use crate::bound;
-use crate::scene::quantise;
+use simulator::bound;
+use simulator::scene::quantise;
 
 /// One row of counts, light positive, through the spot search and a rung.
 pub fn centre_of(

@@ -1,21 +1,10 @@
-//! slitrange on a PC: scenes, the Cramér-Rao bound and reference estimators in f64, against which the core is measured.
+//! The core on a PC: seeded rows, statistics of its errors, reference estimators in f64, and a catalogue of hard cases.
 
 pub mod accuracy;
-pub mod bound;
-pub mod budget;
 pub mod core_tables;
-pub mod distorted_optics;
-pub mod docs;
-pub mod field;
 pub mod grid;
 pub mod hard_cases;
 pub mod ladder;
-pub mod least_squares;
 pub mod measured_profile;
 pub mod model;
-pub mod optics;
-pub mod paper;
-pub mod photograph;
-pub mod profiles;
-pub mod scene;
-pub mod sinc_fit;
+pub mod profile_rows;

@@ -4,7 +4,7 @@
 //! to the same height and level; a smoothing spline goes through all of their pixels.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix2, Vector2};
-use slitrange::estimator::RowCentre;
+use slitrange::centre::RowCentre;
 
 /// A profile and the width that its spot has.
 #[derive(Clone, Debug)]

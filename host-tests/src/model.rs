@@ -3,7 +3,7 @@
 pub mod centroid;
 pub mod phase_table;
 
-use slitrange::triangulation::Eq1;
+use slitrange::distance::eq1::Eq1;
 
 /// Eq. (1) as D + K/(x - xp), in micrometres.
 pub fn distance(curve: &Eq1, centre: f64) -> f64 {

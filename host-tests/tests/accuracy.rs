@@ -2,9 +2,9 @@
 
 use host_tests::accuracy::{Cell, PIXELS, centre_of};
 use host_tests::core_tables;
-use host_tests::scene::quantise;
 use phase_tables::{LEAST_SQUARES, gaussian};
-use slitrange::estimator::tables::{GAUSSIAN, TableSet};
+use simulator::scene::quantise;
+use slitrange::centre::tables::{GAUSSIAN, TableSet};
 use slitrange::row::Row;
 use slitrange::spot;
 use slitrange::units::Pixels;

@@ -3,8 +3,8 @@
 use host_tests::accuracy::Cell;
 use host_tests::grid::{Before, Rows};
 use host_tests::ladder::centre_of;
-use host_tests::profiles::{self, Curve, Slit};
-use slitrange::estimator::Estimator;
+use simulator::profiles::{self, Curve, Slit};
+use slitrange::centre::Estimator;
 
 const WIDTHS: [f64; 10] = [1.2, 1.58, 2.0, 3.0, 4.61, 6.72, 8.0, 10.5, 13.4, 18.0];
 

@@ -2,20 +2,20 @@
 //! against a reference.
 
 use host_tests::accuracy::{Cell, PIXELS};
-use host_tests::bound;
-use host_tests::least_squares::{Gaussian, fit_weighted};
 use host_tests::model;
 use host_tests::model::phase_table::{Found, Weights};
-use host_tests::scene::quantise;
 use phase_tables::{DEFAULT, Profile, gaussian, slit};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use slitrange::estimator::tables::{self, Sampling};
-use slitrange::estimator::{self, Estimator, RowCentre, half_width};
+use simulator::bound;
+use simulator::least_squares::{Gaussian, fit_weighted};
+use simulator::scene::quantise;
+use slitrange::centre::tables::{self, Sampling};
+use slitrange::centre::{self, Estimator, RowCentre, half_width};
+use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
-use slitrange::triangulation::{Eq1, NOMINAL};
 use slitrange::units::Pixels;
 
 /// Steps of a centre in a pixel.
@@ -62,7 +62,7 @@ fn drawn(seed: u64, number: u64) -> Option<Drawn> {
 impl Drawn {
     fn centre(&self, rung: Estimator) -> Option<RowCentre> {
         let row = Row::new(&self.light, &[], 4095).ok()?;
-        estimator::centre(rung, &row, &self.spot, None, &self.geometry).ok()
+        centre::centre(rung, &row, &self.spot, None, &self.geometry).ok()
     }
 }
 
@@ -354,7 +354,7 @@ impl Fits {
     fn of(light: &[u16], truth: f64, geometry: &Geometry) -> Option<Self> {
         let row = Row::new(light, &[], 4095).ok()?;
         let spot = spot::find(&row).ok()?;
-        let centre = |rung| estimator::centre(rung, &row, &spot, None, geometry).ok();
+        let centre = |rung| centre::centre(rung, &row, &spot, None, geometry).ok();
         let (fit, table) = (
             centre(Estimator::GaussNewton)?,
             centre(Estimator::PhaseTable)?,

@@ -2,13 +2,14 @@
 //! centre from a window that the edge cuts. Every figure asserted is printed.
 
 use host_tests::accuracy::{Cell, PIXELS};
-use host_tests::bound;
-use host_tests::scene::quantise;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use slitrange::estimator::{self, Estimator, RowCentre, second_look};
-use slitrange::reading::Fault;
+use simulator::bound;
+use simulator::scene::quantise;
+use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::check;
+use slitrange::fault::Fault;
 use slitrange::row::Row;
 use slitrange::spot;
 
@@ -30,8 +31,8 @@ fn centres(cell: &Cell, light: &[u16], rung: Estimator) -> [Result<RowCentre, Fa
         Err(fault) => return [Err(fault); 2],
     };
     [
-        estimator::centre(rung, &row, &spot, None, &geometry),
-        second_look::centre(rung, &row, &spot, None, &geometry),
+        centre::centre(rung, &row, &spot, None, &geometry),
+        check::centre(rung, &row, &spot, None, &geometry),
     ]
 }
 

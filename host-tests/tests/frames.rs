@@ -2,17 +2,17 @@
 
 use std::fmt;
 
-use host_tests::scene::{Scene, Simulation, quantise};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Gamma, StandardNormal};
 use rayon::prelude::*;
+use simulator::scene::{Scene, Simulation, quantise};
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
-use slitrange::estimator::{Estimator, RowCentre, WidthClass};
+use slitrange::centre::{Estimator, RowCentre, WidthClass};
+use slitrange::distance::Calibration;
+use slitrange::fault::Fault;
 use slitrange::frame::{Frame, FrameCentre, Mean};
 use slitrange::measurement::{Measurement, Settings};
-use slitrange::reading::Fault;
 use slitrange::units::{Counts, Pixels};
 
 /// Where the spot is, in pixels.

@@ -4,12 +4,12 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use host_tests::docs;
 use host_tests::hard_cases::mixtures;
 use host_tests::hard_cases::report::{self, Catalogue};
 use host_tests::hard_cases::tally::Tally;
 use host_tests::hard_cases::{self, Group};
-use slitrange::estimator::Estimator;
+use lab::docs;
+use slitrange::centre::Estimator;
 
 static CATALOGUE: LazyLock<Catalogue> = LazyLock::new(Catalogue::run);
 

@@ -6,12 +6,13 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use host_tests::accuracy::centre_of;
-use host_tests::photograph::Photograph;
-use host_tests::scene::quantise;
-use host_tests::{core_tables, least_squares};
+use host_tests::core_tables;
 use phase_tables::{LEAST_SQUARES, gaussian};
-use slitrange::estimator::RowCentre;
-use slitrange::estimator::tables::{GAUSSIAN, TableSet};
+use simulator::least_squares;
+use simulator::photograph::Photograph;
+use simulator::scene::quantise;
+use slitrange::centre::RowCentre;
+use slitrange::centre::tables::{GAUSSIAN, TableSet};
 use slitrange::sensor_heads;
 
 /// A twentieth of full scale: the noise of dimmer rows is a good part of what is compared.

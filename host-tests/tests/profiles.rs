@@ -1,14 +1,15 @@
 //! Other profiles than the gaussian, tables made of a sensor's own rows, and tables of a wrong width. Every figure asserted is printed.
 
 use host_tests::accuracy::Cell;
+use host_tests::core_tables;
 use host_tests::measured_profile::MeasuredProfile;
-use host_tests::profiles::{self, Curve, Rows, Slit, bias};
-use host_tests::sinc_fit::{Sinc, fit_from};
-use host_tests::{bound, core_tables};
 use phase_tables::{COARSE, DEFAULT, FINE, IntegerTable, Plan, Profile, Widths, set};
-use slitrange::estimator::tables::{GAUSSIAN, MIXES, Sampling, TableSet};
-use slitrange::estimator::{self, Estimator, RowCentre, phase_table};
-use slitrange::reading::Fault;
+use simulator::bound;
+use simulator::profiles::{self, Curve, Rows, Slit, bias};
+use simulator::sinc_fit::{Sinc, fit_from};
+use slitrange::centre::tables::{GAUSSIAN, MIXES, Sampling, TableSet};
+use slitrange::centre::{self, Estimator, RowCentre, phase_table};
+use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::spot;
 
@@ -30,7 +31,7 @@ fn with_rung(
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
     let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
-    estimator::centre(rung, &row, &spot::find(&row)?, before, geometry)
+    centre::centre(rung, &row, &spot::find(&row)?, before, geometry)
 }
 
 /// One row through the spot search and tables.

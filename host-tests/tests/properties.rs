@@ -2,18 +2,20 @@
 
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
-use slitrange::estimator::tables::BLOCKS;
-use slitrange::estimator::{self, Estimator, RowCentre, WidthClass, second_look};
+use slitrange::centre::tables::BLOCKS;
+use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
+use slitrange::check;
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::NOMINAL;
+use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
 use slitrange::protocol::command::{self, MAX_LINE};
 use slitrange::protocol::input::Input;
-use slitrange::reading::{Fault, Measured, Reading};
+use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
 use slitrange::spot::{Background, Spot};
-use slitrange::triangulation::NOMINAL;
 use slitrange::units::{Counts, Pixels};
 
 fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measurement {
@@ -193,8 +195,8 @@ proptest! {
         // Of a spot and a row before that cannot be, anything may come but a panic.
         let can_be = found && before.is_none_or(|before| is_width(before.width));
         for rung in Estimator::ALL {
-            let alone = estimator::centre(rung, &row, &spot, before.as_ref(), &geometry);
-            let looked_at = second_look::centre(rung, &row, &spot, before.as_ref(), &geometry);
+            let alone = centre::centre(rung, &row, &spot, before.as_ref(), &geometry);
+            let looked_at = check::centre(rung, &row, &spot, before.as_ref(), &geometry);
             for found in [alone, looked_at].iter().flatten() {
                 prop_assert!(!can_be || is_sane(found, light.len()), "{rung:?}: {found:?}");
             }

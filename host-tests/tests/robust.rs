@@ -1,13 +1,13 @@
 //! The robust rung on pixels that do not belong to the spot, beside the default rung and the bound of clean rows.
 
 use host_tests::accuracy::Cell;
-use host_tests::bound;
-use host_tests::scene::quantise;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use slitrange::estimator::{self, Estimator, RowCentre};
-use slitrange::reading::Fault;
+use simulator::bound;
+use simulator::scene::quantise;
+use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::fault::Fault;
 use slitrange::row::Row;
 use slitrange::spot;
 
@@ -75,9 +75,8 @@ fn run(estimator: Estimator, width: f64, flaw: Flaw) -> Outcome {
             }
             let light = quantise(&counts, 4095);
             let parts = Row::new(&light, &[], 4095).expect("12 bits");
-            let found = spot::find(&parts).and_then(|spot| {
-                estimator::centre(estimator, &parts, &spot, None, &scene.geometry())
-            });
+            let found = spot::find(&parts)
+                .and_then(|spot| centre::centre(estimator, &parts, &spot, None, &scene.geometry()));
             (truth, found)
         })
         .collect();
@@ -190,7 +189,7 @@ fn a_hot_pixel_alone_is_no_spot() {
         let light = quantise(&counts, 4095);
         let parts = Row::new(&light, &[], 4095).expect("12 bits");
         let found = spot::find(&parts).and_then(|spot| {
-            estimator::centre(Estimator::Robust, &parts, &spot, None, &scene.geometry())
+            centre::centre(Estimator::Robust, &parts, &spot, None, &scene.geometry())
         });
         centres += i32::from(found.is_ok_and(|found| !found.misfit));
     }
@@ -221,7 +220,7 @@ fn a_tilt_is_no_outlier() {
             let light = quantise(&counts, 4095);
             let parts = Row::new(&light, &[], 4095).expect("12 bits");
             let found = spot::find(&parts).and_then(|spot| {
-                estimator::centre(Estimator::Robust, &parts, &spot, None, &scene.geometry())
+                centre::centre(Estimator::Robust, &parts, &spot, None, &scene.geometry())
             });
             if let Ok(found) = found
                 && !found.misfit

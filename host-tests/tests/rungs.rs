@@ -3,10 +3,10 @@
 
 use host_tests::accuracy::{Cell, PIXELS};
 use host_tests::ladder::{centre_of, run_estimator};
-use host_tests::scene::quantise;
 use phase_tables::gaussian;
-use slitrange::estimator::{self, Estimator};
-use slitrange::reading::Fault;
+use simulator::scene::quantise;
+use slitrange::centre::{self, Estimator};
+use slitrange::fault::Fault;
 use slitrange::row::Row;
 
 const RUNGS: [Estimator; 5] = [
@@ -367,7 +367,7 @@ fn the_row_before_is_followed() {
             let light = quantise(&scene.row_with_centre(row, truth, 1.0), 4095);
             let row = Row::new(&light, &[], 4095).expect("12 bits");
             let spot = slitrange::spot::find(&row).expect("a spot");
-            let found = estimator::centre(rung, &row, &spot, before.as_ref(), &scene.geometry());
+            let found = centre::centre(rung, &row, &spot, before.as_ref(), &scene.geometry());
             let found = found.expect("a centre");
             let error = found.centre.to_f64() - truth;
             squares += (found.width.to_f64() / width - 1.0).powi(2) / 100.0;

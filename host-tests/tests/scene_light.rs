@@ -2,14 +2,14 @@
 
 use std::f64::consts::{PI, SQRT_2, TAU};
 
-use host_tests::field::{self, Laser, LensAperture, Scattering, SlitAperture, View};
-use host_tests::least_squares;
-use host_tests::optics::{Aperture, Optics};
-use host_tests::profiles;
-use host_tests::scene::diffraction::Gap;
-use host_tests::scene::lens::{Across, Pupil};
-use host_tests::scene::pattern::Pattern;
-use host_tests::scene::{
+use simulator::field::{self, Laser, LensAperture, Scattering, SlitAperture, View};
+use simulator::least_squares;
+use simulator::optics::{Aperture, Optics};
+use simulator::profiles;
+use simulator::scene::diffraction::Gap;
+use simulator::scene::lens::{Across, Pupil};
+use simulator::scene::pattern::Pattern;
+use simulator::scene::{
     Coma, Defocus, Diffraction, Distortion, Flare, LaserSpot, Motion, Obliquity, Scene,
     SecondReflection, Sensor, Simulation, Speckle, SpecularLobe, Spot, Temperature, Texture,
 };
@@ -462,7 +462,7 @@ fn a_round_pupil_makes_airys_pattern() {
     let detail = 650e-9 * 0.05 / (50e-3 / 12.0);
     assert!((ideal.detail() / detail - 1.0).abs() < 1e-12);
     let step = detail / 16.0;
-    let across = |chords: &host_tests::scene::lens::Chords, y: f64| {
+    let across = |chords: &simulator::scene::lens::Chords, y: f64| {
         let pixel = Across::Pixel {
             place: y,
             height: 0.0,

@@ -1,19 +1,19 @@
 //! What a sensor makes of light, effect by effect, against closed forms and counts; the random numbers of all effects; and the scenes in
 //! the folder. Figures that are asserted are printed.
 
-use host_tests::budget::Plan;
-use host_tests::optics::Aperture;
-use host_tests::paper::apparatus::{LASER, WANDER};
-use host_tests::paper::materials::MATERIALS;
-use host_tests::scene::{
+use lab::budget::Plan;
+use lab::paper::apparatus::{LASER, WANDER};
+use lab::paper::materials::MATERIALS;
+use rayon::prelude::*;
+use simulator::optics::Aperture;
+use simulator::scene::{
     Ambient, BlackLevel, Coma, Defocus, Diffraction, Distortion, Effect, FixedPattern, Flare,
     HotPixels, LaserSpot, Motion, Obliquity, Quantisation, ReadNoise, Response, Saturation, Scene,
     SecondReflection, Sensor, ShotNoise, Simulation, Speckle, SpecularLobe, Spot, Temperature,
     Texture, file, quantise, random,
 };
-use rayon::prelude::*;
-use slitrange::estimator::{self, Estimator, RowCentre};
-use slitrange::reading::Fault;
+use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::fault::Fault;
 use slitrange::row::Row;
 use slitrange::spot;
 
@@ -1058,7 +1058,7 @@ fn centre(simulation: &Simulation, row: u64) -> Result<RowCentre, Fault> {
     );
     let row = row.expect("12 bits");
     let spot = spot::find(&row)?;
-    estimator::centre(Estimator::default(), &row, &spot, None, &geometry)
+    centre::centre(Estimator::default(), &row, &spot, None, &geometry)
 }
 
 /// The core finds the spot of each scene's rows, within a width of where it should be, or the fault that the file announces.

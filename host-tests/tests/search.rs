@@ -2,13 +2,14 @@
 //! Every figure asserted is printed.
 
 use host_tests::accuracy::Cell;
-use host_tests::scene::{SecondReflection, quantise};
 use phase_tables::gaussian;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use slitrange::estimator::{Estimator, second_look};
-use slitrange::reading::Fault;
+use simulator::scene::{SecondReflection, quantise};
+use slitrange::centre::Estimator;
+use slitrange::check;
+use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, MIN_PIXELS, Spot};
 use slitrange::units::Pixels;
@@ -26,7 +27,7 @@ fn place(spot: &Spot) -> f64 {
 fn misleads(light: &[u16], spot: &Spot, geometry: &Geometry, truth: Option<f64>) -> bool {
     let row = Row::new(light, &[], 4095).expect("12 bits");
     Estimator::ALL.into_iter().any(|rung| {
-        let found = second_look::centre(rung, &row, spot, None, geometry);
+        let found = check::centre(rung, &row, spot, None, geometry);
         found.is_ok_and(|found| {
             let error = truth.map_or(f64::INFINITY, |truth| found.centre.to_f64() - truth);
             !found.misfit && error.abs() > 5.0 * found.uncertainty.to_f64() + 0.05

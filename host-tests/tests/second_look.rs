@@ -7,8 +7,9 @@ use host_tests::hard_cases::{HardRow, Shape};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use slitrange::estimator::{self, Estimator, RowCentre, second_look};
-use slitrange::reading::Fault;
+use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::check;
+use slitrange::fault::Fault;
 use slitrange::row::Row;
 use slitrange::spot;
 
@@ -17,8 +18,8 @@ fn answers(rung: Estimator, row: &HardRow) -> [Result<RowCentre, Fault>; 2] {
     let parts = Row::new(&row.light, &[], row.geometry.full_scale()).expect("12 bits");
     let spot = spot::find(&parts);
     [
-        spot.and_then(|spot| estimator::centre(rung, &parts, &spot, None, &row.geometry)),
-        spot.and_then(|spot| second_look::centre(rung, &parts, &spot, None, &row.geometry)),
+        spot.and_then(|spot| centre::centre(rung, &parts, &spot, None, &row.geometry)),
+        spot.and_then(|spot| check::centre(rung, &parts, &spot, None, &row.geometry)),
     ]
 }
 

@@ -4,11 +4,12 @@
 use std::cell::RefCell;
 
 use host_tests::accuracy::{Cell, PIXELS};
-use host_tests::scene::quantise;
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestCaseError, TestRng, TestRunner};
-use slitrange::estimator::{self, Estimator, RowCentre, second_look};
-use slitrange::reading::Fault;
+use simulator::scene::quantise;
+use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::check;
+use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::{self, Spot};
 use slitrange::units::Pixels;
@@ -177,8 +178,8 @@ fn centre_at(
 ) -> Result<RowCentre, Fault> {
     let row = Row::new(light, &[], geometry.full_scale()).expect("12 bits");
     match way {
-        Way::Alone => estimator::centre(rung, &row, spot, None, geometry),
-        Way::Pipeline => second_look::centre(rung, &row, spot, None, geometry),
+        Way::Alone => centre::centre(rung, &row, spot, None, geometry),
+        Way::Pipeline => check::centre(rung, &row, spot, None, geometry),
     }
 }
 

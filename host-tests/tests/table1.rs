@@ -1,15 +1,15 @@
 //! The paper's Table 1, on few positions: what `cargo table1` shows on all of them.
 
-use host_tests::field::{Laser, Scattering, SlitAperture, Surface, View, slit_image};
-use host_tests::paper::apparatus::Aperture;
-use host_tests::paper::experiment::Experiment;
-use host_tests::paper::materials::MATERIALS;
-use host_tests::paper::methods::{Calibration, CentreMethod, Method, RowEstimator};
-use host_tests::paper::published::TABLE_1;
-use host_tests::paper::row_mean::RowMean;
-use host_tests::scene::{Sensor, quantise};
+use lab::paper::apparatus::Aperture;
+use lab::paper::experiment::Experiment;
+use lab::paper::materials::MATERIALS;
+use lab::paper::methods::{Calibration, CentreMethod, Method, RowEstimator};
+use lab::paper::published::TABLE_1;
+use lab::paper::row_mean::RowMean;
 use rayon::prelude::*;
-use slitrange::estimator::{self, Estimator};
+use simulator::field::{Laser, Scattering, SlitAperture, Surface, View, slit_image};
+use simulator::scene::{Sensor, quantise};
+use slitrange::centre::{self, Estimator};
 use slitrange::row::Row;
 use slitrange::spot;
 
@@ -89,7 +89,7 @@ fn gaussian_and_fraunhofer_are_alike_for_wide_spots() {
                     let row = Row::new(&counts, &[], 4095).expect("12 bits");
                     let centre = |rung| {
                         let spot = spot::find(&row).ok()?;
-                        estimator::centre(rung, &row, &spot, None, &geometry).ok()
+                        centre::centre(rung, &row, &spot, None, &geometry).ok()
                     };
                     if let (Some(gaussian), Some(fraunhofer)) = (
                         centre(Estimator::GaussNewton),

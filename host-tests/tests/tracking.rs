@@ -1,20 +1,20 @@
 //! Rows that follow one another: what the first row of a frame says spares the next ones work, and must not lead them astray.
 //! Every figure asserted is printed.
 
-use host_tests::scene::{self, ReadNoise, Scene, Sensor, ShotNoise, quantise};
 use proptest::prelude::*;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use simulator::scene::{self, ReadNoise, Scene, Sensor, ShotNoise, quantise};
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
-use slitrange::estimator::{self, Estimator, RowCentre};
+use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::NOMINAL;
+use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
-use slitrange::reading::Fault;
 use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
 use slitrange::spot::{self, Spot};
-use slitrange::triangulation::NOMINAL;
 use slitrange::units::Pixels;
 
 const PIXELS: usize = 2048;
@@ -99,7 +99,7 @@ impl Tracker {
             None => spot::find(&row),
         }?;
         let before = before.as_ref().map(|(_, centre)| centre);
-        let centre = estimator::centre(self.estimator, &row, &spot, before, &geometry())?;
+        let centre = centre::centre(self.estimator, &row, &spot, before, &geometry())?;
         self.before = Some((spot, centre));
         Ok(centre)
     }

@@ -1,10 +1,10 @@
 //! Eq. (1) in integers against eq. (1) with its trigonometry in f64.
 
-use host_tests::optics::Optics;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use slitrange::reading::Fault;
-use slitrange::triangulation::{Eq1, Eq1Error, NOMINAL};
+use simulator::optics::Optics;
+use slitrange::distance::eq1::{Eq1, Eq1Error, NOMINAL};
+use slitrange::fault::Fault;
 use slitrange::units::{Micrometres, Pixels};
 
 #[test]

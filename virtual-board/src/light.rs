@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use host_tests::distorted_optics::DistortedOptics;
-use host_tests::scene::{Scene, Simulation};
+use simulator::distorted_optics::DistortedOptics;
+use simulator::scene::{Scene, Simulation};
 
 use crate::{Exposure, LightSource, Nanos, PIXELS};
 
@@ -74,7 +74,7 @@ impl Target {
 }
 
 /// A scene's rows. A target that the caller moves stands still during an exposure, where it was found at the end; one that the scene
-/// moves ([`host_tests::scene::Motion`]) does so from row to row and during exposures.
+/// moves ([`simulator::scene::Motion`]) does so from row to row and during exposures.
 pub fn of_scene(scene: Scene, target: Target) -> LightSource {
     seen(scene, target, |distance| distance)
 }
@@ -118,9 +118,9 @@ pub fn outputs(light: &[f32], level: f32) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use host_tests::least_squares;
-    use host_tests::optics::Optics;
-    use host_tests::scene::{Motion, Sensor};
+    use simulator::least_squares;
+    use simulator::optics::Optics;
+    use simulator::scene::{Motion, Sensor};
 
     /// The spot is where the other geometry has it; the scene's own has it pixels away.
     #[test]

@@ -8,7 +8,7 @@ use answers_on_chip::answers::{MOST_WORDS, ROWS, Rungs};
 use answers_on_chip::mailbox::{self, Header};
 use host_tests::hard_cases;
 use rigless::soc::Width;
-use slitrange::estimator::Estimator;
+use slitrange::centre::Estimator;
 use slitrange::row::Geometry;
 use virtual_board::{Firmware, PIXELS, VirtualBoard};
 

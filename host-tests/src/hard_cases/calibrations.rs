@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use slitrange::calibration::knots::{CLOSEST, Interpolation, Knot, MAX_CUBIC, MAX_LINEAR};
-use slitrange::calibration::residuals::Corrected;
-use slitrange::calibration::table::Table;
-use slitrange::reading::Fault;
-use slitrange::triangulation::{Eq1, NOMINAL};
+use slitrange::distance::eq1::{Eq1, NOMINAL};
+use slitrange::distance::knots::{CLOSEST, Interpolation, Knot, MAX_CUBIC, MAX_LINEAR};
+use slitrange::distance::residuals::Corrected;
+use slitrange::distance::table::Table;
+use slitrange::fault::Fault;
 use slitrange::units::{Micrometres, Pixels};
 
 /// A calibration that is hard in one way. No estimator has to do with it.

@@ -1,9 +1,9 @@
 //! The cases: each a name, why it is hard, and what must come out.
 
-use crate::bound;
 use crate::hard_cases::flaw::{Bad, Flaw, Second};
 use crate::hard_cases::recipe::{Place, Recipe};
 use crate::hard_cases::{Due, Group, RowCase, Shape, Source, patterns};
+use simulator::bound;
 
 /// The spot for which accuracy is quoted: that of the nominal slit on the paper's sensor.
 const WIDTH: f64 = 10.5;

@@ -1,6 +1,6 @@
 //! What can be wrong with a row: each flaw a small change of its counts.
 //!
-//! Where a scene has the effect (`host_tests::scene`), the flaw is that effect.
+//! Where a scene has the effect (`simulator::scene`), the flaw is that effect.
 
 use std::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::hard_cases::recipe::Site;
 use crate::hard_cases::truth::Truth;
-use crate::scene::{Ambient, Flare, Quantisation, Saturation, SecondReflection, random};
+use simulator::scene::{Ambient, Flare, Quantisation, Saturation, SecondReflection, random};
 
 /// When a flaw comes about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

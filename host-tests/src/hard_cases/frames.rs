@@ -4,21 +4,22 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Exp1, StandardNormal};
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
-use slitrange::estimator::Estimator;
+use slitrange::centre::Estimator;
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::Eq1;
+use slitrange::fault::Fault;
 use slitrange::frame::{MAX_ROWS, Mean};
 use slitrange::measurement::{Measurement, Settings};
-use slitrange::reading::{Fault, Reading};
+use slitrange::reading::Reading;
 use slitrange::row::Geometry;
-use slitrange::triangulation::Eq1;
 use slitrange::units::{Micrometres, Pixels};
 
 use crate::hard_cases::flaw::{Flaw, Second};
 use crate::hard_cases::judge::Said;
 use crate::hard_cases::recipe::{Place, Recipe};
 use crate::hard_cases::{Due, Truth};
-use crate::optics::Optics;
-use crate::scene::{LaserSpot, Motion, Scene, Sensor, Simulation, Speckle, Spot, quantise};
+use simulator::optics::Optics;
+use simulator::scene::{LaserSpot, Motion, Scene, Sensor, Simulation, Speckle, Spot, quantise};
 
 /// A frame that is hard in one way.
 #[derive(Clone, Copy, Debug)]

@@ -1,7 +1,9 @@
 //! Every rung's answers to a case, and whether they are what is due.
 
-use slitrange::estimator::{self, Estimator, RowCentre, second_look};
-use slitrange::reading::{Fault, Reading};
+use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::check;
+use slitrange::fault::Fault;
+use slitrange::reading::Reading;
 use slitrange::row::Row;
 use slitrange::spot;
 
@@ -15,9 +17,9 @@ pub type Answer = Result<RowCentre, Fault>;
 /// A rung's answers to a row.
 #[derive(Clone, Copy, Debug)]
 pub struct Answers {
-    /// Of the rung alone ([`estimator::centre`]).
+    /// Of the rung alone ([`centre::centre`]).
     pub alone: Answer,
-    /// As the measurement takes it ([`second_look::centre`]).
+    /// As the measurement takes it ([`check::centre`]).
     pub looked_at: Answer,
 }
 
@@ -29,9 +31,8 @@ pub fn answers(row: &HardRow) -> [Answers; Estimator::ALL.len()] {
     let parts = Row::new(&row.light, &[], row.geometry.full_scale()).expect("12 bits");
     let spot = spot::find(&parts);
     Estimator::ALL.map(|rung| Answers {
-        alone: spot.and_then(|spot| estimator::centre(rung, &parts, &spot, None, &row.geometry)),
-        looked_at: spot
-            .and_then(|spot| second_look::centre(rung, &parts, &spot, None, &row.geometry)),
+        alone: spot.and_then(|spot| centre::centre(rung, &parts, &spot, None, &row.geometry)),
+        looked_at: spot.and_then(|spot| check::centre(rung, &parts, &spot, None, &row.geometry)),
     })
 }
 

@@ -7,7 +7,7 @@ use slitrange::row::Geometry;
 use crate::hard_cases::flaw::{Flaw, Stage};
 use crate::hard_cases::shape::Shape;
 use crate::hard_cases::truth::Truth;
-use crate::scene::{Effect, ReadNoise, Sensor, ShotNoise, quantise, random};
+use simulator::scene::{Effect, ReadNoise, Sensor, ShotNoise, quantise, random};
 
 /// A row, and what a perfect reader would say of it.
 #[derive(Clone, Debug)]

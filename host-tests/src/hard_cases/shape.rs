@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use phase_tables::gaussian;
 
-use crate::profiles::{self, Curve, Slit};
+use simulator::profiles::{self, Curve, Slit};
 
 /// A spot's profile.
 #[derive(Clone, Copy, Debug, PartialEq)]

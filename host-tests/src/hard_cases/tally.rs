@@ -1,7 +1,7 @@
 //! How often centres are wrong without saying so, over many random rows.
 
 use rayon::prelude::*;
-use slitrange::estimator::Estimator;
+use slitrange::centre::Estimator;
 
 use crate::hard_cases::Truth;
 use crate::hard_cases::judge::{Answer, Said, answers};

@@ -1,6 +1,6 @@
-//! [`slitrange::estimator::centroid`] in f64: eq. (2) over a window that moves with the centroid.
+//! [`slitrange::centre::centroid`] in f64: eq. (2) over a window that moves with the centroid.
 
-use slitrange::estimator::half_width;
+use slitrange::centre::half_width;
 use slitrange::spot::Spot;
 
 /// The centroid of a spot that the core's coarse search found, above the level that it found. `None` where the window reaches over

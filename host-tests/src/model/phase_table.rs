@@ -1,7 +1,7 @@
-//! [`slitrange::estimator::phase_table`] in f64: the window is moved and the table changed until both fit.
+//! [`slitrange::centre::phase_table`] in f64: the window is moved and the table changed until both fit.
 
 use phase_tables::{Plan, Profile, design};
-use slitrange::estimator::tables::{BLOCKS, Sampling, Table};
+use slitrange::centre::tables::{BLOCKS, Sampling, Table};
 use slitrange::spot::Spot;
 
 /// The weights of one width.

@@ -1,9 +1,9 @@
 //! Knots of every kind, and what every calibration promises.
 
 use proptest::prelude::*;
-use slitrange::calibration::Calibration;
-use slitrange::calibration::knots::{Knot, Knots};
-use slitrange::reading::Fault;
+use slitrange::distance::Calibration;
+use slitrange::distance::knots::{Knot, Knots};
+use slitrange::fault::Fault;
 use slitrange::units::{Micrometres, Pixels};
 
 use crate::records::chain;

@@ -1,12 +1,12 @@
 //! How exact calibrations are over the paper's geometry.
 
-use host_tests::optics::Optics;
-use host_tests::paper::apparatus::{Aperture, TABLE, optics};
-use slitrange::calibration::Calibration;
-use slitrange::calibration::knots::{Interpolation, Knot};
-use slitrange::calibration::residuals::Corrected;
-use slitrange::calibration::table::Table;
-use slitrange::triangulation::Eq1;
+use lab::paper::apparatus::{Aperture, TABLE, optics};
+use simulator::optics::Optics;
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::Eq1;
+use slitrange::distance::knots::{Interpolation, Knot};
+use slitrange::distance::residuals::Corrected;
+use slitrange::distance::table::Table;
 use slitrange::units::{Micrometres, Pixels};
 
 use crate::common::STEP;
@@ -46,7 +46,7 @@ fn worst(calibration: &Calibration, truth: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// What the arithmetic adds to a table's interpolation: three steps of Q24.8 and 2^-22 of the difference of two knots, by
-/// [`slitrange::calibration::knots::Knots`]; and half a step for each knot.
+/// [`slitrange::distance::knots::Knots`]; and half a step for each knot.
 fn arithmetic(rise: f64) -> f64 {
     3.5 * STEP + rise / 2f64.powi(22)
 }

@@ -2,14 +2,14 @@
 
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
-use slitrange::calibration::knots::{Interpolation, Knot};
-use slitrange::calibration::record::{MAX_ENCODED, Record, RecordError, VERSION, decode, encode};
-use slitrange::calibration::residuals::Corrected;
-use slitrange::calibration::table::Table;
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::NOMINAL;
+use slitrange::distance::knots::{Interpolation, Knot};
+use slitrange::distance::residuals::Corrected;
+use slitrange::distance::table::Table;
+use slitrange::record::{MAX_ENCODED, Record, RecordError, VERSION, decode, encode};
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
-use slitrange::triangulation::NOMINAL;
 use slitrange::units::{Counts, Micrometres, Pixels};
 
 use crate::common::{STEP, holds_what_it_promises, knot, largest_rise};

@@ -1,12 +1,10 @@
 //! What is no calibration is refused, with what is wrong with it.
 
 use proptest::prelude::*;
-use slitrange::calibration::knots::{
-    CLOSEST, Interpolation, Knot, KnotsError, MAX_CUBIC, MAX_LINEAR,
-};
-use slitrange::calibration::residuals::{Corrected, CorrectedError};
-use slitrange::calibration::table::{Table, TableError};
-use slitrange::triangulation::NOMINAL;
+use slitrange::distance::eq1::NOMINAL;
+use slitrange::distance::knots::{CLOSEST, Interpolation, Knot, KnotsError, MAX_CUBIC, MAX_LINEAR};
+use slitrange::distance::residuals::{Corrected, CorrectedError};
+use slitrange::distance::table::{Table, TableError};
 use slitrange::units::{Micrometres, Pixels};
 
 use crate::common::knot;

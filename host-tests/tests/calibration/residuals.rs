@@ -1,10 +1,10 @@
 //! What holds for every eq. (1) with residuals.
 
 use proptest::prelude::*;
-use slitrange::calibration::Calibration;
-use slitrange::calibration::knots::{Interpolation, Knot};
-use slitrange::calibration::residuals::{Corrected, CorrectedError};
-use slitrange::triangulation::{Eq1, NOMINAL};
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::{Eq1, NOMINAL};
+use slitrange::distance::knots::{Interpolation, Knot};
+use slitrange::distance::residuals::{Corrected, CorrectedError};
 use slitrange::units::{Micrometres, Pixels};
 
 use crate::common::{STEP, holds_what_it_promises, knot, largest_rise, places};

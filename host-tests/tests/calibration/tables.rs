@@ -1,9 +1,9 @@
 //! What holds for every table of distances.
 
 use proptest::prelude::*;
-use slitrange::calibration::Calibration;
-use slitrange::calibration::knots::Interpolation;
-use slitrange::calibration::table::Table;
+use slitrange::distance::Calibration;
+use slitrange::distance::knots::Interpolation;
+use slitrange::distance::table::Table;
 use slitrange::units::Pixels;
 
 use crate::common::{STEP, holds_what_it_promises, knot, largest_rise, monotone_knots, places};

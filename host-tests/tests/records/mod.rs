@@ -3,16 +3,16 @@
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
-use slitrange::calibration::date::Date;
-use slitrange::calibration::knots::{CLOSEST, Interpolation, Knot};
-use slitrange::calibration::record::Record;
-use slitrange::calibration::residuals::Corrected;
-use slitrange::calibration::table::Table;
-use slitrange::estimator::Estimator;
+use slitrange::centre::Estimator;
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::Eq1;
+use slitrange::distance::knots::{CLOSEST, Interpolation, Knot};
+use slitrange::distance::residuals::Corrected;
+use slitrange::distance::table::Table;
+use slitrange::record::Record;
+use slitrange::record::date::Date;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads;
-use slitrange::triangulation::Eq1;
 use slitrange::units::{Counts, Micrometres, Pixels};
 
 /// Thousands of cases, the same in every run.

@@ -2,10 +2,10 @@
 
 use embassy_futures::block_on;
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::record::Record;
-use slitrange::estimator::Estimator;
+use slitrange::centre::Estimator;
 use slitrange::frame::Mean;
 use slitrange::measurement::Settings;
+use slitrange::record::Record;
 use slitrange::store::saved::Saved;
 use slitrange::store::{Kept, Store, StoreError};
 use slitrange::units::Counts;

@@ -2,10 +2,10 @@
 
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::record::{self, Record, RecordError};
-use slitrange::estimator::Estimator;
+use slitrange::centre::Estimator;
 use slitrange::frame::Mean;
 use slitrange::measurement::Settings;
+use slitrange::record::{self, Record, RecordError};
 use slitrange::store::StoreError;
 use slitrange::store::saved::{MAX_ENCODED, Saved, SavedError, VERSION, decode, encode};
 use slitrange::units::{Counts, Pixels};

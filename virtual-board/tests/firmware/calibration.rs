@@ -1,11 +1,11 @@
 //! Calibrations that come over the serial line: what was sent is used as the core uses it, or nothing changes.
 
-use slitrange::calibration::record::RecordError;
-use slitrange::calibration::written::Written;
 use slitrange::measurement::{Measurement, Settings};
 use slitrange::protocol::calibration::Stored;
 use slitrange::protocol::piece::Piece;
 use slitrange::protocol::refusal::Refusal;
+use slitrange::record::RecordError;
+use slitrange::record::written::Written;
 use slitrange::row::Geometry;
 use slitrange::{frame, sensor_heads};
 use virtual_board::VirtualBoard;
@@ -173,7 +173,7 @@ fn what_is_refused_changes_nothing() {
         Refusal::Record(RecordError::Short { bytes: 3 }),
     );
 
-    let another_head = slitrange::calibration::record::Record {
+    let another_head = slitrange::record::Record {
         geometry: Geometry {
             light: 34..3681,
             ..sensor_heads::tcd1304dg()

@@ -2,19 +2,20 @@
 
 use std::time::Duration;
 
-use host_tests::scene::Scene;
+use simulator::scene::Scene;
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::record::Record;
-use slitrange::estimator::Estimator;
+use slitrange::centre::Estimator;
+use slitrange::distance::eq1;
+use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::Settings;
 use slitrange::protocol::answer::HELP;
 use slitrange::protocol::info::{Banner, Hardware, Info};
 use slitrange::protocol::ladder::Ladder;
 use slitrange::protocol::status::StartCause;
-use slitrange::reading::Fault;
+use slitrange::record::Record;
+use slitrange::sensor_heads;
 use slitrange::units::Pixels;
-use slitrange::{sensor_heads, triangulation};
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
@@ -306,7 +307,7 @@ fn the_black_level_is_found_in_the_way_that_is_set() {
 fn the_estimator_is_the_one_that_is_set() {
     let mut board = measuring(4);
     assert_eq!(ask(&mut board, "estimator"), "estimator phase-table");
-    let calibration = triangulation::NOMINAL.expect("a calibration");
+    let calibration = eq1::NOMINAL.expect("a calibration");
     for estimator in Estimator::ALL {
         let command = format!("estimator {}", estimator.name());
         set(&mut board, &command);

@@ -3,9 +3,9 @@
 use std::sync::OnceLock;
 use std::time::Duration;
 
-use host_tests::scene::{Scene, Spot};
 use rigless::soc::stm32f427::generated::spi1;
-use slitrange::reading::Fault;
+use simulator::scene::{Scene, Spot};
+use slitrange::fault::Fault;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{Exposure, Firmware, LightSource, Line, VirtualBoard};
 

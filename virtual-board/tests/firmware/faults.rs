@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use host_tests::optics::Optics;
-use host_tests::scene::{Scene, Spot};
-use slitrange::reading::Fault;
+use simulator::optics::Optics;
+use simulator::scene::{Scene, Spot};
+use slitrange::fault::Fault;
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{FULL_SCALE, LightSource, VirtualBoard};
 

@@ -4,22 +4,22 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use host_tests::scene::{self, Scene, SecondReflection, Spot};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use simulator::scene::{self, Scene, SecondReflection, Spot};
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
-use slitrange::estimator::{self, Estimator};
+use slitrange::centre::{self, Estimator};
+use slitrange::distance::Calibration;
+use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::{Measurement, Settings};
-use slitrange::reading::Fault;
 use slitrange::{sensor_heads, spot};
 use virtual_board::{Exposure, LightSource, Row};
 
 use crate::common::{PATIENCE, Status, boot, is_reading, is_result, set};
 
 /// Pixels that the estimator may put into a sample.
-const BLOCKS: [u8; 5] = slitrange::estimator::tables::BLOCKS;
+const BLOCKS: [u8; 5] = slitrange::centre::tables::BLOCKS;
 
 /// A spot of any kind on each row: anywhere and beyond the edges, of every width that is served and more, from lost in
 /// the noise to three times full scale. One row in six has a second one.
@@ -126,7 +126,7 @@ fn block_of(row: &Row) -> Option<u8> {
     let mut words = row.words.clone();
     let row = geometry.row(&mut words).ok()?;
     let spot = spot::find(&row).ok()?;
-    let centre = estimator::centre(Estimator::default(), &row, &spot, None, &geometry).ok()?;
+    let centre = centre::centre(Estimator::default(), &row, &spot, None, &geometry).ok()?;
     Some(centre.class.block)
 }
 

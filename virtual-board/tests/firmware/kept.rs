@@ -4,8 +4,8 @@ use std::convert::Infallible;
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use slitrange::calibration::written::Written;
 use slitrange::protocol::calibration::Stored;
+use slitrange::record::written::Written;
 use slitrange::store::saved::Saved;
 use slitrange::store::{Kept, Store};
 use virtual_board::VirtualBoard;

@@ -5,8 +5,8 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use host_tests::distorted_optics::DistortedOptics;
-use host_tests::optics::Optics;
+use simulator::distorted_optics::DistortedOptics;
+use simulator::optics::Optics;
 
 use crate::common::{is_reading, is_result, number};
 

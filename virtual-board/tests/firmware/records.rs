@@ -1,18 +1,18 @@
 //! Calibrations of every kind, and how they come to the board and back.
 
 use slitrange::black_level::BlackLevel;
-use slitrange::calibration::Calibration;
-use slitrange::calibration::date::Date;
-use slitrange::calibration::knots::{Interpolation, Knot, MAX_LINEAR};
-use slitrange::calibration::record::Record;
-use slitrange::calibration::residuals::Corrected;
-use slitrange::calibration::table::Table;
-use slitrange::calibration::written::Written;
-use slitrange::estimator::Estimator;
+use slitrange::centre::Estimator;
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::{Eq1, NOMINAL};
+use slitrange::distance::knots::{Interpolation, Knot, MAX_LINEAR};
+use slitrange::distance::residuals::Corrected;
+use slitrange::distance::table::Table;
 use slitrange::protocol::calibration::{Shown, Stored};
 use slitrange::protocol::piece::{PIECE, Piece};
+use slitrange::record::Record;
+use slitrange::record::date::Date;
+use slitrange::record::written::Written;
 use slitrange::sensor_heads;
-use slitrange::triangulation::{Eq1, NOMINAL};
 use slitrange::units::{Counts, Micrometres, Pixels};
 use virtual_board::VirtualBoard;
 

@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use slitrange::calibration::record::Record;
-use slitrange::calibration::written::Written;
 use slitrange::measurement::Settings;
 use slitrange::protocol::calibration::Stored;
 use slitrange::protocol::refusal::Refusal;
+use slitrange::record::Record;
+use slitrange::record::written::Written;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 use slitrange::store::StoreError;

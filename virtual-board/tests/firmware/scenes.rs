@@ -1,6 +1,6 @@
 //! Every scene that the board's sensor can see, shown to the firmware: it gives readings, or the fault that the scene is made for.
 
-use host_tests::scene::{Scene, Sensor, file};
+use simulator::scene::{Scene, Sensor, file};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{Line, VirtualBoard};
 

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use rigless::soc::Width;
-use slitrange::estimator::Estimator;
+use slitrange::centre::Estimator;
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use crate::common::{PATIENCE, firmware, paper, results, set, spot_at};

@@ -1,7 +1,7 @@
 //! The firmware's lines, read back.
 
 use anyhow::{Context as _, Result};
-use slitrange::reading::Fault;
+use slitrange::fault::Fault;
 
 /// A reading as the serial line gives it.
 #[derive(Clone, Copy, Debug, PartialEq)]

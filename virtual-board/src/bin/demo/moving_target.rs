@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, ensure};
-use host_tests::bound;
-use host_tests::scene::{Scene, Sensor, Simulation};
 use serde::Serialize;
+use simulator::bound;
+use simulator::scene::{Scene, Sensor, Simulation};
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{Firmware, Line, VirtualBoard};
 

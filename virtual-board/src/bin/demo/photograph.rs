@@ -7,9 +7,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, ensure};
-use host_tests::least_squares::{self, Gaussian};
-use host_tests::photograph::Photograph;
 use serde::Serialize;
+use simulator::least_squares::{self, Gaussian};
+use simulator::photograph::Photograph;
 use virtual_board::light::{LIGHT, outputs};
 use virtual_board::{Exposure, FULL_SCALE, Firmware, VirtualBoard};
 

@@ -2,8 +2,8 @@
 //! that a power switch leaves alone.
 
 use anyhow::Result;
-use host_tests::distorted_optics::DistortedOptics;
-use host_tests::scene::Scene;
+use simulator::distorted_optics::DistortedOptics;
+use simulator::scene::Scene;
 use virtual_board::light::{Target, of_scene, of_scene_through};
 use virtual_board::pty::{Pace, PseudoTerminal};
 use virtual_board::stage::Stage;

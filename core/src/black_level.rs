@@ -1,0 +1,160 @@
+//! What an unlit pixel reads, in the paper's three ways (section 3): fixed at calibration, from shielded pixels, or from
+//! all pixels away from the spot.
+//!
+//! The phase tables sum to zero, so the centre does not depend on it; it is what a centroid takes off, and what a
+//! person watches for stray light and drift.
+
+use crate::frame::MAX_ROWS;
+use crate::numeric;
+use crate::row::{LARGEST_COUNT, MAX_PIXELS, Row};
+use crate::spot::Background;
+use crate::units::Counts;
+
+/// How the black level is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlackLevel {
+    /// Once, at calibration.
+    Fixed(Counts),
+    /// From the shielded pixels of each row.
+    Shielded,
+    /// From each frame: the mean of all pixels outside a window around the centroid.
+    Frame,
+}
+
+/// Half of the window around the centroid that [`BlackLevel::Frame`] leaves out, in pixels: the paper leaves out 128.
+pub const HALF_WINDOW: usize = 64;
+
+/// Pixels of a frame's rows that count as black, and their sum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BlackPixels {
+    sum: u32,
+    pixels: u32,
+}
+
+impl BlackPixels {
+    /// Adds the row's black pixels for the given way of finding them. `background` is the row's own, where the row was
+    /// searched for a spot. A row without it, or without a centroid, adds nothing to [`BlackLevel::Frame`].
+    pub fn add(&mut self, how: BlackLevel, row: &Row<'_>, background: Option<Background>) {
+        match (how, background) {
+            (BlackLevel::Fixed(_), _) | (BlackLevel::Frame, None) => {}
+            (BlackLevel::Shielded, _) => self.add_pixels(row.shielded()),
+            (BlackLevel::Frame, Some(background)) => {
+                let light = row.light();
+                let Some(centroid) = centroid(light, background) else {
+                    return;
+                };
+                self.add_pixels(
+                    light
+                        .get(..centroid.saturating_sub(HALF_WINDOW))
+                        .unwrap_or_default(),
+                );
+                self.add_pixels(
+                    light
+                        .get(centroid.saturating_add(HALF_WINDOW)..)
+                        .unwrap_or_default(),
+                );
+            }
+        }
+    }
+
+    fn add_pixels(&mut self, pixels: &[u16]) {
+        self.sum = self.sum.saturating_add(
+            pixels
+                .iter()
+                .fold(0, |sum, &count| numeric::add_u32(sum, count.into())),
+        );
+        self.pixels = self.pixels.saturating_add(pixels.len() as u32);
+    }
+
+    /// The black level, where a pixel counted or it is fixed; otherwise zero.
+    pub fn level(&self, how: BlackLevel) -> Counts {
+        match how {
+            BlackLevel::Fixed(level) => level,
+            BlackLevel::Shielded | BlackLevel::Frame => {
+                let bits = (u64::from(self.sum) * (1 << Counts::FRACTION))
+                    .checked_div(u64::from(self.pixels))
+                    .unwrap_or_default();
+                Counts::from_bits(i32::try_from(bits).unwrap_or(i32::MAX))
+            }
+        }
+    }
+}
+
+// A frame's rows of the largest counts fit the sum of black pixels.
+const _: () =
+    assert!(LARGEST_COUNT as u64 * MAX_PIXELS as u64 * MAX_ROWS as u64 <= u32::MAX as u64);
+
+/// The centroid of a row, eq. (2), to a pixel. Of all pixels, black ones outweigh a spot by their number, so only what
+/// stands four standard deviations above the background counts. `None` where nothing does.
+pub fn centroid(light: &[u16], background: Background) -> Option<usize> {
+    let threshold = background
+        .noise
+        .to_bits()
+        .saturating_mul(4)
+        .saturating_add(background.level.to_bits())
+        >> Counts::FRACTION;
+    let (mut weight, mut moment) = (0u64, 0u64);
+    for (place, &count) in (0..MAX_PIXELS as u32).zip(light) {
+        // At most MOST_ABOVE for each, by which the sums are proven.
+        let above = i32::from(count).saturating_sub(threshold).max(0);
+        let above = u64::from(above.unsigned_abs());
+        weight = numeric::add_u64(weight, above);
+        moment = numeric::add_u64(moment, above * u64::from(place));
+    }
+    moment
+        .checked_div(weight)
+        .and_then(|centroid| usize::try_from(centroid).ok())
+}
+
+/// What a count may be above a threshold: either is a Q24.8 number's whole part.
+const MOST_ABOVE: u64 = 1 << (32 - Counts::FRACTION);
+
+// Weight and moment fit, places being below MAX_PIXELS.
+const _: () =
+    assert!(MOST_ABOVE as u128 * MAX_PIXELS as u128 * MAX_PIXELS as u128 <= u64::MAX as u128);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row_with_a_spot() -> [u16; 1000] {
+        // Black of 100 and 101 in turn, mean 100.5; a triangle of light around pixel 300.
+        core::array::from_fn(|i| {
+            100 + (i % 2) as u16 + 60u16.saturating_sub(i.abs_diff(300) as u16) * 20
+        })
+    }
+
+    #[test]
+    fn three_ways() {
+        let light = row_with_a_spot();
+        let row = Row::new(&light, &[90, 92, 94], 4095).expect("a row");
+        let background = Background {
+            level: Counts::from_f32(100.5),
+            noise: Counts::from_f32(1.0),
+        };
+        let level = |how| {
+            let mut black = BlackPixels::default();
+            black.add(how, &row, Some(background));
+            black.level(how)
+        };
+        assert_eq!(
+            level(BlackLevel::Fixed(Counts::from_int(77))),
+            Counts::from_int(77)
+        );
+        assert_eq!(level(BlackLevel::Shielded), Counts::from_int(92));
+        assert_eq!(centroid(&light, background), Some(300));
+        assert_eq!(level(BlackLevel::Frame), Counts::from_f32(100.5));
+    }
+
+    #[test]
+    fn nothing_counted_is_zero_and_no_panic() {
+        for how in [BlackLevel::Shielded, BlackLevel::Frame] {
+            assert_eq!(BlackPixels::default().level(how), Counts::from_int(0));
+        }
+        let background = Background {
+            level: Counts::from_int(4000),
+            noise: Counts::from_int(100),
+        };
+        assert_eq!(centroid(&[4095; 20], background), None);
+    }
+}

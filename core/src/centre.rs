@@ -1,0 +1,155 @@
+//! The spot's centre on its row, to a fraction of a pixel: five estimators, from the cheapest to the most careful.
+//!
+//! All take the same and give the same: see [`centre`].
+
+pub mod adaptive;
+pub mod centroid;
+pub mod fraunhofer;
+pub mod gauss_newton;
+pub mod half_width;
+pub mod phase_table;
+pub mod plausible;
+pub mod tables;
+mod window;
+
+use crate::centre::tables::Sampling;
+use crate::fault::Fault;
+use crate::row::{Geometry, Row};
+use crate::spot::Spot;
+use crate::units::{Counts, Pixels};
+
+/// A way to find a row's centre.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Estimator {
+    /// The centroid of the counts above the black level, eq. (2).
+    Centroid,
+    /// The phase-table score with one set of weights for every row.
+    #[default]
+    PhaseTable,
+    /// The phase-table score with weights that follow the spot's width, its noise and the background's tilt.
+    Adaptive,
+    /// A weighted least-squares fit of eq. (5), by the Gauss-Newton method: the paper's fit.
+    GaussNewton,
+    /// The phase-table score for the diffraction pattern of a slit, eq. (6).
+    Fraunhofer,
+}
+
+impl Estimator {
+    /// All estimators.
+    pub const ALL: [Self; 5] = [
+        Self::Centroid,
+        Self::PhaseTable,
+        Self::Adaptive,
+        Self::GaussNewton,
+        Self::Fraunhofer,
+    ];
+
+    /// The name that the serial line knows it by.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Centroid => "centroid",
+            Self::PhaseTable => "phase-table",
+            Self::Adaptive => "adaptive",
+            Self::GaussNewton => "gauss-newton",
+            Self::Fraunhofer => "fraunhofer",
+        }
+    }
+
+    /// The estimator of that [`name`](Self::name).
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|it| it.name() == name)
+    }
+
+    /// The letter that stands for it in the line of a reading, which has no room for a name.
+    pub const fn letter(self) -> char {
+        match self {
+            Self::Centroid => 'c',
+            Self::PhaseTable => 't',
+            Self::Adaptive => 'a',
+            Self::GaussNewton => 'g',
+            Self::Fraunhofer => 'f',
+        }
+    }
+}
+
+/// What an estimator finds in a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RowCentre {
+    /// The spot's centre.
+    pub centre: Pixels,
+    /// Its standard uncertainty: the row's noise and the spot's shot noise through the estimator.
+    pub uncertainty: Pixels,
+    /// The spot's height above the background.
+    pub amplitude: Counts,
+    /// The spot's width (a gaussian's sigma).
+    pub width: Pixels,
+    /// The table that served, where there was one.
+    pub class: WidthClass,
+    /// The row does not look like a spot here: the centre may be off by more than its uncertainty. Of the rungs only [`Estimator::Robust`] and
+    /// [`Estimator::GaussNewton`] look by themselves; [`check::centre`] looks for all.
+    pub misfit: bool,
+}
+
+/// Which table served: its place in the set, and the pixels in a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WidthClass {
+    /// Number of the set.
+    pub set: u8,
+    /// Index of the table.
+    pub table: u8,
+    /// Pixels in a sample.
+    pub block: u8,
+}
+
+/// The centre of a spot that the coarse search found.
+///
+/// `before` is what the same estimator found in the row before, where there is one: its width and its place spare the work
+/// of finding them anew, as far as they still fit.
+///
+/// # Errors
+/// [`Fault::SpotAtEdge`] where the pixels that the estimator needs reach over the sensor's edge, [`Fault::Saturated`] where a
+/// pixel within two widths of the centre is at full scale, [`Fault::TooDim`] where the noise leaves the centre uncertain by
+/// more than an eighth of the width, [`Fault::NoSpot`] where what is there has not the shape of a spot.
+// Inlined so that a rung that is fixed at compile time brings no other one's code with it.
+#[inline(always)]
+pub fn centre(
+    estimator: Estimator,
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    match estimator {
+        Estimator::Centroid => centroid::centre(row, spot, before, geometry),
+        Estimator::GaussNewton => gauss_newton::centre(row, spot, before, geometry),
+        Estimator::Adaptive => adaptive::centre(row, spot, before, geometry),
+        Estimator::Fraunhofer => fraunhofer::centre(row, spot, before, geometry),
+        Estimator::PhaseTable => phase_table::centre(
+            row,
+            spot,
+            before,
+            geometry,
+            &tables::GAUSSIAN,
+            Sampling::Fine,
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_letters_tell_estimators_apart() {
+        for it in Estimator::ALL {
+            assert_eq!(Estimator::named(it.name()), Some(it));
+            let same = Estimator::ALL
+                .into_iter()
+                .filter(|other| other.letter() == it.letter());
+            assert_eq!(same.count(), 1, "{}", it.letter());
+        }
+        for name in ["", "Adaptive", "adaptive ", "t"] {
+            assert_eq!(Estimator::named(name), None, "{name}");
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! The phase-table score with weights that follow the row: for its width, its noise, and the background under it.
+//!
+//! The tables of [`MIXES`] are each the best for one ratio r of the read noise's variance to the shot noise's at the peak.
+//! The row's own r chooses among them. The width follows the third product, smoothed over the rows. Where the background
+//! beside the spot is tilted, the tables of [`TILTED`] take over, whose score and slope answer to no tilt: they cost 5 % of
+//! accuracy in white noise, where a tilt of one count a pixel would shift a centre by hundredths of a pixel (narrow
+//! spots) to whole ones (wide, dim ones). That takes two looks more, for as long as the tilt lasts.
+
+use crate::centre::RowCentre;
+use crate::centre::phase_table::{self, Fit, Width};
+use crate::centre::tables::{MIXES, Sampling, TILTED, TableSet};
+use crate::fault::Fault;
+use crate::numeric;
+use crate::row::{Geometry, Row};
+use crate::spot::{self, Spot};
+use crate::units::{Counts, Pixels};
+
+/// The centre of a spot.
+///
+/// # Errors
+/// See [`crate::centre::centre`].
+pub fn centre(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    fit(row, spot, before, geometry)?.with_uncertainty(spot.background.noise, geometry)
+}
+
+/// The table that fits, of the set that serves the row best.
+///
+/// # Errors
+/// See [`crate::centre::centre`].
+#[inline(always)]
+pub(super) fn fit(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+) -> Result<Fit<'static>, Fault> {
+    let noise = spot.background.noise;
+    let expected = before.map_or(spot.height, |before| before.amplitude);
+    let tables = for_mix(noise, expected.to_f32(), geometry);
+    let mut fit = phase_table::fit(
+        row,
+        spot,
+        before,
+        geometry,
+        tables,
+        Width::Measured,
+        Sampling::Fine,
+    )?;
+    if before.is_none() {
+        // The height that the coarse search knows may be half of the spot's.
+        let better = for_mix(noise, fit.amplitude(), geometry);
+        fit = phase_table::refit(row.light(), &fit, better).unwrap_or(fit);
+    }
+    if is_tilted(row.light(), &fit, noise) {
+        fit = phase_table::refit(row.light(), &fit, &TILTED).unwrap_or(fit);
+    }
+    Ok(fit)
+}
+
+/// The tables for the noise of a spot of this height in counts.
+fn for_mix(noise: Counts, height: f32, geometry: &Geometry) -> &'static TableSet<'static> {
+    let read = noise.to_f32() * noise.to_f32();
+    let shot = height * f32::from(geometry.shot_variance_per_count_q16) / 65536.0;
+    let [white, ..] = &MIXES;
+    MIXES
+        .iter()
+        .find(|mix| read >= mix.least * shot)
+        .unwrap_or(white)
+        .tables
+}
+
+/// Pixels of either flank that tell a tilt.
+const FLANK: usize = 16;
+
+/// The standard deviation of the flanks' difference, over that of a pixel: sqrt(2 * FLANK).
+const DEVIATION: f32 = 5.657;
+
+/// Standard deviations of the flanks' difference from which on it is a tilt: noise alone gets there in one row of 16,000.
+const TILT: f32 = 4.0;
+
+/// Widths from the centre to the flanks. The side lobes of a slit's diffraction pattern, which are 4.5 % of its peak at four
+/// widths, are 1 % there.
+const CLEAR: f32 = 6.0;
+
+/// Whether the background beside the spot is higher on one side than on the other. Not where a flank reaches over the sensor's
+/// edge.
+fn is_tilted(light: &[u16], fit: &Fit<'_>, noise: Counts) -> bool {
+    let Some((left, right)) = flanks(light, fit) else {
+        return false;
+    };
+    let difference = sum(right) as f32 - sum(left) as f32;
+    difference.abs() > TILT * DEVIATION * noise.to_f32()
+        && is_straight(left, right, difference, fit.width, noise)
+}
+
+/// Whether the flanks rise as the difference between them says. A second spot on one of them makes a difference too, and does not.
+#[cold]
+fn is_straight(
+    left: &[u16; FLANK],
+    right: &[u16; FLANK],
+    difference: f32,
+    width: f32,
+    noise: Counts,
+) -> bool {
+    // Counts a pixel, from flank to flank, and within a flank from one half of it to the other.
+    let tilt = difference / FLANK as f32 / (2.0 * CLEAR * width + FLANK as f32);
+    const HALF: usize = FLANK / 2;
+    let within = |flank: &[u16; FLANK]| {
+        let (first, second) = flank.split_at(HALF);
+        let sum = |half: &[u16]| half.iter().map(|&count| i32::from(count)).sum::<i32>();
+        (sum(second) - sum(first)) as f32 / (HALF * HALF) as f32
+    };
+    // The standard deviation within a flank is sqrt(2 HALF) / HALF^2 = 1/16 of a pixel's.
+    let allowed = 0.5 * tilt.abs() + TILT / 16.0 * noise.to_f32();
+    (within(left) - tilt).abs() <= allowed && (within(right) - tilt).abs() <= allowed
+}
+
+/// The pixels to the left and to the right, as far from the centre to half a pixel, so that what a spot that is symmetric leaves there
+/// is no tilt.
+fn flanks<'a>(light: &'a [u16], fit: &Fit<'_>) -> Option<(&'a [u16; FLANK], &'a [u16; FLANK])> {
+    const HALF: i32 = 1 << (Pixels::FRACTION - 1);
+    // A centre is below 2^13 pixels, a width below 2^8.
+    let centre = fit.centre.to_bits();
+    let reach = Pixels::from_positive_f32(CLEAR * fit.width).to_bits();
+    let right = (numeric::add_i32(centre, reach) >> Pixels::FRACTION) + 1;
+    // The mirror image of the pixel before, which is where the flank ends.
+    let left =
+        (numeric::add_i32(numeric::mul_i32(2, centre), 3 * HALF) >> Pixels::FRACTION) - right;
+    let from = usize::try_from(left).ok()?.checked_sub(FLANK)?;
+    let to = usize::try_from(right).ok()? + FLANK;
+    let pixels = light.get(from..to)?;
+    Some((pixels.first_chunk()?, pixels.last_chunk()?))
+}
+
+/// The sum of a flank.
+fn sum(flank: &[u16; FLANK]) -> u32 {
+    spot::sum_of_blocks(flank.as_chunks().0)
+}

@@ -1,0 +1,848 @@
+//! A weighted least-squares fit of eq. (5) on a level: centre, width, height and level by the Gauss-Newton method, in f32.
+//!
+//! The rung that fits a spot which the sensor's edge cuts, or whose top is at full scale: it takes the pixels that
+//! there are, and its uncertainty is that of the four parameters together, so what those pixels cannot tell apart makes
+//! it larger.
+//!
+//! **Model.** y(x) = b + A e(u), u = (x - c) / s, e = exp(-u^2 / 2). A pixel's own width is in s: s^2 = sigma^2 + 1/12, which
+//! leaves an error of at most 0.0003 pixel for a width of 0.8, and none from 1.2.
+//!
+//! **Weights.** 1 / (noise^2 + g A e), of the model and not of the pixel: pixels that noise makes low must not weigh more.
+//! `noise` is measured on the row, rounding to counts included. Pixels at full scale weigh nothing. In white noise this
+//! is the least-squares fit, in shot noise nearly the maximum-likelihood one.
+//!
+//! **Scaling.** The unknowns are b / A, ln A, ln s and c / s: the derivatives by them are A times 1, e, u^2 e and u e. The
+//! condition number of the normal equations is 22 then (10^9 for pixels and counts), and f32 solves them to a
+//! thousandth of a step.
+//!
+//! **Exponential.** Outwards from the pixel nearest to the centre e(k + 1) = e(k) r(k), r(k + 1) = r(k) q, with
+//! q = exp(-1 / s^2): two multiplications a pixel. An error of 2^-24 in q makes one of k 2^-24 in r(k) and of k^2/2 2^-24
+//! in e(k), which itself is exp(-k^2 / 2s^2): at most 2^-24 s^2 / 2.7 of the height is wrong anywhere. That is 4e-6 for the 13
+//! samples of the widest spot that a window is made for, a sixtieth of a count of 4095. It is the same on both sides, as
+//! if s were another; the roundings of each step, which are not, add up to less.
+//!
+//! **Window.** 128 samples as in the paper, of one pixel up to a width of 12.8, and then of as many as make the window
+//! five widths to either side. Such a sample is at most a sixth of the width, which costs 0.1 % in uncertainty. Sums of n pixels
+//! have n^2 / 12 in s^2 in place of 1/12.
+//!
+//! **Steps.** A step changes c by at most a width, and s and A by at most a half. They end with one that is shorter than a
+//! tenth of a standard deviation in the metric of the normal equations: what it leaves is far less, because the method
+//! converges quadratically.
+
+use crate::centre::half_width::{self, WIDTHS};
+use crate::centre::plausible::{certain, saturated_pixels};
+use crate::centre::{RowCentre, WidthClass};
+use crate::fault::Fault;
+use crate::numeric;
+use crate::numeric::limited;
+use crate::row::{Geometry, LARGEST_COUNT, Row};
+use crate::spot::Spot;
+use crate::units::{Counts, Pixels};
+
+/// Samples in a window.
+pub const SAMPLES: usize = 128;
+
+/// Half of the window of a spot that needs samples of more than one pixel, in its widths.
+const HALF_WINDOW: f32 = 5.0;
+
+/// Most pixels in a sample, what the widest spot needs (170 * 10 / 128 = 13.3) and more: the sum of their counts is below 2^16.
+const LARGEST_SAMPLE: usize = 16;
+
+// It fits in Q8, and is exact in an f32.
+const _: () = assert!(
+    LARGEST_COUNT as u64 * LARGEST_SAMPLE as u64 * (1 << Counts::FRACTION)
+        <= 1 << f32::MANTISSA_DIGITS
+);
+
+/// s in samples: from half a pixel to half of the window.
+const SMALLEST_S: f32 = 0.57;
+/// See [`SMALLEST_S`].
+const LARGEST_S: f32 = 64.0;
+
+/// Steps at most. Two or three are usual, and four for a spot that is cut off.
+const MAX_STEPS: usize = 8;
+
+/// The last step's square in standard deviations is at most this.
+const LAST_STEP: f32 = 0.01;
+
+/// A fit whose last step was longer than half a standard deviation has not arrived.
+const ARRIVED: f32 = 0.25;
+
+/// A spot that is cut off at full scale must have this many other samples within three widths: one more than there are
+/// unknowns that only the spot's own pixels tell.
+const FEWEST_SAMPLES: usize = 4;
+
+/// The sum of squares may be this many of its standard deviations above its expectation, n for n degrees of freedom.
+const MISFIT: f32 = 5.0;
+
+/// How well the square of the noise is known: [`crate::spot::find`] has the noise to 3 % on a row of 3648 pixels. The sum's
+/// variance is 2 n by its own scatter and the square of this times n by that of the noise.
+const NOISE_SQUARED: f32 = 0.06;
+
+/// The variance of a sample at full scale, in counts squared: it then weighs nothing beside any other.
+const MASKED: f32 = 1e30;
+
+/// The same for a sample that is left out for another reason. [`Window::row_centre`] counts it among the degrees of freedom; who
+/// leaves samples out looks at the misfit again.
+const LEFT_OUT: f32 = 2e30;
+
+/// A sample of the window.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sample {
+    /// Counts above the row's level, summed over the sample's pixels.
+    pub counts: f32,
+    /// Variance in counts squared, without the light's shot noise.
+    pub variance: f32,
+}
+
+impl Sample {
+    /// Leaves the sample out, until [`Window::unmask`].
+    pub(crate) fn mask(&mut self) {
+        if !self.is_masked() {
+            self.variance = LEFT_OUT;
+        }
+    }
+
+    /// Whether [`Self::mask`] left it out.
+    pub(crate) fn is_left_out(&self) -> bool {
+        self.variance >= LEFT_OUT
+    }
+
+    /// Whether it weighs nothing.
+    pub(crate) fn is_masked(&self) -> bool {
+        self.variance >= MASKED
+    }
+}
+
+/// What is fitted, in samples and counts above the row's level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameters {
+    /// c, from the window's first sample.
+    pub centre: f32,
+    /// s.
+    pub width: f32,
+    /// A.
+    pub amplitude: f32,
+    /// b.
+    pub level: f32,
+}
+
+/// The normal equations: the upper triangle of the matrix, the right-hand side and the sum of squares, all divided by A^2. An
+/// element's name has the unknowns b / A, ln A, ln s and c / s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NormalEquations {
+    bb: f32,
+    ba: f32,
+    bs: f32,
+    bc: f32,
+    aa: f32,
+    /// Also that of c / s with itself: both are the sum of u^2 e^2.
+    as_: f32,
+    ac: f32,
+    ss: f32,
+    sc: f32,
+    b: f32,
+    a: f32,
+    s: f32,
+    c: f32,
+    squares: f32,
+}
+
+/// The centre of a spot that [`crate::spot::find`] found.
+///
+/// The row before is not asked: the half maximum, from which the fit starts, costs a twentieth of a step.
+///
+/// # Errors
+/// [`Fault::SpotAtEdge`] where the centre is not on the sensor, [`Fault::Saturated`] where full scale leaves too few
+/// pixels of the spot, [`Fault::TooDim`] where the centre is uncertain by more than an eighth of the width,
+/// [`Fault::NoSpot`] where the fit does not arrive.
+pub fn centre(
+    row: &Row<'_>,
+    spot: &Spot,
+    _before: Option<&RowCentre>,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    let light = row.light();
+    let start = Start::find(light, spot, geometry)?;
+    let window = Window::around(light, spot, &start, geometry);
+    let (_, shot) = spot.background.variances(geometry);
+    let saturated = saturated_pixels(light, start.centre, start.width, geometry);
+    let unfit = match saturated {
+        0 => spot.no_spot(),
+        pixels => Fault::Saturated { pixels },
+    };
+    let fit = fit(window.samples(), window.parameters(&start), shot).ok_or(unfit)?;
+    let cut_off = window.cut_off(&fit.parameters);
+    if cut_off == CutOff::TooMuch {
+        return Err(unfit);
+    }
+    let found = window.row_centre(&fit);
+    let sensor = -0.5..light.len() as f32 - 0.5;
+    if !sensor.contains(&found.centre.to_f32()) {
+        return Err(Fault::SpotAtEdge {
+            centre: found.centre,
+        });
+    }
+    let (uncertainty, width) = (found.uncertainty.to_f32(), found.width.to_f32());
+    certain(found.amplitude.to_f32(), uncertainty, width).map_err(|too_dim| {
+        // It is not for want of light.
+        if cut_off == CutOff::No {
+            too_dim
+        } else {
+            unfit
+        }
+    })?;
+    if fit.has_arrived() && WIDTHS.contains(&width) {
+        Ok(found)
+    } else {
+        Err(unfit)
+    }
+}
+
+/// What the fit starts from, in pixels and counts.
+pub(crate) struct Start {
+    pub(crate) centre: Pixels,
+    pub(crate) width: f32,
+    pub(crate) amplitude: f32,
+}
+
+impl Start {
+    /// The half maximum. Of a spot that the sensor's edge cuts, one half of it.
+    pub(crate) fn find(light: &[u16], spot: &Spot, geometry: &Geometry) -> Result<Self, Fault> {
+        let half = half_width::find(light, spot)?;
+        let (offset, half_maximum) = match (half.left, half.right) {
+            (Some(left), Some(right)) => (0.5 * (right - left), 0.5 * (left + right)),
+            (Some(side), None) | (None, Some(side)) => (0.0, side),
+            (None, None) => return Err(Fault::SpotAtEdge { centre: half.top }),
+        };
+        // A place below 2^13 pixels, and an offset below 2^10.
+        let centre = Pixels::from_bits(numeric::add_i32(
+            half.top.to_bits(),
+            Pixels::from_f32(offset).to_bits(),
+        ));
+        let flat = flat_top(light, half.top, geometry) as f32 * 0.5;
+        let (width, amplitude) = if flat > 0.5 && flat < half_maximum {
+            // The counts are full scale F at `flat` and F / 2 at the half maximum.
+            let squared =
+                (half_maximum * half_maximum - flat * flat) / (2.0 * core::f32::consts::LN_2);
+            let above = limited(flat * flat / (2.0 * squared), 0.0, 3.0);
+            (
+                dual_mac::square_root(squared),
+                half.height * libm::expf(above),
+            )
+        } else {
+            (half.sigma(2.0 * half_maximum), half.height)
+        };
+        Ok(Self {
+            centre,
+            width: limited(width, *WIDTHS.start(), *WIDTHS.end()),
+            amplitude,
+        })
+    }
+}
+
+/// How many pixels about a place are at full scale without a gap.
+fn flat_top(light: &[u16], place: Pixels, geometry: &Geometry) -> usize {
+    let full_scale = geometry.full_scale();
+    let place = usize::try_from(place.to_bits() >> Pixels::FRACTION).unwrap_or_default();
+    let (left, right) = light.split_at_checked(place).unwrap_or_default();
+    let is_full = |count: &&u16| **count >= full_scale;
+    let left = left.iter().rev().take_while(is_full).count();
+    left.saturating_add(right.iter().take_while(is_full).count())
+}
+
+/// The samples that are fitted.
+#[derive(Clone)]
+pub(crate) struct Window {
+    /// The first sample's first pixel.
+    first: usize,
+    /// Pixels in a sample.
+    block: usize,
+    pub(crate) samples: [Sample; SAMPLES],
+    /// How many there are: fewer than [`SAMPLES`] at the sensor's edge.
+    length: usize,
+    /// How many of them are at full scale.
+    masked: usize,
+    /// The variance of a sample that is not.
+    variance: f32,
+}
+
+impl Window {
+    pub(crate) fn around(light: &[u16], spot: &Spot, start: &Start, geometry: &Geometry) -> Self {
+        Self::within(SAMPLES / 2, light, spot, start, geometry)
+    }
+
+    /// The same with so many samples to either side.
+    pub(crate) fn within(
+        half: usize,
+        light: &[u16],
+        spot: &Spot,
+        start: &Start,
+        geometry: &Geometry,
+    ) -> Self {
+        let half = half.min(SAMPLES / 2);
+        let middle =
+            usize::try_from(start.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
+        let samples_a_pixel = SAMPLES as f32 / (2.0 * HALF_WINDOW * start.width);
+        // `as` cuts off: one pixel up to a width of 12.8.
+        let block = ((1.0 / samples_a_pixel) as usize).min(LARGEST_SAMPLE - 1) + 1;
+        let first = middle.saturating_sub(block * half).min(light.len());
+        let end = (middle + block * half).min(light.len());
+        let pixels = light.get(first..end).unwrap_or_default();
+        let full_scale = geometry.full_scale();
+        // Below 2^16 in Q8, and 16 counts of 12 bits: 2^24 in Q8, exact in f32.
+        let level = spot.background.level_bits() * block as i32;
+        let (noise, _) = spot.background.variances(geometry);
+        let mut window = Self {
+            first,
+            block,
+            samples: [Sample::default(); SAMPLES],
+            length: 0,
+            masked: 0,
+            variance: noise * block as f32,
+        };
+        for (sample, pixels) in window.samples.iter_mut().zip(pixels.chunks_exact(block)) {
+            let (mut sum, mut highest) = (0, 0);
+            for &count in pixels {
+                // At most LARGEST_SAMPLE counts.
+                sum = numeric::add_i32(sum, i32::from(count));
+                highest = highest.max(count);
+            }
+            let full = highest >= full_scale;
+            *sample = Sample {
+                counts: numeric::sub_i32(numeric::mul_i32(sum, 1 << Counts::FRACTION), level)
+                    as f32
+                    / 256.0,
+                variance: if full { MASKED } else { window.variance },
+            };
+            // At most SAMPLES.
+            window.masked = numeric::add_usize(window.masked, usize::from(full));
+            window.length = numeric::add_usize(window.length, 1);
+        }
+        window
+    }
+
+    /// Whether the centre is among the samples, and so on the sensor.
+    pub(crate) fn holds(&self, at: &Parameters) -> bool {
+        (-0.5..self.length as f32 - 0.5).contains(&at.centre)
+    }
+
+    /// Takes back what was left out. What is at full scale stays masked.
+    pub(crate) fn unmask(&mut self) {
+        for sample in &mut self.samples {
+            if sample.variance >= LEFT_OUT {
+                sample.variance = self.variance;
+            }
+        }
+    }
+
+    /// The samples that are masked.
+    pub(crate) fn left_out(&self) -> LeftOut {
+        let samples = self.samples().iter().enumerate();
+        LeftOut {
+            first: self.first,
+            block: self.block,
+            // Fewer than 128.
+            samples: samples.fold(0, |all, (i, sample)| {
+                all | u128::from(sample.is_masked()).wrapping_shl(i as u32)
+            }),
+        }
+    }
+
+    /// The mean of the samples within `reach` of one, above the row's level, which need not be in the window: from -2^8 to 2^9. `None` where they are not
+    /// on the row.
+    pub(crate) fn mean(
+        &self,
+        row: &Row<'_>,
+        spot: &Spot,
+        sample: i32,
+        reach: usize,
+    ) -> Option<f32> {
+        let samples = reach.saturating_mul(2).saturating_add(1);
+        let before = sample.saturating_sub_unsigned(reach as u32);
+        let before = before.saturating_mul(self.block as i32);
+        let first = self.first.checked_add_signed(before as isize)?;
+        let end = first.checked_add(samples.checked_mul(self.block)?)?;
+        let pixels = row.light().get(first..end)?;
+        // At most 2^12 pixels, below 2^20 each in Q8: below 2^32.
+        let level = spot.background.level_bits();
+        let sum = pixels.iter().fold(0i64, |sum, &count| {
+            let above = (i32::from(count) * (1 << Counts::FRACTION)).saturating_sub(level);
+            sum.saturating_add(above.into())
+        });
+        Some(sum as f32 / (256.0 * samples as f32))
+    }
+
+    pub(crate) fn samples(&self) -> &[Sample] {
+        self.samples.get(..self.length).unwrap_or_default()
+    }
+
+    /// Where a sample's middle lies from its first pixel's.
+    fn half_sample(&self) -> f32 {
+        (self.block as f32 - 1.0) * 0.5
+    }
+
+    /// A start in samples.
+    pub(crate) fn parameters(&self, start: &Start) -> Parameters {
+        let block = self.block as f32;
+        // Below 2^12 pixels, in Q16.
+        let first = Pixels::from_int(self.first as i32);
+        let from_first = start.centre.to_bits().saturating_sub(first.to_bits());
+        let width = start.width / block;
+        Parameters {
+            centre: (Pixels::from_bits(from_first).to_f32() - self.half_sample()) / block,
+            width: dual_mac::square_root(width * width + 1.0 / 12.0),
+            amplitude: start.amplitude * block,
+            level: 0.0,
+        }
+    }
+
+    /// How much of the spot is at full scale.
+    fn cut_off(&self, fit: &Parameters) -> CutOff {
+        if self.masked == 0 {
+            return CutOff::No;
+        }
+        let (mut fitted, mut full) = (0, 0);
+        for (i, sample) in self.samples().iter().enumerate() {
+            let distance = (i as f32 - fit.centre).abs();
+            if sample.variance < MASKED {
+                fitted = usize::saturating_add(fitted, (distance <= 3.0 * fit.width).into());
+            } else {
+                full = usize::saturating_add(full, (distance <= 2.0 * fit.width).into());
+            }
+        }
+        match (full, fitted) {
+            (0, _) => CutOff::No,
+            (_, FEWEST_SAMPLES..) => CutOff::Top,
+            _ => CutOff::TooMuch,
+        }
+    }
+
+    /// A fit in pixels.
+    pub(crate) fn row_centre(&self, fit: &Fit) -> RowCentre {
+        let block = self.block as f32;
+        let Parameters {
+            centre,
+            width: s,
+            amplitude,
+            ..
+        } = fit.parameters;
+        let width = dual_mac::square_root((s * s - 1.0 / 12.0).max(0.0)) * block;
+        let from_first = Pixels::from_f32(centre * block + self.half_sample());
+        // No more than 128 each.
+        let freedom = self.length as f32 - self.masked as f32 - 4.0;
+        RowCentre {
+            centre: Pixels::from_bits(
+                Pixels::from_int(self.first as i32)
+                    .to_bits()
+                    .saturating_add(from_first.to_bits()),
+            ),
+            uncertainty: Pixels::from_f32(fit.uncertainty * block),
+            // The light, height times width, is the same in pixels and in samples.
+            amplitude: Counts::from_f32(amplitude * s / width),
+            width: Pixels::from_f32(width),
+            class: WidthClass::default(),
+            misfit: fit.squares > freedom + allowed_scatter(freedom),
+        }
+    }
+}
+
+/// How far the sum of squares may be above its expectation, which is that of its degrees of freedom.
+pub(crate) fn allowed_scatter(freedom: f32) -> f32 {
+    let known = NOISE_SQUARED * freedom;
+    MISFIT * dual_mac::square_root((2.0 * freedom + known * known).max(0.0))
+}
+
+/// The spot's light in each sample of a window, over its height: by the recurrence of [`normal_equations`].
+pub(crate) fn exponentials(at: &Parameters) -> [f32; SAMPLES] {
+    let mut light = [0.0; SAMPLES];
+    let middle = ((at.centre + 0.5) as usize).min(SAMPLES);
+    let (left, right) = light.split_at_mut_checked(middle).unwrap_or_default();
+    let pitch = 1.0 / at.width;
+    let u = (middle as f32 - at.centre) * pitch;
+    let falls = libm::expf(-pitch * pitch);
+    let side = |u: f32, pitch: f32| {
+        let first = libm::expf(-0.5 * u * u);
+        (first, libm::expf(-pitch * (u + 0.5 * pitch)))
+    };
+    let (mut e, mut ratio) = side(u, pitch);
+    for light in right {
+        *light = e;
+        e *= ratio;
+        ratio *= falls;
+    }
+    let (mut e, mut ratio) = side(u - pitch, -pitch);
+    for light in left.iter_mut().rev() {
+        *light = e;
+        e *= ratio;
+        ratio *= falls;
+    }
+    light
+}
+
+/// What full scale leaves of a spot.
+#[derive(Clone, Copy, PartialEq)]
+enum CutOff {
+    /// All of it.
+    No,
+    /// Flanks that can be fitted: at least [`FEWEST_SAMPLES`] within three widths.
+    Top,
+    /// Less.
+    TooMuch,
+}
+
+/// Where the steps ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Fit {
+    pub(crate) parameters: Parameters,
+    /// Standard deviation of the centre in samples, the other parameters being unknown too.
+    uncertainty: f32,
+    /// The sum of squares over the variances.
+    squares: f32,
+    /// Square of the last step in standard deviations.
+    last_step: f32,
+}
+
+impl Fit {
+    /// Whether the last step was short.
+    pub(crate) fn has_arrived(&self) -> bool {
+        self.last_step <= ARRIVED
+    }
+}
+
+/// Steps from a start. `None` where the samples do not tell four parameters apart.
+pub(crate) fn fit(samples: &[Sample], start: Parameters, shot: f32) -> Option<Fit> {
+    let mut at = start;
+    let mut last = None;
+    for _ in 0..MAX_STEPS {
+        let normal = normal_equations(samples, &at, shot);
+        let step = normal.solve()?;
+        // The equations were divided by A^2.
+        let squared = at.amplitude * at.amplitude;
+        let last_step = step.length * squared;
+        let fit = Fit {
+            parameters: at.moved(&step),
+            uncertainty: at.width * dual_mac::square_root(step.variance / squared),
+            squares: normal.squares * squared,
+            last_step,
+        };
+        at = fit.parameters;
+        last = Some(fit);
+        if last_step <= LAST_STEP {
+            break;
+        }
+    }
+    last
+}
+
+/// A solution of the normal equations.
+struct Step {
+    b: f32,
+    a: f32,
+    s: f32,
+    c: f32,
+    /// Its squared length in the metric of the equations.
+    length: f32,
+    /// The variance of c / s: the last element of the inverse.
+    variance: f32,
+}
+
+impl Parameters {
+    fn moved(&self, step: &Step) -> Self {
+        let grow = |step: f32| 1.0 + limited(step, -0.5, 0.5);
+        Self {
+            centre: self.centre + limited(step.c, -1.0, 1.0) * self.width,
+            width: limited(self.width * grow(step.s), SMALLEST_S, LARGEST_S),
+            amplitude: self.amplitude * grow(step.a),
+            level: self.level + step.b * self.amplitude,
+        }
+    }
+}
+
+/// Sums up the normal equations at a point. Not inlined, so that what a step costs can be counted.
+#[inline(never)]
+pub fn normal_equations(samples: &[Sample], at: &Parameters, shot: f32) -> NormalEquations {
+    // `as` saturates: a centre off the window makes one side empty.
+    let middle = ((at.centre + 0.5) as usize).min(samples.len());
+    let (left, right) = samples.split_at_checked(middle).unwrap_or_default();
+    let pitch = 1.0 / at.width;
+    let u = (middle as f32 - at.centre) * pitch;
+    // exp(-1 / s^2), by which the ratio of neighbours changes from one to the next.
+    let falls = libm::expf(-pitch * pitch);
+    let sums = NormalEquations::default();
+    let sums = add_side(sums, right.iter(), at, shot, (u, pitch, falls));
+    add_side(
+        sums,
+        left.iter().rev(),
+        at,
+        shot,
+        (u - pitch, -pitch, falls),
+    )
+}
+
+/// Adds samples outwards from one at u, in steps of `pitch`, by which the ratio of neighbouring e `falls`.
+#[inline(always)]
+fn add_side<'a>(
+    mut sums: NormalEquations,
+    samples: impl Iterator<Item = &'a Sample>,
+    at: &Parameters,
+    shot: f32,
+    (mut u, pitch, falls): (f32, f32, f32),
+) -> NormalEquations {
+    let mut e = libm::expf(-0.5 * u * u);
+    let mut ratio = libm::expf(-pitch * (u + 0.5 * pitch));
+    let (scale, shot) = (1.0 / at.amplitude, shot * at.amplitude);
+    let level = at.level * scale;
+    for sample in samples {
+        let weight = 1.0 / (sample.variance + shot * e);
+        let residual = sample.counts * scale - level - e;
+        let ue = u * e;
+        let uue = u * ue;
+        let (we, wue, wuue) = (weight * e, weight * ue, weight * uue);
+        sums.bb += weight;
+        sums.ba += we;
+        sums.bs += wuue;
+        sums.bc += wue;
+        sums.aa += we * e;
+        sums.as_ += wue * ue;
+        sums.ac += we * ue;
+        sums.ss += wuue * uue;
+        sums.sc += wuue * ue;
+        let weighted = weight * residual;
+        sums.b += weighted;
+        sums.a += weighted * e;
+        sums.s += weighted * uue;
+        sums.c += weighted * ue;
+        sums.squares += weighted * residual;
+        u += pitch;
+        e *= ratio;
+        ratio *= falls;
+    }
+    sums
+}
+
+impl NormalEquations {
+    /// Solves by Cholesky's method without square roots (L D L^T), c last, so that its pivot is one over the last element
+    /// of the inverse. `None` where a pivot is lost in rounding: the samples do not tell the parameters apart.
+    fn solve(&self) -> Option<Step> {
+        // What rounding leaves of a pivot, over the element that it was.
+        let pivot = |pivot: f32, element: f32| (pivot > 1e-5 * element).then_some(pivot);
+        let pb = pivot(self.bb, 0.0)?;
+        let (lab, lsb, lcb) = (self.ba / pb, self.bs / pb, self.bc / pb);
+        let pa = pivot(self.aa - lab * self.ba, self.aa)?;
+        let (sa, ca) = (self.as_ - lab * self.bs, self.ac - lab * self.bc);
+        let (lsa, lca) = (sa / pa, ca / pa);
+        let ps = pivot(self.ss - lsb * self.bs - lsa * sa, self.ss)?;
+        let cs = self.sc - lsb * self.bc - lsa * ca;
+        let lcs = cs / ps;
+        let cc = self.as_;
+        let pc = pivot(cc - lcb * self.bc - lca * ca - lcs * cs, cc)?;
+        let b = self.b;
+        let a = self.a - lab * b;
+        let s = self.s - lsb * b - lsa * a;
+        let c = self.c - lcb * b - lca * a - lcs * s;
+        let (zb, za, zs, zc) = (b / pb, a / pa, s / ps, c / pc);
+        let length = b * zb + a * za + s * zs + c * zc;
+        let step_s = zs - lcs * zc;
+        let step_a = za - lsa * step_s - lca * zc;
+        Some(Step {
+            b: zb - lab * step_a - lsb * step_s - lcb * zc,
+            a: step_a,
+            s: step_s,
+            c: zc,
+            length,
+            variance: 1.0 / pc,
+        })
+    }
+}
+
+/// Samples of a window that do not count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct LeftOut {
+    /// The first pixel of the first sample.
+    pub(crate) first: usize,
+    /// Pixels in a sample.
+    pub(crate) block: usize,
+    /// A bit for each sample, the lowest for the first.
+    pub(crate) samples: u128,
+}
+
+impl LeftOut {
+    /// Whether a pixel of the row is in one of them.
+    pub(crate) fn has(&self, pixel: usize) -> bool {
+        let from_first = pixel.checked_sub(self.first);
+        let sample = from_first.and_then(|pixels| pixels.checked_div(self.block));
+        let bit = sample.and_then(|sample| self.samples.checked_shr(u32::try_from(sample).ok()?));
+        bit.is_some_and(|bits| bits & 1 == 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AT: Parameters = Parameters {
+        centre: 63.37,
+        width: 10.5,
+        amplitude: 2000.0,
+        level: 3.0,
+    };
+
+    fn model(at: &Parameters, i: usize) -> f64 {
+        let u = (i as f64 - f64::from(at.centre)) / f64::from(at.width);
+        f64::from(at.level) + f64::from(at.amplitude) * libm::exp(-0.5 * u * u)
+    }
+
+    /// A spot that is a little off the model, so that all sums have something to add.
+    fn samples(at: &Parameters) -> [Sample; SAMPLES] {
+        core::array::from_fn(|i| Sample {
+            counts: (model(at, i) + (i * i * i % 11) as f64 * 10.0) as f32,
+            variance: if i == 60 { MASKED } else { 4.0 },
+        })
+    }
+
+    /// The sums with an exponential for each pixel, in f64.
+    fn reference(samples: &[Sample], at: &Parameters, shot: f64) -> ([[f64; 4]; 4], [f64; 4], f64) {
+        let (mut matrix, mut right, mut squares) = ([[0.0; 4]; 4], [0.0; 4], 0.0);
+        let amplitude = f64::from(at.amplitude);
+        for (i, sample) in samples.iter().enumerate() {
+            let u = (i as f64 - f64::from(at.centre)) / f64::from(at.width);
+            let e = libm::exp(-0.5 * u * u);
+            let weight = 1.0 / (f64::from(sample.variance) + shot * amplitude * e);
+            let residual = (f64::from(sample.counts) - model(at, i)) / amplitude;
+            let derivatives = [1.0, e, u * u * e, u * e];
+            for j in 0..4 {
+                for k in 0..4 {
+                    matrix[j][k] += weight * derivatives[j] * derivatives[k];
+                }
+                right[j] += weight * derivatives[j] * residual;
+            }
+            squares += weight * residual * residual;
+        }
+        (matrix, right, squares)
+    }
+
+    /// The recurrence and f32 against that: every sum to 2e-5 of the sum of its terms' magnitudes (that of a product is at most
+    /// the root of the squares' sums).
+    #[test]
+    fn sums_are_those_of_the_definition() {
+        let mut worst = 0.0f64;
+        for (centre, width) in [
+            (63.37, 10.5),
+            (63.5, 0.8),
+            (64.0, 2.0),
+            (0.2, 12.8),
+            (-3.0, 10.0),
+            (127.4, 5.0),
+            (131.0, 12.8),
+        ] {
+            for shot in [0.0, 0.2] {
+                let at = Parameters {
+                    centre,
+                    width,
+                    ..AT
+                };
+                let samples = samples(&at);
+                let found = normal_equations(&samples, &at, shot);
+                let (m, r, squares) = reference(&samples, &at, f64::from(shot));
+                for (sum, j, k) in [
+                    (found.bb, 0, 0),
+                    (found.ba, 0, 1),
+                    (found.bs, 0, 2),
+                    (found.bc, 0, 3),
+                    (found.aa, 1, 1),
+                    (found.as_, 1, 2),
+                    (found.ac, 1, 3),
+                    (found.ss, 2, 2),
+                    (found.sc, 2, 3),
+                    (found.as_, 3, 3),
+                ] {
+                    let scale = (m[j][j] * m[k][k]).sqrt();
+                    worst = worst.max((f64::from(sum) - m[j][k]).abs() / scale);
+                }
+                for (sum, j) in [(found.b, 0), (found.a, 1), (found.s, 2), (found.c, 3)] {
+                    let scale = (m[j][j] * squares).sqrt();
+                    worst = worst.max((f64::from(sum) - r[j]).abs() / scale);
+                }
+                worst = worst.max((f64::from(found.squares) / squares - 1.0).abs());
+            }
+        }
+        println!("sums off by {worst:.1e} at most");
+        assert!(worst < 2e-5, "{worst}");
+    }
+
+    /// The step solves the equations, as nearly as the sums are right, and the variance is the last element of the inverse.
+    #[test]
+    fn the_step_solves_the_equations() {
+        let samples = samples(&AT);
+        let step = normal_equations(&samples, &AT, 0.2)
+            .solve()
+            .expect("a step");
+        let (m, right, squares) = reference(&samples, &AT, f64::from(0.2f32));
+        let x = [step.b, step.a, step.s, step.c].map(f64::from);
+        let length: f64 = (0..4).map(|j| x[j] * right[j]).sum();
+        assert!((f64::from(step.length) / length - 1.0).abs() < 1e-3);
+        for j in 0..4 {
+            let left: f64 = (0..4).map(|k| m[j][k] * x[k]).sum();
+            let scale = (m[j][j] * squares).sqrt();
+            assert!(
+                (left - right[j]).abs() < 1e-4 * scale,
+                "{j}: {left} {}",
+                right[j]
+            );
+        }
+        // Without its level, height and width to be found too, the centre would be as certain as its own element says.
+        assert!(f64::from(step.variance) * m[3][3] > 0.999);
+    }
+
+    #[test]
+    fn four_parameters_need_more_than_a_flank() {
+        let at = Parameters {
+            centre: -60.0,
+            ..AT
+        };
+        assert!(normal_equations(&samples(&at), &at, 0.0).solve().is_none());
+        assert!(normal_equations(&[], &AT, 0.0).solve().is_none());
+        let all_full = [Sample {
+            counts: 4000.0,
+            variance: MASKED,
+        }; SAMPLES];
+        let fitted = fit(&all_full, AT, 0.0);
+        let uncertain = fitted.is_none_or(|fit| fit.uncertainty > 1e6);
+        assert!(uncertain, "{fitted:?}");
+    }
+
+    #[test]
+    fn steps_arrive() {
+        let truth = Parameters { level: -2.0, ..AT };
+        let samples: [Sample; SAMPLES] = core::array::from_fn(|i| Sample {
+            counts: model(&truth, i) as f32,
+            variance: 4.0,
+        });
+        for (off, width, amplitude) in [(0.0, 1.0, 1.0), (0.8, 0.6, 0.5), (-0.8, 1.5, 1.5)] {
+            let start = Parameters {
+                centre: truth.centre + off * truth.width,
+                width: truth.width * width,
+                amplitude: truth.amplitude * amplitude,
+                level: 0.0,
+            };
+            let found = fit(&samples, start, 0.1).expect("a fit");
+            println!("{found:?}");
+            assert!((found.parameters.centre - truth.centre).abs() < 1e-3);
+            assert!((found.parameters.level - truth.level).abs() < 0.1);
+            assert!(found.last_step <= LAST_STEP);
+        }
+    }
+
+    #[test]
+    fn a_bit_is_a_sample() {
+        let left_out = LeftOut {
+            first: 10,
+            block: 2,
+            samples: 0b101,
+        };
+        let pixels: std::vec::Vec<usize> = (0..400).filter(|&pixel| left_out.has(pixel)).collect();
+        assert_eq!(pixels, [10, 11, 14, 15]);
+        assert!(!LeftOut::default().has(0));
+    }
+}

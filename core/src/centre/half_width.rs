@@ -1,0 +1,349 @@
+//! The spot's width from its half maximum: what the cheap rungs choose their windows by.
+//!
+//! From the highest pixels outwards to where the counts fall below half of the height: a gaussian's full width there is
+//! sqrt(8 ln 2) = 2.3548 sigma. The counts are smoothed by sums over a quarter to a half of the block that the coarse
+//! search found, about a quarter of sigma. A sum over n pixels adds n^2/12 to sigma^2, the pixel's own width included, which
+//! is taken off again. The crossings are interpolated linearly, which for spots of 0.8 to 1.2 pixels finds a width up to a
+//! fifth too large, and up to 3 % from 2 pixels.
+
+use crate::centre::RowCentre;
+use crate::centre::plausible::on_the_row;
+use crate::fault::Fault;
+use crate::numeric;
+use crate::numeric::limited;
+use crate::row::{LARGEST_COUNT, MAX_PIXELS};
+use crate::spot::Spot;
+use crate::units::{Counts, Pixels};
+
+/// A gaussian's full width at half maximum over sigma: sqrt(8 ln 2).
+const FULL_WIDTH: f32 = 2.354_82;
+
+/// The narrowest and the widest spot in pixels. A hot pixel alone looks like one of 0.3, and a spot of 0.6, which is
+/// narrower than any optics makes it, like one of at least 0.55. At the other end [`crate::spot::find`] gives up.
+pub(crate) const WIDTHS: core::ops::RangeInclusive<f32> = 0.5..=170.0;
+
+/// A spot as its half maximum shows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HalfMaximum {
+    /// The highest place, and how far from it the counts fall to half on the left and on the right, in pixels. `None`
+    /// where the row ends first.
+    pub top: Pixels,
+    /// To the left.
+    pub left: Option<f32>,
+    /// To the right.
+    pub right: Option<f32>,
+    /// Height of the smoothed counts above the level.
+    pub height: f32,
+    /// Pixels that were summed.
+    pub smoothed: u16,
+}
+
+/// The width in pixels by which to choose a window: that of the row before, where its centre is within a width of this
+/// spot, or that of the half maximum.
+///
+/// # Errors
+/// [`Fault::SpotAtEdge`] where the row ends before the counts fall to half, [`Fault::NoSpot`] where they never do, or the width
+/// is that of no spot.
+pub fn width(light: &[u16], spot: &Spot, before: Option<&RowCentre>) -> Result<f32, Fault> {
+    let start = on_the_row(light, spot)?;
+    if let Some(before) = before {
+        let width = before.width.to_f32();
+        let moved = before.centre.to_bits().abs_diff(start.to_bits());
+        if WIDTHS.contains(&width) && moved <= before.width.to_bits().unsigned_abs() {
+            return Ok(width);
+        }
+    }
+    let half = find(light, spot)?;
+    let (Some(left), Some(right)) = (half.left, half.right) else {
+        return Err(Fault::SpotAtEdge { centre: half.top });
+    };
+    let width = half.sigma(left + right);
+    if WIDTHS.contains(&width) {
+        Ok(width)
+    } else {
+        Err(spot.no_spot())
+    }
+}
+
+impl HalfMaximum {
+    /// Sigma for a full width at half maximum, the smoothing taken off.
+    pub fn sigma(&self, full_width: f32) -> f32 {
+        let smoothed = f32::from(self.smoothed);
+        let sigma = full_width / FULL_WIDTH;
+        dual_mac::square_root((sigma * sigma - smoothed * smoothed / 12.0).max(0.0))
+    }
+}
+
+/// Walks out from the highest place within a block of the spot's centre.
+///
+/// # Errors
+/// [`Fault::SpotAtEdge`] where the spot's centre is not on the row, [`Fault::NoSpot`] where nothing rises above the level, or
+/// does not fall again within four blocks: the spot's width is at most two of them.
+pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
+    let start = on_the_row(light, spot)?;
+    let block = 1usize << spot.block_log2.min(7);
+    let smoothed = (block / 2).max(1);
+    let near = light
+        .get(spot.centre.saturating_sub(block + smoothed / 2)..)
+        .unwrap_or_default();
+    let before = light.len() - near.len();
+    let near = near.get(..2 * block + smoothed).unwrap_or(near);
+    let Some((place, sum)) = highest(near, smoothed) else {
+        return Err(Fault::SpotAtEdge { centre: start });
+    };
+    let first = before.saturating_add(place);
+    // At most 64 counts of 12 bits in Q8: below 2^26.
+    let level = numeric::mul_i32(spot.background.level_bits(), smoothed as i32);
+    let height = in_q8(sum).saturating_sub(level);
+    if height <= 0 {
+        return Err(spot.no_spot());
+    }
+    let half = numeric::add_i32(level, height / 2);
+    let reach = 4 * block;
+    let (left, right) = light.split_at_checked(first).unwrap_or_default();
+    let (top, right) = right.split_at_checked(smoothed).unwrap_or_default();
+    let leftwards = left.iter().rev();
+    let left = walk(
+        leftwards.zip(top.iter().rev().chain(left.iter().rev())),
+        sum,
+        half,
+        reach,
+    );
+    let right = walk(right.iter().zip(top.iter().chain(right)), sum, half, reach);
+    if left == Walk::NeverHalf || right == Walk::NeverHalf {
+        return Err(spot.no_spot());
+    }
+    // A place below 4096 pixels; a sum over n pixels stands half of n - 1 to the right of its first.
+    let half_sum = (smoothed as i32 - 1) * (1 << (Pixels::FRACTION - 1));
+    Ok(HalfMaximum {
+        top: Pixels::from_bits(
+            Pixels::from_int(first as i32)
+                .to_bits()
+                .saturating_add(half_sum),
+        ),
+        left: left.distance(),
+        right: right.distance(),
+        height: height as f32 / (smoothed as i32 * (1 << Counts::FRACTION)) as f32,
+        smoothed: smoothed as u16,
+    })
+}
+
+/// Where the sum over `pixels` neighbours is highest, and that sum: below 64 * 2^12. `None` where there are fewer.
+fn highest(near: &[u16], pixels: usize) -> Option<(usize, i32)> {
+    let (first, entering) = near.split_at_checked(pixels)?;
+    let mut sum = first
+        .iter()
+        .fold(0, |sum, &count| numeric::add_i32(sum, i32::from(count)));
+    let mut best = (0, sum);
+    for (i, (&enters, &leaves)) in (1..MAX_PIXELS).zip(entering.iter().zip(near)) {
+        sum = moved(sum, enters, leaves);
+        if sum > best.1 {
+            best = (i, sum);
+        }
+    }
+    Some(best)
+}
+
+/// A sum over the next pixel on.
+fn moved(sum: i32, enters: u16, leaves: u16) -> i32 {
+    numeric::add_i32(sum, i32::from(enters) - i32::from(leaves))
+}
+
+/// At most [`MOST_SMOOTHED`] counts in Q8.
+fn in_q8(sum: i32) -> i32 {
+    numeric::mul_i32(sum, 1 << Counts::FRACTION)
+}
+
+/// Pixels of a sum: half of the largest block.
+const MOST_SMOOTHED: u32 = 64;
+
+// Twice what they add up to fits in Q8.
+const _: () =
+    assert!((2 * LARGEST_COUNT as u64 * MOST_SMOOTHED as u64) << Counts::FRACTION < 1 << 31);
+
+/// How a walk ended.
+#[derive(Clone, Copy, PartialEq)]
+enum Walk {
+    /// The counts fell to half at this distance in pixels.
+    Half(f32),
+    Edge,
+    NeverHalf,
+}
+
+impl Walk {
+    const fn distance(self) -> Option<f32> {
+        match self {
+            Self::Half(distance) => Some(distance),
+            Self::Edge | Self::NeverHalf => None,
+        }
+    }
+}
+
+/// Moves the sum a pixel at a time, given what (enters, leaves) it, until it falls below `half` (Q8).
+fn walk<'a>(
+    steps: impl Iterator<Item = (&'a u16, &'a u16)>,
+    mut sum: i32,
+    half: i32,
+    reach: usize,
+) -> Walk {
+    let mut walked = 0;
+    for (&enters, &leaves) in steps.take(reach) {
+        let next = moved(sum, enters, leaves);
+        if in_q8(next) < half {
+            // The sum before was not below half, so the quotient is within 0 and 1.
+            let above = numeric::sub_i32(in_q8(sum), half);
+            let fall = numeric::sub_i32(in_q8(sum), in_q8(next));
+            return Walk::Half(walked as f32 + above as f32 / fall as f32);
+        }
+        sum = next;
+        walked += 1;
+    }
+    if walked < reach {
+        Walk::Edge
+    } else {
+        Walk::NeverHalf
+    }
+}
+
+/// The width after this row, for a rung whose window came from the width before it: a quarter of the way to what the counts at
+/// the two half maxima say, so that it follows the spot over the rows and a row's noise hardly moves it.
+///
+/// A gaussian that is wider than thought by a small part p has there 0.5 + ln(2) p of its height.
+pub fn follow(light: &[u16], spot: &Spot, centre: Pixels, width: f32) -> f32 {
+    const HALF_MAXIMUM: f32 = FULL_WIDTH / 2.0;
+    const GAIN: f32 = 0.25;
+    // The pixel's own width adds 1/12.
+    let sigma = dual_mac::square_root(width * width + 1.0 / 12.0);
+    let level = spot.background.level_bits();
+    let reach = Pixels::from_f32(HALF_MAXIMUM * sigma).to_bits();
+    let above = |place: i32| interpolated(light, place).map(|count| numeric::sub_i32(count, level));
+    let centre = centre.to_bits();
+    let (Some(top), Some(left), Some(right)) = (
+        above(centre),
+        above(centre.saturating_sub(reach)),
+        above(centre.saturating_add(reach)),
+    ) else {
+        return width;
+    };
+    // Each within 2^20.
+    let ratio = numeric::add_i32(left, right) as f32 / numeric::mul_i32(2, top.max(1)) as f32;
+    let wider = (ratio - 0.5) / core::f32::consts::LN_2;
+    let sigma = sigma * (1.0 + GAIN * limited(wider, -0.5, 0.5));
+    let squared = sigma * sigma - 1.0 / 12.0;
+    dual_mac::square_root(squared.max(WIDTHS.start() * WIDTHS.start())).min(*WIDTHS.end())
+}
+
+/// The counts at a place between two pixels (Q16.16), Q24.8, below 2^20.
+fn interpolated(light: &[u16], place: i32) -> Option<i32> {
+    let pixel = usize::try_from(place >> Pixels::FRACTION).ok()?;
+    let &[left, right] = light.get(pixel..)?.first_chunk()?;
+    // To 8 bits of a pixel.
+    let part = (place >> (Pixels::FRACTION - Counts::FRACTION)) & 0xFF;
+    Some(i32::from(left) * (256 - part) + i32::from(right) * part)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spot::Background;
+
+    fn row(centre: f32, width: f32) -> std::vec::Vec<u16> {
+        (0..1000)
+            .map(|i| {
+                let u = (i as f32 - centre) / width;
+                (200.0 + 3000.0 * libm::expf(-0.5 * u * u)) as u16
+            })
+            .collect()
+    }
+
+    fn spot(centre: usize, block_log2: u32) -> Spot {
+        Spot {
+            centre,
+            block_log2,
+            height: Counts::from_int(1000),
+            background: Background {
+                level: Counts::from_int(200),
+                noise: Counts::from_int(1),
+            },
+        }
+    }
+
+    /// Sampled gaussians: their sigma is sqrt(width^2 + 1/12) of a spot that the pixels integrate. Any block that the coarse
+    /// search may choose serves.
+    #[test]
+    fn the_width_of_a_gaussian() {
+        for (width, block_log2, tolerance) in [
+            (1.2, 0, 0.07),
+            (2.0, 1, 0.03),
+            (2.0, 2, 0.03),
+            (10.5, 3, 0.01),
+            (10.5, 4, 0.01),
+            (60.0, 5, 0.01),
+            (60.0, 7, 0.01),
+        ] {
+            let sampled = libm::sqrtf(width * width + 1.0 / 12.0);
+            for phase in [0.0, 0.2, 0.5] {
+                let found =
+                    super::width(&row(500.0 + phase, sampled), &spot(500, block_log2), None)
+                        .expect("a width");
+                println!("{width} at {phase}: {found}");
+                assert!((found / width - 1.0).abs() < tolerance, "{width}: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_row_before_serves_while_it_is_near() {
+        let light = row(500.0, 10.0);
+        let before = RowCentre {
+            centre: Pixels::from_int(492),
+            uncertainty: Pixels::from_bits(1),
+            amplitude: Counts::from_int(1),
+            width: Pixels::from_int(9),
+            class: Default::default(),
+            misfit: false,
+        };
+        assert_eq!(width(&light, &spot(500, 3), Some(&before)), Ok(9.0));
+        let far = RowCentre {
+            centre: Pixels::from_int(490),
+            ..before
+        };
+        let found = width(&light, &spot(500, 3), Some(&far)).expect("a width");
+        assert!((found - 10.0).abs() < 0.1, "{found}");
+    }
+
+    #[test]
+    fn following_arrives() {
+        for (width, start) in [(2.0, 1.4), (10.5, 7.0), (10.5, 16.0)] {
+            let light = row(500.3, width);
+            let mut found = start;
+            for _ in 0..30 {
+                found = follow(&light, &spot(500, 3), Pixels::from_f32(500.3), found);
+            }
+            println!("{width} from {start}: {found}");
+            assert!((found / width - 1.0).abs() < 0.03, "{width}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_cut_spot_has_one_side() {
+        let light = row(5.0, 10.0);
+        let half = find(&light, &spot(6, 3)).expect("half of it");
+        assert_eq!(half.left, None);
+        assert!(half.right.is_some());
+        assert!(matches!(
+            width(&light, &spot(6, 3), None),
+            Err(Fault::SpotAtEdge { .. })
+        ));
+    }
+
+    #[test]
+    fn what_never_falls_is_no_spot() {
+        let mut light = [300u16; 1000];
+        light[999] = 200;
+        for block_log2 in [0, 3, 7, 31] {
+            let found = width(&light, &spot(500, block_log2), None);
+            assert!(matches!(found, Err(Fault::NoSpot { .. })), "{found:?}");
+        }
+    }
+}

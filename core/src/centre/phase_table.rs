@@ -1,0 +1,489 @@
+//! The phase-table score: two integer inner products and one division.
+//!
+//! A gaussian least-squares fit with amplitude, black level and width projected out in advance. The tables are designed
+//! by the crate `phase-tables`, which explains them. Score / slope is the distance of the centre from a table's phase; a
+//! third product, stretch / slope, says how far the spot's width is from the table's, and so picks the table.
+//!
+//! | | |
+//! |---|---|
+//! | samples | u16, at most 32760: counts of 12 bits, or sums of up to 8 pixels, or halved sums of more |
+//! | weights | i16, each row summing to zero, so a constant on the samples changes no bit |
+//! | products | i32: no overflow, because sum of abs(weight) * 32760 < 2^31, proven by [`TableSet::new`] |
+//! | division | f32: 24 bits on a quotient of at most a few pixels is 1e-7 pixel; one instruction on the chip |
+//! | centre | Q16.16 pixels |
+//!
+//! Every float operation here is a single IEEE 754 operation or `libm`'s, so the chip and a PC agree bit for bit.
+
+use dual_mac::square_root;
+
+use crate::centre::plausible::{certain, on_the_row, unsaturated};
+use crate::centre::tables::{NARROWEST, Sampling, Table, TableSet, halvings};
+use crate::centre::window::Window;
+use crate::centre::{RowCentre, WidthClass};
+use crate::fault::Fault;
+use crate::row::{Geometry, Row};
+use crate::spot::Spot;
+use crate::units::{Counts, Pixels};
+
+/// A window is moved and its table changed until both fit, at most this often.
+const MAX_PASSES: usize = 10;
+
+/// How nearly a window and a table must fit: as near as a window gets, and to half a per cent of the width more than the best. In noise two tables, or two phases, may each hand the spot to the other; later passes are content with less.
+const fn slack(pass: usize) -> (f32, f32) {
+    match pass {
+        0..=3 => (1.0, 0.005),
+        4..=6 => (2.0, 0.1),
+        _ => (2.0, 0.3),
+    }
+}
+
+/// Where a window reaches over the sensor's edge a table this much narrower is tried: the coarse search may take a spot for
+/// twice as wide as it is, and be off by half its width.
+const NARROWER: f32 = 0.7;
+
+/// What fits a table of less than so much of the width that the coarse search found, where the sensor's edge keeps the wider ones off, is
+/// a ripple on a spot that is cut.
+const RIPPLE: f32 = 0.4;
+
+/// The centre of a spot that [`crate::spot::find`] found, with the tables of one set.
+///
+/// Where the row before had its spot near this one's, its table serves again, without the third product: the width is taken
+/// over from that row.
+///
+/// # Errors
+/// See [`crate::centre::centre`].
+#[inline(always)]
+pub fn centre(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+    tables: &TableSet<'_>,
+    sampling: Sampling,
+) -> Result<RowCentre, Fault> {
+    if let Some(before) = before {
+        if before.class.block == 1 {
+            // Samples of one pixel, which are usual, are a constant in what is inlined here.
+            let class = WidthClass {
+                block: 1,
+                ..before.class
+            };
+            if let Some(fit) = glance(row, spot, before, class, tables, Width::TakenOver) {
+                return finish(row, spot, before, &fit, geometry);
+            }
+        } else if let Some(centre) = glance_at_blocks(row, spot, before, geometry, tables) {
+            return centre;
+        }
+    }
+    let width = Width::TakenOver;
+    fit_at_length(row, spot, before, geometry, tables, width, sampling)?
+        .with_uncertainty(spot.background.noise, geometry)
+}
+
+#[cold]
+#[inline(never)]
+fn glance_at_blocks(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: &RowCentre,
+    geometry: &Geometry,
+    tables: &TableSet<'_>,
+) -> Option<Result<RowCentre, Fault>> {
+    let fit = glance(row, spot, before, before.class, tables, Width::TakenOver)?;
+    Some(finish(row, spot, before, &fit, geometry))
+}
+
+/// A fit whose width is that of the row before becomes a centre.
+#[inline(always)]
+fn finish(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: &RowCentre,
+    fit: &Fit<'_>,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    unsaturated(row, fit.centre, fit.width, geometry)?;
+    let centre = fit.with_uncertainty(spot.background.noise, geometry)?;
+    Ok(RowCentre {
+        width: before.width,
+        ..centre
+    })
+}
+
+/// Where the width comes from that says which table serves, where there is a row before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Width {
+    /// From the row before, as it was there.
+    TakenOver,
+    /// From the third product, smoothed over the rows.
+    Measured,
+}
+
+/// The table that fits, and what it says.
+///
+/// # Errors
+/// See [`crate::centre::centre`].
+#[inline(always)]
+pub(super) fn fit<'a>(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+    tables: &TableSet<'a>,
+    width: Width,
+    sampling: Sampling,
+) -> Result<Fit<'a>, Fault> {
+    if let Some(before) = before
+        && before.class.block == 1
+        && let class = (WidthClass {
+            block: 1,
+            ..before.class
+        })
+        && let Some(fit) = glance(row, spot, before, class, tables, width)
+    {
+        unsaturated(row, fit.centre, fit.width, geometry)?;
+        return Ok(fit);
+    }
+    fit_at_length(row, spot, before, geometry, tables, width, sampling)
+}
+
+/// The same without the first glance.
+#[cold]
+#[inline(never)]
+fn fit_at_length<'a>(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+    tables: &TableSet<'a>,
+    width: Width,
+    sampling: Sampling,
+) -> Result<Fit<'a>, Fault> {
+    let followed = before.and_then(|before| follow(row.light(), spot, before, tables, width));
+    let fit = match followed {
+        Some(fit) => fit,
+        None => fit_afresh(row, spot, geometry, tables, sampling)?,
+    };
+    unsaturated(row, fit.centre, fit.width, geometry)?;
+    Ok(fit)
+}
+
+/// A table that fits, and what it says.
+#[derive(Clone, Copy)]
+pub(super) struct Fit<'a> {
+    pub(super) centre: Pixels,
+    /// Sigma in pixels.
+    pub(super) width: f32,
+    /// The spot's width over the table's.
+    pub(super) ratio: f32,
+    pub(super) slope: f32,
+    /// One over that.
+    pub(super) per_slope: f32,
+    pub(super) class: WidthClass,
+    pub(super) table: &'a Table<'a>,
+}
+
+/// One look where the row before had its spot: all that it takes where the target rests. `None` where that does not do. All of
+/// it is inlined into one straight line.
+#[inline(always)]
+fn glance<'a>(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: &RowCentre,
+    class: WidthClass,
+    tables: &TableSet<'a>,
+    source: Width,
+) -> Option<Fit<'a>> {
+    let table = tables.get(class)?;
+    if !is_near(spot, before) {
+        return None;
+    }
+    look_again(
+        row.light(),
+        before.centre,
+        before.width,
+        class,
+        tables,
+        table,
+        source,
+    )?
+    .ok()
+}
+
+/// Looks where the row before had its spot, with its table, and again where the spot turns out to be. `None` where the
+/// coarse search found the spot elsewhere, or what is there is not that spot.
+#[inline(never)]
+fn follow<'a>(
+    light: &[u16],
+    spot: &Spot,
+    before: &RowCentre,
+    tables: &TableSet<'a>,
+    source: Width,
+) -> Option<Fit<'a>> {
+    if !is_near(spot, before) {
+        return None;
+    }
+    let (class, table) = tables.of(before.class, before.width.to_f32())?;
+    let mut at = before.centre;
+    for _ in 0..MAX_FOLLOWING {
+        match look_again(light, at, before.width, class, tables, table, source)? {
+            Ok(fit) => return Some(fit),
+            Err(beside) => at = beside,
+        }
+    }
+    None
+}
+
+/// One look for a spot of a width that is known. An error is where the spot is, if that is too far from where it was looked
+/// for. `None` where nothing is, or the width has left the table.
+#[inline(always)]
+fn look_again<'a>(
+    light: &[u16],
+    at: Pixels,
+    width: Pixels,
+    class: WidthClass,
+    tables: &TableSet<'_>,
+    table: &'a Table<'a>,
+    source: Width,
+) -> Option<Result<Fit<'a>, Pixels>> {
+    let window = Window::place(light, at, class, table)?;
+    let look = window.look()?;
+    if !look.near {
+        return Some(Err(look.centre));
+    }
+    let mut width = width.to_f32();
+    let table_width = table.width * f32::from(class.block);
+    if source == Width::Measured {
+        let measured = table_width * (1.0 + window.stretch(&look));
+        width += (measured - width) * SMOOTHING;
+        if table.mismatch(width, class.block) > tables.reach() {
+            return None;
+        }
+    }
+    Some(Ok(Fit {
+        centre: look.centre,
+        width,
+        ratio: width / table_width,
+        slope: look.slope,
+        per_slope: look.per_slope,
+        class,
+        table,
+    }))
+}
+
+/// The share of a row in the width: what it says is averaged over about seven rows.
+const SMOOTHING: f32 = 0.25;
+
+/// The same spot with the tables of another set, from the place that is known. `None` where that set's window
+/// reaches over the sensor's edge.
+#[inline(never)]
+pub(super) fn refit<'a>(light: &[u16], fit: &Fit<'_>, tables: &TableSet<'a>) -> Option<Fit<'a>> {
+    let (class, table) = tables.choose(fit.width, Sampling::Fine)?;
+    let mut look = Window::place(light, fit.centre, class, table)?.look()?;
+    if !look.near {
+        look = Window::place(light, look.centre, class, table)?.look()?;
+    }
+    Some(Fit {
+        centre: look.centre,
+        width: fit.width,
+        ratio: fit.width / (table.width * f32::from(class.block)),
+        slope: look.slope,
+        per_slope: look.per_slope,
+        class,
+        table,
+    })
+}
+
+/// Passes before a spot that moved is looked for afresh.
+const MAX_FOLLOWING: usize = 3;
+
+/// Whether the coarse search, which is good to half a block, found the spot within its width of where it was.
+#[inline(always)]
+pub(super) fn is_near(spot: &Spot, before: &RowCentre) -> bool {
+    // Wraps for no spot on a row, and then it only costs time: the spot is looked for in vain, or afresh.
+    let centre = (spot.centre as i32).wrapping_shl(Pixels::FRACTION);
+    let block = (1i32 << Pixels::FRACTION).wrapping_shl(spot.block_log2);
+    let reach = before.width.to_bits().wrapping_add(block);
+    let apart = centre.wrapping_sub(before.centre.to_bits());
+    // From -reach to reach.
+    apart.wrapping_add(reach) as u32 <= 2 * (reach as u32 & 0x7fff_ffff)
+}
+
+/// Finds place, width and table from what the coarse search says.
+#[inline(never)]
+fn fit_afresh<'a>(
+    row: &Row<'_>,
+    spot: &Spot,
+    geometry: &Geometry,
+    tables: &TableSet<'a>,
+    sampling: Sampling,
+) -> Result<Fit<'a>, Fault> {
+    let light = row.light();
+    let start = on_the_row(light, spot)?;
+    // The coarse kernel fits a width of 0.9 of its block best.
+    let start_width = 0.9 * (1u32 << spot.block_log2.min(7)) as f32;
+    unsaturated(row, start, start_width, geometry)?;
+    settle(light, start, start_width, tables, sampling).map_err(|error| match error {
+        Unsettled::Edge(centre) => Fault::SpotAtEdge { centre },
+        Unsettled::Shape => spot.no_spot(),
+        // Noise may keep a table from fitting too.
+        Unsettled::Never(fit) => match fit.with_uncertainty(spot.background.noise, geometry) {
+            Err(too_dim) => too_dim,
+            Ok(_) => spot.no_spot(),
+        },
+    })
+}
+
+/// Why no table fits.
+enum Unsettled<'a> {
+    /// The window reaches over the sensor's edge.
+    Edge(Pixels),
+    /// What is there is no spot.
+    Shape,
+    /// Neither place nor width came to rest; this was the last of them.
+    Never(Fit<'a>),
+}
+
+/// Moves the window to the centre and changes the table to the width until both rest.
+fn settle<'a>(
+    light: &[u16],
+    start: Pixels,
+    start_width: f32,
+    tables: &TableSet<'a>,
+    sampling: Sampling,
+) -> Result<Fit<'a>, Unsettled<'a>> {
+    let (mut at, mut width) = (start, start_width);
+    let (mut class, mut table) = tables.choose(width, sampling).ok_or(Unsettled::Shape)?;
+    let (mut cut, mut was_cut, mut last) = (false, false, None);
+    for pass in 0..MAX_PASSES {
+        let Some(window) = Window::place(light, at, class, table) else {
+            // The place or the width may still be off: a narrower table mends either, where the spot is whole.
+            (cut, was_cut) = (true, true);
+            width = table.width * f32::from(class.block) * NARROWER;
+            (class, table) = tables.choose(width, sampling).ok_or(Unsettled::Shape)?;
+            if width < NARROWEST {
+                break;
+            }
+            continue;
+        };
+        let look = window.look().ok_or(Unsettled::Shape)?;
+        let stretch = window.stretch(&look);
+        at = look.centre;
+        width = table.width * f32::from(class.block) * (1.0 + stretch);
+        if at.to_bits().abs_diff(start.to_bits())
+            > Pixels::from_f32(4.0 * start_width).to_bits().unsigned_abs()
+        {
+            return Err(Unsettled::Shape);
+        }
+        let (steps, margin) = slack(if cut { 0 } else { pass });
+        let (better_class, better) = tables.choose(width, sampling).ok_or(Unsettled::Shape)?;
+        let fits = table.mismatch(width, class.block)
+            <= better.mismatch(width, better_class.block) + margin;
+        let fit = Fit {
+            centre: at,
+            width,
+            ratio: 1.0 + stretch,
+            slope: look.slope,
+            per_slope: look.per_slope,
+            class,
+            table,
+        };
+        if fits && look.distance.abs() <= steps * look.nearest {
+            if was_cut && width < RIPPLE * start_width {
+                return Err(Unsettled::Edge(at));
+            }
+            return if tables.serves(width) {
+                Ok(fit)
+            } else {
+                Err(Unsettled::Shape)
+            };
+        }
+        last = Some(fit);
+        if fits {
+            // A table of the spot's width has its window on the row: whatever keeps it from resting, no edge does.
+            cut = false;
+        } else {
+            (class, table) = (better_class, better);
+        }
+    }
+    Err(match last {
+        _ if cut => Unsettled::Edge(at),
+        Some(fit) => Unsettled::Never(fit),
+        None => Unsettled::Shape,
+    })
+}
+
+impl Fit<'_> {
+    /// Counts of the spot at its peak.
+    pub(super) fn amplitude(&self) -> f32 {
+        let divisor = (1u32 << halvings(self.class.block)) as f32;
+        self.slope * self.table.height_per_slope * divisor / f32::from(self.class.block)
+    }
+
+    /// Amplitude and uncertainty: the noise of the score through its slope.
+    #[inline(always)]
+    pub(super) fn with_uncertainty(
+        &self,
+        noise: Counts,
+        geometry: &Geometry,
+    ) -> Result<RowCentre, Fault> {
+        let block = f32::from(self.class.block);
+        // A sample is the sum of a block's pixels over this.
+        let divisor = (1u32 << halvings(self.class.block)) as f32;
+        let height = self.slope * self.table.height_per_slope;
+        let read = noise.to_f32() * noise.to_f32() * block / (divisor * divisor);
+        let shot_variance_per_count = f32::from(geometry.shot_variance_per_count_q16) / 65536.0;
+        // The table's shot noise is that of a spot of its own width; the variance grows as width^1.5 about it (1.44 to
+        // 1.60 over the tables).
+        let shot = height / divisor * shot_variance_per_count * (1.5 * self.ratio - 0.5);
+        let variance = self.table.variance_per_noise * read + self.table.variance_per_height * shot;
+        let uncertainty = square_root(variance) * self.per_slope * block;
+        let amplitude = height * divisor / block;
+        certain(amplitude, uncertainty, self.width)?;
+        Ok(RowCentre {
+            centre: self.centre,
+            uncertainty: Pixels::from_positive_f32(uncertainty),
+            amplitude: Counts::from_positive_f32(amplitude),
+            width: Pixels::from_f32(self.width),
+            class: self.class,
+            misfit: false,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::centre::tables::GAUSSIAN;
+
+    #[test]
+    fn a_candidate_beside_the_row_is_at_the_edge() {
+        let light = [100u16; 64];
+        let row = Row::new(&light, &[], 4095).expect("a row");
+        let background = crate::spot::Background {
+            level: Counts::from_int(100),
+            noise: Counts::from_int(1),
+        };
+        for centre in [64, 32_768, usize::MAX] {
+            let spot = Spot {
+                centre,
+                block_log2: 31,
+                height: Counts::from_int(0),
+                background,
+            };
+            let fault = centre_of(&row, &spot);
+            assert!(matches!(fault, Err(Fault::SpotAtEdge { .. })), "{fault:?}");
+        }
+    }
+
+    fn centre_of(row: &Row<'_>, spot: &Spot) -> Result<RowCentre, Fault> {
+        centre(
+            row,
+            spot,
+            None,
+            &crate::sensor_heads::tcd1304dg(),
+            &GAUSSIAN,
+            Sampling::Fine,
+        )
+    }
+}

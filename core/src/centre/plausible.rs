@@ -1,0 +1,143 @@
+//! What every rung asks of its centre before it lets it out: no pixel cut off at full scale, and a certain place.
+
+use crate::fault::Fault;
+use crate::row::{Geometry, Row};
+use crate::spot::Spot;
+use crate::units::{Counts, Pixels};
+
+/// A centre less certain than an eighth of the spot's width is not trusted: noise alone may look like that spot.
+const DIMMEST: f32 = 8.0;
+
+/// A pixel at full scale within two widths of the centre has lost the spot's top.
+///
+/// # Errors
+/// [`Fault::Saturated`] with the number of such pixels.
+#[inline]
+pub fn unsaturated(
+    row: &Row<'_>,
+    centre: Pixels,
+    width: f32,
+    geometry: &Geometry,
+) -> Result<(), Fault> {
+    // Most rows reach full scale nowhere.
+    if !row.reaches_full_scale() {
+        return Ok(());
+    }
+    match saturated_pixels(row.light(), centre, width, geometry) {
+        0 => Ok(()),
+        pixels => Err(Fault::Saturated { pixels }),
+    }
+}
+
+/// Counts the pixels at full scale within two widths of the centre.
+#[inline(never)]
+pub fn saturated_pixels(light: &[u16], centre: Pixels, width: f32, geometry: &Geometry) -> u16 {
+    let full_scale = geometry.full_scale();
+    let centre = usize::try_from(centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
+    // `as` saturates.
+    let reach = (2.0 * width) as usize;
+    let from = centre.saturating_sub(reach).saturating_sub(1);
+    let to = centre.saturating_add(reach).saturating_add(2);
+    let near = light
+        .get(from.min(light.len())..to.min(light.len()))
+        .unwrap_or_default();
+    near.iter().fold(0, |pixels, &count| {
+        u16::saturating_add(pixels, (count >= full_scale).into())
+    })
+}
+
+/// The place of a spot of this width in pixels and height in counts is known to an eighth of the width. An uncertainty
+/// that is not a number is not certain either.
+///
+/// # Errors
+/// [`Fault::TooDim`], with the height at which it would be certain in noise that does not grow with the light.
+#[inline]
+pub fn certain(amplitude: f32, uncertainty: f32, width: f32) -> Result<(), Fault> {
+    if uncertainty * DIMMEST <= width {
+        return Ok(());
+    }
+    Err(too_dim(amplitude, uncertainty, width))
+}
+
+/// The same for a rung whose uncertainty comes from a few pixels' counts. Where noise alone was taken for a spot, those were chosen
+/// for being high, and seem sharper than they are: no spot is known better than by the Cramér-Rao bound in that noise.
+///
+/// # Errors
+/// As [`certain`].
+#[inline]
+pub fn certain_in_noise(
+    amplitude: f32,
+    uncertainty: f32,
+    width: f32,
+    noise: Counts,
+) -> Result<(), Fault> {
+    /// The bound over sqrt(sigma) noise / A: sqrt(2 / sqrt(pi)).
+    const BOUND: f32 = 1.062_3;
+    let bound = BOUND * dual_mac::square_root(width) * noise.to_f32() / amplitude;
+    // Where one is no number, neither is certain.
+    let larger = if bound < uncertainty {
+        uncertainty
+    } else {
+        bound
+    };
+    certain(amplitude, uncertainty, width)?;
+    certain(amplitude, larger, width)
+}
+
+#[cold]
+fn too_dim(amplitude: f32, uncertainty: f32, width: f32) -> Fault {
+    Fault::TooDim {
+        amplitude: Counts::from_f32(amplitude),
+        needed: Counts::from_f32(amplitude * uncertainty * DIMMEST / width),
+    }
+}
+
+/// The spot's pixel as a position.
+///
+/// # Errors
+/// [`Fault::SpotAtEdge`] where it is not on the row.
+pub fn on_the_row(light: &[u16], spot: &Spot) -> Result<Pixels, Fault> {
+    match i32::try_from(spot.centre) {
+        // A row has at most 4096 pixels: Q16 holds them.
+        Ok(centre) if spot.centre < light.len() => Ok(Pixels::from_int(centre)),
+        _ => Err(Fault::SpotAtEdge {
+            centre: Pixels::MAX,
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_widths_are_looked_at() {
+        let mut light = [100u16; 64];
+        let geometry = crate::sensor_heads::tcd1304dg();
+        let centre = Pixels::from_f32(32.5);
+        assert_eq!(saturated_pixels(&light, centre, 2.0, &geometry), 0);
+        light[27] = 4095;
+        light[37] = 4095;
+        assert_eq!(saturated_pixels(&light, centre, 2.0, &geometry), 2);
+        assert_eq!(saturated_pixels(&light, centre, 1.4, &geometry), 0);
+        assert_eq!(
+            saturated_pixels(&light, Pixels::MAX, f32::MAX, &geometry),
+            2
+        );
+        assert_eq!(saturated_pixels(&[], Pixels::MIN, f32::NAN, &geometry), 0);
+    }
+
+    #[test]
+    fn an_eighth_of_the_width() {
+        assert_eq!(certain(100.0, 0.25, 2.0), Ok(()));
+        assert_eq!(
+            certain(100.0, 0.5, 2.0),
+            Err(Fault::TooDim {
+                amplitude: Counts::from_int(100),
+                needed: Counts::from_int(200),
+            })
+        );
+        assert!(certain(100.0, f32::NAN, 2.0).is_err());
+        assert!(certain(100.0, 0.1, f32::NAN).is_err());
+    }
+}

@@ -1,0 +1,489 @@
+//! The weights of the phase tables, proven, and which of them serve a spot.
+//!
+//! The crate `phase-tables` designs the weights and explains them; `build.rs` writes those of the gaussian.
+
+use dual_mac::{Pair, Pairs};
+
+use crate::centre::WidthClass;
+use crate::row::LARGEST_COUNT;
+
+/// Weights for one width.
+#[derive(Clone, Copy, Debug)]
+pub struct Table<'a> {
+    /// The width (a gaussian's sigma) in samples.
+    pub width: f32,
+    /// Samples to either side of the middle one.
+    pub half_width: u8,
+    /// Number of sub-pixel phases; phase k is at (k - (phases - 1)/2) / phases samples from the middle.
+    pub phases: u8,
+    /// Weights of the score and of its slope, phase after phase: [`Table::pairs`] a phase, the last sample's being zero.
+    pub weights: &'a [Pairs],
+    /// Weights of the stretch, likewise.
+    pub stretch: &'a [Pair],
+    /// A centre that is fewer samples from its phase need not be looked at from a nearer one.
+    pub nearest: f32,
+    /// Samples that score / slope = 1 stands for.
+    pub centre_per_ratio: f32,
+    /// With q samples by that ratio, q - bend q^3 is the distance, in 1/samples^2.
+    pub bend: f32,
+    /// Relative excess of width that stretch / slope = 1 stands for.
+    pub stretch_per_ratio: f32,
+    /// Counts of a sample at the peak that slope = 1 stands for.
+    pub height_per_slope: f32,
+    /// Variance of the centre times slope^2 for noise of one count^2 in each sample.
+    pub variance_per_noise: f32,
+    /// The same for shot noise of a spot one count high at one electron a count.
+    pub variance_per_height: f32,
+}
+
+/// Tables for rising widths, proven.
+#[derive(Clone, Copy, Debug)]
+pub struct TableSet<'a> {
+    tables: &'a [Table<'a>],
+    /// Tells the sets of the core apart in a [`WidthClass`].
+    number: u8,
+    /// How far a spot's width may be from a table's before another serves it better: half a step between the widths, and
+    /// a tenth of a step for noise.
+    reach: f32,
+}
+
+/// Why tables cannot be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TableError {
+    /// There are none, or more than 64.
+    Count,
+    /// Half width, phases and number of weights do not agree, the window is longer than [`MAX_TAPS`], or there are more
+    /// than 64 phases.
+    Shape,
+    /// Weights do not sum to zero.
+    Sum,
+    /// An inner product with the largest samples could overflow.
+    Overflow,
+    /// The widths are not positive, do not rise, or are wider than their window.
+    Widths,
+    /// A scale is not positive and finite, or the bend is more than 5 % where a window rests.
+    Scales,
+}
+
+/// The number of a set that is not of the core: what one of those found in a row tells another of them nothing.
+const FOREIGN: u8 = u8::MAX;
+
+/// The largest sample that tables are proven for.
+pub const LARGEST_SAMPLE: u16 = 8 * LARGEST_COUNT;
+
+const _: () = assert!(LARGEST_SAMPLE <= dual_mac::LARGEST_SAMPLE);
+
+/// The longest window in samples, with the one that makes it even.
+pub const MAX_TAPS: usize = 116;
+
+/// Pixels in a sample. Up to 8 their sum fits [`LARGEST_SAMPLE`]; of 16 half of the sum does, and a constant on the row still
+/// adds a whole number.
+pub const BLOCKS: [u8; 5] = [1, 2, 4, 8, 16];
+
+const _: () = {
+    let mut i = 0;
+    while i < BLOCKS.len() {
+        let (block, halvings) = (BLOCKS[i] as u32, halvings(BLOCKS[i]));
+        assert!((block * LARGEST_COUNT as u32) >> halvings <= LARGEST_SAMPLE as u32);
+        assert!(block % (1 << halvings) == 0);
+        i += 1;
+    }
+};
+
+mod generated {
+    use super::Table;
+    use dual_mac::{Pair, Pairs};
+    include!(concat!(env!("OUT_DIR"), "/tables.rs"));
+}
+
+/// One set for every row: where the table's width is the spot's, at most 1.08 of the bound in read noise and 1.09 in shot noise.
+pub static GAUSSIAN: TableSet<'static> = proven(0, generated::GAUSSIAN);
+
+/// For the diffraction pattern of a slit, eq. (6).
+pub static SLIT: TableSet<'static> = proven(1, generated::SLIT);
+
+/// For a background that rises or falls along the row.
+pub static TILTED: TableSet<'static> = proven(2, generated::TILTED);
+
+/// Tables for a mix of noise.
+#[derive(Clone, Copy, Debug)]
+pub struct Mix {
+    /// The least ratio that they serve: the read noise's variance over the shot noise's at the peak.
+    pub least: f32,
+    /// The tables.
+    pub tables: &'static TableSet<'static>,
+}
+
+/// The best tables for each mix of noise, from read noise alone (least squares) to shot noise alone. They are designed for
+/// ratios of infinity, 0.23, 0.07, 0.02 and 0.006; in between, at worst (at 0.9), 2.1 % is lost, and 3.4 % half a step beside a
+/// table's width.
+pub static MIXES: [Mix; 5] = [
+    Mix {
+        least: 0.9,
+        tables: &READ_NOISE,
+    },
+    Mix {
+        least: 0.12,
+        tables: &GAUSSIAN,
+    },
+    Mix {
+        least: 0.037,
+        tables: &MOSTLY_SHOT_NOISE,
+    },
+    Mix {
+        least: 0.011,
+        tables: &SHOT_NOISE,
+    },
+    Mix {
+        least: 0.0,
+        tables: &PURE_SHOT_NOISE,
+    },
+];
+
+static READ_NOISE: TableSet<'static> = proven(3, generated::READ_NOISE);
+static MOSTLY_SHOT_NOISE: TableSet<'static> = proven(4, generated::MOSTLY_SHOT_NOISE);
+static SHOT_NOISE: TableSet<'static> = proven(5, generated::SHOT_NOISE);
+static PURE_SHOT_NOISE: TableSet<'static> = proven(6, generated::PURE_SHOT_NOISE);
+
+const fn proven(number: u8, tables: &'static [Table<'static>]) -> TableSet<'static> {
+    match TableSet::new(tables) {
+        Ok(set) => TableSet { number, ..set },
+        Err(_) => panic!("the generated tables are unfit"),
+    }
+}
+
+impl<'a> TableSet<'a> {
+    /// Takes tables after proving them: sums of zero, and no overflow with samples up to [`LARGEST_SAMPLE`].
+    ///
+    /// # Errors
+    /// [`TableError`] says which proof failed.
+    pub const fn new(tables: &'a [Table<'a>]) -> Result<Self, TableError> {
+        if tables.is_empty() || tables.len() > 64 {
+            return Err(TableError::Count);
+        }
+        let mut narrower = 0.0;
+        let mut i = 0;
+        while i < tables.len() {
+            let table = &tables[i];
+            let taps = table.taps();
+            if taps >= MAX_TAPS || table.phases == 0 || table.phases > 64 {
+                return Err(TableError::Shape);
+            }
+            let pairs = table.pairs() * table.phases as usize;
+            if table.weights.len() != pairs || table.stretch.len() != pairs {
+                return Err(TableError::Shape);
+            }
+            // Not `<=`: a width that is not a number must not pass either.
+            if !(table.width > narrower && table.width <= taps as f32) {
+                return Err(TableError::Widths);
+            }
+            narrower = table.width;
+            // A bend that is not a number must not pass either.
+            let bent = table.bend.abs() * table.nearest * table.nearest;
+            if !table.scales_are_positive() || bent.is_nan() || bent > 0.05 {
+                return Err(TableError::Scales);
+            }
+            let mut start = 0;
+            while start < pairs {
+                if let Err(error) = prove(table, start) {
+                    return Err(error);
+                }
+                start += table.pairs();
+            }
+            i += 1;
+        }
+        let reach = if tables.len() > 1 {
+            0.6 * (tables[1].width / tables[0].width - 1.0)
+        } else {
+            f32::INFINITY
+        };
+        Ok(Self {
+            tables,
+            number: FOREIGN,
+            reach,
+        })
+    }
+
+    /// The tables.
+    pub const fn tables(&self) -> &'a [Table<'a>] {
+        self.tables
+    }
+
+    /// Whether a spot of this width in pixels is one.
+    pub(super) fn serves(&self, width: f32) -> bool {
+        (NARROWEST..WIDEST).contains(&width)
+    }
+
+    /// The table of the class that the row before had, or where that was of another set, the one for its width.
+    #[inline]
+    pub(super) fn of(&self, class: WidthClass, width: f32) -> Option<(WidthClass, &'a Table<'a>)> {
+        if class.set != self.number {
+            return self.choose(width, Sampling::Fine);
+        }
+        Some((class, self.get(class)?))
+    }
+
+    /// The table of a class. `None` where it is not of this set.
+    #[inline(always)]
+    pub(super) fn get(&self, class: WidthClass) -> Option<&'a Table<'a>> {
+        let is_block = class.block.is_power_of_two() && class.block <= 16;
+        if class.set != self.number || !is_block {
+            return None;
+        }
+        self.tables.get(usize::from(class.table))
+    }
+
+    /// See the field.
+    pub(crate) const fn number(&self) -> u8 {
+        self.number
+    }
+
+    /// See the field.
+    pub(super) const fn reach(&self) -> f32 {
+        self.reach
+    }
+
+    /// The pixels in a sample and the table that match a width in pixels best.
+    pub(super) fn choose(
+        &self,
+        width: f32,
+        sampling: Sampling,
+    ) -> Option<(WidthClass, &'a Table<'a>)> {
+        let [block, ..] = BLOCKS;
+        // Half a step beyond the widest table it still serves.
+        let widest = self.tables.last()?.width * (1.0 + self.reach());
+        let block = match sampling {
+            Sampling::Fine => BLOCKS
+                .into_iter()
+                .find(|&block| width <= widest * f32::from(block))
+                .or(BLOCKS.last().copied()),
+            Sampling::Coarse => BLOCKS
+                .into_iter()
+                .rfind(|&block| width >= FEWEST_SAMPLES * f32::from(block)),
+        }
+        .unwrap_or(block);
+        let samples = width / f32::from(block);
+        // The widths are a geometric series: from the geometric mean with the next one on, the next one is nearer.
+        let index = self
+            .tables
+            .iter()
+            .zip(self.tables.iter().skip(1))
+            .take_while(|(table, next)| samples * samples > table.width * next.width)
+            .count();
+        let class = WidthClass {
+            set: self.number,
+            table: index as u8,
+            block,
+        };
+        Some((class, self.tables.get(index)?))
+    }
+}
+
+/// How many pixels go into a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampling {
+    /// As few as there are tables for.
+    Fine,
+    /// As many as leave 1.15 of them or more a sigma.
+    Coarse,
+}
+
+/// At 1.15 samples a sigma, 4 % of accuracy are lost in white noise.
+const FEWEST_SAMPLES: f32 = 1.15;
+
+/// Each row of weights sums to zero, and its inner product with samples up to [`LARGEST_SAMPLE`] fits an i32 at every step of
+/// the sum.
+const fn prove(table: &Table<'_>, start: usize) -> Result<(), TableError> {
+    let (mut score, mut slope, mut stretch) = (Row::new(), Row::new(), Row::new());
+    let mut i = start;
+    while i < start + table.pairs() {
+        score.add(table.weights[i].0);
+        slope.add(table.weights[i].1);
+        stretch.add(table.stretch[i]);
+        i += 1;
+    }
+    let rows = [score, slope, stretch];
+    let mut i = 0;
+    while i < rows.len() {
+        if rows[i].sum != 0 {
+            return Err(TableError::Sum);
+        }
+        if rows[i].magnitudes * LARGEST_SAMPLE as i64 > i32::MAX as i64 {
+            return Err(TableError::Overflow);
+        }
+        i += 1;
+    }
+    Ok(())
+}
+
+/// What a row of weights adds up to.
+#[derive(Clone, Copy)]
+struct Row {
+    sum: i64,
+    magnitudes: i64,
+}
+
+impl Row {
+    const fn new() -> Self {
+        Self {
+            sum: 0,
+            magnitudes: 0,
+        }
+    }
+
+    const fn add(&mut self, pair: Pair) {
+        // At most MAX_TAPS weights of 16 bits.
+        self.sum += pair.0 as i64 + pair.1 as i64;
+        self.magnitudes += (pair.0 as i64).abs() + (pair.1 as i64).abs();
+    }
+}
+
+impl Table<'_> {
+    /// Samples in a window.
+    #[inline]
+    pub const fn taps(&self) -> usize {
+        2 * self.half_width as usize + 1
+    }
+
+    /// Pairs of weights in a window.
+    #[inline]
+    pub const fn pairs(&self) -> usize {
+        self.half_width as usize + 1
+    }
+
+    /// How far a width in pixels is from this table's, in samples of so many pixels: relative, without sign.
+    pub(super) fn mismatch(&self, width: f32, block: u8) -> f32 {
+        (width / (self.width * f32::from(block)) - 1.0).abs()
+    }
+
+    const fn scales_are_positive(&self) -> bool {
+        let scales = [
+            self.nearest,
+            self.centre_per_ratio,
+            self.stretch_per_ratio,
+            self.height_per_slope,
+            self.variance_per_noise,
+            self.variance_per_height,
+        ];
+        let mut i = 0;
+        while i < scales.len() {
+            if !(scales[i] > 0.0 && scales[i].is_finite()) {
+                return false;
+            }
+            i += 1;
+        }
+        true
+    }
+}
+
+/// No optics makes a spot narrower than this, in pixels: a hot pixel alone looks like one of 0.3.
+pub(super) const NARROWEST: f32 = 0.6;
+
+/// The coarse search finds no wider spots, in pixels.
+const WIDEST: f32 = 150.0;
+
+/// How often the sum of a block is halved to fit [`LARGEST_SAMPLE`]: not at all up to 8 pixels, once for 16.
+#[inline(always)]
+pub(super) const fn halvings(block: u8) -> u32 {
+    (block > 8) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Miri takes its time.
+    const STRIDE: usize = if cfg!(miri) { 97 } else { 1 };
+
+    #[test]
+    fn every_width_has_a_table_that_matches() {
+        let (mut fine, mut coarse) = (0.0f32, 0.0f32);
+        for step in (0..5100).step_by(STRIDE) {
+            let width = 0.8 * libm::powf(1.001, step as f32);
+            for (tables, worst) in [(&GAUSSIAN, &mut fine), (&PURE_SHOT_NOISE, &mut coarse)] {
+                let (class, table) = tables.choose(width, Sampling::Fine).expect("a table");
+                *worst = worst.max(table.mismatch(width, class.block));
+            }
+        }
+        println!("off by {fine} in the fine tables, by {coarse} in the coarse ones");
+        // The square roots of 1.085 and 1.2, and beyond the widest table a tenth of a step more.
+        assert!(fine < 0.052 && coarse < 0.121, "{fine} {coarse}");
+    }
+
+    #[test]
+    fn coarse_samples_are_as_many_as_asked_for() {
+        for step in (0..5000).step_by(STRIDE) {
+            let width = 1.2 * libm::powf(1.001, step as f32);
+            let (class, _) = GAUSSIAN.choose(width, Sampling::Coarse).expect("a table");
+            let samples = width / f32::from(class.block);
+            assert!(samples >= FEWEST_SAMPLES, "{width} {class:?}");
+            assert!(samples < 2.0 * FEWEST_SAMPLES || class.block == 16);
+        }
+    }
+
+    #[test]
+    fn unfit_tables_are_refused() {
+        let good = generated::GAUSSIAN[12];
+        let error = |table: Table<'_>| TableSet::new(&[table]).err();
+        assert_eq!(error(good), None);
+        assert_eq!(TableSet::new(&[]).err(), Some(TableError::Count));
+        assert_eq!(TableSet::new(&[good, good]).err(), Some(TableError::Widths));
+        assert_eq!(
+            error(Table {
+                width: f32::NAN,
+                ..good
+            }),
+            Some(TableError::Widths)
+        );
+        assert_eq!(
+            error(Table {
+                width: 1000.0,
+                ..good
+            }),
+            Some(TableError::Widths)
+        );
+        assert_eq!(error(Table { phases: 1, ..good }), Some(TableError::Shape));
+        assert_eq!(
+            error(Table {
+                half_width: u8::MAX,
+                ..good
+            }),
+            Some(TableError::Shape)
+        );
+        assert_eq!(
+            error(Table {
+                variance_per_noise: f32::NAN,
+                ..good
+            }),
+            Some(TableError::Scales)
+        );
+        assert_eq!(
+            error(Table {
+                centre_per_ratio: 0.0,
+                ..good
+            }),
+            Some(TableError::Scales)
+        );
+        let mut weights = good.weights.to_vec();
+        weights[0].0.0 += 1;
+        assert_eq!(
+            error(Table {
+                weights: &weights,
+                ..good
+            }),
+            Some(TableError::Sum)
+        );
+        let mut stretch = good.stretch.to_vec();
+        stretch[1] = Pair(30_000, -30_000);
+        stretch[2] = Pair(30_000, -30_000);
+        stretch[0].0 +=
+            good.stretch[1].0 + good.stretch[1].1 + good.stretch[2].0 + good.stretch[2].1;
+        assert_eq!(
+            error(Table {
+                stretch: &stretch,
+                ..good
+            }),
+            Some(TableError::Overflow)
+        );
+    }
+}

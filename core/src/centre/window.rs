@@ -1,0 +1,224 @@
+//! The pixels around a place, as a phase table sees them: summed into samples, and weighed by the phase that is nearest.
+
+use dual_mac::{Pair, Pairs, dot, dot2};
+
+use crate::centre::WidthClass;
+use crate::centre::tables::{MAX_TAPS, Table, halvings};
+use crate::numeric::limited;
+use crate::units::Pixels;
+
+/// A centre so many pixels from that of a window of blocks need not be looked at from another window: half a pixel, and a tenth
+/// of that for noise.
+const NEAR: f32 = 0.55;
+
+/// A table's window on the row.
+pub(super) struct Window<'r, 't> {
+    pixels: &'r [u16],
+    block: u8,
+    table: &'t Table<'t>,
+    weights: &'t [Pairs],
+    /// The first of the phase's weights.
+    start: usize,
+    /// Where the phase lies on the row.
+    reference: Pixels,
+}
+
+/// What the score and the slope say.
+pub(super) struct Look {
+    pub(super) centre: Pixels,
+    /// How far it is from the window's phase, in samples.
+    pub(super) distance: f32,
+    /// Beyond that another phase or window would be nearer.
+    pub(super) nearest: f32,
+    /// Whether this is the nearest.
+    pub(super) near: bool,
+    /// Never zero or below.
+    pub(super) slope: f32,
+    /// One over that: one division serves all that is over the slope.
+    pub(super) per_slope: f32,
+}
+
+impl<'r, 't> Window<'r, 't> {
+    /// The window whose phase is nearest to a position. `None` where it reaches over the sensor's edge.
+    #[inline(always)]
+    pub(super) fn place(
+        light: &'r [u16],
+        at: Pixels,
+        class: WidthClass,
+        table: &'t Table<'t>,
+    ) -> Option<Self> {
+        const ONE: i32 = 1 << Pixels::FRACTION;
+        const HALF: i32 = ONE / 2;
+        let phases = i32::from(table.phases);
+        let half_width = i32::from(table.half_width);
+        let pairs = table.pairs();
+        let block = i32::from(class.block);
+        // A position saturates at 2^15 pixels in Q16. Phases, half widths and blocks of 8 bits leave all else below 2^31.
+        let (phase, first, reference) = if class.block == 1 {
+            let from_its_edge = at.to_bits().saturating_add(HALF);
+            let middle = from_its_edge >> Pixels::FRACTION;
+            let (phase, offset) = if phases == 1 {
+                (0, 0)
+            } else {
+                let phase = ((from_its_edge & 0xffff) * phases) >> Pixels::FRACTION;
+                // Phase k lies (2 k + 1 - phases) / (2 phases) pixels from the middle.
+                (
+                    phase,
+                    ((2 * phase + 1 - phases) * HALF).checked_div(phases)?,
+                )
+            };
+            (
+                phase,
+                middle - half_width,
+                (middle * ONE).saturating_add(offset),
+            )
+        } else {
+            let phase = phases / 2;
+            // And half a block less half a pixel more from the middle sample's first pixel.
+            let beside = ((2 * phase + 1 - phases) * block * HALF).checked_div(phases)?;
+            let offset = (block - 1) * HALF + beside;
+            let middle =
+                at.to_bits().saturating_sub(offset).saturating_add(HALF) >> Pixels::FRACTION;
+            (
+                phase,
+                middle - half_width * block,
+                (middle * ONE).saturating_add(offset),
+            )
+        };
+        let first = usize::try_from(first).ok()?;
+        let pixels = light.get(first..first + 2 * pairs * usize::from(class.block))?;
+        let start = phase as usize * pairs;
+        Some(Self {
+            pixels,
+            block: class.block,
+            table,
+            weights: table.weights.get(start..start + pairs)?,
+            start,
+            reference: Pixels::from_bits(reference),
+        })
+    }
+
+    /// Score and slope. `None` where there is no spot: the slope is that of its height.
+    #[inline(always)]
+    pub(super) fn look(&self) -> Option<Look> {
+        // No step overflows: the tables are proven for the largest samples.
+        let (score, slope) = if self.block == 1 {
+            dot2(self.pixels, self.weights)
+        } else {
+            self.look_at_blocks()
+        };
+        if slope <= 0 {
+            return None;
+        }
+        let slope = slope as f32;
+        let per_slope = 1.0 / slope;
+        let straight = score as f32 * per_slope * self.table.centre_per_ratio;
+        let block = f32::from(self.block);
+        let nearest = if self.block == 1 {
+            self.table.nearest
+        } else {
+            // The window moves by pixels.
+            NEAR / block
+        };
+        let near = straight.abs() <= nearest;
+        let distance = if near {
+            // `TableSet` holds that this is far below one.
+            straight * (1.0 - self.table.bend * (straight * straight))
+        } else {
+            self.far(straight)
+        };
+        Some(Look {
+            // Saturates as the reference does; a distance is below 1.5 * 116 * 16 < 2^12 pixels.
+            centre: Pixels::from_bits(
+                self.reference
+                    .to_bits()
+                    .saturating_add(Pixels::from_f32(distance * block).to_bits()),
+            ),
+            distance,
+            nearest,
+            near,
+            slope,
+            per_slope,
+        })
+    }
+
+    /// Limited to one and a half widths: further off, the products say the direction and no more, and so does the bend.
+    #[inline(never)]
+    fn far(&self, straight: f32) -> f32 {
+        let reach = 1.5 * self.table.width;
+        let straight = limited(straight, -reach, reach);
+        straight * limited(1.0 - self.table.bend * (straight * straight), 0.9, 1.1)
+    }
+
+    /// The spot's width over the table's, less one. Limited to a bit less than half or twice the width, like the distance.
+    #[inline(always)]
+    pub(super) fn stretch(&self, look: &Look) -> f32 {
+        // The set has as many weights of the stretch as of the others.
+        let weights = self
+            .table
+            .stretch
+            .get(self.start..self.start + self.weights.len())
+            .unwrap_or_default();
+        let product = if self.block == 1 {
+            dot(self.pixels, weights)
+        } else {
+            self.stretch_of_blocks(weights)
+        };
+        limited(
+            product as f32 * look.per_slope * self.table.stretch_per_ratio,
+            -0.4,
+            0.7,
+        )
+    }
+
+    // Out of line: the sums take room on the stack, and time to clear it, that single pixels do without.
+
+    #[inline(never)]
+    fn look_at_blocks(&self) -> (i32, i32) {
+        // Coarse samples are few, and clearing room for more takes time.
+        if self.weights.len() <= FEW_TAPS / 2 {
+            let mut sums = [0; FEW_TAPS];
+            sum_blocks(self.pixels, self.block, &mut sums);
+            dot2(&sums, self.weights)
+        } else {
+            let mut sums = [0; MAX_TAPS];
+            sum_blocks(self.pixels, self.block, &mut sums);
+            dot2(&sums, self.weights)
+        }
+    }
+
+    #[inline(never)]
+    fn stretch_of_blocks(&self, weights: &[Pair]) -> i32 {
+        let mut sums = [0; MAX_TAPS];
+        sum_blocks(self.pixels, self.block, &mut sums);
+        dot(&sums, weights)
+    }
+}
+
+/// Samples of a spot in coarse samples: up to 2.3 a sigma, and the tables' windows reach four or five sigma to either side.
+const FEW_TAPS: usize = 24;
+
+/// The sums of blocks of pixels, halved to fit. Adding n to every pixel adds a whole number to every sample, because a
+/// block's size is a multiple of what its sum is divided by.
+fn sum_blocks(pixels: &[u16], block: u8, sums: &mut [u16]) {
+    match block {
+        2 => sum_chunks(pixels.as_chunks::<2>().0, 2, sums),
+        4 => sum_chunks(pixels.as_chunks::<4>().0, 4, sums),
+        8 => sum_chunks(pixels.as_chunks::<8>().0, 8, sums),
+        _ => sum_chunks(pixels.as_chunks::<16>().0, 16, sums),
+    }
+}
+
+#[inline(always)]
+fn sum_chunks<const BLOCK: usize>(chunks: &[[u16; BLOCK]], block: u8, sums: &mut [u16]) {
+    for (sum, chunk) in sums.iter_mut().zip(chunks) {
+        // Two at a time: half of a block of 16 pixels of 12 bits fits 16 bits.
+        let both: u32 = chunk
+            .as_chunks::<2>()
+            .0
+            .iter()
+            .map(|&[low, high]| u32::from(low) | (u32::from(high) * 0x1_0000))
+            .fold(0, u32::wrapping_add);
+        *sum = (((both & 0xffff) + (both >> 16)) >> halvings(block)) as u16;
+    }
+}

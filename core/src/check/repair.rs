@@ -1,0 +1,436 @@
+//! The adaptive phase-table score, and where the row does not look like its centre, a fit of the pixels that belong to the spot.
+//!
+//! The first look is [`adaptive`]'s. Where the row is its own mirror image about that centre (see `mirror`), which is usual, it stands.
+//! Where it is not, three ways lead to pixels that do not belong to the spot, each a series of fits ([`gauss_newton`]) to what is left:
+//!
+//! 1. **Pixels.** Hot and dead ones: the worst first, because one outlier bends the fit and makes good pixels look bad until it is gone.
+//! 2. **Light.** A second spot or a reflection, which leads a fit astray from the start: the spot's top and the dark are fitted first, then
+//!    all but the light that stands out beside it, as far as that is more than a thousandth of the spot.
+//! 3. **One pixel** of a narrow spot. Among its few pixels one bad pixel makes all of them look bad: each in turn is left out.
+//!
+//! A fit is taken if what is left looks right in the mirror and scatters no more than noise explains. If none is, the first look stands, flagged.
+
+use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Start, Window};
+use crate::centre::half_width::WIDTHS;
+use crate::centre::plausible::certain;
+use crate::centre::tables::TILTED;
+use crate::centre::{RowCentre, adaptive};
+use crate::check;
+use crate::check::symmetry;
+use crate::fault::Fault;
+use crate::numeric;
+use crate::row::{Geometry, Row};
+use crate::spot::Spot;
+
+/// Standard deviations from which on a pixel is an outlier: of 128 good ones, one does so in a row of a hundred.
+const OUTLIER: f32 = 4.0;
+
+/// The share of the spot's height to which its shape is known: an exact Fresnel pattern lies up to 7 % from the gaussian that fits it
+/// best, most of it within a width.
+const SHAPE: f32 = 0.02;
+
+/// The same from pixel to pixel, over the square of the width in pixels: half of the second difference of lobes that are 2.66 widths apart,
+/// (2 pi / 2.66)^2 / 2.
+const CURVED: f32 = 2.8;
+
+/// Narrower spots, in pixels, have too few of them to leave any out.
+const NARROWEST: f32 = 1.0;
+
+/// A fit without some pixels of a narrower spot, in pixels, is flagged: among bad ones, the few that are left may fit by chance.
+pub(super) const NARROWEST_SURE_REFIT: f32 = 2.5;
+
+/// More samples side by side are no bad pixels but light, which may be the spot.
+const BAD_PIXELS: u32 = 3;
+
+/// Half of a window, in widths: a second spot at five with three to either side of it.
+const HALF_WINDOW: f32 = 8.0;
+
+/// Samples to either side at least, which tell the level.
+const FEWEST: usize = 16;
+
+/// Fits at most, each with more pixels left out.
+const ROUNDS: usize = 6;
+
+/// The centre of a spot.
+///
+/// # Errors
+/// See [`crate::centre::centre`]; [`Fault::Saturated`] only where the pixels below full scale are too few.
+pub fn centre(
+    row: &Row<'_>,
+    spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    let found = match adaptive::centre(row, spot, before, geometry) {
+        Err(Fault::Saturated { .. }) => gauss_newton::centre(row, spot, before, geometry)?,
+        // Where the first look sees no spot there is none: what the second would make of a hot pixel is not to be trusted.
+        found => found?,
+    };
+    let looked_at = check::looked_at(row, spot, found, geometry);
+    if !looked_at.misfit {
+        return Ok(looked_at);
+    }
+    // A tilt is nothing to these tables, and would be an outlier to what follows.
+    if found.class.set == TILTED.number() {
+        return Ok(looked_at);
+    }
+    let scene = Scene {
+        row,
+        spot,
+        geometry,
+        found,
+    };
+    Ok(scene.refit().unwrap_or(looked_at))
+}
+
+/// What is left out.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Cause {
+    /// Bad pixels: a few, and no more than [`BAD_PIXELS`] side by side. More of them are no pixels but a background that is not level.
+    Pixels,
+    /// The light of a second spot.
+    Light,
+}
+
+/// What the fits are of.
+struct Scene<'a> {
+    row: &'a Row<'a>,
+    spot: &'a Spot,
+    geometry: &'a Geometry,
+    /// The first look.
+    found: RowCentre,
+}
+
+impl Scene<'_> {
+    #[inline(never)]
+    fn refit(&self) -> Option<RowCentre> {
+        let start = Start {
+            centre: self.found.centre,
+            width: self.found.width.to_f32(),
+            amplitude: self.found.amplitude.to_f32(),
+        };
+        let mut window = self.window(&start);
+        let mut at = window.parameters(&start);
+        at.level = level(&window, &at);
+        if at.width < NARROW
+            && let Some(found) = self.without_one(&mut window, at)
+        {
+            return Some(found);
+        }
+        window.unmask();
+        if let Some(found) = self.without_pixels(&mut window, at) {
+            return Some(found);
+        }
+        if at.width < 2.0 {
+            return None;
+        }
+        let start = Start::find(self.row.light(), self.spot, self.geometry).ok()?;
+        window = self.window(&start);
+        let start = window.parameters(&start);
+        self.without_light(&mut window, start)
+    }
+
+    /// Of a narrow spot no more than it takes: it is fitted many times.
+    fn window(&self, start: &Start) -> Window {
+        // `as` saturates.
+        let half = ((HALF_WINDOW * start.width) as usize).max(FEWEST);
+        let light = self.row.light();
+        Window::within(half, light, self.spot, start, self.geometry)
+    }
+
+    fn shot(&self) -> f32 {
+        self.spot.background.variances(self.geometry).1
+    }
+
+    /// The fit as a centre, if what was fitted looks like it.
+    #[inline(never)]
+    fn accepted(&self, window: &Window, fit: &Fit, look: &Look, cause: Cause) -> Option<RowCentre> {
+        let found = window.row_centre(fit);
+        let found = RowCentre {
+            class: self.found.class,
+            misfit: found.width.to_f32() < NARROWEST_SURE_REFIT,
+            ..found
+        };
+        let freedom = look.kept - 4.0;
+        let scatters = look.squares > freedom + gauss_newton::allowed_scatter(freedom);
+        let (uncertainty, width) = (found.uncertainty.to_f32(), found.width.to_f32());
+        // A first look that was far off is a reason to doubt the second.
+        let moved = self.found.centre.to_bits().abs_diff(found.centre.to_bits())
+            > self.found.width.to_bits().unsigned_abs();
+        let sound = fit.has_arrived()
+            && WIDTHS.contains(&width)
+            && width >= NARROWEST
+            && window.holds(&fit.parameters)
+            && certain(found.amplitude.to_f32(), uncertainty, width).is_ok();
+        (sound
+            && !moved
+            && !scatters
+            && self.tells_enough(window, fit, uncertainty, cause)
+            && symmetry::fits(
+                self.row,
+                self.spot,
+                &found,
+                self.geometry,
+                &window.left_out(),
+            ) == Some(true))
+        .then_some(found)
+    }
+
+    /// Whether what is left of the spot tells its place.
+    fn tells_enough(&self, window: &Window, fit: &Fit, uncertainty: f32, cause: Cause) -> bool {
+        let at = &fit.parameters;
+        // At most SAMPLES each.
+        let (mut all, mut masked, mut top) = (0, 0, 0);
+        let (mut run, mut longest) = (0, 0);
+        for (i, sample) in window.samples().iter().enumerate() {
+            let distance = (i as f32 - at.centre).abs();
+            run = if sample.is_left_out() {
+                numeric::add_u32(run, 1)
+            } else {
+                0
+            };
+            longest = longest.max(run);
+            if distance <= 3.0 * at.width {
+                all = numeric::add_u32(all, 1);
+                masked = numeric::add_u32(masked, sample.is_left_out().into());
+                let of_top = sample.is_left_out() && distance <= at.width;
+                top = numeric::add_u32(top, of_top.into());
+            }
+        }
+        // Of the whole spot.
+        let found = window.row_centre(fit);
+        let (noise, shot) = self.spot.background.variances(self.geometry);
+        let per_height = 1.0 / found.amplitude.to_f32();
+        let whole = found.width.to_f32() * per_height * (1.13 * noise * per_height + 0.4 * shot);
+        let few = longest <= BAD_PIXELS && (masked <= all / 8 || masked <= 1);
+        few || (cause == Cause::Light && top == 0 && uncertainty * uncertainty <= 4.0 * whole)
+    }
+
+    /// Leaves out the pixels that deviate, the worst first, until there are none.
+    #[inline(never)]
+    fn without_pixels(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
+        for _ in 0..ROUNDS {
+            let look = Look::at(window, &at, self.shot());
+            mask(window, &look);
+            let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
+            at = fit.parameters;
+            let look = Look::at(window, &at, self.shot());
+            if look.worst <= OUTLIER {
+                return self.accepted(window, &fit, &look, Cause::Pixels);
+            }
+        }
+        None
+    }
+
+    /// Leaves out the light beside the spot.
+    #[inline(never)]
+    fn without_light(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
+        mask_but_top_and_dark(window, &at);
+        at = gauss_newton::fit(window.samples(), at, self.shot())?.parameters;
+        for _ in 0..ROUNDS {
+            window.unmask();
+            mask_second(window, &at, self)?;
+            let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
+            at = fit.parameters;
+            let look = Look::at(window, &at, self.shot());
+            if let Some(found) = self.accepted(window, &fit, &look, Cause::Light) {
+                return Some(found);
+            }
+        }
+        None
+    }
+
+    /// Leaves out the one sample whose absence leaves the least scatter.
+    #[inline(never)]
+    fn without_one(&self, window: &mut Window, at: Parameters) -> Option<RowCentre> {
+        // `as` saturates: a place beyond the window is at its end.
+        let first = (at.centre - 3.0 * at.width) as usize;
+        let end = ((at.centre + 3.0 * at.width) as usize).saturating_add(1);
+        let mut best: Option<(f32, RowCentre)> = None;
+        for left_out in first..end.min(window.samples().len()) {
+            window.unmask();
+            if let Some(sample) = window.samples.get_mut(left_out) {
+                sample.mask();
+            }
+            let Some(fit) = gauss_newton::fit(window.samples(), at, self.shot()) else {
+                continue;
+            };
+            let look = Look::at(window, &fit.parameters, self.shot());
+            if look.worst <= OUTLIER
+                && best.is_none_or(|(least, _)| look.squares < least)
+                && let Some(found) = self.accepted(window, &fit, &look, Cause::Pixels)
+            {
+                best = Some((look.squares, found));
+            }
+        }
+        best.map(|(_, found)| found)
+    }
+}
+
+/// Narrower spots than this, in pixels, are tried without each of their pixels in turn: at most twice 3 * 3 and one.
+const NARROW: f32 = 3.0;
+
+/// How the samples of a window deviate from a spot.
+struct Look {
+    /// The square of each sample's deviation in standard deviations; zero where it is masked.
+    deviations: [f32; SAMPLES],
+    /// The largest deviation, in standard deviations.
+    worst: f32,
+    /// The sum of the squares of the deviations from the spot.
+    squares: f32,
+    /// Samples that are not masked.
+    kept: f32,
+}
+
+impl Look {
+    #[inline(never)]
+    fn at(window: &Window, at: &Parameters, shot: f32) -> Self {
+        let mut look = Self {
+            deviations: gauss_newton::exponentials(at),
+            worst: 0.0,
+            squares: 0.0,
+            kept: 0.0,
+        };
+        let shape = SHAPE * at.amplitude;
+        let from_spot = shape * shape;
+        let curved = CURVED / (at.width * at.width);
+        let from_neighbours = if curved < 1.0 {
+            from_spot * curved * curved
+        } else {
+            from_spot
+        };
+        // Each sample's deviation from the spot and its variance; the ones before.
+        let mut last: Option<(f32, f32)> = None;
+        let mut middle: Option<(f32, f32)> = None;
+        let mut place: Option<&mut f32> = None;
+        for (sample, deviation) in window.samples().iter().zip(&mut look.deviations) {
+            let light = at.amplitude * *deviation;
+            let next = (!sample.is_masked()).then_some((
+                sample.counts - at.level - light,
+                sample.variance + shot * light,
+            ));
+            *deviation = 0.0;
+            if let Some((residual, variance)) = next {
+                *deviation = residual * residual / (variance + from_spot);
+                look.squares += *deviation;
+                look.kept += 1.0;
+            }
+            // From the mean of its neighbours.
+            if let (Some(a), Some(b), Some(c), Some(place)) = (last, middle, next, place) {
+                let residual = b.0 - 0.5 * (a.0 + c.0);
+                let variance = b.1 + 0.25 * (a.1 + c.1) + from_neighbours;
+                let square = residual * residual / variance;
+                if square > *place {
+                    *place = square;
+                }
+            }
+            (last, middle, place) = (middle, next, Some(deviation));
+        }
+        let largest = look.deviations.iter().take(window.samples().len());
+        let largest = largest.fold(0.0, |a: f32, b| if *b > a { *b } else { a });
+        for rest in look.deviations.iter_mut().skip(window.samples().len()) {
+            *rest = 0.0;
+        }
+        look.worst = dual_mac::square_root(largest);
+        look
+    }
+}
+
+/// Masks outliers: the neighbours of one deviate from theirs by half as much.
+fn mask(window: &mut Window, look: &Look) {
+    let least = 0.6 * look.worst;
+    let least = if least > OUTLIER { least } else { OUTLIER };
+    for (sample, square) in window.samples.iter_mut().zip(&look.deviations) {
+        if *square > least * least {
+            sample.mask();
+        }
+    }
+}
+
+/// Widths about the centre that make the spot's top.
+const TOP: f32 = 2.0;
+
+/// Masks what is neither the spot's top nor dark.
+fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
+    let shape = SHAPE * at.amplitude;
+    for (i, sample) in window.samples.iter_mut().enumerate() {
+        let far = (i as f32 - at.centre).abs() > TOP * at.width;
+        let dark =
+            sample.counts * sample.counts < OUTLIER * OUTLIER * (sample.variance + shape * shape);
+        if far && !dark {
+            sample.mask();
+        }
+    }
+}
+
+/// Masks the second spot that stands out most beside the spot's top, as far as it is more than a thousandth of the spot: it has the same
+/// width, and so at two widths to either side of it less than half is left (of a gaussian 14 %). `None` where there is none: a flare is
+/// wider, and a tail has no top of its own.
+fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Option<()> {
+    let mut beside = gauss_newton::exponentials(at);
+    for (sample, light) in window.samples().iter().zip(&mut beside) {
+        *light = sample.counts - at.level - at.amplitude * *light;
+    }
+    let beside = beside.get(..window.samples().len())?;
+    // Over about a width.
+    let reach = (0.5 * at.width) as usize;
+    let mean = |place: usize| {
+        let from = place.saturating_sub(reach);
+        let near = beside.get(from..place.saturating_add(reach).saturating_add(1))?;
+        Some(near.iter().sum::<f32>() / near.len() as f32)
+    };
+    let (mut top, mut place) = (0.0, 0);
+    for i in 0..beside.len() {
+        let far = (i as f32 - at.centre).abs() > AWAY * at.width;
+        if far
+            && let Some(mean) = mean(i)
+            && mean > top
+        {
+            (top, place) = (mean, i);
+        }
+    }
+    let share = top / at.amplitude * THOUSAND;
+    if !(1.0..THOUSAND).contains(&share) {
+        return None;
+    }
+    // Samples of a window: below 2^8.
+    let flank = (2.0 * at.width) as i32;
+    let falls = |place: i32| {
+        let inside = usize::try_from(place).ok().and_then(mean);
+        // Beyond the window the row is asked: of the first spot there is nothing left.
+        let mean =
+            inside.or_else(|| Some(window.mean(scene.row, scene.spot, place, reach)? - at.level));
+        mean.is_some_and(|mean| mean < 0.5 * top)
+    };
+    let place_of_top = place as i32;
+    if !falls(place_of_top.saturating_sub(flank)) || !falls(place_of_top.saturating_add(flank)) {
+        return None;
+    }
+    let reach = dual_mac::square_root(2.0 * libm::logf(share)) * at.width;
+    for (i, sample) in window.samples.iter_mut().enumerate() {
+        if (i as f32 - place as f32).abs() <= reach {
+            sample.mask();
+        }
+    }
+    Some(())
+}
+
+/// A second spot's top is further than this many widths from the first's.
+const AWAY: f32 = 1.5;
+
+/// One over the share of the spot that a second spot may leave where it is not masked.
+const THOUSAND: f32 = 1000.0;
+
+/// The level under the spot: the mean of what is left of the samples without it. An outlier shifts it, but deviates by far more
+/// than that makes the others deviate.
+fn level(window: &Window, at: &Parameters) -> f32 {
+    let light = gauss_newton::exponentials(at);
+    let (mut sum, mut kept) = (0.0, 0.0);
+    for (sample, light) in window.samples().iter().zip(&light) {
+        if !sample.is_masked() {
+            sum += sample.counts - at.amplitude * light;
+            kept += 1.0;
+        }
+    }
+    if kept > 0.0 { sum / kept } else { 0.0 }
+}

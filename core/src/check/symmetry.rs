@@ -1,0 +1,610 @@
+//! A row against its own mirror image about the spot's centre.
+//!
+//! Pairs of samples as far to the right of the centre as to the left, up to [`REACH`] widths, a sample being a pixel or the sum of a few. The
+//! centre lies up to a quarter of a pixel from the nearest place that mirrors pixels on pixels, so samples are interpolated linearly to
+//! the same distances. The error of that is the same on both sides but for the third and the fifth derivative, which are taken off as
+//! those of a gaussian.
+//!
+//! **Odd part**: z = right - left, of which nothing is left of a spot that is symmetric, whatever its shape. Its variance is 2 noise^2 + g p
+//! (g the shot noise's variance a count) with p the pair's own light: p and z of two pixels of equal noise are not correlated, so a weight by it
+//! moves nothing. With weights w = 1/variance, e = exp(-u^2/2) and u the distance in widths, z is projected on
+//!
+//! * u e, the *shift*: half of it is how far a weighted fit would move the centre. It must lie within the uncertainty.
+//! * u, the *tilt*, and u^3 e, the *skew*, each less its part along the shift: a component with the product r and the norm s = sum w f^2 has
+//!   the variance s, so r^2 / s is a chi-square of one degree of freedom.
+//!
+//! What is left must have neither a single pair that stands out nor a sum of squares that noise does not explain.
+//!
+//! **Even part**: p against b + A e (1 + k2 u^2 + k4 u^4), unweighted. Optics make k4 as low as -0.040 (sinc^2; Fresnel -0.017), two equal spots a
+//! width of 2 apart -0.077; and the rest of optics' shapes has a mean square of at most 0.0031 of that of A e (Fresnel), a box 0.04 and more.
+
+use core::ops::Range;
+
+use crate::centre::RowCentre;
+use crate::centre::gauss_newton::LeftOut;
+use crate::centre::tables::TILTED;
+use crate::numeric;
+use crate::row::{Geometry, Row};
+use crate::spot::Spot;
+use crate::units::{Counts, Pixels};
+
+/// Widths to either side that are looked at.
+const REACH: f32 = 6.0;
+
+/// A sample is as many pixels as make this part of a width, and no fewer than one.
+const SAMPLES_A_WIDTH: f32 = 6.0;
+
+/// The variance's share of the third derivative's correction that real profiles differ from a gaussian by, as a standard deviation: sinc^2 of a
+/// width of 0.8 pixels, where the correction is 5 % of the height, differs by less than a third of it.
+const OTHER_PROFILE: f32 = 0.3;
+
+/// Fewer pairs tell nothing.
+const FEWEST_PAIRS: f32 = 3.0;
+
+/// The same where samples were left out so that the others fit.
+const FEWEST_OF_A_PART: f32 = 5.0;
+
+/// Standard deviations of tilt and skew: beyond by chance in a row of 7000 and of 5000.
+const TILT: f32 = 3.8;
+/// See [`TILT`].
+const SKEW: f32 = 3.7;
+
+/// Standard deviations of the worst pair: beyond by chance in a row of 12,000 where there are 32 pairs.
+const WORST: f32 = 4.7;
+
+/// The sum of squares of n pairs may be so many standard deviations above n; and a constant more, because a chi-square is skewed: by
+/// (2/3)(3.7^2 - 1) as Cornish and Fisher have it.
+const SCATTER: f32 = 3.7;
+/// See [`SCATTER`].
+const SCATTER_SKEWED: f32 = 8.5;
+
+/// The square of the relative uncertainty of a noise's square, which is known to 3 % itself: see [`crate::spot::find`].
+const NOISE_SQUARED: f32 = 0.0036;
+
+/// A shift of so many times the uncertainty, and of so many pixels more, is too much.
+const SHIFTED: f32 = 4.0;
+/// See [`SHIFTED`]: what profiles other than the gaussian move a table by, and its rounding.
+const SHIFTED_PIXELS: f32 = 0.02;
+
+/// k4 may be this low: between sinc^2 (-0.040) and two equal spots 1.8 widths apart.
+const FLAT: f32 = -0.05;
+
+/// The mean square of what is left of the even part, over that of the spot: twice Fresnel's.
+const SHAPE: f32 = 0.006;
+
+/// Standard deviations of both of these.
+const EVEN: f32 = 4.0;
+
+/// The same for a spot so narrow that it may be bad pixels: they are likelier than that noise.
+const EVEN_OF_NARROW: f32 = 2.5;
+
+/// The share of all other limits for such a spot.
+const TRUST_OF_NARROW: f32 = 0.7;
+
+/// Whether the row is its own mirror image about a centre, and has the shape of a spot there. `None` where the sensor's edge, or what is left out,
+/// leaves too few pairs to tell.
+pub(super) fn fits(
+    row: &Row<'_>,
+    spot: &Spot,
+    found: &RowCentre,
+    geometry: &Geometry,
+    left_out: &LeftOut,
+) -> Option<bool> {
+    if sinks(row.light(), found) || fills(row.light(), found) || is_coarse(row.light(), spot, found)
+    {
+        return Some(false);
+    }
+    let mut look = Look::at(row, spot, found, geometry, left_out, 0.0);
+    let fewest = if left_out.samples == 0 {
+        FEWEST_PAIRS
+    } else {
+        FEWEST_OF_A_PART
+    };
+    if look.pairs < fewest {
+        return None;
+    }
+    // To the tables of a tilt it is nothing.
+    if found.class.set == TILTED.number() {
+        look = Look::at(row, spot, found, geometry, left_out, look.slope());
+    }
+    let is_sharp = left_out.samples == 0 && is_sharp(row.light(), spot, found, geometry);
+    Some(!is_sharp && look.is_clean(found, left_out))
+}
+
+/// Whether the row ends within three widths on both sides: nothing tells the spot from its background.
+fn fills(light: &[u16], found: &RowCentre) -> bool {
+    // A row has at most 2^12 pixels.
+    let (centre, end) = (found.centre.to_f32(), light.len() as f32 - 1.0);
+    let reach = 3.0 * found.width.to_f32();
+    centre < reach && end - centre < reach
+}
+
+/// Whether the converter's words are coarser than the noise.
+fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
+    let width = found.width.to_f32();
+    let (centre, reach) = (found.centre.to_f32(), REACH * width + 4.0);
+    // `as` saturates.
+    let near = light.get((centre - reach) as usize..).unwrap_or_default();
+    let near = near.get(..(2.0 * reach) as usize).unwrap_or(near);
+    let Some(first) = near.first() else {
+        return false;
+    };
+    let changes = near
+        .iter()
+        .fold(0, |changes, count| changes | (count ^ first));
+    let step = f32::from(changes.isolate_lowest_one());
+    let noise = spot.background.noise.to_f32();
+    step * step > 12.0 * noise * noise
+}
+
+/// Whether the background sinks below the converter's smallest word on one side of the spot: it is bent there, and nothing says how. On both sides it is noise
+/// that is cut off, or two dead pixels.
+fn sinks(light: &[u16], found: &RowCentre) -> bool {
+    let (centre, reach) = (found.centre.to_f32(), REACH * found.width.to_f32());
+    // `as` saturates.
+    let middle = (centre as usize).min(light.len());
+    let (left, right) = light.split_at_checked(middle).unwrap_or_default();
+    let is_zero = |count: &u16| *count == 0;
+    let left = numeric::count(left.iter().rev().take(reach as usize).map(is_zero));
+    let right = numeric::count(right.iter().take(reach as usize).map(is_zero));
+    left.abs_diff(right) > left.min(right).saturating_add(2)
+}
+
+/// Whether the light falls from one pixel to the next by more than any optics lets it: bad pixels side by side look like a narrow spot.
+fn is_sharp(light: &[u16], spot: &Spot, found: &RowCentre, geometry: &Geometry) -> bool {
+    if found.width.to_f32() > SHARP_WIDTH {
+        return false;
+    }
+    let middle = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
+    let near = light.get(middle.saturating_sub(3)..).unwrap_or_default();
+    let near = near.get(..8).unwrap_or(near);
+    let (mut highest, mut rise, mut fall) = (0, 0, 0);
+    for pair in near.windows(2) {
+        if let [a, b] = pair {
+            highest = highest.max(*a).max(*b);
+            rise = rise.max(b.saturating_sub(*a));
+            fall = fall.max(a.saturating_sub(*b));
+        }
+    }
+    let (noise, shot) = spot.background.variances(geometry);
+    let height = f32::from(highest) - spot.background.level.to_f32();
+    let beyond = f32::from(rise) + f32::from(fall) - SHARPEST * height;
+    beyond > 0.0 && beyond * beyond > SHARP * SHARP * 4.0 * (noise + shot * height)
+}
+
+/// Only spots this narrow, in pixels, can be bad pixels: three in a row look like one of 0.95.
+const SHARP_WIDTH: f32 = 1.5;
+
+/// The largest rise from pixel to pixel and the largest fall, over the height of the highest: a width of 0.8 has 1.5 with a pixel's edge in its middle,
+/// sinc^2 1.6. Their sum has the noise of about four pixels.
+const SHARPEST: f32 = 1.6;
+
+/// Standard deviations of that.
+const SHARP: f32 = 2.5;
+
+/// What the pairs sum up to.
+struct Look {
+    pairs: f32,
+    /// Products of z with u e, u and u^3 e, the latter two less their parts along the first.
+    shift: f32,
+    tilt: f32,
+    skew: f32,
+    /// Their norms.
+    shift_norm: f32,
+    tilt_norm: f32,
+    skew_norm: f32,
+    /// Pixels that z = u e stands for.
+    pixels_a_shift: f32,
+    /// The square of the worst pair's deviation, in variances.
+    worst: f32,
+    /// The sum of squares without the shift.
+    squares: f32,
+    /// k4 and its standard deviation.
+    flatness: f32,
+    flatness_deviation: f32,
+    /// The mean square of the rest over that of the spot, and its standard deviation.
+    shape: f32,
+    shape_deviation: f32,
+}
+
+impl Look {
+    fn is_clean(&self, found: &RowCentre, left_out: &LeftOut) -> bool {
+        // A narrow spot without some of its pixels is flagged anyway.
+        let is_wide = found.width.to_f32() > SHARP_WIDTH || left_out.samples != 0;
+        let (even, trust) = if is_wide {
+            (EVEN, 1.0)
+        } else {
+            (EVEN_OF_NARROW, TRUST_OF_NARROW)
+        };
+        let uncertainty = found.uncertainty.to_f32();
+        let beyond = |product: f32, norm: f32, limit: f32| product * product > limit * limit * norm;
+        let shift = self.shift / self.shift_norm * self.pixels_a_shift;
+        let freedom = self.pairs - 1.0;
+        let scatter = dual_mac::square_root(2.0 * freedom + NOISE_SQUARED * freedom * freedom);
+        !(shift.abs() > trust * SHIFTED * uncertainty + SHIFTED_PIXELS
+            || beyond(self.tilt, self.tilt_norm, trust * TILT)
+            || beyond(self.skew, self.skew_norm, trust * SKEW)
+            || self.worst > trust * trust * WORST * WORST
+            || self.squares > freedom + trust * (SCATTER * scatter + SCATTER_SKEWED)
+            || self.flatness < FLAT - even * self.flatness_deviation
+            || self.shape > SHAPE + even * self.shape_deviation)
+    }
+
+    /// The tilt in counts of z for each u.
+    fn slope(&self) -> f32 {
+        self.tilt / self.tilt_norm
+    }
+
+    /// Looks at a row of which a tilt is taken off.
+    #[inline(never)]
+    fn at(
+        row: &Row<'_>,
+        spot: &Spot,
+        found: &RowCentre,
+        geometry: &Geometry,
+        left_out: &LeftOut,
+        slope: f32,
+    ) -> Self {
+        let light = row.light();
+        let width = found.width.to_f32();
+        let pixels = ((width / SAMPLES_A_WIDTH) as usize).saturating_add(1);
+        let block = pixels as f32;
+        let mirror = Place::of(found.centre);
+        let d = mirror.offset.abs();
+        let s = dual_mac::square_root(width * width + block * block / 12.0);
+        let per_s = 1.0 / s;
+        let pitch = block * per_s;
+        let mut u = (mirror.to_right + 0.5 * (block - 1.0)) * per_s;
+        // As in the fit of a spot: e from sample to sample by its ratio, and that by its own.
+        let mut e = libm::expf(-0.5 * u * u);
+        let mut ratio = libm::expf(-pitch * (u + 0.5 * pitch));
+        let falls = libm::expf(-pitch * pitch);
+        let height = found.amplitude.to_f32() * block;
+        let bend = Bend::of(mirror.offset, per_s, height);
+        let (noise, shot) = spot.background.variances(geometry);
+        let noise = 2.0 * noise * block;
+        let trusted = OTHER_PROFILE * bend.third;
+        let level = spot.background.level_bits();
+        let full_scale = geometry.full_scale();
+        let is_cut = row.reaches_full_scale();
+        let belongs = |pixels: &[u16], mut places: Range<usize>| {
+            !(is_cut && pixels.iter().any(|count| *count >= full_scale)
+                || left_out.samples != 0 && places.any(|pixel| left_out.has(pixel)))
+        };
+        let (mut odd, mut even) = (Odd::default(), Even::default());
+        // A pixel in the mirror's middle is its own mirror image.
+        if pixels == 1
+            && mirror.to_right == 1.0
+            && let Some(before) = mirror.right.checked_sub(2)
+            && let Some(middle) = light.get(before..mirror.right.wrapping_add(1))
+            && belongs(middle, before..mirror.right.wrapping_add(1))
+        {
+            even.add(2.0 * interpolated(middle, level, mirror.offset), 0.0, 1.0);
+        }
+        // A width of 2^15 pixels at most, and so a pitch of 1/6 or more.
+        let most = ((REACH / pitch) as usize).saturating_add(1);
+        let length = pixels.saturating_add(2);
+        let mut from = mirror.right.saturating_sub(1);
+        let mut to = mirror.left.saturating_add(1);
+        for _ in 0..most {
+            // With a pixel more at either end, for the interpolation. At most 37 samples of 2^13 pixels.
+            let ends = from..from.saturating_add(length);
+            let (Some(right), Some(start)) = (light.get(ends.clone()), to.checked_sub(length))
+            else {
+                break;
+            };
+            let left = light.get(start..to).unwrap_or_default();
+            if belongs(right, ends) && belongs(left, start..to) {
+                let (right, left) = (
+                    interpolated(right, level, mirror.offset),
+                    interpolated(left, level, mirror.offset),
+                );
+                let both = right + left;
+                let lit = if both > 0.0 { both } else { 0.0 };
+                odd.add(
+                    right - left + bend.at(u, e) - slope * u,
+                    u,
+                    e,
+                    1.0 / (noise + trusted * trusted + shot * lit),
+                );
+                even.add(both, u, e);
+            }
+            from = from.saturating_add(pixels);
+            to = to.saturating_sub(pixels);
+            u += pitch;
+            e *= ratio;
+            ratio *= falls;
+        }
+        // What interpolation takes from white noise.
+        let white = 1.0 / (1.0 - 2.0 * d * (1.0 - d) / block);
+        let shape = even.solve();
+        let per_height = 0.5 / height;
+        let per_square = per_height * per_height;
+        let variance = noise + shot * even.p / even.samples;
+        let (tilt, skew) = (odd.s12 / odd.s11, odd.s13 / odd.s11);
+        Self {
+            pairs: odd.pairs,
+            shift: odd.r1,
+            tilt: odd.r2 - tilt * odd.r1,
+            skew: odd.r3 - skew * odd.r1,
+            shift_norm: odd.s11,
+            tilt_norm: odd.s22 - tilt * odd.s12,
+            skew_norm: odd.s33 - skew * odd.s13,
+            pixels_a_shift: s * per_height,
+            worst: odd.worst * white,
+            squares: (odd.squares - odd.r1 * odd.r1 / odd.s11) * white,
+            flatness: shape.k4 * per_height,
+            // At the top, where most of it comes from.
+            flatness_deviation: dual_mac::square_root((noise + 2.0 * shot * height) / shape.norm)
+                * per_height,
+            shape: (shape.rest - (even.samples - 3.0) * variance) * per_square / even.m0,
+            shape_deviation: variance * dual_mac::square_root(2.0 * odd.pairs) * per_square
+                / even.m0,
+        }
+    }
+}
+
+/// Where the row is mirrored.
+struct Place {
+    /// The first pixel right of it, at least 1, and one past the last to its left.
+    right: usize,
+    left: usize,
+    /// From it to that pixel: half a pixel or one.
+    to_right: f32,
+    /// From it to the centre: within a quarter of a pixel.
+    offset: f32,
+}
+
+impl Place {
+    /// The pixel's middle or end that is nearest. Left of the row there is nothing to its left.
+    fn of(centre: Pixels) -> Self {
+        const HALF_LOG2: u32 = Pixels::FRACTION - 1;
+        let halves = centre.to_bits().saturating_add(1 << (HALF_LOG2 - 1)) >> HALF_LOG2;
+        // Within 2^14 of zero.
+        let offset = centre
+            .to_bits()
+            .wrapping_sub(halves.wrapping_mul(1 << HALF_LOG2));
+        let halves = usize::try_from(halves).unwrap_or_default();
+        let right = (halves / 2).wrapping_add(1);
+        Self {
+            right,
+            left: halves.div_ceil(2),
+            to_right: right as f32 - 0.5 * halves as f32,
+            offset: Pixels::from_bits(offset).to_f32(),
+        }
+    }
+}
+
+/// The light above a level (Q24.8 counts) of the pixels but the first and the last, moved by a part of a pixel towards the last or, where that is
+/// negative, the first. In whole numbers as long as the level is in it, which then changes no bit of what is found.
+fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
+    let [before, block @ .., after] = pixels else {
+        return 0.0;
+    };
+    let (Some(first), Some(last)) = (block.first(), block.last()) else {
+        return 0.0;
+    };
+    // Both sides are on a row of at most 2^12 pixels: 2047 at most, of 4095 * 2^8 at most above or below the level, are below 2^31.
+    let sum = block.iter().fold(0, |sum, &count| {
+        let above = numeric::sub_i32(i32::from(count) * (1 << Counts::FRACTION), level);
+        numeric::add_i32(sum, above)
+    });
+    let ends = if offset > 0.0 {
+        f32::from(*after) - f32::from(*first)
+    } else {
+        f32::from(*last) - f32::from(*before)
+    };
+    sum as f32 / 256.0 + offset * ends
+}
+
+/// What linear interpolation leaves of a gaussian's odd derivatives in z.
+///
+/// Interpolation by a part t of a pixel adds t (1-t) ((1-t)^(n-1) - t^(n-1)) / n! times the nth derivative to what is even about the centre, with
+/// the sign of t, for n = 3 and 5. Those of a gaussian are e (3 u - u^3) / s^3 and e (10 u^3 - 15 u - u^5) / s^5.
+struct Bend {
+    third: f32,
+    c0: f32,
+    c1: f32,
+    c2: f32,
+}
+
+impl Bend {
+    fn of(offset: f32, per_s: f32, height: f32) -> Self {
+        let d = offset.abs();
+        let t = 1.0 - d;
+        let (dd, tt, per_s2) = (d * d, t * t, per_s * per_s);
+        let scale = 2.0 * offset * t * height * per_s * per_s2;
+        let third = scale * (tt - dd) / 6.0;
+        let fifth = scale * per_s2 * (tt * tt - dd * dd) / 120.0;
+        Self {
+            third,
+            c0: 15.0 * fifth - 3.0 * third,
+            c1: third - 10.0 * fifth,
+            c2: fifth,
+        }
+    }
+
+    fn at(&self, u: f32, e: f32) -> f32 {
+        let uu = u * u;
+        u * e * (self.c0 + uu * (self.c1 + uu * self.c2))
+    }
+}
+
+/// Sums of the odd part, weighted: products of u e, u and u^3 e with each other and with z.
+#[derive(Default)]
+struct Odd {
+    pairs: f32,
+    s11: f32,
+    s12: f32,
+    s13: f32,
+    s22: f32,
+    s33: f32,
+    r1: f32,
+    r2: f32,
+    r3: f32,
+    squares: f32,
+    worst: f32,
+}
+
+impl Odd {
+    #[inline(always)]
+    fn add(&mut self, z: f32, u: f32, e: f32, weight: f32) {
+        let f1 = u * e;
+        let f3 = u * u * f1;
+        let (w1, wz) = (weight * f1, weight * z);
+        self.pairs += 1.0;
+        self.s11 += w1 * f1;
+        self.s12 += w1 * u;
+        self.s13 += w1 * f3;
+        self.s22 += weight * u * u;
+        self.s33 += weight * f3 * f3;
+        self.r1 += wz * f1;
+        self.r2 += wz * u;
+        self.r3 += wz * f3;
+        let square = wz * z;
+        self.squares += square;
+        if square > self.worst {
+            self.worst = square;
+        }
+    }
+}
+
+/// Sums of the even part: of u^k e and u^k e^2, and of the products of 1, e, u^2 e and u^4 e with p.
+#[derive(Default)]
+struct Even {
+    samples: f32,
+    l0: f32,
+    l1: f32,
+    l2: f32,
+    m0: f32,
+    m1: f32,
+    m2: f32,
+    m3: f32,
+    m4: f32,
+    p: f32,
+    p0: f32,
+    p1: f32,
+    p2: f32,
+    squares: f32,
+}
+
+/// What the even part solves to.
+struct Shape {
+    /// The coefficient of u^4 e, and the norm of what it has alone.
+    k4: f32,
+    norm: f32,
+    /// The sum of squares that is left.
+    rest: f32,
+}
+
+impl Even {
+    #[inline(always)]
+    fn add(&mut self, p: f32, u: f32, e: f32) {
+        let uu = u * u;
+        let e1 = uu * e;
+        let e2 = uu * e1;
+        self.samples += 1.0;
+        self.l0 += e;
+        self.l1 += e1;
+        self.l2 += e2;
+        self.m0 += e * e;
+        self.m1 += e * e1;
+        self.m2 += e1 * e1;
+        self.m3 += e1 * e2;
+        self.m4 += e2 * e2;
+        self.p += p;
+        self.p0 += p * e;
+        self.p1 += p * e1;
+        self.p2 += p * e2;
+        self.squares += p * p;
+    }
+
+    /// Each function in turn less its parts along those before.
+    fn solve(&self) -> Shape {
+        let pairs = self.samples;
+        let (l0, l1, l2, p) = (
+            self.l0 / pairs,
+            self.l1 / pairs,
+            self.l2 / pairs,
+            self.p / pairs,
+        );
+        let c00 = self.m0 - l0 * self.l0;
+        let c01 = self.m1 - l0 * self.l1;
+        let c02 = self.m2 - l0 * self.l2;
+        let p0 = self.p0 - p * self.l0;
+        let (f1, f2) = (c01 / c00, c02 / c00);
+        let c11 = self.m2 - l1 * self.l1 - f1 * c01;
+        let c12 = self.m3 - l1 * self.l2 - f1 * c02;
+        let p1 = self.p1 - p * self.l1 - f1 * p0;
+        let f = c12 / c11;
+        let norm = self.m4 - l2 * self.l2 - f2 * c02 - f * c12;
+        let p2 = self.p2 - p * self.l2 - f2 * p0 - f * p1;
+        Shape {
+            k4: p2 / norm,
+            norm,
+            rest: self.squares - p * self.p - p0 * p0 / c00 - p1 * p1 / c11,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mirror_is_the_nearest_half_pixel() {
+        for (centre, right, left, to_right, offset) in [
+            (10.0, 11, 10, 1.0, 0.0),
+            (10.2, 11, 10, 1.0, 0.2),
+            (10.3, 11, 11, 0.5, -0.2),
+            (10.5, 11, 11, 0.5, 0.0),
+            (9.8, 11, 10, 1.0, -0.2),
+        ] {
+            let place = Place::of(Pixels::from_f32(centre));
+            assert_eq!(
+                (place.right, place.left, place.to_right),
+                (right, left, to_right),
+                "{centre}"
+            );
+            assert!(
+                (place.offset - offset).abs() < 1e-4,
+                "{centre}: {}",
+                place.offset
+            );
+        }
+        for end in [Pixels::MIN, Pixels::MAX] {
+            let place = Place::of(end);
+            assert!(place.right >= 1 && place.offset.abs() <= 0.5);
+        }
+    }
+
+    /// A gaussian sampled at whole pixels, without noise: what interpolation leaves in z, with the third and the fifth derivative taken off, is
+    /// below a thousandth of the height from a width of 0.8 pixels on, and without that 5 %.
+    #[test]
+    fn the_derivatives_are_taken_off() {
+        for (width, limit) in [(0.85f32, 6e-3), (1.5, 2e-4), (4.0, 1e-5)] {
+            let (mut worst, mut without) = (0.0f32, 0.0f32);
+            for step in -25..=25 {
+                let offset = step as f32 / 100.0;
+                let y = |x: f32| libm::expf(-0.5 * (x - offset) * (x - offset) / (width * width));
+                let bend = Bend::of(offset, 1.0 / width, 1.0);
+                let moved = |x: f32| {
+                    let next = if offset > 0.0 { x + 1.0 } else { x - 1.0 };
+                    y(x) + offset.abs() * (y(next) - y(x))
+                };
+                for i in 1..8 {
+                    let x = i as f32 * 0.5;
+                    let z = moved(x) - moved(-x);
+                    let u = x / width;
+                    worst = worst.max((z + bend.at(u, libm::expf(-0.5 * u * u))).abs());
+                    without = without.max(z.abs());
+                }
+            }
+            println!("width {width}: {worst:.1e} of the height, {without:.1e} before");
+            assert!(
+                worst < limit && without > 2.0 * worst,
+                "{width}: {worst} {without}"
+            );
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! From the centre of the spot to the distance of the target.
+
+mod centres;
+pub mod eq1;
+mod interpolation;
+pub mod knots;
+mod quotient;
+pub mod residuals;
+pub mod table;
+
+use core::ops::RangeInclusive;
+
+use crate::distance::eq1::{Eq1, NOMINAL};
+use crate::fault::Fault;
+use crate::units::{Micrometres, Pixels};
+use residuals::Corrected;
+use table::Table;
+
+/// What a sensor's centres mean. Whatever value there is of it can be used: the distance rises or falls with the centre over
+/// the whole of its range, and nowhere leaves what [`Micrometres`] holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Calibration {
+    /// Eq. (1).
+    Eq1(Eq1),
+    /// A lookup table.
+    Table(Table),
+    /// Eq. (1) with a table of residuals.
+    Corrected(Corrected),
+}
+
+// Settings carry it by value through a signal, and several tasks hold a copy: 2 KB of 192 each.
+const _: () = assert!(size_of::<Calibration>() <= 2200);
+
+impl Calibration {
+    /// That of [`NOMINAL`], used until a sensor has its own.
+    pub fn nominal() -> Option<Self> {
+        NOMINAL.ok().map(Self::Eq1)
+    }
+
+    /// The distance at a centre, and the curve's slope there in micrometres a pixel.
+    ///
+    /// # Errors
+    /// [`Fault::OutOfRange`] where the calibration is not valid.
+    // One function, whose instructions `cargo cost` counts.
+    #[inline(never)]
+    pub fn distance_at(&self, centre: Pixels) -> Result<(Micrometres, f32), Fault> {
+        match self {
+            Self::Eq1(curve) => curve.distance_at(centre),
+            Self::Table(table) => table.distance_at(centre),
+            Self::Corrected(curve) => curve.distance_at(centre),
+        }
+    }
+
+    /// The first and the last centre for which it is valid.
+    pub const fn valid(&self) -> (Pixels, Pixels) {
+        match self {
+            Self::Eq1(curve) => curve.valid(),
+            Self::Table(table) => table.valid(),
+            Self::Corrected(curve) => curve.valid(),
+        }
+    }
+
+    /// The shortest and the longest distance that it gives: those at the ends of its centres.
+    ///
+    /// # Errors
+    /// None: an end of the range is in it.
+    pub fn distances(&self) -> Result<RangeInclusive<Micrometres>, Fault> {
+        let (first, last) = self.valid();
+        let (a, b) = (self.distance_at(first)?.0, self.distance_at(last)?.0);
+        Ok(a.min(b)..=a.max(b))
+    }
+}

@@ -1,0 +1,211 @@
+//! Eq. (1): from the centre of the spot to the distance of the target.
+//!
+//! With t = tan u, d0 + b tan(u - atan(x/f)) = D + K/(x - xp), where D = d0 - b/t, xp = -f/t and
+//! K = b f (1 + t^2)/t^2: no trigonometry, and three parameters rather than four, because (d0, u, b, f) give the same
+//! curve along a line of values and cannot be told apart by data.
+
+use core::fmt;
+use core::ops::RangeInclusive;
+
+use super::quotient::Dividend;
+use crate::fault::Fault;
+use crate::numeric;
+use crate::units::{Micrometres, Pixels};
+
+/// Eq. (1) as d = D + K/(x - xp), valid over a range of centres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Eq1 {
+    /// D, the distance at which the centre would run to infinity.
+    d: Micrometres,
+    /// K in micrometre pixels, Q48.16.
+    k: i64,
+    /// xp, the centre at which the distance would be infinite.
+    pole: Pixels,
+    /// The centres for which the curve holds.
+    valid: (Pixels, Pixels),
+    /// |K| in Q40.24: over |x - xp| it is |d - D| in Q24.8.
+    dividend: Dividend,
+    /// 1 where the range lies beyond xp, -1 where before it.
+    beyond_pole: i32,
+    /// 1 where the distances lie above D, -1 where below.
+    above_d: i32,
+    /// [`SLOPE`] with the sign of the slope.
+    slope: f32,
+}
+
+// Its floats are numbers.
+impl Eq for Eq1 {}
+
+/// Why numbers are no eq. (1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Eq1Error {
+    /// K is zero, or so large that it leaves what is divided (|K| must be below 2^39 um px).
+    K,
+    /// The range of centres is empty or a single point.
+    Empty,
+    /// The pole lies in the range of centres, or nearer to it than a pixel.
+    Pole,
+    /// A distance at an end of the range is beyond what [`Micrometres`] holds.
+    Distance,
+    /// Somewhere in the range the distance changes by less than a sixteenth of a micrometre a pixel.
+    Flat,
+}
+
+impl fmt::Display for Eq1Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::K => "K is zero, or 5.5e11 um px or more: check the points that it was fitted to",
+            Self::Empty => "the range of centres is empty: its first must lie before its last",
+            Self::Pole => {
+                "xp lies in the range of centres, or within a pixel of it: take a range to one side of xp"
+            }
+            Self::Distance => {
+                "a distance in the range of centres is beyond 8.38 m: take a smaller range, further from xp"
+            }
+            Self::Flat => {
+                "the distance hardly depends on the centre, by less than 1/16 um a pixel: check K, or take a range \
+                 nearer to xp"
+            }
+        })
+    }
+}
+
+impl core::error::Error for Eq1Error {}
+
+/// The least slope of a calibration, as halvings of a micrometre a pixel: a sixteenth. A curve that is flatter would claim to
+/// know the distance better than it can be held, wherever the spot is.
+pub const FLATTEST_SHIFT: u32 = 4;
+
+/// The calibration of the paper's geometry on a TCD1304DG, used until a sensor has its own: slit 50 mm from the
+/// sensor (f), baseline 300 mm (b), tan u = 2.6, d0 = 0, optical axis through the middle of the 3648 pixels of 8 um.
+/// Valid from 0.55 m to 1.10 m.
+///
+/// D = -b/t, xp = 1823.5 px - f/t, K = b f (1 + t^2)/t^2.
+pub const NOMINAL: Result<Eq1, Eq1Error> = Eq1::new(
+    Micrometres::from_bits((-300_000.0 / T * 256.0 - 0.5) as i32),
+    (300_000.0 * (50_000.0 / 8.0) * (1.0 + T * T) / (T * T) * 65536.0 + 0.5) as i64,
+    Pixels::from_bits(((1823.5 - 50_000.0 / 8.0 / T) * 65536.0 - 0.5) as i32),
+    Pixels::from_int(1191)..=Pixels::from_int(2654),
+);
+
+/// What makes a slope in micrometres a pixel of the product of a quotient's estimate, |d - D| in Q24.8, and reciprocal, 2^12 over
+/// |x - xp| in Q16.16; and makes up for what those two lack, 8 times 2^-24 each.
+const SLOPE: f32 = 1.0 / 16.0 * (1.0 + 16.0 / (1u32 << 24) as f32);
+
+/// tan u of [`NOMINAL`].
+const T: f64 = 2.6;
+
+impl Eq1 {
+    /// Eq. (1) from D, K (um px, Q48.16), xp, and the centres for which it holds.
+    ///
+    /// # Errors
+    /// The numbers give no curve over that range; [`Eq1Error`] says why.
+    pub const fn new(
+        d: Micrometres,
+        k: i64,
+        pole: Pixels,
+        valid: RangeInclusive<Pixels>,
+    ) -> Result<Self, Eq1Error> {
+        let (first, last) = (*valid.start(), *valid.end());
+        let (from, to) = (first.to_bits() as i64, last.to_bits() as i64);
+        let pole_bits = pole.to_bits() as i64;
+        let pixel = 1i64 << Pixels::FRACTION;
+        if k == 0 || k.unsigned_abs() >= 1 << 55 {
+            return Err(Eq1Error::K);
+        }
+        if from >= to {
+            return Err(Eq1Error::Empty);
+        }
+        if pole_bits > from - pixel && pole_bits < to + pixel {
+            return Err(Eq1Error::Pole);
+        }
+        let is_beyond_pole = pole_bits < from;
+        let is_above_d = (k > 0) == is_beyond_pole;
+        let curve = Self {
+            d,
+            k,
+            pole,
+            valid: (first, last),
+            // Below 2^63.
+            dividend: Dividend::new(numeric::mul_u64(k.unsigned_abs(), 1 << 8)),
+            beyond_pole: if is_beyond_pole { 1 } else { -1 },
+            above_d: if is_above_d { 1 } else { -1 },
+            slope: if k > 0 { -SLOPE } else { SLOPE },
+        };
+        // The curve is monotone on one side of its pole: if both ends can be held, so can all between.
+        if !curve.holds(first) || !curve.holds(last) {
+            return Err(Eq1Error::Distance);
+        }
+        if curve.is_flat() {
+            return Err(Eq1Error::Flat);
+        }
+        Ok(curve)
+    }
+
+    /// Whether |K|/(x - xp)^2 is below the least slope where it is least: at the end of the range that is further from xp.
+    const fn is_flat(&self) -> bool {
+        let (from, to) = (self.off_pole(self.valid.0), self.off_pole(self.valid.1));
+        let span = (if from > to { from } else { to }) as u128;
+        // Q16 over Q32 to 2^-4: |K| 2^16 2^4 against the square. Below 2^75, and 2^64.
+        (self.k.unsigned_abs() as u128) * (1 << (Pixels::FRACTION + FLATTEST_SHIFT)) < span * span
+    }
+
+    /// Whether the distance at a centre can be held: |K/(x - xp)|, rounded, is not more than there is room for beside D.
+    const fn holds(&self, centre: Pixels) -> bool {
+        let end = if self.above_d > 0 { i32::MAX } else { i32::MIN };
+        let room = end.abs_diff(self.d.to_bits()) as u64;
+        let off_pole = self.off_pole(centre) as u64;
+        // Below 2^63 + 2^31, and 2^32 * (2^32 - 1).
+        numeric::add_u64(self.dividend.value(), off_pole / 2) < numeric::mul_u64(room + 1, off_pole)
+    }
+
+    /// |x - xp| in Q16.16 pixels, for a centre on the range's side of xp: a difference of two i32 fits an u32.
+    const fn off_pole(&self, centre: Pixels) -> u32 {
+        let beyond = centre.to_bits().wrapping_sub(self.pole.to_bits());
+        beyond.wrapping_mul(self.beyond_pole) as u32
+    }
+
+    /// The distance at a centre, and the curve's slope there in micrometres a pixel (negative where the distance
+    /// falls as the centre grows).
+    ///
+    /// The distance is D + K/(x - xp) rounded to Q24.8, right to the last bit (where it lies in the middle between two, the one
+    /// that is further from D), and so it never turns back. The slope is off by at most 5e-7 of it: eight roundings of 2^-24.
+    ///
+    /// # Errors
+    /// [`Fault::OutOfRange`] where the curve is not valid.
+    #[inline]
+    pub fn distance_at(&self, centre: Pixels) -> Result<(Micrometres, f32), Fault> {
+        if centre < self.valid.0 || centre > self.valid.1 {
+            return Err(Fault::OutOfRange { centre });
+        }
+        // A pixel from the pole or more, and the quotient is less than 2^32: `new` has refused all else.
+        let quotient = self.dividend.over(self.off_pole(centre));
+        // An i32 (`holds`), whatever of it the sum passes through.
+        let above_d = (quotient.rounded as i32).wrapping_mul(self.above_d);
+        let distance = Micrometres::from_bits(self.d.to_bits().wrapping_add(above_d));
+        Ok((
+            distance,
+            quotient.estimate * (quotient.reciprocal * self.slope),
+        ))
+    }
+
+    /// D.
+    pub const fn d(&self) -> Micrometres {
+        self.d
+    }
+
+    /// K in micrometre pixels, Q48.16.
+    pub const fn k(&self) -> i64 {
+        self.k
+    }
+
+    /// xp.
+    pub const fn pole(&self) -> Pixels {
+        self.pole
+    }
+
+    /// The first and the last centre for which the curve holds.
+    pub const fn valid(&self) -> (Pixels, Pixels) {
+        self.valid
+    }
+}

@@ -1,0 +1,235 @@
+//! Between two knots: a straight line, or a monotone cubic (PCHIP; F. Fritsch and J. Butland, 1984).
+//!
+//! The value is whole steps of Q24.8 from integers alone, all of it from [`between`], which never falls where one of its
+//! arguments rises. A cubic is evaluated as straight lines between straight lines (P. de Casteljau, 1959): where its four
+//! control points are in order, so are the points of each round, and what comes out rises or falls with the centre to the
+//! last bit.
+//!
+//! Error: at most 2^-22 of the difference between the two knots (the fraction of the way and the control points have 24
+//! bits), and three steps.
+
+use super::knots::Knot;
+use crate::numeric;
+use crate::numeric::limited;
+use crate::units::{Micrometres, Pixels};
+
+/// Neighbouring knots differ by less than so many steps of Q24.8.
+pub const MAX_RISE: u32 = 1 << 30;
+
+/// Two neighbouring knots: the first lies before the second, and their values differ by less than [`MAX_RISE`].
+#[derive(Clone, Copy, Debug)]
+pub struct Interval {
+    pub from: Knot,
+    pub to: Knot,
+}
+
+impl Interval {
+    /// In steps of Q16.16 pixels. Neighbours are in order, so the difference fits an u32.
+    const fn length(&self) -> u32 {
+        self.way(self.to.centre)
+    }
+
+    /// From the first knot to a centre that does not lie before it, in steps of Q16.16 pixels.
+    const fn way(&self, centre: Pixels) -> u32 {
+        centre.to_bits().wrapping_sub(self.from.centre.to_bits()) as u32
+    }
+
+    /// In steps of Q24.8 micrometres. Neighbours differ by less than 2^30 of them.
+    pub const fn rise(&self) -> i32 {
+        let (from, to) = (self.from.value.to_bits(), self.to.value.to_bits());
+        to.wrapping_sub(from)
+    }
+
+    /// The value at a centre of the interval on a straight line, and its slope in micrometres a pixel.
+    #[inline(always)]
+    pub fn linear(&self, centre: Pixels) -> (Micrometres, f32) {
+        let part = fraction(self.way(centre) as f32 / self.length() as f32);
+        (
+            between(self.from.value, self.to.value, part),
+            self.per_pixel(self.rise(), 1.0),
+        )
+    }
+
+    /// The same on a cubic with two further control points.
+    #[inline(always)]
+    pub fn cubic(&self, centre: Pixels, controls: Controls) -> (Micrometres, f32) {
+        let part = fraction(self.way(centre) as f32 / self.length() as f32);
+        let (from, to) = (self.from.value, self.to.value);
+        let first = between(from, controls.0, part);
+        let middle = between(controls.0, controls.1, part);
+        let last = between(controls.1, to, part);
+        let (left, right) = (between(first, middle, part), between(middle, last, part));
+        // The last line is the tangent, over a third of the interval; its ends are in order, like all others.
+        let tangent = right.to_bits().wrapping_sub(left.to_bits());
+        (between(left, right, part), self.per_pixel(tangent, 3.0))
+    }
+
+    /// The largest slope, without sign, that the straight line or the cubic has, in micrometres a pixel.
+    pub fn steepest(&self, controls: Option<Controls>) -> f32 {
+        let Some(controls) = controls else {
+            return self.per_pixel(self.rise(), 1.0).abs();
+        };
+        // The slope is a parabola, which lies between the largest and the least of its control points: the differences of
+        // the curve's. They lie between the knots: no difference exceeds the rise.
+        let step = |from: Micrometres, to: Micrometres| from.to_bits().abs_diff(to.to_bits());
+        let most = step(self.from.value, controls.0)
+            .max(step(controls.0, controls.1))
+            .max(step(controls.1, self.to.value));
+        // Below 2^30, as the rise.
+        self.per_pixel(most as i32, 3.0)
+    }
+
+    /// Steps of Q24.8 micrometres over one of `parts` parts of the interval, as micrometres a pixel. There are less than 2^30, and
+    /// an interval has at least a sixteenth of a pixel: below 3 * 2^26.
+    #[inline(always)]
+    fn per_pixel(&self, rise: i32, parts: f32) -> f32 {
+        const UNITS: f32 = (1u32 << (Pixels::FRACTION - Micrometres::FRACTION)) as f32;
+        rise as f32 / self.length() as f32 * (UNITS * parts)
+    }
+}
+
+/// A cubic's control points at a third and at two thirds of its interval.
+pub type Controls = (Micrometres, Micrometres);
+
+/// The control points of an interval's cubic, which lie in order between its knots. `before` and `after` are the intervals
+/// to either side, where there are any.
+pub fn controls(before: Option<Interval>, this: Interval, after: Option<Interval>) -> Controls {
+    let (from, to) = (this.from.value, this.to.value);
+    // A slope of at most 1.5 goes at most half of the way from either end, and half-way the roundings from both ends give the
+    // same: they do not pass each other.
+    let third = |slope: f32| fraction(slope / 3.0);
+    let first = third(slope_at_knot(this, before, after));
+    let last = third(slope_at_knot(this, after, before));
+    (between(from, to, first), between(to, from, last))
+}
+
+/// The curve's slope at a knot of an interval, as a multiple of the interval's secant. `beyond` is the interval on the other
+/// side of the knot, `opposite` the one at the other end.
+///
+/// Where both sides rise or both fall, the harmonic mean of their secants, weighted by their lengths; at a turn zero; at the
+/// curve's end that of the parabola through three knots. At most 1.5 times the lesser secant, so that control points keep
+/// their order (PCHIP as usual has up to 3, which differs where a secant is more than about three times its neighbour).
+fn slope_at_knot(this: Interval, beyond: Option<Interval>, opposite: Option<Interval>) -> f32 {
+    let length = this.length() as f32;
+    // This secant over another: products of less than 2^64, so the quotient is finite or the other's rise is zero.
+    let ratio = |other: Interval| {
+        (this.rise() as f32 * other.length() as f32) / (other.rise() as f32 * length)
+    };
+    match (beyond, opposite) {
+        (Some(beyond), _) => {
+            let ratio = ratio(beyond);
+            // Not so for not-a-number, from two secants of zero.
+            if ratio > 0.0 {
+                let other = beyond.length() as f32;
+                let mean = 3.0 * (length + other)
+                    / ((2.0 * length + other) * ratio + (length + 2.0 * other));
+                let most = if ratio > 1.0 { 1.5 / ratio } else { 1.5 };
+                limited(mean, 0.0, most)
+            } else {
+                0.0
+            }
+        }
+        (None, Some(opposite)) => {
+            let other = opposite.length() as f32;
+            let parabola = 1.0 + length / (length + other) * (1.0 - 1.0 / ratio(opposite));
+            limited(parabola, 0.5, 1.5)
+        }
+        (None, None) => 1.0,
+    }
+}
+
+/// A part of the way from 0 to 1 in Q0.31: the 24 bits of an f32 or what of them reaches 2^-31, but for 1, which becomes
+/// 1 - 2^-31. Not-a-number becomes 0.
+fn fraction(part: f32) -> i32 {
+    // The product is exact, being by a power of two; `as` takes the whole part and saturates.
+    (part * (1u32 << 31) as f32) as i32
+}
+
+/// From one value a part (Q0.31, 0 or more) of the way towards another, rounded. They differ by less than [`MAX_RISE`].
+///
+/// Monotone in each argument: with d = to - from, from + round(d part) falls nowhere where `to` or, as part is at most 1,
+/// `from` rises; and as `part` rises it goes the way of d. At the largest part it is `to`: d 2^-31 is less than a half.
+const fn between(from: Micrometres, to: Micrometres, part: i32) -> Micrometres {
+    // Twice the rise is below 2^31, and its product with the part below 2^62; the sum lies between from and to times 2^32,
+    // and a half: one instruction of the chip (SMMLAR).
+    let rise = to.to_bits().wrapping_sub(from.to_bits());
+    let twice = numeric::mul_i32(rise, 2);
+    let from = from.to_bits() as i64 * (1 << 32) + (1 << 31);
+    let sum = numeric::add_i64(from, twice as i64 * part as i64);
+    Micrometres::from_bits((sum >> 32) as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lengths and rises of intervals that follow each other, from 0.
+    fn intervals<const N: usize>(steps: [(f32, f32); N]) -> [Interval; N] {
+        let (mut centre, mut value) = (0.0, 0.0);
+        steps.map(|(length, rise)| {
+            let at = |centre, value| Knot {
+                centre: Pixels::from_f32(centre),
+                value: Micrometres::from_f32(value),
+            };
+            let from = at(centre, value);
+            (centre, value) = (centre + length, value + rise);
+            Interval {
+                from,
+                to: at(centre, value),
+            }
+        })
+    }
+
+    #[test]
+    fn slopes_at_knots_are_those_of_pchip() {
+        let [a, b] = intervals([(2.0, 6.0), (1.0, 5.0)]);
+        // Secants 3 and 5, weights 2 * 1 + 2 = 4 and 1 + 2 * 2 = 5: 9 / (4/3 + 5/5) = 27/7.
+        assert!((slope_at_knot(a, Some(b), None) - 27.0 / 7.0 / 3.0).abs() < 1e-6);
+        assert!((slope_at_knot(b, Some(a), None) - 27.0 / 7.0 / 5.0).abs() < 1e-6);
+        // The parabola's slope at the first knot: ((2 * 2 + 1) * 3 - 2 * 5) / 3 = 5/3; at the last: (4 * 5 - 3) / 3 = 17/3.
+        assert!((slope_at_knot(a, None, Some(b)) - 5.0 / 9.0).abs() < 1e-6);
+        assert!((slope_at_knot(b, None, Some(a)) - 17.0 / 15.0).abs() < 1e-6);
+        assert_eq!(slope_at_knot(a, None, None), 1.0);
+        // A turn, and a level neighbour.
+        let [up, down, level, still] = intervals([(1.0, 1.0), (1.0, -2.0), (1.0, 0.0), (1.0, 0.0)]);
+        assert_eq!(slope_at_knot(up, Some(down), None), 0.0);
+        assert_eq!(slope_at_knot(down, Some(level), None), 0.0);
+        assert_eq!(slope_at_knot(level, Some(down), None), 0.0);
+        assert_eq!(slope_at_knot(level, Some(still), None), 0.0);
+        // Much steeper than the neighbour: 1.5 times the neighbour's secant, seen from either side.
+        let [flat, steep] = intervals([(1.0, 1.0), (1.0, 100.0)]);
+        assert_eq!(slope_at_knot(flat, Some(steep), None), 1.5);
+        assert_eq!(slope_at_knot(steep, Some(flat), None), 0.015);
+        assert_eq!(slope_at_knot(flat, None, Some(steep)), 0.5);
+        assert_eq!(slope_at_knot(steep, None, Some(flat)), 1.495);
+    }
+
+    #[test]
+    fn between_goes_all_the_way_and_never_back() {
+        let at = Micrometres::from_bits;
+        let most = MAX_RISE as i32 - 1;
+        for (from, to) in [
+            (0, 5),
+            (5, 0),
+            (-3, most - 3),
+            (i32::MAX, i32::MAX - most),
+            (i32::MIN, i32::MIN + most),
+            (i32::MIN + most, i32::MIN),
+            (7, 7),
+        ] {
+            assert_eq!(between(at(from), at(to), fraction(0.0)), at(from));
+            assert_eq!(between(at(from), at(to), fraction(1.0)), at(to));
+            let half = fraction(0.5);
+            assert_eq!(
+                between(at(from), at(to), half),
+                between(at(to), at(from), half)
+            );
+            let mut last = from;
+            for part in (0..=i32::MAX).step_by(i32::MAX as usize / 1009) {
+                let now = between(at(from), at(to), part).to_bits();
+                assert!(if from <= to { now >= last } else { now <= last });
+                last = now;
+            }
+        }
+    }
+}

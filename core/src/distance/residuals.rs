@@ -1,0 +1,172 @@
+//! Eq. (1) with a table of what it leaves: the curve holds what the geometry says with three numbers that noise hardly
+//! moves, and a smoothed table what a lens or the mounting adds.
+
+use core::fmt;
+use core::ops::RangeInclusive;
+
+use super::knots::{Interpolation, Knot, Knots, KnotsError};
+use crate::distance::eq1::Eq1;
+use crate::fault::Fault;
+use crate::numeric::limited;
+use crate::units::{Micrometres, Pixels};
+
+/// Eq. (1) plus residuals, valid from their first knot to their last.
+///
+/// The residuals change the curve's slope by at most half of it, so that the distance still rises or falls with the centre. As
+/// both parts are rounded each for itself, it does so but for four steps of Q24.8 (0.016 um) and 2^-22 of the difference of
+/// neighbouring residuals.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Corrected {
+    curve: Eq1,
+    /// Distance less curve.
+    residuals: Knots,
+}
+
+/// Steps of Q24.8 that distances at the ends stay away from the ends of [`Micrometres`], so that what lies between cannot
+/// leave it by rounding: more than four and 2^-22 of 2^30.
+const MARGIN: i32 = 1024;
+
+impl Corrected {
+    /// Eq. (1) with residuals (distance less curve) at knots.
+    ///
+    /// # Errors
+    /// [`CorrectedError`] says which knot stands against it.
+    pub fn new(
+        curve: Eq1,
+        interpolation: Interpolation,
+        knots: &[Knot],
+    ) -> Result<Self, CorrectedError> {
+        let residuals = Knots::new(interpolation, knots).map_err(CorrectedError::Knots)?;
+        for (index, knot) in knots.iter().enumerate() {
+            if curve.distance_at(knot.centre).is_err() {
+                return Err(CorrectedError::Beyond {
+                    index,
+                    centre: knot.centre,
+                });
+            }
+        }
+        let corrected = Self { curve, residuals };
+        if let Some((index, knot)) = corrected.steep() {
+            return Err(CorrectedError::Steep {
+                index,
+                centre: knot.centre,
+            });
+        }
+        let (first, last) = corrected.valid();
+        for centre in [first, last] {
+            const INSIDE: RangeInclusive<i32> = i32::MIN + MARGIN..=i32::MAX - MARGIN;
+            let distance = corrected.distance_at(centre);
+            if !distance.is_ok_and(|(distance, _)| INSIDE.contains(&distance.to_bits())) {
+                return Err(CorrectedError::Distance { centre });
+            }
+        }
+        Ok(corrected)
+    }
+
+    /// The first knot up to which the residuals change the slope by more than half of the curve's.
+    fn steep(&self) -> Option<(usize, Knot)> {
+        (1..self.residuals.len()).find_map(|index| {
+            let (from, to, steepest) = self.residuals.steepest(index.saturating_sub(1))?;
+            // The curve is least steep at the end that is further from its pole.
+            let slopes = (
+                self.curve.distance_at(from.centre),
+                self.curve.distance_at(to.centre),
+            );
+            let (Ok((_, at_from)), Ok((_, at_to))) = slopes else {
+                return Some((index, to));
+            };
+            let most = 0.5
+                * if at_from.abs() < at_to.abs() {
+                    at_from
+                } else {
+                    at_to
+                }
+                .abs();
+            (steepest > most).then_some((index, to))
+        })
+    }
+
+    /// The distance at a centre, and the slope there in micrometres a pixel.
+    ///
+    /// # Errors
+    /// [`Fault::OutOfRange`] before the first knot of the residuals and beyond the last.
+    pub fn distance_at(&self, centre: Pixels) -> Result<(Micrometres, f32), Fault> {
+        let (residual, change) = self.residuals.at(centre)?;
+        let (distance, slope) = self.curve.distance_at(centre)?;
+        // It always fits: both ends do, with a margin, and what rounding takes from the sum's order is less.
+        let bits = distance
+            .to_bits()
+            .checked_add(residual.to_bits())
+            .ok_or(Fault::OutOfRange { centre })?;
+        // Half of the slope is what `new` allows; over a short interval the tangent's rounding may add to it.
+        let most = 0.5 * slope.abs();
+        Ok((
+            Micrometres::from_bits(bits),
+            slope + limited(change, -most, most),
+        ))
+    }
+
+    /// Eq. (1).
+    pub const fn curve(&self) -> &Eq1 {
+        &self.curve
+    }
+
+    /// Distance less curve.
+    pub const fn residuals(&self) -> &Knots {
+        &self.residuals
+    }
+
+    /// The first and the last centre of the residuals.
+    pub const fn valid(&self) -> (Pixels, Pixels) {
+        self.residuals.valid()
+    }
+}
+
+/// Why residuals do not go with a curve. An index counts from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CorrectedError {
+    /// Their knots are no curve.
+    Knots(KnotsError),
+    /// A knot lies where eq. (1) is not valid.
+    Beyond {
+        /// Which.
+        index: usize,
+        /// Its centre.
+        centre: Pixels,
+    },
+    /// From the knot before to this one, the residuals change the slope of eq. (1) by more than half of it.
+    Steep {
+        /// Which.
+        index: usize,
+        /// Its centre.
+        centre: Pixels,
+    },
+    /// The distance at an end of the range is beyond what [`Micrometres`] hold.
+    Distance {
+        /// That end.
+        centre: Pixels,
+    },
+}
+
+impl fmt::Display for CorrectedError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Knots(error) => error.fmt(f),
+            Self::Beyond { index, centre } => write!(
+                f,
+                "residual {index} at {centre} px is outside the range of eq. (1): leave it out, or widen that range"
+            ),
+            Self::Steep { index, centre } => write!(
+                f,
+                "the residuals up to number {index} at {centre} px change the slope of eq. (1) by more than half: smooth \
+                 them, or use a table of distances"
+            ),
+            Self::Distance { centre } => write!(
+                f,
+                "the distance at {centre} px is beyond 8.38 m: take a smaller range of centres"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for CorrectedError {}

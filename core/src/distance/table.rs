@@ -1,0 +1,89 @@
+//! A lookup table of distances.
+
+use core::fmt;
+
+use super::knots::{Interpolation, Knot, Knots, KnotsError};
+use crate::distance::eq1::FLATTEST_SHIFT;
+use crate::fault::Fault;
+use crate::units::{Micrometres, Pixels};
+
+/// Distances at knots that all rise or all fall with the centre, by a sixteenth of a micrometre a pixel at least; so do
+/// those in between, without a step back. Valid from the first knot to the last.
+///
+/// For its arithmetic's error see [`Knots`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Table(Knots);
+
+impl Table {
+    /// The table of those distances.
+    ///
+    /// # Errors
+    /// [`TableError`] says which knot stands against it.
+    pub fn new(interpolation: Interpolation, knots: &[Knot]) -> Result<Self, TableError> {
+        let curve = Knots::new(interpolation, knots).map_err(TableError::Knots)?;
+        let falls = matches!(knots, [first, .., last] if last.value < first.value);
+        for (index, (before, knot)) in (1..knots.len()).zip(knots.iter().zip(knots.iter().skip(1)))
+        {
+            let length = i64::from(knot.centre.to_bits()) - i64::from(before.centre.to_bits());
+            let rise = i64::from(knot.value.to_bits()) - i64::from(before.value.to_bits());
+            let onward = if falls { -rise } else { rise };
+            // Q8 um over Q16 px is at least 2^-4: below 2^33 times 2^12.
+            if onward * (1 << (Pixels::FRACTION - Micrometres::FRACTION + FLATTEST_SHIFT)) < length
+            {
+                return Err(TableError::NotMonotone {
+                    index,
+                    distance: knot.value,
+                });
+            }
+        }
+        Ok(Self(curve))
+    }
+
+    /// The distance at a centre, and the table's slope there in micrometres a pixel.
+    ///
+    /// # Errors
+    /// [`Fault::OutOfRange`] before the first knot and beyond the last.
+    pub fn distance_at(&self, centre: Pixels) -> Result<(Micrometres, f32), Fault> {
+        self.0.at(centre)
+    }
+
+    /// The knots.
+    pub const fn knots(&self) -> &Knots {
+        &self.0
+    }
+
+    /// The first and the last centre of the table.
+    pub const fn valid(&self) -> (Pixels, Pixels) {
+        self.0.valid()
+    }
+}
+
+/// Why knots are no table of distances. An index counts from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TableError {
+    /// They are no curve.
+    Knots(KnotsError),
+    /// From the knot before to this one the distance does not go the way that it goes from the first to the last, or by less
+    /// than a sixteenth of a micrometre a pixel.
+    NotMonotone {
+        /// Which.
+        index: usize,
+        /// Its distance.
+        distance: Micrometres,
+    },
+}
+
+impl fmt::Display for TableError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Knots(error) => error.fmt(f),
+            Self::NotMonotone { index, distance } => write!(
+                f,
+                "knot {index} with {distance} um does not go on from the one before it: distances must all rise or all \
+                 fall, by 1/16 um a pixel at least; leave that point out, or smooth the table"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for TableError {}

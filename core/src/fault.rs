@@ -1,0 +1,112 @@
+//! Why a frame gives no distance.
+
+use crate::units::{Counts, Pixels};
+
+/// Why there is no distance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// No rows come, or words that no sensor makes.
+    SensorSilent,
+    /// Nothing in the row stands out of its noise, or what does has not the shape of a spot.
+    NoSpot {
+        /// The height of the highest candidate.
+        amplitude: Counts,
+    },
+    /// A spot, too dim for a centre that can be trusted.
+    TooDim {
+        /// The spot's height.
+        amplitude: Counts,
+        /// The height that this spot would need.
+        needed: Counts,
+    },
+    /// Pixels of the spot are at full scale: its top is cut off.
+    Saturated {
+        /// How many.
+        pixels: u16,
+    },
+    /// The pixels around the spot that a fit needs reach over the sensor's edge.
+    SpotAtEdge {
+        /// Where the spot is, roughly.
+        centre: Pixels,
+    },
+    /// Two spots of like height: which of them is the laser's cannot be told.
+    TwoSpots {
+        /// Where the higher one is, roughly.
+        centre: Pixels,
+        /// Where the other one is, roughly.
+        other: Pixels,
+    },
+    /// The centres of the frame's rows lie further apart than the spot is wide: the target moved, or there are two spots.
+    Unsteady {
+        /// Standard deviation of the rows' centres.
+        scatter: Pixels,
+    },
+    /// The centre lies where the calibration is not valid.
+    OutOfRange {
+        /// The centre.
+        centre: Pixels,
+    },
+    /// The sensor has no calibration; the centre is good.
+    NotCalibrated {
+        /// The centre.
+        centre: Pixels,
+        /// Its standard uncertainty.
+        uncertainty: Pixels,
+    },
+}
+
+impl Fault {
+    /// Number of kinds of fault.
+    pub const KINDS: usize = 9;
+
+    /// The kind as a number from 0 to [`Fault::KINDS`] - 1, to count by.
+    pub const fn kind(&self) -> usize {
+        match self {
+            Self::SensorSilent => 0,
+            Self::NoSpot { .. } => 1,
+            Self::TooDim { .. } => 2,
+            Self::Saturated { .. } => 3,
+            Self::SpotAtEdge { .. } => 4,
+            Self::TwoSpots { .. } => 5,
+            Self::Unsteady { .. } => 6,
+            Self::OutOfRange { .. } => 7,
+            Self::NotCalibrated { .. } => 8,
+        }
+    }
+
+    /// The names of the kinds, in the order of [`Fault::kind`].
+    pub const NAMES: [&'static str; Self::KINDS] = [
+        "sensor silent",
+        "no spot",
+        "too dim",
+        "saturated",
+        "spot at the edge",
+        "two spots",
+        "unsteady",
+        "out of range",
+        "not calibrated",
+    ];
+
+    /// The kind's name.
+    pub const fn name(&self) -> &'static str {
+        Self::NAMES[self.kind()]
+    }
+
+    /// What to do about it.
+    pub const fn advice(&self) -> &'static str {
+        match self {
+            Self::SensorSilent => "check the sensor head's supply and wires",
+            Self::NoSpot { .. } => "check that the laser is on and hits a target",
+            Self::TooDim { .. } => "more laser power, a brighter target or less ambient light",
+            Self::Saturated { .. } => "less laser power or a darker target",
+            Self::SpotAtEdge { .. } | Self::OutOfRange { .. } => {
+                "move the target into the range that `info` names"
+            }
+            Self::TwoSpots { .. } => "cover what reflects the laser or shines beside it",
+            Self::Unsteady { .. } => "hold the target still, or take fewer rows in a frame",
+            Self::NotCalibrated { .. } => {
+                "`calibration on`; where there is none, upload one or `defaults`"
+            }
+        }
+    }
+}

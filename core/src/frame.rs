@@ -1,0 +1,553 @@
+//! The rows' centres become one.
+//!
+//! The frame's centre is the mean of its rows' centres, weighted by how certain each row is of its own and by how well it agrees
+//! with the others (`agreement`); or the plain mean of all, as in the paper. Its uncertainty is that of the rows
+//! propagated. Where the rows scatter more than their uncertainties explain, it grows by the ratio (R. T. Birge, Phys.
+//! Rev. 40, 207 (1932)), and where neighbours err alike, by what fewer independent rows would have (`correlation`). Rows of
+//! which no majority agrees, or that scatter by more than the spot's width, are not of one spot, and have no centre.
+//!
+//! Of a target that moves it is the centre in the middle of the frame, whichever rows count most (`motion`).
+
+mod agreement;
+mod correlation;
+mod motion;
+
+use heapless::Vec;
+
+use crate::centre::RowCentre;
+use crate::fault::Fault;
+use crate::numeric;
+use crate::units::{Counts, Pixels};
+
+/// The most rows in a frame.
+pub const MAX_ROWS: u32 = 64;
+
+/// How the rows' centres become one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mean {
+    /// The mean of all, as in the paper.
+    Plain,
+    /// Weighted by their uncertainties, and by how far they are from the others.
+    #[default]
+    Weighted,
+}
+
+impl Mean {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Plain, Self::Weighted];
+
+    /// The name that the serial line knows it by.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::Weighted => "weighted",
+        }
+    }
+
+    /// The mean of that [`name`](Self::name).
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|mean| mean.name() == name)
+    }
+}
+
+/// Rows that are worth fewer independent ones say too little of their own error.
+pub const FEWEST_INDEPENDENT: u16 = 8;
+
+/// What the rows of a frame had to say, so far.
+#[derive(Clone, Debug, Default)]
+pub struct Frame {
+    /// With the row's number.
+    centres: Vec<(u16, RowCentre), { MAX_ROWS as usize }>,
+    /// How often each kind of fault came, and its latest.
+    faults: [(u16, Option<Fault>); Fault::KINDS],
+    rows: u16,
+}
+
+/// What the rows of a frame agree on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameCentre {
+    /// The mean of the rows' centres.
+    pub centre: Pixels,
+    /// Its standard uncertainty.
+    pub uncertainty: Pixels,
+    /// The mean height of the spot.
+    pub amplitude: Counts,
+    /// The mean width of the spot.
+    pub width: Pixels,
+    /// Rows that went into the mean: those that had a centre, without those that the others leave out.
+    pub rows_used: u16,
+    /// Rows in the frame.
+    pub rows: u16,
+    /// Of the rows used, those with [`RowCentre::misfit`].
+    pub misfits: u16,
+    /// See [`Reading::correlated`](crate::reading::Reading::correlated).
+    pub correlated: Option<u16>,
+}
+
+impl Frame {
+    /// Adds what came of a row. Rows beyond [`MAX_ROWS`] do not count.
+    pub fn add(&mut self, row: Result<RowCentre, Fault>) {
+        if u32::from(self.rows) >= MAX_ROWS {
+            return;
+        }
+        match row {
+            // There is room: rows and faults together are fewer than it holds.
+            Ok(centre) => {
+                let _ = self.centres.push((self.rows, centre));
+            }
+            Err(fault) => {
+                // In bounds: `kind` is below `KINDS`.
+                if let Some((count, latest)) = self.faults.get_mut(fault.kind()) {
+                    *count = count.saturating_add(1);
+                    *latest = Some(fault);
+                }
+            }
+        }
+        self.rows = self.rows.saturating_add(1);
+    }
+
+    /// Rows added.
+    pub const fn rows(&self) -> u16 {
+        self.rows
+    }
+
+    /// What the rows agree on.
+    ///
+    /// # Errors
+    /// Half of the rows or more have no centre: the fault that most of those have, as it came last (of two as common, the one
+    /// that [`Fault::kind`] puts last). Or [`Fault::Unsteady`], where no majority of the rows agrees, or where those that do
+    /// scatter by more than the spot's width.
+    pub fn centre(&self, how: Mean) -> Result<FrameCentre, Fault> {
+        if self.centres.len() <= usize::from(self.rows) / 2 {
+            let most = self.faults.iter().max_by_key(|(count, _)| *count);
+            return Err(most
+                .and_then(|&(_, fault)| fault)
+                .unwrap_or(Fault::SensorSilent));
+        }
+        // Centres are seen from the median one, so that the fractions of a pixel by which they differ keep all 24 bits of an f32.
+        let keys = self
+            .centres
+            .iter()
+            .map(|(_, row)| ordered(row.centre.to_bits()));
+        let origin = median(keys).map_or(0, from_ordered);
+        let mut members = self.members(origin);
+        let motion = match how {
+            Mean::Plain => Some(0.0),
+            Mean::Weighted => agreement::weigh(&mut members),
+        };
+        let (Some(motion), Some(offset)) = (motion, weighted_mean(&members)) else {
+            return Err(self.unsteady());
+        };
+        let width = Pixels::from_bits(mean(members.iter().map(|it| it.row.width.to_bits())));
+        if scatter(&members, motion) > width.to_f32() {
+            return Err(self.unsteady());
+        }
+        let fitted = if motion == 0.0 { 1.0 } else { 2.0 };
+        let (growth, correlated) = match correlation::independent(&members, fitted) {
+            Some(found) => (found.growth, found.too_few()),
+            None => (1.0, None),
+        };
+        let uncertainty =
+            propagated(&members, motion) * birge_ratio(&members, offset, fitted) * growth;
+        Ok(FrameCentre {
+            centre: Pixels::from_bits(origin.saturating_add(Pixels::from_f32(offset).to_bits())),
+            // Rows that agree to the last bit, each certain to the last bit, leave that bit.
+            uncertainty: Pixels::from_f32(uncertainty).max(RESOLUTION),
+            amplitude: Counts::from_bits(mean(members.iter().map(|it| it.row.amplitude.to_bits()))),
+            width,
+            // At most the 64 rows there are.
+            rows_used: members.len() as u16,
+            rows: self.rows,
+            misfits: number(&members, |it| it.row.misfit) as u16,
+            correlated,
+        })
+    }
+
+    /// How far the centres of all rows scatter.
+    fn unsteady(&self) -> Fault {
+        let origin = mean(self.centres.iter().map(|(_, row)| row.centre.to_bits()));
+        Fault::Unsteady {
+            scatter: Pixels::from_f32(scatter(&self.members(origin), 0.0)),
+        }
+    }
+
+    /// The rows as the mean sees them, from an origin in the bits of [`Pixels`]. Each counts as any other.
+    fn members(&self, origin: i32) -> Members<'_> {
+        let middle = 0.5 * (f32::from(self.rows) - 1.0);
+        let mut members = Members::new();
+        for (number, row) in &self.centres {
+            let offset = Pixels::from_bits(row.centre.to_bits().saturating_sub(origin));
+            // As many as there are centres, and so room.
+            let _ = members.push(Member {
+                row,
+                place: f32::from(*number) - middle,
+                offset: offset.to_f32(),
+                uncertainty: row.uncertainty.max(RESOLUTION).to_f32(),
+                weight: 1.0,
+            });
+        }
+        members
+    }
+}
+
+/// The finest step of a centre, and so the least uncertainty that one can have: 2^-16 px.
+const RESOLUTION: Pixels = Pixels::from_bits(1);
+
+/// The rows that have a centre, in the order in which they came.
+type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
+
+/// A row as the mean sees it.
+///
+/// No sum over 64 of them leaves the range of an f32 (2^127), and none divides by zero. Two centres differ by less than 2^17 px, and less a
+/// line through some of them, which is at most so steep, by less than 2^24; an uncertainty is 2^-16 to 2^15 px. A residual, one over the
+/// other, is below 2^40, from another line below 2^47, and 64 squares below 2^100. A weight is at most 1/u^2 = 2^32: 64 times it, an offset
+/// and the square of a place are below 2^74, and its product with u is at most 2^16. Of rows that agree most have more than half of their
+/// 1/u^2 >= 2^-30, so that sums of weights are above zero.
+#[derive(Clone, Copy)]
+struct Member<'a> {
+    row: &'a RowCentre,
+    /// Its number from the middle of the frame, -31.5 to 31.5.
+    place: f32,
+    /// The centre from the frame's origin, in pixels, less the motion from the middle of the frame to its place.
+    offset: f32,
+    /// The uncertainty in pixels, never zero.
+    uncertainty: f32,
+    /// What the row counts for: 1 where all count alike, 0 where it does not count.
+    weight: f32,
+}
+
+impl Member<'_> {
+    /// How far it is from `centre`, in its own uncertainties.
+    fn residual(&self, centre: f32) -> f32 {
+        (self.offset - centre) / self.uncertainty
+    }
+}
+
+/// In pixels from the frame's origin. `None` where no row counts.
+fn weighted_mean(members: &[Member<'_>]) -> Option<f32> {
+    let weights: f32 = members.iter().map(|it| it.weight).sum();
+    let sum: f32 = members.iter().map(|it| it.weight * it.offset).sum();
+    (weights > 0.0).then(|| sum / weights)
+}
+
+/// The uncertainty of the mean in pixels, if each row's own is true and all are independent. The motion's own counts as far as the rows'
+/// mean place is from the middle of the frame.
+fn propagated(members: &[Member<'_>], motion: f32) -> f32 {
+    let weights: f32 = members.iter().map(|it| it.weight).sum();
+    let variance: f32 = members
+        .iter()
+        .map(|it| square(it.weight * it.uncertainty))
+        .sum();
+    let of_motion = match motion::Line::through(members) {
+        Some(line) if motion != 0.0 => square(line.middle) / line.moment,
+        _ => 0.0,
+    };
+    libm::sqrtf(variance / square(weights) + of_motion)
+}
+
+/// The scatter over what the uncertainties explain, where it is more than chance. `fitted` is what was taken from the rows' own scatter: 1 for
+/// their mean, 1 more for their motion.
+fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
+    let chi_square: f32 = members.iter().map(|it| square(it.residual(centre))).sum();
+    let degrees = members.len() as f32 - fitted;
+    if is_more_than_chance(chi_square, degrees) {
+        libm::sqrtf(chi_square / degrees)
+    } else {
+        1.0
+    }
+}
+
+/// Chi square has a mean of its degrees of freedom and a variance of twice that; three standard deviations of it are granted.
+fn is_more_than_chance(chi_square: f32, degrees: f32) -> bool {
+    degrees >= 1.0 && chi_square > degrees + 3.0 * libm::sqrtf(2.0 * degrees)
+}
+
+/// Standard deviation of the rows' centres about their plain mean, in pixels, with a motion in pixels a row.
+fn scatter(members: &[Member<'_>], motion: f32) -> f32 {
+    let offset = |member: &Member<'_>| member.offset + motion * member.place;
+    let n = members.len().max(1) as f32;
+    let mean = members.iter().map(offset).sum::<f32>() / n;
+    let squares: f32 = members.iter().map(|it| square(offset(it) - mean)).sum();
+    libm::sqrtf(squares / n)
+}
+
+/// How many of them are so.
+fn number(members: &[Member<'_>], is_so: impl Fn(&Member<'_>) -> bool) -> usize {
+    numeric::count(members.iter().map(is_so))
+}
+
+fn square(value: f32) -> f32 {
+    value * value
+}
+
+// Twice the sum of a frame's values of 32 bits, and their number, fit 64.
+const _: () = assert!(2 * (MAX_ROWS as i128) * (1 << 31) + (MAX_ROWS as i128) <= i64::MAX as i128);
+
+/// The mean, rounded to the nearest; zero of nothing.
+fn mean(values: impl ExactSizeIterator<Item = i32>) -> i32 {
+    // A mean fits where its parts do.
+    let count = i64::from(values.len() as u32);
+    let sum = values.fold(0, |sum, value| numeric::add_i64(sum, i64::from(value)));
+    numeric::add_i64(numeric::mul_i64(2, sum), count)
+        .checked_div_euclid(2 * count)
+        .unwrap_or_default() as i32
+}
+
+/// The median, of an even number the lower one of the middle two; none of nothing.
+///
+/// By bisection: 32 times as many comparisons as there are values, in no memory and without a sort's panic on keys that it
+/// cannot order.
+fn median(values: impl ExactSizeIterator<Item = u32> + Clone) -> Option<u32> {
+    let middle = values.len().checked_sub(1)? / 2;
+    let (mut low, mut high) = (0u32, u32::MAX);
+    // The distance between them halves each time.
+    while low < high {
+        let between = low.midpoint(high);
+        let below = numeric::count(values.clone().map(|value| value <= between));
+        if below > middle {
+            high = between;
+        } else {
+            // Not above `high`, because `between` is below it.
+            low = between.saturating_add(1);
+        }
+    }
+    Some(low)
+}
+
+/// Integers in the order of a median's keys.
+const fn ordered(value: i32) -> u32 {
+    value.cast_unsigned() ^ (1 << 31)
+}
+
+const fn from_ordered(key: u32) -> i32 {
+    (key ^ (1 << 31)).cast_signed()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::centre::WidthClass;
+
+    fn row(centre: f32, uncertainty: f32) -> Result<RowCentre, Fault> {
+        Ok(RowCentre {
+            centre: Pixels::from_f32(centre),
+            uncertainty: Pixels::from_f32(uncertainty),
+            amplitude: Counts::from_int(1000),
+            width: Pixels::from_int(9),
+            class: WidthClass::default(),
+            misfit: false,
+        })
+    }
+
+    fn frame(rows: impl IntoIterator<Item = Result<RowCentre, Fault>>) -> Frame {
+        let mut frame = Frame::default();
+        rows.into_iter().for_each(|row| frame.add(row));
+        frame
+    }
+
+    fn weighted(rows: impl IntoIterator<Item = Result<RowCentre, Fault>>) -> FrameCentre {
+        frame(rows).centre(Mean::Weighted).expect("a centre")
+    }
+
+    #[test]
+    fn mean_and_propagated_uncertainty() {
+        let two = || [row(100.0, 0.03), row(100.02, 0.04)];
+        let plain = frame(two()).centre(Mean::Plain).expect("a centre");
+        assert!((plain.centre.to_f64() - 100.01).abs() < 2e-5);
+        assert!((plain.uncertainty.to_f64() - 0.025).abs() < 2e-5);
+        assert_eq!((plain.rows_used, plain.rows), (2, 2));
+        // Weights of 16 and 9 to 25; 1/u^2 adds up.
+        let found = weighted(two());
+        assert!((found.centre.to_f64() - (100.0 + 0.02 * 9.0 / 25.0)).abs() < 2e-5);
+        assert!((found.uncertainty.to_f64() - 0.024).abs() < 2e-5);
+        let one = weighted([row(100.0, 0.03)]);
+        assert_eq!(
+            (one.centre, one.uncertainty),
+            (Pixels::from_int(100), Pixels::from_f32(0.03))
+        );
+    }
+
+    #[test]
+    fn misfits_are_counted_among_the_rows_used() {
+        let misfit = || {
+            row(100.0, 0.03).map(|centre| RowCentre {
+                misfit: true,
+                ..centre
+            })
+        };
+        let good = || row(100.0, 0.03);
+        let silent = || Err(Fault::SensorSilent);
+        let counts = |found: FrameCentre| (found.misfits, found.rows_used, found.rows);
+        let half = weighted([good(), misfit(), silent(), good(), misfit()]);
+        assert_eq!(counts(half), (2, 4, 5));
+        assert_eq!(counts(weighted([good()])), (0, 1, 1));
+        assert_eq!(counts(weighted([misfit()])), (1, 1, 1));
+        // Two thirds are good: the others are not needed.
+        let few = [good(), misfit(), good(), good()];
+        assert_eq!(counts(weighted(few)), (0, 3, 4));
+        let plain = frame(few).centre(Mean::Plain).expect("a centre");
+        assert_eq!(counts(plain), (1, 4, 4));
+    }
+
+    #[test]
+    fn scatter_beyond_chance_widens_the_uncertainty() {
+        // Four rows, +-0.5 with a claim of 0.1: chi square 4 * 25 = 100, three degrees, ratio sqrt(100/3). No three of them agree.
+        let rows = || (0..4).map(|i| row(if i % 2 == 0 { 99.5 } else { 100.5 }, 0.1));
+        let expected = 0.1 / 2.0 * (100.0f64 / 3.0).sqrt();
+        for how in Mean::ALL {
+            let found = frame(rows()).centre(how).expect("a centre");
+            let uncertainty = found.uncertainty.to_f64();
+            assert!((uncertainty - expected).abs() < 1e-4, "{uncertainty}");
+            assert_eq!(found.centre, Pixels::from_int(100));
+        }
+    }
+
+    #[test]
+    fn a_row_that_is_wrong_is_left_out_where_the_others_agree() {
+        // However certain it is of itself.
+        for uncertainty in [0.2, 0.02, 1e-5] {
+            let rows = (0..5).map(|i| row(if i == 1 { 103.0 } else { 100.0 }, 0.02));
+            let found = weighted(rows.chain([row(103.0, uncertainty)]));
+            assert_eq!(found.centre, Pixels::from_int(100), "{uncertainty}");
+            assert_eq!(found.rows_used, 4);
+        }
+        // Of three nobody can tell: the mean, and an uncertainty that covers them all.
+        let found = weighted([row(100.0, 0.02), row(103.0, 0.02), row(100.0, 0.02)]);
+        assert_eq!(found.rows_used, 3);
+        assert!((found.uncertainty.to_f64() - 1.0).abs() < 1e-3, "{found:?}");
+    }
+
+    #[test]
+    fn rows_without_a_majority_have_no_centre() {
+        for count in [8, 15, 16, 40, 64] {
+            let rows = (0..count).map(|i| row(if i % 2 == 0 { 100.0 } else { 103.0 }, 0.02));
+            assert!(
+                matches!(
+                    frame(rows).centre(Mean::Weighted),
+                    Err(Fault::Unsteady { .. })
+                ),
+                "{count}"
+            );
+        }
+        // Two groups and some between them, all of which the rows' own scatter would grant.
+        let groups = (0..64).map(|i| match i % 16 {
+            0 => row(101.5, 0.02),
+            odd if odd % 2 == 1 => row(100.0, 0.02),
+            _ => row(103.0, 0.02),
+        });
+        let found = frame(groups).centre(Mean::Weighted);
+        assert!(matches!(found, Err(Fault::Unsteady { .. })), "{found:?}");
+    }
+
+    #[test]
+    fn any_rows_have_a_centre_with_an_uncertainty_or_a_fault() {
+        let extremes = [i32::MIN, -1, 0, 1, 1 << 16, i32::MAX];
+        let frames = [(1, 1), (2, 2), (3, 2), (16, 8), (64, 7), (64, 2)];
+        // Miri takes its time.
+        let (extremes, frames) = if cfg!(miri) {
+            (&extremes[..2], &frames[..4])
+        } else {
+            (&extremes[..], &frames[..])
+        };
+        let any = |centre: i32, uncertainty: i32| {
+            row(0.0, 0.0).map(|row| RowCentre {
+                centre: Pixels::from_bits(centre),
+                uncertainty: Pixels::from_bits(uncertainty),
+                amplitude: Counts::from_bits(centre),
+                width: Pixels::MAX,
+                ..row
+            })
+        };
+        let mut found = 0;
+        for (a, b) in extremes
+            .iter()
+            .flat_map(|&a| extremes.iter().map(move |&b| (a, b)))
+        {
+            for (c, d) in extremes
+                .iter()
+                .flat_map(|&c| extremes.iter().map(move |&d| (c, d)))
+            {
+                for &(count, other) in frames {
+                    let rows =
+                        (0..count).map(|i| if i % other == 0 { any(a, b) } else { any(c, d) });
+                    for how in Mean::ALL {
+                        if let Ok(centre) = frame(rows.clone()).centre(how) {
+                            found += 1;
+                            assert!(centre.uncertainty > Pixels::from_bits(0), "{centre:?}");
+                            let between = a.min(c)..=a.max(c);
+                            // To within the 24 bits of an f32.
+                            let off = |end: i32| {
+                                (i64::from(centre.centre.to_bits()) - i64::from(end)).abs()
+                            };
+                            assert!(
+                                between.contains(&centre.centre.to_bits())
+                                    || off(a).min(off(c)) <= 256,
+                                "{centre:?} of {a} +- {b}, {c} +- {d}"
+                            );
+                        }
+                    }
+                }
+            }
+        }
+        assert!(cfg!(miri) || found > 10_000, "{found}");
+    }
+
+    #[test]
+    fn the_median_is_the_middle_value() {
+        let of =
+            |values: &[i32]| median(values.iter().map(|&value| ordered(value))).map(from_ordered);
+        assert_eq!(of(&[]), None);
+        assert_eq!(of(&[i32::MAX]), Some(i32::MAX));
+        assert_eq!(of(&[i32::MIN, i32::MAX]), Some(i32::MIN));
+        assert_eq!(of(&[5, -7, 0]), Some(0));
+        assert_eq!(of(&[3, 1, 1, 2]), Some(1));
+    }
+
+    #[test]
+    fn the_commonest_fault_wins_where_half_the_rows_fail() {
+        let saturated = |pixels| Err(Fault::Saturated { pixels });
+        let edge = Err(Fault::SpotAtEdge {
+            centre: Pixels::from_int(3),
+        });
+        assert_eq!(
+            frame([row(1.0, 0.1), saturated(1), edge, saturated(2)]).centre(Mean::Weighted),
+            Err(Fault::Saturated { pixels: 2 })
+        );
+        assert_eq!(
+            frame([row(1.0, 0.1), saturated(1)]).centre(Mean::Weighted),
+            Err(Fault::Saturated { pixels: 1 })
+        );
+        assert!(
+            frame([row(1.0, 0.1), row(1.0, 0.1), saturated(1)])
+                .centre(Mean::Weighted)
+                .is_ok()
+        );
+        assert_eq!(frame([]).centre(Mean::Weighted), Err(Fault::SensorSilent));
+    }
+
+    #[test]
+    fn rows_of_two_spots_have_no_centre() {
+        let two = frame((0..16).map(|i| row(if i < 9 { 1200.0 } else { 2400.0 }, 0.02)));
+        let Err(Fault::Unsteady { scatter }) = two.centre(Mean::Weighted) else {
+            panic!("{:?}", two.centre(Mean::Weighted))
+        };
+        // Nine and seven of sixteen, 1200 px apart: 1200 sqrt(9 * 7) / 16.
+        assert!(
+            (scatter.to_f64() - 1200.0 * 63f64.sqrt() / 16.0).abs() < 0.01,
+            "{scatter}"
+        );
+        // Width 9: the rows of a target that moves by 3 px a row scatter by 13.8 px, by 1 px a row by 4.6 px.
+        let moving = |speed: f32| {
+            frame((0..16).map(|i| row(1200.0 + speed * i as f32, 0.02))).centre(Mean::Weighted)
+        };
+        assert!(matches!(moving(3.0), Err(Fault::Unsteady { .. })) && moving(1.0).is_ok());
+    }
+
+    #[test]
+    fn a_full_frame_takes_no_more() {
+        let mut full = frame((0..100).map(|_| row(5.0, 0.1)));
+        (0..100).for_each(|_| full.add(Err(Fault::SensorSilent)));
+        assert_eq!(full.rows(), 64);
+        assert_eq!(full.centre(Mean::Weighted).expect("a centre").rows_used, 64);
+    }
+}

@@ -1,0 +1,166 @@
+//! How many independent rows the frame's are worth.
+//!
+//! Speckle, a lamp that flickers or air that moves let neighbouring rows err alike: their mean is less certain than their number says,
+//! and so is their scatter. What a row's residual has in common with later ones' is its autocorrelation; the variance of the mean grows by
+//! 1 + 2 (r_1 + r_2 + ...), summed as far as two neighbouring terms together are positive and do not grow (the initial monotone
+//! sequence of C. J. Geyer, Statist. Sci. 7, 473 (1992)).
+//!
+//! A straight line through the residuals is taken away first, because a target that moves steadily is no error.
+
+use heapless::Vec;
+
+use super::motion::Line;
+use super::{FEWEST_INDEPENDENT, MAX_ROWS, Member, is_more_than_chance, square};
+use crate::numeric::limited;
+
+/// What rows that hang together are worth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Correlated {
+    /// How many independent rows they are worth.
+    rows: f32,
+    /// What the uncertainty of their mean grows by.
+    pub growth: f32,
+}
+
+/// What a sum of autocorrelations loses because mean and line are those of the same rows: of n rows with a true sum t it comes out as
+/// t / (1 + 6.5 t/n), within 10 % of the median for t of 2 to 16 of rows in which each hangs on the one before.
+const LOST: f32 = 6.5;
+
+/// Rows that are estimated to be worth so many times a number may be worth as few as that: one frame of twenty is.
+const MARGIN: f32 = 2.5;
+
+/// Standard deviations by which the autocorrelation of neighbours must exceed what independent rows have: in 0.2 % of their frames it does.
+const SIGNIFICANT: f32 = 2.88;
+
+/// The same where the rows scatter more than their noise explains. What moves them besides seldom starts anew with every row, so a
+/// weaker sign will do; one frame of six shows it by chance.
+const SIGNIFICANT_IN_EXCESS: f32 = 1.0;
+
+impl Correlated {
+    /// As how few they may count, at least one, where that is fewer than [`FEWEST_INDEPENDENT`].
+    pub fn too_few(self) -> Option<u16> {
+        // `as` takes the whole part; there are at most 64.
+        let rows = ((self.rows / MARGIN) as u16).max(1);
+        (rows < FEWEST_INDEPENDENT).then_some(rows)
+    }
+}
+
+/// What rows are worth whose neighbours err alike by more than chance. None where they do not, or where there are too few to tell.
+/// `fitted` as in [`super::birge_ratio`].
+pub(super) fn independent(members: &[Member<'_>], fitted: f32) -> Option<Correlated> {
+    if members.len() < usize::from(FEWEST_INDEPENDENT) {
+        return None;
+    }
+    let n = members.len() as f32;
+    let residuals = residuals(members)?;
+    let squares: f32 = residuals.iter().copied().map(square).sum();
+    // Rows that agree to the last bit, or lie on a line.
+    if squares <= 0.0 {
+        return None;
+    }
+    let correlation = |lag: usize| {
+        let later = residuals.iter().skip(lag);
+        let products: f32 = (residuals.iter().zip(later)).map(|(a, b)| a * b).sum();
+        products / squares
+    };
+    // Of independent rows it has a mean of -2/n, from the mean and the line, and a standard deviation of (1 - 2/n) / sqrt(n).
+    // Mean and line take a degree of freedom each.
+    let significant = if is_more_than_chance(squares, n - 2.0) {
+        SIGNIFICANT_IN_EXCESS
+    } else {
+        SIGNIFICANT
+    };
+    let chance = significant * (1.0 - 2.0 / n) / libm::sqrtf(n) - 2.0 / n;
+    if correlation(1) <= chance {
+        return None;
+    }
+    let mut sum = -1.0;
+    let mut before = f32::INFINITY;
+    for lag in (0..members.len() / 2).step_by(2) {
+        let pair = correlation(lag) + correlation(lag + 1);
+        if pair <= 0.0 {
+            break;
+        }
+        before = if pair < before { pair } else { before };
+        sum += 2.0 * before;
+    }
+    // The sum is above 1, because its first pair is.
+    let rows = limited(n / sum - LOST, 1.0, n);
+    // Of so many independent ones, the scatter about their mean is (rows - 1) / rows of that about the truth.
+    let free = limited(rows - fitted, 1.0, n);
+    Some(Correlated {
+        rows,
+        growth: libm::sqrtf(n / free),
+    })
+}
+
+/// The rows' residuals from a straight line, in each one's uncertainty, with a mean of zero.
+fn residuals(members: &[Member<'_>]) -> Option<Vec<f32, { MAX_ROWS as usize }>> {
+    let line = Line::through(members)?;
+    let mut residuals = Vec::new();
+    for member in members {
+        // As many as there are rows, and so room.
+        let _ = residuals.push(member.residual(line.at(member.place)));
+    }
+    let mean = residuals.iter().sum::<f32>() / members.len() as f32;
+    residuals.iter_mut().for_each(|residual| *residual -= mean);
+    Some(residuals)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::centre::{RowCentre, WidthClass};
+    use crate::units::{Counts, Pixels};
+
+    /// The finding for rows with these offsets in pixels, each of which claims 0.02.
+    fn of(offsets: impl Iterator<Item = f32>) -> Option<Correlated> {
+        let row = RowCentre {
+            centre: Pixels::from_int(0),
+            uncertainty: Pixels::from_f32(0.02),
+            amplitude: Counts::from_int(1000),
+            width: Pixels::from_int(9),
+            class: WidthClass::default(),
+            misfit: false,
+        };
+        let members: std::vec::Vec<Member<'_>> = (offsets.zip(0u8..))
+            .map(|(offset, number)| Member {
+                row: &row,
+                place: f32::from(number),
+                offset,
+                uncertainty: 0.02,
+                weight: 1.0,
+            })
+            .collect();
+        independent(&members, 1.0)
+    }
+
+    #[test]
+    fn neighbours_that_err_alike_are_worth_few() {
+        // A wave of 32 rows: no more than a row or two of 64 independent ones.
+        let wave = of((0..64).map(|i| 0.5 * libm::sinf(i as f32 * 0.196))).expect("a finding");
+        assert_eq!(wave.too_few(), Some(1), "{wave:?}");
+        assert!((4.0..=8.0).contains(&wave.growth), "{wave:?}");
+        // Steps of four rows at random: 16 of them.
+        let steps = [3, -1, 2, -4, 1, 5, -2, -3, 4, 0, -5, 1, 2, -1, -4, 3];
+        let steps = of((0..64).map(|i| 0.01 * steps[i / 4] as f32)).expect("a finding");
+        assert!((8.0..=24.0).contains(&steps.rows), "{steps:?}");
+        assert!((1.6..=2.6).contains(&steps.growth), "{steps:?}");
+    }
+
+    #[test]
+    fn motion_and_rows_that_differ_are_none() {
+        assert_eq!(of((0..64).map(|i| 0.1 * i as f32)), None, "steady motion");
+        assert_eq!(of((0..64).map(|_| 0.5)), None, "rows that are equal");
+        assert_eq!(
+            of((0..64).map(|i| (i % 2) as f32)),
+            None,
+            "opposite neighbours"
+        );
+        assert_eq!(
+            of((0..7).map(|i| (i / 4) as f32)),
+            None,
+            "too few rows to tell"
+        );
+    }
+}

@@ -1,0 +1,243 @@
+//! What centres mean: the answer to `calibration`.
+
+use core::fmt;
+
+use super::command::Command;
+use crate::distance::Calibration;
+use crate::record::written::Written;
+use crate::units::AsMillimetres;
+
+/// What of a calibration is kept over a power cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stored {
+    /// Nothing was saved yet.
+    Nothing,
+    /// What was saved is damaged.
+    Damaged,
+    /// What was saved is of another sensor head.
+    OtherSensor,
+    /// A record whose CRC-32 is this.
+    Record(u32),
+    /// The same, but something was to be saved after it and is not there.
+    Older(u32),
+}
+
+/// The answer to `calibration`, lines parted by CR LF. The first is `calibration on`, `calibration off` or, where there is
+/// none, `calibration none`; the others are `calibration`, a name and a value, and the last of them is `stored`.
+#[derive(Clone, Copy, Debug)]
+pub struct Shown<'a> {
+    /// The calibration in use, where there is one.
+    pub written: Option<&'a Written>,
+    /// Whether distances are wanted.
+    pub on: bool,
+    /// What is kept.
+    pub stored: Stored,
+}
+
+impl fmt::Display for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.written {
+            None => f.write_str("calibration none")?,
+            Some(written) => self.show(written, f)?,
+        }
+        if let Some(fault) = self.fault() {
+            write!(f, "\r\ncalibration fault {fault}")?;
+        }
+        write!(f, "\r\ncalibration stored {}", self.kept())
+    }
+}
+
+impl Shown<'_> {
+    fn show(&self, written: &Written, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let record = written.record();
+        let kind = match record.calibration {
+            Calibration::Eq1(_) => "eq1",
+            Calibration::Table(_) => "table",
+            Calibration::Corrected(_) => "corrected",
+        };
+        write!(f, "{}", Command::Calibration(Some(self.on)))?;
+        write!(f, "\r\ncalibration source {}", self.source(written))?;
+        write!(f, "\r\ncalibration kind {kind}")?;
+        let (bytes, sum) = (written.bytes().len(), written.sum());
+        write!(f, "\r\ncalibration record {bytes} {sum:08x}")?;
+        write!(f, "\r\ncalibration serial {}", record.serial_number)?;
+        write!(f, "\r\ncalibration date {}", record.date)?;
+        write!(f, "\r\ncalibration estimator {}", record.estimator.name())?;
+        let black = Command::Black(Some(record.black_level));
+        write!(f, "\r\ncalibration {black}")?;
+        let (first, last) = record.calibration.valid();
+        write!(f, "\r\ncalibration centres {first} {last} px")?;
+        if let Ok(distances) = record.calibration.distances() {
+            let [least, most] = [*distances.start(), *distances.end()].map(AsMillimetres);
+            write!(f, "\r\ncalibration distances {least} {most} mm")?;
+        }
+        Ok(())
+    }
+
+    fn source(&self, written: &Written) -> &'static str {
+        if written.record().is_nominal() {
+            "default"
+        } else if self.kept() == "same" {
+            "stored"
+        } else {
+            "uploaded"
+        }
+    }
+
+    /// What is wrong with what is kept.
+    const fn fault(&self) -> Option<&'static str> {
+        match self.stored {
+            Stored::Nothing | Stored::Record(_) => None,
+            Stored::Damaged => {
+                Some("what was saved cannot be used: upload it again, or defaults, then save")
+            }
+            Stored::Older(_) => Some(
+                "what was saved last cannot be used, this is from before: upload it again, or save",
+            ),
+            Stored::OtherSensor => Some(
+                "what was saved is of another sensor head: upload this one's calibration, then save",
+            ),
+        }
+    }
+
+    fn kept(&self) -> &'static str {
+        match self.stored {
+            Stored::Nothing => "none",
+            Stored::Damaged | Stored::OtherSensor => "unusable",
+            Stored::Record(sum) | Stored::Older(sum) => {
+                if self.written.map(Written::sum) == Some(sum) {
+                    "same"
+                } else {
+                    "other"
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::black_level::BlackLevel;
+    use crate::record::Record;
+    use crate::record::date::Date;
+    use crate::units::Counts;
+
+    fn nominal() -> Record {
+        Record::nominal().expect("a record")
+    }
+
+    fn written(record: Record) -> Written {
+        Written::new(record).expect("a record")
+    }
+
+    #[test]
+    fn the_nominal_calibration_is_shown() {
+        let written = written(nominal());
+        let shown = Shown {
+            written: Some(&written),
+            on: true,
+            stored: Stored::Nothing,
+        };
+        let lines = "calibration on\r\n\
+             calibration source default\r\n\
+             calibration kind eq1\r\n\
+             calibration record 47 8ee60f99\r\n\
+             calibration serial 0\r\n\
+             calibration date 0001-01-01\r\n\
+             calibration estimator phase-table\r\n\
+             calibration black shielded\r\n\
+             calibration centres 1191.00000 2654.00000 px\r\n\
+             calibration distances 550.0874 1099.7177 mm\r\n\
+             calibration stored none";
+        assert_eq!(shown.to_string(), lines);
+        let same = Shown {
+            on: false,
+            stored: Stored::Record(written.sum()),
+            ..shown
+        };
+        let lines = lines
+            .replace("calibration on\r", "calibration off\r")
+            .replace("stored none", "stored same");
+        assert_eq!(same.to_string(), lines);
+    }
+
+    #[test]
+    fn where_it_is_from_and_what_is_kept() {
+        let own = written(Record {
+            serial_number: u32::MAX,
+            date: Date::new(2026, 11, 21).expect("a day"),
+            black_level: BlackLevel::Fixed(Counts::from_int(4095)),
+            ..nominal()
+        });
+        for (stored, lines) in [
+            (
+                Stored::Nothing,
+                &["source uploaded", "stored none"] as &[&str],
+            ),
+            (
+                Stored::Record(!own.sum()),
+                &["source uploaded", "stored other"],
+            ),
+            (Stored::Record(own.sum()), &["source stored", "stored same"]),
+            (
+                Stored::Damaged,
+                &[
+                    "source uploaded",
+                    "fault what was saved cannot be used: upload it again, or defaults, then save",
+                    "stored unusable",
+                ],
+            ),
+            (
+                Stored::Older(own.sum()),
+                &[
+                    "source stored",
+                    "fault what was saved last cannot be used, this is from before: upload it again, or save",
+                    "stored same",
+                ],
+            ),
+            (
+                Stored::OtherSensor,
+                &[
+                    "source uploaded",
+                    "fault what was saved is of another sensor head: upload this one's calibration, then save",
+                    "stored unusable",
+                ],
+            ),
+        ] {
+            let shown = Shown {
+                written: Some(&own),
+                on: true,
+                stored,
+            }
+            .to_string();
+            for line in lines {
+                let line = format!("\r\ncalibration {line}");
+                assert!(
+                    format!("{shown}\r").contains(&format!("{line}\r")),
+                    "{shown}"
+                );
+            }
+            assert!(shown.contains("\r\ncalibration serial 4294967295\r\n"));
+            assert!(shown.contains("\r\ncalibration black fixed 4095\r\n"));
+            assert_eq!(shown.contains(" fault "), lines.len() == 3);
+            assert!(shown.lines().all(|line| line.len() <= 110), "{shown}");
+            assert!(shown.len() + 2 <= crate::protocol::MAX_ANSWER);
+        }
+    }
+
+    #[test]
+    fn without_a_calibration_only_that_is_said() {
+        let shown = Shown {
+            written: None,
+            on: true,
+            stored: Stored::Damaged,
+        };
+        assert_eq!(
+            shown.to_string(),
+            "calibration none\r\n\
+             calibration fault what was saved cannot be used: upload it again, or defaults, then save\r\n\
+             calibration stored unusable"
+        );
+    }
+}

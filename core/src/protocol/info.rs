@@ -1,0 +1,273 @@
+//! What this sensor is: the banner and the answer to `info`.
+
+use core::fmt;
+
+use super::status::StartCause;
+use crate::distance::Calibration;
+use crate::distance::eq1::Eq1;
+use crate::distance::knots::{Interpolation, Knots};
+use crate::measurement::Settings;
+use crate::record::Record;
+use crate::row::{Geometry, Polarity};
+use crate::units::AsMillimetres;
+
+/// The version of the firmware.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// What the firmware runs on.
+#[derive(Clone, Copy, Debug)]
+pub struct Hardware {
+    /// The board.
+    pub board: &'static str,
+    /// The sensor head.
+    pub head: &'static str,
+    /// From one row to the next, which is also the exposure, in microseconds.
+    pub row_us: u32,
+}
+
+/// The line that is said once, at the start.
+#[derive(Clone, Copy, Debug)]
+pub struct Banner<'a>(pub &'a Hardware, pub StartCause);
+
+impl fmt::Display for Banner<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(Hardware { board, head, .. }, cause) = self;
+        write!(f, "slitrange {VERSION} {board} {head}, started by {cause}")
+    }
+}
+
+/// The answer to `info`, lines parted by CR LF.
+#[derive(Clone, Copy, Debug)]
+pub struct Info<'a> {
+    /// What the firmware runs on.
+    pub hardware: &'a Hardware,
+    /// What its rows are.
+    pub geometry: &'a Geometry,
+    /// What is set.
+    pub settings: &'a Settings,
+    /// The calibration in use, where there is one.
+    pub record: Option<&'a Record>,
+    /// Whether distances are wanted.
+    pub on: bool,
+}
+
+impl fmt::Display for Info<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Hardware {
+            board,
+            head,
+            row_us,
+        } = *self.hardware;
+        let Geometry {
+            words,
+            shielded,
+            light,
+            polarity,
+            ..
+        } = self.geometry;
+        let full_scale = self.geometry.full_scale();
+        let polarity = match polarity {
+            Polarity::Rising => "rise",
+            Polarity::Falling => "fall",
+        };
+        write!(
+            f,
+            "info firmware slitrange {VERSION}\r\ninfo board {board}\r\ninfo sensor head {head}"
+        )?;
+        write!(
+            f,
+            "\r\ninfo row {words} words: light {}..{}, ",
+            light.start, light.end
+        )?;
+        write!(
+            f,
+            "shielded {}..{}; 0 to {full_scale} counts that {polarity} with light",
+            shielded.start, shielded.end
+        )?;
+        write!(f, "\r\ninfo rate a row every {row_us} us, exposed as long")?;
+        write!(f, "\r\ninfo mean {}", self.settings.mean.name())?;
+        write!(f, "\r\ninfo estimator {}", self.settings.estimator.name())?;
+        let Some(record) = self.record else {
+            return f.write_str("\r\ninfo calibration none");
+        };
+        if !record.is_nominal() {
+            let (number, date) = (record.serial_number, record.date);
+            write!(f, "\r\ninfo serial number {number}, calibrated {date}")?;
+        }
+        if !self.on {
+            return f.write_str("\r\ninfo calibration off");
+        }
+        let calibration = &record.calibration;
+        match calibration {
+            Calibration::Eq1(curve) => write!(f, "{}", Curve(curve))?,
+            Calibration::Table(table) => {
+                f.write_str("\r\ninfo calibration a table of distances")?;
+                write!(f, "{}", KindOfTable(table.knots()))?;
+            }
+            Calibration::Corrected(corrected) => {
+                write!(f, "{}", Curve(corrected.curve()))?;
+                f.write_str("\r\ninfo calibration plus a table of residuals")?;
+                write!(f, "{}", KindOfTable(corrected.residuals()))?;
+            }
+        }
+        let (first, last) = calibration.valid();
+        write!(f, "\r\ninfo range x {first:.0} to {last:.0} px")?;
+        if let Ok(distances) = calibration.distances() {
+            write!(
+                f,
+                ", {} to {} mm",
+                AsMillimetres(*distances.start()),
+                AsMillimetres(*distances.end())
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// Eq. (1) with its numbers, in two lines.
+struct Curve<'a>(&'a Eq1);
+
+impl fmt::Display for Curve<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "\r\ninfo calibration d = D + K/(x - xp)\r\ninfo calibration D {} mm, K {} um px, xp {} px",
+            AsMillimetres(self.0.d()),
+            self.0.k() >> 16,
+            self.0.pole()
+        )
+    }
+}
+
+/// What a table is, in the rest of a line.
+struct KindOfTable<'a>(&'a Knots);
+
+impl fmt::Display for KindOfTable<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let between = match self.0.interpolation() {
+            Interpolation::Linear => "straight lines",
+            Interpolation::Cubic => "monotone cubics",
+        };
+        write!(f, " at {} knots, {between} between them", self.0.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::black_level::BlackLevel;
+    use crate::centre::Estimator;
+    use crate::distance::eq1;
+    use crate::distance::knots::Knot;
+    use crate::distance::residuals::Corrected;
+    use crate::distance::table::Table;
+    use crate::frame::Mean;
+    use crate::record::date::Date;
+    use crate::sensor_heads;
+    use crate::units::{Micrometres, Pixels};
+
+    const HARDWARE: Hardware = Hardware {
+        board: "NUCLEO-F429ZI",
+        head: "TCD1304DG",
+        row_us: 5700,
+    };
+
+    const SETTINGS: Settings = Settings {
+        estimator: Estimator::PhaseTable,
+        rows: 16,
+        mean: Mean::Weighted,
+        black_level: BlackLevel::Shielded,
+    };
+
+    fn info(record: Option<&Record>, on: bool) -> String {
+        let info = Info {
+            hardware: &HARDWARE,
+            geometry: &sensor_heads::tcd1304dg(),
+            settings: &SETTINGS,
+            record,
+            on,
+        }
+        .to_string();
+        assert!(
+            info.split("\r\n")
+                .all(|line| line.starts_with("info ") && line.len() <= 110),
+            "{info}"
+        );
+        assert!(info.len() + 2 <= crate::protocol::MAX_ANSWER, "{info}");
+        info
+    }
+
+    #[test]
+    fn banner_and_info_are_as_documented() {
+        assert_eq!(
+            Banner(&HARDWARE, StartCause::PowerOn).to_string(),
+            format!("slitrange {VERSION} NUCLEO-F429ZI TCD1304DG, started by power-on")
+        );
+        let nominal = Record::nominal();
+        let on = info(nominal.as_ref(), true);
+        assert_eq!(
+            on.lines().last(),
+            Some("info range x 1191 to 2654 px, 550.0874 to 1099.7177 mm"),
+            "{on}"
+        );
+        assert!(
+            on.contains("\r\ninfo mean weighted\r\ninfo estimator phase-table\r\n"),
+            "{on}"
+        );
+        assert!(!on.contains("serial number"), "{on}");
+        let off = info(nominal.as_ref(), false);
+        assert!(off.ends_with("\r\ninfo calibration off"), "{off}");
+        let none = info(None, true);
+        assert!(none.ends_with("\r\ninfo calibration none"), "{none}");
+    }
+
+    #[test]
+    fn info_tells_the_kinds_of_calibration_apart() {
+        let knots = [(1200, 1_000_000), (2000, 700_000), (2600, 555_000)].map(|(x, value)| Knot {
+            centre: Pixels::from_int(x),
+            value: Micrometres::from_int(value),
+        });
+        let table = Table::new(Interpolation::Linear, &knots).expect("a table");
+        let residuals = knots.map(|knot| Knot {
+            value: Micrometres::from_int(100),
+            ..knot
+        });
+        let nominal = eq1::NOMINAL.expect("a curve");
+        let corrected = Corrected::new(nominal, Interpolation::Cubic, &residuals).expect("usable");
+        let lines =
+            [Calibration::Table(table), Calibration::Corrected(corrected)].map(|calibration| {
+                let record = Record {
+                    serial_number: 17,
+                    date: Date::new(2026, 11, 21).expect("a day"),
+                    calibration,
+                    ..Record::nominal().expect("a record")
+                };
+                let on = info(Some(&record), true);
+                let (_, calibration) = on
+                    .split_once("info estimator phase-table\r\n")
+                    .expect("the estimator");
+                let off = info(Some(&record), false);
+                assert!(
+                    off.ends_with(
+                        "\r\ninfo serial number 17, calibrated 2026-11-21\r\ninfo calibration off"
+                    ),
+                    "{off}"
+                );
+                calibration.to_owned()
+            });
+        assert_eq!(
+            lines[0],
+            "info serial number 17, calibrated 2026-11-21\r\n\
+             info calibration a table of distances at 3 knots, straight lines between them\r\n\
+             info range x 1200 to 2600 px, 555.0000 to 1000.0000 mm"
+        );
+        assert_eq!(
+            lines[1],
+            "info serial number 17, calibrated 2026-11-21\r\n\
+             info calibration d = D + K/(x - xp)\r\n\
+             info calibration D -115.3846 mm, K 2152366863 um px, xp -580.34616 px\r\n\
+             info calibration plus a table of residuals at 3 knots, monotone cubics between them\r\n\
+             info range x 1200 to 2600 px, 561.4866 to 1093.6751 mm"
+        );
+    }
+}

@@ -1,0 +1,218 @@
+//! Readings and faults as lines, without their line ends.
+//!
+//! A reading is `d 800.1234 mm u 0.0035 x 1823.1234 a 1830 n 16/16 b 312 e t`: distance and its standard uncertainty in
+//! millimetres, centre in pixels, amplitude in counts, rows used of the frame's, black level in counts, and the estimator's
+//! [`letter`](crate::centre::Estimator::letter). Where rows did not fit their spot, ` m 3` says how many. Where they err alike
+//! and may be worth fewer than eight independent ones, ` c 3` says as how few they may count
+//! ([`Reading::correlated`]). A fault is `f too dim: 35.2 counts, needs 60.1`. What was measured, calibrated or not, is
+//! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t`: a reading's centre and its own uncertainty in pixels, to all their digits.
+//!
+//! 115200 baud carries 65.6 bytes in the 5.7 ms of a row, so that is what a frame may take for each of its rows. The longest
+//! line of a frame of one row is 64 bytes with its end (for distances that are positive and below 10 m, uncertainties
+//! below 10 mm, a black level below 1000 counts), and 65 where the black level is beyond. That is why the centre has four
+//! decimals, which are 0.02 to 0.07 um of distance and so as fine as the distance's own, and the black level, on which the
+//! distance does not depend, has none. Rows that err alike are told from frames of eight rows on, whose line has eight times the room.
+//! The longest of all, of 64 rows, is 72 bytes.
+
+use core::fmt;
+
+use crate::fault::Fault;
+use crate::reading::{Measured, Reading};
+use crate::units::AsMillimetres;
+
+impl fmt::Display for Reading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "d {} mm u {} x {:.4} a {:.0} n {}/{} b {:.0} e {}",
+            AsMillimetres(self.distance),
+            AsMillimetres(self.uncertainty),
+            self.centre,
+            self.amplitude,
+            self.rows_used,
+            self.rows,
+            self.black_level,
+            self.estimator.letter()
+        )?;
+        flags(f, self.misfits, self.correlated)
+    }
+}
+
+impl fmt::Display for Measured {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            frame,
+            black_level,
+            estimator,
+        } = self;
+        write!(
+            f,
+            "x {:.5} u {:.5} a {:.0} n {}/{} b {black_level:.0} e {}",
+            frame.centre,
+            frame.uncertainty,
+            frame.amplitude,
+            frame.rows_used,
+            frame.rows,
+            estimator.letter()
+        )?;
+        flags(f, frame.misfits, frame.correlated)
+    }
+}
+
+/// What a frame's line ends with.
+fn flags(f: &mut fmt::Formatter<'_>, misfits: u16, correlated: Option<u16>) -> fmt::Result {
+    if misfits > 0 {
+        write!(f, " m {misfits}")?;
+    }
+    match correlated {
+        Some(rows) => write!(f, " c {rows}"),
+        None => Ok(()),
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "f {}", self.name())?;
+        match self {
+            Self::SensorSilent => Ok(()),
+            Self::NoSpot { amplitude } => write!(f, ": {amplitude:.1} counts at most"),
+            Self::TooDim { amplitude, needed } => {
+                write!(f, ": {amplitude:.1} counts, needs {needed:.1}")
+            }
+            Self::Saturated { pixels } => write!(f, ": {pixels} pixels"),
+            Self::SpotAtEdge { centre } => write!(f, ": x {centre:.1}"),
+            Self::TwoSpots { centre, other } => write!(f, ": x {centre:.1} and {other:.1}"),
+            Self::Unsteady { scatter } => write!(f, ": rows scatter by {scatter:.2} px"),
+            Self::OutOfRange { centre } => write!(f, ": x {centre:.5}"),
+            Self::NotCalibrated {
+                centre,
+                uncertainty,
+            } => write!(f, ": x {centre:.5} u {uncertainty:.5}"),
+        }
+    }
+}
+
+impl core::error::Error for Fault {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::centre::Estimator;
+    use crate::frame::{FEWEST_INDEPENDENT, FrameCentre};
+    use crate::units::{Counts, Micrometres, Pixels};
+
+    #[test]
+    fn lines_are_as_documented() {
+        let reading = Reading {
+            distance: Micrometres::from_int(800_123),
+            uncertainty: Micrometres::from_int(35),
+            centre: Pixels::from_f32(1823.125),
+            centre_uncertainty: Pixels::from_f32(0.001),
+            amplitude: Counts::from_f32(1830.25),
+            width: Pixels::from_int(9),
+            rows_used: 16,
+            rows: 16,
+            black_level: Counts::from_f32(312.25),
+            estimator: Estimator::PhaseTable,
+            misfits: 0,
+            correlated: None,
+        };
+        assert_eq!(
+            reading.to_string(),
+            "d 800.1230 mm u 0.0350 x 1823.1250 a 1830 n 16/16 b 312 e t"
+        );
+        let misfit = Reading {
+            rows_used: 15,
+            estimator: Estimator::Robust,
+            misfits: 3,
+            ..reading
+        };
+        assert_eq!(
+            misfit.to_string(),
+            "d 800.1230 mm u 0.0350 x 1823.1250 a 1830 n 15/16 b 312 e r m 3"
+        );
+        let correlated = Reading {
+            correlated: Some(3),
+            ..reading
+        };
+        assert_eq!(
+            correlated.to_string(),
+            "d 800.1230 mm u 0.0350 x 1823.1250 a 1830 n 16/16 b 312 e t c 3"
+        );
+        let both = Reading {
+            misfits: 2,
+            ..correlated
+        };
+        assert!(both.to_string().ends_with(" e t m 2 c 3"), "{both}");
+        let two = Fault::TwoSpots {
+            centre: Pixels::from_f32(1200.25),
+            other: Pixels::from_f32(1810.5),
+        };
+        assert_eq!(two.to_string(), "f two spots: x 1200.3 and 1810.5");
+        let dim = Fault::TooDim {
+            amplitude: Counts::from_f32(35.2),
+            needed: Counts::from_f32(60.1),
+        };
+        assert_eq!(dim.to_string(), "f too dim: 35.2 counts, needs 60.1");
+    }
+
+    #[test]
+    fn a_centre_is_as_documented() {
+        let measured = Measured {
+            frame: FrameCentre {
+                centre: Pixels::from_f32(1770.9877),
+                uncertainty: Pixels::from_f32(0.00195),
+                amplitude: Counts::from_f32(1993.25),
+                width: Pixels::from_int(9),
+                rows_used: 16,
+                rows: 16,
+                misfits: 0,
+                correlated: None,
+            },
+            black_level: Counts::from_f32(300.25),
+            estimator: Estimator::PhaseTable,
+        };
+        let line = "x 1770.98767 u 0.00195 a 1993 n 16/16 b 300 e t";
+        assert_eq!(measured.to_string(), line);
+        let flagged = Measured {
+            frame: FrameCentre {
+                misfits: 3,
+                correlated: Some(2),
+                ..measured.frame
+            },
+            ..measured
+        };
+        assert_eq!(flagged.to_string(), format!("{line} m 3 c 2"));
+    }
+
+    /// The longest line of a frame, in bytes with its end.
+    fn longest(rows: u16, black_level: i32) -> usize {
+        let longest = Reading {
+            distance: Micrometres::from_f32(8_388_000.0),
+            uncertainty: Micrometres::from_int(9_999),
+            centre: Pixels::from_f32(3646.9),
+            centre_uncertainty: Pixels::from_int(16),
+            amplitude: Counts::from_int(4095),
+            width: Pixels::from_int(130),
+            rows_used: rows,
+            rows,
+            black_level: Counts::from_int(black_level),
+            estimator: Estimator::GaussNewton,
+            misfits: rows,
+            correlated: (rows >= FEWEST_INDEPENDENT).then_some(FEWEST_INDEPENDENT - 1),
+        };
+        println!("{longest}");
+        longest.to_string().len() + 2
+    }
+
+    #[test]
+    fn the_line_carries_every_frame() {
+        assert_eq!((longest(1, 999), longest(1, 4095)), (64, 65));
+        assert_eq!(longest(64, 4095), 72);
+        // 115200 baud, ten bits a byte, a row in 5.7 ms.
+        let bytes_a_row = 11_520.0 * 5.7e-3;
+        for rows in [1, 2, 7, 8, 64] {
+            assert!(longest(rows, 4095) as f64 <= f64::from(rows) * bytes_a_row);
+        }
+    }
+}

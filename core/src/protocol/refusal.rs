@@ -1,0 +1,122 @@
+//! Why what was asked for is not done, though the line was understood. The numbers go on where those of
+//! [`super::command::Error`] end.
+
+use core::fmt;
+
+use crate::record::RecordError;
+use crate::store::StoreError;
+
+/// Why a command is not obeyed. Nothing has changed. `Display` is the answer, without its line end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// No upload is under way.
+    NoUpload,
+    /// A piece that is not the next one.
+    WrongOffset {
+        /// Where it begins.
+        offset: usize,
+        /// Where the next one begins.
+        expected: usize,
+    },
+    /// A piece that reaches beyond the record.
+    TooLong {
+        /// Where it ends.
+        end: usize,
+        /// How many bytes were announced.
+        announced: usize,
+    },
+    /// Not all of the record has come.
+    Incomplete {
+        /// How many bytes have.
+        came: usize,
+        /// How many were announced.
+        announced: usize,
+    },
+    /// The bytes are no record that could be used.
+    Record(RecordError),
+    /// The record was made with a sensor head whose rows are others.
+    OtherSensor,
+    /// The record in use ends before that offset.
+    NoPiece {
+        /// The offset.
+        offset: u16,
+        /// How many bytes the record has.
+        bytes: usize,
+    },
+    /// There is no calibration.
+    NoCalibration,
+    /// What is in use could not be saved.
+    NotSaved(StoreError),
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoUpload => f.write_str("E8 no upload under way: calibration begin BYTES first"),
+            Self::WrongOffset { offset, expected } => {
+                write!(f, "E9 offset {offset}, expected {expected}: go on from there")
+            }
+            Self::TooLong { end, announced } => write!(
+                f,
+                "E10 the piece ends at {end}, the record at {announced}: calibration begin with its length"
+            ),
+            Self::Incomplete { came, announced } => write!(
+                f,
+                "E11 {came} of {announced} bytes came: go on from there, or calibration abort"
+            ),
+            Self::Record(error) => write!(f, "E12 {error}"),
+            Self::OtherSensor => f.write_str(
+                "E13 the record is of another sensor head: calibrate this one, or take its own record",
+            ),
+            Self::NoPiece { offset, bytes } => {
+                write!(f, "E14 offset {offset}, but the record has {bytes} bytes")
+            }
+            Self::NoCalibration => {
+                f.write_str("E15 there is no calibration: upload one, or defaults")
+            }
+            Self::NotSaved(error) => write!(f, "E16 not saved: {error}"),
+        }
+    }
+}
+
+impl core::error::Error for Refusal {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::MAX_ANSWER;
+
+    #[test]
+    fn each_has_its_number_and_says_what_to_do() {
+        let refusals = [
+            Refusal::NoUpload,
+            Refusal::WrongOffset {
+                offset: 48,
+                expected: 32,
+            },
+            Refusal::TooLong {
+                end: 64,
+                announced: 54,
+            },
+            Refusal::Incomplete {
+                came: 32,
+                announced: 54,
+            },
+            Refusal::Record(RecordError::Shape),
+            Refusal::OtherSensor,
+            Refusal::NoPiece {
+                offset: 64,
+                bytes: 54,
+            },
+            Refusal::NoCalibration,
+            Refusal::NotSaved(StoreError::Worn),
+        ];
+        for (refusal, number) in refusals.into_iter().zip(8..) {
+            let text = refusal.to_string();
+            println!("{text}");
+            assert!(text.starts_with(&format!("E{number} ")), "{text}");
+            assert!(text.contains([':', ',']), "{text}");
+            assert!(text.is_ascii() && text.len() + 2 <= MAX_ANSWER, "{text}");
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! How the sensor fares: the answer to `status`.
+
+use core::fmt;
+
+use crate::fault::Fault;
+
+/// What made the firmware start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StartCause {
+    /// Power came, or came back.
+    PowerOn,
+    /// The reset pin: the button, or a debug probe.
+    ResetPin,
+    /// A reset by software, as a debug probe asks for once it has flashed; the firmware asks for none.
+    Software,
+    /// A part of the firmware had stopped.
+    Watchdog,
+}
+
+impl fmt::Display for StartCause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::PowerOn => "power-on",
+            Self::ResetPin => "reset pin",
+            Self::Software => "software",
+            Self::Watchdog => "watchdog",
+        })
+    }
+}
+
+/// What has been counted since the start. `Display` is the answer to `status`, lines parted by CR LF: every line is
+/// `status`, a name and a value. Counts wrap at 2^32, which 175 rows a second reach after 284 days.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Status {
+    /// What made the firmware start.
+    pub started_by: StartCause,
+    /// Time since the start.
+    pub uptime_ms: u64,
+    /// Rows read.
+    pub rows: u32,
+    /// Rows not read, because both buffers were still in use.
+    pub rows_lost: u32,
+    /// Read-outs that did not complete.
+    pub rows_failed: u32,
+    /// Core cycles that the latest row took to compute, interrupts included.
+    pub row_cycles: u32,
+    /// Frames that gave a distance.
+    pub readings: u32,
+    /// Frames that gave none, in the order of [`Fault::NAMES`].
+    pub faults: [u32; Fault::KINDS],
+    /// Lines of readings and faults that the serial line was too slow for.
+    pub lines_dropped: u32,
+    /// Bytes received with noise, with a wrong stop bit, and lost because an earlier one was not fetched in time.
+    pub serial_errors: SerialErrors,
+}
+
+/// What went wrong on the serial line's receiving side.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SerialErrors {
+    /// Bytes whose samples disagreed.
+    pub noise: u32,
+    /// Bytes without a stop bit.
+    pub framing: u32,
+    /// Bytes that came before the one ahead was fetched.
+    pub overrun: u32,
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "status start {}", self.started_by)?;
+        write!(
+            f,
+            "\r\nstatus uptime {}.{:03} s",
+            self.uptime_ms / 1000,
+            self.uptime_ms % 1000
+        )?;
+        write!(f, "\r\nstatus rows read {}", self.rows)?;
+        write!(f, "\r\nstatus rows lost {}", self.rows_lost)?;
+        write!(f, "\r\nstatus rows failed {}", self.rows_failed)?;
+        write!(f, "\r\nstatus row cycles {}", self.row_cycles)?;
+        write!(f, "\r\nstatus readings {}", self.readings)?;
+        for (name, count) in Fault::NAMES.iter().zip(self.faults) {
+            write!(f, "\r\nstatus fault {name} {count}")?;
+        }
+        write!(f, "\r\nstatus lines dropped {}", self.lines_dropped)?;
+        let SerialErrors {
+            noise,
+            framing,
+            overrun,
+        } = self.serial_errors;
+        write!(
+            f,
+            "\r\nstatus serial noise {noise}\r\nstatus serial framing {framing}\r\nstatus serial overrun {overrun}"
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_status_is_as_documented_and_fits_the_answer_buffer() {
+        let status = Status {
+            started_by: StartCause::Watchdog,
+            uptime_ms: u64::MAX,
+            rows: u32::MAX,
+            rows_lost: u32::MAX,
+            rows_failed: u32::MAX,
+            row_cycles: u32::MAX,
+            readings: u32::MAX,
+            faults: [u32::MAX; Fault::KINDS],
+            lines_dropped: u32::MAX,
+            serial_errors: SerialErrors {
+                noise: u32::MAX,
+                framing: u32::MAX,
+                overrun: u32::MAX,
+            },
+        };
+        let text = status.to_string();
+        assert!(
+            text.starts_with("status start watchdog\r\nstatus uptime "),
+            "{text}"
+        );
+        assert!(
+            text.contains("\r\nstatus fault spot at the edge 4294967295\r\n"),
+            "{text}"
+        );
+        assert!(
+            text.len() + 2 <= crate::protocol::MAX_ANSWER,
+            "{}",
+            text.len()
+        );
+    }
+}

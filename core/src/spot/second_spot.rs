@@ -1,0 +1,316 @@
+//! Whether what the search found is one spot or two.
+//!
+//! The search takes the block in which most light stands out, and where two spots are within some nine widths of each other that is one
+//! which holds both. So the light about it is looked at in finer blocks. Two lumps there, each compact, far apart for their width,
+//! with a valley between them and no other light beside them, are two spots: either which is the laser's cannot be told, or the
+//! higher one takes the place of both. Speckle breaks a spot into lumps too, but closer ones, or more.
+//!
+//! Further away the kernel's responses tell: one that is nearly as high as the spot's is another spot.
+
+use crate::fault::Fault;
+use crate::numeric;
+use crate::spot::{LARGEST_BLOCK_LOG2, Spot, Sums, above, height, in_q8, middle, needed, square};
+use crate::units::{Counts, Pixels};
+
+/// A second spot of 50 % of the first one's height is none to be confused with it, one of 80 % is. In blocks either is measured to a
+/// tenth: two thirds lie between.
+pub(super) const fn is_alike(height: i64, highest: i64) -> bool {
+    3 * height > 2 * highest
+}
+
+/// A second lump of less leads the search astray by no more than half a width.
+const fn is_seen(height: i32, highest: i32) -> bool {
+    height > highest / 4
+}
+
+/// Another spot's response stands this far above its noise, in halves of a standard deviation: noise gets there in one row of 10,000 (8000
+/// places, beyond 5.5), and a spot that is bright enough for a centre has ten.
+const OTHER: u16 = 11;
+
+/// Blocks to either side of the spot in which it is looked at more finely: what they leave to the other test is
+/// apart enough for it.
+const NEAR: usize = 4;
+
+/// An eighth of the spot's block is fine enough for the narrowest two that the search takes for one: blocks of a quarter.
+const FINE_LOG2: u32 = 3;
+
+/// Fine blocks looked at.
+const FINE: usize = (2 * NEAR) << FINE_LOG2;
+
+/// The spot, or the higher one of two.
+///
+/// # Errors
+/// [`Fault::TwoSpots`] where another is as high.
+pub(super) fn told_from_another(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
+    let mut spot = found;
+    // Each time in smaller blocks.
+    while let Some((higher, lower)) = Near::new(sums, &spot).and_then(|near| near.two()) {
+        if is_alike(lower.height.into(), higher.height.into()) {
+            return Err(two_spots(higher.middle, lower.middle));
+        }
+        let Some(finer) = higher.spot(sums, &spot) else {
+            break;
+        };
+        spot = finer;
+    }
+    match further_away(sums, &spot) {
+        Some(other) => Err(two_spots(spot.centre, other)),
+        None => Ok(spot),
+    }
+}
+
+fn two_spots(centre: usize, other: usize) -> Fault {
+    // A row has at most 4096 pixels.
+    Fault::TwoSpots {
+        centre: Pixels::from_int(centre as i32),
+        other: Pixels::from_int(other as i32),
+    }
+}
+
+/// The light near a spot, in fine blocks, above the background: Q24.8 counts, of 16 pixels below 2^24.
+struct Near {
+    light: [i32; FINE],
+    /// The same without what is a single block's: the median of three neighbours. It knows no hot and no dead pixel.
+    smooth: [i32; FINE],
+    length: usize,
+    /// The first block's place on the row.
+    first: usize,
+    block_log2: u32,
+    /// Standard deviation of a block.
+    noise: i32,
+}
+
+/// A part of the light that has one top.
+struct Lump {
+    /// Its highest block, and the blocks about it that are above half of that.
+    top: usize,
+    from: usize,
+    to: usize,
+    /// The most light in three blocks of it.
+    height: i32,
+    /// The pixel to the right of the middle.
+    middle: usize,
+    /// Pixels above half of the height.
+    full_width: usize,
+}
+
+impl Near {
+    /// `None` where the row is too short for any.
+    fn new(sums: &Sums<'_>, spot: &Spot) -> Option<Self> {
+        let block_log2 = spot
+            .block_log2
+            .min(LARGEST_BLOCK_LOG2)
+            .saturating_sub(FINE_LOG2);
+        let finer = spot.block_log2.saturating_sub(block_log2).min(FINE_LOG2);
+        let reach = NEAR * (1 << finer);
+        let first = block_of(spot.centre, block_log2).saturating_sub(reach);
+        let level = spot
+            .background
+            .level
+            .to_bits()
+            .saturating_mul(1 << block_log2);
+        let mut near = Self {
+            light: [0; FINE],
+            smooth: [0; FINE],
+            length: 0,
+            first,
+            block_log2,
+            // Below 2^20 in Q8, and times 4 at most.
+            noise: (spot.background.noise.to_f32()
+                * dual_mac::square_root((1u32 << (2 * Counts::FRACTION + block_log2)) as f32))
+                as i32,
+        };
+        for (length, light) in (1..=2 * reach).zip(&mut near.light) {
+            let Some(sum) = sums.block(block_log2, first.saturating_add(length - 1)) else {
+                break;
+            };
+            *light = in_q8(sum).saturating_sub(level);
+            near.length = length;
+        }
+        let light = near.light.get(..near.length)?;
+        let (&start, &end) = (light.first()?, light.last()?);
+        let left = core::iter::once(&start).chain(light);
+        let right = light.iter().skip(1).chain(core::iter::once(&end));
+        for (smooth, ((&left, &here), &right)) in
+            near.smooth.iter_mut().zip(left.zip(light).zip(right))
+        {
+            *smooth = left.min(right).max(here.min(left.max(right)));
+        }
+        Some(near)
+    }
+
+    /// The higher and the lower of two spots. `None` where there is one, or many.
+    fn two(&self) -> Option<(Lump, Lump)> {
+        let smooth = self.smooth.get(..self.length)?;
+        let highest = *smooth.iter().max()?;
+        let top = smooth.iter().position(|&light| light == highest)?;
+        let (left, right) = smooth.split_at_checked(top)?;
+        let to_the_right = self.second(right.iter(), highest);
+        let to_the_left = self.second(left.iter().rev(), highest);
+        let other = match (to_the_left, to_the_right) {
+            (Some((left, height)), Some((_, other))) if height > other => {
+                top.saturating_sub(1).saturating_sub(left)
+            }
+            (_, Some((right, _))) => top.saturating_add(right),
+            (Some((left, _)), None) => top.saturating_sub(1).saturating_sub(left),
+            (None, None) => return None,
+        };
+        let (here, other) = (self.lump(top)?, self.lump(other)?);
+        if !self.are_apart(&here, &other) || !self.are_all(&here, &other) {
+            return None;
+        }
+        Some(if other.height > here.height {
+            (other, here)
+        } else {
+            (here, other)
+        })
+    }
+
+    /// The highest block, counted from the top outwards, that a valley separates from it.
+    fn second<'a>(
+        &self,
+        outwards: impl Iterator<Item = &'a i32>,
+        highest: i32,
+    ) -> Option<(usize, i32)> {
+        let (mut valley, mut second) = (highest, None);
+        for (i, &light) in (0..FINE).zip(outwards) {
+            valley = valley.min(light);
+            if is_seen(light, highest)
+                && valley <= light / 2
+                && light.saturating_sub(valley) > self.noise.saturating_mul(5)
+                && second.is_none_or(|(_, height)| light > height)
+            {
+                second = Some((i, light));
+            }
+        }
+        second
+    }
+
+    fn lump(&self, top: usize) -> Option<Lump> {
+        let (left, right) = self.smooth.get(..self.length)?.split_at_checked(top)?;
+        let half = right.first()? / 2;
+        let is_below = |light: &i32| *light <= half;
+        let from = left
+            .iter()
+            .rposition(is_below)
+            .map_or(0, |below| below.saturating_add(1));
+        let to = right
+            .iter()
+            .position(is_below)
+            .map_or(self.length, |below| top.saturating_add(below));
+        let about = from.saturating_sub(1)..to.saturating_add(1).min(self.length);
+        let threes = self.light.get(about)?.windows(3);
+        let height = threes
+            .map(|three| {
+                three
+                    .iter()
+                    .fold(0i32, |sum, &light| sum.saturating_add(light))
+            })
+            .max()?;
+        Some(Lump {
+            top,
+            from,
+            to,
+            height,
+            middle: pixels(
+                self.first
+                    .saturating_mul(2)
+                    .saturating_add(from)
+                    .saturating_add(to),
+                self.block_log2,
+            ) / 2,
+            full_width: pixels(to.saturating_sub(from), self.block_log2),
+        })
+    }
+
+    /// Three and a half widths at least: one and a half times the full width at half maximum, which is known to two blocks.
+    fn are_apart(&self, one: &Lump, other: &Lump) -> bool {
+        let wider = one.blocks().max(other.blocks());
+        one.top.abs_diff(other.top).saturating_add(2) >= wider.saturating_mul(3).div_ceil(2)
+    }
+
+    /// Whether there is little light beside the two: they reach three and a half widths from their middles.
+    fn are_all(&self, one: &Lump, other: &Lump) -> bool {
+        let is_of = |i: usize, lump: &Lump| {
+            let reach = lump.blocks();
+            (lump.from.saturating_sub(reach)..lump.to.saturating_add(reach)).contains(&i)
+        };
+        let (mut all, mut beside) = (0i64, 0i64);
+        // 64 of 32 bits.
+        for (i, &light) in (0..self.length).zip(&self.light) {
+            all = numeric::add_i64(all, i64::from(light));
+            if !is_of(i, one) && !is_of(i, other) {
+                beside = numeric::add_i64(beside, i64::from(light));
+            }
+        }
+        numeric::mul_i64(8, beside) <= all
+    }
+}
+
+impl Lump {
+    /// Blocks above half of the height.
+    fn blocks(&self) -> usize {
+        self.to.saturating_sub(self.from)
+    }
+
+    /// The spot that it is, where its blocks are smaller.
+    fn spot(&self, sums: &Sums<'_>, found: &Spot) -> Option<Spot> {
+        // The full width is 2.35 widths, and blocks are at most four thirds of one.
+        let block_log2 = (0..found.block_log2)
+            .take_while(|&log2| pixels(4, log2) <= self.full_width.saturating_mul(7) / 3)
+            .last()?;
+        let response = sums.response(block_log2, block_of(self.middle, block_log2))?;
+        let response = above(response, block_log2, found.background.level);
+        Some(Spot {
+            centre: self.middle,
+            block_log2,
+            height: height(response, block_log2),
+            background: found.background,
+        })
+    }
+}
+
+/// The pixels of so many blocks.
+fn pixels(blocks: usize, block_log2: u32) -> usize {
+    blocks.saturating_mul(1 << block_log2.min(LARGEST_BLOCK_LOG2))
+}
+
+/// The block that a pixel is in.
+fn block_of(pixel: usize, block_log2: u32) -> usize {
+    pixel >> block_log2.min(LARGEST_BLOCK_LOG2)
+}
+
+/// Another spot's pixel, further away than [`NEAR`] blocks.
+fn further_away(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
+    let (block_log2, level) = (
+        spot.block_log2.min(LARGEST_BLOCK_LOG2),
+        spot.background.level,
+    );
+    let here = block_of(spot.centre, block_log2);
+    let response = |block| Some(above(sums.response(block_log2, block)?, block_log2, level));
+    // The spot's middle may be on the next block's side.
+    let highest = (here.saturating_sub(1)..here.saturating_add(2))
+        .filter_map(response)
+        .max()?;
+    let least = needed(OTHER, spot.background.noise);
+    let is_other = |response: i32| {
+        is_alike(response.into(), highest.into())
+            && square(response.max(0).unsigned_abs()) >> block_log2.min(LARGEST_BLOCK_LOG2) >= least
+    };
+    let parts = sums.parts(block_log2);
+    let others = parts.filter(|&(highest, _)| is_other(above(highest, block_log2, level)));
+    let mut others = others.flat_map(|(_, blocks)| blocks).filter(|&block| {
+        block.abs_diff(here) > NEAR
+            && response(block).is_some_and(is_other)
+            && !sums.is_one_pixel(block_log2, block, level)
+    });
+    others
+        .find(|&block| {
+            let between = block.min(here)..block.max(here);
+            between
+                .filter_map(response)
+                .min()
+                .is_some_and(|valley| valley <= highest / 3)
+        })
+        .map(|block| middle(block, block_log2))
+}

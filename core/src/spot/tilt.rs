@@ -1,0 +1,81 @@
+//! A background that rises along the row, as sunlight from one side makes it: the search does without it.
+//!
+//! Its slope is the median of the steps from one large block to the next. A spot makes as many steps up as down, so it
+//! counts for little, however many blocks it covers.
+
+use heapless::Vec;
+
+use crate::numeric;
+use crate::row::{LARGEST_COUNT, MAX_PIXELS};
+use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, median};
+use crate::units::Counts;
+
+/// Bits after the binary point of a slope.
+const FRACTION: u32 = 16;
+
+/// A background that rises, or falls, by the same from each pixel to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Tilt {
+    /// Counts a pixel, Q16: blocks have two pixels at least, and their means differ by 4095 at most, so below 2^27.
+    slope: i64,
+}
+
+impl Tilt {
+    /// From the sums over a row's blocks of 2^`block_log2` pixels. `None` for fewer than two, or more than a median takes.
+    pub(super) fn of(sums: &[u32], block_log2: u32) -> Option<Self> {
+        let mut steps: Vec<i32, MEDIAN_BLOCKS> = Vec::new();
+        for (this, next) in sums.iter().zip(sums.iter().skip(1)) {
+            // Sums of at most 128 pixels of 12 bits: below 2^19.
+            steps
+                .push(numeric::sub_i32(*next as i32, *this as i32))
+                .ok()?;
+        }
+        let step = i64::from(median(&mut steps)?);
+        // One of them over the pixels of a block is the step of the mean, and twice that a pixel's.
+        Some(Self {
+            slope: (step * (1 << FRACTION)) >> (2 * block_log2.min(LARGEST_BLOCK_LOG2)),
+        })
+    }
+
+    /// Whether it hides a spot of this height: its middle and its ends are further apart than a quarter of that, and than twice a
+    /// pixel's noise, which is five times the standard deviation of what noise alone makes (0.4 times its own, of 28 blocks of
+    /// 128 pixels: median steps scatter by 1.25 sqrt(2 / 128) / sqrt(27), and there are 14 in half a row).
+    pub(super) fn matters(self, light: &[u16], height: Counts, noise: Counts) -> bool {
+        let drift = self.rise(light.len() / 2);
+        drift > 2 * i64::from(noise.to_bits()) && drift > i64::from(height.to_bits()) / 4
+    }
+
+    /// By how much the background is higher so many pixels further, Q24.8 counts.
+    fn rise(self, pixels: usize) -> i64 {
+        // A slope is below 2^27, and a row has at most 2^12 pixels.
+        numeric::mul_i64(self.slope.saturating_abs(), pixels as i64)
+            >> (FRACTION - Counts::FRACTION)
+    }
+
+    /// By how much it is higher at a pixel than at the row's dark end, Q24.8 counts. At most 2^20, all that a row can hold.
+    pub(super) fn at(self, light: &[u16], pixel: usize) -> i32 {
+        let from_dark = if self.slope > 0 {
+            pixel
+        } else {
+            light.len().saturating_sub(pixel).saturating_sub(1)
+        };
+        self.rise(from_dark).min(1 << 20) as i32
+    }
+
+    /// The row without it, and what its lowest pixel then has: that is taken off too, or a row whose dark end is near zero would be
+    /// cut off there.
+    pub(super) fn taken_off(self, light: &[u16]) -> (i32, impl Iterator<Item = u16>) {
+        // At most 2^12 counts either way.
+        let without = move |(pixel, &count): (usize, &u16)| {
+            i32::from(count).saturating_sub(self.at(light, pixel) >> Counts::FRACTION)
+        };
+        let pixels = || (0..MAX_PIXELS).zip(light);
+        let lowest = pixels().map(without).min().unwrap_or_default();
+        let above = move |pixel: (usize, &u16)| {
+            without(pixel)
+                .saturating_sub(lowest)
+                .min(i32::from(LARGEST_COUNT)) as u16
+        };
+        (lowest, pixels().map(above))
+    }
+}

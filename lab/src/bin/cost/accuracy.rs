@@ -1,0 +1,289 @@
+//! How near each rung comes to the Cramér-Rao bound, over widths, heights and kinds of noise.
+
+use host_tests::accuracy::{Cell, Outcome};
+use host_tests::grid::{self, Rows};
+use indicatif::ProgressBar;
+use slitrange::centre::Estimator;
+
+/// Widths (sigma) of the grid in pixels.
+pub const WIDTHS: [f64; 12] = [
+    0.8, 1.2, 1.6, 2.0, 3.0, 4.6, 6.7, 8.0, 10.5, 13.4, 18.0, 30.0,
+];
+
+/// The widths in pixels that the rungs are made for, over which their worst figures are taken. A narrower spot is
+/// hardly wider than a pixel, and a wider one is beyond the optics.
+pub const MEANT_FOR: std::ops::RangeInclusive<f64> = 1.2..=18.0;
+
+/// The noise of a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Noise {
+    /// White, with this ratio of the spot's height to its standard deviation.
+    White {
+        /// Height over standard deviation.
+        snr: f64,
+    },
+    /// That of the light's quanta, and white read noise.
+    Shot {
+        /// The spot's height in counts.
+        amplitude: f64,
+        /// Electrons a count.
+        electrons_per_count: f64,
+        /// Standard deviation of the read noise in counts.
+        read_noise: f64,
+    },
+}
+
+const fn shot(amplitude: f64, electrons_per_count: f64, read_noise: f64) -> Noise {
+    Noise::Shot {
+        amplitude,
+        electrons_per_count,
+        read_noise,
+    }
+}
+
+/// The kinds of noise of the grid.
+pub const NOISES: [Noise; 10] = [
+    Noise::White { snr: 25.0 },
+    Noise::White { snr: 100.0 },
+    Noise::White { snr: 500.0 },
+    Noise::White { snr: 1800.0 },
+    shot(100.0, 5.0, 4.0),
+    shot(1000.0, 5.0, 2.0),
+    shot(1000.0, 2.0, 8.0),
+    shot(3800.0, 10.0, 1.0),
+    shot(3800.0, 10.0, 8.0),
+    shot(3800.0, 2.0, 2.0),
+];
+
+impl Noise {
+    /// A cell of the grid. White noise is on a spot of 2400 counts, which leaves room for its peaks at any SNR.
+    fn cell(self, width: f64, rows: u64) -> Cell {
+        let (amplitude, read_noise, electrons_per_count) = match self {
+            Self::White { snr } => (2400.0, 2400.0 / snr, None),
+            Self::Shot {
+                amplitude,
+                electrons_per_count,
+                read_noise,
+            } => (amplitude, read_noise, Some(electrons_per_count)),
+        };
+        Cell {
+            width,
+            amplitude,
+            read_noise,
+            electrons_per_count,
+            rows,
+            seed: 3,
+        }
+    }
+
+    /// Whether it is white.
+    pub const fn is_white(self) -> bool {
+        matches!(self, Self::White { .. })
+    }
+}
+
+/// A rung on a cell of the grid.
+#[derive(Clone, Copy, Debug)]
+pub struct RungOnCell {
+    /// The rung.
+    pub estimator: Estimator,
+    /// Sigma in pixels.
+    pub width: f64,
+    /// The noise.
+    pub noise: Noise,
+    /// What came of it.
+    pub outcome: Outcome,
+}
+
+/// A rung's largest bias at a width.
+#[derive(Clone, Copy, Debug)]
+pub struct Bias {
+    /// The rung.
+    pub estimator: Estimator,
+    /// Sigma in pixels.
+    pub width: f64,
+    /// In pixels; `None` where the rung finds no centre in a noiseless row.
+    pub pixels: Option<f64>,
+}
+
+/// A spot as one meets it, to show accuracy against time on.
+pub struct Situation {
+    /// What it is, in words.
+    pub name: &'static str,
+    /// The width at which the chip's time was measured.
+    pub chip_width: f64,
+    noise: Noise,
+    hot_pixel: Option<f64>,
+}
+
+/// The situations shown.
+pub const SITUATIONS: [Situation; 4] = [
+    Situation {
+        name: "White noise, SNR 100, σ 10.5 px",
+        chip_width: 10.5,
+        noise: Noise::White { snr: 100.0 },
+        hot_pixel: None,
+    },
+    Situation {
+        name: "Shot noise, 2000 counts, σ 10.5 px",
+        chip_width: 10.5,
+        noise: shot(2000.0, 5.0, 2.0),
+        hot_pixel: None,
+    },
+    Situation {
+        name: "Shot noise, 2000 counts, a narrow spot: σ 1.5 px",
+        chip_width: 1.5,
+        noise: shot(2000.0, 5.0, 2.0),
+        hot_pixel: None,
+    },
+    Situation {
+        name: "Shot noise, 2000 counts, σ 10.5 px, and a hot pixel of 1000 counts",
+        chip_width: 10.5,
+        noise: shot(2000.0, 5.0, 2.0),
+        hot_pixel: Some(1000.0),
+    },
+];
+
+/// Where more of the rows than this have no centre, the error of the others is not the rung's: those are the easy ones.
+pub const MOST_FAULTS: f64 = 0.1;
+
+/// A rung in a situation.
+#[derive(Clone, Copy, Debug)]
+pub struct InSituation {
+    /// Index into [`SITUATIONS`].
+    pub situation: usize,
+    /// The rung.
+    pub estimator: Estimator,
+    /// What came of it.
+    pub outcome: Outcome,
+}
+
+/// All that was measured of the rungs' accuracy.
+pub struct Accuracy {
+    /// Rows in a cell.
+    pub rows: u64,
+    /// The grid.
+    pub cells: Vec<RungOnCell>,
+    /// The situations.
+    pub situations: Vec<InSituation>,
+    /// Biases without noise.
+    pub biases: Vec<Bias>,
+}
+
+/// Runs the rungs over the grid, `rows` rows a cell.
+pub fn measure(estimators: &[Estimator], rows: u64) -> Accuracy {
+    let bar = ProgressBar::new((WIDTHS.len() * (NOISES.len() + 1) + SITUATIONS.len()) as u64);
+    bar.set_message("accuracy");
+    let mut accuracy = Accuracy {
+        rows,
+        cells: vec![],
+        situations: vec![],
+        biases: vec![],
+    };
+    for width in WIDTHS {
+        for noise in NOISES {
+            let outcomes = Rows::of(noise.cell(width, rows)).run(estimators);
+            accuracy.cells.extend(
+                estimators
+                    .iter()
+                    .zip(outcomes)
+                    .map(|(&estimator, outcome)| RungOnCell {
+                        estimator,
+                        width,
+                        noise,
+                        outcome,
+                    }),
+            );
+            bar.inc(1);
+        }
+        accuracy
+            .biases
+            .extend(estimators.iter().map(|&estimator| Bias {
+                estimator,
+                width,
+                pixels: grid::largest_bias(estimator, width),
+            }));
+        bar.inc(1);
+    }
+    for (i, situation) in SITUATIONS.iter().enumerate() {
+        let rows = Rows {
+            hot_pixel: situation.hot_pixel,
+            ..Rows::of(situation.noise.cell(situation.chip_width, rows))
+        };
+        let outcomes = rows.run(estimators);
+        accuracy.situations.extend(
+            estimators
+                .iter()
+                .zip(outcomes)
+                .map(|(&estimator, outcome)| InSituation {
+                    situation: i,
+                    estimator,
+                    outcome,
+                }),
+        );
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    accuracy
+}
+
+/// The worst of a rung's figures over the widths it is meant for.
+#[derive(Clone, Copy, Debug)]
+pub struct Worst {
+    /// RMSE over the bound in white noise.
+    pub white: f64,
+    /// RMSE over the bound in shot and read noise.
+    pub shot: f64,
+    /// Bias in pixels.
+    pub bias: Option<f64>,
+    /// Smallest and largest standard deviation of error over claim.
+    pub pull: (f64, f64),
+    /// Largest part of a cell's rows without a centre.
+    pub faults: f64,
+    /// Largest part of a cell's rows whose centre is grossly wrong.
+    pub gross: f64,
+}
+
+impl Accuracy {
+    /// The part of a cell's rows that has no centre.
+    pub fn faults(&self, outcome: &Outcome) -> f64 {
+        outcome.faults as f64 / self.rows as f64
+    }
+
+    /// A rung's worst figures.
+    pub fn worst(&self, estimator: Estimator) -> Worst {
+        let cells = || {
+            self.cells
+                .iter()
+                .filter(|cell| cell.estimator == estimator && MEANT_FOR.contains(&cell.width))
+        };
+        let ratio = |white| {
+            cells()
+                .filter(|cell| cell.noise.is_white() == white)
+                .map(|cell| cell.outcome.ratio())
+                .fold(f64::NAN, f64::max)
+        };
+        let part = |rows: fn(&Outcome) -> u64| {
+            cells().map(|cell| rows(&cell.outcome)).max().unwrap_or(0) as f64 / self.rows as f64
+        };
+        Worst {
+            white: ratio(true),
+            shot: ratio(false),
+            bias: self
+                .biases
+                .iter()
+                .filter(|bias| bias.estimator == estimator && MEANT_FOR.contains(&bias.width))
+                .try_fold(0.0f64, |worst, bias| Some(worst.max(bias.pixels?))),
+            pull: (
+                cells()
+                    .map(|cell| cell.outcome.pull)
+                    .fold(f64::NAN, f64::min),
+                cells()
+                    .map(|cell| cell.outcome.pull)
+                    .fold(f64::NAN, f64::max),
+            ),
+            faults: part(|outcome| outcome.faults),
+            gross: part(|outcome| outcome.gross),
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! The chip and a PC do the same.
+
+use std::sync::LazyLock;
+
+use cost_on_chip::calibrations::{self, CENTRES, Form};
+use cost_on_chip::inputs::{self, Input, Searched};
+use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WIDTHS};
+use slitrange::centre;
+
+use super::*;
+
+static RUN: LazyLock<Run> = LazyLock::new(|| Run::of(PACKAGE).expect("the chip's program runs"));
+static CHIP: LazyLock<Chip> = LazyLock::new(|| chip(&RUN).expect("and says all"));
+
+/// What a rung found in a row.
+#[derive(Clone, Debug, PartialEq)]
+struct Found {
+    name: String,
+    width: f32,
+    row: usize,
+    /// The bits of centre and uncertainty, or the fault's name.
+    found: Result<(i32, i32), String>,
+}
+
+/// What the chip found, in the order in which it looked.
+fn on_the_chip() -> Vec<Found> {
+    lines::all(&RUN.lines, Kind::Row)
+        .map(|line| Found {
+            name: line.name.clone(),
+            // The log prints widths as f32 does: 11.3.
+            width: line.number("width").unwrap() as f32,
+            row: line.whole("number").unwrap() as usize,
+            found: match &line.fault {
+                Some(fault) => Err(fault.clone()),
+                // Whole numbers of 32 bits, which a double holds.
+                None => Ok((
+                    line.number("centre").unwrap() as i32,
+                    line.number("uncertainty").unwrap() as i32,
+                )),
+            },
+        })
+        .collect()
+}
+
+/// What a PC finds in the rows that the chip saw.
+fn on_this_pc(estimator: Estimator, width: f32, row: usize) -> Result<(i32, i32), String> {
+    let geometry = rows::geometry();
+    let (mut before, mut now) = ([0; PIXELS], [0; PIXELS]);
+    rows::light(width, row, Turn::Before, &mut before);
+    rows::light(width, row, Turn::Now, &mut now);
+    let (before, now) = (
+        inputs::searched(&before).expect("a spot"),
+        inputs::searched(&now).expect("a spot"),
+    );
+    let Input {
+        searched: Searched { row, spot },
+        before,
+        geometry,
+    } = inputs::input(estimator, &before, now, &geometry);
+    match centre::centre(estimator, &row, &spot, before.as_ref(), geometry) {
+        Ok(found) => Ok((found.centre.to_bits(), found.uncertainty.to_bits())),
+        Err(fault) => Err(fault.name().to_owned()),
+    }
+}
+
+/// The chip's inner products are assembly, and its floating point is the core's own or the compiler's library.
+#[test]
+fn the_chip_and_a_pc_find_the_same_bits() {
+    let mut found = on_the_chip().into_iter();
+    let (mut centres, mut faults) = (0, 0);
+    for width in WIDTHS {
+        for row in 0..ROWS {
+            for estimator in Estimator::ALL {
+                let expected = Found {
+                    name: estimator.name().to_owned(),
+                    width,
+                    row,
+                    found: on_this_pc(estimator, width, row),
+                };
+                match expected.found {
+                    Ok(_) => centres += 1,
+                    Err(_) => faults += 1,
+                }
+                assert_eq!(found.next(), Some(expected));
+            }
+        }
+    }
+    assert_eq!(found.next(), None);
+    println!("{centres} centres and {faults} faults are the same");
+    assert!(centres > 9 * faults, "{faults} faults");
+}
+
+/// A difference would be an error of [`chip`].
+#[test]
+fn the_assembly_and_its_twin_agree() {
+    println!("{} are the same", CHIP.kernels_compared);
+    assert!(CHIP.kernels_compared >= 9000);
+}
+
+/// The peers fit the spot that the rungs fit: the same noise moves both, so that they lie within three standard uncertainties.
+#[test]
+fn the_peers_fit_the_same_spot() {
+    let default = Estimator::default().name();
+    let mut compared = 0;
+    let on_chip = on_the_chip();
+    for peer in lines::all(&RUN.lines, Kind::PeerRow) {
+        let row = peer.whole("number").unwrap() as usize;
+        let found = on_chip
+            .iter()
+            .find(|found| found.name == default && found.width == 10.5 && found.row == row)
+            .expect("a row of the default rung");
+        let (centre, uncertainty) = *found.found.as_ref().expect("a centre");
+        let centre = f64::from(centre) / 65536.0;
+        let apart = (peer.number("centre").unwrap() - centre) / (f64::from(uncertainty) / 65536.0);
+        assert!(
+            apart.abs() < 3.0,
+            "{} row {row}: {apart} standard deviations apart",
+            peer.name
+        );
+        compared += 1;
+    }
+    assert_eq!(compared, 4 * ROWS);
+}
+
+#[test]
+fn every_rung_is_there_at_every_width() {
+    for estimator in Estimator::ALL {
+        for width in WIDTHS {
+            let rung = CHIP
+                .rungs
+                .iter()
+                .find(|rung| rung.name == estimator.name() && rung.width as f32 == width)
+                .unwrap_or_else(|| panic!("no {} at {width}", estimator.name()));
+            // One cycle an instruction at least; 14 for a square root at most.
+            let cycles_per_instruction = rung.cycles_estimated as f64 / rung.instructions as f64;
+            assert!((1.0..4.0).contains(&cycles_per_instruction), "{rung:?}");
+            assert!(rung.instructions_most >= rung.instructions, "{rung:?}");
+            assert!(rung.code_bytes > 50, "{rung:?}");
+        }
+    }
+}
+
+/// Distances are integers and slopes single operations of f32, which the chip has in hardware.
+#[test]
+fn the_chip_and_a_pc_make_the_same_distances() {
+    let mut on_the_chip = lines::all(&RUN.lines, Kind::Distance);
+    for form in Form::ALL {
+        let calibration = form.calibration().expect("usable");
+        for number in 0..CENTRES {
+            let line = on_the_chip.next().expect("a line for each centre");
+            assert_eq!(line.name, form.name());
+            let word = |key| line.number(key).expect("a whole number of 32 bits");
+            let found = (word("distance") as i32, word("slope") as u32);
+            let centre = calibrations::asked(number);
+            let (distance, slope) = calibration.distance_at(centre).expect("in range");
+            assert_eq!(found, (distance.to_bits(), slope.to_bits()), "{line:?}");
+        }
+    }
+    assert_eq!(on_the_chip.next(), None);
+}
+
+/// At most 60 by eq. (1) and 120 by a PCHIP, at any centre.
+#[test]
+fn a_distance_takes_few_instructions() {
+    for (form, most) in Form::ALL.into_iter().zip([60, 100, 120, 200]) {
+        let counted = CHIP
+            .forms
+            .iter()
+            .find(|counted| counted.name == form.name());
+        let counted = counted.expect("counted");
+        println!("{counted:?}");
+        assert!(counted.instructions_most <= most, "{counted:?}");
+        assert!(counted.instructions > 40, "{counted:?}");
+        let cycles_per_instruction = counted.cycles_estimated as f64 / counted.instructions as f64;
+        assert!((1.0..3.0).contains(&cycles_per_instruction), "{counted:?}");
+    }
+}

@@ -1,0 +1,56 @@
+//! The figures under `docs/figures/`.
+
+mod accuracy_against_time;
+mod accuracy_over_width;
+mod axes;
+mod bias;
+mod curves;
+mod labels;
+mod reading_time;
+mod style;
+
+use std::path::Path;
+
+use crate::report::Measured;
+
+/// Draws all figures into a directory.
+///
+/// # Errors
+/// A file cannot be written.
+pub fn draw(measured: &Measured, directory: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(directory)?;
+    accuracy_against_time::draw(measured, &directory.join("accuracy-against-time.svg"))?;
+    accuracy_over_width::draw(measured, &directory.join("accuracy-over-width.svg"))?;
+    bias::draw(measured, &directory.join("bias-over-phase.svg"))?;
+    reading_time::draw(&measured.readings, &directory.join("reading-time.svg"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::made_up;
+    use slitrange::centre::Estimator;
+
+    /// Every rung is named in every figure of the rungs; `cargo test -p cost figures` leaves them to be looked at.
+    #[test]
+    fn figures_name_every_rung() {
+        let directory = std::env::temp_dir().join("slitrange-made-up-figures");
+        draw(&made_up::measured(), &directory).expect("figures");
+        println!("{}", directory.display());
+        for (name, times) in [
+            ("accuracy-against-time.svg", 4),
+            ("accuracy-over-width.svg", 2),
+            ("bias-over-phase.svg", 1),
+        ] {
+            let svg = std::fs::read_to_string(directory.join(name)).expect("a figure");
+            for estimator in Estimator::ALL {
+                // A label alone on its line, or followed by a ratio.
+                let label = |line: &&str| {
+                    *line == estimator.name() || line.starts_with(&format!("{} ", estimator.name()))
+                };
+                let found = svg.lines().filter(label).count();
+                assert_eq!(found, times, "{} in {name}", estimator.name());
+            }
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! The rungs' errors without noise: the largest over the sub-pixel phase, against the spot's width.
+
+use std::path::Path;
+
+use plotters::prelude::*;
+use simulator::bound;
+
+use super::axes::{Axis, Scale};
+use super::curves::{Curve, draw_curves};
+use crate::accuracy::WIDTHS;
+use crate::report::Measured;
+
+/// Smaller ones are drawn here: the centre's own resolution is 1.5e-5.
+const SMALLEST: f64 = 1e-5;
+
+/// Draws the figure.
+pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
+    let root = SVGBackend::new(path, (1000, 720)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let x = Axis {
+        scale: Scale::Log,
+        range: (WIDTHS[0] * 0.95, WIDTHS[WIDTHS.len() - 1] * 1.05),
+        ticks: &WIDTHS,
+        name: "width of the spot (σ), px",
+        tick: &|value| value.to_string(),
+    };
+    let y = Axis {
+        scale: Scale::Log,
+        range: (SMALLEST, 1.0),
+        ticks: &[1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0],
+        name: "largest bias over the phase, px",
+        tick: &|value| match value <= SMALLEST {
+            true => "≤ 1e-5".into(),
+            false => value.to_string(),
+        },
+    };
+    let mut curves = vec![Curve::bound(
+        "bound, one row",
+        WIDTHS.map(|width| (width, bright(width))).to_vec(),
+    )];
+    curves.extend(measured.estimators.iter().map(|&estimator| {
+        let biases = measured.accuracy.biases.iter();
+        let points = biases
+            .filter(|bias| bias.estimator == estimator)
+            .map(|bias| (bias.width, bias.pixels.unwrap_or(f64::NAN)));
+        Curve::of(estimator, points)
+    }));
+    draw_curves(
+        &root,
+        "Bias of a noiseless spot, and the noise of one bright row",
+        &x,
+        &y,
+        &curves,
+    )?;
+    root.present()?;
+    Ok(())
+}
+
+/// The bound in pixels for a row of the brightest spot: 3800 counts, 10 electrons each, a count of read noise.
+fn bright(width: f64) -> f64 {
+    bound::Spot {
+        width,
+        amplitude: 3800.0,
+        noise: 1.0,
+        electrons_per_count: Some(10.0),
+    }
+    .bound()
+}

@@ -1,0 +1,120 @@
+//! Curves with their names at their right ends.
+
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use slitrange::centre::Estimator;
+
+use super::axes::{Area, Axis, panel};
+use super::labels::spread;
+use super::style::{self, TEXT, bold, text};
+
+/// What a curve shows.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Something measured.
+    Measured,
+    /// The measurement that the reader looks for first.
+    Default,
+    /// The bound: a broad band below the others, so that it shows where one lies on it.
+    Bound,
+}
+
+/// A curve.
+#[derive(Clone)]
+pub struct Curve {
+    /// What stands at its end.
+    pub name: String,
+    /// Of the line and of the name.
+    pub colour: RGBColor,
+    /// How it is drawn.
+    pub kind: Kind,
+    /// From left to right.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl Curve {
+    /// Of the bound.
+    pub fn bound(name: &str, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            name: name.into(),
+            colour: style::BOUND,
+            kind: Kind::Bound,
+            points,
+        }
+    }
+
+    /// Of a rung; values that are no numbers are left out.
+    pub fn of(estimator: Estimator, points: impl Iterator<Item = (f64, f64)>) -> Self {
+        Self {
+            name: estimator.name().into(),
+            colour: style::colour(estimator),
+            kind: match style::is_default(estimator) {
+                true => Kind::Default,
+                false => Kind::Measured,
+            },
+            points: points.filter(|(_, y)| y.is_finite()).collect(),
+        }
+    }
+}
+
+/// Pixels beside the panel, for the names.
+const NAMES: i32 = 190;
+
+/// Draws a panel of curves. Values beyond the axis are drawn at its end.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn draw_curves(
+    area: &Area<'_>,
+    title: &str,
+    x: &Axis<'_>,
+    y: &Axis<'_>,
+    curves: &[Curve],
+) -> anyhow::Result<()> {
+    let mut panel = panel(area, title, NAMES, x, y)?;
+    for curve in curves {
+        let (width, colour) = match curve.kind {
+            Kind::Measured => (2, curve.colour),
+            Kind::Default => (4, curve.colour),
+            Kind::Bound => (9, style::BAND),
+        };
+        let line = curve.points.clone();
+        panel.draw_series([PathElement::new(line, colour.stroke_width(width))])?;
+        if curve.kind != Kind::Bound {
+            let points = curve.points.iter();
+            panel.draw_series(points.map(|&at| Circle::new(at, width + 1, colour.filled())))?;
+        }
+    }
+
+    // Names from top to bottom, apart, and a line to each from its curve's end.
+    let (columns, rows) = panel.plotting_area().get_pixel_range();
+    let (left, top) = area.get_base_pixel();
+    let mut ends: Vec<(&Curve, (i32, i32))> = curves
+        .iter()
+        .filter_map(|curve| Some((curve, panel.backend_coord(curve.points.last()?))))
+        .collect();
+    ends.sort_by_key(|(_, (_, height))| *height);
+    let heights: Vec<f64> = ends
+        .iter()
+        .map(|(_, (_, height))| f64::from(*height))
+        .collect();
+    let range = (f64::from(rows.start) + 4.0, f64::from(rows.end) - 4.0);
+    let heights = spread(&heights, f64::from(TEXT) + 4.0, range);
+    for ((curve, (x, y)), height) in ends.into_iter().zip(heights) {
+        let name = columns.end - left + 34;
+        area.draw(&PathElement::new(
+            [(x - left + 4, y - top), (name - 5, height as i32 - top)],
+            curve.colour.stroke_width(1),
+        ))?;
+        let style = match curve.kind {
+            Kind::Default => bold(TEXT, curve.colour),
+            Kind::Measured | Kind::Bound => text(TEXT, curve.colour),
+        };
+        area.draw(&Text::new(
+            curve.name.clone(),
+            (name, height as i32 - top),
+            style.pos(Pos::new(HPos::Left, VPos::Center)),
+        ))?;
+    }
+    Ok(())
+}

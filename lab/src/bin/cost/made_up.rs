@@ -1,0 +1,150 @@
+//! Made-up measurements, for tests of the report and for a look at the figures.
+
+use host_tests::accuracy::Outcome;
+use slitrange::centre::Estimator;
+
+use crate::accuracy::{Accuracy, Bias, InSituation, NOISES, Noise, RungOnCell, SITUATIONS, WIDTHS};
+use crate::chip::{Chip, RungOnChip};
+use crate::distances::Distance;
+use crate::reading_time::{self, Light, Point};
+use crate::report::Measured;
+
+/// Name, RMSE over the bound in white and shot noise, bias at a width of a pixel, instructions, code and tables in bytes.
+const RUNGS: [(f64, f64, f64, u64, u64, u64); 10] = [
+    (1.9, 1.3, 0.02, 520, 420, 0),
+    (9.0, 12.0, 0.05, 95, 300, 0),
+    (8.0, 11.0, 0.01, 190, 700, 0),
+    (1.15, 1.55, 0.02, 204, 380, 0),
+    (1.07, 1.1, 0.0005, 299, 900, 9400),
+    (1.06, 1.09, 0.0003, 354, 1100, 9400),
+    (1.01, 1.02, 0.0001, 653, 2300, 18_800),
+    (1.03, 1.04, 0.0002, 1420, 3400, 28_200),
+    (1.0, 1.0, 0.00002, 37_600, 4100, 0),
+    (1.08, 1.12, 0.004, 354, 1100, 9400),
+];
+
+/// All of it.
+pub fn measured() -> Measured {
+    let rungs = || Estimator::ALL.into_iter().zip(RUNGS);
+    let outcome = |ratio: f64| Outcome {
+        rmse: 0.02 * ratio,
+        bound: 0.02,
+        pull: 1.0,
+        faults: 0,
+        gross: 0,
+    };
+    let mut accuracy = Accuracy {
+        rows: 100,
+        cells: vec![],
+        situations: vec![],
+        biases: vec![],
+    };
+    for (estimator, (white, shot, bias, ..)) in rungs() {
+        for width in WIDTHS {
+            for noise in NOISES {
+                let ratio = if noise.is_white() { white } else { shot };
+                let ripple = 0.3 * (ratio - 1.0) * (width * 1.3).sin();
+                let snr = match noise {
+                    Noise::White { snr } => snr,
+                    Noise::Shot { amplitude, .. } => amplitude,
+                };
+                accuracy.cells.push(RungOnCell {
+                    estimator,
+                    width,
+                    noise,
+                    outcome: outcome(ratio + ripple + 1e-6 * snr),
+                });
+            }
+            accuracy.biases.push(Bias {
+                estimator,
+                width,
+                pixels: Some(bias * width.powf(-0.5)),
+            });
+        }
+        for (situation, hot) in SITUATIONS.iter().enumerate().map(|(i, _)| (i, i == 3)) {
+            let spared = matches!(estimator, Estimator::Robust | Estimator::GaussNewton);
+            let ratio = if situation == 0 { white } else { shot };
+            accuracy.situations.push(InSituation {
+                situation,
+                estimator,
+                outcome: outcome(if hot && !spared { ratio * 9.0 } else { ratio }),
+            });
+        }
+    }
+    Measured {
+        estimators: Estimator::ALL.to_vec(),
+        accuracy,
+        chip: chip(),
+        distances: vec![Distance {
+            form: "eq. (1)",
+            knots: 0,
+            error_max_um: 0.01,
+            instructions: 60,
+            instructions_most: 60,
+            cycles_estimated: 100,
+            ram_bytes: 64,
+            record_bytes: 50,
+        }],
+        host_ns: RUNGS.iter().map(|rung| Some(rung.3 as f64 / 5.0)).collect(),
+        readings: readings(),
+        peers: None,
+    }
+}
+
+fn chip() -> Chip {
+    let mut rungs = vec![];
+    for (estimator, (.., instructions, code_bytes, table_bytes)) in
+        Estimator::ALL.into_iter().zip(RUNGS)
+    {
+        for (width, part) in [(1.5, 4), (4.5, 6), (10.5, 10), (11.3, 10), (25.0, 7)] {
+            let instructions = instructions * part / 10;
+            rungs.push(RungOnChip {
+                name: estimator.name().into(),
+                width,
+                instructions,
+                instructions_most: instructions,
+                cycles_estimated: instructions * 14 / 10,
+                code_bytes,
+                table_bytes,
+                stack_bytes: 200,
+                fault: None,
+            });
+        }
+    }
+    Chip {
+        rungs,
+        sweep_instructions_per_pixel: 2.6,
+        gauss_newton_instructions_per_iteration: Some(12_500.0),
+        peers: vec![],
+        kernels_compared: 0,
+        search_instructions_per_pixel: 27.0,
+        geometry_instructions_per_word: 0.0,
+        measurement_instructions_per_row: 0,
+        forms: vec![],
+    }
+}
+
+fn readings() -> Vec<Point> {
+    let mut points = vec![];
+    for light in Light::ALL {
+        for rows in reading_time::ROWS {
+            let n = rows as f64;
+            let micrometres = match light {
+                Light::NoiseAlone => 6.5 / n.sqrt(),
+                Light::SpeckleAtRest => 590.0,
+                Light::SpeckleReceding => 580.0 / (1.0 + 0.005 * n),
+                Light::SpeckleSliding => 580.0 / (1.0 + 0.2 * n).sqrt(),
+            };
+            points.push(Point {
+                light,
+                rows,
+                milliseconds: n / reading_time::ROWS_PER_SECOND * 1e3,
+                micrometres,
+                bound_micrometres: 6.0 / n.sqrt(),
+                claimed_micrometres: micrometres,
+                faults: 0,
+            });
+        }
+    }
+    points
+}

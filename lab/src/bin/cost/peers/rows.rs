@@ -1,0 +1,198 @@
+//! The rows that everyone is given, and what the row before tells of each.
+
+use anyhow::{Context as _, anyhow};
+use host_tests::accuracy::Cell;
+use rayon::prelude::*;
+use simulator::bound;
+use simulator::scene::{self, quantise};
+use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::row::{Geometry, Row};
+use slitrange::spot::{self, Spot};
+use slitrange::units::Pixels;
+
+use super::gaussian::{Parameters, WINDOW};
+
+/// Pixels of the row in which the spot is found. The search is in nobody's time.
+const PIXELS: usize = 512;
+
+/// A spot of sigma 10.5 pixels and 2000 counts, the slit's on the paper's pixels, and its noise.
+#[derive(Clone, Copy, Debug)]
+pub struct Scene {
+    /// What it is called in the tables.
+    pub name: &'static str,
+    /// Read noise in counts.
+    pub read_noise: f64,
+    /// Electrons a count, where the spot has shot noise.
+    pub electrons_per_count: Option<f64>,
+    /// Counts of an unlit pixel, such that noise does not go below zero.
+    pub black_level: f64,
+}
+
+/// The scene of the comparison: shot noise, as a laser spot has it.
+pub const REFERENCE: Scene = Scene {
+    name: "shot and read noise: 2000 counts, 5 electrons a count, read noise 2 counts",
+    read_noise: 2.0,
+    electrons_per_count: Some(5.0),
+    black_level: 100.0,
+};
+
+/// White noise, in which an unweighted least-squares fit is the best there is.
+pub const WHITE: [Scene; 2] = [
+    Scene {
+        name: "white noise, signal-to-noise ratio 25",
+        read_noise: 80.0,
+        electrons_per_count: None,
+        black_level: 640.0,
+    },
+    Scene {
+        name: "white noise, signal-to-noise ratio 500",
+        read_noise: 4.0,
+        electrons_per_count: None,
+        black_level: 100.0,
+    },
+];
+
+/// 128 pixels around a spot, and what the row before told.
+#[derive(Clone, Debug)]
+pub struct Window {
+    /// The counts.
+    pub pixels: [u16; WINDOW],
+    /// The spot's true centre, pixel 0 being the window's first.
+    pub truth: f64,
+    /// The spot as the search found it, on the window.
+    pub spot: Spot,
+    /// What the default rung found in the row before, on this window.
+    pub before: RowCentre,
+    /// What the adaptive rung found there.
+    pub adaptive_before: RowCentre,
+    /// The same as `before`, for the peers.
+    pub start: Parameters,
+}
+
+impl Scene {
+    fn cell(&self) -> Cell {
+        Cell {
+            width: 10.5,
+            amplitude: 2000.0,
+            read_noise: self.read_noise,
+            electrons_per_count: self.electrons_per_count,
+            rows: 0,
+            seed: 1,
+        }
+    }
+
+    fn whole_row(&self) -> scene::Scene {
+        let mut scene = self.cell().scene_of(PIXELS);
+        scene.black_level = Some(scene::BlackLevel::steady(self.black_level));
+        scene
+    }
+
+    /// What the words of a window are.
+    pub fn geometry(&self) -> Geometry {
+        Geometry {
+            words: WINDOW,
+            light: 0..WINDOW,
+            ..self.whole_row().geometry()
+        }
+    }
+
+    /// The Cramér-Rao bound of a row's centre, in pixels, from pixels within 6 sigma: the window has 6.1 to either side.
+    pub fn bound(&self) -> f64 {
+        let cell = self.cell();
+        bound::Spot {
+            width: cell.width,
+            amplitude: cell.amplitude,
+            noise: cell.read_noise,
+            electrons_per_count: cell.electrons_per_count,
+        }
+        .bound()
+    }
+
+    /// Seeded windows; the spot lies at all phases of a pixel.
+    ///
+    /// # Errors
+    /// A row in which the spot is not found, which none of these scenes has.
+    pub fn windows(&self, rows: usize) -> anyhow::Result<Vec<Window>> {
+        let scene = self.whole_row();
+        (0..rows as u64)
+            .into_par_iter()
+            .map(|row| window(&scene, row).with_context(|| format!("row {row} of {}", self.name)))
+            .collect()
+    }
+}
+
+/// A number of -1 to 1, evenly over the rows; `irrational` keeps the sequences apart.
+fn even(row: u64, irrational: f64) -> f64 {
+    2.0 * (row as f64 * irrational).fract() - 1.0
+}
+
+/// The row before has the spot up to half a pixel away, up to 5 % narrower or wider, and up to 10 % lower or higher.
+fn window(scene: &scene::Scene, row: u64) -> anyhow::Result<Window> {
+    const GOLDEN: f64 = 0.618_033_988_749_895;
+    let truth = PIXELS as f64 / 2.0 + 10.0 * even(row, GOLDEN);
+    let mut earlier = scene.clone();
+    if let Some(spot) = &mut earlier.spot {
+        spot.width *= 1.0 + 0.05 * even(row, std::f64::consts::SQRT_2);
+        spot.counts_per_second *= 1.0 + 0.1 * even(row, 3f64.sqrt());
+    }
+    let moved = truth + 0.5 * even(row, 7f64.sqrt());
+    let full_scale = scene.geometry().full_scale();
+    let earlier = quantise(&earlier.row_with_centre(2 * row, moved, 1.0), full_scale);
+    let words = quantise(&scene.row_with_centre(2 * row + 1, truth, 1.0), full_scale);
+
+    let earlier = Row::new(&earlier, &[], 4095).map_err(|error| anyhow!("{error:?}"))?;
+    let earlier_spot = spot::find(&earlier).map_err(|fault| anyhow!("{fault:?}"))?;
+    let found = |estimator| {
+        centre::centre(estimator, &earlier, &earlier_spot, None, &scene.geometry())
+            .map_err(|fault| anyhow!("{fault:?}"))
+    };
+    let (before, adaptive_before) = (found(Estimator::PhaseTable)?, found(Estimator::Adaptive)?);
+    let first = before.centre.to_f64().round() as usize - WINDOW / 2;
+    let on_window = |found: RowCentre| RowCentre {
+        centre: Pixels::from_bits(
+            found.centre.to_bits() - Pixels::from_int(first as i32).to_bits(),
+        ),
+        ..found
+    };
+    let before = on_window(before);
+
+    let whole = Row::new(&words, &[], 4095).map_err(|error| anyhow!("{error:?}"))?;
+    let spot = spot::find(&whole).map_err(|fault| anyhow!("{fault:?}"))?;
+    Ok(Window {
+        pixels: words[first..first + WINDOW].try_into()?,
+        truth: truth - first as f64,
+        spot: Spot {
+            centre: spot.centre - first,
+            ..spot
+        },
+        before,
+        adaptive_before: on_window(adaptive_before),
+        start: Parameters {
+            amplitude: before.amplitude.to_f64(),
+            centre: before.centre.to_f64(),
+            scale: 1.0 / (before.width.to_f64() * std::f64::consts::SQRT_2),
+            level: earlier_spot.background.level.to_f64(),
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_row_before_tells_what_it_should() {
+        for scene in [REFERENCE, WHITE[0], WHITE[1]] {
+            // What the row before did not measure better, five standard deviations: the width's bound is about that of the centre.
+            let noise = 5.0 * scene.bound();
+            for window in scene.windows(300).expect("a spot in each row") {
+                let (start, truth) = (window.start, window.truth);
+                let width = 1.0 / (start.scale * std::f64::consts::SQRT_2);
+                assert!((start.centre - truth).abs() < 0.5 + noise, "{window:?}");
+                assert!((width - 10.5).abs() < 0.05 * 10.5 + noise, "{window:?}");
+                assert!((start.amplitude / 2000.0 - 1.0).abs() < 0.15, "{window:?}");
+                assert!((truth - 64.0).abs() < 1.0 + noise, "{window:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,709 @@
+//! What was measured, as JSON, as tables to read and as CSV.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::Context as _;
+use serde::Serialize;
+use slitrange::centre::Estimator;
+
+use crate::accuracy::{Accuracy, Noise, SITUATIONS, Worst};
+use crate::chip::{Chip, RungOnChip};
+use crate::distances::Distance;
+use crate::peers::{Peer, Peers};
+use crate::reading_time;
+
+/// The chip's clock in MHz.
+pub const CLOCK_MHZ: f64 = 168.0;
+
+/// The width in pixels whose window has 96 taps.
+pub const WINDOW_OF_96: f64 = 11.3;
+
+/// The width in pixels of the rows that the peers fit.
+pub const PEERS_WIDTH: f64 = 10.5;
+
+/// All that was measured.
+pub struct Measured {
+    /// The rungs, in the order of the ladder.
+    pub estimators: Vec<Estimator>,
+    /// Their accuracy.
+    pub accuracy: Accuracy,
+    /// Their cost on the chip.
+    pub chip: Chip,
+    /// The forms of a calibration.
+    pub distances: Vec<Distance>,
+    /// Their time on this computer in nanoseconds a row.
+    pub host_ns: Vec<Option<f64>>,
+    /// The whole sensor.
+    pub readings: Vec<reading_time::Point>,
+    /// The peers, where they were run.
+    pub peers: Option<Peers>,
+}
+
+/// A rung on the chip at a width, where it found a centre there.
+pub fn on_chip(chip: &Chip, estimator: Estimator, width: f64) -> Option<&RungOnChip> {
+    chip.rungs.iter().find(|rung| {
+        rung.name == estimator.name() && (rung.width - width).abs() < 1e-9 && rung.fault.is_none()
+    })
+}
+
+/// What `--json` prints. A figure that does not apply, or that no row gave, is null.
+#[derive(Serialize)]
+pub struct Json {
+    rungs: Vec<Rung>,
+    sweep_instructions_per_pixel: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gauss_newton_instructions_per_iteration: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    peers: Option<Vec<Peer>>,
+}
+
+/// A rung's figures: the worst over the widths it is made for, and its cost with a window of 96 pixels.
+#[derive(Serialize)]
+struct Rung {
+    name: &'static str,
+    rmse_over_bound_max: f64,
+    rmse_over_bound_max_white: f64,
+    rmse_over_bound_max_shot: f64,
+    bias_max_px: Option<f64>,
+    pull_min: f64,
+    pull_max: f64,
+    chip_instructions_per_row: Option<u64>,
+    chip_cycles_estimated: Option<u64>,
+    table_bytes: Option<u64>,
+    code_bytes: Option<u64>,
+    stack_bytes: Option<u64>,
+    host_ns_per_row: Option<f64>,
+}
+
+impl Measured {
+    /// A rung on the chip at a width, where it found a centre there.
+    pub fn on_chip(&self, estimator: Estimator, width: f64) -> Option<&RungOnChip> {
+        on_chip(&self.chip, estimator, width)
+    }
+
+    /// A rung's time per row on the chip at a width, in microseconds.
+    pub fn microseconds(&self, estimator: Estimator, width: f64) -> Option<f64> {
+        let rung = self.on_chip(estimator, width)?;
+        Some(rung.cycles_estimated as f64 / CLOCK_MHZ)
+    }
+
+    /// A rung on a window of 96 pixels.
+    pub fn nominal(&self, estimator: Estimator) -> Option<&RungOnChip> {
+        self.on_chip(estimator, WINDOW_OF_96)
+    }
+
+    fn chip_widths(&self) -> Vec<f64> {
+        let mut widths: Vec<f64> = self.chip.rungs.iter().map(|rung| rung.width).collect();
+        widths.sort_by(f64::total_cmp);
+        widths.dedup();
+        widths
+    }
+
+    /// The object that `--json` prints.
+    pub fn json(&self) -> Json {
+        Json {
+            rungs: self.rungs(),
+            sweep_instructions_per_pixel: self.chip.sweep_instructions_per_pixel,
+            gauss_newton_instructions_per_iteration: self
+                .chip
+                .gauss_newton_instructions_per_iteration,
+            peers: self.peers.as_ref().map(|peers| peers.peers.clone()),
+        }
+    }
+
+    fn rungs(&self) -> Vec<Rung> {
+        self.estimators
+            .iter()
+            .zip(&self.host_ns)
+            .map(|(&estimator, &host_ns_per_row)| {
+                let worst = self.accuracy.worst(estimator);
+                let chip = self.nominal(estimator);
+                Rung {
+                    name: estimator.name(),
+                    rmse_over_bound_max: round(worst.white.max(worst.shot)),
+                    rmse_over_bound_max_white: round(worst.white),
+                    rmse_over_bound_max_shot: round(worst.shot),
+                    bias_max_px: worst.bias.map(round),
+                    pull_min: round(worst.pull.0),
+                    pull_max: round(worst.pull.1),
+                    chip_instructions_per_row: chip.map(|chip| chip.instructions),
+                    chip_cycles_estimated: chip.map(|chip| chip.cycles_estimated),
+                    table_bytes: chip.map(|chip| chip.table_bytes),
+                    code_bytes: chip.map(|chip| chip.code_bytes),
+                    stack_bytes: chip.map(|chip| chip.stack_bytes),
+                    host_ns_per_row: host_ns_per_row.map(round),
+                }
+            })
+            .collect()
+    }
+
+    /// The tables for a terminal.
+    pub fn tables(&self) -> String {
+        let rows = self.accuracy.rows;
+        let mut out = format!(
+            "Accuracy, {rows} rows a cell: the worst over sigma 1.2 to 18 px (RMSE over the Cramér-Rao bound)\n"
+        );
+        out += &table(&self.accuracy_table());
+        out += "\nCost on the chip, the window known from the row before\n";
+        out += &table(&self.cost_table());
+        let _ = writeln!(
+            out,
+            "\ninstructions per row are those for sigma in px; cycles, microseconds at 168 MHz, flash and stack for \
+             sigma {WINDOW_OF_96} (96 pixels).\nCoarse search: {:.2} instructions a pixel; of the first row of a frame, at all widths: {:.2}.",
+            self.chip.sweep_instructions_per_pixel, self.chip.search_instructions_per_pixel
+        );
+        if let Some(iteration) = self.chip.gauss_newton_instructions_per_iteration {
+            let _ = writeln!(
+                out,
+                "Gauss-Newton: {iteration:.0} instructions an iteration."
+            );
+        }
+        let _ = writeln!(
+            out,
+            "From words to the frame, by the default rung: {} instructions a row, {:.2} a word of them to turn the words \
+             over.",
+            self.chip.measurement_instructions_per_row, self.chip.geometry_instructions_per_word,
+        );
+        out += "\nA distance, once a frame, over the paper's range\n";
+        out += &distances(&self.distances);
+        let _ = writeln!(
+            out,
+            "\nAssembly and its portable twin compared {} times: none differs.",
+            self.chip.kernels_compared
+        );
+        out +=
+            "\nThe whole sensor, target at 0.8 m, default rung: error of a reading in um (RMS)\n";
+        out += &table(&self.reading_table());
+        if let Some(peers) = &self.peers {
+            let _ = writeln!(out, "\n{peers}\nPeers over the default rung");
+            out += &table(&peer_table(&peers.peers));
+        }
+        out
+    }
+
+    /// The tables of `docs/accuracy.md`.
+    pub fn markdown(&self) -> String {
+        format!(
+            "{} rows a cell; the worst over widths from 1.2 to 18 px.\n\n{}\n{}\nThe coarse search takes {:.2} \
+             instructions a pixel, and {:.2} in the first row of a frame, whose spot may be of any width, and for spots narrower than \
+             6 pixels; turning a \
+             read-out into a row takes {:.2} a word. A row takes {} in all, with the default rung, from the second of a \
+             frame on.\n",
+            self.accuracy.rows,
+            markdown(&self.accuracy_table()),
+            markdown(&self.cost_table()),
+            self.chip.sweep_instructions_per_pixel,
+            self.chip.search_instructions_per_pixel,
+            self.chip.geometry_instructions_per_word,
+            self.chip.measurement_instructions_per_row,
+        )
+    }
+
+    /// The table of the README.
+    pub fn short_markdown(&self) -> String {
+        let mut rows = vec![strings(&[
+            "estimator",
+            "white noise",
+            "shot noise",
+            "instructions a row",
+            "us at 168 MHz",
+        ])];
+        rows.extend(self.estimators.iter().map(|&estimator| {
+            let worst = self.accuracy.worst(estimator);
+            vec![
+                format!("`{}`", estimator.name()),
+                ratio(worst.white),
+                ratio(worst.shot),
+                self.nominal(estimator)
+                    .map_or("-".into(), |rung| rung.instructions.to_string()),
+                self.microseconds(estimator, WINDOW_OF_96)
+                    .map_or("-".into(), |us| format!("{us:.1}")),
+            ]
+        }));
+        format!(
+            "{}\nRMS error over the bound, the worst of {} rows a cell over widths from 1.2 to 18 px; instructions for a window of \
+             96 pixels, microseconds estimated from them. The search for the spot takes {:.1} instructions a \
+             pixel, of spots from 6 pixels on.\n",
+            markdown(&rows),
+            self.accuracy.rows,
+            self.chip.sweep_instructions_per_pixel,
+        )
+    }
+
+    fn accuracy_table(&self) -> Vec<Vec<String>> {
+        let mut rows = vec![strings(&[
+            "rung",
+            "white",
+            "shot + read",
+            "bias px",
+            "error / claim",
+            "no centre",
+            "gross",
+        ])];
+        rows.extend(self.estimators.iter().map(|&estimator| {
+            let Worst {
+                white,
+                shot,
+                bias,
+                pull,
+                faults,
+                gross,
+            } = self.accuracy.worst(estimator);
+            vec![
+                estimator.name().to_owned(),
+                ratio(white),
+                ratio(shot),
+                bias.map_or("-".into(), |bias| format!("{bias:.5}")),
+                format!("{:.2} to {:.2}", pull.0, pull.1),
+                percent(faults),
+                percent(gross),
+            ]
+        }));
+        rows
+    }
+
+    fn cost_table(&self) -> Vec<Vec<String>> {
+        let widths = self.chip_widths();
+        let mut head = vec!["rung".to_owned()];
+        head.extend(widths.iter().map(|width| format!("σ {width}")));
+        head.extend(strings(&[
+            "cycles", "us", "code B", "tables B", "stack B", "host ns",
+        ]));
+        let mut rows = vec![head];
+        for (&estimator, ns) in self.estimators.iter().zip(&self.host_ns) {
+            let mut row = vec![estimator.name().to_owned()];
+            row.extend(widths.iter().map(|&width| {
+                self.on_chip(estimator, width)
+                    .map_or("-".into(), |rung| rung.instructions.to_string())
+            }));
+            let nominal = self.nominal(estimator);
+            let figure = |of: fn(&RungOnChip) -> u64| {
+                nominal.map_or("-".into(), |rung| of(rung).to_string())
+            };
+            row.push(figure(|rung| rung.cycles_estimated));
+            row.push(
+                self.microseconds(estimator, WINDOW_OF_96)
+                    .map_or("-".into(), |us| format!("{us:.1}")),
+            );
+            row.push(figure(|rung| rung.code_bytes));
+            row.push(figure(|rung| rung.table_bytes));
+            row.push(figure(|rung| rung.stack_bytes));
+            row.push(ns.map_or("-".into(), |ns| format!("{ns:.0}")));
+            rows.push(row);
+        }
+        rows
+    }
+
+    fn reading_table(&self) -> Vec<Vec<String>> {
+        let mut rows = vec![strings(&[
+            "rows",
+            "ms",
+            "noise alone",
+            "bound",
+            "speckle, at rest",
+            "receding",
+            "sliding",
+        ])];
+        let of = |light, rows| {
+            let point = self
+                .readings
+                .iter()
+                .find(|point| point.light == light && point.rows == rows);
+            point.map_or(f64::NAN, |point| point.micrometres)
+        };
+        for point in &self.readings {
+            if point.light == reading_time::Light::NoiseAlone {
+                rows.push(vec![
+                    point.rows.to_string(),
+                    format!("{:.1}", point.milliseconds),
+                    format!("{:.2}", point.micrometres),
+                    format!("{:.2}", point.bound_micrometres),
+                    format!("{:.0}", of(reading_time::Light::SpeckleAtRest, point.rows)),
+                    format!(
+                        "{:.0}",
+                        of(reading_time::Light::SpeckleReceding, point.rows)
+                    ),
+                    format!("{:.0}", of(reading_time::Light::SpeckleSliding, point.rows)),
+                ]);
+            }
+        }
+        rows
+    }
+
+    /// Writes everything as CSV files into a directory.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub fn write_csv(&self, directory: &Path) -> anyhow::Result<()> {
+        std::fs::create_dir_all(directory)?;
+        write_csv(&directory.join("rungs.csv"), self.rungs())?;
+        write_csv(&directory.join("accuracy.csv"), self.cells())?;
+        write_csv(&directory.join("bias.csv"), self.biases())?;
+        write_csv(&directory.join("situations.csv"), self.situations())?;
+        write_csv(&directory.join("chip.csv"), self.on_chips())?;
+        write_csv(&directory.join("reading-time.csv"), &self.readings)?;
+        write_csv(&directory.join("distances.csv"), &self.distances)?;
+        if let Some(peers) = &self.peers {
+            write_csv(&directory.join("peers.csv"), &peers.peers)?;
+        }
+        Ok(())
+    }
+
+    fn cells(&self) -> impl Iterator<Item = CellRecord> {
+        self.accuracy.cells.iter().map(|cell| {
+            let (amplitude, electrons_per_count, read_noise) = match cell.noise {
+                Noise::White { snr } => (None, None, snr),
+                Noise::Shot {
+                    amplitude,
+                    electrons_per_count,
+                    read_noise,
+                } => (Some(amplitude), Some(electrons_per_count), read_noise),
+            };
+            CellRecord {
+                rung: cell.estimator.name(),
+                width_px: cell.width,
+                snr: cell.noise.is_white().then_some(read_noise),
+                amplitude,
+                electrons_per_count,
+                read_noise: (!cell.noise.is_white()).then_some(read_noise),
+                rows: self.accuracy.rows,
+                rmse_px: round(cell.outcome.rmse),
+                bound_px: round(cell.outcome.bound),
+                rmse_over_bound: round(cell.outcome.ratio()),
+                pull: round(cell.outcome.pull),
+                faults: cell.outcome.faults,
+                gross: cell.outcome.gross,
+            }
+        })
+    }
+
+    fn on_chips(&self) -> impl Iterator<Item = ChipRecord<'_>> {
+        self.chip.rungs.iter().map(|rung| ChipRecord {
+            rung: &rung.name,
+            width_px: rung.width,
+            instructions: rung.instructions,
+            cycles_estimated: rung.cycles_estimated,
+            microseconds: round(rung.cycles_estimated as f64 / CLOCK_MHZ),
+            code_bytes: rung.code_bytes,
+            table_bytes: rung.table_bytes,
+            stack_bytes: rung.stack_bytes,
+            fault: rung.fault.as_deref(),
+        })
+    }
+
+    fn biases(&self) -> impl Iterator<Item = BiasRecord> {
+        self.accuracy.biases.iter().map(|bias| BiasRecord {
+            rung: bias.estimator.name(),
+            width_px: bias.width,
+            bias_max_px: bias.pixels.map(round),
+        })
+    }
+
+    fn situations(&self) -> impl Iterator<Item = SituationRecord> {
+        self.accuracy.situations.iter().map(|of| {
+            let situation = &SITUATIONS[of.situation];
+            SituationRecord {
+                situation: situation.name,
+                rung: of.estimator.name(),
+                microseconds: self
+                    .microseconds(of.estimator, situation.chip_width)
+                    .map(round),
+                rmse_px: round(of.outcome.rmse),
+                rmse_over_bound: round(of.outcome.ratio()),
+                faults: of.outcome.faults,
+            }
+        })
+    }
+}
+
+/// The table of a calibration's forms for a terminal.
+pub fn distances(distances: &[Distance]) -> String {
+    table(&distance_table(distances))
+}
+
+/// The same for `docs/accuracy.md`.
+pub fn distances_markdown(distances: &[Distance]) -> String {
+    markdown(&distance_table(distances))
+}
+
+fn distance_table(distances: &[Distance]) -> Vec<Vec<String>> {
+    let mut rows = vec![strings(&[
+        "form",
+        "knots",
+        "error um",
+        "instructions",
+        "most",
+        "cycles",
+        "us",
+        "RAM B",
+        "record B",
+    ])];
+    rows.extend(distances.iter().map(|distance| {
+        vec![
+            distance.form.to_owned(),
+            distance.knots.to_string(),
+            format!("{:.4}", distance.error_max_um),
+            distance.instructions.to_string(),
+            distance.instructions_most.to_string(),
+            distance.cycles_estimated.to_string(),
+            format!("{:.1}", distance.cycles_estimated as f64 / CLOCK_MHZ),
+            distance.ram_bytes.to_string(),
+            distance.record_bytes.to_string(),
+        ]
+    }));
+    rows
+}
+
+/// A line of `accuracy.csv`: either `snr`, or the three that follow it.
+#[derive(Serialize)]
+struct CellRecord {
+    rung: &'static str,
+    width_px: f64,
+    snr: Option<f64>,
+    amplitude: Option<f64>,
+    electrons_per_count: Option<f64>,
+    read_noise: Option<f64>,
+    rows: u64,
+    rmse_px: f64,
+    bound_px: f64,
+    rmse_over_bound: f64,
+    pull: f64,
+    faults: u64,
+    gross: u64,
+}
+
+#[derive(Serialize)]
+struct ChipRecord<'a> {
+    rung: &'a str,
+    width_px: f64,
+    instructions: u64,
+    cycles_estimated: u64,
+    microseconds: f64,
+    code_bytes: u64,
+    table_bytes: u64,
+    stack_bytes: u64,
+    fault: Option<&'a str>,
+}
+
+#[derive(Serialize)]
+struct BiasRecord {
+    rung: &'static str,
+    width_px: f64,
+    bias_max_px: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct SituationRecord {
+    situation: &'static str,
+    rung: &'static str,
+    microseconds: Option<f64>,
+    rmse_px: f64,
+    rmse_over_bound: f64,
+    faults: u64,
+}
+
+fn write_csv<T: Serialize>(
+    path: &Path,
+    records: impl IntoIterator<Item = T>,
+) -> anyhow::Result<()> {
+    let mut writer =
+        csv::Writer::from_path(path).with_context(|| format!("writing {}", path.display()))?;
+    for record in records {
+        writer.serialize(record)?;
+    }
+    Ok(writer.flush()?)
+}
+
+/// To five significant digits: what follows is noise, and would make a difference of every run.
+fn round(value: f64) -> f64 {
+    if value == 0.0 || !value.is_finite() {
+        return value;
+    }
+    let scale = 10f64.powi(4 - value.abs().log10().floor() as i32);
+    (value * scale).round() / scale
+}
+
+/// A ratio, with fewer digits where it is large.
+fn ratio(value: f64) -> String {
+    match value {
+        value if value.is_nan() => "-".into(),
+        value if value >= 100.0 => format!("{value:.0}"),
+        value if value >= 10.0 => format!("{value:.1}"),
+        value => format!("{value:.3}"),
+    }
+}
+
+fn percent(part: f64) -> String {
+    match part {
+        0.0 => "0".into(),
+        part if part < 0.001 => "< 0.1 %".into(),
+        part => format!("{:.1} %", part * 100.0),
+    }
+}
+
+fn peer_table(peers: &[Peer]) -> Vec<Vec<String>> {
+    let figure = |value: Option<f64>| value.map_or("-".into(), ratio);
+    let mut rows = vec![strings(&[
+        "peer",
+        "host time",
+        "chip instructions",
+        "RMSE / bound",
+    ])];
+    rows.extend(peers.iter().map(|peer| {
+        vec![
+            peer.name.clone(),
+            figure(peer.host_time_ratio),
+            figure(peer.chip_instruction_ratio),
+            figure(peer.rmse_over_bound),
+        ]
+    }));
+    rows
+}
+
+fn strings(cells: &[&str]) -> Vec<String> {
+    cells.iter().map(|&cell| cell.to_owned()).collect()
+}
+
+/// Columns as wide as they need to be, the first to the left and the others to the right.
+fn table(rows: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        rows.iter()
+            .filter_map(|row| row.get(column))
+            .map(|cell| cell.chars().count())
+            .max()
+            .unwrap_or(0)
+    };
+    let mut out = String::new();
+    for row in rows {
+        for (column, cell) in row.iter().enumerate() {
+            let width = width(column);
+            let _ = match column {
+                0 => write!(out, "{cell:<width$}"),
+                _ => write!(out, "  {cell:>width$}"),
+            };
+        }
+        out.push('\n');
+    }
+    out
+}
+
+fn markdown(rows: &[Vec<String>]) -> String {
+    let mut out = String::new();
+    for (i, row) in rows.iter().enumerate() {
+        let _ = writeln!(out, "| {} |", row.join(" | "));
+        if i == 0 {
+            let _ = writeln!(out, "|---|{}", "---:|".repeat(row.len() - 1));
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::made_up;
+
+    /// The keys that others rely on.
+    #[test]
+    fn the_json_has_its_shape() {
+        let measured = made_up::measured();
+        let json = serde_json::to_value(measured.json()).expect("JSON");
+        assert!(json.get("peers").is_none());
+        assert!(json["sweep_instructions_per_pixel"].is_f64());
+        let rungs = json["rungs"].as_array().expect("an array");
+        assert_eq!(rungs.len(), 10);
+        for rung in rungs {
+            assert!(rung["name"].is_string());
+            for key in [
+                "rmse_over_bound_max",
+                "bias_max_px",
+                "pull_min",
+                "pull_max",
+                "chip_instructions_per_row",
+                "chip_cycles_estimated",
+                "table_bytes",
+                "code_bytes",
+                "stack_bytes",
+                "host_ns_per_row",
+            ] {
+                assert!(rung[key].is_number(), "{key} of {rung}");
+            }
+            let worst = |key: &str| rung[key].as_f64().expect("a number");
+            assert_eq!(
+                worst("rmse_over_bound_max"),
+                worst("rmse_over_bound_max_white").max(worst("rmse_over_bound_max_shot"))
+            );
+        }
+        let peer = Peer {
+            name: "a".into(),
+            host_time_ratio: Some(2.0),
+            chip_instruction_ratio: None,
+            rmse_over_bound: Some(1.5),
+        };
+        let json = serde_json::to_value(Json {
+            peers: Some(vec![peer]),
+            ..measured.json()
+        });
+        assert_eq!(
+            json.expect("JSON")["peers"],
+            serde_json::json!([{"name": "a", "host_time_ratio": 2.0, "chip_instruction_ratio": null, "rmse_over_bound": 1.5}])
+        );
+    }
+
+    #[test]
+    fn the_worst_is_taken_over_the_widths_that_a_rung_is_made_for() {
+        let mut measured = made_up::measured();
+        let estimator = measured.estimators[0];
+        for cell in &mut measured.accuracy.cells {
+            let known = [(0.8, 9.0), (30.0, 8.0), (1.2, 1.7), (18.0, 1.6)];
+            let ratio = known.iter().find(|(width, _)| *width == cell.width);
+            cell.outcome.rmse = cell.outcome.bound * ratio.map_or(1.0, |(_, ratio)| *ratio);
+        }
+        let worst = measured.accuracy.worst(estimator);
+        assert!((worst.white - 1.7).abs() < 1e-12 && (worst.shot - 1.7).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_csv_files_have_a_line_for_each_figure() {
+        let measured = made_up::measured();
+        let directory = std::env::temp_dir().join(format!("slitrange-cost-{}", std::process::id()));
+        measured.write_csv(&directory).expect("files");
+        let lines = |name: &str| {
+            let text = std::fs::read_to_string(directory.join(name)).expect("a file");
+            (
+                text.lines().next().unwrap_or_default().to_owned(),
+                text.lines().count() - 1,
+            )
+        };
+        assert_eq!(
+            lines("accuracy.csv"),
+            (
+                "rung,width_px,snr,amplitude,electrons_per_count,read_noise,rows,rmse_px,bound_px,\
+                 rmse_over_bound,pull,faults,gross"
+                    .to_owned(),
+                10 * 12 * 10
+            )
+        );
+        assert_eq!(lines("rungs.csv").1, 10);
+        assert_eq!(lines("bias.csv").1, 10 * 12);
+        assert_eq!(lines("situations.csv").1, 10 * SITUATIONS.len());
+        assert_eq!(lines("reading-time.csv").1, 4 * 7);
+        assert_eq!(lines("distances.csv").1, 1);
+        std::fs::remove_dir_all(directory).expect("removed");
+    }
+
+    #[test]
+    fn tables_line_up() {
+        let rows = [strings(&["a", "σ 1"]), strings(&["bcd", "10000"])];
+        assert_eq!(table(&rows), "a      σ 1\nbcd  10000\n");
+        assert_eq!(
+            markdown(&rows),
+            "| a | σ 1 |\n|---|---:|\n| bcd | 10000 |\n"
+        );
+        assert_eq!(
+            (round(0.012_345_678), round(123_456.7)),
+            (0.012_346, 123_460.0)
+        );
+    }
+}

@@ -1,0 +1,114 @@
+//! `cargo hard-cases`: hard cases through every rung, and how often a centre is wrong without saying so.
+
+mod story;
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::Context as _;
+use clap::Parser;
+use host_tests::hard_cases::mixtures::{self, RandomRow};
+use host_tests::hard_cases::report::{self, Catalogue};
+use host_tests::hard_cases::tally::Tally;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use lab::docs;
+use slitrange::centre::Estimator;
+
+/// The random rows of each kind that docs/ shows.
+const ROWS: u64 = 1_000_000;
+
+/// Runs the catalogue of hard cases and random mixtures of them through every rung, and rewrites docs/hard-cases.md.
+#[derive(Parser)]
+#[command(name = "cargo hard-cases")]
+struct Options {
+    /// Print one JSON object and nothing else; docs/ stays as it is
+    #[arg(long)]
+    json: bool,
+    /// Random rows with flaws, and as many clean ones. With fewer than a million, docs/ keeps the rates that it has
+    #[arg(long, value_name = "N", default_value_t = ROWS,
+          value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    rows: u64,
+    /// Tell the story of one random row with flaws, and what every rung says of it
+    #[arg(long, value_name = "SEED", conflicts_with_all = ["json", "rows"])]
+    row: Option<u64>,
+    /// The row of that seed without flaws
+    #[arg(long, requires = "row")]
+    clean: bool,
+}
+
+fn main() -> anyhow::Result<()> {
+    let options = Options::parse();
+    if let Some(seed) = options.row {
+        let row = if options.clean {
+            mixtures::clean(seed)
+        } else {
+            mixtures::mixture(seed)
+        };
+        story::tell(&row);
+        return Ok(());
+    }
+    let catalogue = Catalogue::run();
+    let start = Instant::now();
+    let clean = tally("clean rows", options.rows, mixtures::clean)?;
+    let mixtures = tally("rows with flaws", options.rows, mixtures::mixture)?;
+    if options.json {
+        let json = report::json(&catalogue, &clean, &mixtures);
+        println!("{}", serde_json::to_string_pretty(&json)?);
+        return Ok(());
+    }
+    print_summary(&catalogue, &clean, &mixtures);
+    let (rows, seconds) = (2 * options.rows, start.elapsed().as_secs_f64());
+    println!("\n{rows} random rows in {seconds:.0} s");
+    write(
+        &catalogue,
+        (options.rows >= ROWS).then_some((&clean, &mixtures)),
+    )
+}
+
+fn tally(name: &'static str, rows: u64, draw: fn(u64) -> RandomRow) -> anyhow::Result<Tally> {
+    let progress = ProgressBar::with_draw_target(Some(rows), ProgressDrawTarget::stderr_with_hz(4));
+    progress.set_style(ProgressStyle::with_template(
+        "{msg:16} {wide_bar} {pos}/{len}, {eta} left",
+    )?);
+    progress.set_message(name);
+    let tally = Tally::over(0..rows, draw, &|| progress.inc(1));
+    progress.finish_and_clear();
+    Ok(tally)
+}
+
+fn print_summary(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) {
+    println!("{}", report::random_rows_markdown(clean, mixtures));
+    if !mixtures.seeds.is_empty() {
+        println!(
+            "the default rung was confidently wrong with seeds {:?} (--row SEED tells their story)",
+            mixtures.seeds
+        );
+    }
+    if !clean.seeds.is_empty() {
+        println!("and of clean rows with seeds {:?}", clean.seeds);
+    }
+    println!("\n{} cases", catalogue.len());
+    for rung in Estimator::ALL {
+        let failures = catalogue.failures(rung);
+        println!("{}: {} failed", rung.name(), failures.len());
+        for failure in failures {
+            println!("    {failure}");
+        }
+    }
+}
+
+/// Rewrites the catalogue's table in docs/hard-cases.md, and the rates where there are new ones.
+fn write(catalogue: &Catalogue, rates: Option<(&Tally, &Tally)>) -> anyhow::Result<()> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .context("the workspace")?;
+    let page = root.join("docs/hard-cases.md");
+    let mut text = std::fs::read_to_string(&page).with_context(|| page.display().to_string())?;
+    text = docs::with_block(&text, report::CATALOGUE, &catalogue.markdown())?;
+    if let Some((clean, mixtures)) = rates {
+        let block = report::random_rows_markdown(clean, mixtures);
+        text = docs::with_block(&text, report::RANDOM_ROWS, &block)?;
+    }
+    std::fs::write(&page, text)?;
+    Ok(())
+}

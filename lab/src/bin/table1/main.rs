@@ -1,0 +1,148 @@
+//! `cargo table1`: the paper's experiment simulated, and its Table 1 beside the paper's own.
+
+mod figures;
+mod report;
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use clap::Parser;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use lab::docs;
+use lab::paper::apparatus::{Aperture, POSITIONS};
+use lab::paper::experiment::{Experiment, Outcome};
+use lab::paper::materials::MATERIALS;
+use lab::paper::training::PIECES;
+
+use crate::report::Report;
+
+/// Simulates the paper's experiment: six materials, lens against slit, 16,800 positions of five captures each.
+/// The seed of what docs/ shows.
+const SEED: u64 = 1;
+
+#[derive(Parser)]
+#[command(name = "cargo table1")]
+struct Options {
+    /// Print one JSON object and no tables; docs/ stays as it is
+    #[arg(long)]
+    json: bool,
+    /// Every tenth position
+    #[arg(long)]
+    quick: bool,
+    /// About this many positions in place of 16,800
+    #[arg(long, value_name = "N", conflicts_with = "quick",
+          value_parser = clap::value_parser!(u32).range(40..=POSITIONS as i64))]
+    positions: Option<u32>,
+    /// Only this material, by a part of its name
+    #[arg(long, value_name = "NAME", value_parser = material)]
+    material: Option<usize>,
+    /// Only the lens or only the slit
+    #[arg(long, value_name = "NAME", value_parser = aperture)]
+    optics: Option<Aperture>,
+    /// Rewrite docs/ whatever the number of positions. Without it, docs/ is rewritten only by a full run with the default seed
+    #[arg(long, conflicts_with_all = ["material", "optics", "json"])]
+    write: bool,
+    /// Seed of surfaces and noise
+    #[arg(long, value_name = "N", default_value_t = SEED)]
+    seed: u64,
+}
+
+fn material(name: &str) -> Result<usize, String> {
+    let named = |known: &str| known.to_lowercase().contains(&name.to_lowercase());
+    let found: Vec<usize> = (0..MATERIALS.len())
+        .filter(|&i| named(MATERIALS[i].name))
+        .collect();
+    match found[..] {
+        [only] => Ok(only),
+        _ => Err(format!(
+            "{} of the materials are called so: {}",
+            found.len(),
+            MATERIALS.map(|material| material.name).join(", ")
+        )),
+    }
+}
+
+fn aperture(name: &str) -> Result<Aperture, String> {
+    Aperture::ALL
+        .into_iter()
+        .find(|aperture| aperture.name() == name.to_lowercase())
+        .ok_or_else(|| "there are lens and slit".into())
+}
+
+impl Options {
+    fn stride(&self) -> usize {
+        match self.positions {
+            Some(positions) => POSITIONS.div_ceil(positions as usize),
+            None if self.quick => 10,
+            None => 1,
+        }
+    }
+}
+
+fn main() -> anyhow::Result<()> {
+    let options = Options::parse();
+    let experiment = Experiment {
+        stride: options.stride(),
+        seed: options.seed,
+        pieces: PIECES,
+    };
+    let report = Report::new(run(&options, &experiment)?, &experiment);
+    if options.json {
+        println!("{}", serde_json::to_string_pretty(&report.json())?);
+    } else {
+        print!("{}", report.text());
+    }
+    let complete = experiment.stride == 1
+        && options.seed == SEED
+        && options.material.is_none()
+        && options.optics.is_none()
+        && !options.json;
+    if options.write || complete {
+        write(&report)?;
+    }
+    Ok(())
+}
+
+/// Rewrites the tables and figures under `docs/`.
+fn write(report: &Report) -> anyhow::Result<()> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .context("the workspace")?;
+    figures::draw(report, &root.join("docs/figures"))?;
+    let directory = root.join("docs/physics");
+    std::fs::create_dir_all(&directory)?;
+    std::fs::write(directory.join("table1.csv"), report.csv())?;
+    let page = root.join("docs/physics.md");
+    let text = std::fs::read_to_string(&page).with_context(|| page.display().to_string())?;
+    std::fs::write(
+        &page,
+        docs::with_block(&text, "cargo table1", &report.markdown())?,
+    )?;
+    Ok(())
+}
+
+fn run(options: &Options, experiment: &Experiment) -> anyhow::Result<Vec<Outcome>> {
+    let materials = 0..MATERIALS.len();
+    let cells: Vec<(usize, Aperture)> = materials
+        .filter(|&material| options.material.is_none_or(|only| only == material))
+        .flat_map(|material| Aperture::ALL.map(|aperture| (material, aperture)))
+        .filter(|&(_, aperture)| options.optics.is_none_or(|only| only == aperture))
+        .collect();
+    let progress = ProgressBar::with_draw_target(
+        Some((cells.len() * experiment.positions()) as u64),
+        ProgressDrawTarget::stderr_with_hz(4),
+    );
+    progress.set_style(ProgressStyle::with_template(
+        "{msg:24} {wide_bar} {pos}/{len} positions, {eta} left",
+    )?);
+    let outcomes = cells
+        .into_iter()
+        .map(|(material, aperture)| {
+            let name = MATERIALS[material].name;
+            progress.set_message(format!("{name}, {}", aperture.name()));
+            experiment.run(material, aperture, &|| progress.inc(1))
+        })
+        .collect();
+    progress.finish_and_clear();
+    outcomes
+}

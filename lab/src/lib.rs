@@ -1,0 +1,5 @@
+//! What the programs of this package share: the paper's experiment, a scene's error budget, and how pages in docs/ are rewritten.
+
+pub mod budget;
+pub mod docs;
+pub mod paper;

@@ -1,0 +1,199 @@
+//! A data set: one material, one aperture, all positions of the table, and the centres that every method finds.
+
+use rayon::prelude::*;
+
+use crate::paper::apparatus::{Aperture, BASELINE, LASER, POSITIONS, STEP, TABLE, WANDER};
+use crate::paper::camera::{self, Exposure, PEAK};
+use crate::paper::materials::MATERIALS;
+use crate::paper::slit_path::RowTables;
+use crate::paper::{lens_path, slit_path};
+use simulator::field::{Surface, View};
+
+/// What is acquired.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DataSet {
+    /// Index of the material in [`MATERIALS`].
+    pub material: usize,
+    /// Lens or slit.
+    pub aperture: Aperture,
+    /// Seed of the experiment.
+    pub seed: u64,
+    /// Which piece of the material is measured: [`JUDGED`], or one of those after it, which are trained on.
+    pub piece: u64,
+    /// Distances of the positions in metres.
+    pub distances: Vec<f64>,
+    /// Captures at each.
+    pub captures: usize,
+}
+
+/// The piece of material that methods are judged on.
+pub const JUDGED: u64 = 0;
+
+/// What every method found: for each capture its distance in metres, and for each method and capture the centre in pixels, which is
+/// not a number where there is none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Centres {
+    /// The captures' true distances.
+    pub distances: Vec<f64>,
+    /// For each of [`CentreMethod::all`](crate::paper::methods::CentreMethod::all) all captures.
+    pub of_methods: Vec<Vec<f64>>,
+}
+
+impl Centres {
+    /// Adds the captures of another data set.
+    pub fn append(&mut self, mut other: Self) {
+        self.distances.append(&mut other.distances);
+        if self.of_methods.is_empty() {
+            self.of_methods = other.of_methods;
+        } else {
+            for (all, more) in self.of_methods.iter_mut().zip(&mut other.of_methods) {
+                all.append(more);
+            }
+        }
+    }
+}
+
+/// A data set with its surface and its exposure time: ready to be captured.
+pub struct Target<'a> {
+    set: &'a DataSet,
+    /// The same surface for the lens and the slit.
+    surface: Surface,
+    /// Counts for an image's light times its density times [`brightness`](Self::brightness).
+    counts: f64,
+}
+
+/// Positions at which the exposure time is chosen.
+const EXPOSED_AT: usize = 16;
+
+impl<'a> Target<'a> {
+    /// Prepares a data set: the mean peak of its images along the table becomes [`PEAK`].
+    ///
+    /// # Errors
+    /// The material's numbers make no surface.
+    pub fn new(set: &'a DataSet) -> anyhow::Result<Self> {
+        let seed = set.seed ^ (set.material as u64) << 48 ^ set.piece << 32;
+        let material = &MATERIALS[set.material];
+        let mut target = Self {
+            set,
+            surface: material.surface(&LASER, seed)?,
+            counts: 1.0,
+        };
+        let mut sum = 0.0;
+        for i in 0..EXPOSED_AT {
+            let share = (i as f64 + 0.5) / EXPOSED_AT as f64;
+            let distance = TABLE.0 + (TABLE.1 - TABLE.0) * share;
+            let density = match set.aperture {
+                Aperture::Slit => slit_path::density(&target.surface, &target.view(distance))?,
+                Aperture::Lens => lens_path::density(&target.surface, &target.view(distance))?,
+            };
+            sum += target.brightness(distance) * density;
+        }
+        target.counts = PEAK * EXPOSED_AT as f64 / sum;
+        Ok(target)
+    }
+
+    /// Light that reaches the aperture, in any unit: the material's lobe, and the square of the way.
+    fn brightness(&self, distance: f64) -> f64 {
+        let material = &MATERIALS[self.set.material];
+        material.brightness((BASELINE / distance).atan()) / self.view(distance).range().powi(2)
+    }
+
+    /// What is seen at a distance.
+    fn view(&self, distance: f64) -> View {
+        View {
+            distance,
+            baseline: BASELINE,
+            lateral: [WANDER * (distance - TABLE.0), 0.0],
+        }
+    }
+
+    /// The light at a position, and the sensor's column at which it begins.
+    ///
+    /// # Errors
+    /// The spot is larger than the surface.
+    pub fn expose(&self, position: usize) -> anyhow::Result<(Exposure, usize)> {
+        let distance = self.set.distances[position];
+        let view = self.view(distance);
+        let (image, first) = match self.set.aperture {
+            Aperture::Slit => slit_path::image(&self.surface, &view)?,
+            Aperture::Lens => lens_path::image(&self.surface, &view)?,
+        };
+        let counts = (self.counts * self.brightness(distance) * image.density) as f32;
+        Ok((
+            Exposure::new(image.light.iter().map(|light| counts * light)),
+            first,
+        ))
+    }
+
+    /// A capture of that light, with noise of its own.
+    pub fn capture(&self, exposure: &Exposure, position: usize, capture: usize, to: &mut Vec<u16>) {
+        let aperture = match self.set.aperture {
+            Aperture::Slit => 1,
+            Aperture::Lens => 2,
+        };
+        let set = (self.set.material as u64) << 48 ^ self.set.piece << 32 ^ aperture << 60;
+        // Not the surface's seed: its streams are numbered otherwise.
+        let mut random = camera::noise(!self.set.seed ^ set, position as u64, capture as u64);
+        exposure.capture(&mut random, to);
+    }
+
+    /// The centres of the captures at a position, by every method.
+    fn centres(&self, position: usize, tables: &RowTables<'_>) -> anyhow::Result<Vec<Vec<f64>>> {
+        let (exposure, first) = self.expose(position)?;
+        let mut counts = vec![];
+        let mut of_capture = |capture| {
+            self.capture(&exposure, position, capture, &mut counts);
+            let mut centres = match self.set.aperture {
+                Aperture::Slit => slit_path::centres(&counts, tables),
+                Aperture::Lens => lens_path::centres(&counts),
+            };
+            for centre in &mut centres {
+                *centre += first as f64;
+            }
+            centres
+        };
+        Ok((0..self.set.captures).map(&mut of_capture).collect())
+    }
+}
+
+impl DataSet {
+    /// Acquires and measures, on all cores. `tables` are those of the slit's rows. `done` is called after each position.
+    ///
+    /// # Errors
+    /// The surface cannot be made, or is smaller than the spot.
+    pub fn measure(
+        &self,
+        tables: &RowTables<'_>,
+        done: &(dyn Fn() + Sync),
+    ) -> anyhow::Result<Centres> {
+        let target = Target::new(self)?;
+        // In the order of the positions, whichever thread does them.
+        let of_positions: Vec<Vec<Vec<f64>>> = (0..self.distances.len())
+            .into_par_iter()
+            .map(|position| {
+                let centres = target.centres(position, tables);
+                done();
+                centres
+            })
+            .collect::<anyhow::Result<_>>()?;
+        let captures = || of_positions.iter().flatten();
+        let methods = captures().next().map_or(0, Vec::len);
+        let distances = self.distances.iter();
+        Ok(Centres {
+            distances: distances
+                .flat_map(|&distance| vec![distance; self.captures])
+                .collect(),
+            of_methods: (0..methods)
+                .map(|method| captures().map(|centres| centres[method]).collect())
+                .collect(),
+        })
+    }
+}
+
+/// The distances of positions in metres: every `stride`-th of the paper's.
+pub fn positions(stride: usize) -> Vec<f64> {
+    (0..POSITIONS)
+        .step_by(stride)
+        .map(|i| TABLE.0 + STEP * i as f64)
+        .collect()
+}

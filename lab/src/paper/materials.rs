@@ -1,0 +1,163 @@
+//! The paper's six materials. Every number here is chosen: the paper names the materials and gives none of their properties. Each is a
+//! property of the surface alone, the same for the lens and the slit.
+//!
+//! How much light a material reflects does not matter: each data set is exposed so that its mean peak is a quarter of full scale.
+
+use simulator::field::{Laser, Scattering, Surface};
+use simulator::scene::{SpecularLobe, Texture};
+
+/// A material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// The paper's name for it.
+    pub name: &'static str,
+    /// How many independent speckle patterns its light is made of, 1 or 2: a metal or a gloss keeps the laser's polarisation,
+    /// light that was in paper, wood or fabric has lost it (J. W. Goodman, Speckle Phenomena in Optics (2007), section 4.4).
+    pub polarisations: usize,
+    /// Mean extra path of light in the material, in metres: volume scattering.
+    pub path_spread: f64,
+    /// How its brightness depends on the angle of view, beside Lambert's law.
+    pub lobe: Option<SpecularLobe>,
+    /// Its grain.
+    pub texture: Texture,
+}
+
+impl Material {
+    /// A piece of it.
+    ///
+    /// # Errors
+    /// The numbers make no surface.
+    pub fn surface(&self, laser: &Laser, seed: u64) -> anyhow::Result<Surface> {
+        let scattering = Scattering {
+            polarisations: self.polarisations,
+            path_spread: self.path_spread,
+            ..Scattering::surface()
+        };
+        let texture = self.texture.surface(seed);
+        let surface = Surface::new(laser, &scattering, seed)?;
+        Ok(surface.with_reflectance(|x, _| texture.reflectance(x)))
+    }
+
+    /// Brightness at an angle between laser and camera, in radians: Lambert's law, and the lobe.
+    pub fn brightness(&self, angle: f64) -> f64 {
+        angle.cos() * self.lobe.map_or(1.0, |lobe| lobe.factor(angle))
+    }
+
+    /// Its numbers in words.
+    pub fn description(&self) -> String {
+        let lobe = self.lobe.map_or("no lobe".into(), |lobe| {
+            format!(
+                "lobe {} times as bright, {} rad wide",
+                lobe.strength, lobe.width
+            )
+        });
+        format!(
+            "{}: {} polarisations, paths of {:.0} um, {lobe}, texture of {} in {:.0} um",
+            self.name,
+            self.polarisations,
+            self.path_spread * 1e6,
+            self.texture.contrast,
+            self.texture.length * 1e6
+        )
+    }
+}
+
+/// All six, in the order of the paper's Table 1.
+pub const MATERIALS: [Material; 6] = [
+    // Scratches finer than the spot, and a lobe some ten degrees wide across them.
+    Material {
+        name: "Brushed Metal",
+        polarisations: 1,
+        path_spread: 0.0,
+        lobe: Some(SpecularLobe {
+            strength: 9.0,
+            width: 0.3,
+            tilt: 0.0,
+        }),
+        texture: Texture {
+            contrast: 0.3,
+            length: 50e-6,
+        },
+    },
+    // A porous layer of grains.
+    Material {
+        name: "Rusty Metal",
+        polarisations: 1,
+        path_spread: 20e-6,
+        lobe: Some(SpecularLobe {
+            strength: 0.25,
+            width: 0.4,
+            tilt: 0.0,
+        }),
+        texture: Texture {
+            contrast: 0.5,
+            length: 100e-6,
+        },
+    },
+    // Light goes some cells deep; early wood and late wood differ.
+    Material {
+        name: "Light Wood Plank",
+        polarisations: 2,
+        path_spread: 150e-6,
+        lobe: Some(SpecularLobe {
+            strength: 0.1,
+            width: 0.4,
+            tilt: 0.0,
+        }),
+        texture: Texture {
+            contrast: 0.2,
+            length: 300e-6,
+        },
+    },
+    // A sheet is 0.1 mm thick, and even.
+    Material {
+        name: "Printer Paper",
+        polarisations: 2,
+        path_spread: 100e-6,
+        lobe: None,
+        texture: Texture {
+            contrast: 0.05,
+            length: 200e-6,
+        },
+    },
+    // Glossy: what is seen at 16 to 27 degrees is the foot of the lobe. The surface is embossed a little.
+    Material {
+        name: "Black Electric Tape",
+        polarisations: 1,
+        path_spread: 0.0,
+        lobe: Some(SpecularLobe {
+            strength: 9.0,
+            width: 0.15,
+            tilt: 0.0,
+        }),
+        texture: Texture {
+            contrast: 0.1,
+            length: 200e-6,
+        },
+    },
+    // Fibres of some micrometres in bundles, with shadows between them.
+    Material {
+        name: "Microfiber Fabric",
+        polarisations: 2,
+        path_spread: 20e-6,
+        lobe: None,
+        texture: Texture {
+            contrast: 0.8,
+            length: 100e-6,
+        },
+    },
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn brightness_falls_with_the_angle() {
+        for material in &MATERIALS {
+            let at = |degrees: f64| material.brightness(degrees.to_radians());
+            println!("{}: {:.2} {:.2}", material.name, at(16.4), at(26.6));
+            assert!(at(16.4) < at(0.0) && at(26.6) < at(16.4) && at(26.6) > 0.0);
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! The paper's fits in f64 beside the core's, on the same rows: whether what the core makes of a frame is what the paper's method makes.
+
+use anyhow::Context as _;
+use rayon::prelude::*;
+
+use crate::paper::data_set::{DataSet, Target};
+use crate::paper::methods::RowEstimator;
+use crate::paper::row_mean::{RowFit, RowMean};
+use crate::paper::slit_path::{self, COLUMNS, RowTables};
+use simulator::least_squares;
+use simulator::sinc_fit::{self, Sinc};
+
+/// Root mean squares over frames of the plain mean of rows, core less reference, in pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Difference {
+    /// The rung `gauss-newton` with equal weights, less [`least_squares::fit_near`].
+    pub gaussian: f64,
+    /// The rung `fraunhofer`, less [`sinc_fit::fit_from`]. The rung's weights are made for a mix of read and shot noise, the reference
+    /// weighs all pixels alike: in noise they are both right, in speckle they differ.
+    pub fraunhofer: f64,
+    /// Frames compared.
+    pub frames: usize,
+}
+
+/// Compares on the first capture of every `stride`-th position of a data set.
+///
+/// # Errors
+/// The surface cannot be made.
+pub fn compare(set: &DataSet, tables: &RowTables<'_>, stride: usize) -> anyhow::Result<Difference> {
+    let target = Target::new(set)?;
+    let positions: Vec<usize> = (0..set.distances.len()).step_by(stride).collect();
+    let differences: Vec<[f64; 2]> = positions
+        .par_iter()
+        .map(|&position| {
+            let (exposure, _) = target.expose(position)?;
+            let mut counts = vec![];
+            target.capture(&exposure, position, 0, &mut counts);
+            let core = slit_path::fit_rows(&counts, tables);
+            let of_core = |estimator: RowEstimator| RowMean::Plain.of(&core[estimator as usize]);
+            let (gaussian, sinc) = reference(&counts);
+            let difference = |core: Option<f64>, fit: Option<f64>| {
+                core.zip(fit)
+                    .map(|(core, fit)| core - fit)
+                    .with_context(|| format!("no centre at position {position}"))
+            };
+            Ok([
+                difference(
+                    of_core(RowEstimator::Gaussian),
+                    RowMean::Plain.of(&gaussian),
+                )?,
+                difference(of_core(RowEstimator::Fraunhofer), RowMean::Plain.of(&sinc))?,
+            ])
+        })
+        .collect::<anyhow::Result<_>>()?;
+    let root_mean_square = |i: usize| {
+        let squares = differences.iter().map(|difference| difference[i].powi(2));
+        (squares.sum::<f64>() / differences.len() as f64).sqrt()
+    };
+    Ok(Difference {
+        gaussian: root_mean_square(0),
+        fraunhofer: root_mean_square(1),
+        frames: differences.len(),
+    })
+}
+
+/// The rows of a frame fitted with eq. (5) and with eq. (6).
+fn reference(counts: &[u16]) -> (Vec<RowFit>, Vec<RowFit>) {
+    let (mut gaussians, mut sincs) = (vec![], vec![]);
+    for row in counts.as_chunks::<COLUMNS>().0 {
+        let row: Vec<f64> = row.iter().map(|&count| f64::from(count)).collect();
+        // Rows that the core calls too dim have a centre that is uncertain by an eighth of the width. For the reference: a height of
+        // ten times the noise.
+        let Some(top) = brightest(&row) else { continue };
+        let Some(fit) = least_squares::fit_near(&row, top) else {
+            continue;
+        };
+        if fit.amplitude < 10.0 || !(3.0..40.0).contains(&fit.width) || !fit.is_whole_in(COLUMNS) {
+            continue;
+        }
+        gaussians.push(RowFit {
+            centre: fit.centre,
+            amplitude: fit.amplitude,
+            place: 0.0,
+        });
+        let start = Sinc {
+            centre: fit.centre,
+            zero: fit.width / 0.376,
+            amplitude: fit.amplitude,
+            level: fit.level,
+        };
+        sincs.extend(sinc_fit::fit_from(&row, start).map(|fit| RowFit {
+            centre: fit.centre,
+            amplitude: fit.amplitude,
+            place: 0.0,
+        }));
+    }
+    (gaussians, sincs)
+}
+
+/// The middle of the brightest 16 pixels.
+fn brightest(row: &[f64]) -> Option<f64> {
+    let sums = row.windows(16).map(|window| window.iter().sum::<f64>());
+    let (start, _) = sums.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(start as f64 + 7.5)
+}

@@ -1,0 +1,170 @@
+//! Every rung is asked for a row's centre: alone, with the look that follows it, and as the whole measurement that turns rows
+//! into readings.
+
+use slitrange::black_level::BlackLevel;
+use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
+use slitrange::check;
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::Eq1;
+use slitrange::fault::Fault;
+use slitrange::frame::Mean;
+use slitrange::measurement::{Measurement, Settings};
+use slitrange::reading::Reading;
+use slitrange::row::{Geometry, Polarity};
+use slitrange::spot;
+use slitrange::units::{Micrometres, Pixels};
+
+/// Rows that make a reading.
+pub const ROWS: u16 = 2;
+
+/// The most words that a row is answered with: for each rung two centres or faults, and a reading.
+pub const MOST_WORDS: usize = Estimator::ALL.len() * (2 * 8 + 14);
+
+/// A measurement for each rung, with the row before in it.
+pub struct Rungs {
+    geometry: Geometry,
+    measurements: [Measurement; Estimator::ALL.len()],
+}
+
+impl Rungs {
+    /// For rows of so many pixels that see light, of a converter of so many bits.
+    pub fn new(pixels: usize, bits: u8, shot_variance_per_count_q16: u16) -> Self {
+        let geometry = Geometry {
+            words: pixels,
+            shielded: 0..0,
+            light: 0..pixels,
+            polarity: Polarity::Rising,
+            bits,
+            shot_variance_per_count_q16,
+        };
+        let measurements = Estimator::ALL.map(|estimator| {
+            let settings = Settings {
+                rows: ROWS,
+                mean: Mean::Weighted,
+                estimator,
+                black_level: BlackLevel::Frame,
+            };
+            Measurement::new(geometry.clone(), settings)
+        });
+        Self {
+            geometry,
+            measurements,
+        }
+    }
+
+    /// Asks every rung, in the order of [`Estimator::ALL`], and says its words.
+    pub fn ask(&mut self, light: &mut [u16], mut say: impl FnMut(Estimator, u32)) {
+        let calibration = every_centre();
+        for (rung, measurement) in Estimator::ALL.into_iter().zip(&mut self.measurements) {
+            let mut say = |word| say(rung, word);
+            let found = self.geometry.row(light).map_err(|_| Fault::SensorSilent);
+            let found = found.and_then(|row| Ok((row, spot::find(&row)?)));
+            let alone = found
+                .and_then(|(row, spot)| centre::centre(rung, &row, &spot, None, &self.geometry));
+            say_centre(alone, &mut say);
+            let looked_at = found
+                .and_then(|(row, spot)| check::centre(rung, &row, &spot, None, &self.geometry));
+            say_centre(looked_at, &mut say);
+            if let Some(result) = measurement.row(light) {
+                let result = result.and_then(|measured| measured.reading(calibration.as_ref()));
+                say_reading(result, &mut say);
+            }
+        }
+    }
+}
+
+/// Eq. (1) with a distance for every centre on a row: of 1 m at pixel 0, 0.52 m at pixel 3680.
+fn every_centre() -> Option<Calibration> {
+    let valid = Pixels::from_int(-1)..=Pixels::from_int(4096);
+    // 4e9 um px over 4000 px from the pole.
+    let curve = Eq1::new(
+        Micrometres::from_int(0),
+        4_000_000_000 << 16,
+        Pixels::from_int(-4000),
+        valid,
+    );
+    curve.ok().map(Calibration::Eq1)
+}
+
+fn say_centre(answer: Result<RowCentre, Fault>, say: &mut impl FnMut(u32)) {
+    match answer {
+        Ok(RowCentre {
+            centre,
+            uncertainty,
+            amplitude,
+            width,
+            class,
+            misfit,
+        }) => {
+            let WidthClass { set, table, block } = class;
+            say(0);
+            for bits in [
+                centre.to_bits(),
+                uncertainty.to_bits(),
+                amplitude.to_bits(),
+                width.to_bits(),
+            ] {
+                say(bits as u32);
+            }
+            say(u32::from_le_bytes([set, table, block, u8::from(misfit)]));
+        }
+        Err(fault) => say_fault(fault, say),
+    }
+}
+
+fn say_reading(answer: Result<Reading, Fault>, say: &mut impl FnMut(u32)) {
+    match answer {
+        Ok(Reading {
+            distance,
+            uncertainty,
+            centre,
+            centre_uncertainty,
+            amplitude,
+            width,
+            rows_used,
+            rows,
+            black_level,
+            estimator: _,
+            misfits,
+            correlated,
+        }) => {
+            say(0);
+            for bits in [
+                distance.to_bits(),
+                uncertainty.to_bits(),
+                centre.to_bits(),
+                centre_uncertainty.to_bits(),
+                amplitude.to_bits(),
+                width.to_bits(),
+                black_level.to_bits(),
+            ] {
+                say(bits as u32);
+            }
+            for number in [rows_used, rows, misfits] {
+                say(u32::from(number));
+            }
+            say(correlated.map_or(u32::MAX, u32::from));
+        }
+        Err(fault) => say_fault(fault, say),
+    }
+}
+
+fn say_fault(fault: Fault, say: &mut impl FnMut(u32)) {
+    say(1 + fault.kind() as u32);
+    let bits = match fault {
+        Fault::SensorSilent => [0, 0],
+        Fault::NoSpot { amplitude } => [amplitude.to_bits(), 0],
+        Fault::TooDim { amplitude, needed } => [amplitude.to_bits(), needed.to_bits()],
+        Fault::Saturated { pixels } => [i32::from(pixels), 0],
+        Fault::SpotAtEdge { centre } | Fault::OutOfRange { centre } => [centre.to_bits(), 0],
+        Fault::TwoSpots { centre, other } => [centre.to_bits(), other.to_bits()],
+        Fault::Unsteady { scatter } => [scatter.to_bits(), 0],
+        Fault::NotCalibrated {
+            centre,
+            uncertainty,
+        } => [centre.to_bits(), uncertainty.to_bits()],
+    };
+    for bits in bits {
+        say(bits as u32);
+    }
+}

@@ -1,0 +1,227 @@
+//! What one would use instead: the crate `levenberg-marquardt` on eq. (5), in f32 and in f64.
+
+use cost_on_chip::inputs;
+use cost_on_chip::rows::{self, PIXELS, ROWS, Turn};
+use embedded_alloc::LlffHeap;
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use nalgebra::{Const, OMatrix, OVector, Owned, U4};
+use slitrange::centre::Estimator;
+
+use super::board::let_the_log_out;
+use super::counter::{self, Cost, Counted};
+
+/// `levenberg-marquardt` links `alloc`, which asks for a heap. It takes none of it for sizes that are known.
+#[global_allocator]
+static NO_HEAP: LlffHeap = LlffHeap::empty();
+
+/// Pixels that are fitted: the paper takes 128, and nalgebra knows the sizes up to 127.
+const FITTED: usize = 127;
+type Fitted = Const<FITTED>;
+
+/// The width of the spot, the paper's.
+const WIDTH: f32 = 10.5;
+
+/// The pixels and where the fit starts, as it is known from the row before.
+struct Input {
+    /// Counts.
+    pixels: [u16; FITTED],
+    /// Amplitude, centre in pixels from the first, s = 1/(sqrt(2) sigma), and black level.
+    start: [f32; 4],
+}
+
+/// The centre in pixels from the first one, and how often the sum of squares was asked for.
+#[derive(Clone, Copy, Default)]
+struct Found {
+    centre: f64,
+    evaluations: usize,
+}
+
+/// Where a fit starts.
+#[derive(Clone, Copy)]
+enum Start {
+    /// What the default rung found in the row before, the target on the move: as the peers on a PC start.
+    Moved,
+    /// The same of a target at rest: as the rungs on this chip start.
+    AtRest,
+    /// What the coarse search found: half a block from the centre, a factor of two from the width.
+    Search,
+}
+
+/// Counts fits with the crate's default tolerances on [`ROWS`] rows.
+pub fn measure() {
+    let (single, double) = (peer_levenberg_marquardt_f32, peer_levenberg_marquardt_f64);
+    measure_one("levenberg-marquardt-f32", Start::Moved, single);
+    measure_one("levenberg-marquardt-f64", Start::Moved, double);
+    measure_one("levenberg-marquardt-f32-at-rest", Start::AtRest, single);
+    measure_one("levenberg-marquardt-f32-from-search", Start::Search, single);
+}
+
+fn measure_one(name: &str, start: Start, peer: Counted<Input, Found>) {
+    let geometry = rows::geometry();
+    let (mut before, mut now) = ([0; PIXELS], [0; PIXELS]);
+    let mut costs = [Cost::default(); ROWS];
+    let mut evaluations = 0;
+    for (row, cost) in costs.iter_mut().enumerate() {
+        let turn = match start {
+            Start::Moved => Turn::BeforeMoved,
+            Start::AtRest | Start::Search => Turn::Before,
+        };
+        rows::light(WIDTH, row, turn, &mut before);
+        rows::light(WIDTH, row, Turn::Now, &mut now);
+        let searched = defmt::unwrap!(inputs::searched(&before).ok());
+        let now_searched = defmt::unwrap!(inputs::searched(&now).ok());
+        let spot = now_searched.spot;
+        let known = inputs::input(Estimator::default(), &searched, now_searched, &geometry);
+        let known = defmt::unwrap!(known.before);
+        let (amplitude, centre, width) = match start {
+            Start::Moved | Start::AtRest => (
+                known.amplitude.to_f32(),
+                known.centre.to_f32(),
+                known.width.to_f32(),
+            ),
+            Start::Search => (
+                spot.height.to_f32(),
+                spot.centre as f32,
+                0.9 * (1u32 << spot.block_log2) as f32,
+            ),
+        };
+        let first = centre as usize - FITTED / 2;
+        let input = Input {
+            pixels: defmt::unwrap!(now[first..][..FITTED].try_into().ok()),
+            start: [
+                amplitude,
+                centre - first as f32,
+                core::f32::consts::FRAC_1_SQRT_2 / width,
+                spot.background.level.to_f32(),
+            ],
+        };
+        let mut found = Found::default();
+        *cost = counter::count(peer, &input, &mut found);
+        evaluations = evaluations.max(found.evaluations);
+        defmt::println!(
+            "peer-row {} number {} centre {}",
+            name,
+            row,
+            found.centre + first as f64
+        );
+        let_the_log_out();
+    }
+    let cost = counter::summary(costs);
+    defmt::println!(
+        "peer {} cycles {} most {} stack {} evaluations {}",
+        name,
+        cost.median,
+        cost.most,
+        cost.stack,
+        evaluations
+    );
+    let_the_log_out();
+}
+
+/// Eq. (5): a exp(-(s (x - x0))^2) + black level.
+struct Gaussian<F: nalgebra::Scalar> {
+    counts: [F; FITTED],
+    parameters: OVector<F, U4>,
+}
+
+impl LeastSquaresProblem<f32, Fitted, U4> for Gaussian<f32> {
+    type ParameterStorage = Owned<f32, U4>;
+    type ResidualStorage = Owned<f32, Fitted>;
+    type JacobianStorage = Owned<f32, Fitted, U4>;
+
+    fn set_params(&mut self, parameters: &OVector<f32, U4>) {
+        self.parameters = *parameters;
+    }
+
+    fn params(&self) -> OVector<f32, U4> {
+        self.parameters
+    }
+
+    fn residuals(&self) -> Option<OVector<f32, Fitted>> {
+        let [a, centre, s, level] = self.parameters.into();
+        Some(OVector::from_fn(|i, _| {
+            let u = s * (i as f32 - centre);
+            a * libm::expf(-u * u) + level - self.counts[i]
+        }))
+    }
+
+    fn jacobian(&self) -> Option<OMatrix<f32, Fitted, U4>> {
+        let [a, centre, s, _] = self.parameters.into();
+        let mut jacobian = OMatrix::<f32, Fitted, U4>::zeros();
+        for (i, mut row) in jacobian.row_iter_mut().enumerate() {
+            let d = i as f32 - centre;
+            let u = s * d;
+            let g = libm::expf(-u * u);
+            row[0] = g;
+            row[1] = 2.0 * a * g * s * u;
+            row[2] = -2.0 * a * g * u * d;
+            row[3] = 1.0;
+        }
+        Some(jacobian)
+    }
+}
+
+impl LeastSquaresProblem<f64, Fitted, U4> for Gaussian<f64> {
+    type ParameterStorage = Owned<f64, U4>;
+    type ResidualStorage = Owned<f64, Fitted>;
+    type JacobianStorage = Owned<f64, Fitted, U4>;
+
+    fn set_params(&mut self, parameters: &OVector<f64, U4>) {
+        self.parameters = *parameters;
+    }
+
+    fn params(&self) -> OVector<f64, U4> {
+        self.parameters
+    }
+
+    fn residuals(&self) -> Option<OVector<f64, Fitted>> {
+        let [a, centre, s, level] = self.parameters.into();
+        Some(OVector::from_fn(|i, _| {
+            let u = s * (i as f64 - centre);
+            a * libm::exp(-u * u) + level - self.counts[i]
+        }))
+    }
+
+    fn jacobian(&self) -> Option<OMatrix<f64, Fitted, U4>> {
+        let [a, centre, s, _] = self.parameters.into();
+        let mut jacobian = OMatrix::<f64, Fitted, U4>::zeros();
+        for (i, mut row) in jacobian.row_iter_mut().enumerate() {
+            let d = i as f64 - centre;
+            let u = s * d;
+            let g = libm::exp(-u * u);
+            row[0] = g;
+            row[1] = 2.0 * a * g * s * u;
+            row[2] = -2.0 * a * g * u * d;
+            row[3] = 1.0;
+        }
+        Some(jacobian)
+    }
+}
+
+#[inline(never)]
+#[unsafe(no_mangle)]
+extern "C" fn peer_levenberg_marquardt_f32(input: &Input, found: &mut Found) {
+    let problem = Gaussian {
+        counts: input.pixels.map(f32::from),
+        parameters: OVector::from(input.start),
+    };
+    let (problem, report) = LevenbergMarquardt::new().minimize(problem);
+    *found = Found {
+        centre: f64::from(problem.parameters[1]),
+        evaluations: report.number_of_evaluations,
+    };
+}
+
+#[inline(never)]
+#[unsafe(no_mangle)]
+extern "C" fn peer_levenberg_marquardt_f64(input: &Input, found: &mut Found) {
+    let problem = Gaussian {
+        counts: input.pixels.map(f64::from),
+        parameters: OVector::from(input.start.map(f64::from)),
+    };
+    let (problem, report) = LevenbergMarquardt::new().minimize(problem);
+    *found = Found {
+        centre: problem.parameters[1],
+        evaluations: report.number_of_evaluations,
+    };
+}

@@ -1,0 +1,142 @@
+//! The other steps from the words of a read-out to a frame.
+
+use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WORDS};
+use slitrange::black_level::BlackLevel;
+use slitrange::centre::Estimator;
+use slitrange::fault::Fault;
+use slitrange::frame::Mean;
+use slitrange::measurement::{Measurement, Settings};
+use slitrange::reading::Measured;
+use slitrange::row::{Geometry, Row};
+use slitrange::spot::{self, Spot};
+use slitrange::units::Pixels;
+
+use super::board::let_the_log_out;
+use super::counter::{self, Cost};
+
+/// The width of the spot on the rows that are searched.
+const WIDTH: f32 = 10.5;
+
+/// Counts each step on [`ROWS`] rows.
+pub fn measure() {
+    let geometry = rows::geometry();
+    let mut pixels = [0; PIXELS];
+    let mut words = [0; WORDS];
+    let mut measurement = Measurement::new(rows::geometry(), settings());
+    let (mut turning, mut search, mut search_again) = (none(), none(), none());
+    let mut whole = none();
+    for row in 0..ROWS {
+        rows::light(WIDTH, row, Turn::Now, &mut pixels);
+
+        rows::words(&pixels, &mut words);
+        let mut read_out = ReadOut {
+            words: &mut words,
+            is_row: false,
+        };
+        turning[row] = counter::count(step_geometry_row, &geometry, &mut read_out);
+        defmt::assert!(read_out.is_row);
+
+        let light = defmt::unwrap!(Row::new(&pixels, &[], geometry.full_scale()).ok());
+        let mut spot = None;
+        search[row] = counter::count(step_spot_find, &light, &mut spot);
+        let first = defmt::unwrap!(spot.take().and_then(Result::ok));
+        let before = Before {
+            spot: first,
+            width: Pixels::from_f32(WIDTH),
+        };
+        search_again[row] = counter::count(step_spot_find_again, &(light, before), &mut spot);
+        defmt::assert!(matches!(spot, Some(Ok(found)) if found.centre.abs_diff(first.centre) < 16));
+
+        // As in a frame: the row before had the same spot.
+        rows::light(WIDTH, row, Turn::Before, &mut pixels);
+        rows::words(&pixels, &mut words);
+        defmt::assert!(measurement.row(&mut words).is_none());
+        rows::light(WIDTH, row, Turn::Now, &mut pixels);
+        rows::words(&pixels, &mut words);
+        let mut pipeline = Pipeline {
+            measurement: &mut measurement,
+            words: &mut words,
+            measured: None,
+        };
+        whole[row] = counter::count(step_measurement_row, &(), &mut pipeline);
+        defmt::assert!(pipeline.measured.is_none());
+    }
+    print("geometry-row", WORDS, turning);
+    print("spot-find", PIXELS, search);
+    print("spot-find-again", PIXELS, search_again);
+    print("measurement-row", 1, whole);
+}
+
+/// As the firmware starts with, and with more rows in a frame than are given: no call ends a frame.
+fn settings() -> Settings {
+    Settings {
+        rows: 4 * ROWS as u16,
+        mean: Mean::default(),
+        estimator: Estimator::default(),
+        black_level: BlackLevel::Shielded,
+    }
+}
+
+fn none() -> [Cost; ROWS] {
+    [Cost::default(); ROWS]
+}
+
+/// `items` is what the step goes over: words or pixels, or 1.
+fn print(name: &str, items: usize, costs: [Cost; ROWS]) {
+    let cost = counter::summary(costs);
+    defmt::println!(
+        "step {} items {} cycles {} most {} stack {}",
+        name,
+        items,
+        cost.median,
+        cost.most,
+        cost.stack
+    );
+    let_the_log_out();
+}
+
+#[inline(never)]
+#[unsafe(no_mangle)]
+extern "C" fn step_spot_find(row: &Row<'_>, spot: &mut Option<Result<Spot, Fault>>) {
+    *spot = Some(spot::find(row));
+}
+
+/// What the row before knew of the spot.
+struct Before {
+    spot: Spot,
+    width: Pixels,
+}
+
+#[inline(never)]
+#[unsafe(no_mangle)]
+extern "C" fn step_spot_find_again(
+    (row, before): &(Row<'_>, Before),
+    spot: &mut Option<Result<Spot, Fault>>,
+) {
+    *spot = Some(spot::find_again(row, &before.spot, before.width));
+}
+
+/// Words, and whether they were a row.
+struct ReadOut<'a> {
+    words: &'a mut [u16; WORDS],
+    is_row: bool,
+}
+
+#[inline(never)]
+#[unsafe(no_mangle)]
+extern "C" fn step_geometry_row(geometry: &Geometry, read_out: &mut ReadOut<'_>) {
+    read_out.is_row = geometry.row(read_out.words).is_ok();
+}
+
+/// The whole pipeline, its next row, and what came of it.
+struct Pipeline<'a> {
+    measurement: &'a mut Measurement,
+    words: &'a mut [u16; WORDS],
+    measured: Option<Result<Measured, Fault>>,
+}
+
+#[inline(never)]
+#[unsafe(no_mangle)]
+extern "C" fn step_measurement_row(_: &(), pipeline: &mut Pipeline<'_>) {
+    pipeline.measured = pipeline.measurement.row(pipeline.words);
+}

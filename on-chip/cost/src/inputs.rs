@@ -1,0 +1,52 @@
+//! What an estimator is given: a row whose spot is known, and what it found in the row before.
+
+use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::fault::Fault;
+use slitrange::row::{Geometry, LARGEST_COUNT, Row};
+use slitrange::spot::{self, Spot};
+
+/// A row, searched.
+#[derive(Clone, Copy, Debug)]
+pub struct Searched<'a> {
+    /// The row.
+    pub row: Row<'a>,
+    /// What the coarse search found in it.
+    pub spot: Spot,
+}
+
+/// The arguments of [`centre::centre`].
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a> {
+    /// The row and its spot.
+    pub searched: Searched<'a>,
+    /// What the same estimator found in the row before.
+    pub before: Option<RowCentre>,
+    /// What the row's counts are.
+    pub geometry: &'a Geometry,
+}
+
+/// Searches a row.
+///
+/// # Errors
+/// As [`spot::find`]; counts beyond 12 bits are [`Fault::SensorSilent`].
+pub fn searched(light: &[u16]) -> Result<Searched<'_>, Fault> {
+    let row = Row::new(light, &[], LARGEST_COUNT).map_err(|_| Fault::SensorSilent)?;
+    Ok(Searched {
+        row,
+        spot: spot::find(&row)?,
+    })
+}
+
+/// The arguments for one rung: the row now, and what the rung found in the row before, which it saw as the first.
+pub fn input<'a>(
+    estimator: Estimator,
+    before: &Searched<'_>,
+    now: Searched<'a>,
+    geometry: &'a Geometry,
+) -> Input<'a> {
+    Input {
+        searched: now,
+        before: centre::centre(estimator, &before.row, &before.spot, None, geometry).ok(),
+        geometry,
+    }
+}

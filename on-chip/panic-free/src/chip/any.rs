@@ -1,0 +1,162 @@
+//! Values that the optimiser knows nothing about.
+
+use slitrange::black_level::BlackLevel;
+use slitrange::centre::{Estimator, RowCentre, WidthClass};
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::{Eq1, Eq1Error};
+use slitrange::distance::knots::{Interpolation, Knot};
+use slitrange::distance::residuals::Corrected;
+use slitrange::distance::table::Table;
+use slitrange::fault::Fault;
+use slitrange::frame::{FrameCentre, Mean};
+use slitrange::measurement::Settings;
+use slitrange::reading::{Measured, Reading};
+use slitrange::record::Record;
+use slitrange::record::date::Date;
+use slitrange::row::Geometry;
+use slitrange::sensor_heads;
+use slitrange::spot::{Background, Spot};
+use slitrange::units::{Counts, Micrometres, Pixels};
+
+/// What might be any value of its type, though it is the one given.
+pub fn any<T: Copy>(value: T) -> T {
+    let place = &raw const value;
+    // SAFETY: reads a value that is there, and whose type is free to copy. Volatile: the optimiser may not go by what was
+    // written there.
+    unsafe { place.read_volatile() }
+}
+
+/// As many bytes as the longest record has, or any number that is less.
+pub fn bytes(place: &mut [u8; 4096]) -> &mut [u8] {
+    *place = any([0; 4096]);
+    place.get_mut(..any(0)).unwrap_or_default()
+}
+
+/// As many words as the longest row has, or any number that is less.
+pub fn words(place: &mut [u16; 4096]) -> &mut [u16] {
+    *place = any([0; 4096]);
+    place.get_mut(..any(0)).unwrap_or_default()
+}
+
+pub fn geometry() -> Geometry {
+    Geometry {
+        words: any(0),
+        shielded: any(0)..any(0),
+        light: any(0)..any(0),
+        polarity: any(sensor_heads::tcd1304dg().polarity),
+        bits: any(0),
+        shot_variance_per_count_q16: any(0),
+    }
+}
+
+pub fn settings() -> Settings {
+    Settings {
+        rows: any(0),
+        mean: any(Mean::Plain),
+        estimator: any(Estimator::Centroid),
+        black_level: any(BlackLevel::Shielded),
+    }
+}
+
+pub fn calibration() -> Option<Calibration> {
+    match any(0) {
+        0 => eq1().ok().map(Calibration::Eq1),
+        1 => {
+            let table = Table::new(any(Interpolation::Linear), knots(&mut [KNOT; 300]));
+            table.ok().map(Calibration::Table)
+        }
+        _ => {
+            let (curve, mut place) = (eq1().ok()?, [KNOT; 300]);
+            let corrected = Corrected::new(curve, any(Interpolation::Linear), knots(&mut place));
+            corrected.ok().map(Calibration::Corrected)
+        }
+    }
+}
+
+pub fn eq1() -> Result<Eq1, Eq1Error> {
+    let pixels = || any(Pixels::MIN);
+    Eq1::new(any(Micrometres::MIN), any(0), pixels(), pixels()..=pixels())
+}
+
+pub const KNOT: Knot = Knot {
+    centre: Pixels::MIN,
+    value: Micrometres::MIN,
+};
+
+/// More knots than any curve may have, or any number that is less.
+pub fn knots(place: &mut [Knot; 300]) -> &[Knot] {
+    *place = any([KNOT; 300]);
+    place.get(..any(0)).unwrap_or_default()
+}
+
+pub fn record(calibration: Calibration) -> Option<Record> {
+    Some(Record {
+        serial_number: any(0),
+        date: Date::new(any(0), any(0), any(0))?,
+        geometry: geometry(),
+        estimator: any(Estimator::Centroid),
+        black_level: any(BlackLevel::Shielded),
+        calibration,
+    })
+}
+
+pub fn spot() -> Spot {
+    any(Spot {
+        centre: 0,
+        block_log2: 0,
+        height: Counts::MIN,
+        background: Background {
+            level: Counts::MIN,
+            noise: Counts::MIN,
+        },
+    })
+}
+
+pub fn row_centre() -> RowCentre {
+    any(RowCentre {
+        centre: Pixels::MIN,
+        uncertainty: Pixels::MIN,
+        amplitude: Counts::MIN,
+        width: Pixels::MIN,
+        class: WidthClass::default(),
+        misfit: false,
+    })
+}
+
+pub fn measured() -> Measured {
+    any(Measured {
+        frame: FrameCentre {
+            centre: Pixels::MIN,
+            uncertainty: Pixels::MIN,
+            amplitude: Counts::MIN,
+            width: Pixels::MIN,
+            rows_used: 0,
+            rows: 0,
+            misfits: 0,
+            correlated: None,
+        },
+        black_level: Counts::MIN,
+        estimator: Estimator::Centroid,
+    })
+}
+
+pub fn reading() -> Reading {
+    any(Reading {
+        distance: Micrometres::MIN,
+        uncertainty: Micrometres::MIN,
+        centre: Pixels::MIN,
+        centre_uncertainty: Pixels::MIN,
+        amplitude: Counts::MIN,
+        width: Pixels::MIN,
+        rows_used: 0,
+        rows: 0,
+        black_level: Counts::MIN,
+        estimator: Estimator::Centroid,
+        misfits: 0,
+        correlated: None,
+    })
+}
+
+pub fn fault() -> Fault {
+    any(Fault::SensorSilent)
+}

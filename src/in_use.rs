@@ -1,0 +1,107 @@
+//! What is in use, and of it what is kept over a power cycle.
+
+use slitrange::measurement::Settings;
+use slitrange::protocol::calibration::Stored;
+use slitrange::record::Record;
+use slitrange::record::written::Written;
+use slitrange::store::Kept;
+use slitrange::store::saved::Saved;
+
+use super::{measuring, tcd1304};
+
+/// Settings and calibration.
+///
+/// Records take kilobytes, and so does a function that moves them, of the stack: they are not inlined, so that it is only theirs
+/// while they run.
+pub struct InUse {
+    /// What is set.
+    pub settings: Settings,
+    /// What centres mean, where that is known.
+    pub calibration: Option<Written>,
+    /// What is kept of it.
+    pub stored: Stored,
+}
+
+impl InUse {
+    /// As it left the factory, with nothing kept yet.
+    #[inline(never)]
+    pub fn new() -> Self {
+        Self {
+            settings: measuring::default_settings(),
+            calibration: Written::nominal(),
+            stored: Stored::Nothing,
+        }
+    }
+
+    /// As it left the factory.
+    #[inline(never)]
+    pub fn set_defaults(&mut self) {
+        self.settings = measuring::default_settings();
+        self.calibration = Written::nominal();
+    }
+
+    /// Another calibration, with centres and black level found as when it was made.
+    pub fn set_calibration(&mut self, record: Record) {
+        self.settings.estimator = record.estimator;
+        self.settings.black_level = record.black_level;
+        self.set_record(record);
+    }
+
+    #[inline(never)]
+    fn set_record(&mut self, record: Record) {
+        // What was read can be written.
+        self.calibration = Written::new(record).ok();
+    }
+
+    /// What was kept, of one that is new. A calibration that was saved and cannot be used is not replaced by the nominal one: the sensor was
+    /// somebody's, and its distances would be wrong without a word.
+    #[inline(never)]
+    pub fn set_kept(&mut self, kept: Kept) {
+        match kept {
+            Kept::Nothing => {}
+            Kept::Unusable => {
+                self.calibration = None;
+                self.stored = Stored::Damaged;
+            }
+            Kept::Saved(saved) => self.set_saved(saved),
+            Kept::Older(saved) => {
+                self.set_saved(saved);
+                if let Stored::Record(sum) = self.stored {
+                    self.stored = Stored::Older(sum);
+                }
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn set_saved(&mut self, Saved { settings, record }: Saved) {
+        self.settings = settings;
+        match record {
+            Some(record) if record.geometry != tcd1304::geometry() => {
+                self.calibration = None;
+                self.stored = Stored::OtherSensor;
+                return;
+            }
+            Some(record) => self.set_record(record),
+            None => {}
+        }
+        self.note_saved();
+    }
+
+    /// What is to be kept of it. Not without a calibration: the next start would take the nominal one.
+    #[inline(never)]
+    pub fn to_save(&self) -> Option<Saved> {
+        let record = self.calibration.as_ref()?.record();
+        Some(Saved {
+            settings: self.settings,
+            record: (!record.is_nominal()).then(|| record.clone()),
+        })
+    }
+
+    /// It is what is kept.
+    pub fn note_saved(&mut self) {
+        if let Some(written) = &self.calibration {
+            self.stored = Stored::Record(written.sum());
+        }
+    }
+}

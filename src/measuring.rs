@@ -1,0 +1,85 @@
+//! Rows become centres of frames: the pure core, with rows and settings brought to it and results carried away.
+
+use core::sync::atomic::Ordering;
+
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, with_timeout};
+use slitrange::black_level::BlackLevel;
+use slitrange::fault::Fault;
+use slitrange::frame::Mean;
+use slitrange::measurement::{Measurement, Settings};
+use slitrange::reading::Measured;
+
+use super::shared::{COUNTERS, FREE, FULL, PAUSED, RESULTS, SETTINGS, WORDS};
+use super::{board, tcd1304};
+
+/// Without a row for so long (17 of them) the sensor is silent.
+const SILENCE: Duration = Duration::from_millis(100);
+
+/// What is set at the start: 11 readings a second.
+pub fn default_settings() -> Settings {
+    Settings {
+        estimator: slitrange::centre::Estimator::default(),
+        rows: 16,
+        mean: Mean::default(),
+        black_level: BlackLevel::Shielded,
+    }
+}
+
+/// Measures for ever. Deadline: a row within [`super::acquisition::ROW_PERIOD`], or rows are lost.
+#[embassy_executor::task]
+pub async fn measure() {
+    let mut measurement = Measurement::new(tcd1304::geometry(), default_settings());
+    loop {
+        // Settings first: no row that comes after they were set is measured without them.
+        match select(SETTINGS.wait(), with_timeout(SILENCE, FULL.receive())).await {
+            Either::Second(Ok(row)) if paused() => {
+                FREE.send(row).await;
+                // The frame starts again after the pause.
+                measurement.set(*measurement.settings());
+            }
+            Either::Second(Ok(row)) => {
+                let start = board::cycles();
+                let result = measure_row(&mut measurement, row);
+                COUNTERS.row_cycles.set(board::cycles().wrapping_sub(start));
+                FREE.send(row).await;
+                if let Some(result) = result {
+                    publish(result);
+                }
+            }
+            Either::Second(Err(_)) if paused() => {}
+            Either::Second(Err(_)) => publish(Err(measurement.silence())),
+            Either::First(settings) => {
+                measurement.set(settings);
+                // The frame starts again. Someone who changes settings faster than frames end would otherwise have
+                // the watchdog take the lack of results for a fault.
+                COUNTERS.results.add();
+            }
+        }
+    }
+}
+
+fn paused() -> bool {
+    // Relaxed: it orders nothing, and who sets it waits in the same executor.
+    PAUSED.load(Ordering::Relaxed)
+}
+
+/// All the computation that a row takes.
+///
+/// It keeps its name and stays a function so that a debugger finds it, its cost can be counted from its first
+/// instruction to its last, and a test on the virtual board can make it hang.
+#[inline(never)]
+#[unsafe(no_mangle)]
+fn measure_row(
+    measurement: &mut Measurement,
+    words: &mut [u16; WORDS],
+) -> Option<Result<Measured, Fault>> {
+    measurement.row(words)
+}
+
+/// Never waits: a serial line that is behind must not keep rows from being measured.
+fn publish(result: Result<Measured, Fault>) {
+    COUNTERS
+        .lines_dropped
+        .add_if(RESULTS.try_send(result).is_err());
+}

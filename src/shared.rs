@@ -1,0 +1,107 @@
+//! What passes between the tasks, and what they count.
+
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+use embassy_sync::signal::Signal;
+use slitrange::fault::Fault;
+use slitrange::measurement::Settings;
+use slitrange::reading::Measured;
+use slitrange::sensor_heads;
+
+/// Words in a row, all of which one DMA transfer brings.
+pub const WORDS: usize = sensor_heads::tcd1304dg().words;
+
+/// A row's memory. There are two: while one is read into, the other is computed on. Who has the reference has the row.
+pub type Buffer = &'static mut [u16; WORDS];
+
+/// Rows in use at a time.
+pub const BUFFERS: usize = 2;
+
+/// Buffers to read into. Holds all there are, so that sending never waits.
+pub static FREE: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::new();
+
+/// Rows to compute on. Holds all there are, so that sending never waits.
+pub static FULL: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::new();
+
+/// What was measured, for the serial line: 91 ms of them at the highest rate, a row a frame, so that the answer to
+/// `status` (about 45 ms) loses none.
+pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Measured, Fault>, 16> = Channel::new();
+
+/// Changed settings. Only the last change matters.
+pub static SETTINGS: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
+
+/// While this is set, no reading is due: rows are taken and dropped. So they are until it is known what was saved.
+pub static PAUSED: AtomicBool = AtomicBool::new(true);
+
+/// What is counted since the start.
+pub static COUNTERS: Counters = Counters {
+    pulses: Counter::new(),
+    rows: Counter::new(),
+    rows_lost: Counter::new(),
+    rows_failed: Counter::new(),
+    results: Counter::new(),
+    row_cycles: Counter::new(),
+    lines_dropped: Counter::new(),
+    serial_noise: Counter::new(),
+    serial_framing: Counter::new(),
+    serial_overrun: Counter::new(),
+};
+
+/// See [`COUNTERS`].
+pub struct Counters {
+    /// Times that the sensor was pulsed: the acquisition's sign of life.
+    pub pulses: Counter,
+    /// Rows read.
+    pub rows: Counter,
+    /// Rows not read because no buffer was free.
+    pub rows_lost: Counter,
+    /// Read-outs that failed.
+    pub rows_failed: Counter,
+    /// Readings and faults that the serial line took, changes of settings that measuring took, and what a save did to the flash:
+    /// their sign of life.
+    pub results: Counter,
+    /// Core cycles that the latest row took to compute, interrupts included.
+    pub row_cycles: Counter,
+    /// Readings and faults that never became a line.
+    pub lines_dropped: Counter,
+    /// Characters received with noise.
+    pub serial_noise: Counter,
+    /// Characters received without a stop bit.
+    pub serial_framing: Counter,
+    /// Characters lost because the one before was not fetched in time.
+    pub serial_overrun: Counter,
+}
+
+/// A number that any task or interrupt may count up and read.
+pub struct Counter(AtomicU32);
+
+impl Counter {
+    const fn new() -> Self {
+        Self(AtomicU32::new(0))
+    }
+
+    /// Counts one.
+    pub fn add(&self) {
+        // Relaxed: a counter orders nothing; channels hand over what must be in order.
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Counts one if it happened.
+    pub fn add_if(&self, happened: bool) {
+        if happened {
+            self.add();
+        }
+    }
+
+    /// Notes a number instead of a count.
+    pub fn set(&self, number: u32) {
+        self.0.store(number, Ordering::Relaxed);
+    }
+
+    /// The count.
+    pub fn get(&self) -> u32 {
+        self.0.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,248 @@
+//! From points to a calibration.
+//!
+//! ```text
+//! points -> order -> outliers -> eq. (1), smooth curve -> form -> calibration, record, report, figure
+//! ```
+
+pub mod calibration;
+pub mod curve;
+pub mod eq1;
+pub mod figure;
+pub mod observed;
+pub mod order;
+pub mod outliers;
+pub mod physical;
+pub mod report;
+pub mod solve;
+pub mod spline;
+pub mod start;
+pub mod tabulate;
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, ensure};
+use slitrange::black_level::BlackLevel;
+use slitrange::centre::Estimator;
+use slitrange::record::Record;
+use slitrange::record::date::Date;
+use slitrange::record::written::Written;
+use slitrange::sensor_heads::tcd1304dg;
+
+use crate::points::{self, Points, Taken};
+use crate::record_file::{self, Shown};
+use physical::{Branch, Physical};
+use report::{RecordWritten, Report};
+use solve::Form;
+
+/// Of `slitrange calibrate fit`.
+#[derive(clap::Args)]
+pub struct Options {
+    /// The points: a CSV file with the columns x_px, d_mm and, if there, sigma_px
+    points: PathBuf,
+    /// What the calibration is made of
+    #[arg(long, value_enum, default_value = "auto")]
+    form: Wanted,
+    /// Standard uncertainty of each distance: 0.02 of a good stage, 0.3 of a ruler
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    position_uncertainty: Option<f64>,
+    /// Write the record here [default: the points' name with .record]
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Replace the record's file even if something else is in it
+    #[arg(long)]
+    force: bool,
+    /// The sensor's serial number [default: that of the points, or 0]
+    #[arg(long, value_name = "N")]
+    serial: Option<u32>,
+    /// The day of the calibration [default: today]
+    #[arg(long, value_name = "YYYY-MM-DD", value_parser = date)]
+    date: Option<Date>,
+    /// How the centres were found [default: as the points say, or phase-table]
+    #[arg(long, value_name = "NAME", value_parser = estimator)]
+    estimator: Option<Estimator>,
+    /// How the black level was found: shielded, frame, or "fixed N" [default: as the points say, or shielded]
+    #[arg(long, value_name = "HOW", value_parser = black_level)]
+    black: Option<BlackLevel>,
+    /// Print the report as JSON
+    #[arg(long)]
+    json: bool,
+    /// Draw points, fit and residuals as an SVG file
+    #[arg(long, value_name = "FILE")]
+    figure: Option<PathBuf>,
+    /// Also report d0, u, b and f of eq. (1), of which one must be given
+    #[arg(long)]
+    physical: bool,
+    /// The baseline b is known (with --branch)
+    #[arg(long, value_name = "MM", requires = "physical", group = "known", value_parser = positive)]
+    baseline: Option<f64>,
+    /// Which of the two solutions for a baseline
+    #[arg(long, value_enum, requires = "baseline")]
+    branch: Option<Branch>,
+    /// The tangent of the angle u is known
+    #[arg(long, value_name = "T", requires = "physical", group = "known", allow_negative_numbers = true, value_parser = finite)]
+    tan_u: Option<f64>,
+    /// The focal length f is known
+    #[arg(long, value_name = "MM", requires = "physical", group = "known", value_parser = positive)]
+    focal_length: Option<f64>,
+    /// The offset d0 is known
+    #[arg(long, value_name = "MM", requires = "physical", group = "known", allow_negative_numbers = true, value_parser = finite)]
+    d0: Option<f64>,
+}
+
+/// The form that is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Wanted {
+    /// Eq. (1), unless residuals show a departure that a correction clearly takes away
+    Auto,
+    /// Eq. (1) alone
+    Eq1,
+    /// Eq. (1) with a table of smoothed residuals
+    Corrected,
+    /// A table of smoothed distances, for a sensor that eq. (1) does not fit
+    Table,
+}
+
+impl Wanted {
+    fn form(self) -> Option<Form> {
+        match self {
+            Self::Auto => None,
+            Self::Eq1 => Some(Form::Eq1),
+            Self::Corrected => Some(Form::Corrected),
+            Self::Table => Some(Form::Table),
+        }
+    }
+}
+
+/// `slitrange calibrate fit`.
+///
+/// # Errors
+/// The points are no calibration, which line and why is said; or a file cannot be read or written.
+pub fn run(options: &Options) -> anyhow::Result<()> {
+    let physical = match options.physical {
+        true => Some(physical::constraint(
+            options.baseline,
+            options.branch,
+            options.tan_u,
+            options.focal_length,
+            options.d0,
+        )?),
+        false => None,
+    };
+    let Points { points, taken } = Points::read(&options.points)?;
+    let file = options.points.display().to_string();
+    let position = options.position_uncertainty.map(|mm| 1e-3 * mm);
+    let solved = solve::solve(&points, position).with_context(|| file.clone())?;
+    let made = calibration::make(&solved, options.form.form()).with_context(|| file.clone())?;
+    let physical = physical
+        .map(|constraint| Physical::of(&solved.plain.eq1, constraint, solved.variance()))
+        .transpose()?;
+    let mut report = Report::of(file, &solved, &made, physical);
+    let record = options.record(&taken, made.calibration.clone())?;
+    let path = options.record_path();
+    ensure!(
+        path != options.points,
+        "{}: the record would take the place of the points: name another file with --output",
+        path.display()
+    );
+    record_file::write(&path, &record, options.force)?;
+    report.record = Some(written(&path, &record));
+    if let Some(path) = &options.figure {
+        figure::draw(&solved, made.form, path)
+            .with_context(|| format!("{} cannot be drawn", path.display()))?;
+    }
+    let text = match options.json {
+        true => serde_json::to_string_pretty(&report)? + "\n",
+        false => report.to_string(),
+    };
+    std::io::stdout().write_all(text.as_bytes())?;
+    Ok(())
+}
+
+impl Options {
+    fn record(
+        &self,
+        taken: &Taken,
+        calibration: slitrange::distance::Calibration,
+    ) -> anyhow::Result<Written> {
+        Ok(Written::new(Record {
+            serial_number: self.serial.or(taken.serial_number).unwrap_or(0),
+            date: match self.date {
+                Some(date) => date,
+                None => today()?,
+            },
+            geometry: tcd1304dg(),
+            estimator: self.estimator.or(taken.estimator).unwrap_or_default(),
+            black_level: self
+                .black
+                .or(taken.black_level)
+                .unwrap_or(BlackLevel::Shielded),
+            calibration,
+        })?)
+    }
+
+    fn record_path(&self) -> PathBuf {
+        match &self.output {
+            Some(path) => path.clone(),
+            None => self.points.with_extension("record"),
+        }
+    }
+}
+
+fn written(path: &Path, record: &Written) -> RecordWritten {
+    let shown = Shown::of(record);
+    RecordWritten {
+        file: path.display().to_string(),
+        bytes: shown.bytes,
+        serial: shown.serial_number,
+        date: shown.date,
+        estimator: shown.estimator,
+        black: shown.black,
+    }
+}
+
+/// By the computer's clock, in UTC.
+fn today() -> anyhow::Result<Date> {
+    let today = time::OffsetDateTime::now_utc().date();
+    u16::try_from(today.year())
+        .ok()
+        .and_then(|year| Date::new(year, today.month().into(), today.day()))
+        .context("the computer's clock has no date that a record can hold: give --date")
+}
+
+fn date(text: &str) -> Result<Date, String> {
+    let parts: Vec<&str> = text.split('-').collect();
+    let day = match parts[..] {
+        [year, month, day] => year
+            .parse()
+            .ok()
+            .zip(month.parse().ok())
+            .zip(day.parse().ok())
+            .and_then(|((year, month), day)| Date::new(year, month, day)),
+        _ => None,
+    };
+    day.ok_or_else(|| "there is no such day: write it as 2026-01-31".into())
+}
+
+fn estimator(name: &str) -> Result<Estimator, String> {
+    points::estimator(name).map_err(|error| error.to_string())
+}
+
+fn black_level(words: &str) -> Result<BlackLevel, String> {
+    let words: Vec<&str> = words.split_whitespace().collect();
+    points::black_level(&words).map_err(|error| error.to_string())
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|number: &f64| number.is_finite())
+        .ok_or_else(|| "it must be a number".into())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    finite(text)
+        .ok()
+        .filter(|number| (1e-6..1e6).contains(number))
+        .ok_or_else(|| "it must be a number of millimetres above 0".into())
+}

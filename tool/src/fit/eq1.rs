@@ -1,0 +1,483 @@
+//! Eq. (1) fitted to centres whose distances are known, by weighted least squares of the distance.
+//!
+//! d0 + b tan(u - atan(x/f)) = D + K/(x - xp): the paper's four parameters make a curve that has three (see
+//! [`slitrange::distance::eq1`]), so three are fitted. (d0, u, b, f) cannot be told from data.
+//!
+//! **Scaling.** With z = (x - xc)/h, which goes from -1 to 1 over the data, the same curve is d = (p + q z)/(1 + r z). The condition
+//! number of its derivatives is 19 over the paper's range, that of the derivatives by (D, K, xp) 271. It is fitted in that
+//! form, and D = q/r, xp = xc - h/r, K = (p - q/r) h/r come out of it.
+//!
+//! **Start.** d = p + q z - r z d is linear in p, q and r. Its least squares weigh the errors of the distance by 1 + r z, which is
+//! within some per cent of the best already; Gauss-Newton steps do the rest.
+
+use anyhow::{Context as _, ensure};
+use nalgebra::{Matrix3, RowVector3, Vector3};
+
+/// Eq. (1) as d = D + K/(x - xp), in metres and pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Eq1 {
+    /// D in metres: the distance at which the centre would run to infinity.
+    pub d: f64,
+    /// K in metre pixels.
+    pub k: f64,
+    /// xp in pixels: the centre at which the distance would be infinite.
+    pub pole: f64,
+}
+
+impl Eq1 {
+    /// Distance in metres for a centre in pixels.
+    pub fn distance(&self, centre: f64) -> f64 {
+        self.d + self.k / (centre - self.pole)
+    }
+
+    /// Centre in pixels for a distance in metres.
+    pub fn centre(&self, distance: f64) -> f64 {
+        self.pole + self.k / (distance - self.d)
+    }
+
+    /// Metres a pixel at a centre in pixels.
+    pub fn slope(&self, centre: f64) -> f64 {
+        -self.k / (centre - self.pole).powi(2)
+    }
+
+    /// The curve through three points, where there is one with its pole beyond them.
+    pub fn through(points: [(f64, f64); 3]) -> Option<Self> {
+        let scale = Scale::of(&points.map(Observation::from)).ok()?;
+        let row = |(x, d): (f64, f64)| RowVector3::new(1.0, scale.z(x), -scale.z(x) * d);
+        let matrix = Matrix3::from_rows(&points.map(row));
+        let scaled = matrix.lu().solve(&Vector3::from(points.map(|(_, d)| d)))?;
+        (scaled[2].abs() < 1.0 && scaled[2].abs() > STRAIGHT).then(|| scale.eq1(&scaled))
+    }
+}
+
+/// A centre at a known distance, and what its residual counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// In pixels.
+    pub centre: f64,
+    /// In metres.
+    pub distance: f64,
+    /// The variance of the distance less the curve's, in square metres or in a unit of its own.
+    pub variance: f64,
+}
+
+impl From<(f64, f64)> for Observation {
+    fn from((centre, distance): (f64, f64)) -> Self {
+        Self {
+            centre,
+            distance,
+            variance: 1.0,
+        }
+    }
+}
+
+/// What a fit gives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// The curve.
+    pub curve: Eq1,
+    /// The sum of the squared residuals over their variances.
+    pub squares: f64,
+    /// Points less parameters.
+    pub freedom: usize,
+    /// The largest residual in metres, without sign.
+    pub largest: f64,
+    /// The first and the last centre in pixels. The curve is known between them.
+    pub valid: (f64, f64),
+    /// Covariance of (D, K, xp) as the variances of the points tell it, in the squares and products of their units.
+    pub unit_covariance: Matrix3<f64>,
+    scale: Scale,
+    scaled: Vector3<f64>,
+    /// Covariance of (p, q, r), likewise.
+    unit_scaled: Matrix3<f64>,
+}
+
+impl Fit {
+    /// The variance of a point whose variance was given as 1, as the residuals tell it: with the points' variances in square
+    /// metres, the factor by which the truth differs from them. `None` where there are as many parameters as points.
+    pub fn variance(&self) -> Option<f64> {
+        (self.freedom > 0).then(|| self.squares / self.freedom as f64)
+    }
+
+    /// Covariance of (D, K, xp), in the squares and products of their units, as the residuals tell it: for errors that are
+    /// independent. Errors that neighbours share, as speckle makes them, leave the parameters less certain.
+    pub fn covariance(&self) -> Option<Matrix3<f64>> {
+        Some(self.unit_covariance * self.variance()?)
+    }
+
+    /// The variance of the curve's distance at a centre, as the variances of the points tell it.
+    pub fn unit_variance_at(&self, centre: f64) -> f64 {
+        let (_, gradient) = self.scale.distance(&self.scaled, centre);
+        (gradient * self.unit_scaled * gradient.transpose())[0]
+    }
+
+    /// r over its standard uncertainty, as the variances of the points tell it: where it is not well above 1, a straight line does
+    /// as well.
+    pub fn unit_bend(&self) -> f64 {
+        self.scaled[2].abs() / self.unit_scaled[(2, 2)].sqrt()
+    }
+}
+
+/// Steps at most; three are usual, because the start is within some per cent.
+const MAX_STEPS: usize = 50;
+
+/// |r| below which points lie on a straight line to within rounding: the pole is a thousand million times the range away.
+const STRAIGHT: f64 = 1e-9;
+
+/// Fits the curve to centres in pixels and their distances in metres, all with the same variance.
+///
+/// # Errors
+/// As [`fit_weighted`].
+pub fn fit(points: &[(f64, f64)]) -> anyhow::Result<Fit> {
+    let points: Vec<Observation> = points.iter().copied().map(Observation::from).collect();
+    fit_weighted(&points)
+}
+
+/// Fits the curve.
+///
+/// # Errors
+/// There are fewer than three points or centres; a number is not finite; the points lie on a straight line, whose
+/// pole is at infinity; or the curve that fits best has its pole among the points.
+pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
+    ensure!(
+        points.len() >= 3,
+        "{} points: eq. (1) has three parameters and needs three at least",
+        points.len()
+    );
+    ensure!(
+        points
+            .iter()
+            .all(|point| point.centre.is_finite() && point.distance.is_finite()),
+        "a centre or a distance is not a finite number"
+    );
+    let scale = Scale::of(points)?;
+
+    let mut scaled = scale.start(points)?;
+    let mut squares = scale.squares(points, &scaled);
+    for _ in 0..MAX_STEPS {
+        let (normal, right) = scale.normal_equations(points, &scaled);
+        let step = normal.cholesky().context(UNDETERMINED)?.solve(&right);
+        // Halved until it leads downhill: far from the minimum a whole step may cross a pole.
+        let shorter = (0..30).map(|halvings| scaled + step * 0.5f64.powi(halvings));
+        let better = shorter
+            .map(|scaled| (scaled, scale.squares(points, &scaled)))
+            .find(|&(_, lower)| lower < squares);
+        // Where no step leads further down, rounding is all that is left.
+        let Some((next, lower)) = better else { break };
+        let gained = squares - lower;
+        (scaled, squares) = (next, lower);
+        if gained < 1e-13 * squares {
+            break;
+        }
+    }
+    ensure!(
+        scaled[2].abs() > STRAIGHT,
+        "the points lie on a straight line, for which eq. (1) has no finite parameters: check the distances, or take a wider range of \
+         them"
+    );
+    ensure!(
+        scaled[2].abs() < 1.0,
+        "the curve that fits best has its pole at pixel {:.1}, among the centres from {:.1} to {:.1}: these are no \
+         centres of one target that moves",
+        scale.eq1(&scaled).pole,
+        scale.first,
+        scale.last
+    );
+
+    let (normal, _) = scale.normal_equations(points, &scaled);
+    let by_scaled = scale.derivatives_of_eq1(&scaled);
+    let inverse = normal.cholesky().context(UNDETERMINED)?.inverse();
+    let curve = scale.eq1(&scaled);
+    let residuals = points
+        .iter()
+        .map(|point| (curve.distance(point.centre) - point.distance).abs());
+    Ok(Fit {
+        curve,
+        squares,
+        freedom: points.len() - 3,
+        largest: residuals.fold(0.0, f64::max),
+        valid: (scale.first, scale.last),
+        unit_covariance: by_scaled * inverse * by_scaled.transpose(),
+        scale,
+        scaled,
+        unit_scaled: inverse,
+    })
+}
+
+const UNDETERMINED: &str = "the points do not determine three parameters";
+
+/// z = (x - middle) / half.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Scale {
+    first: f64,
+    last: f64,
+    middle: f64,
+    half: f64,
+}
+
+impl Scale {
+    fn of(points: &[Observation]) -> anyhow::Result<Self> {
+        let centres = || points.iter().map(|point| point.centre);
+        let first = centres().fold(f64::INFINITY, f64::min);
+        let last = centres().fold(f64::NEG_INFINITY, f64::max);
+        ensure!(
+            centres().any(|x| x != first && x != last),
+            "all centres are the same, or one of two: three parameters need three at least"
+        );
+        Ok(Self {
+            first,
+            last,
+            middle: 0.5 * (first + last),
+            half: 0.5 * (last - first),
+        })
+    }
+
+    fn z(&self, centre: f64) -> f64 {
+        (centre - self.middle) / self.half
+    }
+
+    /// p, q and r by linear least squares of d = p + q z - r z d.
+    fn start(&self, points: &[Observation]) -> anyhow::Result<Vector3<f64>> {
+        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        for point in points {
+            let z = self.z(point.centre);
+            let row = RowVector3::new(1.0, z, -z * point.distance);
+            let weighted = row.transpose() / point.variance;
+            normal += weighted * row;
+            right += weighted * point.distance;
+        }
+        Ok(normal.cholesky().context(UNDETERMINED)?.solve(&right))
+    }
+
+    /// The distance at a centre, and its derivatives by p, q and r.
+    fn distance(&self, scaled: &Vector3<f64>, centre: f64) -> (f64, RowVector3<f64>) {
+        let z = self.z(centre);
+        let below = 1.0 / (1.0 + scaled[2] * z);
+        let distance = (scaled[0] + scaled[1] * z) * below;
+        (
+            distance,
+            RowVector3::new(below, z * below, -z * distance * below),
+        )
+    }
+
+    /// The sum of the residuals' squares over their variances; infinite where the pole is among the centres.
+    fn squares(&self, points: &[Observation], scaled: &Vector3<f64>) -> f64 {
+        if scaled[2].abs() >= 1.0 {
+            return f64::INFINITY;
+        }
+        let residual = |point: &Observation| {
+            let z = self.z(point.centre);
+            (scaled[0] + scaled[1] * z) / (1.0 + scaled[2] * z) - point.distance
+        };
+        points
+            .iter()
+            .map(|point| residual(point).powi(2) / point.variance)
+            .sum()
+    }
+
+    /// Of a Gauss-Newton step.
+    fn normal_equations(
+        &self,
+        points: &[Observation],
+        scaled: &Vector3<f64>,
+    ) -> (Matrix3<f64>, Vector3<f64>) {
+        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        for point in points {
+            let (distance, gradient) = self.distance(scaled, point.centre);
+            let weighted = gradient.transpose() / point.variance;
+            normal += weighted * gradient;
+            right += weighted * (point.distance - distance);
+        }
+        (normal, right)
+    }
+
+    fn eq1(&self, scaled: &Vector3<f64>) -> Eq1 {
+        let [p, q, r] = [scaled[0], scaled[1], scaled[2]];
+        Eq1 {
+            d: q / r,
+            k: (p - q / r) * self.half / r,
+            pole: self.middle - self.half / r,
+        }
+    }
+
+    /// Of (D, K, xp) by (p, q, r), row by row.
+    fn derivatives_of_eq1(&self, scaled: &Vector3<f64>) -> Matrix3<f64> {
+        let [p, q, r] = [scaled[0], scaled[1], scaled[2]];
+        let h = self.half;
+        Matrix3::new(
+            0.0,
+            1.0 / r,
+            -q / (r * r),
+            h / r,
+            -h / (r * r),
+            h * (2.0 * q / r - p) / (r * r),
+            0.0,
+            0.0,
+            h / (r * r),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng as _;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution as _, StandardNormal};
+    use simulator::optics::Optics;
+    use simulator::scene::Sensor;
+
+    /// The paper's range on the paper's pixels.
+    fn exact(count: usize) -> Vec<(f64, f64)> {
+        let optics = Optics {
+            offset: 0.012,
+            pitch: 5.86e-6,
+            axis: 959.5,
+            ..Optics::nominal()
+        };
+        (0..count)
+            .map(|i| 0.60 + 0.42 * i as f64 / (count - 1) as f64)
+            .map(|distance| (optics.centre(distance), distance))
+            .collect()
+    }
+
+    /// D = d0 - b/t, xp = axis - f/t, K = b f (1 + t^2)/t^2, with t = tan u = 2.6.
+    #[test]
+    fn recovers_the_exact_curve() {
+        let found = fit(&exact(50)).expect("a fit");
+        let focal_length = 0.05 / 5.86e-6;
+        let [d, k, pole] = [
+            0.012 - 0.3 / 2.6,
+            0.3 * focal_length * (1.0 + 2.6 * 2.6) / (2.6 * 2.6),
+            959.5 - focal_length / 2.6,
+        ];
+        println!("{:?} against {:?}", found.curve, (d, k, pole));
+        assert!((found.curve.d / d - 1.0).abs() < 1e-9);
+        assert!((found.curve.k / k - 1.0).abs() < 1e-9);
+        assert!((found.curve.pole / pole - 1.0).abs() < 1e-9);
+        assert!(found.largest < 1e-12, "{} m", found.largest);
+    }
+
+    /// Any four parameters with the same three give the same data: the fit finds the three.
+    #[test]
+    fn four_parameters_are_three() {
+        let points = exact(30);
+        let found = fit(&points).expect("a fit").curve;
+        // f = -xp t from the axis, b = -K t/(xp (1 + t^2)) and d0 = D + b/t for another t.
+        let t: f64 = 1.9;
+        let from_axis = found.pole - 959.5;
+        let focal_length = -from_axis * t;
+        let baseline = -found.k * t / (from_axis * (1.0 + t * t));
+        let other = Optics {
+            offset: found.d + baseline / t,
+            baseline,
+            focal_length: focal_length * 5.86e-6,
+            angle: t.atan(),
+            ..Optics::nominal_on(Sensor::Camera)
+        };
+        println!("f {} mm, b {} mm", other.focal_length * 1e3, baseline * 1e3);
+        for (centre, distance) in points {
+            assert!((other.distance(centre) - distance).abs() < 1e-11);
+        }
+    }
+
+    /// The scaled form is well-conditioned; that in (D, K, xp) is not.
+    #[test]
+    fn the_scaled_form_is_well_conditioned() {
+        let points = exact(1000);
+        let points: Vec<Observation> = points.into_iter().map(Observation::from).collect();
+        let scale = Scale::of(&points).expect("a scale");
+        let scaled = scale.start(&points).expect("a start");
+        // The singular values of the derivatives with columns of unit length are the roots of the eigenvalues of N.
+        let condition = |normal: Matrix3<f64>| {
+            let unit = Matrix3::from_diagonal(&normal.diagonal().map(|value| 1.0 / value.sqrt()));
+            let eigenvalues = (unit * normal * unit).symmetric_eigenvalues();
+            (eigenvalues.max() / eigenvalues.min()).sqrt()
+        };
+        let (normal, _) = scale.normal_equations(&points, &scaled);
+        let to_eq1 = scale
+            .derivatives_of_eq1(&scaled)
+            .try_inverse()
+            .expect("independent");
+        let [fitted, physical] = [normal, to_eq1.transpose() * normal * to_eq1].map(condition);
+        println!("condition {fitted:.1}, in (D, K, xp) {physical:.0}");
+        assert!(fitted < 20.0 && physical > 10.0 * fitted);
+    }
+
+    /// The covariance against the scatter of 2000 fits of 40 points with errors of 20 um.
+    #[test]
+    fn the_covariance_is_that_of_many_fits() {
+        const FITS: usize = 2000;
+        let points = exact(40);
+        let mut random = ChaCha8Rng::seed_from_u64(11);
+        let fits: Vec<Fit> = (0..FITS)
+            .map(|_| {
+                let noisy: Vec<(f64, f64)> = points
+                    .iter()
+                    .map(|&(x, d)| {
+                        let normal: f64 = StandardNormal.sample(&mut random);
+                        (x, d + 20e-6 * normal)
+                    })
+                    .collect();
+                fit(&noisy).expect("a fit")
+            })
+            .collect();
+        let parameters: Vec<Vector3<f64>> = fits
+            .iter()
+            .map(|fit| Vector3::new(fit.curve.d, fit.curve.k, fit.curve.pole))
+            .collect();
+        let mean: Vector3<f64> = parameters.iter().sum::<Vector3<f64>>() / FITS as f64;
+        let scatter: Matrix3<f64> = parameters
+            .iter()
+            .map(|found| (found - mean) * (found - mean).transpose())
+            .sum::<Matrix3<f64>>()
+            / (FITS - 1) as f64;
+        let claimed: Matrix3<f64> = fits
+            .iter()
+            .filter_map(Fit::covariance)
+            .sum::<Matrix3<f64>>()
+            / FITS as f64;
+        for i in 0..3 {
+            let ratio = (claimed[(i, i)] / scatter[(i, i)]).sqrt();
+            println!(
+                "parameter {i}: {:.3e} +- {:.1e}, claimed over found {ratio:.3}",
+                mean[i],
+                scatter[(i, i)].sqrt()
+            );
+            // A standard deviation of 2000 values is known to 1.6 %.
+            assert!((ratio - 1.0).abs() < 0.05);
+            for j in 0..i {
+                let correlation = |m: &Matrix3<f64>| m[(i, j)] / (m[(i, i)] * m[(j, j)]).sqrt();
+                let [claimed, found] = [correlation(&claimed), correlation(&scatter)];
+                assert!((claimed - found).abs() < 0.01, "{i} {j}: {claimed} {found}");
+            }
+        }
+        let deviations = fits.iter().filter_map(Fit::variance).map(f64::sqrt);
+        let deviation = deviations.sum::<f64>() / FITS as f64;
+        // The mean of a deviation of 37 degrees of freedom is 1 - 1/(4 * 37) of the true one.
+        println!("deviation {:.3} um", deviation * 1e6);
+        assert!((deviation / 20e-6 - (1.0 - 1.0 / 148.0)).abs() < 0.01);
+    }
+
+    #[test]
+    fn what_is_no_curve_is_said() {
+        let error = |points: &[(f64, f64)]| fit(points).expect_err("no curve").to_string();
+        assert!(error(&[(1.0, 2.0); 2]).contains("2 points"));
+        assert!(error(&[(1.0, 2.0); 9]).contains("the same"));
+        assert!(error(&[(1.0, f64::NAN); 9]).contains("finite"));
+        let two: Vec<(f64, f64)> = (0..10).map(|i| (f64::from(i % 2), f64::from(i))).collect();
+        assert!(error(&two).contains("one of two"), "{}", error(&two));
+        let straight: Vec<(f64, f64)> = (0..10)
+            .map(|i| (f64::from(i), 1.0 + f64::from(i)))
+            .collect();
+        assert!(
+            error(&straight).contains("straight"),
+            "{}",
+            error(&straight)
+        );
+        let hyperbola: Vec<(f64, f64)> = (0..10)
+            .map(|i| (f64::from(i), 1.0 + 1.0 / (f64::from(i) - 4.3)))
+            .collect();
+        assert!(error(&hyperbola).contains("pole"), "{}", error(&hyperbola));
+    }
+}

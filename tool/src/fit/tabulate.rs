@@ -1,0 +1,151 @@
+//! A smooth curve as knots with cubics between them, as the sensor holds it.
+
+use slitrange::distance::knots::{Interpolation, Knot, Knots, KnotsError, MAX_CUBIC};
+use slitrange::units::{Micrometres, Pixels};
+
+/// What tabulation may add, in micrometres: a tenth of what noise leaves of the best calibrations.
+const LIMIT: f64 = 0.1;
+
+/// Places in each interval where the knots' curve is compared.
+const PLACES: i32 = 16;
+
+/// Places over the range between which a turn of the curve is looked for.
+const STEPS: usize = 512;
+
+/// Intervals of less than this are not divided, in pixels.
+const NARROWEST: f64 = 0.25;
+
+/// Knots of a curve.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tabulated {
+    /// The knots.
+    pub knots: Vec<Knot>,
+    /// How far their curve is from that which was tabulated, in micrometres, at most.
+    pub error_um: f64,
+}
+
+/// As few knots as keep within a tenth of a micrometre of a curve, which gives micrometres for a centre in pixels; at most as many as
+/// there may be. The curve's turns are knots, where cubics that never go beyond their knots would do badly; then intervals are
+/// divided where they are off.
+///
+/// # Errors
+/// The values are too far apart for knots.
+pub fn tabulate(
+    curve: impl Fn(f64) -> f64,
+    first: Pixels,
+    last: Pixels,
+) -> Result<Tabulated, KnotsError> {
+    let knot = |centre: Pixels| Knot {
+        centre,
+        value: micrometres(curve(centre.to_f64())),
+    };
+    let mut centres = turns(&curve, first, last);
+    loop {
+        let knots: Vec<Knot> = centres.iter().copied().map(knot).collect();
+        let made = Knots::new(Interpolation::Cubic, &knots)?;
+        let errors: Vec<f64> = centres
+            .windows(2)
+            .map(|ends| error(&curve, &made, ends[0], ends[1]))
+            .collect();
+        let mut divided: Vec<usize> = (0..errors.len())
+            .filter(|&i| errors[i] > LIMIT)
+            .filter(|&i| centres[i + 1].to_f64() - centres[i].to_f64() > NARROWEST)
+            .collect();
+        divided.sort_by(|&a, &b| errors[b].total_cmp(&errors[a]));
+        divided.truncate(MAX_CUBIC.saturating_sub(centres.len()));
+        if divided.is_empty() {
+            return Ok(Tabulated {
+                knots,
+                error_um: errors.into_iter().fold(0.0, f64::max),
+            });
+        }
+        let middles: Vec<Pixels> = divided
+            .into_iter()
+            .map(|i| part_of_way(centres[i], centres[i + 1], 1, 2))
+            .collect();
+        centres.extend(middles);
+        centres.sort_unstable();
+    }
+}
+
+/// The nearest number of micrometres that can be held.
+pub fn micrometres(value: f64) -> Micrometres {
+    Micrometres::from_bits((value * f64::from(1 << Micrometres::FRACTION)).round() as i32)
+}
+
+/// The nearest number of pixels that can be held.
+pub fn pixels(value: f64) -> Pixels {
+    Pixels::from_bits((value * f64::from(1 << Pixels::FRACTION)).round() as i32)
+}
+
+/// Both ends, and between them the places where the curve turns.
+fn turns(curve: &impl Fn(f64) -> f64, first: Pixels, last: Pixels) -> Vec<Pixels> {
+    let (from, to) = (first.to_f64(), last.to_f64());
+    let place = |i: usize| from + (to - from) * i as f64 / STEPS as f64;
+    let mut turns = vec![first];
+    for i in 1..STEPS {
+        let [before, here, after] = [i - 1, i, i + 1].map(|i| curve(place(i)));
+        if (here - before) * (after - here) < 0.0 {
+            // The vertex of the parabola through the three.
+            let bend = after - 2.0 * here + before;
+            let turn =
+                pixels(place(i) - 0.5 * (after - before) / bend * (to - from) / STEPS as f64);
+            let apart = |other: Pixels| (turn.to_f64() - other.to_f64()).abs() > NARROWEST;
+            if turns.iter().copied().all(apart) && apart(last) && turns.len() < MAX_CUBIC / 4 {
+                turns.push(turn);
+            }
+        }
+    }
+    turns.push(last);
+    turns.sort_unstable();
+    turns
+}
+
+/// How far the knots' curve is off in an interval, at most, in micrometres.
+fn error(curve: &impl Fn(f64) -> f64, knots: &Knots, from: Pixels, to: Pixels) -> f64 {
+    (0..=PLACES)
+        .filter_map(|part| {
+            let centre = part_of_way(from, to, part, PLACES);
+            let (value, _) = knots.at(centre).ok()?;
+            Some((value.to_f64() - curve(centre.to_f64())).abs())
+        })
+        .fold(0.0, f64::max)
+}
+
+fn part_of_way(from: Pixels, to: Pixels, part: i32, of: i32) -> Pixels {
+    let (from, to) = (i64::from(from.to_bits()), i64::from(to.to_bits()));
+    Pixels::from_bits((from + (to - from) * i64::from(part) / i64::from(of)) as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cubic of 300 um, as a lens leaves it, and a wave with five turns.
+    #[test]
+    fn few_knots_do_for_smooth_curves() {
+        let (first, last) = (Pixels::from_int(1290), Pixels::from_int(2404));
+        let part = |x: f64| (x - 1847.0) / 557.0;
+        let cubic = |x: f64| 300.0 * (4.0 * part(x).powi(3) - 3.0 * part(x));
+        let wave = |x: f64| 300.0 * (8.0 * part(x)).sin();
+        let [cubic, wave] = [&cubic as &dyn Fn(f64) -> f64, &wave].map(|curve| {
+            let made = tabulate(curve, first, last).expect("knots");
+            println!("{} knots, {:.3} um", made.knots.len(), made.error_um);
+            (made.knots.len(), made.error_um)
+        });
+        assert!(cubic.0 <= 65 && cubic.1 < LIMIT + 0.01);
+        assert!(wave.0 <= MAX_CUBIC && wave.1 < 0.2);
+    }
+
+    #[test]
+    fn a_jump_takes_what_knots_there_are() {
+        let made = tabulate(
+            |x| if x < 2000.5 { 0.0 } else { 1000.0 },
+            Pixels::from_int(1000),
+            Pixels::from_int(3000),
+        )
+        .expect("knots");
+        println!("{} knots, {:.1} um", made.knots.len(), made.error_um);
+        assert!(made.knots.len() <= MAX_CUBIC && made.error_um > LIMIT);
+    }
+}

@@ -1,0 +1,319 @@
+//! Known distances and the centres that a sensor had there: a CSV file of `x_px`, `d_mm` and, if there, `sigma_px`.
+//!
+//! ```text
+//! # serial 42
+//! # estimator phase-table
+//! # black shielded
+//! # head TCD1304DG
+//! x_px,d_mm,sigma_px
+//! 2404.12345,600,0.0021
+//! 2371.60220,607.1,0.0020
+//! ```
+//!
+//! Lines that begin with `#` are comments; those that say how the points were taken, as above, go into the record. Other columns are
+//! not read.
+
+use std::path::Path;
+
+use anyhow::{Context as _, bail, ensure};
+use slitrange::black_level::BlackLevel;
+use slitrange::centre::Estimator;
+use slitrange::row::LARGEST_COUNT;
+use slitrange::sensor_heads::tcd1304dg;
+use slitrange::units::{Counts, Micrometres};
+
+/// A centre at a known distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// The line of the file that it comes from, from 1.
+    pub line: u64,
+    /// The spot's centre in pixels.
+    pub x_px: f64,
+    /// The target's distance in millimetres.
+    pub d_mm: f64,
+    /// The centre's standard uncertainty in pixels, where it is known.
+    pub sigma_px: Option<f64>,
+}
+
+/// What a file of points says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Points {
+    /// In the file's order. Either all have an uncertainty or none.
+    pub points: Vec<Point>,
+    /// Its comments.
+    pub taken: Taken,
+}
+
+/// How points were taken, as far as the file says so.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Taken {
+    /// The sensor's serial number.
+    pub serial_number: Option<u32>,
+    /// How centres were found.
+    pub estimator: Option<Estimator>,
+    /// How the black level was found.
+    pub black_level: Option<BlackLevel>,
+}
+
+/// The only head that there is a driver for.
+pub const HEAD: &str = "TCD1304DG";
+
+/// Uncertainties of a centre in pixels that are taken: what is smaller than the sensor tells apart, or larger than its row, is a slip.
+const SIGMAS_PX: std::ops::RangeInclusive<f64> = 1e-5..=4096.0;
+
+impl Points {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or a line of it; the line and what to do are said.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+        Self::parse(&String::from_utf8_lossy(&bytes)).with_context(|| path.display().to_string())
+    }
+
+    /// Reads a file's text.
+    ///
+    /// # Errors
+    /// A line cannot be read; which and what to do is said.
+    pub fn parse(text: &str) -> anyhow::Result<Self> {
+        let mut read = Self::default();
+        let mut columns: Option<Columns> = None;
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        for (line, text) in (1..).zip(text.lines()) {
+            let text = text.trim();
+            if let Some(comment) = text.strip_prefix('#') {
+                read.taken
+                    .comment(comment)
+                    .with_context(|| format!("line {line}"))?;
+            } else if !text.is_empty() {
+                let fields = fields(text).with_context(|| format!("line {line}"))?;
+                match &columns {
+                    None => columns = Some(Columns::of(&fields, line)?),
+                    Some(columns) => read.points.push(columns.point(&fields, line)?),
+                }
+            }
+        }
+        ensure!(
+            columns.is_some(),
+            "there is no line in it: its header must name x_px and d_mm"
+        );
+        if let (Some(with), Some(without)) = (
+            read.points.iter().find(|point| point.sigma_px.is_some()),
+            read.points.iter().find(|point| point.sigma_px.is_none()),
+        ) {
+            bail!(
+                "line {} has no sigma_px, and line {} has: give it for all points or for none",
+                without.line,
+                with.line
+            );
+        }
+        Ok(read)
+    }
+}
+
+/// A line's fields, without the blanks around them.
+fn fields(line: &str) -> anyhow::Result<csv::StringRecord> {
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .trim(csv::Trim::All)
+        .from_reader(line.as_bytes());
+    let mut fields = csv::StringRecord::new();
+    reader.read_record(&mut fields)?;
+    Ok(fields)
+}
+
+/// Where the columns are.
+struct Columns {
+    x: usize,
+    d: usize,
+    sigma: Option<usize>,
+}
+
+impl Columns {
+    fn of(header: &csv::StringRecord, line: u64) -> anyhow::Result<Self> {
+        let place = |name: &str| header.iter().position(|field| field == name);
+        let must = |name: &str| {
+            place(name).with_context(|| {
+                format!(
+                    "line {line} names no column {name}: the first line that is no comment must be x_px,d_mm or \
+                     x_px,d_mm,sigma_px"
+                )
+            })
+        };
+        Ok(Self {
+            x: must("x_px")?,
+            d: must("d_mm")?,
+            sigma: place("sigma_px"),
+        })
+    }
+
+    fn point(&self, fields: &csv::StringRecord, line: u64) -> anyhow::Result<Point> {
+        let number = |name: &str, column: usize| -> anyhow::Result<Option<f64>> {
+            let Some(field) = fields.get(column).filter(|field| !field.is_empty()) else {
+                return Ok(None);
+            };
+            let number: Option<f64> = field.parse().ok().filter(|number: &f64| number.is_finite());
+            number.map(Some).with_context(|| {
+                format!(
+                    "line {line}: {name} is {field:?}, which is no finite number: correct it, or remove the line"
+                )
+            })
+        };
+        let must = |name: &str, column: usize| {
+            number(name, column)?
+                .with_context(|| format!("line {line} has no {name}: add it, or remove the line"))
+        };
+        let (x_px, d_mm) = (must("x_px", self.x)?, must("d_mm", self.d)?);
+        let sigma_px = match self.sigma {
+            Some(column) => number("sigma_px", column)?,
+            None => None,
+        };
+        let last = tcd1304dg().light.len() as f64 - 0.5;
+        ensure!(
+            (-0.5..=last).contains(&x_px),
+            "line {line}: x_px is {x_px}, and a {HEAD} has its pixels from -0.5 to {last}: correct it, or remove the line"
+        );
+        let farthest = Micrometres::MAX.to_f64() / 1e3;
+        ensure!(
+            d_mm.abs() < farthest,
+            "line {line}: d_mm is {d_mm}, and a record holds distances below {farthest:.0} mm: correct it, or remove the line"
+        );
+        if let Some(sigma) = sigma_px {
+            ensure!(
+                SIGMAS_PX.contains(&sigma),
+                "line {line}: sigma_px is {sigma}, and must be {} to {} px: correct it, or leave the column out",
+                SIGMAS_PX.start(),
+                SIGMAS_PX.end()
+            );
+        }
+        Ok(Point {
+            line,
+            x_px,
+            d_mm,
+            sigma_px,
+        })
+    }
+}
+
+impl Taken {
+    /// Takes a comment in where it is one of those that say how points were taken.
+    fn comment(&mut self, comment: &str) -> anyhow::Result<()> {
+        let words: Vec<&str> = comment.split_whitespace().collect();
+        match words[..] {
+            ["serial", number] => {
+                let number = number.parse().ok().with_context(|| {
+                    format!("the serial number {number:?} is no whole number below 2^32")
+                })?;
+                self.serial_number = Some(number);
+            }
+            ["estimator", name] => self.estimator = Some(estimator(name)?),
+            ["black", ..] if words.len() <= 3 => self.black_level = Some(black_level(&words[1..])?),
+            ["head", head] => ensure!(
+                head == HEAD,
+                "there is no head {head:?}: centres must be those of a {HEAD}"
+            ),
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// The estimator of that name.
+///
+/// # Errors
+/// There is none.
+pub fn estimator(name: &str) -> anyhow::Result<Estimator> {
+    Estimator::named(name).with_context(|| {
+        format!(
+            "there is no estimator {name:?}, but {}",
+            Estimator::ALL.map(Estimator::name).join(", ")
+        )
+    })
+}
+
+/// The black level in the words of the serial line: `shielded`, `frame`, `fixed N`.
+///
+/// # Errors
+/// There is none in such words.
+pub fn black_level(words: &[&str]) -> anyhow::Result<BlackLevel> {
+    let level = match words {
+        ["shielded"] => Some(BlackLevel::Shielded),
+        ["frame"] => Some(BlackLevel::Frame),
+        ["fixed", counts] => counts
+            .parse()
+            .ok()
+            .filter(|counts| *counts <= LARGEST_COUNT)
+            .map(|counts: u16| BlackLevel::Fixed(Counts::from_int(counts.into()))),
+        _ => None,
+    };
+    level.with_context(|| {
+        format!(
+            "the black level {:?} must be shielded, frame, or fixed with 0 to {LARGEST_COUNT}",
+            words.join(" ")
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_what_is_there_and_no_more() {
+        let read = Points::parse(
+            "\u{feff}# serial 42\r\n# taken on the long bench\r\n#estimator adaptive\r\n# black fixed 120\r\n# head TCD1304DG\r\n\
+             frames, d_mm ,note,x_px,sigma_px\r\n\r\n16, 600.5,\"a, b\", 2404.25,0.002\r\n# later\r\n16,607,,+2.37e3,0.003\r\n",
+        )
+        .expect("points");
+        assert_eq!(
+            read.taken,
+            Taken {
+                serial_number: Some(42),
+                estimator: Some(Estimator::Adaptive),
+                black_level: Some(BlackLevel::Fixed(Counts::from_int(120))),
+            }
+        );
+        let point = |line, x_px, d_mm, sigma_px| Point {
+            line,
+            x_px,
+            d_mm,
+            sigma_px: Some(sigma_px),
+        };
+        assert_eq!(
+            read.points,
+            [
+                point(8, 2404.25, 600.5, 0.002),
+                point(10, 2370.0, 607.0, 0.003)
+            ]
+        );
+        let plain = Points::parse("x_px,d_mm\n1,2").expect("points");
+        assert_eq!(plain.points[0].sigma_px, None);
+        assert_eq!(plain.taken, Taken::default());
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_said() {
+        let refusals: Vec<String> = [
+            "",
+            "# black 12\n",
+            "# black fixed 4096\n",
+            "# estimator best\n",
+            "# serial -1\n",
+            "# head MLX75306\n",
+            "1500,600\n",
+            "x_px;d_mm\n",
+            "x_px,d_mm\n1500\n",
+            "x_px,d_mm\n1500,600\n1501,\n",
+            "x_px,d_mm\n1500,NaN\n",
+            "x_px,d_mm\ninf,600\n",
+            "x_px,d_mm\n1500,600 mm\n",
+            "x_px,d_mm\n3648,600\n",
+            "x_px,d_mm\n1500,8400\n",
+            "x_px,d_mm,sigma_px\n1500,600,0\n",
+            "x_px,d_mm,sigma_px\n1500,600,0.02\n1501,601\n",
+        ]
+        .map(|text| format!("{:#}", Points::parse(text).expect_err("refused")))
+        .to_vec();
+        insta::assert_snapshot!(refusals.join("\n"));
+    }
+}

@@ -1,0 +1,460 @@
+//! A calibration record as a file: the bytes that the sensor keeps in its flash ([`slitrange::record`]).
+
+use std::fmt;
+use std::path::Path;
+
+use anyhow::{Context, Result, ensure};
+use serde::Serialize;
+use slitrange::distance::Calibration;
+use slitrange::distance::eq1::Eq1;
+use slitrange::distance::knots::{Interpolation, Knot, Knots};
+use slitrange::protocol::command::Command;
+use slitrange::record::written::Written;
+use slitrange::record::{MAX_ENCODED, decode};
+use slitrange::row::Polarity;
+use slitrange::units::{Micrometres, Pixels};
+
+use crate::whole_file;
+
+/// Centres in the table of what a record says.
+const EXAMPLES: i32 = 9;
+
+/// Between two centres at which records are compared: a quarter of a pixel.
+const COMPARED: usize = 1 << (Pixels::FRACTION - 2);
+
+/// Reads a record.
+///
+/// # Errors
+/// The file cannot be read, or is no record that a sensor would take.
+pub fn read(path: &Path) -> Result<Written> {
+    let shown = path.display();
+    let length = std::fs::metadata(path)
+        .with_context(|| format!("{shown} cannot be read"))?
+        .len();
+    ensure!(
+        length <= MAX_ENCODED as u64,
+        "{shown} is no record: it has {length} bytes, and the longest record {MAX_ENCODED}"
+    );
+    let bytes = std::fs::read(path).with_context(|| format!("{shown} cannot be read"))?;
+    decode(&bytes)
+        .and_then(Written::new)
+        .with_context(|| shown.to_string())
+}
+
+/// Writes a record, on the disk when this returns; a file that was there is replaced as a whole or not at all, and with other
+/// bytes in it only by `force`.
+///
+/// # Errors
+/// Something else is in the file; or the system's.
+pub fn write(path: &Path, record: &Written, force: bool) -> Result<()> {
+    let shown = path.display();
+    match std::fs::read(path) {
+        _ if force => {}
+        Ok(bytes) => ensure!(
+            bytes == record.bytes(),
+            "{shown} stays as it is, it holds something else than this record: name another file with --output, or replace it \
+             with --force"
+        ),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+        Err(error) => return Err(error).with_context(|| format!("{shown} cannot be read")),
+    }
+    whole_file::write(path, record.bytes())
+}
+
+/// What a record says, for a person (`Display`) and for a program.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Shown {
+    /// The sensor's serial number.
+    pub serial_number: u32,
+    /// The day on which it was calibrated.
+    pub date: String,
+    /// Its length.
+    pub bytes: usize,
+    /// The CRC-32 at its end, in hexadecimal digits.
+    pub crc32: String,
+    /// What the sensor's rows are.
+    pub row: ShownRow,
+    /// How centres were found.
+    pub estimator: String,
+    /// How the black level was found.
+    pub black: String,
+    /// Whether it is that of the nominal geometry, which holds until a sensor has its own.
+    pub nominal: bool,
+    /// `eq1`, `table` or `corrected`.
+    pub kind: &'static str,
+    /// D, K and xp, where the calibration is eq. (1), plain or corrected.
+    pub eq1: Option<ShownEq1>,
+    /// The table, of distances or of residuals.
+    pub table: Option<ShownTable>,
+    /// The first and the last centre for which it is valid, in pixels.
+    pub centres_px: [f64; 2],
+    /// The shortest and the longest distance, in millimetres.
+    pub distances_mm: [f64; 2],
+    /// Distances at some centres.
+    pub examples: Vec<Example>,
+}
+
+/// The sensor's rows.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ShownRow {
+    /// Words of a read-out.
+    pub words: usize,
+    /// From the first word that sees light to behind the last.
+    pub light: [usize; 2],
+    /// The same of shielded pixels.
+    pub shielded: [usize; 2],
+    /// Bits of the converter.
+    pub bits: u8,
+    /// What light does to a word: `rise` or `fall`.
+    pub polarity: &'static str,
+    /// Variance of shot noise for each count of light, in counts.
+    pub shot_variance_per_count: f64,
+}
+
+/// Eq. (1) as d = D + K/(x - xp).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ShownEq1 {
+    /// D in millimetres.
+    pub d_mm: f64,
+    /// K in micrometres times pixels.
+    pub k_um_px: f64,
+    /// xp in pixels.
+    pub xp_px: f64,
+}
+
+/// A table.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ShownTable {
+    /// `linear` or `cubic`.
+    pub interpolation: &'static str,
+    /// Centres in pixels, and distances or residuals in micrometres.
+    pub knots: Vec<[f64; 2]>,
+}
+
+/// A distance and the curve's slope at a centre.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Example {
+    /// The centre in pixels.
+    pub x_px: f64,
+    /// The distance in millimetres.
+    pub d_mm: f64,
+    /// The slope in micrometres a pixel, to a thousandth.
+    pub um_per_px: f64,
+}
+
+impl Shown {
+    /// What a record says.
+    pub fn of(written: &Written) -> Self {
+        let record = written.record();
+        let calibration = &record.calibration;
+        let (first, last) = calibration.valid();
+        let at = |centre| {
+            let (distance, slope) = calibration.distance_at(centre).ok()?;
+            Some(Example {
+                x_px: centre.to_f64(),
+                d_mm: distance.to_f64() / 1e3,
+                um_per_px: (f64::from(slope) * 1e3).round() / 1e3,
+            })
+        };
+        let distances = calibration.distances().ok();
+        let ends = distances.map_or([Micrometres::default(); 2], |ends| {
+            [*ends.start(), *ends.end()]
+        });
+        let (kind, eq1, table) = parts(calibration);
+        Self {
+            serial_number: record.serial_number,
+            date: record.date.to_string(),
+            bytes: written.bytes().len(),
+            crc32: format!("{:08x}", written.sum()),
+            row: ShownRow {
+                words: record.geometry.words,
+                light: [record.geometry.light.start, record.geometry.light.end],
+                shielded: [record.geometry.shielded.start, record.geometry.shielded.end],
+                bits: record.geometry.bits,
+                polarity: match record.geometry.polarity {
+                    Polarity::Rising => "rise",
+                    Polarity::Falling => "fall",
+                },
+                shot_variance_per_count: f64::from(record.geometry.shot_variance_per_count_q16)
+                    / 65536.0,
+            },
+            estimator: record.estimator.name().to_owned(),
+            black: value(Command::Black(Some(record.black_level))),
+            nominal: record.is_nominal(),
+            kind,
+            eq1: eq1.map(|curve| ShownEq1 {
+                d_mm: curve.d().to_f64() / 1e3,
+                k_um_px: curve.k() as f64 / 65536.0,
+                xp_px: curve.pole().to_f64(),
+            }),
+            table: table.map(|knots| ShownTable {
+                interpolation: match knots.interpolation() {
+                    Interpolation::Linear => "linear",
+                    Interpolation::Cubic => "cubic",
+                },
+                knots: knots
+                    .iter()
+                    .map(|knot| [knot.centre.to_f64(), knot.value.to_f64()])
+                    .collect(),
+            }),
+            centres_px: [first.to_f64(), last.to_f64()],
+            distances_mm: ends.map(|end| end.to_f64() / 1e3),
+            examples: (0..EXAMPLES)
+                .filter_map(|index| at(between(first, last, index)))
+                .collect(),
+        }
+    }
+
+    /// Names and values that a person reads, one a line.
+    fn fields(&self) -> Vec<(&'static str, String)> {
+        let ShownRow {
+            words,
+            light,
+            shielded,
+            bits,
+            polarity,
+            shot_variance_per_count,
+        } = &self.row;
+        let mut fields = vec![
+            ("serial number", self.serial_number.to_string()),
+            ("date", self.date.clone()),
+            ("bytes", self.bytes.to_string()),
+            ("CRC-32", self.crc32.clone()),
+            (
+                "row",
+                format!(
+                    "{words} words: light {}..{}, shielded {}..{}",
+                    light[0], light[1], shielded[0], shielded[1]
+                ),
+            ),
+            (
+                "counts",
+                format!(
+                    "{bits} bits that {polarity} with light, shot noise {shot_variance_per_count:.5} counts^2 a count"
+                ),
+            ),
+            ("estimator", self.estimator.clone()),
+            ("black level", self.black.clone()),
+            (
+                "calibration",
+                match self.kind {
+                    _ if self.nominal => {
+                        "d = D + K/(x - xp), nominal: the sensor has none of its own".to_owned()
+                    }
+                    "eq1" => "d = D + K/(x - xp)".to_owned(),
+                    "table" => "a table of distances".to_owned(),
+                    _ => "d = D + K/(x - xp), plus a table of residuals".to_owned(),
+                },
+            ),
+        ];
+        if let Some(ShownEq1 {
+            d_mm,
+            k_um_px,
+            xp_px,
+        }) = self.eq1
+        {
+            fields.push(("D", format!("{d_mm:.4} mm")));
+            fields.push(("K", format!("{k_um_px:.2} um px")));
+            fields.push(("xp", format!("{xp_px:.5} px")));
+        }
+        if let Some(table) = &self.table {
+            let between = match table.interpolation {
+                "linear" => "straight lines",
+                _ => "monotone cubics",
+            };
+            fields.push((
+                "knots",
+                format!("{}, {between} between them", table.knots.len()),
+            ));
+        }
+        let [first, last] = self.centres_px;
+        fields.push(("centres", format!("{first:.5} to {last:.5} px")));
+        let [least, most] = self.distances_mm;
+        fields.push(("distances", format!("{least:.4} to {most:.4} mm")));
+        fields
+    }
+}
+
+impl fmt::Display for Shown {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, value) in self.fields() {
+            writeln!(f, "{name:<14}{value}")?;
+        }
+        write!(f, "\n{:>12}  {:>11}  {:>8}", "x px", "d mm", "um a px")?;
+        for Example {
+            x_px,
+            d_mm,
+            um_per_px,
+        } in &self.examples
+        {
+            write!(f, "\n{x_px:>12.3}  {d_mm:>11.4}  {um_per_px:>8.2}")?;
+        }
+        Ok(())
+    }
+}
+
+fn parts(calibration: &Calibration) -> (&'static str, Option<&Eq1>, Option<&Knots>) {
+    match calibration {
+        Calibration::Eq1(curve) => ("eq1", Some(curve), None),
+        Calibration::Table(table) => ("table", None, Some(table.knots())),
+        Calibration::Corrected(corrected) => (
+            "corrected",
+            Some(corrected.curve()),
+            Some(corrected.residuals()),
+        ),
+    }
+}
+
+/// What follows the name in a command.
+fn value(command: Command) -> String {
+    let line = command.to_string();
+    line.split_once(' ')
+        .map_or(line.clone(), |(_, value)| value.to_owned())
+}
+
+/// Of [`EXAMPLES`] centres from the first to the last, one.
+fn between(first: Pixels, last: Pixels, index: i32) -> Pixels {
+    let (from, to) = (i64::from(first.to_bits()), i64::from(last.to_bits()));
+    let bits = from + (to - from) * i64::from(index) / i64::from(EXAMPLES - 1);
+    // It lies between the two.
+    Pixels::from_bits(bits as i32)
+}
+
+/// How two records differ.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Bit for bit.
+    pub same: bool,
+    /// What they say otherwise than each other.
+    pub differences: Vec<Difference>,
+    /// Knots of the two tables that are not the same, where both have as many.
+    pub knots_differ: usize,
+    /// The centres for which both are valid, in pixels.
+    pub common_px: Option<[f64; 2]>,
+    /// By how much their distances differ most over those centres.
+    pub largest: Option<Largest>,
+}
+
+/// What one record says and what the other.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Difference {
+    /// Of what.
+    pub field: &'static str,
+    /// The first one's.
+    pub first: String,
+    /// The second one's.
+    pub second: String,
+}
+
+/// The largest difference of distances.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Largest {
+    /// The second's distance less the first's, in micrometres.
+    pub um: f64,
+    /// Where, in pixels.
+    pub x_px: f64,
+}
+
+impl Comparison {
+    /// Compares two records.
+    pub fn of(first: &Written, second: &Written) -> Self {
+        let (a, b) = (Shown::of(first), Shown::of(second));
+        let value = |fields: &[(&str, String)], name: &str| {
+            fields
+                .iter()
+                .find(|(field, _)| *field == name)
+                .map_or("none".to_owned(), |(_, value)| value.clone())
+        };
+        let (ours, theirs) = (a.fields(), b.fields());
+        let mut names: Vec<&'static str> = ours.iter().map(|(name, _)| *name).collect();
+        names.extend(
+            theirs
+                .iter()
+                .map(|(name, _)| *name)
+                .filter(|name| value(&ours, name) == "none"),
+        );
+        let differences = names
+            .into_iter()
+            .map(|field| Difference {
+                field,
+                first: value(&ours, field),
+                second: value(&theirs, field),
+            })
+            .filter(|difference| difference.first != difference.second)
+            .collect();
+        let knots_differ = match (&a.table, &b.table) {
+            (Some(a), Some(b)) if a.knots.len() == b.knots.len() => {
+                a.knots.iter().zip(&b.knots).filter(|(a, b)| a != b).count()
+            }
+            _ => 0,
+        };
+        let (common_px, largest) = distances_apart(first, second);
+        Self {
+            same: first.bytes() == second.bytes(),
+            differences,
+            knots_differ,
+            common_px,
+            largest,
+        }
+    }
+}
+
+/// The centres that both records are valid for, and where their distances differ most.
+fn distances_apart(first: &Written, second: &Written) -> (Option<[f64; 2]>, Option<Largest>) {
+    let calibrations = [first, second].map(|written| &written.record().calibration);
+    let [(a, b), (c, d)] = calibrations.map(Calibration::valid);
+    let (from, to) = (a.max(c), b.min(d));
+    if from > to {
+        return (None, None);
+    }
+    let grid = (from.to_bits()..=to.to_bits())
+        .step_by(COMPARED)
+        .map(Pixels::from_bits);
+    let knots = calibrations.into_iter().flat_map(|calibration| {
+        let (.., knots) = parts(calibration);
+        knots
+            .into_iter()
+            .flat_map(Knots::iter)
+            .map(|Knot { centre, .. }| centre)
+    });
+    let largest = grid
+        .chain(knots.filter(|centre| (from..=to).contains(centre)))
+        .chain([to])
+        .filter_map(|centre| {
+            let [a, b] = calibrations.map(|calibration| calibration.distance_at(centre).ok());
+            Some(Largest {
+                um: b?.0.to_f64() - a?.0.to_f64(),
+                x_px: centre.to_f64(),
+            })
+        })
+        .max_by(|a, b| a.um.abs().total_cmp(&b.um.abs()));
+    (Some([from.to_f64(), to.to_f64()]), largest)
+}
+
+impl fmt::Display for Comparison {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.same {
+            return f.write_str("the same, bit for bit");
+        }
+        f.write_str("they differ")?;
+        for Difference {
+            field,
+            first,
+            second,
+        } in &self.differences
+        {
+            write!(f, "\n{field:<14}{first}\n{:<14}{second}", "")?;
+        }
+        if self.knots_differ > 0 {
+            write!(f, "\n{:<14}{} are not the same", "knots", self.knots_differ)?;
+        }
+        match (self.common_px, self.largest) {
+            (Some([from, to]), Some(Largest { um, x_px })) => write!(
+                f,
+                "\nfrom {from:.1} to {to:.1} px, their distances differ by at most {:.3} um, at {x_px:.3} px",
+                um.abs()
+            ),
+            _ => f.write_str("\nthere is no centre for which both are valid"),
+        }
+    }
+}

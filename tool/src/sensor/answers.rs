@@ -1,0 +1,243 @@
+//! What a sensor's answers say, where they are more than the command that they answer.
+
+/// The centre of a frame, as `centre` answers it:
+/// `x 1770.98771 u 0.00195 a 1993 n 16/16 b 300 e t`, and ` m 3` and ` c 3` as in a reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Centre {
+    /// In pixels.
+    pub x_px: f64,
+    /// The standard uncertainty that the sensor claims, in pixels.
+    pub claimed_px: f64,
+    /// Rows in the frame.
+    pub rows: u16,
+    /// The estimator's letter.
+    pub estimator: char,
+    /// Rows that did not look like their spot.
+    pub misfits: u32,
+    /// As how few independent rows the frame's may count, where the sensor says so.
+    pub correlated: Option<u16>,
+}
+
+/// Why a frame gave no centre, in the sensor's own words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NoCentre {
+    /// `too dim: 35.2 counts, needs 60.1`
+    pub fault: String,
+    /// What to do about it.
+    pub advice: String,
+}
+
+/// What the lines that came since `centre` was asked say, once they say it.
+pub fn centre(lines: &[String]) -> Option<Result<Centre, NoCentre>> {
+    let (last, before) = lines.split_last()?;
+    if let Some(advice) = last
+        .strip_prefix('(')
+        .and_then(|text| text.strip_suffix(')'))
+    {
+        return Some(Err(NoCentre {
+            fault: before.last()?.strip_prefix("f ")?.to_owned(),
+            advice: advice.to_owned(),
+        }));
+    }
+    reading(last).map(Ok)
+}
+
+fn reading(line: &str) -> Option<Centre> {
+    let words: Vec<&str> = line.split(' ').collect();
+    let (measured, flags) = words.split_at_checked(12)?;
+    let &[
+        "x",
+        x,
+        "u",
+        u,
+        "a",
+        amplitude,
+        "n",
+        rows,
+        "b",
+        black,
+        "e",
+        letter,
+    ] = measured
+    else {
+        return None;
+    };
+    let (misfits, correlated) = match *flags {
+        [] => (None, None),
+        ["m", misfits] => (Some(misfits), None),
+        ["c", correlated] => (None, Some(correlated)),
+        ["m", misfits, "c", correlated] => (Some(misfits), Some(correlated)),
+        _ => return None,
+    };
+    let (used, of) = rows.split_once('/')?;
+    let used: u16 = used.parse().ok()?;
+    let rows = of.parse().ok()?;
+    // They are of no interest here, but where noise made something else of them, it may have of the rest.
+    let _: (i32, i32) = (amplitude.parse().ok()?, black.parse().ok()?);
+    let mut letters = letter.chars();
+    Some(Centre {
+        x_px: five_decimals(x)?,
+        claimed_px: five_decimals(u)?,
+        rows: Some(rows).filter(|&rows| used <= rows)?,
+        estimator: letters.next().filter(|_| letters.next().is_none())?,
+        misfits: misfits.map_or(Some(0), |count| count.parse().ok())?,
+        correlated: match correlated {
+            Some(rows) => Some(rows.parse().ok()?),
+            None => None,
+        },
+    })
+}
+
+/// A number with as many decimals as the sensor sends: one more or one less is a line with a byte too many or too few.
+fn five_decimals(word: &str) -> Option<f64> {
+    let (whole, decimals) = word.split_once('.')?;
+    let digits = whole.strip_prefix('-').unwrap_or(whole);
+    let all = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    (all(digits) && all(decimals) && decimals.len() == 5).then(|| word.parse().ok())?
+}
+
+/// What `calibration` answers of the calibration in use, as far as a program needs it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InUse {
+    /// The record in use, where there is one.
+    pub record: Option<RecordInUse>,
+    /// What the flash holds: `same`, `other`, `none` or `unusable`.
+    pub stored: String,
+}
+
+/// The record in use.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordInUse {
+    /// Its length in bytes.
+    pub bytes: usize,
+    /// The CRC-32 at its end.
+    pub crc: u32,
+    /// The sensor's serial number.
+    pub serial_number: u32,
+}
+
+/// What the lines that came since `calibration` was asked say, once they say it.
+pub fn in_use(lines: &[String]) -> Option<InUse> {
+    let of = |key: &str| {
+        lines.iter().find_map(|line| {
+            line.strip_prefix("calibration ")?
+                .strip_prefix(key)?
+                .strip_prefix(' ')
+        })
+    };
+    let stored = of("stored")?.to_owned();
+    if lines.iter().any(|line| line == "calibration none") {
+        return Some(InUse {
+            record: None,
+            stored,
+        });
+    }
+    let (bytes, crc) = of("record")?.split_once(' ')?;
+    Some(InUse {
+        record: Some(RecordInUse {
+            bytes: bytes.parse().ok()?,
+            crc: u32::from_str_radix(crc, 16).ok()?,
+            serial_number: of("serial")?.parse().ok()?,
+        }),
+        stored,
+    })
+}
+
+/// The sensor head's name, once a line of the answer to `info` says it.
+pub fn head(lines: &[String]) -> Option<String> {
+    lines
+        .iter()
+        .find_map(|line| line.strip_prefix("info sensor head "))
+        .map(str::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slitrange::protocol::calibration::{Shown, Stored};
+    use slitrange::record::written::Written;
+
+    fn lines(text: &str) -> Vec<String> {
+        text.lines().map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn a_centre_is_read_whole_or_not_at_all() {
+        let line = "x 1770.98771 u 0.00195 a 1993 n 15/16 b 300 e t m 3 c 2";
+        let read = Centre {
+            x_px: 1770.98771,
+            claimed_px: 0.00195,
+            rows: 16,
+            estimator: 't',
+            misfits: 3,
+            correlated: Some(2),
+        };
+        assert_eq!(centre(&lines(line)), Some(Ok(read)));
+        let plain = line.strip_suffix(" m 3 c 2").expect("flags");
+        let unflagged = Centre {
+            misfits: 0,
+            correlated: None,
+            ..read
+        };
+        assert_eq!(centre(&lines(plain)), Some(Ok(unflagged)));
+        // A byte lost anywhere leaves no centre, but for the digits of whole numbers.
+        let lost: Vec<String> = (0..plain.len())
+            .map(|at| [&plain[..at], &plain[at + 1..]].concat())
+            .filter(|line| reading(line).is_some_and(|read| read != unflagged))
+            .collect();
+        println!("{lost:#?}");
+        assert!(lost.iter().all(|line| {
+            let read = reading(line).expect("filtered");
+            read.rows != 16 || (read.x_px < 1000.0 && read.claimed_px == 0.00195)
+        }));
+    }
+
+    #[test]
+    fn a_fault_comes_with_advice() {
+        let said = "f too dim: 35.2 counts, needs 60.1\n(more laser power)";
+        assert_eq!(
+            centre(&lines(said)),
+            Some(Err(NoCentre {
+                fault: "too dim: 35.2 counts, needs 60.1".to_owned(),
+                advice: "more laser power".to_owned(),
+            }))
+        );
+        assert_eq!(centre(&lines("f too dim: 35.2 counts, needs 60.1")), None);
+        assert_eq!(centre(&lines("d 799.9966 mm u 0.0016 x 1770.9878")), None);
+    }
+
+    #[test]
+    fn the_calibration_in_use_is_known_at_its_last_line() {
+        let written = Written::nominal().expect("a record");
+        let shown = Shown {
+            written: Some(&written),
+            on: true,
+            stored: Stored::Record(!written.sum()),
+        };
+        let said = lines(&shown.to_string());
+        let in_use = InUse {
+            record: Some(RecordInUse {
+                bytes: written.bytes().len(),
+                crc: written.sum(),
+                serial_number: 0,
+            }),
+            stored: "other".to_owned(),
+        };
+        for count in 0..said.len() {
+            assert_eq!(super::in_use(&said[..count]), None);
+        }
+        assert_eq!(super::in_use(&said), Some(in_use));
+        let none = Shown {
+            written: None,
+            stored: Stored::Damaged,
+            ..shown
+        };
+        assert_eq!(
+            super::in_use(&lines(&none.to_string())),
+            Some(InUse {
+                record: None,
+                stored: "unusable".to_owned(),
+            })
+        );
+    }
+}

@@ -1,0 +1,486 @@
+//! Points of known distance, taken from a sensor one by one.
+
+use std::io::{self, BufRead, Write};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::{Context, Result, ensure};
+use slitrange::centre::Estimator;
+use slitrange::frame::MAX_ROWS;
+use slitrange::protocol::command::Command;
+use time::OffsetDateTime;
+
+use super::answers::{Centre, NoCentre};
+use super::line::{LineError, Waits};
+use super::positions::{self, Moved, Mover, Which, check_command};
+use super::session::{Before, Session};
+use super::taken::{Millimetres, PointsFile, Setup, Taken};
+
+/// How often a position is tried with a stage, which cannot be asked.
+const TRIES: usize = 3;
+
+/// Frames further than this many times their scatter from the others are no matter of chance: a digit that noise on the line
+/// changed, or a target that was not at rest.
+const OUTLYING: f64 = 10.0;
+
+/// The finest step of the sensor's centres, in pixels: no point claims to be better known.
+const FINEST_PX: f64 = 1e-5;
+
+/// Take points for a calibration: what the sensor sees at distances that a person or a stage sets
+///
+/// Moves the target, or asks you to, from one distance to the next. At each, the frame under way is passed over and --frames
+/// frames are taken; their mean centre, its uncertainty and what the sensor flagged become a line of FILE. What is in FILE
+/// is safe whatever happens (Ctrl-C, a cable that falls out, a sensor without power): run the same command again, and it goes on
+/// with the distances that are missing.
+///
+/// The sensor takes 64 rows a frame and does not stream meanwhile; both are put back at the end (after Ctrl-C, by the next run
+/// that goes on with FILE). Its
+/// estimator and black level stay as they are, and are what the calibration will hold for: set them before.
+#[derive(Clone, Debug, clap::Args)]
+#[command(
+    override_usage = "\
+slitrange calibrate run --port PORT --from MM --to MM [OPTIONS] FILE
+       slitrange calibrate run --port PORT --positions LIST [OPTIONS] FILE",
+    after_help = "\
+Examples:
+  slitrange calibrate run --port /dev/ttyACM0 --from 600 --to 1020 --points 30 points.csv
+  slitrange calibrate run --port /dev/ttyACM0 --positions table.txt --stage-command 'stage --to {}' --settle 0.5 points.csv
+
+Then: slitrange calibrate fit points.csv"
+)]
+pub struct RunOptions {
+    /// The points: a CSV file, begun or gone on with
+    pub file: PathBuf,
+    /// The sensor's serial port, such as /dev/ttyACM0 or COM3
+    #[arg(long)]
+    pub port: String,
+    /// Where the target is to be.
+    #[command(flatten)]
+    pub which: Which,
+    /// A program that moves the target, as a line for the shell: {} is replaced by the distance in millimetres. It must not
+    /// return before the target is there
+    #[arg(long, value_name = "COMMAND")]
+    pub stage_command: Option<String>,
+    /// How long to wait after each move of the stage
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 0.0,
+        requires = "stage_command"
+    )]
+    pub settle: f64,
+    /// Frames at each position. They average noise, but not the speckle that a target at rest keeps: more positions do
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub frames: u16,
+}
+
+/// `calibrate run`, with the person at the terminal.
+///
+/// # Errors
+/// In sentences: what stopped the run. The points taken are in the file.
+pub fn run(options: &RunOptions) -> Result<()> {
+    run_with(
+        options,
+        Waits::default(),
+        &mut io::stdin().lock(),
+        &mut io::stdout(),
+    )
+}
+
+/// The same with other times to wait and another person.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_with(
+    options: &RunOptions,
+    waits: Waits,
+    input: &mut dyn BufRead,
+    output: &mut dyn Write,
+) -> Result<()> {
+    let wanted = options.which.list()?;
+    let settle = Duration::try_from_secs_f64(options.settle)
+        .with_context(|| format!("--settle {}", options.settle))?;
+    let mover = match &options.stage_command {
+        Some(command) => {
+            check_command(command)?;
+            Mover::Stage {
+                command: command.clone(),
+                settle,
+            }
+        }
+        None => Mover::Person { input },
+    };
+    let mut session = Session::open(&options.port, waits)?;
+    let settings = Settings::of(&mut session)?;
+    let found = session.before()?;
+    let mut file = PointsFile::open(&options.file, &settings.setup(), found, &now())?;
+    // That is how a run that was killed leaves the sensor.
+    let left_behind = Before {
+        streamed: false,
+        rows: Some(MAX_ROWS as u16),
+    };
+    if found == left_behind
+        && let Some(begun_with) = file.begun_with()
+    {
+        session.put_back_instead(begun_with);
+    }
+    if let Some(torn) = file.torn() {
+        writeln!(
+            output,
+            "the last line was cut off and is a remark now: {torn}"
+        )?;
+    }
+    let taken: Vec<f64> = file.points().iter().map(|point| point.d_mm).collect();
+    let missing = positions::missing(&wanted, &taken);
+    writeln!(
+        output,
+        "sensor {} at {}, {}, {}: {} of {} positions to go",
+        settings.head,
+        options.port,
+        settings.estimator,
+        settings.black,
+        missing.len(),
+        wanted.len()
+    )?;
+    let walk = Walk {
+        session,
+        settings,
+        mover,
+        frames: usize::from(options.frames),
+        output,
+    }
+    .through(&missing, &mut file);
+    let taken: Vec<f64> = file.points().iter().map(|point| point.d_mm).collect();
+    let left = positions::missing(&wanted, &taken).len();
+    // In any case: it goes on at once with what there is.
+    file.put_in_order()?;
+    let path = options.file.display();
+    writeln!(
+        output,
+        "{} points are in {path}, {left} positions are left",
+        taken.len()
+    )?;
+    walk.context("stopped; run the same command again to go on")
+}
+
+/// What points are taken with, in the sensor's own words.
+#[derive(Clone, Debug)]
+struct Settings {
+    head: String,
+    serial_number: u32,
+    estimator: Command,
+    black: Command,
+}
+
+impl Settings {
+    fn of(session: &mut Session) -> Result<Self, LineError> {
+        Ok(Self {
+            head: session.head().to_owned(),
+            serial_number: session
+                .calibration()?
+                .record
+                .map_or(0, |record| record.serial_number),
+            estimator: session.value(Command::Estimator(None))?,
+            black: session.value(Command::Black(None))?,
+        })
+    }
+
+    fn setup(&self) -> Setup {
+        let value = |command: Command| {
+            let line = command.to_string();
+            line.split_once(' ')
+                .map_or(line.clone(), |(_, value)| value.to_owned())
+        };
+        Setup {
+            head: self.head.clone(),
+            serial_number: self.serial_number,
+            estimator: value(self.estimator),
+            black: value(self.black),
+        }
+    }
+
+    fn letter(&self) -> Option<char> {
+        match self.estimator {
+            Command::Estimator(estimator) => estimator.map(Estimator::letter),
+            _ => None,
+        }
+    }
+}
+
+/// The way through the positions.
+struct Walk<'a> {
+    session: Session,
+    settings: Settings,
+    mover: Mover<'a>,
+    frames: usize,
+    output: &'a mut dyn Write,
+}
+
+/// Why there is no point at a position.
+#[derive(Debug)]
+enum NoPoint {
+    /// The sensor has no centre.
+    Fault(NoCentre),
+    /// The frames do not agree.
+    Scattered { least: f64, most: f64 },
+}
+
+impl std::fmt::Display for NoPoint {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Fault(NoCentre { fault, advice }) => write!(f, "{fault} ({advice})"),
+            Self::Scattered { least, most } => write!(
+                f,
+                "the frames' centres lie from {least:.3} to {most:.3} px, most of them close together (let the target come to \
+                 rest)"
+            ),
+        }
+    }
+}
+
+impl Walk<'_> {
+    fn through(mut self, missing: &[f64], file: &mut PointsFile) -> Result<()> {
+        self.session.borrow_rows(MAX_ROWS as u16)?;
+        for (index, &position) in missing.iter().enumerate() {
+            let place = format!("{:>3}/{}", index + 1, missing.len());
+            let mut tries = 0;
+            loop {
+                let d_mm = match self.mover.to(position, self.output)? {
+                    Moved::To(mm) if file.points().iter().any(|point| point.d_mm == mm) => {
+                        let mm = Millimetres(mm);
+                        writeln!(self.output, "there is a point at {mm} mm already")?;
+                        continue;
+                    }
+                    Moved::To(mm) => mm,
+                    Moved::Skip => break,
+                    Moved::Quit => return Ok(()),
+                };
+                let no_point = match self.point(d_mm) {
+                    Ok(Ok(point)) => {
+                        file.add(point)?;
+                        self.report(&place, &point)?;
+                        break;
+                    }
+                    Ok(Err(no_point)) => no_point,
+                    Err(error) if error.may_pass() => {
+                        writeln!(self.output, "{error}; waits for it to come back")?;
+                        self = self.reconnect()?;
+                        continue;
+                    }
+                    Err(error) => return Err(error.into()),
+                };
+                writeln!(self.output, "{place}  {} mm  {no_point}", Millimetres(d_mm))?;
+                tries += 1;
+                if matches!(self.mover, Mover::Stage { .. }) && tries >= TRIES {
+                    file.remark(&format!("failed at {} mm: {no_point}", Millimetres(d_mm)))?;
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What the sensor sees now.
+    fn point(&mut self, d_mm: f64) -> Result<Result<Taken, NoPoint>, LineError> {
+        // The frame under way began while the target moved.
+        let _ = self.session.centre()?;
+        let mut centres: Vec<Centre> = Vec::new();
+        // A line that noise changed is made up for; twice as many frames are a target that is not at rest.
+        for _ in 0..2 * self.frames {
+            match self.centre()? {
+                Ok(centre) => centres.push(centre),
+                Err(no_centre) => return Ok(Err(NoPoint::Fault(no_centre))),
+            }
+            if centres.len() >= self.frames {
+                let close = without_outlying(&centres);
+                if close.len() >= self.frames {
+                    return Ok(Ok(taken(d_mm, &close)));
+                }
+            }
+        }
+        let pixels = || centres.iter().map(|centre| centre.x_px);
+        Ok(Err(NoPoint::Scattered {
+            least: pixels().fold(f64::INFINITY, f64::min),
+            most: pixels().fold(f64::NEG_INFINITY, f64::max),
+        }))
+    }
+
+    /// A frame's centre, of a sensor that is set as it was.
+    fn centre(&mut self) -> Result<Result<Centre, NoCentre>, LineError> {
+        let answer = self.session.centre()?;
+        match &answer {
+            Ok(centre)
+                if u32::from(centre.rows) != MAX_ROWS
+                    || Some(centre.estimator) != self.settings.letter() =>
+            {
+                Err(LineError::Restarted {
+                    banner: format!(
+                        "{} rows a frame, estimator {}",
+                        centre.rows, centre.estimator
+                    ),
+                })
+            }
+            _ => Ok(answer),
+        }
+    }
+
+    /// Goes on with the sensor after it went away: the same one, set as it was.
+    fn reconnect(mut self) -> Result<Self> {
+        self.session = self.session.reopen()?;
+        let now = Settings::of(&mut self.session)?;
+        ensure!(
+            now.head == self.settings.head && now.serial_number == self.settings.serial_number,
+            "another sensor is at {} now",
+            self.session.port()
+        );
+        self.session.set(self.settings.estimator)?;
+        self.session.set(self.settings.black)?;
+        self.session.borrow_rows(MAX_ROWS as u16)?;
+        writeln!(self.output, "the sensor is back, and set as it was")?;
+        Ok(self)
+    }
+
+    fn report(&mut self, place: &str, point: &Taken) -> Result<()> {
+        let Taken {
+            x_px,
+            d_mm,
+            sigma_px,
+            frames,
+            claimed_px,
+            misfits,
+            ..
+        } = *point;
+        write!(
+            self.output,
+            "{place}  {} mm  x {x_px:.5} px +- {sigma_px:.5} ({frames} frames",
+            Millimetres(d_mm)
+        )?;
+        if let Some(scatter) = point.scatter_px {
+            write!(self.output, ", scatter {scatter:.5}")?;
+        }
+        write!(self.output, ", claimed {claimed_px:.5})")?;
+        if misfits > 0 {
+            write!(self.output, "  {misfits} rows do not look like their spot")?;
+        }
+        if let Some(rows) = point.correlated {
+            write!(self.output, "  rows err alike, worth {rows}")?;
+        }
+        writeln!(self.output)?;
+        Ok(())
+    }
+}
+
+/// The centres that lie with the others. With three there is no telling which is the odd one.
+fn without_outlying(centres: &[Centre]) -> Vec<Centre> {
+    if centres.len() <= 3 {
+        return centres.to_vec();
+    }
+    let middle = median(centres.iter().map(|centre| centre.x_px).collect());
+    let deviations = centres.iter().map(|centre| (centre.x_px - middle).abs());
+    // 1.4826 median deviations are a gaussian's sigma.
+    let scatter = 1.4826 * median(deviations.collect());
+    let claimed = median(centres.iter().map(|centre| centre.claimed_px).collect());
+    let most = OUTLYING * scatter.max(claimed);
+    let close = |centre: &&Centre| {
+        (centre.x_px - middle).abs() <= most && centre.claimed_px <= OUTLYING * claimed
+    };
+    centres.iter().filter(close).copied().collect()
+}
+
+/// The middle one, or the upper of the two that are; zero of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or_default()
+}
+
+/// A point of at least one centre.
+fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
+    let count = centres.len() as f64;
+    let mean = centres.iter().map(|centre| centre.x_px).sum::<f64>() / count;
+    let squares = |deviation: &dyn Fn(&Centre) -> f64| {
+        centres
+            .iter()
+            .map(|centre| deviation(centre).powi(2))
+            .sum::<f64>()
+    };
+    let claimed = (squares(&|centre| centre.claimed_px) / count).sqrt();
+    let scatter =
+        (centres.len() > 1).then(|| (squares(&|centre| centre.x_px - mean) / (count - 1.0)).sqrt());
+    let rounded = |value: f64| (value * 1e6).round() / 1e6;
+    Taken {
+        x_px: rounded(mean),
+        d_mm,
+        // Frames of a target at rest share its speckle: their number brings down what differs between them only.
+        sigma_px: rounded(claimed.max(scatter.unwrap_or_default()) / count.sqrt()).max(FINEST_PX),
+        frames: centres.len(),
+        scatter_px: scatter.map(rounded),
+        claimed_px: rounded(claimed).max(FINEST_PX),
+        misfits: centres.iter().map(|centre| centre.misfits).sum(),
+        correlated: centres.iter().filter_map(|centre| centre.correlated).min(),
+    }
+}
+
+/// The time, `2026-11-21T11:00:11Z`.
+fn now() -> String {
+    let now = OffsetDateTime::now_utc();
+    let (hour, minute, second) = now.to_hms();
+    format!("{}T{hour:02}:{minute:02}:{second:02}Z", now.date())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn centre(x_px: f64) -> Centre {
+        Centre {
+            x_px,
+            claimed_px: 0.002,
+            rows: 64,
+            estimator: 't',
+            misfits: 0,
+            correlated: None,
+        }
+    }
+
+    #[test]
+    fn a_point_is_as_certain_as_its_frames() {
+        // Deviations -3, -1, 1, 3: squares sum to 20, over three 6.67.
+        let spread = [-0.03, -0.01, 0.01, 0.03].map(|by| centre(1800.0 + by));
+        let point = taken(700.0, &spread);
+        assert_eq!(point.x_px, 1800.0);
+        assert_eq!(point.scatter_px, Some(0.02582));
+        assert_eq!(point.sigma_px, 0.01291);
+        // Frames that agree better than chance: what the sensor claims counts.
+        let point = taken(700.0, &[centre(1800.0); 4]);
+        assert_eq!((point.scatter_px, point.sigma_px), (Some(0.0), 0.001));
+        let single = taken(700.0, &[centre(1800.0)]);
+        assert_eq!((single.scatter_px, single.sigma_px), (None, 0.002));
+        let flagged = Centre {
+            misfits: 2,
+            correlated: Some(5),
+            ..centre(1800.0)
+        };
+        let worse = Centre {
+            correlated: Some(3),
+            ..flagged
+        };
+        let point = taken(700.0, &[centre(1800.0), flagged, worse]);
+        assert_eq!((point.misfits, point.correlated), (4, Some(3)));
+    }
+
+    #[test]
+    fn a_changed_digit_does_not_count() {
+        let mut centres = [-0.003, -0.001, 0.0, 0.001, 0.002]
+            .map(|by| centre(1800.0 + by))
+            .to_vec();
+        assert_eq!(without_outlying(&centres).len(), 5);
+        centres[2].x_px += 0.1;
+        assert_eq!(without_outlying(&centres).len(), 4);
+        centres[3].claimed_px = 0.02;
+        assert_eq!(without_outlying(&centres).len(), 4);
+        centres[3].claimed_px = 0.0201;
+        assert_eq!(without_outlying(&centres).len(), 3);
+        // Of three, any may be the odd one.
+        assert_eq!(without_outlying(&centres[..3]).len(), 3);
+    }
+}

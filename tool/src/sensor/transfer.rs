@@ -1,0 +1,356 @@
+//! Records between sensors and files.
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail, ensure};
+use slitrange::protocol::command::{Command, parse};
+use slitrange::protocol::piece::{PIECE, Piece};
+use slitrange::protocol::upload::Step;
+use slitrange::record::decode;
+use slitrange::record::written::Written;
+
+use super::answers::{InUse, RecordInUse};
+use super::line::{LineError, Waits};
+use super::session::Session;
+use crate::record_file::{self, Comparison, Shown};
+
+/// How often a transfer begins anew if the sensor goes away in it, and how often the sensor is asked to save.
+const TRIES: usize = 3;
+
+/// Write a record to the sensor: upload it, read it back, compare, and save it
+///
+/// FILE is what `calibrate fit` or `calibrate read` wrote. The sensor uses the record when all of it has come and is sound, or goes on
+/// with the one it had. Its estimator and black level are set as when it was calibrated. `save` keeps them over a power cycle,
+/// and with them the rows in a frame and their mean, as they are set.
+#[derive(Clone, Debug, clap::Args)]
+pub struct WriteOptions {
+    /// The record
+    pub file: PathBuf,
+    /// The sensor's serial port, such as /dev/ttyACM0 or COM3
+    #[arg(long)]
+    pub port: String,
+    /// Leave the flash as it is: the record is used until the power goes
+    #[arg(long)]
+    pub no_save: bool,
+}
+
+/// Read the record that the sensor uses, show it, and write it to a file
+#[derive(Clone, Debug, clap::Args)]
+pub struct ReadOptions {
+    /// The sensor's serial port, such as /dev/ttyACM0 or COM3
+    #[arg(long)]
+    pub port: String,
+    /// The file to write
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Replace FILE even if something else is in it
+    #[arg(long, requires = "output")]
+    pub force: bool,
+}
+
+/// Show a record, of a file or of a sensor, or how two of them differ
+///
+/// With two files, or a file and a port: what they say otherwise than each other, and by how much their distances differ. The exit
+/// code is then 0 if they are the same bit for bit, 1 if they differ, and 2 if one of them cannot be read.
+#[derive(Clone, Debug, clap::Args)]
+#[command(override_usage = "\
+slitrange calibrate show FILE
+       slitrange calibrate show --port PORT
+       slitrange calibrate show FILE FILE
+       slitrange calibrate show FILE --port PORT")]
+pub struct ShowOptions {
+    /// Records
+    #[arg(value_name = "FILE", num_args = 0..=2, required_unless_present = "port")]
+    pub files: Vec<PathBuf>,
+    /// A sensor's serial port: the record that it uses
+    #[arg(long)]
+    pub port: Option<String>,
+    /// For programs
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `calibrate write`.
+///
+/// # Errors
+/// In sentences: the sensor uses the record that it had, or the new one, as is said.
+pub fn write(options: &WriteOptions) -> Result<()> {
+    write_with(options, Waits::default(), &mut io::stdout())
+}
+
+/// The same with other times to wait.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_with(options: &WriteOptions, waits: Waits, output: &mut dyn Write) -> Result<()> {
+    let written = record_file::read(&options.file)?;
+    let record = written.record();
+    let mut session = Session::open(&options.port, waits)?;
+    let before = session.calibration()?.record;
+    writeln!(
+        output,
+        "record of sensor {}, {}, {} bytes, CRC-32 {:08x}, for the sensor {} at {}",
+        record.serial_number,
+        record.date,
+        written.bytes().len(),
+        written.sum(),
+        session.head(),
+        options.port
+    )?;
+    if let Some(RecordInUse { serial_number, .. }) = before
+        && serial_number != 0
+        && serial_number != record.serial_number
+    {
+        writeln!(
+            output,
+            "mind: the sensor's calibration until now was that of sensor {serial_number}"
+        )?;
+    }
+    transfer(session, &written, !options.no_save)?;
+    writeln!(
+        output,
+        "uploaded and in use; read back, it is the same bit for bit. Set with it: estimator {}, {}",
+        record.estimator.name(),
+        Command::Black(Some(record.black_level))
+    )?;
+    let kept = if options.no_save {
+        "not saved: it is used until the power goes"
+    } else {
+        "saved: it is kept over a power cycle"
+    };
+    writeln!(output, "{kept}")?;
+    Ok(())
+}
+
+/// Uploads a record, checks it and has it saved, if it is to be; again from the beginning if the sensor goes away meanwhile.
+fn transfer(mut session: Session, written: &Written, and_save: bool) -> Result<()> {
+    let mut tries = 1;
+    loop {
+        // A try before this one may have got as far as the flash.
+        let if_not_uploaded = if tries == 1 {
+            "nothing has changed, the sensor uses the calibration that it had"
+        } else {
+            "`calibrate show`, with FILE and --port, tells which calibration the sensor uses"
+        };
+        let result = transfer_once(&mut session, written, and_save, if_not_uploaded);
+        let Err(error) = result else {
+            return Ok(());
+        };
+        let may_pass = error.downcast_ref().is_some_and(LineError::may_pass);
+        if !may_pass || tries == TRIES {
+            return Err(error);
+        }
+        tries += 1;
+        session = match session.reopen() {
+            Ok(session) => session,
+            // What the sensor uses now is what the first error says.
+            Err(_) => return Err(error),
+        };
+    }
+}
+
+fn transfer_once(
+    session: &mut Session,
+    written: &Written,
+    and_save: bool,
+    if_not_uploaded: &'static str,
+) -> Result<()> {
+    let uploaded = upload(session, written);
+    if let Err(LineError::Refused { .. }) = uploaded {
+        // The next upload drops this one all the same, should it fail.
+        let _ = session.set(Command::Upload(Step::Abort));
+    }
+    uploaded.context(if_not_uploaded)?;
+    commit(session, written)?;
+    let back = record_in_use(session).context("uploaded, but not read back: write it again")?;
+    ensure!(
+        back.bytes() == written.bytes(),
+        "what the sensor uses now is another record, CRC-32 {:08x}: write it again",
+        back.sum()
+    );
+    if and_save {
+        save(session, written)?;
+    }
+    Ok(())
+}
+
+/// Sends a record; nothing changes yet.
+fn upload(session: &mut Session, written: &Written) -> Result<(), LineError> {
+    let bytes = written.bytes();
+    // A record is at most some thousand bytes long.
+    session.set(Command::Upload(Step::Begin(bytes.len() as u16)))?;
+    for offset in (0..bytes.len()).step_by(PIECE) {
+        if let Some(piece) = Piece::of(bytes, offset as u16) {
+            session.set(Command::Upload(Step::Piece(piece)))?;
+        }
+    }
+    Ok(())
+}
+
+/// Has the sensor use what was sent.
+fn commit(session: &mut Session, written: &Written) -> Result<()> {
+    let Err(error) = session.set(Command::Upload(Step::Commit)) else {
+        return Ok(());
+    };
+    // Where only the answer was lost, the sensor has no upload any more to commit once again.
+    match session.calibration() {
+        Ok(InUse {
+            record: Some(now), ..
+        }) if now.crc == written.sum() => Ok(()),
+        Ok(_) => Err(error).context("nothing has changed, the sensor uses the calibration that it had"),
+        Err(_) => Err(error).context(
+            "the sensor uses the calibration that it had or the new one: `calibrate show` tells, with FILE and --port",
+        ),
+    }
+}
+
+/// Has the sensor keep what is in use. A sensor that starts anew meanwhile uses what its flash holds: it is not asked to save that.
+fn save(session: &mut Session, written: &Written) -> Result<()> {
+    const UNKNOWN: &str = "uploaded; whether it is saved, `calibration` on the sensor's line tells";
+    let wait = session.line().waits.save;
+    let question = Command::Save.to_string();
+    let mut tries = 1;
+    loop {
+        let saved = session.line().ask_once(&question, wait, |lines| {
+            (*lines.last()? == question).then_some(())
+        });
+        match saved {
+            Ok(()) => {}
+            Err(LineError::Silent { .. } | LineError::Refused { .. }) => {
+                session.line().synchronise().context(UNKNOWN)?;
+            }
+            Err(_) => return saved.context(UNKNOWN),
+        }
+        let now = session.calibration().context(UNKNOWN)?;
+        let crc = now.record.map(|record| record.crc);
+        if crc != Some(written.sum()) {
+            let banner = match crc {
+                Some(crc) => format!("it uses another record, CRC-32 {crc:08x}"),
+                None => "it has no calibration".to_owned(),
+            };
+            return Err(LineError::Restarted { banner }).context(UNKNOWN);
+        }
+        if now.stored == "same" {
+            return Ok(());
+        }
+        if tries == TRIES {
+            saved.context("it is in use, but not saved")?;
+            bail!(
+                "the sensor says that it saved, but not that its flash holds what it uses: it says `stored {}`",
+                now.stored
+            );
+        }
+        tries += 1;
+    }
+}
+
+/// `calibrate read`.
+///
+/// # Errors
+/// In sentences.
+pub fn read(options: &ReadOptions) -> Result<()> {
+    read_with(options, Waits::default(), &mut io::stdout())
+}
+
+/// The same with other times to wait.
+///
+/// # Errors
+/// As [`read()`].
+pub fn read_with(options: &ReadOptions, waits: Waits, output: &mut dyn Write) -> Result<()> {
+    let mut session = Session::open(&options.port, waits)?;
+    let written = record_in_use(&mut session)?;
+    writeln!(output, "{}", Shown::of(&written))?;
+    if let Some(path) = &options.output {
+        record_file::write(path, &written, options.force)?;
+        writeln!(output, "\nwritten to {}", path.display())?;
+    }
+    Ok(())
+}
+
+/// The record that a sensor uses.
+fn record_in_use(session: &mut Session) -> Result<Written> {
+    let wait = session.line().waits.answer;
+    let in_use = session.calibration()?;
+    let Some(RecordInUse {
+        bytes: length, crc, ..
+    }) = in_use.record
+    else {
+        bail!(
+            "the sensor has no calibration (what it saved is {}): write one, or set `defaults`",
+            in_use.stored
+        );
+    };
+    let mut bytes = Vec::new();
+    while bytes.len() < length {
+        let offset = u16::try_from(bytes.len())?;
+        let question = Command::Data(offset).to_string();
+        let piece = session.line().ask(&question, wait, |lines| {
+            match parse(lines.last()?.as_bytes()) {
+                Ok(Command::Upload(Step::Piece(piece))) if piece.offset() == offset => Some(piece),
+                _ => None,
+            }
+        })?;
+        bytes.extend_from_slice(piece.bytes());
+    }
+    let written = decode(&bytes)
+        .and_then(Written::new)
+        .context("what the sensor sent is no record")?;
+    ensure!(
+        written.sum() == crc,
+        "what the sensor sent is another record, CRC-32 {:08x}, than it said, {crc:08x}: somebody changed it meanwhile, read it again",
+        written.sum()
+    );
+    Ok(written)
+}
+
+/// `calibrate show`. The exit code tells whether two records are the same.
+///
+/// # Errors
+/// In sentences.
+pub fn show(options: &ShowOptions) -> Result<ExitCode> {
+    show_with(options, Waits::default(), &mut io::stdout())
+}
+
+/// The same with other times to wait.
+///
+/// # Errors
+/// As [`show`].
+pub fn show_with(options: &ShowOptions, waits: Waits, output: &mut dyn Write) -> Result<ExitCode> {
+    let mut records = Vec::new();
+    for path in &options.files {
+        records.push(record_file::read(path)?);
+    }
+    if let Some(port) = &options.port {
+        records.push(record_in_use(&mut Session::open(port, waits)?)?);
+    }
+    match records.as_slice() {
+        [record] => {
+            let shown = Shown::of(record);
+            if options.json {
+                writeln!(output, "{}", serde_json::to_string_pretty(&shown)?)?;
+            } else {
+                writeln!(output, "{shown}")?;
+            }
+            Ok(ExitCode::SUCCESS)
+        }
+        [first, second] => {
+            let comparison = Comparison::of(first, second);
+            if options.json {
+                writeln!(output, "{}", serde_json::to_string_pretty(&comparison)?)?;
+            } else {
+                writeln!(output, "{comparison}")?;
+            }
+            Ok(if comparison.same {
+                ExitCode::SUCCESS
+            } else {
+                ExitCode::FAILURE
+            })
+        }
+        _ => bail!(
+            "there are {} records: show one, or compare two",
+            records.len()
+        ),
+    }
+}

@@ -1,0 +1,165 @@
+//! What is refused, in which words, and what is not.
+
+use slitrange_tool::fit::solve::solve;
+use slitrange_tool::points::{Point, Points};
+
+use crate::truth::{Truth, seeded};
+
+/// `count` points at even distances on the nominal curve, without noise.
+fn exact(count: usize) -> Vec<Point> {
+    let mut points = Truth::nominal().points(count, 0.0, &mut seeded(0));
+    for point in &mut points {
+        point.x_px = (point.x_px * 1e3).round() / 1e3;
+        point.d_mm = (point.d_mm * 1e3).round() / 1e3;
+    }
+    points
+}
+
+fn refusal(points: &[Point]) -> String {
+    match solve(points, None) {
+        Ok(_) => "accepted".into(),
+        Err(error) => format!("{error:#}"),
+    }
+}
+
+/// The points in another order, with the lines that they then have.
+fn renumbered(mut points: Vec<Point>) -> Vec<Point> {
+    for (line, point) in (2..).zip(&mut points) {
+        point.line = line;
+    }
+    points
+}
+
+#[test]
+fn what_makes_no_calibration_is_said() {
+    let mut said = Vec::new();
+    let mut say = |name: &str, points: Vec<Point>| {
+        said.push(format!("{name}: {}", refusal(&points)));
+    };
+    say("no points", vec![]);
+    say("one point", exact(5)[..1].to_vec());
+    say("two points", exact(5)[..2].to_vec());
+
+    let straight = (0..5).map(|i| Point {
+        line: i + 2,
+        x_px: 1000.0 + 100.0 * i as f64,
+        d_mm: 600.0 + 50.0 * i as f64,
+        sigma_px: None,
+    });
+    say("collinear", straight.clone().collect());
+    say("three collinear", straight.take(3).collect());
+    let mut noisy = Truth::nominal().points(12, 3.0, &mut seeded(5));
+    for point in &mut noisy {
+        point.d_mm = 600.0 + 0.02 * (point.d_mm - 600.0);
+        point.x_px = 2000.0 - 2.0 * (point.d_mm - 600.0) + 0.01 * (point.x_px % 7.0);
+    }
+    say("straight within its scatter", noisy);
+
+    let mut repeated = exact(12);
+    repeated.insert(5, repeated[4]);
+    say("a line twice", renumbered(repeated));
+    let mut same = exact(12);
+    same[6].x_px = same[3].x_px;
+    say("a centre twice", same);
+    let mut same = exact(12);
+    same[6].d_mm = same[5].d_mm;
+    say("a distance twice", same);
+
+    for count in [6, 40] {
+        let mut swapped = exact(count);
+        swapped.swap(2, 3);
+        say(
+            &format!("two of {count} lines swapped"),
+            renumbered(swapped),
+        );
+        let mut moved = exact(count);
+        let first = moved.remove(0);
+        moved.push(first);
+        say(
+            &format!("the first of {count} lines at the end"),
+            renumbered(moved),
+        );
+    }
+    let mut shuffled = exact(40);
+    for i in 0..40 {
+        shuffled.swap(i, (i * 17 + 5) % 40);
+    }
+    say("shuffled", renumbered(shuffled));
+
+    let mut back = exact(6);
+    back[3].x_px = back[1].x_px + 10.0;
+    say("one of 6 centres goes back", back);
+    for (share, name) in [(2, "half"), (5, "a fifth"), (10, "a tenth")] {
+        let mut folded = exact(60);
+        let turn = 60 - 60 / share;
+        for i in turn..60 {
+            folded[i].x_px = folded[turn - 1].x_px + 4.0 * (i - turn + 1) as f64;
+        }
+        say(&format!("{name} of 60 points folded back"), folded);
+    }
+    let mut wild = exact(40);
+    for i in (0..40).step_by(4) {
+        wild[i].x_px += 20.0;
+    }
+    say("a quarter of 40 points off", wild);
+    insta::assert_snapshot!(said.join("\n"));
+}
+
+/// Both sides of the rules: what is refused in a few points or in many is an outlier where it is one of many.
+#[test]
+fn a_point_that_is_off_among_many_is_an_outlier() {
+    for change in [
+        |points: &mut [Point]| points[20].x_px += 200.0,
+        |points: &mut [Point]| points[20].d_mm += 500.0,
+        |points: &mut [Point]| points[0].d_mm += 500.0,
+        |points: &mut [Point]| points[39].x_px -= 100.0,
+    ] {
+        let mut points = Truth::nominal().points(40, 0.01, &mut seeded(1));
+        change(&mut points);
+        let solved = solve(&points, None).expect("a fit");
+        let rejected = solved
+            .verdicts
+            .iter()
+            .filter(|verdict| !verdict.kept)
+            .count();
+        assert_eq!(rejected, 1);
+    }
+    // Rising or falling, either way.
+    let mut points = Truth::nominal().points(40, 0.01, &mut seeded(1));
+    points.reverse();
+    solve(&renumbered(points.clone()), None).expect("a fit");
+    points
+        .iter_mut()
+        .for_each(|point| point.x_px = 3647.0 - point.x_px);
+    solve(&renumbered(points), None).expect("a fit");
+    // Noise that is larger than the steps.
+    let noisy = Truth::nominal().points(1200, 3.0, &mut seeded(2));
+    solve(&noisy, None).expect("a fit");
+}
+
+#[test]
+fn three_points_do() {
+    let points = Truth::nominal().points(3, 0.0, &mut seeded(0));
+    let solved = solve(&points, None).expect("a fit");
+    assert!(Truth::nominal().error(|x| solved.plain.distance(x)).1 < 1e-3);
+    assert_eq!(solved.plain_quality.uncertainty, None);
+    assert_eq!(solved.plain_quality.cross_validated, None);
+    let mut points = points;
+    points
+        .iter_mut()
+        .for_each(|point| point.sigma_px = Some(0.02));
+    let solved = solve(&points, None).expect("a fit");
+    let uncertainty = 1e6 * solved.plain_quality.uncertainty.expect("by sigma_px");
+    println!("three points of 0.02 px: {uncertainty:.2} um");
+    assert!((5.0..20.0).contains(&uncertainty));
+}
+
+/// A file without columns, or with what is no number, is refused before.
+#[test]
+fn the_readers_refusals_name_the_line() {
+    let error = Points::parse("x_px,d_mm\n1500,600\n1490,NaN\n").expect_err("refused");
+    assert_eq!(
+        error.to_string(),
+        "line 3: d_mm is \"NaN\", which is no finite number: correct it, or remove the line"
+    );
+}

@@ -1,0 +1,161 @@
+//! Points whose truth is known.
+
+use nalgebra::Vector3;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, StandardNormal};
+use simulator::optics::Optics;
+use slitrange_tool::points::Point;
+
+/// The nominal geometry on the pixels of a TCD1304DG, with a lens-like distortion of the row.
+pub struct Truth {
+    optics: Optics,
+    /// By how much of itself the place on the sensor, from the axis, is moved at the row's end.
+    distortion: f64,
+}
+
+/// From the axis to the row's end, in pixels.
+const HALF_ROW: f64 = 1824.0;
+
+/// The range of distances in metres.
+pub const NEAR: f64 = 0.60;
+/// Its end.
+pub const FAR: f64 = 1.02;
+
+impl Truth {
+    /// The geometry of the nominal calibration.
+    pub fn nominal() -> Self {
+        Self::distorted(0.0)
+    }
+
+    /// That of the paper, on the pixels of its camera: 5.86 um.
+    pub fn paper() -> Self {
+        Self {
+            optics: Optics {
+                pitch: 5.86e-6,
+                axis: 959.5,
+                ..Optics::nominal()
+            },
+            distortion: 0.0,
+        }
+    }
+
+    pub fn distorted(distortion: f64) -> Self {
+        Self {
+            optics: Optics::nominal(),
+            distortion,
+        }
+    }
+
+    /// D in metres, K in metre pixels and xp in pixels.
+    pub fn parameters(&self) -> Vector3<f64> {
+        let Optics {
+            offset,
+            baseline,
+            focal_length,
+            angle,
+            pitch,
+            axis,
+            ..
+        } = self.optics;
+        let (t, f) = (angle.tan(), focal_length / pitch);
+        Vector3::new(
+            offset - baseline / t,
+            baseline * f * (1.0 + t * t) / (t * t),
+            axis - f / t,
+        )
+    }
+
+    /// The centre in pixels for a distance in metres.
+    pub fn centre(&self, distance: f64) -> f64 {
+        let axis = self.optics.axis;
+        let from_axis = self.optics.centre(distance) - axis;
+        axis + from_axis * (1.0 + self.distortion * (from_axis / HALF_ROW).powi(2))
+    }
+
+    /// Points at even steps, with gaussian noise of the centre in pixels.
+    pub fn points(&self, count: usize, noise: f64, random: &mut ChaCha8Rng) -> Vec<Point> {
+        (0..count)
+            .map(|i| {
+                let distance = NEAR + (FAR - NEAR) * i as f64 / (count - 1) as f64;
+                let normal: f64 = StandardNormal.sample(random);
+                Point {
+                    line: i as u64 + 2,
+                    x_px: self.centre(distance) + noise * normal,
+                    d_mm: distance * 1e3,
+                    sigma_px: None,
+                }
+            })
+            .collect()
+    }
+
+    /// Error of a curve in micrometres: root mean square and largest over even steps of the distance.
+    pub fn error(&self, curve: impl Fn(f64) -> f64) -> (f64, f64) {
+        self.error_where(|_| true, curve)
+    }
+
+    /// The root mean square over even steps of the centre.
+    pub fn error_over_centres(&self, curve: impl Fn(f64) -> f64) -> f64 {
+        const STEPS: usize = 400;
+        let (from, to) = (self.optics.centre(NEAR), self.optics.centre(FAR));
+        let errors: Vec<f64> = (0..=STEPS)
+            .map(|i| from + (to - from) * i as f64 / STEPS as f64)
+            .map(|undistorted| {
+                let distance = self.optics.distance(undistorted);
+                1e6 * (curve(self.centre(distance)) - distance)
+            })
+            .collect();
+        rms(&errors)
+    }
+
+    /// The same over those distances for whose centres something holds.
+    pub fn error_where(
+        &self,
+        holds: impl Fn(f64) -> bool,
+        curve: impl Fn(f64) -> f64,
+    ) -> (f64, f64) {
+        const STEPS: usize = 400;
+        let errors: Vec<f64> = (0..=STEPS)
+            .map(|i| NEAR + (FAR - NEAR) * i as f64 / STEPS as f64)
+            .filter(|&distance| holds(self.centre(distance)))
+            .map(|distance| 1e6 * (curve(self.centre(distance)) - distance))
+            .collect();
+        let largest = errors.iter().map(|error| error.abs()).fold(0.0, f64::max);
+        (rms(&errors), largest)
+    }
+}
+
+pub fn seeded(seed: u64) -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(seed)
+}
+
+/// Moves that many of the points off, each by up to so many pixels: at least half of it, to either side or to one.
+pub fn throw_off(
+    points: &mut [Point],
+    count: usize,
+    size: f64,
+    one_sided: bool,
+    random: &mut ChaCha8Rng,
+) -> Vec<u64> {
+    let mut lines = Vec::new();
+    while lines.len() < count {
+        let index = random.random_range(0..points.len());
+        let point = &mut points[index];
+        if lines.contains(&point.line) {
+            continue;
+        }
+        let sign = if one_sided || random.random() {
+            1.0
+        } else {
+            -1.0
+        };
+        point.x_px += sign * size * random.random_range(0.5..1.0);
+        lines.push(point.line);
+    }
+    lines
+}
+
+/// The root mean square of numbers.
+pub fn rms(numbers: &[f64]) -> f64 {
+    (numbers.iter().map(|x| x * x).sum::<f64>() / numbers.len() as f64).sqrt()
+}

@@ -1,0 +1,548 @@
+//! Points are taken, whatever happens meanwhile, and none is lost.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::{Child, Command as Process, Stdio};
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use slitrange::centre::Estimator;
+use slitrange::record::written::Written;
+use slitrange_tool::points::Points;
+use slitrange_tool::sensor::line::Waits;
+use slitrange_tool::sensor::run::{RunOptions, run_with};
+
+use crate::stand_in::{NOISE_PX, StandIn, Trouble, WAITS, centre_px};
+
+#[derive(Parser)]
+struct Arguments {
+    #[command(flatten)]
+    options: RunOptions,
+}
+
+/// `slitrange calibrate run` with further arguments, and what a person types.
+fn run(
+    sensor: &StandIn,
+    arguments: &[&str],
+    typed: &str,
+    waits: Waits,
+) -> (Result<(), String>, String) {
+    let port = sensor.port();
+    let file = points(sensor);
+    let all = ["run", "--port", &port, &file].into_iter();
+    let arguments = Arguments::try_parse_from(all.chain(arguments.iter().copied()));
+    let options = arguments.unwrap_or_else(|error| panic!("{error}")).options;
+    let mut output = Vec::new();
+    let result = run_with(&options, waits, &mut typed.as_bytes(), &mut output);
+    let output = String::from_utf8(output).expect("text");
+    println!("{output}");
+    let result = result.map_err(|error| {
+        println!("slitrange: {error:#}");
+        format!("{error:#}")
+    });
+    (result, output)
+}
+
+fn points(sensor: &StandIn) -> String {
+    sensor.path("points.csv").to_str().expect("text").to_owned()
+}
+
+/// The lines that are points.
+fn lines(sensor: &StandIn) -> Vec<String> {
+    let text = std::fs::read_to_string(points(sensor)).unwrap_or_default();
+    let whole = text.rfind('\n').map_or("", |end| &text[..end]);
+    whole
+        .lines()
+        .filter(|line| line.starts_with(|first: char| first.is_ascii_digit()))
+        .map(str::to_owned)
+        .collect()
+}
+
+/// Holds that a file has those points, in order, where the target was; a centre is off by at most so much.
+fn check(sensor: &StandIn, distances: &[f64], off_px: f64) {
+    let taken = Points::read(Path::new(&points(sensor)))
+        .expect("points")
+        .points;
+    assert!(taken.is_sorted_by(|a, b| a.x_px < b.x_px), "{taken:#?}");
+    let mut there: Vec<f64> = taken.iter().map(|point| point.d_mm).collect();
+    there.sort_by(f64::total_cmp);
+    assert_eq!(there, distances);
+    let most = taken
+        .iter()
+        .map(|point| (point.x_px - centre_px(point.d_mm)).abs())
+        .fold(0.0, f64::max);
+    println!("centres are off by {most:.5} px at most, {off_px:.5} expected");
+    assert!(most <= off_px, "{taken:#?}");
+}
+
+/// Five standard deviations of the mean of some frames' noise.
+fn noise(frames: u16) -> f64 {
+    5.0 * NOISE_PX / f64::from(frames).sqrt()
+}
+
+const TEN: [f64; 10] = [
+    600.0, 630.0, 660.0, 700.0, 740.0, 790.0, 840.0, 900.0, 960.0, 1020.0,
+];
+
+/// A list of those positions.
+fn list(sensor: &StandIn, positions: &[f64]) -> String {
+    let path = sensor.path("list.txt");
+    let text: Vec<String> = positions.iter().map(f64::to_string).collect();
+    std::fs::write(&path, text.join("\n")).expect("written");
+    path.to_str().expect("text").to_owned()
+}
+
+#[test]
+fn a_stage_goes_through_all_positions() {
+    let sensor = StandIn::new(10, Trouble::default());
+    let stage = sensor.stage_command();
+    let arguments = [
+        "--from",
+        "600",
+        "--to",
+        "1020",
+        "--points",
+        "12",
+        "--stage-command",
+        &stage,
+    ];
+    run(&sensor, &arguments, "", WAITS).0.expect("taken");
+    let text = std::fs::read_to_string(points(&sensor)).expect("a file");
+    println!("{text}");
+    for line in [
+        "# head TCD1304DG",
+        "# serial 0",
+        "# estimator phase-table",
+        "# black shielded",
+    ] {
+        assert!(text.lines().any(|there| there == line), "{line}");
+    }
+    let taken = Points::read(Path::new(&points(&sensor))).expect("points");
+    assert_eq!(taken.taken.estimator, Some(Estimator::PhaseTable));
+    let distances: Vec<f64> = {
+        let mut distances: Vec<f64> = taken.points.iter().map(|point| point.d_mm).collect();
+        distances.sort_by(f64::total_cmp);
+        distances
+    };
+    assert_eq!(
+        (distances.len(), distances[0], distances[11]),
+        (12, 600.0, 1020.0)
+    );
+    check(&sensor, &distances, noise(8));
+    // The sigma of eight frames that scatter as they claim to, give or take: 0.71 of it is the claim's own.
+    let least = NOISE_PX / 8f64.sqrt();
+    assert!(taken.points.iter().all(|point| {
+        let sigma = point.sigma_px.expect("a sigma");
+        (0.99 * least..3.0 * least).contains(&sigma)
+    }));
+    let state = sensor.state();
+    assert!(state.stream && state.settings.rows == 16, "put back");
+    drop(state);
+    // Once more: nothing is missing, nothing changes.
+    let (result, output) = run(&sensor, &arguments, "", WAITS);
+    result.expect("nothing to do");
+    assert!(output.contains("0 of 12 positions to go"), "{output}");
+    assert_eq!(
+        std::fs::read_to_string(points(&sensor)).expect("a file"),
+        text
+    );
+}
+
+#[test]
+fn a_person_is_asked_and_asked_again() {
+    let sensor = StandIn::new(11, Trouble::default());
+    let positions = list(&sensor, &[600.0, 700.0, 800.0]);
+    let stand = sensor.path("stage");
+    std::fs::write(&stand, "800").expect("written");
+    // The target stays at 800 mm. The first is skipped, the second said to be where it is, and the third left for later.
+    let typed = "s\n799.5\nq\n";
+    let (result, output) = run(
+        &sensor,
+        &["--positions", &positions, "--frames", "2"],
+        typed,
+        WAITS,
+    );
+    result.expect("stopped by the person");
+    assert!(
+        output.contains("move the target to 600.000 mm, then Enter;"),
+        "{output}"
+    );
+    assert_eq!(lines(&sensor).len(), 1);
+    assert!(
+        lines(&sensor)[0].contains(",799.500,"),
+        "{:?}",
+        lines(&sensor)
+    );
+    // On going on, that point stands for none but the position that it is near, which is the last.
+    sensor.state().trouble.fault = 1.0;
+    let (result, output) = run(
+        &sensor,
+        &["--positions", &positions, "--frames", "2"],
+        "799.5\n\n\ns\n",
+        WAITS,
+    );
+    result.expect("the input's end");
+    assert!(output.contains("2 of 3 positions to go"), "{output}");
+    let fault = "600.000 mm  too dim: 35.0 counts, needs 60.0 (more laser power, a brighter target or less ambient light)";
+    assert_eq!(output.matches(fault).count(), 2, "{output}");
+    assert!(
+        output.contains("there is a point at 799.500 mm already\n"),
+        "{output}"
+    );
+    assert!(output.contains("move the target to 700.000 mm"), "{output}");
+    assert_eq!(lines(&sensor).len(), 1);
+}
+
+#[test]
+fn a_stage_that_fails_stops_the_run_and_loses_nothing() {
+    let sensor = StandIn::new(12, Trouble::default());
+    let positions = list(&sensor, &TEN);
+    let fails = format!("test {{}} != 660.000 && {}", sensor.stage_command());
+    let (result, _) = run(
+        &sensor,
+        &["--positions", &positions, "--stage-command", &fails],
+        "",
+        WAITS,
+    );
+    let error = result.expect_err("the stage fails");
+    assert!(
+        error.starts_with("stopped; run the same command again to go on: the stage's command `test 660.000 != 660.000 && "),
+        "{error}"
+    );
+    assert!(error.ends_with("failed: exit status: 1"), "{error}");
+    let before = lines(&sensor);
+    assert_eq!(before.len(), 2);
+    let stage = sensor.stage_command();
+    run(
+        &sensor,
+        &["--positions", &positions, "--stage-command", &stage],
+        "",
+        WAITS,
+    )
+    .0
+    .expect("taken");
+    check(&sensor, &TEN, noise(8));
+    assert!(before.iter().all(|line| lines(&sensor).contains(line)));
+}
+
+#[test]
+fn a_position_without_a_centre_is_remarked_and_taken_later() {
+    let sensor = StandIn::new(
+        13,
+        Trouble {
+            fault: 1.0,
+            ..Trouble::default()
+        },
+    );
+    let positions = list(&sensor, &[600.0, 700.0]);
+    let stage = sensor.stage_command();
+    let arguments = ["--positions", &positions, "--stage-command", &stage];
+    let (result, output) = run(&sensor, &arguments, "", WAITS);
+    result.expect("gone through");
+    assert_eq!(
+        output.matches("600.000 mm  too dim: ").count(),
+        3,
+        "{output}"
+    );
+    let text = std::fs::read_to_string(points(&sensor)).expect("a file");
+    assert!(
+        text.contains("\n# failed at 600.000 mm: too dim: 35.0 counts, needs 60.0 ("),
+        "{text}"
+    );
+    assert!(lines(&sensor).is_empty());
+    sensor.state().trouble.fault = 0.0;
+    run(&sensor, &arguments, "", WAITS).0.expect("taken");
+    check(&sensor, &[600.0, 700.0], noise(8));
+}
+
+#[test]
+fn another_sensor_another_setting_or_another_file_is_refused() {
+    let sensor = StandIn::new(14, Trouble::default());
+    let positions = list(&sensor, &[600.0, 700.0]);
+    let stage = sensor.stage_command();
+    let arguments = [
+        "--positions",
+        &positions,
+        "--stage-command",
+        &stage,
+        "--frames",
+        "1",
+    ];
+    run(&sensor, &arguments, "", WAITS).0.expect("taken");
+    let text = std::fs::read_to_string(points(&sensor)).expect("a file");
+    let refused = |text: &str| {
+        std::fs::write(points(&sensor), text).expect("written");
+        let error = run(&sensor, &arguments, "", WAITS).0.expect_err("refused");
+        assert_eq!(
+            std::fs::read_to_string(points(&sensor)).expect("a file"),
+            text
+        );
+        error
+    };
+    for (from, to, says) in [
+        (
+            "# serial 0",
+            "# serial 7",
+            "taken with the sensor of serial number 7, and this one's is 0: take another file",
+        ),
+        (
+            "# head TCD1304DG",
+            "# head X",
+            "taken with sensor head X, and this is TCD1304DG: take another file",
+        ),
+        (
+            "# black shielded",
+            "",
+            "it does not say with which black its points were taken",
+        ),
+        (
+            "# estimator phase-table",
+            "# estimator robust",
+            "taken with `estimator robust`, and the sensor is set to `estimator phase-table`: set it to that, or take another file",
+        ),
+        (
+            "# points of",
+            "# Points of",
+            "it was not made by `calibrate run`",
+        ),
+    ] {
+        let error = refused(&text.replace(from, to));
+        assert!(error.contains(says), "{error}");
+    }
+    let error = refused("x_px,d_mm\n1800,700\n");
+    assert!(
+        error.contains("it was not made by `calibrate run`"),
+        "{error}"
+    );
+    let error = refused(&text.replace(",700.000,", ",seven,"));
+    assert!(
+        error.contains(", is no point: expected x_px,d_mm,sigma_px,"),
+        "{error}"
+    );
+    std::fs::write(points(&sensor), &text).expect("written");
+    run(&sensor, &arguments, "", WAITS)
+        .0
+        .expect("nothing to do");
+}
+
+/// Points are added after the first record was written, with which the sensor got its number.
+#[test]
+fn points_are_added_once_the_sensor_has_a_number() {
+    let sensor = StandIn::new(18, Trouble::default());
+    let stage = sensor.stage_command();
+    let more = |positions: &[f64]| {
+        let positions = list(&sensor, positions);
+        let arguments = ["--positions", &positions, "--stage-command", &stage];
+        run(&sensor, &arguments, "", WAITS).0
+    };
+    more(&[600.0, 700.0]).expect("taken");
+    let mut record = Written::nominal().expect("a record").record().clone();
+    record.serial_number = 42;
+    sensor.state().calibration = Written::new(record).ok();
+    more(&[600.0, 650.0, 700.0]).expect("taken");
+    check(&sensor, &[600.0, 650.0, 700.0], noise(8));
+}
+
+/// Waits until so many points are there, and then for a moment more.
+fn once_there_are(sensor: &StandIn, count: usize, then: Duration) {
+    let until = Instant::now() + Duration::from_secs(60);
+    while lines(sensor).len() < count {
+        assert!(Instant::now() < until, "{} points", lines(sensor).len());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    std::thread::sleep(then);
+}
+
+#[test]
+fn a_cable_that_falls_out_and_power_that_fails_are_waited_for() {
+    let sensor = StandIn::new(15, Trouble::default());
+    // What was set, and not saved, is set again.
+    sensor.state().settings.estimator = Estimator::Robust;
+    let positions = list(&sensor, &TEN);
+    let stage = sensor.stage_command();
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let moment = Duration::from_millis(500);
+            once_there_are(&sensor, 2, Duration::from_millis(2));
+            sensor.state().unplugged_until = Some(Instant::now() + moment);
+            once_there_are(&sensor, 4, Duration::from_millis(2));
+            sensor.state().off_until = Some(Instant::now() + moment);
+            once_there_are(&sensor, 6, Duration::from_millis(2));
+            let mut state = sensor.state();
+            state.off_until = Some(Instant::now() + moment);
+            state.unplugged_until = Some(Instant::now() + moment);
+        });
+        let arguments = [
+            "--positions",
+            &positions,
+            "--stage-command",
+            &stage,
+            "--settle",
+            "0.01",
+        ];
+        let (result, output) = run(&sensor, &arguments, "", WAITS);
+        result.expect("taken");
+        assert_eq!(
+            output
+                .matches("the sensor is back, and set as it was")
+                .count(),
+            3,
+            "{output}"
+        );
+    });
+    check(&sensor, &TEN, noise(8));
+    let text = std::fs::read_to_string(points(&sensor)).expect("a file");
+    assert!(text.contains("\n# estimator robust\n"), "{text}");
+    assert_eq!(sensor.state().settings.estimator, Estimator::Robust);
+}
+
+#[test]
+fn a_sensor_that_stays_away_stops_the_run_and_loses_nothing() {
+    let sensor = StandIn::new(16, Trouble::default());
+    let positions = list(&sensor, &TEN);
+    let stage = sensor.stage_command();
+    let arguments = ["--positions", &positions, "--stage-command", &stage];
+    let waits = Waits {
+        reconnect: Duration::from_millis(100),
+        ..WAITS
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            once_there_are(&sensor, 3, Duration::ZERO);
+            sensor.state().unplugged_until = Some(Instant::now() + Duration::from_secs(600));
+        });
+        let error = run(&sensor, &arguments, "", waits).0.expect_err("away");
+        assert!(
+            error.starts_with(
+                "stopped; run the same command again to go on: there is no serial port"
+            ),
+            "{error}"
+        );
+    });
+    let before = lines(&sensor);
+    assert!(before.len() >= 3);
+    sensor.state().unplugged_until = Some(Instant::now());
+    std::thread::sleep(Duration::from_millis(50));
+    run(&sensor, &arguments, "", WAITS).0.expect("taken");
+    check(&sensor, &TEN, noise(8));
+    assert!(before.iter().all(|line| lines(&sensor).contains(line)));
+}
+
+/// Every thing that can go wrong on the line does, at random.
+#[test]
+fn a_bad_line_loses_no_point() {
+    const FRAMES: u16 = 4;
+    for seed in 20..24 {
+        let trouble = Trouble {
+            lost: 0.02,
+            garbled: 0.03,
+            late: 0.01,
+            restart: 0.003,
+            fault: 0.01,
+        };
+        let sensor = StandIn::new(seed, trouble);
+        let positions = list(&sensor, &TEN);
+        let stage = sensor.stage_command();
+        let frames = FRAMES.to_string();
+        let arguments = [
+            "--positions",
+            &positions,
+            "--stage-command",
+            &stage,
+            "--frames",
+            &frames,
+        ];
+        let mut before = BTreeSet::new();
+        let mut runs = 0;
+        while before.len() < TEN.len() {
+            let result = run(&sensor, &arguments, "", WAITS).0;
+            let there: BTreeSet<String> = lines(&sensor).into_iter().collect();
+            assert!(there.is_superset(&before));
+            before = there;
+            runs += 1;
+            assert!(runs < 10, "{result:?}");
+        }
+        println!("seed {seed}: {runs} runs");
+        // A digit that noise changed counts if that moves the centre by less than ten times its scatter, which the median of four
+        // deviations may put at twice the noise: by 20 of 0.002 px, over four frames.
+        check(
+            &sensor,
+            &TEN,
+            noise(FRAMES) + 20.0 * NOISE_PX / f64::from(FRAMES),
+        );
+    }
+}
+
+fn start(sensor: &StandIn, positions: &str) -> Child {
+    Process::new(env!("CARGO_BIN_EXE_slitrange"))
+        .args([
+            "calibrate",
+            "run",
+            "--port",
+            &sensor.port(),
+            &points(sensor),
+        ])
+        .args([
+            "--positions",
+            positions,
+            "--stage-command",
+            &sensor.stage_command(),
+        ])
+        .args(["--frames", "3"])
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("slitrange runs")
+}
+
+/// What was set before the run that was killed is set after the one that goes on.
+#[test]
+fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
+    let sensor = StandIn::new(19, Trouble::default());
+    let positions = list(&sensor, &TEN);
+    let mut program = start(&sensor, &positions);
+    once_there_are(&sensor, 1, Duration::ZERO);
+    program.kill().expect("killed");
+    program.wait().expect("ended");
+    let set = |sensor: &StandIn| {
+        let state = sensor.state();
+        (state.settings.rows, state.stream)
+    };
+    assert_eq!(set(&sensor), (64, false));
+    assert!(start(&sensor, &positions).wait().expect("ended").success());
+    assert_eq!(set(&sensor), (16, true));
+    // What somebody set after that is not of a run that was killed.
+    sensor.state().settings.rows = 32;
+    assert!(start(&sensor, &positions).wait().expect("ended").success());
+    assert_eq!(set(&sensor), (32, true));
+}
+
+/// The program is killed after each point, at whatever it is about; what was in the file then is in it in the end.
+#[test]
+fn a_run_that_is_killed_goes_on_where_it_was() {
+    let sensor = StandIn::new(17, Trouble::default());
+    let positions = list(&sensor, &TEN);
+    let mut random = ChaCha8Rng::seed_from_u64(17);
+    let mut before = BTreeSet::new();
+    for count in 0..=TEN.len() {
+        let mut program = start(&sensor, &positions);
+        once_there_are(
+            &sensor,
+            count,
+            Duration::from_micros(random.random_range(0..8000)),
+        );
+        program.kill().expect("killed");
+        program.wait().expect("ended");
+        let there: BTreeSet<String> = lines(&sensor).into_iter().collect();
+        println!("killed with {} points", there.len());
+        assert!(there.is_superset(&before), "{there:?}");
+        before = there;
+    }
+    assert!(start(&sensor, &positions).wait().expect("ended").success());
+    check(&sensor, &TEN, noise(3));
+    assert_eq!(
+        lines(&sensor).into_iter().collect::<BTreeSet<String>>(),
+        before
+    );
+}
