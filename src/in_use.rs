@@ -1,11 +1,11 @@
 //! What is in use, and of it what is kept over a power cycle.
 
 use slitrange::measurement::Settings;
-use slitrange::protocol::calibration::Stored;
+use slitrange::protocol::calibration::FlashStatus;
 use slitrange::record::Record;
-use slitrange::record::written::Written;
-use slitrange::store::Kept;
-use slitrange::store::saved::Saved;
+use slitrange::record::encoded::EncodedRecord;
+use slitrange::store::Stored;
+use slitrange::store::configuration::Configuration;
 
 use super::{measuring, tcd1304};
 
@@ -17,9 +17,9 @@ pub struct InUse {
     /// What is set.
     pub settings: Settings,
     /// What centres mean, where that is known.
-    pub calibration: Option<Written>,
+    pub calibration: Option<EncodedRecord>,
     /// What is kept of it.
-    pub stored: Stored,
+    pub stored: FlashStatus,
 }
 
 impl InUse {
@@ -28,8 +28,8 @@ impl InUse {
     pub fn new() -> Self {
         Self {
             settings: measuring::default_settings(),
-            calibration: Written::nominal(),
-            stored: Stored::Nothing,
+            calibration: EncodedRecord::nominal(),
+            stored: FlashStatus::Nothing,
         }
     }
 
@@ -37,7 +37,7 @@ impl InUse {
     #[inline(never)]
     pub fn set_defaults(&mut self) {
         self.settings = measuring::default_settings();
-        self.calibration = Written::nominal();
+        self.calibration = EncodedRecord::nominal();
     }
 
     /// Another calibration, with centres and black level found as when it was made.
@@ -50,36 +50,36 @@ impl InUse {
     #[inline(never)]
     fn set_record(&mut self, record: Record) {
         // What was read can be written.
-        self.calibration = Written::new(record).ok();
+        self.calibration = EncodedRecord::new(record).ok();
     }
 
     /// What was kept, of one that is new. A calibration that was saved and cannot be used is not replaced by the nominal one: the sensor was
     /// somebody's, and its distances would be wrong without a word.
     #[inline(never)]
-    pub fn set_kept(&mut self, kept: Kept) {
+    pub fn set_kept(&mut self, kept: Stored) {
         match kept {
-            Kept::Nothing => {}
-            Kept::Unusable => {
+            Stored::Nothing => {}
+            Stored::Unusable => {
                 self.calibration = None;
-                self.stored = Stored::Damaged;
+                self.stored = FlashStatus::Damaged;
             }
-            Kept::Saved(saved) => self.set_saved(saved),
-            Kept::Older(saved) => {
+            Stored::Newest(saved) => self.set_saved(saved),
+            Stored::Older(saved) => {
                 self.set_saved(saved);
-                if let Stored::Record(sum) = self.stored {
-                    self.stored = Stored::Older(sum);
+                if let FlashStatus::Record(sum) = self.stored {
+                    self.stored = FlashStatus::Older(sum);
                 }
             }
         }
     }
 
     #[inline(never)]
-    fn set_saved(&mut self, Saved { settings, record }: Saved) {
+    fn set_saved(&mut self, Configuration { settings, record }: Configuration) {
         self.settings = settings;
         match record {
             Some(record) if record.geometry != tcd1304::geometry() => {
                 self.calibration = None;
-                self.stored = Stored::OtherSensor;
+                self.stored = FlashStatus::OtherSensor;
                 return;
             }
             Some(record) => self.set_record(record),
@@ -90,9 +90,9 @@ impl InUse {
 
     /// What is to be kept of it. Not without a calibration: the next start would take the nominal one.
     #[inline(never)]
-    pub fn to_save(&self) -> Option<Saved> {
+    pub fn to_save(&self) -> Option<Configuration> {
         let record = self.calibration.as_ref()?.record();
-        Some(Saved {
+        Some(Configuration {
             settings: self.settings,
             record: (!record.is_nominal()).then(|| record.clone()),
         })
@@ -101,7 +101,7 @@ impl InUse {
     /// It is what is kept.
     pub fn note_saved(&mut self) {
         if let Some(written) = &self.calibration {
-            self.stored = Stored::Record(written.sum());
+            self.stored = FlashStatus::Record(written.sum());
         }
     }
 }

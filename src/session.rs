@@ -16,7 +16,7 @@ use slitrange::protocol::refusal::Refusal;
 use slitrange::protocol::status::{SerialErrors, StartCause, Status};
 use slitrange::protocol::upload::{Step, Upload};
 use slitrange::reading::Measured;
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange::store::Store;
 
 use super::flash::CalibrationFlash;
@@ -140,7 +140,7 @@ impl Session {
                     hardware: &HARDWARE,
                     geometry: &geometry,
                     settings: &self.in_use.settings,
-                    record: self.in_use.calibration.as_ref().map(Written::record),
+                    record: self.in_use.calibration.as_ref().map(EncodedRecord::record),
                     on: self.calibration_on,
                 };
                 self.tx.send(&info).await;

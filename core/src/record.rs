@@ -9,7 +9,7 @@
 //! distances range over is not written: it is what the calibration gives at the ends of its centres.
 
 pub mod date;
-pub mod written;
+pub mod encoded;
 
 use core::fmt;
 
@@ -62,7 +62,7 @@ const CRC: Crc<u32, crc::Table<0>> = Crc::<u32, crc::Table<0>>::new(&CRC_32_ISO_
 /// [`RecordError::NoRoom`], or what [`decode`] would say of the record.
 pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], RecordError> {
     record.check()?;
-    let stored = Stored::of(record)?;
+    let stored = FlashStatus::of(record)?;
     let no_room = RecordError::NoRoom {
         bytes: buffer.len(),
     };
@@ -97,7 +97,7 @@ pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
     if version != VERSION {
         return Err(RecordError::Version { version });
     }
-    match &Stored::read(body) {
+    match &FlashStatus::read(body) {
         Ok(stored) => stored.record(),
         Err(error) => Err(*error),
     }
@@ -157,7 +157,7 @@ impl Record {
 
 /// A record as it is written. It keeps its shape when the core's types change theirs, or [`VERSION`] counts on.
 #[derive(Serialize, Deserialize)]
-struct Stored {
+struct FlashStatus {
     serial_number: u32,
     year: u16,
     month: u8,
@@ -206,7 +206,7 @@ struct StoredKnots {
 // Knots of either kind have room.
 const _: () = assert!(MAX_CUBIC <= MAX_LINEAR);
 
-impl Stored {
+impl FlashStatus {
     fn of(record: &Record) -> Result<Self, RecordError> {
         let Record {
             serial_number,

@@ -10,14 +10,14 @@
 //! repaired; the next save overwrites instead. The library is not ours, and not in the proof that no panic is reachable: tests and
 //! fuzzing look for contents of the flash that it would panic on.
 
-pub mod saved;
+pub mod configuration;
 mod sector;
 
 use core::fmt;
 
 use embedded_storage_async::nor_flash::NorFlash;
 
-use saved::{Saved, SavedError};
+use configuration::{Configuration, ConfigurationError};
 use sector::{PageError, Sector};
 
 /// Bytes of an item's number.
@@ -27,7 +27,7 @@ const NUMBER: usize = size_of::<u32>();
 const HEADER: usize = 8;
 
 /// The longest item, in whole words of flash.
-const LONGEST: usize = (NUMBER + saved::MAX_ENCODED).next_multiple_of(4);
+const LONGEST: usize = (NUMBER + configuration::MAX_ENCODED).next_multiple_of(4);
 
 /// The store, in the first 32 KB of a flash with sectors of 16 KB that is programmed in words of 4 bytes.
 pub struct Store<F> {
@@ -35,24 +35,24 @@ pub struct Store<F> {
     item: [u8; LONGEST],
 }
 
-/// What the store has.
+/// What flash holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Kept {
+pub enum Stored {
     /// Nothing was ever saved: the flash is erased.
     Nothing,
     /// What was saved last.
-    Saved(Saved),
+    Newest(Configuration),
     /// What was saved before. Something newer was begun: it was interrupted, is damaged, or is of a later firmware.
-    Older(Saved),
+    Older(Configuration),
     /// Something was there, and nothing usable is left of it.
     Unusable,
 }
 
-impl Kept {
+impl Stored {
     /// What there is to use.
-    pub const fn saved(&self) -> Option<&Saved> {
+    pub const fn saved(&self) -> Option<&Configuration> {
         match self {
-            Self::Saved(saved) | Self::Older(saved) => Some(saved),
+            Self::Newest(saved) | Self::Older(saved) => Some(saved),
             Self::Nothing | Self::Unusable => None,
         }
     }
@@ -62,7 +62,7 @@ impl Kept {
 struct Item {
     number: u32,
     sector: Sector,
-    saved: Saved,
+    saved: Configuration,
 }
 
 /// All items.
@@ -82,7 +82,7 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// What was saved last, or else before. Reads only. Flash that cannot be read is unusable.
-    pub async fn read(&mut self) -> Kept {
+    pub async fn read(&mut self) -> Stored {
         match self.items().await {
             Ok(Items {
                 newest: Some(newest),
@@ -90,13 +90,13 @@ impl<F: NorFlash> Store<F> {
             }) => {
                 let is_last = newest.number == last && self.is_last(&newest).await;
                 if is_last {
-                    Kept::Saved(newest.saved)
+                    Stored::Newest(newest.saved)
                 } else {
-                    Kept::Older(newest.saved)
+                    Stored::Older(newest.saved)
                 }
             }
-            Ok(_) if matches!(self.is_blank().await, Ok(true)) => Kept::Nothing,
-            _ => Kept::Unusable,
+            Ok(_) if matches!(self.is_blank().await, Ok(true)) => Stored::Nothing,
+            _ => Stored::Unusable,
         }
     }
 
@@ -113,7 +113,7 @@ impl<F: NorFlash> Store<F> {
             return false;
         };
         *head = newest.number.to_le_bytes();
-        let Ok(length) = saved::encode(&newest.saved, body).map(<[u8]>::len) else {
+        let Ok(length) = configuration::encode(&newest.saved, body).map(<[u8]>::len) else {
             return false;
         };
         let item = self.item.get(..NUMBER.saturating_add(length));
@@ -142,7 +142,7 @@ impl<F: NorFlash> Store<F> {
     ///
     /// # Errors
     /// [`StoreError`] says why it could not.
-    pub async fn save(&mut self, saved: &Saved) -> Result<(), StoreError> {
+    pub async fn save(&mut self, saved: &Configuration) -> Result<(), StoreError> {
         let Items { last, newest } = self.items().await?;
         if let Some(newest) = &newest
             && newest.saved == *saved
@@ -178,12 +178,17 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Adds an item to a sector. False if it has no room, or if damage hides the new item or looks like a newer one.
-    async fn add(&mut self, sector: Sector, last: u32, saved: &Saved) -> Result<bool, StoreError> {
+    async fn add(
+        &mut self,
+        sector: Sector,
+        last: u32,
+        saved: &Configuration,
+    ) -> Result<bool, StoreError> {
         // So many saves no flash endures.
         let number = last.checked_add(1).ok_or(StoreError::Worn)?;
         let (head, body) = self.item.split_first_chunk_mut().ok_or(StoreError::Worn)?;
         *head = number.to_le_bytes();
-        let length = NUMBER.saturating_add(saved::encode(saved, body)?.len());
+        let length = NUMBER.saturating_add(configuration::encode(saved, body)?.len());
         let item = self.item.get(..length).unwrap_or_default();
         let pushed = sector.queue(&mut self.flash).push(item, false).await;
         if done(pushed)?.is_none() {
@@ -219,7 +224,7 @@ impl<F: NorFlash> Store<F> {
                 {
                     continue;
                 }
-                if let Ok(saved) = saved::decode(bytes) {
+                if let Ok(saved) = configuration::decode(bytes) {
                     items.newest = Some(Item {
                         number,
                         sector,
@@ -249,15 +254,15 @@ fn done<T>(
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError {
     /// It is nothing that could be read again.
-    Saved(SavedError),
+    Saved(ConfigurationError),
     /// The flash refused.
     Flash,
     /// The flash did, but does not keep what is written to it.
     Worn,
 }
 
-impl From<SavedError> for StoreError {
-    fn from(error: SavedError) -> Self {
+impl From<ConfigurationError> for StoreError {
+    fn from(error: ConfigurationError) -> Self {
         Self::Saved(error)
     }
 }

@@ -7,7 +7,7 @@ use slitrange::protocol::command::{Command, Error, MAX_LINE, parse};
 use slitrange::protocol::input::Input;
 use slitrange::protocol::piece::{PIECE, Piece};
 use slitrange::protocol::upload::{Step, Upload};
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange::record::{MAX_ENCODED, Record, decode};
 use slitrange::sensor_heads::tcd1304dg;
 
@@ -42,7 +42,7 @@ fn check(taken: Result<Command, Error>) {
 /// A step of any kind. Pieces are of the nominal record, or of anything.
 fn step(chunk: &[u8]) -> Step {
     let at = |i: usize| chunk.get(i).copied().unwrap_or_default();
-    let nominal = Written::nominal().expect("a record");
+    let nominal = EncodedRecord::nominal().expect("a record");
     let offset = u16::from(at(1)) * if at(2) < 128 { PIECE as u16 } else { 1 };
     let of_nominal = Piece::of(nominal.bytes(), offset);
     let of_anything = Piece::new(offset, chunk).expect("a piece");

@@ -20,8 +20,8 @@ use slitrange::measurement::Settings;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::sensor_heads;
-use slitrange::store::saved::{MAX_ENCODED, Saved, decode, encode};
-use slitrange::store::{Kept, Store};
+use slitrange::store::configuration::{MAX_ENCODED, Configuration, decode, encode};
+use slitrange::store::{Stored, Store};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
 use flash::{BYTES, Flash, SECTOR};
@@ -135,10 +135,10 @@ fn check(flash: &mut Flash) {
     assert_eq!(flash.operations, operations);
     assert!(flash.bytes == before);
     assert_eq!(
-        kept == Kept::Nothing,
+        kept == Stored::Nothing,
         flash.bytes.iter().all(|&byte| byte == 0xff)
     );
-    if let Kept::Saved(saved) | Kept::Older(saved) = kept {
+    if let Stored::Newest(saved) | Stored::Older(saved) = kept {
         let mut buffer = [0; MAX_ENCODED];
         let bytes = encode(&saved, &mut buffer).expect("what was read can be saved");
         assert_eq!(decode(bytes), Ok(saved));
@@ -146,14 +146,14 @@ fn check(flash: &mut Flash) {
 }
 
 /// Saves, over whatever there is, and reads it.
-fn save(flash: &mut Flash, saved: &Saved) {
+fn save(flash: &mut Flash, saved: &Configuration) {
     assert_eq!(block_on(Store::new(&mut *flash).save(saved)), Ok(()));
     let kept = block_on(Store::new(&mut *flash).read());
-    assert!(kept == Kept::Saved(saved.clone()), "{kept:?}");
+    assert!(kept == Stored::Newest(saved.clone()), "{kept:?}");
 }
 
 /// Settings alone, with eq. (1), or with a table of up to 257 knots.
-fn sample(what: u8, i: u16) -> Saved {
+fn sample(what: u8, i: u16) -> Configuration {
     let calibration = match what % 3 {
         0 => None,
         1 => Calibration::nominal(),
@@ -169,7 +169,7 @@ fn sample(what: u8, i: u16) -> Saved {
                 .map(Calibration::Table)
         }
     };
-    Saved {
+    Configuration {
         settings: Settings {
             rows: 16,
             mean: Mean::Weighted,

@@ -26,7 +26,7 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange::sensor_heads::tcd1304dg;
 
 use crate::points::{self, Points, Taken};
@@ -164,8 +164,8 @@ impl Options {
         &self,
         taken: &Taken,
         calibration: slitrange::distance::Calibration,
-    ) -> anyhow::Result<Written> {
-        Ok(Written::new(Record {
+    ) -> anyhow::Result<EncodedRecord> {
+        Ok(EncodedRecord::new(Record {
             serial_number: self.serial.or(taken.serial_number).unwrap_or(0),
             date: match self.date {
                 Some(date) => date,
@@ -189,7 +189,7 @@ impl Options {
     }
 }
 
-fn written(path: &Path, record: &Written) -> RecordWritten {
+fn written(path: &Path, record: &EncodedRecord) -> RecordWritten {
     let shown = Shown::of(record);
     RecordWritten {
         file: path.display().to_string(),

@@ -9,7 +9,7 @@ use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::{Interpolation, Knot, Knots};
 use slitrange::protocol::command::Command;
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange::record::{MAX_ENCODED, decode};
 use slitrange::row::Polarity;
 use slitrange::units::{Micrometres, Pixels};
@@ -26,7 +26,7 @@ const COMPARED: usize = 1 << (Pixels::FRACTION - 2);
 ///
 /// # Errors
 /// The file cannot be read, or is no record that a sensor would take.
-pub fn read(path: &Path) -> Result<Written> {
+pub fn read(path: &Path) -> Result<EncodedRecord> {
     let shown = path.display();
     let length = std::fs::metadata(path)
         .with_context(|| format!("{shown} cannot be read"))?
@@ -37,7 +37,7 @@ pub fn read(path: &Path) -> Result<Written> {
     );
     let bytes = std::fs::read(path).with_context(|| format!("{shown} cannot be read"))?;
     decode(&bytes)
-        .and_then(Written::new)
+        .and_then(EncodedRecord::new)
         .with_context(|| shown.to_string())
 }
 
@@ -46,7 +46,7 @@ pub fn read(path: &Path) -> Result<Written> {
 ///
 /// # Errors
 /// Something else is in the file; or the system's.
-pub fn write(path: &Path, record: &Written, force: bool) -> Result<()> {
+pub fn write(path: &Path, record: &EncodedRecord, force: bool) -> Result<()> {
     let shown = path.display();
     match std::fs::read(path) {
         _ if force => {}
@@ -144,7 +144,7 @@ pub struct Example {
 
 impl Shown {
     /// What a record says.
-    pub fn of(written: &Written) -> Self {
+    pub fn of(written: &EncodedRecord) -> Self {
         let record = written.record();
         let calibration = &record.calibration;
         let (first, last) = calibration.valid();
@@ -357,7 +357,7 @@ pub struct Largest {
 
 impl Comparison {
     /// Compares two records.
-    pub fn of(first: &Written, second: &Written) -> Self {
+    pub fn of(first: &EncodedRecord, second: &EncodedRecord) -> Self {
         let (a, b) = (Shown::of(first), Shown::of(second));
         let value = |fields: &[(&str, String)], name: &str| {
             fields
@@ -400,7 +400,10 @@ impl Comparison {
 }
 
 /// The centres that both records are valid for, and where their distances differ most.
-fn distances_apart(first: &Written, second: &Written) -> (Option<[f64; 2]>, Option<Largest>) {
+fn distances_apart(
+    first: &EncodedRecord,
+    second: &EncodedRecord,
+) -> (Option<[f64; 2]>, Option<Largest>) {
     let calibrations = [first, second].map(|written| &written.record().calibration);
     let [(a, b), (c, d)] = calibrations.map(Calibration::valid);
     let (from, to) = (a.max(c), b.min(d));

@@ -4,12 +4,12 @@ use core::fmt;
 
 use super::command::Command;
 use crate::distance::Calibration;
-use crate::record::written::Written;
+use crate::record::encoded::EncodedRecord;
 use crate::units::AsMillimetres;
 
 /// What of a calibration is kept over a power cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stored {
+pub enum FlashStatus {
     /// Nothing was saved yet.
     Nothing,
     /// What was saved is damaged.
@@ -27,11 +27,11 @@ pub enum Stored {
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a> {
     /// The calibration in use, where there is one.
-    pub written: Option<&'a Written>,
+    pub written: Option<&'a EncodedRecord>,
     /// Whether distances are wanted.
     pub on: bool,
     /// What is kept.
-    pub stored: Stored,
+    pub stored: FlashStatus,
 }
 
 impl fmt::Display for Shown<'_> {
@@ -48,7 +48,7 @@ impl fmt::Display for Shown<'_> {
 }
 
 impl Shown<'_> {
-    fn show(&self, written: &Written, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn show(&self, written: &EncodedRecord, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let record = written.record();
         let kind = match record.calibration {
             Calibration::Eq1(_) => "eq1",
@@ -74,7 +74,7 @@ impl Shown<'_> {
         Ok(())
     }
 
-    fn source(&self, written: &Written) -> &'static str {
+    fn source(&self, written: &EncodedRecord) -> &'static str {
         if written.record().is_nominal() {
             "default"
         } else if self.kept() == "same" {
@@ -87,14 +87,14 @@ impl Shown<'_> {
     /// What is wrong with what is kept.
     const fn fault(&self) -> Option<&'static str> {
         match self.stored {
-            Stored::Nothing | Stored::Record(_) => None,
-            Stored::Damaged => {
+            FlashStatus::Nothing | FlashStatus::Record(_) => None,
+            FlashStatus::Damaged => {
                 Some("what was saved cannot be used: upload it again, or defaults, then save")
             }
-            Stored::Older(_) => Some(
+            FlashStatus::Older(_) => Some(
                 "what was saved last cannot be used, this is from before: upload it again, or save",
             ),
-            Stored::OtherSensor => Some(
+            FlashStatus::OtherSensor => Some(
                 "what was saved is of another sensor head: upload this one's calibration, then save",
             ),
         }
@@ -102,10 +102,10 @@ impl Shown<'_> {
 
     fn kept(&self) -> &'static str {
         match self.stored {
-            Stored::Nothing => "none",
-            Stored::Damaged | Stored::OtherSensor => "unusable",
-            Stored::Record(sum) | Stored::Older(sum) => {
-                if self.written.map(Written::sum) == Some(sum) {
+            FlashStatus::Nothing => "none",
+            FlashStatus::Damaged | FlashStatus::OtherSensor => "unusable",
+            FlashStatus::Record(sum) | FlashStatus::Older(sum) => {
+                if self.written.map(EncodedRecord::sum) == Some(sum) {
                     "same"
                 } else {
                     "other"
@@ -127,8 +127,8 @@ mod tests {
         Record::nominal().expect("a record")
     }
 
-    fn written(record: Record) -> Written {
-        Written::new(record).expect("a record")
+    fn written(record: Record) -> EncodedRecord {
+        EncodedRecord::new(record).expect("a record")
     }
 
     #[test]
@@ -137,7 +137,7 @@ mod tests {
         let shown = Shown {
             written: Some(&written),
             on: true,
-            stored: Stored::Nothing,
+            stored: FlashStatus::Nothing,
         };
         let lines = "calibration on\r\n\
              calibration source default\r\n\
@@ -153,7 +153,7 @@ mod tests {
         assert_eq!(shown.to_string(), lines);
         let same = Shown {
             on: false,
-            stored: Stored::Record(written.sum()),
+            stored: FlashStatus::Record(written.sum()),
             ..shown
         };
         let lines = lines
@@ -172,16 +172,19 @@ mod tests {
         });
         for (stored, lines) in [
             (
-                Stored::Nothing,
+                FlashStatus::Nothing,
                 &["source uploaded", "stored none"] as &[&str],
             ),
             (
-                Stored::Record(!own.sum()),
+                FlashStatus::Record(!own.sum()),
                 &["source uploaded", "stored other"],
             ),
-            (Stored::Record(own.sum()), &["source stored", "stored same"]),
             (
-                Stored::Damaged,
+                FlashStatus::Record(own.sum()),
+                &["source stored", "stored same"],
+            ),
+            (
+                FlashStatus::Damaged,
                 &[
                     "source uploaded",
                     "fault what was saved cannot be used: upload it again, or defaults, then save",
@@ -189,7 +192,7 @@ mod tests {
                 ],
             ),
             (
-                Stored::Older(own.sum()),
+                FlashStatus::Older(own.sum()),
                 &[
                     "source stored",
                     "fault what was saved last cannot be used, this is from before: upload it again, or save",
@@ -197,7 +200,7 @@ mod tests {
                 ],
             ),
             (
-                Stored::OtherSensor,
+                FlashStatus::OtherSensor,
                 &[
                     "source uploaded",
                     "fault what was saved is of another sensor head: upload this one's calibration, then save",
@@ -231,7 +234,7 @@ mod tests {
         let shown = Shown {
             written: None,
             on: true,
-            stored: Stored::Damaged,
+            stored: FlashStatus::Damaged,
         };
         assert_eq!(
             shown.to_string(),

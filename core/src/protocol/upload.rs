@@ -151,17 +151,17 @@ mod tests {
     use crate::distance::residuals::Corrected;
     use crate::protocol::piece::PIECE;
     use crate::record::RecordError;
-    use crate::record::written::Written;
+    use crate::record::encoded::EncodedRecord;
     use crate::sensor_heads::tcd1304dg;
     use crate::units::{Micrometres, Pixels};
 
     /// Of several pieces, the last of which is shorter.
-    fn nominal() -> Written {
-        Written::nominal().expect("a record")
+    fn nominal() -> EncodedRecord {
+        EncodedRecord::nominal().expect("a record")
     }
 
     /// With as many knots as there may be.
-    fn long() -> Written {
+    fn long() -> EncodedRecord {
         let knots: Vec<Knot> = (0..MAX_LINEAR as i32)
             .map(|i| Knot {
                 centre: Pixels::from_bits(78_053_377 + 372_001 * i),
@@ -170,7 +170,7 @@ mod tests {
             .collect();
         let curve = NOMINAL.expect("a curve");
         let corrected = Corrected::new(curve, Interpolation::Linear, &knots).expect("usable");
-        Written::new(Record {
+        EncodedRecord::new(Record {
             calibration: Calibration::Corrected(corrected),
             ..Record::nominal().expect("a record")
         })

@@ -2,8 +2,8 @@
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use slitrange::store::Kept;
-use slitrange::store::saved::Saved;
+use slitrange::store::Stored;
+use slitrange::store::configuration::Configuration;
 
 use crate::flash::{BYTES, Flash, SECTOR};
 use crate::samples::{Size, keep, read, sample};
@@ -21,7 +21,7 @@ struct Count {
 fn turn_over(
     what: &str,
     flash: &Flash,
-    saved: &[Saved],
+    saved: &[Configuration],
     bits: impl Iterator<Item = usize>,
 ) -> Count {
     let mut count = Count::default();
@@ -31,18 +31,18 @@ fn turn_over(
     for bit in bits {
         turn(&mut flash, bit);
         match read(&mut flash) {
-            Kept::Nothing => panic!("{what}, bit {bit}: as if nothing had ever been saved"),
-            Kept::Unusable => count.unusable += 1,
+            Stored::Nothing => panic!("{what}, bit {bit}: as if nothing had ever been saved"),
+            Stored::Unusable => count.unusable += 1,
             kept => match saved
                 .iter()
                 .rev()
                 .position(|saved| Some(saved) == kept.saved())
             {
-                Some(0) if matches!(kept, Kept::Saved(_)) => count.newest += 1,
+                Some(0) if matches!(kept, Stored::Newest(_)) => count.newest += 1,
                 // Whole, but damage elsewhere looks like something newer.
                 Some(0) => count.doubted += 1,
                 // That it is not the newest is always said.
-                Some(1) if matches!(kept, Kept::Older(_)) => count.before += 1,
+                Some(1) if matches!(kept, Stored::Older(_)) => count.before += 1,
                 Some(by) => panic!("{what}, bit {bit}: that of {by} saves before"),
                 None => panic!("{what}, bit {bit}: {kept:?} was never saved"),
             },
@@ -76,9 +76,9 @@ fn one_of_each_byte() -> impl Iterator<Item = usize> {
 }
 
 /// So many saves of a size, to an erased flash.
-fn saves(size: Size, count: u32) -> (Flash, Vec<Saved>) {
+fn saves(size: Size, count: u32) -> (Flash, Vec<Configuration>) {
     let mut flash = Flash::erased();
-    let saved: Vec<Saved> = (0..count).map(|i| sample(size, i)).collect();
+    let saved: Vec<Configuration> = (0..count).map(|i| sample(size, i)).collect();
     for saved in &saved {
         keep(&mut flash, saved);
     }

@@ -1,6 +1,6 @@
 //! Something whole that this firmware does not know: what was saved before it holds.
 
-use slitrange::store::Kept;
+use slitrange::store::Stored;
 
 use crate::flash::Flash;
 use crate::samples::{Size, keep, read, sample};
@@ -33,7 +33,7 @@ fn saved_over_what_was_here() {
     item[VERSION] = 2;
     let whole = sum(&item[NUMBER..]).to_le_bytes();
     item[..4].copy_from_slice(&whole);
-    assert_eq!(read(&mut flash), Kept::Older(first.clone()));
+    assert_eq!(read(&mut flash), Stored::Older(first.clone()));
     // What is saved over it is newer for the later firmware too.
     keep(&mut flash, &third);
     let numbers: Vec<u8> = (0..3)
@@ -45,6 +45,6 @@ fn saved_over_what_was_here() {
     flash.bytes[52..76].fill(0xff);
     flash.bytes.copy_within(28..52, 4);
     flash.bytes[28..52].fill(0xff);
-    assert_eq!(read(&mut flash), Kept::Unusable);
+    assert_eq!(read(&mut flash), Stored::Unusable);
     keep(&mut flash, &third);
 }

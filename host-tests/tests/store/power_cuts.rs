@@ -1,8 +1,8 @@
 //! Power that is cut at each operation of a save: the erasing of a sector, the programming of each word. Plain, which is between two
 //! operations, and torn, which is in the middle of one.
 
-use slitrange::store::Kept;
-use slitrange::store::saved::Saved;
+use slitrange::store::Stored;
+use slitrange::store::configuration::Configuration;
 
 use crate::flash::{BYTES, Flash, SECTOR};
 use crate::samples::{Size, keep, read, sample, save};
@@ -19,7 +19,7 @@ struct Count {
 }
 
 /// Cuts each operation of saving `new` to `flash`, looks what is there, and saves again: plain, then torn.
-fn cut_each_operation(what: &str, flash: &Flash, new: &Saved) -> [Count; 2] {
+fn cut_each_operation(what: &str, flash: &Flash, new: &Configuration) -> [Count; 2] {
     let old = read(&mut flash.clone());
     [false, true].map(|torn| {
         let mut count = Count::default();
@@ -32,7 +32,13 @@ fn cut_each_operation(what: &str, flash: &Flash, new: &Saved) -> [Count; 2] {
 }
 
 /// False if there is no such operation.
-fn cut_operation(flash: &Flash, old: &Kept, new: &Saved, torn: bool, count: &mut Count) -> bool {
+fn cut_operation(
+    flash: &Flash,
+    old: &Stored,
+    new: &Configuration,
+    torn: bool,
+    count: &mut Count,
+) -> bool {
     // Erasing, and what says where an item is, come first.
     let ways = match (torn, count.operations) {
         (false, _) => 1,
@@ -47,15 +53,15 @@ fn cut_operation(flash: &Flash, old: &Kept, new: &Saved, torn: bool, count: &mut
         flash.power_on();
         let kept = read(&mut flash);
         if saved.is_ok() {
-            assert!(kept == Kept::Saved(new.clone()));
+            assert!(kept == Stored::Newest(new.clone()));
             return false;
         }
         count.cuts += 1;
         match kept {
-            Kept::Nothing => count.nothing += 1,
-            Kept::Unusable => count.unusable += 1,
+            Stored::Nothing => count.nothing += 1,
+            Stored::Unusable => count.unusable += 1,
             kept if kept.saved() == old.saved() => count.old += 1,
-            kept if kept == Kept::Saved(new.clone()) => count.new += 1,
+            kept if kept == Stored::Newest(new.clone()) => count.new += 1,
             other => panic!("neither old nor new: {count:?}, {way}: {other:?}"),
         }
         keep(&mut flash, &sample(Size::Middle, 999_999));
@@ -65,14 +71,14 @@ fn cut_operation(flash: &Flash, old: &Kept, new: &Saved, torn: bool, count: &mut
 }
 
 /// The old or the new is there.
-fn nothing_is_lost(what: &str, flash: &Flash, new: &Saved) {
+fn nothing_is_lost(what: &str, flash: &Flash, new: &Configuration) {
     for count in cut_each_operation(what, flash, new) {
         assert_eq!(count.old + count.new, count.cuts);
     }
 }
 
 /// Saves until the next save is the first in the other sector: gives the flash before and after that.
-fn around_a_change(mut flash: Flash, sizes: &[Size]) -> (Flash, Flash, Saved) {
+fn around_a_change(mut flash: Flash, sizes: &[Size]) -> (Flash, Flash, Configuration) {
     for (i, &size) in sizes.iter().cycle().enumerate() {
         let before = flash.clone();
         let saved = sample(size, i as u32);
@@ -157,7 +163,7 @@ fn over_what_is_unusable() {
         ("a bit in the second", Flash::with(second), Size::Middle),
         ("both full of something", Flash::with(both), Size::Middle),
     ] {
-        assert_eq!(read(&mut flash.clone()), Kept::Unusable);
+        assert_eq!(read(&mut flash.clone()), Stored::Unusable);
         for count in cut_each_operation(what, &flash, &sample(size, 0)) {
             assert_eq!(count.unusable + count.new, count.cuts);
         }
@@ -184,14 +190,14 @@ fn twice() {
         flash.power_on();
         let kept = read(&mut flash);
         assert!(
-            kept == Kept::Saved(first.clone()) || saved.is_err() && kept.saved() == old.saved()
+            kept == Stored::Newest(first.clone()) || saved.is_err() && kept.saved() == old.saved()
         );
         flash.cut_after(again, Some(cuts << 32));
         let saved = save(&mut flash, &second);
         flash.power_on();
         let kept_then = read(&mut flash);
         assert!(
-            kept_then == Kept::Saved(second.clone())
+            kept_then == Stored::Newest(second.clone())
                 || saved.is_err() && kept_then.saved() == kept.saved(),
             "{at}, then {again}"
         );

@@ -6,8 +6,8 @@ use slitrange::centre::Estimator;
 use slitrange::frame::Mean;
 use slitrange::measurement::Settings;
 use slitrange::record::Record;
-use slitrange::store::saved::Saved;
-use slitrange::store::{Kept, Store, StoreError};
+use slitrange::store::configuration::Configuration;
+use slitrange::store::{Store, StoreError, Stored};
 use slitrange::units::Counts;
 
 use crate::flash::Flash;
@@ -24,7 +24,7 @@ pub enum Size {
     Most,
 }
 
-pub fn sample(size: Size, i: u32) -> Saved {
+pub fn sample(size: Size, i: u32) -> Configuration {
     let settings = Settings {
         rows: 16,
         mean: Mean::Weighted,
@@ -36,7 +36,7 @@ pub fn sample(size: Size, i: u32) -> Saved {
         Size::Middle => Some(nominal()),
         Size::Most => Some(longest()),
     };
-    Saved {
+    Configuration {
         settings,
         record: record.map(|record| Record {
             // As long for each.
@@ -46,7 +46,7 @@ pub fn sample(size: Size, i: u32) -> Saved {
     }
 }
 
-pub fn read(flash: &mut Flash) -> Kept {
+pub fn read(flash: &mut Flash) -> Stored {
     let (operations, before) = (flash.operations, flash.bytes.clone());
     let kept = block_on(Store::new(&mut *flash).read());
     assert!(
@@ -56,12 +56,15 @@ pub fn read(flash: &mut Flash) -> Kept {
     kept
 }
 
-pub fn save(flash: &mut Flash, saved: &Saved) -> Result<(), StoreError> {
+pub fn save(flash: &mut Flash, saved: &Configuration) -> Result<(), StoreError> {
     block_on(Store::new(flash).save(saved))
 }
 
 /// Saves, and it is there.
-pub fn keep(flash: &mut Flash, saved: &Saved) {
+pub fn keep(flash: &mut Flash, saved: &Configuration) {
     assert_eq!(save(flash, saved), Ok(()));
-    assert!(read(flash) == Kept::Saved(saved.clone()), "it is not there");
+    assert!(
+        read(flash) == Stored::Newest(saved.clone()),
+        "it is not there"
+    );
 }

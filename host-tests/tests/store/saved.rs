@@ -7,13 +7,15 @@ use slitrange::frame::Mean;
 use slitrange::measurement::Settings;
 use slitrange::record::{self, Record, RecordError};
 use slitrange::store::StoreError;
-use slitrange::store::saved::{MAX_ENCODED, Saved, SavedError, VERSION, decode, encode};
+use slitrange::store::configuration::{
+    Configuration, ConfigurationError, MAX_ENCODED, VERSION, decode, encode,
+};
 use slitrange::units::{Counts, Pixels};
 
 use crate::records::{cases, records};
 use crate::samples::{Size, sample};
 
-fn encoded(saved: &Saved) -> Vec<u8> {
+fn encoded(saved: &Configuration) -> Vec<u8> {
     encode(saved, &mut [0; MAX_ENCODED])
         .expect("it can be used")
         .to_vec()
@@ -36,7 +38,7 @@ fn version_1_is_what_it_was() {
     ]
     .map(|settings| {
         let record = None;
-        let bytes = encoded(&Saved { settings, record });
+        let bytes = encoded(&Configuration { settings, record });
         bytes.iter().map(|byte| format!("{byte:02x}")).collect()
     })
     .into();
@@ -62,7 +64,7 @@ fn the_longest_is_as_long_as_is_stated() {
     for room in (0..MAX_ENCODED).step_by(97).chain(0..20) {
         let error = encode(&longest, &mut vec![0; room]).err();
         let expected = match room {
-            0..10 => SavedError::NoRoom { bytes: room },
+            0..10 => ConfigurationError::NoRoom { bytes: room },
             _ => RecordError::NoRoom { bytes: room - 10 }.into(),
         };
         assert_eq!(error, Some(expected));
@@ -71,7 +73,7 @@ fn the_longest_is_as_long_as_is_stated() {
 
 #[test]
 fn what_cannot_be_used_is_refused() {
-    let with = |change: fn(&mut Saved)| {
+    let with = |change: fn(&mut Configuration)| {
         let mut saved = sample(Size::Least, 0);
         change(&mut saved);
         encode(&saved, &mut [0; MAX_ENCODED]).err()
@@ -81,7 +83,7 @@ fn what_cannot_be_used_is_refused() {
         let mut saved = sample(Size::Least, 0);
         saved.settings.rows = rows;
         let error = encode(&saved, &mut [0; MAX_ENCODED]).err();
-        assert_eq!(error, Some(SavedError::Rows { rows }));
+        assert_eq!(error, Some(ConfigurationError::Rows { rows }));
     }
     assert_eq!(with(|saved| saved.settings.rows = 1), None);
     assert_eq!(with(|saved| saved.settings.rows = 64), None);
@@ -95,7 +97,10 @@ fn what_cannot_be_used_is_refused() {
         let mut saved = sample(Size::Least, 0);
         saved.settings.black_level = BlackLevel::Fixed(level);
         let error = encode(&saved, &mut [0; MAX_ENCODED]).err();
-        assert_eq!(error, (!fits).then_some(SavedError::BlackLevel { level }));
+        assert_eq!(
+            error,
+            (!fits).then_some(ConfigurationError::BlackLevel { level })
+        );
     }
     // The same in bytes: 0 version, 1 rows, 3 mean, 4 estimator, 5 black level, 6 its value, 10 the record.
     let bytes = encoded(&sample(Size::Least, 0));
@@ -105,47 +110,56 @@ fn what_cannot_be_used_is_refused() {
         decode(&bytes).err()
     };
     let version = VERSION + 1;
-    assert_eq!(with(0, version), Some(SavedError::Version { version }));
-    assert_eq!(with(1, 0), Some(SavedError::Rows { rows: 0 }));
-    assert_eq!(with(2, 1), Some(SavedError::Rows { rows: 0x110 }));
+    assert_eq!(
+        with(0, version),
+        Some(ConfigurationError::Version { version })
+    );
+    assert_eq!(with(1, 0), Some(ConfigurationError::Rows { rows: 0 }));
+    assert_eq!(with(2, 1), Some(ConfigurationError::Rows { rows: 0x110 }));
     for place in [3, 4, 5] {
         let letter = b'?';
-        assert_eq!(with(place, letter), Some(SavedError::Letter { letter }));
+        assert_eq!(
+            with(place, letter),
+            Some(ConfigurationError::Letter { letter })
+        );
     }
     let level = Counts::from_bits(i32::MIN);
-    assert_eq!(with(9, 0x80), Some(SavedError::BlackLevel { level }));
+    assert_eq!(
+        with(9, 0x80),
+        Some(ConfigurationError::BlackLevel { level })
+    );
     assert_eq!(with(5, b's'), None);
     let mut valued = bytes.clone();
     (valued[5], valued[6]) = (b's', 1);
     assert_eq!(
         decode(&valued).err(),
-        Some(SavedError::Letter { letter: b's' })
+        Some(ConfigurationError::Letter { letter: b's' })
     );
     for bytes in (0..10).map(|length| &bytes[..length]) {
-        let error = SavedError::Short { bytes: bytes.len() };
+        let error = ConfigurationError::Short { bytes: bytes.len() };
         assert_eq!(decode(bytes), Err(error));
     }
     let mut longer = bytes;
     longer.push(0);
     assert_eq!(
         decode(&longer).err(),
-        Some(SavedError::Record(RecordError::Short { bytes: 1 }))
+        Some(ConfigurationError::Record(RecordError::Short { bytes: 1 }))
     );
 }
 
 #[test]
 fn errors_say_what_is_wrong_and_what_to_do() {
     let text: Vec<String> = [
-        StoreError::Saved(SavedError::NoRoom { bytes: 100 }),
-        StoreError::Saved(SavedError::Short { bytes: 3 }),
-        StoreError::Saved(SavedError::Version { version: 2 }),
-        StoreError::Saved(SavedError::Rows { rows: 65 }),
-        StoreError::Saved(SavedError::Letter { letter: b'?' }),
-        StoreError::Saved(SavedError::Letter { letter: 0 }),
-        StoreError::Saved(SavedError::BlackLevel {
+        StoreError::Saved(ConfigurationError::NoRoom { bytes: 100 }),
+        StoreError::Saved(ConfigurationError::Short { bytes: 3 }),
+        StoreError::Saved(ConfigurationError::Version { version: 2 }),
+        StoreError::Saved(ConfigurationError::Rows { rows: 65 }),
+        StoreError::Saved(ConfigurationError::Letter { letter: b'?' }),
+        StoreError::Saved(ConfigurationError::Letter { letter: 0 }),
+        StoreError::Saved(ConfigurationError::BlackLevel {
             level: Counts::from_int(5000),
         }),
-        StoreError::Saved(SavedError::Record(RecordError::OffTheSensor {
+        StoreError::Saved(ConfigurationError::Record(RecordError::OffTheSensor {
             first: Pixels::from_int(-3),
             last: Pixels::from_int(4000),
         })),
@@ -158,7 +172,7 @@ fn errors_say_what_is_wrong_and_what_to_do() {
 }
 
 /// Settings and records of every kind, most of them usable.
-fn all() -> impl Strategy<Value = Saved> {
+fn all() -> impl Strategy<Value = Configuration> {
     let black_levels = prop_oneof![
         Just(BlackLevel::Shielded),
         Just(BlackLevel::Frame),
@@ -177,13 +191,13 @@ fn all() -> impl Strategy<Value = Saved> {
             black_level,
         });
     let records = prop::option::weighted(0.9, records()).prop_map(Option::flatten);
-    (settings, records).prop_map(|(settings, record)| Saved { settings, record })
+    (settings, records).prop_map(|(settings, record)| Configuration { settings, record })
 }
 
 /// Without a record that ranges over centres that its sensor has not: see the test of the record.
-fn usable(saved: Saved) -> Saved {
+fn usable(saved: Configuration) -> Configuration {
     let fits = |record: &Record| record::encode(record, &mut [0; record::MAX_ENCODED]).is_ok();
-    Saved {
+    Configuration {
         record: saved.record.filter(fits),
         ..saved
     }

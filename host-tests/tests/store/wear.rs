@@ -1,6 +1,6 @@
 //! Ten thousand saves: both sectors wear evenly, and nothing is lost. What is there already is not written again.
 
-use slitrange::store::Kept;
+use slitrange::store::Stored;
 
 use crate::flash::Flash;
 use crate::samples::{Size, keep, read, sample, save};
@@ -20,7 +20,7 @@ fn wear(what: &str, saves: u32, sizes: &[Size]) {
         assert_eq!(flash.overwritten, 0);
     }
     let last = sample(sizes[(saves as usize - 1) % sizes.len()], saves - 1);
-    assert!(read(&mut flash) == Kept::Saved(last));
+    assert!(read(&mut flash) == Stored::Newest(last));
     println!(
         "{what}: {saves} saves erase the sectors {:?} times, {} words programmed",
         flash.erases, flash.operations

@@ -154,8 +154,8 @@ pub fn head(lines: &[String]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slitrange::protocol::calibration::{Shown, Stored};
-    use slitrange::record::written::Written;
+    use slitrange::protocol::calibration::{FlashStatus, Shown};
+    use slitrange::record::encoded::EncodedRecord;
 
     fn lines(text: &str) -> Vec<String> {
         text.lines().map(str::to_owned).collect()
@@ -208,11 +208,11 @@ mod tests {
 
     #[test]
     fn the_calibration_in_use_is_known_at_its_last_line() {
-        let written = Written::nominal().expect("a record");
+        let written = EncodedRecord::nominal().expect("a record");
         let shown = Shown {
             written: Some(&written),
             on: true,
-            stored: Stored::Record(!written.sum()),
+            stored: FlashStatus::Record(!written.sum()),
         };
         let said = lines(&shown.to_string());
         let in_use = InUse {
@@ -229,7 +229,7 @@ mod tests {
         assert_eq!(super::in_use(&said), Some(in_use));
         let none = Shown {
             written: None,
-            stored: Stored::Damaged,
+            stored: FlashStatus::Damaged,
             ..shown
         };
         assert_eq!(

@@ -9,7 +9,7 @@ use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::piece::{PIECE, Piece};
 use slitrange::protocol::upload::Step;
 use slitrange::record::decode;
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 
 use super::answers::{InUse, RecordInUse};
 use super::line::{LineError, Waits};
@@ -125,7 +125,7 @@ pub fn write_with(options: &WriteOptions, waits: Waits, output: &mut dyn Write) 
 }
 
 /// Uploads a record, checks it and has it saved, if it is to be; again from the beginning if the sensor goes away meanwhile.
-fn transfer(mut session: Session, written: &Written, and_save: bool) -> Result<()> {
+fn transfer(mut session: Session, written: &EncodedRecord, and_save: bool) -> Result<()> {
     let mut tries = 1;
     loop {
         // A try before this one may have got as far as the flash.
@@ -153,7 +153,7 @@ fn transfer(mut session: Session, written: &Written, and_save: bool) -> Result<(
 
 fn transfer_once(
     session: &mut Session,
-    written: &Written,
+    written: &EncodedRecord,
     and_save: bool,
     if_not_uploaded: &'static str,
 ) -> Result<()> {
@@ -177,7 +177,7 @@ fn transfer_once(
 }
 
 /// Sends a record; nothing changes yet.
-fn upload(session: &mut Session, written: &Written) -> Result<(), LineError> {
+fn upload(session: &mut Session, written: &EncodedRecord) -> Result<(), LineError> {
     let bytes = written.bytes();
     // A record is at most some thousand bytes long.
     session.set(Command::Upload(Step::Begin(bytes.len() as u16)))?;
@@ -190,7 +190,7 @@ fn upload(session: &mut Session, written: &Written) -> Result<(), LineError> {
 }
 
 /// Has the sensor use what was sent.
-fn commit(session: &mut Session, written: &Written) -> Result<()> {
+fn commit(session: &mut Session, written: &EncodedRecord) -> Result<()> {
     let Err(error) = session.set(Command::Upload(Step::Commit)) else {
         return Ok(());
     };
@@ -207,7 +207,7 @@ fn commit(session: &mut Session, written: &Written) -> Result<()> {
 }
 
 /// Has the sensor keep what is in use. A sensor that starts anew meanwhile uses what its flash holds: it is not asked to save that.
-fn save(session: &mut Session, written: &Written) -> Result<()> {
+fn save(session: &mut Session, written: &EncodedRecord) -> Result<()> {
     const UNKNOWN: &str = "uploaded; whether it is saved, `calibration` on the sensor's line tells";
     let wait = session.line().waits.save;
     let question = Command::Save.to_string();
@@ -270,7 +270,7 @@ pub fn read_with(options: &ReadOptions, waits: Waits, output: &mut dyn Write) ->
 }
 
 /// The record that a sensor uses.
-fn record_in_use(session: &mut Session) -> Result<Written> {
+fn record_in_use(session: &mut Session) -> Result<EncodedRecord> {
     let wait = session.line().waits.answer;
     let in_use = session.calibration()?;
     let Some(RecordInUse {
@@ -295,7 +295,7 @@ fn record_in_use(session: &mut Session) -> Result<Written> {
         bytes.extend_from_slice(piece.bytes());
     }
     let written = decode(&bytes)
-        .and_then(Written::new)
+        .and_then(EncodedRecord::new)
         .context("what the sensor sent is no record")?;
     ensure!(
         written.sum() == crc,

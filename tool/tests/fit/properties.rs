@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use slitrange::record::decode;
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange_tool::fit::calibration::make;
 use slitrange_tool::fit::figure;
 use slitrange_tool::fit::report::Report;
@@ -47,7 +47,7 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
             black_level: slitrange::black_level::BlackLevel::Shielded,
             calibration: made.calibration.clone(),
         };
-        let written = Written::new(record.clone()).expect("a record");
+        let written = EncodedRecord::new(record.clone()).expect("a record");
         let read = decode(written.bytes()).expect("a record");
         prop_assert_eq!(&read, &record);
         for centre in made.curve.even_steps(100) {

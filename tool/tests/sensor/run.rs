@@ -9,7 +9,7 @@ use clap::Parser;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use slitrange::centre::Estimator;
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange_tool::points::Points;
 use slitrange_tool::sensor::line::Waits;
 use slitrange_tool::sensor::run::{RunOptions, run_with};
@@ -338,9 +338,9 @@ fn points_are_added_once_the_sensor_has_a_number() {
         run(&sensor, &arguments, "", WAITS).0
     };
     more(&[600.0, 700.0]).expect("taken");
-    let mut record = Written::nominal().expect("a record").record().clone();
+    let mut record = EncodedRecord::nominal().expect("a record").record().clone();
     record.serial_number = 42;
-    sensor.state().calibration = Written::new(record).ok();
+    sensor.state().calibration = EncodedRecord::new(record).ok();
     more(&[600.0, 650.0, 700.0]).expect("taken");
     check(&sensor, &[600.0, 650.0, 700.0], noise(8));
 }

@@ -22,7 +22,7 @@ use slitrange::distance::eq1::NOMINAL;
 use slitrange::fault::Fault;
 use slitrange::frame::{FrameCentre, Mean};
 use slitrange::measurement::Settings;
-use slitrange::protocol::calibration::{Shown, Stored};
+use slitrange::protocol::calibration::{FlashStatus, Shown};
 use slitrange::protocol::command::{Command, Error};
 use slitrange::protocol::info::{Banner, Hardware, Info};
 use slitrange::protocol::input::Input;
@@ -31,7 +31,7 @@ use slitrange::protocol::refusal::Refusal;
 use slitrange::protocol::status::StartCause;
 use slitrange::protocol::upload::Upload;
 use slitrange::reading::Measured;
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::store::StoreError;
 use slitrange::units::{Counts, Pixels};
@@ -75,9 +75,9 @@ pub struct State {
     pub trouble: Trouble,
     pub settings: Settings,
     pub stream: bool,
-    pub calibration: Option<Written>,
+    pub calibration: Option<EncodedRecord>,
     /// What its flash holds.
-    pub saved: (Settings, Option<Written>),
+    pub saved: (Settings, Option<EncodedRecord>),
     /// Whether its flash takes anything.
     pub flash_works: bool,
     /// It has no power until then.
@@ -115,7 +115,7 @@ impl StandIn {
             trouble,
             settings,
             stream: true,
-            calibration: Written::nominal(),
+            calibration: EncodedRecord::nominal(),
             saved: (settings, None),
             flash_works: true,
             off_until: None,
@@ -299,7 +299,7 @@ impl Sensor {
     fn start(&mut self, state: &mut State) {
         state.off_until = None;
         state.settings = state.saved.0;
-        state.calibration = state.saved.1.clone().or_else(Written::nominal);
+        state.calibration = state.saved.1.clone().or_else(EncodedRecord::nominal);
         state.stream = true;
         state.upload = Upload::none();
         self.input = Input::new();
@@ -347,7 +347,7 @@ impl Sensor {
                 hardware: &HARDWARE,
                 geometry: &tcd1304dg(),
                 settings,
-                record: state.calibration.as_ref().map(Written::record),
+                record: state.calibration.as_ref().map(EncodedRecord::record),
                 on: true,
             }
             .to_string(),
@@ -371,8 +371,8 @@ impl Sensor {
                 written: state.calibration.as_ref(),
                 on: true,
                 stored: match &state.saved.1 {
-                    Some(saved) => Stored::Record(saved.sum()),
-                    None => Stored::Nothing,
+                    Some(saved) => FlashStatus::Record(saved.sum()),
+                    None => FlashStatus::Nothing,
                 },
             }
             .to_string(),
@@ -392,7 +392,7 @@ impl Sensor {
                     if let Some(record) = record {
                         settings.estimator = record.estimator;
                         settings.black_level = record.black_level;
-                        state.calibration = Written::new(record).ok();
+                        state.calibration = EncodedRecord::new(record).ok();
                     }
                     command.to_string()
                 }

@@ -17,7 +17,7 @@ use slitrange::protocol::piece::PIECE;
 use slitrange::protocol::upload::Step;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::units::{Counts, Micrometres, Pixels};
@@ -29,8 +29,8 @@ use slitrange_tool::sensor::transfer::{
 
 use crate::stand_in::{StandIn, Trouble, WAITS};
 
-fn record(serial_number: u32, calibration: Calibration) -> Written {
-    Written::new(Record {
+fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
+    EncodedRecord::new(Record {
         serial_number,
         date: Date::new(2026, 11, 21).expect("a day"),
         geometry: tcd1304dg(),
@@ -54,7 +54,7 @@ fn knots(count: usize, value: impl Fn(f64) -> f64) -> Vec<Knot> {
 }
 
 /// Some of every kind, of 51 to 2444 bytes.
-fn kinds() -> Vec<Written> {
+fn kinds() -> Vec<EncodedRecord> {
     let curve = NOMINAL.expect("a curve");
     let distance = |centre: f64| -115_384.6 + 2_152_366_863.0 / (centre + 580.34616);
     let lens = |centre: f64| 300.0 * (centre / 200.0).sin();
@@ -79,7 +79,7 @@ fn kinds() -> Vec<Written> {
 }
 
 /// A file of a record beside the sensor's port.
-fn file(sensor: &StandIn, name: &str, written: &Written) -> PathBuf {
+fn file(sensor: &StandIn, name: &str, written: &EncodedRecord) -> PathBuf {
     let path = sensor.path(name);
     record_file::write(&path, written, true).expect("written");
     path
@@ -244,7 +244,7 @@ fn another_record_is_not_replaced_unless_forced() {
     );
     assert_eq!(std::fs::read(&path).expect("bytes"), before);
     run(&[&read[..], &["--force"]].concat()).0.expect("read");
-    let nominal = Written::nominal().expect("a record");
+    let nominal = EncodedRecord::nominal().expect("a record");
     assert_eq!(std::fs::read(&path).expect("bytes"), nominal.bytes());
     // The same once more replaces nothing.
     run(&read).0.expect("read");
@@ -302,7 +302,7 @@ fn what_is_no_record_of_the_sensor_is_refused() {
         "{error}"
     );
 
-    let other = Written::new(Record {
+    let other = EncodedRecord::new(Record {
         geometry: Geometry {
             bits: 10,
             ..tcd1304dg()
@@ -321,7 +321,7 @@ fn what_is_no_record_of_the_sensor_is_refused() {
         ),
         "{error}"
     );
-    assert_eq!(sensor.state().calibration, Written::nominal());
+    assert_eq!(sensor.state().calibration, EncodedRecord::nominal());
     sensor.state().calibration = None;
     let error = run(&["read", "--port", &port]).0.expect_err("none");
     assert!(
@@ -339,7 +339,7 @@ fn a_bad_line_at_any_step_of_an_upload_is_made_up_for() {
     let steps = written.bytes().len().div_ceil(PIECE) + 2;
     for step in 0..2 * steps {
         for lost in [false, true] {
-            sensor.state().calibration = Written::nominal();
+            sensor.state().calibration = EncodedRecord::nominal();
             sensor.state().spoil = Some((step, lost));
             run(&["write", text(&path), "--port", &sensor.port(), "--no-save"])
                 .0
@@ -363,7 +363,7 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
             ..Trouble::default()
         };
         let sensor = StandIn::new(seed, trouble);
-        let (mut used, mut saved) = (Written::nominal(), None);
+        let (mut used, mut saved) = (EncodedRecord::nominal(), None);
         for written in &kinds[..5] {
             let path = file(&sensor, "record", written);
             let result = run(&["write", text(&path), "--port", &sensor.port()]).0;
@@ -373,7 +373,7 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
             }
             let state = sensor.state();
             let new = Some(written.clone());
-            let kept = state.saved.1.clone().or_else(Written::nominal);
+            let kept = state.saved.1.clone().or_else(EncodedRecord::nominal);
             let now = &state.calibration;
             assert!(*now == used || *now == new || *now == kept);
             assert!(state.saved.1 == saved || state.saved.1 == new);
@@ -426,7 +426,7 @@ fn an_upload_that_is_interrupted_is_dropped() {
             "{error}"
         );
     });
-    assert_eq!(sensor.state().calibration, Written::nominal());
+    assert_eq!(sensor.state().calibration, EncodedRecord::nominal());
     sensor.state().trouble.lost = 0.0;
     // Another record goes through all the same.
     run(&["write", text(&path), "--port", &port])

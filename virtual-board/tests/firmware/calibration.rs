@@ -1,11 +1,11 @@
 //! Calibrations that come over the serial line: what was sent is used as the core uses it, or nothing changes.
 
 use slitrange::measurement::{Measurement, Settings};
-use slitrange::protocol::calibration::Stored;
+use slitrange::protocol::calibration::FlashStatus;
 use slitrange::protocol::piece::Piece;
 use slitrange::protocol::refusal::Refusal;
 use slitrange::record::RecordError;
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
 use slitrange::{frame, sensor_heads};
 use virtual_board::VirtualBoard;
@@ -22,8 +22,8 @@ use crate::records::{
 #[test]
 fn a_sensor_without_its_own_has_the_nominal_calibration() {
     let mut board = measuring(4);
-    let nominal = Written::nominal().expect("a record");
-    assert_shown(&mut board, Some(&nominal), Stored::Nothing);
+    let nominal = EncodedRecord::nominal().expect("a record");
+    assert_shown(&mut board, Some(&nominal), FlashStatus::Nothing);
     assert_eq!(read_back(&mut board), nominal.bytes());
     set(&mut board, "calibration off");
     assert!(fresh_results(&mut board, 1)[0].starts_with("f not calibrated: x "));
@@ -45,7 +45,7 @@ fn what_was_sent_is_what_readings_are_made_with() {
         set(&mut board, "defaults");
         set(&mut board, "rows 6");
         upload(&mut board, &written);
-        assert_shown(&mut board, Some(&written), Stored::Nothing);
+        assert_shown(&mut board, Some(&written), FlashStatus::Nothing);
         assert_eq!(read_back(&mut board), written.bytes());
         assert_eq!(ask(&mut board, "estimator"), "estimator adaptive");
         assert_eq!(ask(&mut board, "black"), "black fixed 300");
@@ -76,7 +76,7 @@ fn what_was_sent_is_what_readings_are_made_with() {
 }
 
 /// The lines of frames of six rows that begin with the first one.
-fn on_this_pc(rows: &[virtual_board::Row], written: &Written) -> Vec<String> {
+fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<String> {
     let record = written.record();
     let settings = Settings {
         rows: 6,

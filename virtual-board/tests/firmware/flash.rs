@@ -7,8 +7,8 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use slitrange::frame::Mean;
 use slitrange::measurement::Settings;
-use slitrange::store::Kept;
-use slitrange::store::saved::Saved;
+use slitrange::store::Stored;
+use slitrange::store::configuration::Configuration;
 use virtual_board::flash::{BASE, Contents, History, Operation};
 use virtual_board::{SharedFlash, VirtualBoard};
 
@@ -20,9 +20,9 @@ use crate::records::{CENTRE, longest, upload};
 const SAVE: Duration = Duration::from_secs(2);
 
 /// What a sensor with the longest record has saved that was set to `rows` rows.
-fn saved(rows: u16) -> Saved {
+fn saved(rows: u16) -> Configuration {
     let record = longest().record().clone();
-    Saved {
+    Configuration {
         settings: Settings {
             rows,
             mean: Mean::default(),
@@ -133,7 +133,7 @@ impl Cut {
 }
 
 /// What was there before a save and after it.
-fn before_and_after(history: &History) -> [Saved; 2] {
+fn before_and_after(history: &History) -> [Configuration; 2] {
     [0, history.operations().len()].map(|count| kept::saved_in(&history.after(count)))
 }
 
@@ -197,12 +197,13 @@ fn a_power_cut_at_any_operation_leaves_the_old_or_the_new() {
 fn a_power_cut_in_the_first_save_of_all_leaves_the_nominal_calibration_or_none() {
     let history = &Saves::of_the_firmware().first_ever;
     let count = history.operations().len();
-    let new = Kept::Saved(kept::saved_in(&history.after(count)));
+    let new = Stored::Newest(kept::saved_in(&history.after(count)));
     let mut found = [0; 3];
     for count in 0..count {
         for cut in [Cut::After(count), Cut::During(count, count as u64)] {
             let kept = kept::read(&cut.leaves(history));
-            let is = [Kept::Nothing, Kept::Unusable, new.clone()].map(|possible| possible == kept);
+            let is =
+                [Stored::Nothing, Stored::Unusable, new.clone()].map(|possible| possible == kept);
             assert!(is.contains(&true), "{cut:?}: {kept:?}");
             for (found, is) in found.iter_mut().zip(is) {
                 *found += usize::from(is);
@@ -277,7 +278,7 @@ fn a_board_without_power_saves_no_further() {
     assert_eq!(history.operations().len(), 300);
 
     let mut board = power_on(&flash);
-    kept::assert_in_use(&mut board, &Kept::Older(saved(3)));
+    kept::assert_in_use(&mut board, &Stored::Older(saved(3)));
     set(&mut board, "rows 21");
     save(&mut board);
     assert_eq!(kept::saved_in(&flash.contents()), saved(21));
@@ -297,7 +298,7 @@ fn a_reset_during_an_erase_leaves_what_was_saved() {
     assert_eq!(flash.operation_count(), 1, "it is being erased");
     board.reset_pin().expect("the emulator");
     await_banner(&mut board);
-    kept::assert_in_use(&mut board, &Kept::Saved(saved(IN_A_SECTOR)));
+    kept::assert_in_use(&mut board, &Stored::Newest(saved(IN_A_SECTOR)));
     set(&mut board, "rows 21");
     save(&mut board);
     assert_eq!(kept::saved_in(&flash.contents()), saved(21));
@@ -338,7 +339,7 @@ fn a_flipped_bit_is_found() {
         assert_board_starts_with(&contents);
 
         let contents = flipped(&before, offset);
-        assert!(kept::read(&contents) == Kept::Unusable);
+        assert!(kept::read(&contents) == Stored::Unusable);
         assert_board_starts_with(&contents);
     }
 }

@@ -4,10 +4,10 @@ use std::convert::Infallible;
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use slitrange::protocol::calibration::Stored;
-use slitrange::record::written::Written;
-use slitrange::store::saved::Saved;
-use slitrange::store::{Kept, Store};
+use slitrange::protocol::calibration::FlashStatus;
+use slitrange::record::encoded::EncodedRecord;
+use slitrange::store::configuration::Configuration;
+use slitrange::store::{Store, Stored};
 use virtual_board::VirtualBoard;
 use virtual_board::flash::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES};
 
@@ -15,13 +15,13 @@ use crate::common::{ask, fresh_results, is_reading};
 use crate::records::assert_shown;
 
 /// Saves to `contents` as the firmware does.
-pub fn save(contents: &mut Contents, saved: &Saved) {
+pub fn save(contents: &mut Contents, saved: &Configuration) {
     let done = block_on(Store::new(Flash(contents)).save(saved));
     done.expect("sound flash");
 }
 
 /// What the store finds in `contents`.
-pub fn read(contents: &Contents) -> Kept {
+pub fn read(contents: &Contents) -> Stored {
     let mut read = contents.clone();
     let kept = block_on(Store::new(Flash(&mut read)).read());
     assert_eq!(read, *contents, "reading only reads");
@@ -29,28 +29,28 @@ pub fn read(contents: &Contents) -> Kept {
 }
 
 /// What the store finds in `contents`, which is something.
-pub fn saved_in(contents: &Contents) -> Saved {
+pub fn saved_in(contents: &Contents) -> Configuration {
     match read(contents) {
-        Kept::Saved(saved) | Kept::Older(saved) => saved,
+        Stored::Newest(saved) | Stored::Older(saved) => saved,
         other => panic!("{other:?} in {contents:?}"),
     }
 }
 
 /// A board that found `kept` in its flash at its start says so. Gives the calibration that it has then.
-pub fn assert_shown_as(board: &mut VirtualBoard, kept: &Kept) -> Option<Written> {
+pub fn assert_shown_as(board: &mut VirtualBoard, kept: &Stored) -> Option<EncodedRecord> {
     let calibration = match kept {
-        Kept::Nothing => Written::nominal(),
-        Kept::Saved(saved) | Kept::Older(saved) => match saved.record.clone() {
-            Some(record) => Some(Written::new(record).expect("a usable one")),
-            None => Written::nominal(),
+        Stored::Nothing => EncodedRecord::nominal(),
+        Stored::Newest(saved) | Stored::Older(saved) => match saved.record.clone() {
+            Some(record) => Some(EncodedRecord::new(record).expect("a usable one")),
+            None => EncodedRecord::nominal(),
         },
-        Kept::Unusable => None,
+        Stored::Unusable => None,
     };
     let stored = match (kept, &calibration) {
-        (Kept::Saved(_), Some(written)) => Stored::Record(written.sum()),
-        (Kept::Older(_), Some(written)) => Stored::Older(written.sum()),
-        (Kept::Nothing, _) => Stored::Nothing,
-        _ => Stored::Damaged,
+        (Stored::Newest(_), Some(written)) => FlashStatus::Record(written.sum()),
+        (Stored::Older(_), Some(written)) => FlashStatus::Older(written.sum()),
+        (Stored::Nothing, _) => FlashStatus::Nothing,
+        _ => FlashStatus::Damaged,
     };
     assert_shown(board, calibration.as_ref(), stored);
     if let Some(saved) = kept.saved() {
@@ -60,7 +60,7 @@ pub fn assert_shown_as(board: &mut VirtualBoard, kept: &Kept) -> Option<Written>
 }
 
 /// It says so, measures with these settings, and gives distances if it has a calibration.
-pub fn assert_in_use(board: &mut VirtualBoard, kept: &Kept) {
+pub fn assert_in_use(board: &mut VirtualBoard, kept: &Stored) {
     let calibration = assert_shown_as(board, kept);
     let results = fresh_results(board, 1);
     let is_as_kept = match calibration {

@@ -7,11 +7,11 @@ use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::distance::knots::{Interpolation, Knot, MAX_LINEAR};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
-use slitrange::protocol::calibration::{Shown, Stored};
+use slitrange::protocol::calibration::{FlashStatus, Shown};
 use slitrange::protocol::piece::{PIECE, Piece};
 use slitrange::record::Record;
 use slitrange::record::date::Date;
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange::sensor_heads;
 use slitrange::units::{Counts, Micrometres, Pixels};
 use virtual_board::VirtualBoard;
@@ -33,12 +33,12 @@ pub fn record(calibration: Calibration) -> Record {
     }
 }
 
-pub fn written(record: Record) -> Written {
-    Written::new(record).expect("a record")
+pub fn written(record: Record) -> EncodedRecord {
+    EncodedRecord::new(record).expect("a record")
 }
 
 /// A sensor's own eq. (1): the nominal one, but for a millimetre.
-pub fn eq1() -> Written {
+pub fn eq1() -> EncodedRecord {
     let nominal = NOMINAL.expect("a curve");
     let (first, last) = nominal.valid();
     let d = Micrometres::from_bits(nominal.d().to_bits() + Micrometres::from_int(1000).to_bits());
@@ -47,7 +47,7 @@ pub fn eq1() -> Written {
 }
 
 /// Eq. (1), tables and residuals of either interpolation, and the longest record that this sensor can have.
-pub fn every_kind() -> [Written; 6] {
+pub fn every_kind() -> [EncodedRecord; 6] {
     let nominal = NOMINAL.expect("a curve");
     let distance = |centre| nominal.distance_at(centre).expect("in range").0;
     // Bent by a third of a millimetre.
@@ -85,7 +85,7 @@ fn knots(count: i32, value: impl Fn(Pixels) -> Micrometres) -> Vec<Knot> {
 
 /// As many knots as there may be; centres beyond 2048 pixels, residuals beyond 0.52 m and a K of 55 bits take all the bytes that they
 /// can.
-pub fn longest() -> Written {
+pub fn longest() -> EncodedRecord {
     let knots: Vec<Knot> = (0..MAX_LINEAR as i32)
         .map(|i| Knot {
             centre: Pixels::from_bits((2048 << 16) + i * 400_000),
@@ -118,7 +118,7 @@ pub fn send(board: &mut VirtualBoard, bytes: &[u8]) {
     }
 }
 
-pub fn upload(board: &mut VirtualBoard, written: &Written) {
+pub fn upload(board: &mut VirtualBoard, written: &EncodedRecord) {
     send(board, written.bytes());
     set(board, "calibration commit");
 }
@@ -155,7 +155,11 @@ pub fn shown(board: &mut VirtualBoard) -> Vec<String> {
 }
 
 /// It is what the core says of that record.
-pub fn assert_shown(board: &mut VirtualBoard, written: Option<&Written>, stored: Stored) {
+pub fn assert_shown(
+    board: &mut VirtualBoard,
+    written: Option<&EncodedRecord>,
+    stored: FlashStatus,
+) {
     let expected = Shown {
         written,
         on: true,

@@ -3,14 +3,14 @@
 use std::time::Duration;
 
 use slitrange::measurement::Settings;
-use slitrange::protocol::calibration::Stored;
+use slitrange::protocol::calibration::FlashStatus;
 use slitrange::protocol::refusal::Refusal;
 use slitrange::record::Record;
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 use slitrange::store::StoreError;
-use slitrange::store::saved::Saved;
+use slitrange::store::configuration::Configuration;
 use virtual_board::flash::{BYTES, Contents, SharedFlash};
 use virtual_board::{LightSource, Line, VirtualBoard};
 
@@ -74,14 +74,14 @@ fn what_was_saved_is_in_use_after_a_power_cycle() {
     for command in ["rows 7", "mean plain", "estimator robust"] {
         set(&mut board, command);
     }
-    assert_shown(&mut board, Some(&own), Stored::Nothing);
+    assert_shown(&mut board, Some(&own), FlashStatus::Nothing);
     save_well(&mut board);
-    let stored = Stored::Record(own.sum());
+    let stored = FlashStatus::Record(own.sum());
     assert_shown(&mut board, Some(&own), stored);
     Status::ask(&mut board).assert_none(&NOTHING_LOST);
 
     // What is not saved is not kept.
-    let nominal = Written::nominal().expect("a record");
+    let nominal = EncodedRecord::nominal().expect("a record");
     set(&mut board, "defaults");
     assert_shown(&mut board, Some(&nominal), stored);
     let mut board = power_cycle(board);
@@ -104,7 +104,11 @@ fn what_was_saved_is_in_use_after_a_power_cycle() {
     set(&mut board, "defaults");
     save_well(&mut board);
     let mut board = power_cycle(board);
-    assert_shown(&mut board, Some(&nominal), Stored::Record(nominal.sum()));
+    assert_shown(
+        &mut board,
+        Some(&nominal),
+        FlashStatus::Record(nominal.sum()),
+    );
     assert_eq!(ask(&mut board, "rows"), "rows 16");
     Status::ask(&mut board).assert_none(&NOTHING_LOST);
     board.finish().expect("a clean run");
@@ -165,7 +169,7 @@ fn saving_pauses_the_stream_and_nothing_else() {
     assert_eq!(board.resets().expect("resets"), []);
     Status::ask(&mut board).assert_none(&NOTHING_LOST);
     let mut board = power_cycle(board);
-    assert_shown(&mut board, Some(&own), Stored::Record(own.sum()));
+    assert_shown(&mut board, Some(&own), FlashStatus::Record(own.sum()));
     assert_eq!(ask(&mut board, "rows"), "rows 8");
     board.finish().expect("a clean run");
 }
@@ -227,7 +231,7 @@ fn what_the_flash_does_not_keep_is_said_and_what_was_saved_before_holds() {
     board.flash().cut_power_after(0);
     let refusal = Refusal::NotSaved(StoreError::Worn);
     assert_eq!(save(&mut board)[1].text, refusal.to_string());
-    let stored = Stored::Record(own.sum());
+    let stored = FlashStatus::Record(own.sum());
     assert_shown(&mut board, Some(&longest()), stored);
     let mut board = power_cycle(board);
     assert_shown(&mut board, Some(&own), stored);
@@ -249,7 +253,7 @@ fn without_a_usable_calibration_there_is_no_distance() {
     let mut of_another_head = Contents::erased();
     kept::save(
         &mut of_another_head,
-        &Saved {
+        &Configuration {
             settings: Settings {
                 rows: 5,
                 mean: slitrange::frame::Mean::Plain,
@@ -260,8 +264,8 @@ fn without_a_usable_calibration_there_is_no_distance() {
         },
     );
     for (contents, stored, rows) in [
-        (damaged, Stored::Damaged, 16),
-        (of_another_head, Stored::OtherSensor, 5),
+        (damaged, FlashStatus::Damaged, 16),
+        (of_another_head, FlashStatus::OtherSensor, 5),
     ] {
         let mut board = boot_with(SharedFlash::holding(contents), paper());
         assert_shown(&mut board, None, stored);
@@ -291,7 +295,7 @@ fn without_a_usable_calibration_there_is_no_distance() {
         assert!(is_reading(&fresh_results(&mut board, 1)[0]));
         save_well(&mut board);
         let mut board = power_cycle(board);
-        assert_shown(&mut board, Some(&own), Stored::Record(own.sum()));
+        assert_shown(&mut board, Some(&own), FlashStatus::Record(own.sum()));
         board.finish().expect("a clean run");
     }
 }
@@ -302,11 +306,15 @@ fn the_nominal_calibration_is_used_where_it_is_asked_for() {
     let damaged = Contents::new(vec![0x5A; BYTES]).expect("two sectors");
     let mut board = boot_with(SharedFlash::holding(damaged), paper());
     set(&mut board, "defaults");
-    let nominal = Written::nominal().expect("a record");
-    assert_shown(&mut board, Some(&nominal), Stored::Damaged);
+    let nominal = EncodedRecord::nominal().expect("a record");
+    assert_shown(&mut board, Some(&nominal), FlashStatus::Damaged);
     save_well(&mut board);
     let mut board = power_cycle(board);
-    assert_shown(&mut board, Some(&nominal), Stored::Record(nominal.sum()));
+    assert_shown(
+        &mut board,
+        Some(&nominal),
+        FlashStatus::Record(nominal.sum()),
+    );
     assert!(is_reading(&fresh_results(&mut board, 1)[0]));
     board.finish().expect("a clean run");
 }

@@ -9,7 +9,7 @@ use slitrange::fault::Fault;
 use slitrange::frame::Frame;
 use slitrange::measurement::Measurement;
 use slitrange::protocol::answer::HELP;
-use slitrange::protocol::calibration::{Shown, Stored};
+use slitrange::protocol::calibration::{FlashStatus, Shown};
 use slitrange::protocol::info::{Banner, Hardware, Info};
 use slitrange::protocol::input::Input;
 use slitrange::protocol::ladder::Ladder;
@@ -17,12 +17,12 @@ use slitrange::protocol::piece::Piece;
 use slitrange::protocol::refusal::Refusal;
 use slitrange::protocol::status::{SerialErrors, StartCause, Status};
 use slitrange::protocol::upload::{Step, Upload};
-use slitrange::record::written::Written;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange::record::{self, Record};
 use slitrange::row::Row;
 use slitrange::spot;
 use slitrange::store::StoreError;
-use slitrange::store::saved::{self, Saved};
+use slitrange::store::configuration::{self, Configuration};
 use slitrange::units::{AsMillimetres, Counts, Micrometres, Pixels};
 
 use super::any::{self, any};
@@ -116,12 +116,12 @@ pub fn find_distances() {
         Err(error) => say(&error),
     }
     let settings = any::settings();
-    match saved::encode(&Saved { settings, record }, any::bytes(&mut buffer)) {
+    match configuration::encode(&Configuration { settings, record }, any::bytes(&mut buffer)) {
         Ok(written) => reached(written.len() as i32),
         Err(error) => say(&StoreError::Saved(error)),
     }
-    match saved::decode(any::bytes(&mut buffer)) {
-        Ok(Saved { settings, record }) => {
+    match configuration::decode(any::bytes(&mut buffer)) {
+        Ok(Configuration { settings, record }) => {
             reached(i32::from(settings.rows));
             reached(record.map_or(0, |record| record.serial_number as i32));
         }
@@ -132,10 +132,10 @@ pub fn find_distances() {
 /// A calibration comes in pieces, and is shown.
 pub fn take_calibrations() {
     let mut upload = Upload::none();
-    let mut in_use = Written::nominal();
+    let mut in_use = EncodedRecord::nominal();
     while any(true) {
         match upload.take(any(Step::Commit), &any::geometry()) {
-            Ok(Some(record)) => in_use = Written::new(record).ok(),
+            Ok(Some(record)) => in_use = EncodedRecord::new(record).ok(),
             Ok(None) => {}
             Err(refusal) => say(&refusal),
         }
@@ -143,7 +143,7 @@ pub fn take_calibrations() {
         say(&Shown {
             written,
             on: any(true),
-            stored: any(Stored::Nothing),
+            stored: any(FlashStatus::Nothing),
         });
         if let Some(piece) = written.and_then(|written| Piece::of(written.bytes(), any(0))) {
             say(&piece);

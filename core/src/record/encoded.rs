@@ -4,13 +4,13 @@ use super::{MAX_ENCODED, Record, RecordError, encode};
 
 /// A record with the bytes that it is written as.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Written {
+pub struct EncodedRecord {
     record: Record,
     bytes: [u8; MAX_ENCODED],
     count: usize,
 }
 
-impl Written {
+impl EncodedRecord {
     /// Writes a record.
     ///
     /// # Errors

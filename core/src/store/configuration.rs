@@ -20,7 +20,7 @@ use crate::units::Counts;
 
 /// What `save` keeps: the settings, and the calibration's record where the sensor has one of its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Saved {
+pub struct Configuration {
     /// What was set.
     pub settings: Settings,
     /// The sensor's own calibration. Without it the nominal one holds.
@@ -46,10 +46,13 @@ const FIXED: u8 = b'x';
 /// Writes to the front of a buffer, which [`MAX_ENCODED`] bytes are always enough for, and gives what was written.
 ///
 /// # Errors
-/// [`SavedError::NoRoom`], or what [`decode`] would say of it.
-pub fn encode<'a>(saved: &Saved, buffer: &'a mut [u8]) -> Result<&'a [u8], SavedError> {
+/// [`ConfigurationError::NoRoom`], or what [`decode`] would say of it.
+pub fn encode<'a>(
+    saved: &Configuration,
+    buffer: &'a mut [u8],
+) -> Result<&'a [u8], ConfigurationError> {
     check(&saved.settings)?;
-    let no_room = SavedError::NoRoom {
+    let no_room = ConfigurationError::NoRoom {
         bytes: buffer.len(),
     };
     let (settings, rest) = buffer.split_first_chunk_mut().ok_or(no_room)?;
@@ -64,13 +67,13 @@ pub fn encode<'a>(saved: &Saved, buffer: &'a mut [u8]) -> Result<&'a [u8], Saved
 /// Reads what was kept.
 ///
 /// # Errors
-/// [`SavedError`] says why the bytes are none that could be used.
-pub fn decode(bytes: &[u8]) -> Result<Saved, SavedError> {
-    let short = SavedError::Short { bytes: bytes.len() };
+/// [`ConfigurationError`] says why the bytes are none that could be used.
+pub fn decode(bytes: &[u8]) -> Result<Configuration, ConfigurationError> {
+    let short = ConfigurationError::Short { bytes: bytes.len() };
     match bytes.first() {
         None => return Err(short),
         Some(&VERSION) => {}
-        Some(&version) => return Err(SavedError::Version { version }),
+        Some(&version) => return Err(ConfigurationError::Version { version }),
     }
     let (settings, record) = bytes.split_first_chunk().ok_or(short)?;
     let settings = settings_from_bytes(*settings)?;
@@ -79,21 +82,21 @@ pub fn decode(bytes: &[u8]) -> Result<Saved, SavedError> {
         [] => None,
         record => Some(record::decode(record)?),
     };
-    Ok(Saved { settings, record })
+    Ok(Configuration { settings, record })
 }
 
 /// What the settings' types leave open.
-fn check(settings: &Settings) -> Result<(), SavedError> {
+fn check(settings: &Settings) -> Result<(), ConfigurationError> {
     let rows = settings.rows;
     if !(1..=MAX_ROWS).contains(&u32::from(rows)) {
-        return Err(SavedError::Rows { rows });
+        return Err(ConfigurationError::Rows { rows });
     }
     match settings.black_level {
         BlackLevel::Fixed(level)
             if !(0..=i32::from(LARGEST_COUNT) * (1 << Counts::FRACTION))
                 .contains(&level.to_bits()) =>
         {
-            Err(SavedError::BlackLevel { level })
+            Err(ConfigurationError::BlackLevel { level })
         }
         _ => Ok(()),
     }
@@ -127,7 +130,7 @@ fn settings_to_bytes(settings: &Settings) -> [u8; SETTINGS] {
     ]
 }
 
-fn settings_from_bytes(bytes: [u8; SETTINGS]) -> Result<Settings, SavedError> {
+fn settings_from_bytes(bytes: [u8; SETTINGS]) -> Result<Settings, ConfigurationError> {
     let [
         _,
         rows_low,
@@ -142,24 +145,24 @@ fn settings_from_bytes(bytes: [u8; SETTINGS]) -> Result<Settings, SavedError> {
         mean: match mean {
             WEIGHTED => Mean::Weighted,
             PLAIN => Mean::Plain,
-            letter => return Err(SavedError::Letter { letter }),
+            letter => return Err(ConfigurationError::Letter { letter }),
         },
         estimator: Estimator::ALL
             .into_iter()
             .find(|known| known.letter() == char::from(estimator))
-            .ok_or(SavedError::Letter { letter: estimator })?,
+            .ok_or(ConfigurationError::Letter { letter: estimator })?,
         black_level: match (black_level, i32::from_le_bytes(value)) {
             (SHIELDED, 0) => BlackLevel::Shielded,
             (FRAME, 0) => BlackLevel::Frame,
             (FIXED, level) => BlackLevel::Fixed(Counts::from_bits(level)),
-            (letter, _) => return Err(SavedError::Letter { letter }),
+            (letter, _) => return Err(ConfigurationError::Letter { letter }),
         },
     })
 }
 
 /// Why bytes are nothing that was kept, or something cannot be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SavedError {
+pub enum ConfigurationError {
     /// The buffer is too short.
     NoRoom {
         /// What it holds.
@@ -194,13 +197,13 @@ pub enum SavedError {
     Record(RecordError),
 }
 
-impl From<RecordError> for SavedError {
+impl From<RecordError> for ConfigurationError {
     fn from(error: RecordError) -> Self {
         Self::Record(error)
     }
 }
 
-impl fmt::Display for SavedError {
+impl fmt::Display for ConfigurationError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NoRoom { bytes } => write!(
@@ -232,4 +235,4 @@ impl fmt::Display for SavedError {
     }
 }
 
-impl core::error::Error for SavedError {}
+impl core::error::Error for ConfigurationError {}
