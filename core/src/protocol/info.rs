@@ -6,9 +6,9 @@ use super::status::StartCause;
 use crate::distance::Calibration;
 use crate::distance::eq1::Eq1;
 use crate::distance::knots::{Interpolation, Knots};
-use crate::measurement::Settings;
 use crate::record::Record;
 use crate::row::{Geometry, Polarity};
+use crate::settings::Settings;
 use crate::units::AsMillimetres;
 
 /// The version of the firmware.

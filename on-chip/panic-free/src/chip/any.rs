@@ -9,12 +9,12 @@ use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::fault::Fault;
 use slitrange::frame::{FrameCentre, Mean};
-use slitrange::measurement::Settings;
 use slitrange::reading::{Measured, Reading};
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
+use slitrange::settings::Settings;
 use slitrange::spot::{Background, Spot};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
@@ -55,6 +55,7 @@ pub fn settings() -> Settings {
         mean: any(Mean::Plain),
         estimator: any(Estimator::Centroid),
         black_level: any(BlackLevel::Shielded),
+        ..Settings::default()
     }
 }
 
