@@ -77,7 +77,7 @@ impl InUse {
     fn set_saved(&mut self, Configuration { settings, record }: Configuration) {
         self.settings = settings;
         match record {
-            Some(record) if record.geometry != tcd1304::geometry() => {
+            Some(record) if !record.geometry.has_same_words(&tcd1304::geometry()) => {
                 self.calibration = None;
                 self.stored = FlashStatus::OtherSensor;
                 return;
