@@ -110,8 +110,8 @@ const STREAM: &str = "stream on|off";
 const HELP: &str = "help [estimator]";
 const ESTIMATOR: &str = "estimator NAME, try help estimator";
 const CALIBRATION: &str = "calibration on|off|begin|data|commit|abort";
-const BEGIN: &str = "calibration begin 1..2641";
-const DATA: &str = "calibration data 0..2640 [HEX CRC16]";
+const BEGIN: &str = "calibration begin 1..1361";
+const DATA: &str = "calibration data 0..1360 [HEX CRC16]";
 
 /// Reads a line (without its end).
 ///
@@ -285,10 +285,10 @@ mod tests {
             Ok(Command::Calibration(Some(true)))
         );
         assert_eq!(parse(b"calibration"), Ok(Command::Calibration(None)));
-        assert_eq!(parse(b"calibration data 2640"), Ok(Command::Data(2640)));
+        assert_eq!(parse(b"calibration data 1360"), Ok(Command::Data(1360)));
         assert_eq!(
-            parse(b"calibration begin 2641"),
-            Ok(Command::Upload(Step::Begin(2641)))
+            parse(b"calibration begin 1361"),
+            Ok(Command::Upload(Step::Begin(1361)))
         );
         assert_eq!(
             parse(b" calibration  commit"),
@@ -338,7 +338,7 @@ mod tests {
             ("calibration begin 10 10", Error::Form(BEGIN)),
             ("calibration data", Error::Form(DATA)),
             ("calibration data -1", Error::Form(DATA)),
-            ("calibration data 2641", Error::Range(DATA)),
+            ("calibration data 1361", Error::Range(DATA)),
             ("calibration data 0 00", Error::Form(DATA)),
             ("calibration data 0 00 1d0f 0", Error::Form(DATA)),
             ("calibration data 0 00 1d0f 0 0", Error::Form(DATA)),

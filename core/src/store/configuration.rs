@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! format version | rows | mean | estimator | black level | its value | the record's own bytes, or none
-//! 1 byte         | 2    | 1    | 1         | 1           | 4         | up to 2641
+//! 1 byte         | 2    | 1    | 1         | 1           | 4         | up to 1361
 //! ```
 //!
 //! Numbers are little endian; mean, estimator and black level are letters. What checks the bytes as a whole is not among them: the
