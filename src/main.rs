@@ -18,8 +18,6 @@ mod board;
 #[cfg(target_os = "none")]
 mod flash;
 #[cfg(target_os = "none")]
-mod in_use;
-#[cfg(target_os = "none")]
 mod measuring;
 #[cfg(target_os = "none")]
 mod serial_line;

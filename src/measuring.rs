@@ -4,11 +4,10 @@ use core::sync::atomic::Ordering;
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, with_timeout};
-use slitrange::black_level::BlackLevel;
 use slitrange::fault::Fault;
-use slitrange::frame::Mean;
-use slitrange::measurement::{Measurement, Settings};
+use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
+use slitrange::settings::Settings;
 
 use super::shared::{COUNTERS, FREE, FULL, PAUSED, RESULTS, SETTINGS, WORDS};
 use super::{board, tcd1304};
@@ -16,20 +15,10 @@ use super::{board, tcd1304};
 /// Without a row for so long (17 of them) the sensor is silent.
 const SILENCE: Duration = Duration::from_millis(100);
 
-/// What is set at the start: 11 readings a second.
-pub fn default_settings() -> Settings {
-    Settings {
-        estimator: slitrange::centre::Estimator::default(),
-        rows: 16,
-        mean: Mean::default(),
-        black_level: BlackLevel::Shielded,
-    }
-}
-
 /// Measures for ever. Deadline: a row within [`super::acquisition::ROW_PERIOD`], or rows are lost.
 #[embassy_executor::task]
 pub async fn measure() {
-    let mut measurement = Measurement::new(tcd1304::geometry(), default_settings());
+    let mut measurement = Measurement::new(tcd1304::geometry(), Settings::default());
     loop {
         // Settings first: no row that comes after they were set is measured without them.
         match select(SETTINGS.wait(), with_timeout(SILENCE, FULL.receive())).await {

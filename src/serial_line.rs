@@ -5,9 +5,10 @@ use embassy_stm32::usart::BufferedUart;
 use embedded_io_async::Read as _;
 use slitrange::protocol::input::Input;
 use slitrange::protocol::status::StartCause;
+use slitrange::session::Event;
 
 use super::flash::CalibrationFlash;
-use super::session::Session;
+use super::session::Shell;
 use super::shared::RESULTS;
 use super::transmitter::Transmitter;
 
@@ -21,13 +22,13 @@ const PIECE: usize = 64;
 #[embassy_executor::task]
 pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: CalibrationFlash) {
     let (tx, mut rx) = uart.split();
-    let mut session = Session::new(Transmitter::new(tx), started_by, flash);
-    session.start().await;
+    let mut shell = Shell::new(Transmitter::new(tx), started_by, flash);
+    shell.start().await;
     let mut input = Input::new();
     let mut bytes = [0; PIECE];
     loop {
         match select(RESULTS.receive(), rx.read(&mut bytes)).await {
-            Either::First(result) => session.report(result).await,
+            Either::First(result) => shell.take(Event::Frame(result)).await,
             Either::Second(received) => {
                 // Never an error in this driver, which counts and drops them; if it were, there are no bytes.
                 let received = received.unwrap_or(0);
@@ -35,10 +36,10 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
                     .iter()
                     .filter_map(|&byte| input.take(byte))
                 {
-                    session.answer(command).await;
+                    shell.take(Event::Line(command)).await;
                     // A line full of commands takes seconds to answer: results have their turn in between.
                     while let Ok(result) = RESULTS.try_receive() {
-                        session.report(result).await;
+                        shell.take(Event::Frame(result)).await;
                     }
                 }
             }

@@ -6,9 +6,10 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use slitrange::fault::Fault;
-use slitrange::measurement::Settings;
+use slitrange::protocol::status::{SerialErrors, Vitals};
 use slitrange::reading::Measured;
 use slitrange::sensor_heads;
+use slitrange::settings::Settings;
 
 /// Words in a row, all of which one DMA transfer brings.
 pub const WORDS: usize = sensor_heads::tcd1304dg().words;
@@ -72,6 +73,25 @@ pub struct Counters {
     pub serial_framing: Counter,
     /// Characters lost because the one before was not fetched in time.
     pub serial_overrun: Counter,
+}
+
+impl Counters {
+    /// What `status` shows of them.
+    pub fn vitals(&self, uptime_ms: u64) -> Vitals {
+        Vitals {
+            uptime_ms,
+            rows: self.rows.get(),
+            rows_lost: self.rows_lost.get(),
+            rows_failed: self.rows_failed.get(),
+            row_cycles: self.row_cycles.get(),
+            lines_dropped: self.lines_dropped.get(),
+            serial_errors: SerialErrors {
+                noise: self.serial_noise.get(),
+                framing: self.serial_framing.get(),
+                overrun: self.serial_overrun.get(),
+            },
+        }
+    }
 }
 
 /// A number that any task or interrupt may count up and read.

@@ -8,15 +8,11 @@
 //! * `write` starts the interrupt only if the buffer was empty when it looked. If the last bytes leave between that
 //!   look and the new bytes' arrival, nobody starts it: it is started here after every write.
 
-use core::fmt::{Display, Write as _};
-
 use embassy_futures::poll_once;
 use embassy_stm32::interrupt::InterruptExt;
 use embassy_stm32::usart::BufferedUartTx;
 use embassy_time::Timer;
 use embedded_io_async::Write as _;
-use heapless::String;
-use slitrange::protocol::MAX_ANSWER;
 
 use super::board;
 use super::shared::COUNTERS;
@@ -33,11 +29,8 @@ impl Transmitter {
         Self(port)
     }
 
-    /// Sends an answer, however long that takes: a person or a program waits for it.
-    pub async fn send(&mut self, answer: &dyn Display) {
-        let mut text = String::<MAX_ANSWER>::new();
-        // An answer that does not fit is cut off; the tests of the protocol hold that all fit.
-        let _ = write!(text, "{answer}\r\n");
+    /// Sends text, however long that takes: a person or a program waits for it.
+    pub async fn send(&mut self, text: &str) {
         for piece in text.as_bytes().chunks(PIECE) {
             while !self.accept(piece) {
                 // The line carries 11 bytes a millisecond.
@@ -46,10 +39,8 @@ impl Transmitter {
         }
     }
 
-    /// Sends a result if there is room for it, and drops it otherwise: the next one is more recent.
-    pub fn offer(&mut self, result: &dyn Display) {
-        let mut line = String::<128>::new();
-        let _ = write!(line, "{result}\r\n");
+    /// Sends a line if there is room for it, and drops it otherwise: the next one is more recent.
+    pub fn offer(&mut self, line: &str) {
         COUNTERS.lines_dropped.add_if(!self.accept(line.as_bytes()));
     }
 

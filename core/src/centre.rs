@@ -70,6 +70,17 @@ impl Estimator {
             Self::Fraunhofer => 'f',
         }
     }
+
+    /// The estimator of a letter that flash or a file holds. Earlier firmware had more estimators. `robust` (`r`) measured with
+    /// [`Estimator::Adaptive`] wherever the row was good; the others (`b`, `l`, `p`, `z`) measured the same centre as
+    /// [`Estimator::PhaseTable`], less well.
+    pub fn of_letter(letter: char) -> Option<Self> {
+        match letter {
+            'r' => Some(Self::Adaptive),
+            'b' | 'l' | 'p' | 'z' => Some(Self::PhaseTable),
+            _ => Self::ALL.into_iter().find(|it| it.letter() == letter),
+        }
+    }
 }
 
 /// What an estimator finds in a row.

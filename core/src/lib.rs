@@ -47,6 +47,8 @@ pub mod reading;
 pub mod record;
 pub mod row;
 pub mod sensor_heads;
+pub mod session;
+pub mod settings;
 pub mod spot;
 pub mod store;
 pub mod units;

@@ -3,27 +3,15 @@
 //! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> [`Measured`], the centre of the frame. What that means is a
 //! [`Calibration`](crate::distance::Calibration)'s to say: [`Measured::reading`].
 
-use crate::black_level::{BlackLevel, BlackPixels};
-use crate::centre::{Estimator, RowCentre};
+use crate::black_level::BlackPixels;
+use crate::centre::RowCentre;
 use crate::check;
 use crate::fault::Fault;
-use crate::frame::{Frame, Mean};
+use crate::frame::Frame;
 use crate::reading::Measured;
 use crate::row::{Geometry, Row};
+pub use crate::settings::Settings;
 use crate::spot::{self, Spot};
-
-/// What a person can set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
-    /// Rows in a frame, 1 to [`MAX_ROWS`](crate::frame::MAX_ROWS); less counts as 1, more as that.
-    pub rows: u16,
-    /// How they become one.
-    pub mean: Mean,
-    /// How the centre of a row is found.
-    pub estimator: Estimator,
-    /// How the black level is found.
-    pub black_level: BlackLevel,
-}
 
 /// The pipeline with the state of the frame that is under way.
 #[derive(Clone, Debug)]

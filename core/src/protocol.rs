@@ -1,11 +1,10 @@
 //! The serial line's words: commands in, lines out. Pure text; the firmware brings the bytes.
 
-pub mod answer;
 pub mod calibration;
 pub mod command;
+pub mod help;
 pub mod info;
 pub mod input;
-pub mod ladder;
 pub mod line;
 pub mod piece;
 pub mod refusal;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use slitrange::centre::{self, Estimator, RowCentre};
 use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
-use slitrange::spot;
+use slitrange::spot::{self, Spot};
 
 use crate::accuracy::{Cell, Outcome, PIXELS};
 use simulator::bound;
@@ -32,6 +32,17 @@ pub struct Rows {
     pub hot_pixel: Option<f64>,
     /// Pixels of a row.
     pub pixels: usize,
+}
+
+/// A function that finds centres as [`centre::centre`] does, by any of several methods `M`.
+pub trait Find<M>:
+    Fn(M, &Row<'_>, &Spot, Option<&RowCentre>, &Geometry) -> Result<RowCentre, Fault> + Sync
+{
+}
+
+impl<M, F> Find<M> for F where
+    F: Fn(M, &Row<'_>, &Spot, Option<&RowCentre>, &Geometry) -> Result<RowCentre, Fault> + Sync
+{
 }
 
 /// Whether an estimator is given what it found in the row before.
@@ -90,21 +101,30 @@ impl Rows {
     /// Runs the estimators over the rows: an outcome for each, in their order. Every row that has a centre counts, a gross
     /// error as any other.
     pub fn run(&self, estimators: &[Estimator]) -> Vec<Outcome> {
-        let known = |&estimator| (estimator, Before::Known);
-        self.run_each(&estimators.iter().map(known).collect::<Vec<_>>())
+        self.run_by(estimators, centre::centre)
     }
 
-    /// The same for estimators that know the row before, and that do not.
+    /// Runs methods other than the firmware's estimators: `find` is [`centre::centre`] for them.
+    pub fn run_by<M: Copy + Sync>(&self, methods: &[M], find: impl Find<M>) -> Vec<Outcome> {
+        let known = |&method| (method, Before::Known);
+        self.run_all(&methods.iter().map(known).collect::<Vec<_>>(), find)
+    }
+
+    /// Runs estimators that know the row before, and estimators that do not.
     pub fn run_each(&self, estimators: &[(Estimator, Before)]) -> Vec<Outcome> {
+        self.run_all(estimators, centre::centre)
+    }
+
+    fn run_all<M: Copy + Sync>(&self, methods: &[(M, Before)], find: impl Find<M>) -> Vec<Outcome> {
         let bound = self.bound();
         let gross = (0.5 * self.cell.width).max(8.0 * bound);
         let scene = self.cell.scene_of(self.pixels);
         // Collected in order before they are added up: the sums are then the same on any number of cores.
         let series: Vec<Vec<Sums>> = (0..self.cell.rows.div_ceil(SERIES))
             .into_par_iter()
-            .map(|series| self.run_series(&scene, series, estimators, gross))
+            .map(|series| self.run_series(&scene, series, methods, &find, gross))
             .collect();
-        (0..estimators.len())
+        (0..methods.len())
             .map(|i| {
                 let mut total = Sums::default();
                 for sums in &series {
@@ -115,27 +135,26 @@ impl Rows {
             .collect()
     }
 
-    fn run_series(
+    fn run_series<M: Copy>(
         &self,
         scene: &Scene,
         series: u64,
-        estimators: &[(Estimator, Before)],
+        methods: &[(M, Before)],
+        find: &impl Find<M>,
         gross: f64,
     ) -> Vec<Sums> {
         let from = series * SERIES;
         let rows = from..(from + SERIES).min(self.cell.rows);
-        let mut sums = vec![Sums::default(); estimators.len()];
-        let mut before = vec![None; estimators.len()];
+        let mut sums = vec![Sums::default(); methods.len()];
+        let mut before = vec![None; methods.len()];
         for row in rows {
             let (counts, truth) = self.row(scene, row);
             let row = Row::new(&counts, &[], 4095).expect("quantised to 12 bits");
             let spot = spot::find(&row);
-            for ((&(estimator, knows), sums), before) in
-                estimators.iter().zip(&mut sums).zip(&mut before)
+            for ((&(method, knows), sums), before) in methods.iter().zip(&mut sums).zip(&mut before)
             {
-                let centre = spot.and_then(|spot| {
-                    centre::centre(estimator, &row, &spot, before.as_ref(), &scene.geometry())
-                });
+                let centre = spot
+                    .and_then(|spot| find(method, &row, &spot, before.as_ref(), &scene.geometry()));
                 sums.count(centre, truth, gross);
                 *before = centre.ok().filter(|_| knows == Before::Known);
             }
@@ -197,10 +216,10 @@ const PHASES: u32 = 64;
 /// fractions of a count. What is left of it is a sixteenth: 3e-5 pixel for the widest spots.
 const DITHERS: u32 = 16;
 
-/// The estimator's largest bias in pixels over the sub-pixel phases, on noiseless gaussian spots of 3800 counts, with and without
+/// The method's largest bias in pixels over the sub-pixel phases, on noiseless gaussian spots of 3800 counts, with and without
 /// knowledge of the row before, for a sensor with shot noise (10 electrons a count) and for one without. `None` where a row
 /// has no centre.
-pub fn largest_bias(estimator: Estimator, width: f64) -> Option<f64> {
+pub fn largest_bias<M: Copy + Sync>(method: M, find: impl Find<M>, width: f64) -> Option<f64> {
     let shots = [None, Some(10.0)];
     shots
         .into_iter()
@@ -213,12 +232,17 @@ pub fn largest_bias(estimator: Estimator, width: f64) -> Option<f64> {
                 rows: 0,
                 seed: 0,
             };
-            bias(estimator, width, &cell.scene().geometry())
+            bias(method, &find, width, &cell.scene().geometry())
         })
         .try_fold(0.0f64, |worst, bias| Some(worst.max(bias?)))
 }
 
-fn bias(estimator: Estimator, width: f64, geometry: &Geometry) -> Option<f64> {
+fn bias<M: Copy + Sync>(
+    method: M,
+    find: &impl Find<M>,
+    width: f64,
+    geometry: &Geometry,
+) -> Option<f64> {
     let truth = |phase| (geometry.words / 2) as f64 + f64::from(phase) / f64::from(PHASES) - 0.5;
     // For each black level the errors over the phases, with the row before and without.
     let errors: Vec<[Vec<f64>; 2]> = (0..DITHERS)
@@ -234,7 +258,7 @@ fn bias(estimator: Estimator, width: f64, geometry: &Geometry) -> Option<f64> {
                 let counts = quantise(&counts, 4095);
                 let row = Row::new(&counts, &[], 4095).expect("quantised to 12 bits");
                 let spot = spot::find(&row).ok()?;
-                let centre = |before| centre::centre(estimator, &row, &spot, before, geometry).ok();
+                let centre = |before| find(method, &row, &spot, before, geometry).ok();
                 let alone = centre(None)?;
                 let known = centre(last.as_ref())?;
                 for (centre, errors) in [alone, known].iter().zip(&mut errors) {

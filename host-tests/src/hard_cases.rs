@@ -119,8 +119,8 @@ pub struct RowCase {
     pub why: &'static str,
     /// What must come out.
     pub due: Due,
-    /// What the robust rung owes besides: a centre without a flag within so many pixels, in most rows.
-    pub robust_within: Option<f64>,
+    /// Pixels within which the repair's own centres must lie, without a flag, in most rows.
+    pub repair_within: Option<f64>,
     /// What the rows are made of.
     pub source: Source,
 }

@@ -8,7 +8,6 @@ use host_tests::hard_cases::mixtures;
 use host_tests::hard_cases::report::{self, Catalogue};
 use host_tests::hard_cases::tally::Tally;
 use host_tests::hard_cases::{self, Group};
-use lab::docs;
 use slitrange::centre::Estimator;
 
 static CATALOGUE: LazyLock<Catalogue> = LazyLock::new(Catalogue::run);
@@ -86,11 +85,12 @@ fn what_rungs_fail_at() {
 fn the_page_is_what_the_catalogue_says() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hard-cases.md");
     let text = std::fs::read_to_string(page).expect("docs/hard-cases.md");
-    let due = docs::with_block(&text, report::CATALOGUE, &CATALOGUE.markdown()).expect("marks");
-    let differing = text.lines().zip(due.lines()).find(|(is, due)| is != due);
+    let block = CATALOGUE.markdown();
+    let due = format!("<!-- {} -->\n\n{block}\n<!-- end -->", report::CATALOGUE);
+    let missing = block.lines().find(|line| !text.contains(line));
     assert!(
-        text == due,
-        "docs/hard-cases.md is not what `cargo hard-cases` writes. (is, due): {differing:#?}"
+        text.contains(&due),
+        "docs/hard-cases.md is not what `cargo hard-cases` writes; a line that it has not: {missing:?}"
     );
 }
 

@@ -7,6 +7,7 @@
 //!
 //! Distances are in millimetres where a person reads or writes them, in metres in computations.
 
+pub mod axes;
 pub mod fit;
 pub mod points;
 pub mod record_file;

@@ -8,10 +8,10 @@ use serde::Serialize;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::{Interpolation, Knot, Knots};
-use slitrange::protocol::command::Command;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::record::{MAX_ENCODED, decode};
 use slitrange::row::Polarity;
+use slitrange::settings::Value;
 use slitrange::units::{Micrometres, Pixels};
 
 use crate::whole_file;
@@ -179,7 +179,7 @@ impl Shown {
                     / 65536.0,
             },
             estimator: record.estimator.name().to_owned(),
-            black: value(Command::Black(Some(record.black_level))),
+            black: value(Value::Black(record.black_level)),
             nominal: record.is_nominal(),
             kind,
             eq1: eq1.map(|curve| ShownEq1 {
@@ -306,8 +306,8 @@ fn parts(calibration: &Calibration) -> (&'static str, Option<&Eq1>, Option<&Knot
 }
 
 /// What follows the name in a command.
-fn value(command: Command) -> String {
-    let line = command.to_string();
+fn value(value: Value) -> String {
+    let line = value.to_string();
     line.split_once(' ')
         .map_or(line.clone(), |(_, value)| value.to_owned())
 }

@@ -36,7 +36,7 @@ impl Firmware {
     ///
     /// As [`Firmware::build_package`].
     pub fn build() -> Result<Self> {
-        Self::build_program("slitrange", "slitrange-firmware")
+        Self::build_package("slitrange-firmware")
     }
 
     /// Builds the program of a package of this workspace, which is named as its package, and loads it.
@@ -45,14 +45,10 @@ impl Firmware {
     ///
     /// The build fails, its messages then being on stderr or in the error, or what it built cannot be loaded.
     pub fn build_package(package: &str) -> Result<Self> {
-        Self::build_program(package, package)
-    }
-
-    fn build_program(package: &str, program: &str) -> Result<Self> {
         let mut command = cargo();
         command
             .args(["build", "--release", "--target", "thumbv7em-none-eabihf"])
-            .args(["--package", package, "--bin", program])
+            .args(["--package", package, "--bin", package])
             .arg("--message-format=json-render-diagnostics");
         // A person sees the build's progress; a test's output stays clean unless the build fails.
         if std::io::stderr().is_terminal() {
@@ -65,7 +61,7 @@ impl Firmware {
         if !output.status.success() {
             bail!(
                 "the chip's program {package} did not build ({}); to see why, run\n\
-                 cargo build --release --target thumbv7em-none-eabihf --package {package} --bin {program}\n{}",
+                 cargo build --release --target thumbv7em-none-eabihf --package {package} --bin {package}\n{}",
                 output.status,
                 String::from_utf8_lossy(&output.stderr)
             );

@@ -20,7 +20,7 @@ const FULL_WIDTH: f32 = 2.354_82;
 
 /// The narrowest and the widest spot in pixels. A hot pixel alone looks like one of 0.3, and a spot of 0.6, which is
 /// narrower than any optics makes it, like one of at least 0.55. At the other end [`crate::spot::find`] gives up.
-pub(crate) const WIDTHS: core::ops::RangeInclusive<f32> = 0.5..=170.0;
+pub const WIDTHS: core::ops::RangeInclusive<f32> = 0.5..=170.0;
 
 /// A spot as its half maximum shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -59,31 +59,6 @@ pub fn certain(amplitude: f32, uncertainty: f32, width: f32) -> Result<(), Fault
     Err(too_dim(amplitude, uncertainty, width))
 }
 
-/// The same for a rung whose uncertainty comes from a few pixels' counts. Where noise alone was taken for a spot, those were chosen
-/// for being high, and seem sharper than they are: no spot is known better than by the Cramér-Rao bound in that noise.
-///
-/// # Errors
-/// As [`certain`].
-#[inline]
-pub fn certain_in_noise(
-    amplitude: f32,
-    uncertainty: f32,
-    width: f32,
-    noise: Counts,
-) -> Result<(), Fault> {
-    /// The bound over sqrt(sigma) noise / A: sqrt(2 / sqrt(pi)).
-    const BOUND: f32 = 1.062_3;
-    let bound = BOUND * dual_mac::square_root(width) * noise.to_f32() / amplitude;
-    // Where one is no number, neither is certain.
-    let larger = if bound < uncertainty {
-        uncertainty
-    } else {
-        bound
-    };
-    certain(amplitude, uncertainty, width)?;
-    certain(amplitude, larger, width)
-}
-
 #[cold]
 fn too_dim(amplitude: f32, uncertainty: f32, width: f32) -> Fault {
     Fault::TooDim {

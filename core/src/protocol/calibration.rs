@@ -5,6 +5,7 @@ use core::fmt;
 use super::command::Command;
 use crate::distance::Calibration;
 use crate::record::encoded::EncodedRecord;
+use crate::settings::Value;
 use crate::units::AsMillimetres;
 
 /// What of a calibration is kept over a power cycle.
@@ -63,7 +64,7 @@ impl Shown<'_> {
         write!(f, "\r\ncalibration serial {}", record.serial_number)?;
         write!(f, "\r\ncalibration date {}", record.date)?;
         write!(f, "\r\ncalibration estimator {}", record.estimator.name())?;
-        let black = Command::Black(Some(record.black_level));
+        let black = Value::Black(record.black_level);
         write!(f, "\r\ncalibration {black}")?;
         let (first, last) = record.calibration.valid();
         write!(f, "\r\ncalibration centres {first} {last} px")?;

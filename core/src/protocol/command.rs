@@ -1,23 +1,16 @@
-//! A line that a person or a program typed becomes a command.
+//! A line that a person or a program typed becomes a command, and back.
 //!
-//! `NAME` reads, `NAME value` sets. Names are lower case; words are separated by blanks.
+//! `NAME` shows a setting, `NAME VALUE` sets it. Names are lower case; words are separated by blanks.
 
 use core::fmt;
-use core::ops::RangeInclusive;
 
 use super::piece::{Piece, PieceError};
 use super::upload::Step;
-use crate::black_level::BlackLevel;
-use crate::centre::Estimator;
-use crate::frame::{MAX_ROWS, Mean};
 use crate::record::MAX_ENCODED;
-use crate::units::Counts;
+use crate::settings::{Form, Setting, Value, ValueError, read_number};
 
 /// The longest line that is read, in bytes, without its end.
 pub const MAX_LINE: usize = 64;
-
-/// The largest black level that can be fixed, in counts: that of a 12-bit converter.
-const MAX_BLACK: u32 = 4095;
 
 /// What the sensor is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,33 +19,27 @@ pub enum Command {
     Nothing,
     /// The list of commands.
     Help,
-    /// The list of estimators, with what each costs and gives.
+    /// The list of estimators, with what each is for.
     HelpEstimator,
     /// What this sensor is.
     Info,
-    /// How it fares.
+    /// What has been counted since the start.
     Status,
     /// One reading.
     Distance,
     /// One centre, calibrated or not.
     Centre,
-    /// Show whether readings stream, or set it.
-    Stream(Option<bool>),
-    /// Show how the black level is found, or set it.
-    Black(Option<BlackLevel>),
-    /// Show the rows in a frame, or set them.
-    Rows(Option<u16>),
-    /// Show how the rows' centres become one, or set it.
-    Mean(Option<Mean>),
-    /// Show how the centre of a row is found, or set it.
-    Estimator(Option<Estimator>),
+    /// Show a setting.
+    Show(Setting),
+    /// Set a setting.
+    Set(Value),
     /// Show the calibration in use, or switch between distances and centres only.
     Calibration(Option<bool>),
     /// Show the piece of the calibration's record that begins at an offset.
     Data(u16),
     /// A step of an upload of another record.
     Upload(Step),
-    /// Keep settings and calibration over a power cycle.
+    /// Write settings and calibration to flash.
     Save,
     /// Settings and calibration as they left the factory.
     Defaults,
@@ -67,12 +54,14 @@ pub enum Error {
     Form(&'static str),
     /// A number is too small or too large. Names the form and the range.
     Range(&'static str),
+    /// The value of a setting is not understood, out of range, or not in its list.
+    Value(Setting, ValueError),
+    /// An offset or a length that no record has.
+    Record(RecordForm, ValueError),
     /// The line is longer than [`MAX_LINE`].
     TooLong,
     /// The line has bytes that are not printable ASCII.
     NotText,
-    /// No estimator has that name.
-    NoEstimator,
     /// A piece of a record does not have the checksum that was sent with it.
     Checksum {
         /// What was sent.
@@ -82,15 +71,46 @@ pub enum Error {
     },
 }
 
+/// The commands that name the longest record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RecordForm {
+    /// `calibration begin`
+    Begin,
+    /// `calibration data`
+    Data,
+}
+
+impl fmt::Display for RecordForm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Begin => write!(f, "calibration begin 1..{MAX_ENCODED}"),
+            Self::Data => write!(f, "calibration data 0..{} [HEX CRC16]", MAX_ENCODED - 1),
+        }
+    }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Unknown => f.write_str("E1 unknown command, try help"),
             Self::Form(form) => write!(f, "E2 expected {form}"),
             Self::Range(range) => write!(f, "E3 out of range, expected {range}"),
+            Self::Value(setting, error) => {
+                let (name, form) = (setting.name(), setting.form());
+                match error {
+                    ValueError::Form => write!(f, "E2 expected {name} {form}")?,
+                    ValueError::Range => write!(f, "E3 out of range, expected {name} {form}")?,
+                    ValueError::Unlisted => write!(f, "E6 unknown {name}")?,
+                }
+                match form {
+                    Form::Listed => write!(f, ", try help {name}"),
+                    Form::Number { .. } | Form::Words(_) => Ok(()),
+                }
+            }
+            Self::Record(form, ValueError::Range) => write!(f, "E3 out of range, expected {form}"),
+            Self::Record(form, _) => write!(f, "E2 expected {form}"),
             Self::TooLong => write!(f, "E4 line longer than {MAX_LINE} characters"),
             Self::NotText => f.write_str("E5 not ASCII text"),
-            Self::NoEstimator => f.write_str("E6 unknown estimator, try help estimator"),
             Self::Checksum { written, computed } => {
                 write!(
                     f,
@@ -103,15 +123,11 @@ impl fmt::Display for Error {
 
 impl core::error::Error for Error {}
 
-const BLACK: &str = "black fixed 0..4095|shielded|frame";
-const ROWS: &str = "rows 1..64";
-const MEAN: &str = "mean plain|weighted";
-const STREAM: &str = "stream on|off";
 const HELP: &str = "help [estimator]";
-const ESTIMATOR: &str = "estimator NAME, try help estimator";
 const CALIBRATION: &str = "calibration on|off|begin|data|commit|abort";
-const BEGIN: &str = "calibration begin 1..2641";
-const DATA: &str = "calibration data 0..2640 [HEX CRC16]";
+
+/// Words that a line may have beyond its first: those of the longest command, and one more to notice that there are too many.
+const MOST_WORDS: usize = 5;
 
 /// Reads a line (without its end).
 ///
@@ -129,250 +145,207 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
     let Some(name) = words.next() else {
         return Ok(Command::Nothing);
     };
-    let values = [(); MOST_VALUES + 1].map(|()| words.next());
+    let mut values: heapless::Vec<&str, MOST_WORDS> = heapless::Vec::new();
+    for word in words {
+        // More words than any command has stay out: there is one too many all the same.
+        let _ = values.push(word);
+    }
+    let values = values.as_slice();
+    if let Some(setting) = Setting::named(name) {
+        return match values {
+            [] => Ok(Command::Show(setting)),
+            _ => match setting.read(values) {
+                Ok(value) => Ok(Command::Set(value)),
+                Err(error) => Err(Error::Value(setting, error)),
+            },
+        };
+    }
     match name {
-        "help" => help(values),
+        "help" => match values {
+            [] => Ok(Command::Help),
+            ["estimator"] => Ok(Command::HelpEstimator),
+            _ => Err(Error::Form(HELP)),
+        },
         "info" => alone(values, Command::Info, "info"),
         "status" => alone(values, Command::Status, "status"),
         "distance" => alone(values, Command::Distance, "distance"),
         "centre" => alone(values, Command::Centre, "centre"),
         "save" => alone(values, Command::Save, "save"),
         "defaults" => alone(values, Command::Defaults, "defaults"),
-        "stream" => switch(values, STREAM).map(Command::Stream),
         "calibration" => calibration(values),
-        "black" => black(values).map(Command::Black),
-        "rows" => rows(values).map(Command::Rows),
-        "mean" => mean(values).map(Command::Mean),
-        "estimator" => estimator(values).map(Command::Estimator),
         _ => Err(Error::Unknown),
     }
 }
 
-/// Values of the command that takes the most.
-const MOST_VALUES: usize = 4;
-
-/// The words behind a command's name. The last one is there only if there are too many.
-type Values<'a> = [Option<&'a str>; MOST_VALUES + 1];
-
-fn alone(values: Values<'_>, command: Command, form: &'static str) -> Result<Command, Error> {
+/// A command that has no value.
+fn alone(values: &[&str], command: Command, form: &'static str) -> Result<Command, Error> {
     match values {
-        [None, ..] => Ok(command),
+        [] => Ok(command),
         _ => Err(Error::Form(form)),
     }
 }
 
-fn help(values: Values<'_>) -> Result<Command, Error> {
-    match values {
-        [None, ..] => Ok(Command::Help),
-        [Some("estimator"), None, ..] => Ok(Command::HelpEstimator),
-        _ => Err(Error::Form(HELP)),
-    }
-}
-
-fn switch(values: Values<'_>, form: &'static str) -> Result<Option<bool>, Error> {
-    match values {
-        [None, ..] => Ok(None),
-        [Some("on"), None, ..] => Ok(Some(true)),
-        [Some("off"), None, ..] => Ok(Some(false)),
-        _ => Err(Error::Form(form)),
-    }
-}
-
-fn black(values: Values<'_>) -> Result<Option<BlackLevel>, Error> {
-    match values {
-        [None, ..] => Ok(None),
-        [Some("shielded"), None, ..] => Ok(Some(BlackLevel::Shielded)),
-        [Some("frame"), None, ..] => Ok(Some(BlackLevel::Frame)),
-        [Some("fixed"), Some(counts), None, ..] => {
-            let counts = number(counts, 0..=MAX_BLACK, BLACK)?;
-            Ok(Some(BlackLevel::Fixed(Counts::from_int(counts as i32))))
-        }
-        _ => Err(Error::Form(BLACK)),
-    }
-}
-
-fn rows(values: Values<'_>) -> Result<Option<u16>, Error> {
-    match values {
-        [None, ..] => Ok(None),
-        [Some(rows), None, ..] => Ok(Some(number(rows, 1..=MAX_ROWS, ROWS)? as u16)),
-        _ => Err(Error::Form(ROWS)),
-    }
-}
-
-fn mean(values: Values<'_>) -> Result<Option<Mean>, Error> {
-    match values {
-        [None, ..] => Ok(None),
-        [Some(name), None, ..] => Mean::named(name).map(Some).ok_or(Error::Form(MEAN)),
-        _ => Err(Error::Form(MEAN)),
-    }
-}
-
-fn estimator(values: Values<'_>) -> Result<Option<Estimator>, Error> {
-    match values {
-        [None, ..] => Ok(None),
-        [Some(name), None, ..] => Estimator::named(name).map(Some).ok_or(Error::NoEstimator),
-        _ => Err(Error::Form(ESTIMATOR)),
-    }
-}
-
-fn calibration(values: Values<'_>) -> Result<Command, Error> {
-    match values {
-        [Some("begin"), Some(bytes), None, ..] => {
-            let bytes = number(bytes, 1..=MAX_ENCODED as u32, BEGIN)?;
-            Ok(Command::Upload(Step::Begin(bytes as u16)))
-        }
-        [Some("begin"), ..] => Err(Error::Form(BEGIN)),
-        [Some("data"), Some(offset), None, ..] => {
-            let offset = number(offset, 0..=MAX_ENCODED as u32 - 1, DATA)?;
-            Ok(Command::Data(offset as u16))
-        }
-        [
-            Some("data"),
-            Some(offset),
-            Some(digits),
-            Some(checksum),
-            None,
-        ] => match Piece::parse(offset, digits, checksum) {
+fn calibration(values: &[&str]) -> Result<Command, Error> {
+    const MOST: u32 = MAX_ENCODED as u32;
+    match *values {
+        [] => Ok(Command::Calibration(None)),
+        ["on"] => Ok(Command::Calibration(Some(true))),
+        ["off"] => Ok(Command::Calibration(Some(false))),
+        ["commit"] => Ok(Command::Upload(Step::Commit)),
+        ["abort"] => Ok(Command::Upload(Step::Abort)),
+        ["begin", bytes] => match read_number(bytes, 1, MOST) {
+            Ok(bytes) => Ok(Command::Upload(Step::Begin(bytes as u16))),
+            Err(error) => Err(Error::Record(RecordForm::Begin, error)),
+        },
+        ["begin", ..] => Err(Error::Record(RecordForm::Begin, ValueError::Form)),
+        ["data", offset] => match read_number(offset, 0, MOST - 1) {
+            Ok(offset) => Ok(Command::Data(offset as u16)),
+            Err(error) => Err(Error::Record(RecordForm::Data, error)),
+        },
+        ["data", offset, digits, checksum] => match Piece::parse(offset, digits, checksum) {
             Ok(piece) => Ok(Command::Upload(Step::Piece(piece))),
-            Err(PieceError::Form) => Err(Error::Form(DATA)),
+            Err(PieceError::Form) => Err(Error::Record(RecordForm::Data, ValueError::Form)),
             Err(PieceError::Checksum { written, computed }) => {
                 Err(Error::Checksum { written, computed })
             }
         },
-        [Some("data"), ..] => Err(Error::Form(DATA)),
-        [Some("commit"), None, ..] => Ok(Command::Upload(Step::Commit)),
-        [Some("abort"), None, ..] => Ok(Command::Upload(Step::Abort)),
-        _ => switch(values, CALIBRATION).map(Command::Calibration),
+        ["data", ..] => Err(Error::Record(RecordForm::Data, ValueError::Form)),
+        _ => Err(Error::Form(CALIBRATION)),
     }
 }
 
-/// A whole number within a range.
-fn number(word: &str, range: RangeInclusive<u32>, form: &'static str) -> Result<u32, Error> {
-    if word.is_empty() || !word.bytes().all(|byte| byte.is_ascii_digit()) {
-        return Err(Error::Form(form));
+impl fmt::Display for Command {
+    /// The line that [`parse`] reads as this command.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Nothing => Ok(()),
+            Self::Help => f.write_str("help"),
+            Self::HelpEstimator => f.write_str("help estimator"),
+            Self::Info => f.write_str("info"),
+            Self::Status => f.write_str("status"),
+            Self::Distance => f.write_str("distance"),
+            Self::Centre => f.write_str("centre"),
+            Self::Show(setting) => f.write_str(setting.name()),
+            Self::Set(value) => value.fmt(f),
+            Self::Calibration(None) => f.write_str("calibration"),
+            Self::Calibration(Some(true)) => f.write_str("calibration on"),
+            Self::Calibration(Some(false)) => f.write_str("calibration off"),
+            Self::Data(offset) => write!(f, "calibration data {offset}"),
+            Self::Upload(step) => step.fmt(f),
+            Self::Save => f.write_str("save"),
+            Self::Defaults => f.write_str("defaults"),
+        }
     }
-    word.parse()
-        .ok()
-        .filter(|number| range.contains(number))
-        .ok_or(Error::Range(form))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::black_level::BlackLevel;
+    use crate::units::Counts;
 
     #[test]
-    fn commands_are_understood() {
-        assert_eq!(parse(b""), Ok(Command::Nothing));
-        assert_eq!(parse(b"  help "), Ok(Command::Help));
-        assert_eq!(parse(b"stream"), Ok(Command::Stream(None)));
-        assert_eq!(parse(b"stream off"), Ok(Command::Stream(Some(false))));
-        assert_eq!(
-            parse(b"black fixed 300"),
-            Ok(Command::Black(Some(BlackLevel::Fixed(Counts::from_int(
-                300
-            )))))
-        );
-        assert_eq!(
-            parse(b"black\tframe"),
-            Ok(Command::Black(Some(BlackLevel::Frame)))
-        );
-        assert_eq!(parse(b"rows 64"), Ok(Command::Rows(Some(64))));
-        assert_eq!(parse(b"mean"), Ok(Command::Mean(None)));
-        assert_eq!(parse(b"mean plain"), Ok(Command::Mean(Some(Mean::Plain))));
-        assert_eq!(
-            parse(b"calibration on"),
-            Ok(Command::Calibration(Some(true)))
-        );
-        assert_eq!(parse(b"calibration"), Ok(Command::Calibration(None)));
-        assert_eq!(parse(b"calibration data 2640"), Ok(Command::Data(2640)));
-        assert_eq!(
-            parse(b"calibration begin 2641"),
-            Ok(Command::Upload(Step::Begin(2641)))
-        );
-        assert_eq!(
-            parse(b" calibration  commit"),
-            Ok(Command::Upload(Step::Commit))
-        );
-        assert_eq!(
-            parse(b"calibration abort"),
-            Ok(Command::Upload(Step::Abort))
-        );
-        assert_eq!(parse(b"centre"), Ok(Command::Centre));
-        assert_eq!(parse(b"save"), Ok(Command::Save));
-        assert_eq!(parse(b"defaults"), Ok(Command::Defaults));
-        assert_eq!(parse(b"help estimator"), Ok(Command::HelpEstimator));
-        assert_eq!(parse(b"estimator"), Ok(Command::Estimator(None)));
-        assert_eq!(
-            parse(b"estimator  gauss-newton "),
-            Ok(Command::Estimator(Some(Estimator::GaussNewton)))
-        );
+    fn a_command_is_read_as_it_is_written() {
+        let mut commands = std::vec![
+            Command::Nothing,
+            Command::Help,
+            Command::HelpEstimator,
+            Command::Info,
+            Command::Status,
+            Command::Distance,
+            Command::Centre,
+            Command::Calibration(None),
+            Command::Calibration(Some(true)),
+            Command::Calibration(Some(false)),
+            Command::Data(MAX_ENCODED as u16 - 1),
+            Command::Upload(Step::Begin(MAX_ENCODED as u16)),
+            Command::Upload(Step::Piece(Piece::new(2640, &[0xE5]).expect("a piece"))),
+            Command::Upload(Step::Commit),
+            Command::Upload(Step::Abort),
+            Command::Save,
+            Command::Defaults,
+        ];
+        for &setting in Setting::ALL {
+            commands.push(Command::Show(setting));
+            let default = crate::settings::Settings::default().get(setting);
+            commands.push(Command::Set(default));
+        }
+        for command in commands {
+            assert_eq!(parse(command.to_string().as_bytes()), Ok(command));
+        }
     }
 
     #[test]
-    fn what_is_no_command_is_said() {
-        assert_eq!(parse(b"Help"), Err(Error::Unknown));
-        assert_eq!(parse(b"help me"), Err(Error::Form(HELP)));
-        assert_eq!(parse(b"help estimator adaptive"), Err(Error::Form(HELP)));
-        assert_eq!(parse(b"estimator Adaptive"), Err(Error::NoEstimator));
-        assert_eq!(parse(b"estimator t"), Err(Error::NoEstimator));
-        assert_eq!(
-            parse(b"estimator gauss newton"),
-            Err(Error::Form(ESTIMATOR))
-        );
-        assert_eq!(parse(b"mean Plain"), Err(Error::Form(MEAN)));
-        assert_eq!(parse(b"mean plain weighted"), Err(Error::Form(MEAN)));
-        assert_eq!(parse(b"rows 0"), Err(Error::Range(ROWS)));
-        assert_eq!(parse(b"rows 65"), Err(Error::Range(ROWS)));
-        assert_eq!(parse(b"rows 99999999999"), Err(Error::Range(ROWS)));
-        assert_eq!(parse(b"black fixed -1"), Err(Error::Form(BLACK)));
-        assert_eq!(parse(b"rows -1"), Err(Error::Form(ROWS)));
-        assert_eq!(parse(b"rows 4 4"), Err(Error::Form(ROWS)));
-        assert_eq!(parse(b"black fixed"), Err(Error::Form(BLACK)));
-        assert_eq!(parse(b"black fixed 4096"), Err(Error::Range(BLACK)));
-        assert_eq!(parse(b"stream on off"), Err(Error::Form(STREAM)));
+    fn blanks_do_not_matter() {
+        assert_eq!(parse(b"  help "), Ok(Command::Help));
+        let fixed = Value::Black(BlackLevel::Fixed(Counts::from_int(300)));
+        assert_eq!(parse(b"black\tfixed  300"), Ok(Command::Set(fixed)));
+        let commit = Command::Upload(Step::Commit);
+        assert_eq!(parse(b" calibration  commit"), Ok(commit));
+    }
+
+    #[test]
+    fn malformed_lines_are_errors_that_say_what_is_expected() {
+        let begin = format!("E2 expected calibration begin 1..{MAX_ENCODED}");
+        let begin_range = format!("E3 out of range, expected calibration begin 1..{MAX_ENCODED}");
+        let last = MAX_ENCODED - 1;
+        let data = format!("E2 expected calibration data 0..{last} [HEX CRC16]");
+        let data_range =
+            format!("E3 out of range, expected calibration data 0..{last} [HEX CRC16]");
+        let calibration = "E2 expected calibration on|off|begin|data|commit|abort";
+        let beyond = format!("calibration data {MAX_ENCODED}");
+        let too_many = format!("calibration begin {}", MAX_ENCODED + 1);
         for (line, error) in [
-            ("calibration begin", Error::Form(BEGIN)),
-            ("calibration begin 0", Error::Range(BEGIN)),
-            ("calibration begin 2642", Error::Range(BEGIN)),
-            ("calibration begin 10 10", Error::Form(BEGIN)),
-            ("calibration data", Error::Form(DATA)),
-            ("calibration data -1", Error::Form(DATA)),
-            ("calibration data 2641", Error::Range(DATA)),
-            ("calibration data 0 00", Error::Form(DATA)),
-            ("calibration data 0 00 1d0f 0", Error::Form(DATA)),
-            ("calibration data 0 00 1d0f 0 0", Error::Form(DATA)),
-            ("calibration commit now", Error::Form(CALIBRATION)),
-            ("calibration abort 1", Error::Form(CALIBRATION)),
-            ("calibration on off", Error::Form(CALIBRATION)),
-            ("calibration start", Error::Form(CALIBRATION)),
-            ("save it", Error::Form("save")),
-            ("defaults on", Error::Form("defaults")),
-            ("centre 3", Error::Form("centre")),
+            ("Help", "E1 unknown command, try help"),
+            ("help me", "E2 expected help [estimator]"),
+            ("help estimator adaptive", "E2 expected help [estimator]"),
+            ("rows 0", "E3 out of range, expected rows 1..64"),
+            ("rows many", "E2 expected rows 1..64"),
+            ("rows 1 1 1 1 1 1 1", "E2 expected rows 1..64"),
+            ("mean Plain", "E2 expected mean plain|weighted"),
+            (
+                "black fixed",
+                "E2 expected black fixed 0..4095|shielded|frame",
+            ),
+            (
+                "black fixed 4096",
+                "E3 out of range, expected black fixed 0..4095|shielded|frame",
+            ),
+            ("stream on off", "E2 expected stream on|off"),
+            ("estimator t", "E6 unknown estimator, try help estimator"),
+            (
+                "estimator gauss newton",
+                "E2 expected estimator NAME, try help estimator",
+            ),
+            ("calibration begin", &begin),
+            ("calibration begin 0", &begin_range),
+            (&too_many, &begin_range),
+            ("calibration begin 10 10", &begin),
+            ("calibration data", &data),
+            ("calibration data -1", &data),
+            (&beyond, &data_range),
+            ("calibration data 0 00", &data),
+            ("calibration data 0 00 1d0f 0", &data),
+            ("calibration data 0 00 1d0f 0 0", &data),
+            ("calibration commit now", calibration),
+            ("calibration abort 1", calibration),
+            ("calibration on off", calibration),
+            ("calibration start", calibration),
+            ("save it", "E2 expected save"),
+            ("defaults on", "E2 expected defaults"),
+            ("centre 3", "E2 expected centre"),
+            ("rows\u{0}1", "E5 not ASCII text"),
+            ("rows \u{ff}", "E5 not ASCII text"),
         ] {
-            assert_eq!(parse(line.as_bytes()), Err(error), "{line}");
+            let found = parse(line.as_bytes()).expect_err(line);
+            assert_eq!(found.to_string(), error, "{line}");
         }
         assert_eq!(parse(&[b'a'; MAX_LINE + 1]), Err(Error::TooLong));
-        assert_eq!(parse(b"rows \xff"), Err(Error::NotText));
-        assert_eq!(parse(b"rows\x001"), Err(Error::NotText));
-        assert_eq!(
-            Error::Range(ROWS).to_string(),
-            "E3 out of range, expected rows 1..64"
-        );
-        assert_eq!(
-            Error::Checksum {
-                written: 0x1d0f,
-                computed: 0xe
-            }
-            .to_string(),
-            "E7 checksum 1d0f, of what came 000e: send it again"
-        );
-    }
-
-    #[test]
-    fn the_forms_name_the_longest_record() {
-        assert_eq!(BEGIN, format!("calibration begin 1..{MAX_ENCODED}"));
-        let last = MAX_ENCODED - 1;
-        assert_eq!(DATA, format!("calibration data 0..{last} [HEX CRC16]"));
+        let checksum = Error::Checksum {
+            written: 0x1d0f,
+            computed: 0xe,
+        };
+        let expected = "E7 checksum 1d0f, of what came 000e: send it again";
+        assert_eq!(checksum.to_string(), expected);
     }
 }

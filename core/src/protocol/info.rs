@@ -155,13 +155,10 @@ impl fmt::Display for KindOfTable<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::black_level::BlackLevel;
-    use crate::centre::Estimator;
     use crate::distance::eq1;
     use crate::distance::knots::Knot;
     use crate::distance::residuals::Corrected;
     use crate::distance::table::Table;
-    use crate::frame::Mean;
     use crate::record::date::Date;
     use crate::sensor_heads;
     use crate::units::{Micrometres, Pixels};
@@ -172,18 +169,11 @@ mod tests {
         row_us: 5700,
     };
 
-    const SETTINGS: Settings = Settings {
-        estimator: Estimator::PhaseTable,
-        rows: 16,
-        mean: Mean::Weighted,
-        black_level: BlackLevel::Shielded,
-    };
-
     fn info(record: Option<&Record>, on: bool) -> String {
         let info = Info {
             hardware: &HARDWARE,
             geometry: &sensor_heads::tcd1304dg(),
-            settings: &SETTINGS,
+            settings: &Settings::default(),
             record,
             on,
         }

@@ -123,13 +123,13 @@ mod tests {
         );
         let misfit = Reading {
             rows_used: 15,
-            estimator: Estimator::Robust,
+            estimator: Estimator::Adaptive,
             misfits: 3,
             ..reading
         };
         assert_eq!(
             misfit.to_string(),
-            "d 800.1230 mm u 0.0350 x 1823.1250 a 1830 n 15/16 b 312 e r m 3"
+            "d 800.1230 mm u 0.0350 x 1823.1250 a 1830 n 15/16 b 312 e a m 3"
         );
         let correlated = Reading {
             correlated: Some(3),

@@ -213,7 +213,9 @@ mod tests {
                     let mut garbled = line.clone().into_bytes();
                     garbled[at] = character;
                     match parse(&garbled) {
-                        Err(Error::Unknown | Error::NotText | Error::Form(_))
+                        Err(
+                            Error::Unknown | Error::NotText | Error::Form(_) | Error::Record(..),
+                        )
                         | Err(Error::Checksum { .. }) => refused += 1,
                         other => assert_eq!(other, same, "{}", garbled.escape_ascii()),
                     }

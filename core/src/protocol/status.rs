@@ -28,12 +28,9 @@ impl fmt::Display for StartCause {
     }
 }
 
-/// What has been counted since the start. `Display` is the answer to `status`, lines parted by CR LF: every line is
-/// `status`, a name and a value. Counts wrap at 2^32, which 175 rows a second reach after 284 days.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Status {
-    /// What made the firmware start.
-    pub started_by: StartCause,
+/// What the firmware counts since the start. Counts wrap at 2^32, which 175 rows a second reach after 284 days.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Vitals {
     /// Time since the start.
     pub uptime_ms: u64,
     /// Rows read.
@@ -44,14 +41,23 @@ pub struct Status {
     pub rows_failed: u32,
     /// Core cycles that the latest row took to compute, interrupts included.
     pub row_cycles: u32,
-    /// Frames that gave a distance.
-    pub readings: u32,
-    /// Frames that gave none, in the order of [`Fault::NAMES`].
-    pub faults: [u32; Fault::KINDS],
     /// Lines of readings and faults that the serial line was too slow for.
     pub lines_dropped: u32,
     /// Bytes received with noise, with a wrong stop bit, and lost because an earlier one was not fetched in time.
     pub serial_errors: SerialErrors,
+}
+
+/// The answer to `status`, lines parted by CR LF: every line is `status`, a name and a value.
+#[derive(Clone, Copy, Debug)]
+pub struct Status<'a> {
+    /// What made the firmware start.
+    pub started_by: StartCause,
+    /// What the firmware counted.
+    pub vitals: &'a Vitals,
+    /// Frames that gave a distance.
+    pub readings: u32,
+    /// Frames that gave none, in the order of [`Fault::NAMES`].
+    pub faults: [u32; Fault::KINDS],
 }
 
 /// What went wrong on the serial line's receiving side.
@@ -65,33 +71,37 @@ pub struct SerialErrors {
     pub overrun: u32,
 }
 
-impl fmt::Display for Status {
+impl fmt::Display for Status<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Vitals {
+            uptime_ms,
+            rows,
+            rows_lost,
+            rows_failed,
+            row_cycles,
+            lines_dropped,
+            serial_errors,
+        } = self.vitals;
+        let (seconds, ms) = (uptime_ms / 1000, uptime_ms % 1000);
         write!(f, "status start {}", self.started_by)?;
-        write!(
-            f,
-            "\r\nstatus uptime {}.{:03} s",
-            self.uptime_ms / 1000,
-            self.uptime_ms % 1000
-        )?;
-        write!(f, "\r\nstatus rows read {}", self.rows)?;
-        write!(f, "\r\nstatus rows lost {}", self.rows_lost)?;
-        write!(f, "\r\nstatus rows failed {}", self.rows_failed)?;
-        write!(f, "\r\nstatus row cycles {}", self.row_cycles)?;
+        write!(f, "\r\nstatus uptime {seconds}.{ms:03} s")?;
+        write!(f, "\r\nstatus rows read {rows}")?;
+        write!(f, "\r\nstatus rows lost {rows_lost}")?;
+        write!(f, "\r\nstatus rows failed {rows_failed}")?;
+        write!(f, "\r\nstatus row cycles {row_cycles}")?;
         write!(f, "\r\nstatus readings {}", self.readings)?;
         for (name, count) in Fault::NAMES.iter().zip(self.faults) {
             write!(f, "\r\nstatus fault {name} {count}")?;
         }
-        write!(f, "\r\nstatus lines dropped {}", self.lines_dropped)?;
+        write!(f, "\r\nstatus lines dropped {lines_dropped}")?;
         let SerialErrors {
             noise,
             framing,
             overrun,
-        } = self.serial_errors;
-        write!(
-            f,
-            "\r\nstatus serial noise {noise}\r\nstatus serial framing {framing}\r\nstatus serial overrun {overrun}"
-        )
+        } = serial_errors;
+        write!(f, "\r\nstatus serial noise {noise}")?;
+        write!(f, "\r\nstatus serial framing {framing}")?;
+        write!(f, "\r\nstatus serial overrun {overrun}")
     }
 }
 
@@ -101,21 +111,24 @@ mod tests {
 
     #[test]
     fn a_status_is_as_documented_and_fits_the_answer_buffer() {
-        let status = Status {
-            started_by: StartCause::Watchdog,
+        let vitals = Vitals {
             uptime_ms: u64::MAX,
             rows: u32::MAX,
             rows_lost: u32::MAX,
             rows_failed: u32::MAX,
             row_cycles: u32::MAX,
-            readings: u32::MAX,
-            faults: [u32::MAX; Fault::KINDS],
             lines_dropped: u32::MAX,
             serial_errors: SerialErrors {
                 noise: u32::MAX,
                 framing: u32::MAX,
                 overrun: u32::MAX,
             },
+        };
+        let status = Status {
+            started_by: StartCause::Watchdog,
+            vitals: &vitals,
+            readings: u32::MAX,
+            faults: [u32::MAX; Fault::KINDS],
         };
         let text = status.to_string();
         assert!(

@@ -1,83 +1,106 @@
-//! What is kept, as bytes:
+//! Settings and calibration as the bytes that flash holds:
 //!
 //! ```text
-//! format version | rows | mean | estimator | black level | its value | the record's own bytes, or none
-//! 1 byte         | 2    | 1    | 1         | 1           | 4         | up to 2641
+//! format version | length of the lines | lines that set the settings | the record's own bytes, or none
+//! 1 byte: 2      | 1 byte              | up to 255                    | up to record::MAX_ENCODED
 //! ```
 //!
-//! Numbers are little endian; mean, estimator and black level are letters. What checks the bytes as a whole is not among them: the
-//! store does that.
+//! The lines are those that a person would type, each with a line feed behind it: `rows 16`. So a setting has one text form, and a firmware that
+//! knows more or fewer settings reads the ones that it knows. The store adds a CRC-32.
+//!
+//! Version 1, which earlier firmware wrote, is read too.
 
-use core::fmt;
+use core::fmt::{self, Write as _};
+
+use heapless::Vec;
 
 use crate::black_level::BlackLevel;
 use crate::centre::Estimator;
-use crate::frame::{MAX_ROWS, Mean};
-use crate::measurement::Settings;
+use crate::frame::Mean;
 use crate::record::{self, Record, RecordError};
-use crate::row::LARGEST_COUNT;
+use crate::settings::{Affects, Setting, Settings, Value};
 use crate::units::Counts;
 
-/// What `save` keeps: the settings, and the calibration's record where the sensor has one of its own.
+/// What `save` writes to flash: the settings, and the calibration's record where the sensor has one of its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Configuration {
-    /// What was set.
+    /// The settings. Those that affect the session only are not written.
     pub settings: Settings,
     /// The sensor's own calibration. Without it the nominal one holds.
     pub record: Option<Record>,
 }
 
-/// The format that is written and read.
-pub const VERSION: u8 = 1;
+/// The format that is written.
+pub const VERSION: u8 = 2;
 
-/// Bytes of the settings, version included.
-const SETTINGS: usize = 10;
+/// The format of earlier firmware: rows (2 bytes), letters of mean, estimator and black level, and the black level's value (4 bytes).
+const VERSION_1: u8 = 1;
+
+/// Bytes of the settings in [`VERSION_1`], version included.
+const SETTINGS_1: usize = 10;
+
+/// The most bytes that the settings' lines have.
+const MAX_LINES: usize = 255;
 
 /// The most bytes there can be.
-pub const MAX_ENCODED: usize = SETTINGS + record::MAX_ENCODED;
-
-const WEIGHTED: u8 = b'w';
-const PLAIN: u8 = b'p';
-
-const SHIELDED: u8 = b's';
-const FRAME: u8 = b'f';
-const FIXED: u8 = b'x';
+pub const MAX_ENCODED: usize = 2 + MAX_LINES + record::MAX_ENCODED;
 
 /// Writes to the front of a buffer, which [`MAX_ENCODED`] bytes are always enough for, and gives what was written.
 ///
 /// # Errors
-/// [`ConfigurationError::NoRoom`], or what [`decode`] would say of it.
+/// [`ConfigurationError::NoRoom`], or the record's error.
 pub fn encode<'a>(
-    saved: &Configuration,
+    configuration: &Configuration,
     buffer: &'a mut [u8],
 ) -> Result<&'a [u8], ConfigurationError> {
-    check(&saved.settings)?;
     let no_room = ConfigurationError::NoRoom {
         bytes: buffer.len(),
     };
-    let (settings, rest) = buffer.split_first_chunk_mut().ok_or(no_room)?;
-    *settings = settings_to_bytes(&saved.settings);
-    let record = match &saved.record {
+    let lines = lines(&configuration.settings).ok_or(no_room)?;
+    let (head, rest) = buffer.split_first_chunk_mut().ok_or(no_room)?;
+    *head = [VERSION, lines.len() as u8];
+    let (place, rest) = rest.split_at_mut_checked(lines.len()).ok_or(no_room)?;
+    place.copy_from_slice(&lines);
+    let record = match &configuration.record {
         Some(record) => record::encode(record, rest)?.len(),
         None => 0,
     };
-    buffer.get(..SETTINGS.saturating_add(record)).ok_or(no_room)
+    let written = head
+        .len()
+        .saturating_add(lines.len())
+        .saturating_add(record);
+    buffer.get(..written).ok_or(no_room)
 }
 
-/// Reads what was kept.
+/// The lines that set the settings. `None` where they do not fit, which a test holds does not happen.
+fn lines(settings: &Settings) -> Option<Vec<u8, MAX_LINES>> {
+    let mut lines = Vec::new();
+    for &setting in Setting::ALL {
+        if setting.affects() == Affects::Measurement {
+            writeln!(lines, "{}", settings.get(setting)).ok()?;
+        }
+    }
+    Some(lines)
+}
+
+/// Reads settings and calibration. A setting that the bytes do not name has its default.
 ///
 /// # Errors
-/// [`ConfigurationError`] says why the bytes are none that could be used.
+/// [`ConfigurationError`] says why the bytes cannot be used.
 pub fn decode(bytes: &[u8]) -> Result<Configuration, ConfigurationError> {
     let short = ConfigurationError::Short { bytes: bytes.len() };
-    match bytes.first() {
-        None => return Err(short),
-        Some(&VERSION) => {}
-        Some(&version) => return Err(ConfigurationError::Version { version }),
-    }
-    let (settings, record) = bytes.split_first_chunk().ok_or(short)?;
-    let settings = settings_from_bytes(*settings)?;
-    check(&settings)?;
+    let (settings, record) = match *bytes {
+        [VERSION, length, ref rest @ ..] => {
+            let (lines, record) = rest.split_at_checked(length.into()).ok_or(short)?;
+            (read_lines(lines)?, record)
+        }
+        [VERSION_1, ..] => {
+            let (settings, record) = bytes.split_first_chunk().ok_or(short)?;
+            (read_version_1(*settings)?, record)
+        }
+        [] | [VERSION] => return Err(short),
+        [version, ..] => return Err(ConfigurationError::Version { version }),
+    };
     let record = match record {
         [] => None,
         record => Some(record::decode(record)?),
@@ -85,115 +108,83 @@ pub fn decode(bytes: &[u8]) -> Result<Configuration, ConfigurationError> {
     Ok(Configuration { settings, record })
 }
 
-/// What the settings' types leave open.
-fn check(settings: &Settings) -> Result<(), ConfigurationError> {
-    let rows = settings.rows;
-    if !(1..=MAX_ROWS).contains(&u32::from(rows)) {
-        return Err(ConfigurationError::Rows { rows });
-    }
-    match settings.black_level {
-        BlackLevel::Fixed(level)
-            if !(0..=i32::from(LARGEST_COUNT) * (1 << Counts::FRACTION))
-                .contains(&level.to_bits()) =>
-        {
-            Err(ConfigurationError::BlackLevel { level })
+/// Skips the lines of settings that this firmware does not know: later firmware has more.
+fn read_lines(lines: &[u8]) -> Result<Settings, ConfigurationError> {
+    let lines = core::str::from_utf8(lines).map_err(|_| ConfigurationError::NotText)?;
+    let mut settings = Settings::default();
+    for line in lines.lines() {
+        let mut words = line.split(' ');
+        let Some(setting) = words.next().and_then(Setting::named) else {
+            continue;
+        };
+        let words: Vec<&str, 4> = words.take(4).collect();
+        match setting.read(&words) {
+            Ok(value) => settings.set(value),
+            Err(_) => return Err(ConfigurationError::Setting(setting)),
         }
-        _ => Ok(()),
     }
+    Ok(settings)
 }
 
-fn settings_to_bytes(settings: &Settings) -> [u8; SETTINGS] {
-    let [rows_low, rows_high] = settings.rows.to_le_bytes();
-    let mean = match settings.mean {
-        Mean::Weighted => WEIGHTED,
-        Mean::Plain => PLAIN,
-    };
-    // An ASCII letter.
-    let estimator = settings.estimator.letter() as u8;
-    let (black_level, value) = match settings.black_level {
-        BlackLevel::Shielded => (SHIELDED, 0),
-        BlackLevel::Frame => (FRAME, 0),
-        BlackLevel::Fixed(level) => (FIXED, level.to_bits()),
-    };
-    let [a, b, c, d] = value.to_le_bytes();
-    [
-        VERSION,
-        rows_low,
-        rows_high,
-        mean,
-        estimator,
-        black_level,
-        a,
-        b,
-        c,
-        d,
-    ]
-}
-
-fn settings_from_bytes(bytes: [u8; SETTINGS]) -> Result<Settings, ConfigurationError> {
-    let [
-        _,
-        rows_low,
-        rows_high,
-        mean,
-        estimator,
-        black_level,
-        value @ ..,
-    ] = bytes;
-    Ok(Settings {
-        rows: u16::from_le_bytes([rows_low, rows_high]),
+fn read_version_1(bytes: [u8; SETTINGS_1]) -> Result<Settings, ConfigurationError> {
+    let [_, low, high, mean, estimator, black, value @ ..] = bytes;
+    let mut settings = Settings {
+        rows: u16::from_le_bytes([low, high]),
         mean: match mean {
-            WEIGHTED => Mean::Weighted,
-            PLAIN => Mean::Plain,
-            letter => return Err(ConfigurationError::Letter { letter }),
+            b'w' => Mean::Weighted,
+            b'p' => Mean::Plain,
+            _ => return Err(ConfigurationError::Setting(Setting::Mean)),
         },
-        estimator: Estimator::ALL
-            .into_iter()
-            .find(|known| known.letter() == char::from(estimator))
-            .ok_or(ConfigurationError::Letter { letter: estimator })?,
-        black_level: match (black_level, i32::from_le_bytes(value)) {
-            (SHIELDED, 0) => BlackLevel::Shielded,
-            (FRAME, 0) => BlackLevel::Frame,
-            (FIXED, level) => BlackLevel::Fixed(Counts::from_bits(level)),
-            (letter, _) => return Err(ConfigurationError::Letter { letter }),
-        },
-    })
+        estimator: Estimator::of_letter(char::from(estimator))
+            .ok_or(ConfigurationError::Setting(Setting::Estimator))?,
+        ..Settings::default()
+    };
+    settings.black_level = match (black, i32::from_le_bytes(value)) {
+        (b's', 0) => BlackLevel::Shielded,
+        (b'f', 0) => BlackLevel::Frame,
+        (b'x', level) => BlackLevel::Fixed(Counts::from_bits(level)),
+        _ => return Err(ConfigurationError::Setting(Setting::Black)),
+    };
+    // A value can be used if it can be typed.
+    for value in [
+        Value::Rows(settings.rows),
+        Value::Black(settings.black_level),
+    ] {
+        let mut line = heapless::String::<32>::new();
+        let _ = write!(line, "{value}");
+        let words: Vec<&str, 4> = line.split(' ').skip(1).take(4).collect();
+        match value.setting().read(&words) {
+            // A black level between two counts is rounded.
+            Ok(value) => settings.set(value),
+            Err(_) => return Err(ConfigurationError::Setting(value.setting())),
+        }
+    }
+    Ok(settings)
 }
 
-/// Why bytes are nothing that was kept, or something cannot be.
+/// Why bytes are no settings and calibration, or why these cannot be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConfigurationError {
     /// The buffer is too short.
     NoRoom {
-        /// What it holds.
+        /// Its length.
         bytes: usize,
     },
-    /// Fewer bytes than the settings alone have.
+    /// Fewer bytes than the settings have.
     Short {
         /// How many there are.
         bytes: usize,
     },
     /// The format is one that this firmware does not know.
     Version {
-        /// What the first byte says.
+        /// The first byte.
         version: u8,
     },
-    /// No frame has so many rows.
-    Rows {
-        /// How many.
-        rows: u16,
-    },
-    /// A mean, estimator or black level that there is not.
-    Letter {
-        /// Its letter.
-        letter: u8,
-    },
-    /// A black level that no pixel has.
-    BlackLevel {
-        /// That level.
-        level: Counts,
-    },
-    /// The record is none that could be used.
+    /// The settings' lines are not text.
+    NotText,
+    /// A setting has a value that this firmware does not know.
+    Setting(Setting),
+    /// The record cannot be used.
     Record(RecordError),
 }
 
@@ -217,22 +208,106 @@ impl fmt::Display for ConfigurationError {
                 f,
                 "what was saved has format {version}, and this firmware knows {VERSION}: save again"
             ),
-            Self::Rows { rows } => write!(
-                f,
-                "a frame of {rows} rows cannot be: set rows to 1 to {MAX_ROWS}"
-            ),
-            Self::Letter { letter } => write!(
-                f,
-                "setting '{}' is none that this firmware knows: set it and save again",
-                letter.escape_ascii()
-            ),
-            Self::BlackLevel { level } => write!(
-                f,
-                "a black level of {level} counts is none that a pixel has: set it to 0 to {LARGEST_COUNT}"
-            ),
+            Self::NotText => f.write_str("the saved settings are not text: save again"),
+            Self::Setting(setting) => {
+                let (name, form) = (setting.name(), setting.form());
+                write!(
+                    f,
+                    "the saved value of {name} is not {form}: set it and save again"
+                )
+            }
             Self::Record(error) => error.fmt(f),
         }
     }
 }
 
 impl core::error::Error for ConfigurationError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn encoded(settings: Settings) -> std::vec::Vec<u8> {
+        let mut buffer = [0; MAX_ENCODED];
+        let configuration = Configuration {
+            settings,
+            record: None,
+        };
+        encode(&configuration, &mut buffer).expect("room").to_vec()
+    }
+
+    #[test]
+    fn flash_holds_the_lines_that_a_person_would_type() {
+        let bytes = encoded(Settings::default());
+        let lines = b"rows 16\nmean weighted\nblack shielded\nestimator phase-table\n";
+        assert_eq!(bytes[..2], [VERSION, lines.len() as u8]);
+        assert_eq!(bytes[2..], lines[..]);
+    }
+
+    #[test]
+    fn settings_come_back_but_for_those_of_the_session() {
+        for value in crate::settings::tests::values() {
+            let mut settings = Settings::default();
+            settings.set(value);
+            let found = decode(&encoded(settings)).expect("settings").settings;
+            match value.setting().affects() {
+                Affects::Measurement => assert_eq!(found, settings),
+                Affects::Session => assert_eq!(found, Settings::default()),
+            }
+        }
+    }
+
+    #[test]
+    fn lines_of_later_firmware_are_skipped_and_missing_ones_are_defaults() {
+        let lines = b"\x02\x19exposure 200\nrows 7\nlamp\n";
+        let found = decode(lines).expect("settings");
+        assert_eq!(
+            found.settings,
+            Settings {
+                rows: 7,
+                ..Settings::default()
+            }
+        );
+        assert_eq!(found.record, None);
+    }
+
+    #[test]
+    fn version_1_is_read() {
+        let bytes = [1, 7, 0, b'p', b'r', b'x', 0, 44, 1, 0];
+        let expected = Settings {
+            rows: 7,
+            mean: Mean::Plain,
+            // Today's name of what `robust` began with.
+            estimator: Estimator::Adaptive,
+            black_level: BlackLevel::Fixed(Counts::from_int(300)),
+            ..Settings::default()
+        };
+        assert_eq!(decode(&bytes).map(|found| found.settings), Ok(expected));
+    }
+
+    #[test]
+    fn wrong_bytes_are_refused() {
+        let setting = ConfigurationError::Setting;
+        for (bytes, error) in [
+            (&b""[..], ConfigurationError::Short { bytes: 0 }),
+            (b"\x02", ConfigurationError::Short { bytes: 1 }),
+            (b"\x02\x08rows 1\n", ConfigurationError::Short { bytes: 9 }),
+            (b"\x02\x01\xff", ConfigurationError::NotText),
+            (b"\x02\x07rows 0\n", setting(Setting::Rows)),
+            (b"\x02\x09rows 1 2\n", setting(Setting::Rows)),
+            (b"\x02\x08mean on\n", setting(Setting::Mean)),
+            (b"\x03", ConfigurationError::Version { version: 3 }),
+            (b"\x01\x07\x00", ConfigurationError::Short { bytes: 3 }),
+            (b"\x01\x00\x00wts\x00\x00\x00\x00", setting(Setting::Rows)),
+            (b"\x01\x10\x00wts\x01\x00\x00\x00", setting(Setting::Black)),
+            (b"\x01\x10\x00wtx\x00\x00\x10\x00", setting(Setting::Black)),
+            (b"\x01\x10\x00qts\x00\x00\x00\x00", setting(Setting::Mean)),
+            (
+                b"\x01\x10\x00wqs\x00\x00\x00\x00",
+                setting(Setting::Estimator),
+            ),
+        ] {
+            assert_eq!(decode(bytes), Err(error), "{bytes:?}");
+        }
+    }
+}

@@ -42,16 +42,16 @@ fn case(
         group,
         why,
         due,
-        robust_within: None,
+        repair_within: None,
         source: Source::Recipe(recipe),
     }
 }
 
 impl RowCase {
-    /// What the robust rung owes besides.
-    fn robust(self, within: f64) -> Self {
+    /// With what the repair owes, in pixels.
+    fn repaired(self, within: f64) -> Self {
         Self {
-            robust_within: Some(within),
+            repair_within: Some(within),
             ..self
         }
     }
@@ -94,7 +94,7 @@ fn no_spot() -> Vec<RowCase> {
         group: Group::NoSpot,
         why,
         due,
-        robust_within: None,
+        repair_within: None,
         source: Source::Pattern(source),
     };
     let dark = |name: &str, why, due, recipe| case(Group::NoSpot, name, why, due, recipe);
@@ -328,7 +328,7 @@ fn saturation() -> Vec<RowCase> {
                     Due::Honest,
                     Recipe::clean(width).spot(|spot| spot.amplitude = times * 4095.0),
                 )
-                .robust(within),
+                .repaired(within),
             );
         }
     }
@@ -487,7 +487,7 @@ fn background() -> Vec<RowCase> {
         );
         // The slope's own light makes noise of up to three times the spot's: five times that bound.
         cases.push(if slope.abs() <= 2.0 {
-            case.robust(0.3)
+            case.repaired(0.3)
         } else {
             case
         });
@@ -653,7 +653,7 @@ fn bad_pixels() -> Vec<RowCase> {
                 cases.push(match flaw {
                     // Five times the root mean square error of many such rows.
                     Flaw::Hot(Bad { pixels: 1, .. }) | Flaw::Dead(_) if width == WIDTH => {
-                        case.robust(5.0 * 0.03)
+                        case.repaired(5.0 * 0.03)
                     }
                     _ => case,
                 });
@@ -705,8 +705,8 @@ fn second_spot() -> Vec<RowCase> {
             let case = case(Group::SecondSpot, name, why, due, recipe);
             // Clear of the spot it owes what it owes for one alone; half as high, twice as much.
             cases.push(match (share, offset) {
-                (0.05 | 0.1, 6.0..) => case.robust(0.16),
-                (0.5, 5.0..) => case.robust(5.0 * 0.04),
+                (0.05 | 0.1, 6.0..) => case.repaired(0.16),
+                (0.5, 5.0..) => case.repaired(5.0 * 0.04),
                 _ => case,
             });
         }

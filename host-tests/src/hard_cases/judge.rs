@@ -1,7 +1,7 @@
 //! Every rung's answers to a case, and whether they are what is due.
 
 use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::check;
+use slitrange::check::{self, repair};
 use slitrange::fault::Fault;
 use slitrange::reading::Reading;
 use slitrange::row::Row;
@@ -105,15 +105,6 @@ impl Said {
     }
 }
 
-/// The rungs that follow the spot's shape. The others (centroid, parabolas, box, blocks) make errors of their own, which they claim.
-pub const CAREFUL: [Estimator; 5] = [
-    Estimator::PhaseTable,
-    Estimator::Adaptive,
-    Estimator::Robust,
-    Estimator::GaussNewton,
-    Estimator::Fraunhofer,
-];
-
 impl Due {
     /// What is not as it must be in what a rung says, in words.
     pub fn failure(self, rung: Estimator, said: &[Said]) -> Option<String> {
@@ -131,8 +122,9 @@ impl Due {
         }
         match self {
             Self::Honest | Self::Unknowable => None,
-            Self::Centre(within) if CAREFUL.contains(&rung) => is_missed(within, said),
-            Self::Centre(_) => None,
+            // The centroid makes errors of its own, which it claims.
+            Self::Centre(_) if rung == Estimator::Centroid => None,
+            Self::Centre(within) => is_missed(within, said),
             Self::NoCentre => (said.iter().any(|said| said.unflagged().is_some()))
                 .then(|| "a centre without a flag".into()),
             Self::Fault(names) => said.iter().find_map(|said| match said {
@@ -188,9 +180,12 @@ impl RowCase {
                     nonsense(row, &answers[i].alone)
                         .or_else(|| nonsense(row, &answers[i].looked_at))
                 });
+                let said: Vec<Said> = (looked_at.iter())
+                    .map(|(truth, answer)| Said::of_row(*truth, answer))
+                    .collect();
                 Outcome {
                     rung,
-                    failure: nonsense.or_else(|| self.failure(rung, &looked_at)),
+                    failure: nonsense.or_else(|| self.due.failure(rung, &said)),
                     answers: looked_at,
                     alone,
                 }
@@ -198,14 +193,20 @@ impl RowCase {
             .collect()
     }
 
-    fn failure(&self, rung: Estimator, answers: &[(Truth, Answer)]) -> Option<String> {
-        let said: Vec<Said> = (answers.iter())
-            .map(|(truth, answer)| Said::of_row(*truth, answer))
-            .collect();
-        let robust_within = (self.robust_within).filter(|_| rung == Estimator::Robust);
-        self.due
-            .failure(rung, &said)
-            .or_else(|| is_missed(robust_within?, &said))
+    /// What the repair's own answers ([`repair::centre`]) lack of [`RowCase::repair_within`], in words.
+    ///
+    /// # Panics
+    /// A row has a word of more than 12 bits.
+    pub fn repair_failure(&self) -> Option<String> {
+        let within = self.repair_within?;
+        let repaired = |number| {
+            let row = self.row(number);
+            let parts = Row::new(&row.light, &[], row.geometry.full_scale()).expect("12 bits");
+            let found = spot::find(&parts)
+                .and_then(|spot| repair::centre(&parts, &spot, None, &row.geometry));
+            Said::of_row(row.truth, &found)
+        };
+        is_missed(within, &(0..ROWS).map(repaired).collect::<Vec<_>>())
     }
 }
 

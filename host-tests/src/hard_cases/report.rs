@@ -149,8 +149,8 @@ impl Catalogue {
                     cell(&said.collect::<Vec<_>>(), outcome.failure.is_some())
                 });
                 let mut due = words(case.due);
-                if let Some(within) = case.robust_within {
-                    _ = write!(due, "; r within {within:.2}");
+                if let Some(within) = case.repair_within {
+                    _ = write!(due, "; repair within {within:.2}");
                 }
                 _ = writeln!(text, "{}", line(&case.name, case.why, &due, cells));
             }
@@ -280,22 +280,20 @@ pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
         ];
         _ = writeln!(text, "| {} |", cells.join(" | "));
     }
-    let default = (Estimator::ALL.iter()).position(|rung| *rung == Estimator::default());
-    let robust = (Estimator::ALL.iter()).position(|rung| *rung == Estimator::Robust);
-    let (default, robust) = (default.unwrap_or_default(), robust.unwrap_or_default());
     text += "\nWhich flaws the rows had in which the default rung was confidently wrong, the most frequent first (a row with two flaws counts \
-             for both), in a million rows with that flaw:\n\n| flaw | rows | default | robust |\n|---|---:|---:|---:|\n";
+             for both), in a million rows with that flaw:\n\n| flaw | rows | checked | alone |\n|---|---:|---:|---:|\n";
     let mut kinds: Vec<Kind> = Kind::ALL.to_vec();
-    kinds.sort_by_key(|kind| std::cmp::Reverse(mixtures.kinds[*kind as usize].1[default]));
+    kinds.sort_by_key(|kind| std::cmp::Reverse(mixtures.kinds[*kind as usize].checked));
     for kind in kinds {
-        let (rows, errors) = mixtures.kinds[kind as usize];
-        let rate = |i: usize| 1e6 * errors[i] as f64 / rows.max(1) as f64;
+        let of_kind = &mixtures.kinds[kind as usize];
+        let rate = |errors: u64| 1e6 * errors as f64 / of_kind.rows.max(1) as f64;
         _ = writeln!(
             text,
-            "| {} | {rows} | {:.0} | {:.0} |",
+            "| {} | {} | {:.0} | {:.0} |",
             kind.name(),
-            rate(default),
-            rate(robust)
+            of_kind.rows,
+            rate(of_kind.checked),
+            rate(of_kind.alone)
         );
     }
     text

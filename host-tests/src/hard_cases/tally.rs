@@ -43,6 +43,17 @@ impl Counts {
     }
 }
 
+/// The default rung's confident errors in the rows with a kind of flaw.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OfKind {
+    /// Rows.
+    pub rows: u64,
+    /// Errors as the measurement takes the rung.
+    pub checked: u64,
+    /// Errors of the rung alone.
+    pub alone: u64,
+}
+
 /// What came of many rows.
 #[derive(Clone, Debug, Default)]
 pub struct Tally {
@@ -52,8 +63,8 @@ pub struct Tally {
     pub looked_at: [Counts; RUNGS],
     /// Of each rung alone.
     pub alone: [Counts; RUNGS],
-    /// Of each kind of flaw: its rows, and the confident errors of each rung as the measurement takes it, in rows that have it.
-    pub kinds: [(u64, [u64; RUNGS]); Kind::ALL.len()],
+    /// Of each kind of flaw: the rows that have it, and the default rung's errors in them.
+    pub kinds: [OfKind; Kind::ALL.len()],
     /// Seeds of rows in which the default rung, as the measurement takes it, was confidently wrong: the first of them.
     pub seeds: Vec<u64>,
 }
@@ -71,16 +82,21 @@ impl Tally {
         for (i, answers) in answers(&row).iter().enumerate() {
             tally.looked_at[i] = Counts::of(row.truth, &answers.looked_at);
             tally.alone[i] = Counts::of(row.truth, &answers.alone);
-            let errors = tally.looked_at[i].confident_errors;
-            if errors > 0 && Estimator::ALL[i] == Estimator::default() {
+            if Estimator::ALL[i] != Estimator::default() {
+                continue;
+            }
+            let [checked, alone] =
+                [tally.looked_at[i], tally.alone[i]].map(|counts| counts.confident_errors);
+            if checked > 0 {
                 tally.seeds.push(random_row.seed);
             }
             for kind in &random_row.kinds {
-                tally.kinds[*kind as usize].1[i] = errors;
+                tally.kinds[*kind as usize] = OfKind {
+                    rows: 1,
+                    checked,
+                    alone,
+                };
             }
-        }
-        for kind in &random_row.kinds {
-            tally.kinds[*kind as usize].0 = 1;
         }
         tally
     }
@@ -93,11 +109,10 @@ impl Tally {
         for (counts, other) in self.alone.iter_mut().zip(other.alone) {
             counts.add(other);
         }
-        for ((rows, errors), (other_rows, other_errors)) in self.kinds.iter_mut().zip(other.kinds) {
-            *rows += other_rows;
-            for (errors, other) in errors.iter_mut().zip(other_errors) {
-                *errors += other;
-            }
+        for (of_kind, other) in self.kinds.iter_mut().zip(other.kinds) {
+            of_kind.rows += other.rows;
+            of_kind.checked += other.checked;
+            of_kind.alone += other.alone;
         }
         self.seeds.extend(other.seeds);
         self.seeds.sort_unstable();

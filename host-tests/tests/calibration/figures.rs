@@ -1,7 +1,7 @@
 //! How exact calibrations are over the paper's geometry.
 
-use lab::paper::apparatus::{Aperture, TABLE, optics};
 use simulator::optics::Optics;
+use simulator::scene::Sensor;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::{Interpolation, Knot};
@@ -11,6 +11,9 @@ use slitrange::units::{Micrometres, Pixels};
 
 use crate::common::STEP;
 use crate::reference::{pchip, straight};
+
+/// The paper's range of distances in metres.
+const TABLE: (f64, f64) = (0.60, 1.02);
 
 /// Knots at even distances over a range of centres, with a value in micrometres.
 fn even_knots(count: usize, range: (f64, f64), value: impl Fn(f64) -> f64) -> Vec<Knot> {
@@ -53,7 +56,7 @@ fn arithmetic(rise: f64) -> f64 {
 
 #[test]
 fn tables_of_the_papers_geometry_are_as_good_as_they_can_be() {
-    let optics = optics(Aperture::Slit);
+    let optics = Optics::nominal_on(Sensor::Camera);
     let truth = |centre: f64| optics.distance(centre) * 1e6;
     let range = paper_range(&optics);
     println!("centres {range:.1?}");
@@ -90,7 +93,7 @@ fn tables_of_the_papers_geometry_are_as_good_as_they_can_be() {
 
 #[test]
 fn residuals_take_a_lens_out() {
-    let optics = optics(Aperture::Slit);
+    let optics = Optics::nominal_on(Sensor::Camera);
     let range = paper_range(&optics);
     let middle = 0.5 * (range.0 + range.1);
     let half = 0.5 * (range.1 - range.0);
@@ -128,7 +131,7 @@ fn residuals_take_a_lens_out() {
 
 #[test]
 fn over_the_papers_geometry_a_cubic_is_the_usual_pchip() {
-    let optics = optics(Aperture::Slit);
+    let optics = Optics::nominal_on(Sensor::Camera);
     let truth = |centre: f64| optics.distance(centre) * 1e6;
     for count in [3, 5, 9, 33, 129] {
         let knots = even_knots(count, paper_range(&optics), truth);

@@ -14,8 +14,6 @@ pub enum RowEstimator {
     PhaseTable,
     /// The core's rung of that name.
     Adaptive,
-    /// The core's rung of that name.
-    Robust,
     /// The default rung's score with tables of the profile that the sensor's own rows have.
     MeasuredProfile,
     /// The score with one table that is made for speckle: [`slit_path::speckle_table`](crate::paper::slit_path::speckle_table).
@@ -24,12 +22,11 @@ pub enum RowEstimator {
 
 impl RowEstimator {
     /// All of them, the paper's first.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 6] = [
         Self::Gaussian,
         Self::Fraunhofer,
         Self::PhaseTable,
         Self::Adaptive,
-        Self::Robust,
         Self::MeasuredProfile,
         Self::Speckle,
     ];
@@ -41,7 +38,6 @@ impl RowEstimator {
             Self::Fraunhofer => "fraunhofer",
             Self::PhaseTable => "phase-table",
             Self::Adaptive => "adaptive",
-            Self::Robust => "robust",
             Self::MeasuredProfile => "measured-profile",
             Self::Speckle => "speckle",
         }

@@ -137,7 +137,6 @@ fn centre_of(
         RowEstimator::Fraunhofer => rung(Estimator::Fraunhofer),
         RowEstimator::PhaseTable => rung(Estimator::PhaseTable),
         RowEstimator::Adaptive => rung(Estimator::Adaptive),
-        RowEstimator::Robust => rung(Estimator::Robust),
         RowEstimator::MeasuredProfile => tables.measured.map_or_else(
             || {
                 Err(Fault::NoSpot {

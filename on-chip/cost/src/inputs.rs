@@ -1,9 +1,11 @@
-//! What an estimator is given: a row whose spot is known, and what it found in the row before.
+//! What a method is given: a row whose spot is known, and what it found in the row before.
 
-use slitrange::centre::{self, Estimator, RowCentre};
+use slitrange::centre::RowCentre;
 use slitrange::fault::Fault;
 use slitrange::row::{Geometry, LARGEST_COUNT, Row};
 use slitrange::spot::{self, Spot};
+
+use crate::methods::{self, Method};
 
 /// A row, searched.
 #[derive(Clone, Copy, Debug)]
@@ -14,12 +16,12 @@ pub struct Searched<'a> {
     pub spot: Spot,
 }
 
-/// The arguments of [`centre::centre`].
+/// The arguments of [`methods::centre`].
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
     /// The row and its spot.
     pub searched: Searched<'a>,
-    /// What the same estimator found in the row before.
+    /// What the same method found in the row before.
     pub before: Option<RowCentre>,
     /// What the row's counts are.
     pub geometry: &'a Geometry,
@@ -37,16 +39,17 @@ pub fn searched(light: &[u16]) -> Result<Searched<'_>, Fault> {
     })
 }
 
-/// The arguments for one rung: the row now, and what the rung found in the row before, which it saw as the first.
+/// The arguments for a method: the row now, and what the method found in the row before, which it saw as the
+/// first.
 pub fn input<'a>(
-    estimator: Estimator,
+    method: Method,
     before: &Searched<'_>,
     now: Searched<'a>,
     geometry: &'a Geometry,
 ) -> Input<'a> {
     Input {
         searched: now,
-        before: centre::centre(estimator, &before.row, &before.spot, None, geometry).ok(),
+        before: methods::centre(method, &before.row, &before.spot, None, geometry).ok(),
         geometry,
     }
 }

@@ -1,8 +1,10 @@
-//! What the program on the chip computes with, apart from the counting: the same rows and calibrations on the chip and on a
-//! PC, so that both can be asked for the same centres and distances.
+//! What the program on the chip computes with, apart from the counting: the same methods, rows and
+//! calibrations on the chip and on a PC, so that both can be asked for the same centres and distances.
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod baselines;
 pub mod calibrations;
 pub mod inputs;
+pub mod methods;
 pub mod rows;

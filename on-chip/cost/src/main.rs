@@ -1,7 +1,8 @@
-//! Counts what each estimator takes on the chip, by the core's cycle counter. On the emulated board a cycle is an
-//! instruction; on a NUCLEO-F429ZI it is what it is.
+//! Counts what each method takes on the chip, by the core's cycle counter. On the emulated board a cycle is
+//! an instruction; on a NUCLEO-F429ZI it is what it is.
 //!
-//! Each result is a line of the log, in words and numbers that a person and `cargo cost` read alike; the last is `end`.
+//! Each result is a line of the log, in words and numbers that a person and `cargo cost` read alike; the last
+//! is `end`.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

@@ -1,4 +1,5 @@
-//! Rows of pixels with a gaussian spot on them, made from a seed: bit for bit the same on the chip and on a PC.
+//! Rows of pixels with a gaussian spot on them, made from a seed: bit for bit the same on the chip and on a
+//! PC.
 //!
 //! So all is integers, single IEEE 754 operations or functions of `libm`.
 
@@ -36,8 +37,8 @@ pub fn geometry() -> Geometry {
 pub enum Turn {
     /// The row before, the target at rest: the same spot, other noise.
     Before,
-    /// The row before, the target on the move: the spot lies up to half a pixel beside where it will be, its width is up to 5 %
-    /// another, and its height 10 %.
+    /// The row before, the target on the move: the spot lies up to half a pixel beside where it will be, its
+    /// width is up to 5 % another, and its height 10 %.
     BeforeMoved,
     /// The row that is measured.
     Now,
@@ -75,8 +76,8 @@ fn even(n: usize, step: f64) -> f64 {
     2.0 * (place - libm::floor(place)) - 1.0
 }
 
-/// A number of nearly normal distribution, mean 0 and standard deviation 1, from 32 random bits: the sum of four bytes,
-/// each of variance (256^2 - 1)/12. It stays within 3.5.
+/// A number of nearly normal distribution, mean 0 and standard deviation 1, from 32 random bits: the sum of
+/// four bytes, each of variance (256^2 - 1)/12. It stays within 3.5.
 fn nearly_normal(bits: u32) -> f64 {
     let sum: i32 = bits.to_le_bytes().iter().map(|&byte| i32::from(byte)).sum();
     f64::from(sum - 2 * 255) / 147.801_217_4

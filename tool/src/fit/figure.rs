@@ -3,21 +3,13 @@
 use std::ops::Range;
 use std::path::Path;
 
-use plotters::chart::ChartContext;
-use plotters::coord::Shift;
-use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 use super::curve::Curve;
 use super::solve::{Form, Solved};
+use crate::axes::{self, Area, Axis, Panel, TEXT, text};
 use crate::points::Point;
 
-/// Ticks and labels.
-const TEXT: i32 = 19;
-/// The names of axes and panels.
-const TITLE: i32 = 21;
-/// Lines of the grid.
-const GRID: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
 /// Points that count.
 const USED: RGBColor = RGBColor(0x15, 0x55, 0xd0);
 /// Points that were rejected.
@@ -26,9 +18,6 @@ const REJECTED: RGBColor = RGBColor(0xc6, 0x20, 0x20);
 /// Height of the panel with the curve, and of each with residuals.
 const UPPER: u32 = 520;
 const LOWER: u32 = 330;
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Panel<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// Draws the points and the curve above, what eq. (1) leaves below, and where it is corrected what that leaves, too.
 ///
@@ -94,13 +83,7 @@ fn draw_curve(
             solved.points.len()
         ),
     };
-    let mut panel = panel(
-        area,
-        &title,
-        centres,
-        near..far,
-        ("centre, px", "distance, mm"),
-    )?;
+    let mut panel = panel(area, &title, centres, near..far, "distance, mm")?;
     let line: Vec<(f64, f64)> = curve
         .even_steps(200)
         .map(|centre| (centre, 1e3 * curve.distance(centre)))
@@ -145,13 +128,7 @@ fn draw_residuals(
         .zip(&solved.verdicts)
         .filter(|(_, verdict)| verdict.kept);
     let (low, high) = around(kept.map(|(point, _)| residual(point)).chain([0.0]), 0.15);
-    let mut panel = panel(
-        area,
-        title,
-        centres.clone(),
-        low..high,
-        ("centre, px", "residual, µm"),
-    )?;
+    let mut panel = panel(area, title, centres.clone(), low..high, "residual, µm")?;
     panel.draw_series([PathElement::new(
         vec![(centres.start, 0.0), (centres.end, 0.0)],
         BLACK.stroke_width(1),
@@ -203,41 +180,19 @@ fn around(numbers: impl Iterator<Item = f64>, part: f64) -> (f64, f64) {
     (least - room, most + room)
 }
 
-fn text(size: i32, colour: RGBColor) -> TextStyle<'static> {
-    ("sans-serif", size).into_font().color(&colour)
-}
-
+/// The axes of a panel over the centres.
 fn panel<'a, 'b>(
     area: &'b Area<'a>,
     title: &str,
-    x: Range<f64>,
-    y: Range<f64>,
-    (x_name, y_name): (&str, &str),
+    centres: Range<f64>,
+    heights: Range<f64>,
+    name: &str,
 ) -> anyhow::Result<Panel<'a, 'b>> {
-    let digits = (2.0 - (y.end - y.start).log10()).clamp(0.0, 4.0) as usize;
-    let x_digits = (2.0 - (x.end - x.start).log10()).clamp(0.0, 4.0) as usize;
-    let mut panel = ChartBuilder::on(area)
-        .margin_top(8)
-        .margin_left(6)
-        .margin_bottom(6)
-        .margin_right(30)
-        .x_label_area_size(TEXT + TITLE + 16)
-        .y_label_area_size(4 * TEXT + 14)
-        .caption(title, text(TITLE, BLACK))
-        .build_cartesian_2d(x, y)?;
-    panel
-        .configure_mesh()
-        .bold_line_style(GRID)
-        .max_light_lines(0)
-        .axis_style(BLACK)
-        .label_style(text(TEXT, BLACK))
-        .axis_desc_style(text(TITLE, BLACK))
-        .x_desc(x_name)
-        .y_desc(y_name)
-        .x_labels(10)
-        .y_labels(6)
-        .x_label_formatter(&|value| format!("{value:.x_digits$}"))
-        .y_label_formatter(&|value| format!("{value:.digits$}"))
-        .draw()?;
-    Ok(panel)
+    let axis = |range: Range<f64>, name, ticks| {
+        // Two digits more than the range's first.
+        let digits = (2.0 - (range.end - range.start).log10()).clamp(0.0, 4.0) as usize;
+        Axis::linear((range.start, range.end), name, ticks, digits)
+    };
+    let (x, y) = (axis(centres, "centre, px", 10), axis(heights, name, 6));
+    axes::panel(area, title, 30, &x, &y)
 }

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use serialport::{ClearBuffer, SerialPort as _};
 use slitrange::protocol::command::{Command, parse};
+use slitrange::settings::{Setting, Value};
 
 /// Bits a second, as the firmware sets them.
 const BAUD: u32 = 115_200;
@@ -259,14 +260,14 @@ impl Line {
     /// # Errors
     /// Nobody answers.
     pub fn synchronise(&mut self) -> Result<bool, LineError> {
-        let question = Command::Stream(None).to_string();
+        let question = Command::Show(Setting::Stream).to_string();
         let mut heard = None;
         for _ in 0..TRIES {
             // Ctrl-U is not text: a line that somebody left half typed, or that lost its end, is an error and no command.
             self.say(format!("\x15\r{question}\r").as_bytes(), &question)?;
             let until = Instant::now() + self.waits.answer;
             while let Some(line) = self.line(until)? {
-                if let Ok(Command::Stream(Some(on))) = parse(line.as_bytes()) {
+                if let Ok(Command::Set(Value::Stream(on))) = parse(line.as_bytes()) {
                     return Ok(on);
                 }
                 // What it says of the line before the question is of no interest.

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
-use slitrange::centre::Estimator;
 use slitrange::frame::MAX_ROWS;
 use slitrange::protocol::command::Command;
+use slitrange::settings::{Setting, Value};
 use time::OffsetDateTime;
 
 use super::answers::{Centre, NoCentre};
@@ -168,8 +168,8 @@ pub fn run_with(
 struct Settings {
     head: String,
     serial_number: u32,
-    estimator: Command,
-    black: Command,
+    estimator: Value,
+    black: Value,
 }
 
 impl Settings {
@@ -180,14 +180,14 @@ impl Settings {
                 .calibration()?
                 .record
                 .map_or(0, |record| record.serial_number),
-            estimator: session.value(Command::Estimator(None))?,
-            black: session.value(Command::Black(None))?,
+            estimator: session.value(Setting::Estimator)?,
+            black: session.value(Setting::Black)?,
         })
     }
 
     fn setup(&self) -> Setup {
-        let value = |command: Command| {
-            let line = command.to_string();
+        let value = |value: Value| {
+            let line = value.to_string();
             line.split_once(' ')
                 .map_or(line.clone(), |(_, value)| value.to_owned())
         };
@@ -201,7 +201,7 @@ impl Settings {
 
     fn letter(&self) -> Option<char> {
         match self.estimator {
-            Command::Estimator(estimator) => estimator.map(Estimator::letter),
+            Value::Estimator(estimator) => Some(estimator.letter()),
             _ => None,
         }
     }
@@ -333,8 +333,8 @@ impl Walk<'_> {
             "another sensor is at {} now",
             self.session.port()
         );
-        self.session.set(self.settings.estimator)?;
-        self.session.set(self.settings.black)?;
+        self.session.set(Command::Set(self.settings.estimator))?;
+        self.session.set(Command::Set(self.settings.black))?;
         self.session.borrow_rows(MAX_ROWS as u16)?;
         writeln!(self.output, "the sensor is back, and set as it was")?;
         Ok(self)

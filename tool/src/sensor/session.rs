@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use slitrange::protocol::command::{Command, parse};
+use slitrange::settings::{Setting, Value};
 
 use super::answers::{self, Centre, InUse, NoCentre};
 use super::line::{Line, LineError, TRIES, Waits};
@@ -49,7 +50,7 @@ impl Session {
                 rows: None,
             },
         };
-        session.set(Command::Stream(Some(false)))?;
+        session.set(Command::Set(Value::Stream(false)))?;
         let wait = session.line.waits.answer;
         let info = Command::Info.to_string();
         session.head = session.line.ask(&info, wait, answers::head)?;
@@ -97,17 +98,17 @@ impl Session {
         &mut self.line
     }
 
-    /// Asks for the value that a command without one shows; the answer is the command that sets it.
+    /// Asks for the value of a setting. The answer is the line that sets it.
     ///
     /// # Errors
     /// No answer came, or an error.
-    pub fn value(&mut self, of: Command) -> Result<Command, LineError> {
+    pub fn value(&mut self, of: Setting) -> Result<Value, LineError> {
         let wait = self.line.waits.answer;
-        self.line.ask(&of.to_string(), wait, |lines| {
-            let said = parse(lines.last()?.as_bytes()).ok()?;
-            // `rows` is not the answer to `rows`, and `mean plain` is neither.
-            (said != of && std::mem::discriminant(&said) == std::mem::discriminant(&of))
-                .then_some(said)
+        self.line.ask(of.name(), wait, |lines| {
+            match parse(lines.last()?.as_bytes()) {
+                Ok(Command::Set(value)) if value.setting() == of => Some(value),
+                _ => None,
+            }
         })
     }
 
@@ -128,7 +129,7 @@ impl Session {
     /// No answer came, or an error.
     pub fn borrow_rows(&mut self, rows: u16) -> Result<(), LineError> {
         self.before()?;
-        self.set(Command::Rows(Some(rows)))
+        self.set(Command::Set(Value::Rows(rows)))
     }
 
     /// What is put back at the end, with the rows.
@@ -137,9 +138,9 @@ impl Session {
     /// No answer came, or an error.
     pub fn before(&mut self) -> Result<Before, LineError> {
         if self.before.rows.is_none()
-            && let Command::Rows(rows) = self.value(Command::Rows(None))?
+            && let Value::Rows(rows) = self.value(Setting::Rows)?
         {
-            self.before.rows = rows;
+            self.before.rows = Some(rows);
         }
         Ok(self.before)
     }
@@ -189,9 +190,9 @@ impl Session {
         }
         self.line.synchronise()?;
         if let Some(rows) = rows {
-            self.set(Command::Rows(Some(rows)))?;
+            self.set(Command::Set(Value::Rows(rows)))?;
         }
-        self.set(Command::Stream(Some(streamed)))
+        self.set(Command::Set(Value::Stream(streamed)))
     }
 }
 

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use slitrange::protocol::command::{Command, parse};
+use slitrange::settings::Value;
 
 use super::session::Before;
 
@@ -272,10 +273,10 @@ fn heading(setup: &Setup, found: Before, started: &str) -> Vec<String> {
             .parts()
             .map(|(name, value)| format!("# {name} {value}")),
     );
-    if found.rows.is_some() {
-        lines.push(format!("# {}", Command::Rows(found.rows)));
+    if let Some(rows) = found.rows {
+        lines.push(format!("# {}", Value::Rows(rows)));
     }
-    lines.push(format!("# {}", Command::Stream(Some(found.streamed))));
+    lines.push(format!("# {}", Value::Stream(found.streamed)));
     lines.push(format!("# started {started}"));
     lines.extend(
         [
@@ -359,11 +360,11 @@ fn begun_with(first: &[String]) -> Option<Before> {
     };
     Some(Before {
         streamed: said().find_map(|command| match command {
-            Command::Stream(on) => on,
+            Command::Set(Value::Stream(on)) => Some(on),
             _ => None,
         })?,
         rows: Some(said().find_map(|command| match command {
-            Command::Rows(rows) => rows,
+            Command::Set(Value::Rows(rows)) => Some(rows),
             _ => None,
         })?),
     })

@@ -10,6 +10,7 @@ use slitrange::protocol::piece::{PIECE, Piece};
 use slitrange::protocol::upload::Step;
 use slitrange::record::decode;
 use slitrange::record::encoded::EncodedRecord;
+use slitrange::settings::Value;
 
 use super::answers::{InUse, RecordInUse};
 use super::line::{LineError, Waits};
@@ -113,7 +114,7 @@ pub fn write_with(options: &WriteOptions, waits: Waits, output: &mut dyn Write) 
         output,
         "uploaded and in use; read back, it is the same bit for bit. Set with it: estimator {}, {}",
         record.estimator.name(),
-        Command::Black(Some(record.black_level))
+        Value::Black(record.black_level)
     )?;
     let kept = if options.no_save {
         "not saved: it is used until the power goes"

@@ -1,6 +1,7 @@
 //! A port is opened, a command answered, and what goes wrong is said.
 
 use slitrange::protocol::command::Command;
+use slitrange::settings::{Setting, Value};
 use slitrange_tool::sensor::line::{Line, LineError};
 use slitrange_tool::sensor::session::Session;
 
@@ -18,26 +19,26 @@ fn a_pseudo_terminal_is_a_port_and_belongs_to_one_program() {
     let port = sensor.port();
     let mut session = Session::open(&port, WAITS).expect("a session");
     assert_eq!(session.head(), "TCD1304DG");
-    assert!(!sensor.state().stream);
+    assert!(!sensor.state().settings().stream);
     assert_eq!(
         error(&port),
         format!("{port} is in use: end the program that has it open")
     );
     session.borrow_rows(64).expect("set");
-    assert_eq!(sensor.state().settings.rows, 64);
+    assert_eq!(sensor.state().settings().rows, 64);
     // What was set is put back, and the port is free again.
     drop(session);
-    assert!(sensor.state().stream);
-    assert_eq!(sensor.state().settings.rows, 16);
+    assert!(sensor.state().settings().stream);
+    assert_eq!(sensor.state().settings().rows, 16);
     drop(Session::open(&port, WAITS).expect("a session"));
 }
 
 #[test]
 fn a_stream_that_was_off_stays_off() {
     let sensor = StandIn::new(2, Trouble::default());
-    sensor.state().stream = false;
+    sensor.state().type_line("stream off");
     drop(Session::open(&sensor.port(), WAITS).expect("a session"));
-    assert!(!sensor.state().stream);
+    assert!(!sensor.state().settings().stream);
 }
 
 #[test]
@@ -95,10 +96,10 @@ fn a_sensor_that_starts_anew_is_noticed() {
     let sensor = StandIn::new(4, Trouble::default());
     let mut session = Session::open(&sensor.port(), WAITS).expect("a session");
     sensor.state().off_until = Some(std::time::Instant::now());
-    let error = session.value(Command::Rows(None)).map(|_| ());
+    let error = session.value(Setting::Rows).map(|_| ());
     let error = error.and_then(|()| {
         std::thread::sleep(WAITS.answer);
-        session.value(Command::Rows(None)).map(|_| ())
+        session.value(Setting::Rows).map(|_| ())
     });
     assert!(
         matches!(error, Err(LineError::Restarted { .. })),
@@ -119,10 +120,10 @@ fn a_bad_line_takes_longer_and_no_more() {
     };
     let (mut failed, mut set) = (0, 0);
     for rows in (1..=64).cycle().take(40) {
-        match session.set(Command::Rows(Some(rows))) {
+        match session.set(Command::Set(Value::Rows(rows))) {
             Ok(()) => {
                 set += 1;
-                assert_eq!(sensor.state().settings.rows, rows);
+                assert_eq!(sensor.state().settings().rows, rows);
             }
             Err(error) => {
                 println!("{error}");

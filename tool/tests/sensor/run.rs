@@ -138,7 +138,10 @@ fn a_stage_goes_through_all_positions() {
         (0.99 * least..3.0 * least).contains(&sigma)
     }));
     let state = sensor.state();
-    assert!(state.stream && state.settings.rows == 16, "put back");
+    assert!(
+        state.settings().stream && state.settings().rows == 16,
+        "put back"
+    );
     drop(state);
     // Once more: nothing is missing, nothing changes.
     let (result, output) = run(&sensor, &arguments, "", WAITS);
@@ -299,8 +302,8 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
         ),
         (
             "# estimator phase-table",
-            "# estimator robust",
-            "taken with `estimator robust`, and the sensor is set to `estimator phase-table`: set it to that, or take another file",
+            "# estimator adaptive",
+            "taken with `estimator adaptive`, and the sensor is set to `estimator phase-table`: set it to that, or take another file",
         ),
         (
             "# points of",
@@ -340,7 +343,7 @@ fn points_are_added_once_the_sensor_has_a_number() {
     more(&[600.0, 700.0]).expect("taken");
     let mut record = EncodedRecord::nominal().expect("a record").record().clone();
     record.serial_number = 42;
-    sensor.state().calibration = EncodedRecord::new(record).ok();
+    sensor.state().start_with(EncodedRecord::new(record).ok());
     more(&[600.0, 650.0, 700.0]).expect("taken");
     check(&sensor, &[600.0, 650.0, 700.0], noise(8));
 }
@@ -359,7 +362,7 @@ fn once_there_are(sensor: &StandIn, count: usize, then: Duration) {
 fn a_cable_that_falls_out_and_power_that_fails_are_waited_for() {
     let sensor = StandIn::new(15, Trouble::default());
     // What was set, and not saved, is set again.
-    sensor.state().settings.estimator = Estimator::Robust;
+    sensor.state().type_line("estimator adaptive");
     let positions = list(&sensor, &TEN);
     let stage = sensor.stage_command();
     std::thread::scope(|scope| {
@@ -394,8 +397,8 @@ fn a_cable_that_falls_out_and_power_that_fails_are_waited_for() {
     });
     check(&sensor, &TEN, noise(8));
     let text = std::fs::read_to_string(points(&sensor)).expect("a file");
-    assert!(text.contains("\n# estimator robust\n"), "{text}");
-    assert_eq!(sensor.state().settings.estimator, Estimator::Robust);
+    assert!(text.contains("\n# estimator adaptive\n"), "{text}");
+    assert_eq!(sensor.state().settings().estimator, Estimator::Adaptive);
 }
 
 #[test]
@@ -507,13 +510,13 @@ fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
     program.wait().expect("ended");
     let set = |sensor: &StandIn| {
         let state = sensor.state();
-        (state.settings.rows, state.stream)
+        (state.settings().rows, state.settings().stream)
     };
     assert_eq!(set(&sensor), (64, false));
     assert!(start(&sensor, &positions).wait().expect("ended").success());
     assert_eq!(set(&sensor), (16, true));
     // What somebody set after that is not of a run that was killed.
-    sensor.state().settings.rows = 32;
+    sensor.state().type_line("rows 32");
     assert!(start(&sensor, &positions).wait().expect("ended").success());
     assert_eq!(set(&sensor), (32, true));
 }

@@ -16,24 +16,21 @@ use nix::unistd::ttyname;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use slitrange::black_level::BlackLevel;
-use slitrange::centre::Estimator;
 use slitrange::distance::eq1::NOMINAL;
 use slitrange::fault::Fault;
-use slitrange::frame::{FrameCentre, Mean};
-use slitrange::measurement::Settings;
-use slitrange::protocol::calibration::{FlashStatus, Shown};
-use slitrange::protocol::command::{Command, Error};
-use slitrange::protocol::info::{Banner, Hardware, Info};
+use slitrange::frame::FrameCentre;
+use slitrange::protocol::command::{Command, parse};
+use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::Input;
-use slitrange::protocol::piece::Piece;
-use slitrange::protocol::refusal::Refusal;
-use slitrange::protocol::status::StartCause;
-use slitrange::protocol::upload::Upload;
+use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::reading::Measured;
+use slitrange::record::Record;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::sensor_heads::tcd1304dg;
-use slitrange::store::StoreError;
+use slitrange::session::{Actions, Event, Session};
+use slitrange::settings::Settings;
+use slitrange::store::configuration::Configuration;
+use slitrange::store::{StoreError, Stored};
 use slitrange::units::{Counts, Pixels};
 use slitrange_tool::sensor::line::Waits;
 
@@ -73,11 +70,10 @@ pub struct Trouble {
 #[derive(Debug)]
 pub struct State {
     pub trouble: Trouble,
-    pub settings: Settings,
-    pub stream: bool,
-    pub calibration: Option<EncodedRecord>,
+    session: Session,
+    actions: Actions,
     /// What its flash holds.
-    pub saved: (Settings, Option<EncodedRecord>),
+    flash: Stored,
     /// Whether its flash takes anything.
     pub flash_works: bool,
     /// It has no power until then.
@@ -90,7 +86,80 @@ pub struct State {
     pub restarts_on_save: usize,
     /// Commands that it understood.
     pub asked: Vec<Command>,
-    upload: Upload,
+}
+
+impl State {
+    /// The settings in use.
+    pub fn settings(&self) -> Settings {
+        *self.session.settings()
+    }
+
+    /// The record in use.
+    pub fn record(&self) -> Option<EncodedRecord> {
+        encoded(self.session.record())
+    }
+
+    /// The record in flash. The nominal one is not written there.
+    pub fn saved_record(&self) -> Option<EncodedRecord> {
+        encoded(self.flash.saved()?.record.as_ref())
+    }
+
+    /// Somebody else types a line.
+    pub fn type_line(&mut self, line: &str) {
+        self.take(Event::Line(parse(line.as_bytes())));
+    }
+
+    /// Its flash holds this record, or nothing that can be used, and it has started.
+    pub fn start_with(&mut self, record: Option<EncodedRecord>) {
+        self.flash = match record {
+            Some(record) => Stored::Newest(Configuration {
+                settings: self.settings(),
+                record: Some(record.record().clone()),
+            }),
+            None => Stored::Unusable,
+        };
+        self.start();
+    }
+
+    /// Power comes. Gives the banner.
+    fn start(&mut self) -> String {
+        self.session = new_session();
+        self.take(Event::Started(self.flash.clone()))
+    }
+
+    /// Gives the text that an event brings. Its last line ends like all others.
+    fn take(&mut self, event: Event) -> String {
+        let Self {
+            session, actions, ..
+        } = self;
+        session.take(event, &Vitals::default(), actions);
+        let mut text = actions.text.as_str().to_owned();
+        if !actions.save {
+            return text;
+        }
+        if self.restarts_on_save > 0 {
+            self.restarts_on_save -= 1;
+            self.off_until = Some(Instant::now() + Duration::from_millis(50));
+            return text;
+        }
+        let result = match self.session.configuration() {
+            Some(configuration) if self.flash_works => {
+                self.flash = Stored::Newest(configuration);
+                Ok(())
+            }
+            _ => Err(StoreError::Flash),
+        };
+        text.push_str(&self.take(Event::Saved(result)));
+        text
+    }
+}
+
+fn new_session() -> Session {
+    Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn)
+}
+
+fn encoded(record: Option<&Record>) -> Option<EncodedRecord> {
+    EncodedRecord::new(record?.clone()).ok()
 }
 
 /// A sensor in a thread.
@@ -105,25 +174,17 @@ pub struct StandIn {
 impl StandIn {
     /// A sensor with the nominal calibration.
     pub fn new(seed: u64, trouble: Trouble) -> Self {
-        let settings = Settings {
-            rows: 16,
-            mean: Mean::default(),
-            estimator: Estimator::default(),
-            black_level: BlackLevel::Shielded,
-        };
         let state = Arc::new(Mutex::new(State {
             trouble,
-            settings,
-            stream: true,
-            calibration: EncodedRecord::nominal(),
-            saved: (settings, None),
+            session: new_session(),
+            actions: Actions::default(),
+            flash: Stored::Nothing,
             flash_works: true,
             off_until: None,
             unplugged_until: None,
             spoil: None,
             restarts_on_save: 0,
             asked: Vec::new(),
-            upload: Upload::none(),
         }));
         let directory = tempfile::tempdir().expect("a directory");
         let ended = Arc::new(Mutex::new(false));
@@ -271,41 +332,27 @@ impl Sensor {
                 self.hear(&mut state, &line);
             }
         }
-        if self.centre_due.is_some_and(|due| now >= due) {
+        let is_due = match self.centre_due {
+            Some(due) => now >= due,
+            None => state.settings().stream && now >= self.streamed + Duration::from_millis(6),
+        };
+        if is_due {
             self.centre_due = None;
-            let line = match self.frame(&state) {
-                Ok(measured) => measured.to_string(),
-                Err(fault) => format!("{fault}\r\n({})", fault.advice()),
-            };
-            self.say(&mut state, &line);
-        } else if state.stream && now >= self.streamed + Duration::from_millis(6) {
             self.streamed = now;
-            let line = match self.frame(&state) {
-                Ok(measured) => measured
-                    .reading(
-                        state
-                            .calibration
-                            .as_ref()
-                            .map(|written| &written.record().calibration),
-                    )
-                    .map_or_else(|fault| fault.to_string(), |reading| reading.to_string()),
-                Err(fault) => fault.to_string(),
-            };
-            self.say(&mut state, &line);
+            let frame = self.frame(&state);
+            let text = state.take(Event::Frame(frame));
+            self.say(&mut state, &text);
         }
     }
 
     /// Power is back.
     fn start(&mut self, state: &mut State) {
         state.off_until = None;
-        state.settings = state.saved.0;
-        state.calibration = state.saved.1.clone().or_else(EncodedRecord::nominal);
-        state.stream = true;
-        state.upload = Upload::none();
         self.input = Input::new();
         self.line.clear();
         self.centre_due = None;
-        self.say(state, &Banner(&HARDWARE, StartCause::PowerOn).to_string());
+        let banner = state.start();
+        self.say(state, &banner);
     }
 
     /// A line comes in, if it does.
@@ -318,116 +365,27 @@ impl Sensor {
             return;
         };
         for byte in line {
-            if let Some(command) = self.input.take(byte) {
-                self.obey(state, command);
-            }
-        }
-    }
-
-    fn obey(&mut self, state: &mut State, command: Result<Command, Error>) {
-        let answer = match command {
-            Ok(Command::Nothing) => return,
-            Ok(command) => {
+            let Some(command) = self.input.take(byte) else {
+                continue;
+            };
+            if let Ok(command) = command
+                && command != Command::Nothing
+            {
                 state.asked.push(command);
-                self.answer(state, command)
             }
-            Err(error) => Some(error.to_string()),
-        };
-        if let Some(answer) = answer {
-            for line in answer.split("\r\n") {
-                self.say(state, line);
-            }
-        }
-    }
-
-    fn answer(&mut self, state: &mut State, command: Command) -> Option<String> {
-        let settings = &mut state.settings;
-        let answer = match command {
-            Command::Info => Info {
-                hardware: &HARDWARE,
-                geometry: &tcd1304dg(),
-                settings,
-                record: state.calibration.as_ref().map(EncodedRecord::record),
-                on: true,
-            }
-            .to_string(),
-            Command::Stream(on) => {
-                state.stream = on.unwrap_or(state.stream);
-                Command::Stream(Some(state.stream)).to_string()
-            }
-            Command::Rows(rows) => {
-                settings.rows = rows.unwrap_or(settings.rows);
-                Command::Rows(Some(settings.rows)).to_string()
-            }
-            Command::Estimator(estimator) => {
-                settings.estimator = estimator.unwrap_or(settings.estimator);
-                Command::Estimator(Some(settings.estimator)).to_string()
-            }
-            Command::Black(black) => {
-                settings.black_level = black.unwrap_or(settings.black_level);
-                Command::Black(Some(settings.black_level)).to_string()
-            }
-            Command::Calibration(None) => Shown {
-                written: state.calibration.as_ref(),
-                on: true,
-                stored: match &state.saved.1 {
-                    Some(saved) => FlashStatus::Record(saved.sum()),
-                    None => FlashStatus::Nothing,
-                },
-            }
-            .to_string(),
-            Command::Data(offset) => match &state.calibration {
-                Some(written) => match Piece::of(written.bytes(), offset) {
-                    Some(piece) => piece.to_string(),
-                    None => Refusal::NoPiece {
-                        offset,
-                        bytes: written.bytes().len(),
-                    }
-                    .to_string(),
-                },
-                None => Refusal::NoCalibration.to_string(),
-            },
-            Command::Upload(step) => match state.upload.take(step, &tcd1304dg()) {
-                Ok(record) => {
-                    if let Some(record) = record {
-                        settings.estimator = record.estimator;
-                        settings.black_level = record.black_level;
-                        state.calibration = EncodedRecord::new(record).ok();
-                    }
-                    command.to_string()
-                }
-                Err(refusal) => refusal.to_string(),
-            },
-            Command::Save => {
-                if state.restarts_on_save > 0 {
-                    state.restarts_on_save -= 1;
-                    state.off_until = Some(Instant::now() + Duration::from_millis(50));
-                    "save pauses the stream".to_owned()
-                } else if state.flash_works {
-                    state.saved = (*settings, state.calibration.clone());
-                    "save pauses the stream\r\nsave".to_owned()
-                } else {
-                    format!(
-                        "save pauses the stream\r\n{}",
-                        Refusal::NotSaved(StoreError::Flash)
-                    )
-                }
-            }
-            Command::Centre => {
+            if command == Ok(Command::Centre) {
                 let late = self.random.random_bool(state.trouble.late);
-                let after = if late {
+                let wait = if late {
                     WAITS.frame * 11 / 10
                 } else {
                     Duration::ZERO
                 };
                 // Asked for twice, it is answered once.
-                let due = Instant::now() + after;
-                self.centre_due = Some(self.centre_due.unwrap_or(due));
-                return None;
+                self.centre_due.get_or_insert(Instant::now() + wait);
             }
-            other => panic!("the stand-in does not know {other:?}"),
-        };
-        Some(answer)
+            let text = state.take(Event::Line(command));
+            self.say(state, &text);
+        }
     }
 
     /// The frame that ends now. In the first one after a move, the target moved half of the time.
@@ -445,6 +403,7 @@ impl Sensor {
             .unwrap_or(800.0);
         let before = self.seen_mm.replace(mm).unwrap_or(mm);
         let noise: f64 = StandardNormal.sample(&mut self.random);
+        let settings = state.settings();
         let centre = (centre_px(mm) + centre_px(before)) / 2.0 + NOISE_PX * noise;
         Ok(Measured {
             frame: FrameCentre {
@@ -452,26 +411,28 @@ impl Sensor {
                 uncertainty: Pixels::from_f32(NOISE_PX as f32),
                 amplitude: Counts::from_int(1993),
                 width: Pixels::from_int(9),
-                rows_used: state.settings.rows,
-                rows: state.settings.rows,
+                rows_used: settings.rows,
+                rows: settings.rows,
                 misfits: 0,
                 correlated: None,
             },
             black_level: Counts::from_int(300),
-            estimator: state.settings.estimator,
+            estimator: settings.estimator,
         })
     }
 
-    fn say(&mut self, state: &mut State, line: &str) {
-        let Some(line) = self.noisy(state, format!("{line}\r\n").as_bytes()) else {
-            return;
-        };
-        // What nobody reads is lost, as on a real line.
-        let terminal = self.terminal.as_mut().expect("plugged in");
-        match terminal.sensor_side.write(&line) {
-            Ok(_) => {}
-            Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-            Err(error) => panic!("{error}"),
+    fn say(&mut self, state: &mut State, text: &str) {
+        for line in text.split_inclusive("\r\n") {
+            let Some(line) = self.noisy(state, line.as_bytes()) else {
+                continue;
+            };
+            // What nobody reads is lost, as on a real line.
+            let terminal = self.terminal.as_mut().expect("plugged in");
+            match terminal.sensor_side.write(&line) {
+                Ok(_) => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+                Err(error) => panic!("{error}"),
+            }
         }
     }
 

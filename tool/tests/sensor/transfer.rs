@@ -138,10 +138,10 @@ fn every_kind_is_written_read_and_the_same() {
             "{output}"
         );
         let state = sensor.state();
-        assert_eq!(state.calibration.as_ref(), Some(&written));
-        assert_eq!(state.saved.1.as_ref(), Some(&written));
-        assert_eq!(state.settings.estimator, Estimator::Adaptive);
-        assert!(state.stream, "put back");
+        assert_eq!(state.record().as_ref(), Some(&written));
+        assert_eq!(state.saved_record().as_ref(), Some(&written));
+        assert_eq!(state.settings().estimator, Estimator::Adaptive);
+        assert!(state.settings().stream, "put back");
         drop(state);
         let back = sensor.path("back");
         run(&["read", "--port", &port, "-o", text(&back), "--force"])
@@ -178,8 +178,8 @@ fn without_saving_the_flash_stays_as_it_is() {
         output.ends_with("not saved: it is used until the power goes\n"),
         "{output}"
     );
-    assert_eq!(sensor.state().calibration.as_ref(), Some(second));
-    assert_eq!(sensor.state().saved.1.as_ref(), Some(first));
+    assert_eq!(sensor.state().record().as_ref(), Some(second));
+    assert_eq!(sensor.state().saved_record().as_ref(), Some(first));
     sensor.state().flash_works = false;
     let error = run(&["write", text(&path), "--port", &sensor.port()])
         .0
@@ -209,7 +209,7 @@ fn power_that_fails_while_it_is_saved_is_made_up_for() {
             output.ends_with("saved: it is kept over a power cycle\n"),
             "{output}"
         );
-        assert_eq!(sensor.state().saved.1.as_ref(), Some(written));
+        assert_eq!(sensor.state().saved_record().as_ref(), Some(written));
         assert_eq!(sensor.state().restarts_on_save, 0);
     }
     let path = file(&sensor, "record", third);
@@ -223,7 +223,7 @@ fn power_that_fails_while_it_is_saved_is_made_up_for() {
         ),
         "{error}"
     );
-    assert_eq!(sensor.state().saved.1.as_ref(), Some(second));
+    assert_eq!(sensor.state().saved_record().as_ref(), Some(second));
 }
 
 #[test]
@@ -321,8 +321,8 @@ fn what_is_no_record_of_the_sensor_is_refused() {
         ),
         "{error}"
     );
-    assert_eq!(sensor.state().calibration, EncodedRecord::nominal());
-    sensor.state().calibration = None;
+    assert_eq!(sensor.state().record(), EncodedRecord::nominal());
+    sensor.state().start_with(None);
     let error = run(&["read", "--port", &port]).0.expect_err("none");
     assert!(
         error.starts_with("the sensor has no calibration (what it saved is none): write one"),
@@ -339,12 +339,12 @@ fn a_bad_line_at_any_step_of_an_upload_is_made_up_for() {
     let steps = written.bytes().len().div_ceil(PIECE) + 2;
     for step in 0..2 * steps {
         for lost in [false, true] {
-            sensor.state().calibration = EncodedRecord::nominal();
+            sensor.state().type_line("defaults");
             sensor.state().spoil = Some((step, lost));
             run(&["write", text(&path), "--port", &sensor.port(), "--no-save"])
                 .0
                 .expect("written");
-            assert_eq!(sensor.state().calibration.as_ref(), Some(&written));
+            assert_eq!(sensor.state().record().as_ref(), Some(&written));
             assert_eq!(sensor.state().spoil, None, "step {step}");
         }
     }
@@ -373,25 +373,25 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
             }
             let state = sensor.state();
             let new = Some(written.clone());
-            let kept = state.saved.1.clone().or_else(EncodedRecord::nominal);
-            let now = &state.calibration;
+            let kept = state.saved_record().or_else(EncodedRecord::nominal);
+            let now = &state.record();
             assert!(*now == used || *now == new || *now == kept);
-            assert!(state.saved.1 == saved || state.saved.1 == new);
+            assert!(state.saved_record() == saved || state.saved_record() == new);
             match result {
                 Ok(_) => {
                     done += 1;
-                    assert_eq!(state.saved.1, new);
+                    assert_eq!(state.saved_record(), new);
                 }
                 Err(error) => {
                     let same = saved == new || used == new;
                     assert!(!error.starts_with("nothing has changed") || *now != new || same);
-                    assert!(!error.contains("not saved") || state.saved.1 != new || same);
+                    assert!(!error.contains("not saved") || state.saved_record() != new || same);
                     assert!(
                         !error.contains("says that it saved") || !error.contains("`stored same`")
                     );
                 }
             }
-            (used, saved) = (now.clone(), state.saved.1.clone());
+            (used, saved) = (now.clone(), state.saved_record());
         }
         println!("to seed {seed}: {done} written");
     }
@@ -426,7 +426,7 @@ fn an_upload_that_is_interrupted_is_dropped() {
             "{error}"
         );
     });
-    assert_eq!(sensor.state().calibration, EncodedRecord::nominal());
+    assert_eq!(sensor.state().record(), EncodedRecord::nominal());
     sensor.state().trouble.lost = 0.0;
     // Another record goes through all the same.
     run(&["write", text(&path), "--port", &port])

@@ -1,16 +1,16 @@
-//! How near each rung comes to the Cramér-Rao bound, over widths, heights and kinds of noise.
+//! How near each method comes to the Cramér-Rao bound, over widths, heights and kinds of noise.
 
+use cost_on_chip::methods::{self, Method};
 use host_tests::accuracy::{Cell, Outcome};
 use host_tests::grid::{self, Rows};
 use indicatif::ProgressBar;
-use slitrange::centre::Estimator;
 
 /// Widths (sigma) of the grid in pixels.
 pub const WIDTHS: [f64; 12] = [
     0.8, 1.2, 1.6, 2.0, 3.0, 4.6, 6.7, 8.0, 10.5, 13.4, 18.0, 30.0,
 ];
 
-/// The widths in pixels that the rungs are made for, over which their worst figures are taken. A narrower spot is
+/// The widths in pixels that the estimators are made for, over which their worst figures are taken. A narrower spot is
 /// hardly wider than a pixel, and a wider one is beyond the optics.
 pub const MEANT_FOR: std::ops::RangeInclusive<f64> = 1.2..=18.0;
 
@@ -82,11 +82,11 @@ impl Noise {
     }
 }
 
-/// A rung on a cell of the grid.
+/// A method on a cell of the grid.
 #[derive(Clone, Copy, Debug)]
 pub struct RungOnCell {
-    /// The rung.
-    pub estimator: Estimator,
+    /// The method.
+    pub method: Method,
     /// Sigma in pixels.
     pub width: f64,
     /// The noise.
@@ -95,14 +95,14 @@ pub struct RungOnCell {
     pub outcome: Outcome,
 }
 
-/// A rung's largest bias at a width.
+/// A method's largest bias at a width.
 #[derive(Clone, Copy, Debug)]
 pub struct Bias {
-    /// The rung.
-    pub estimator: Estimator,
+    /// The method.
+    pub method: Method,
     /// Sigma in pixels.
     pub width: f64,
-    /// In pixels; `None` where the rung finds no centre in a noiseless row.
+    /// In pixels; `None` where the method finds no centre in a noiseless row.
     pub pixels: Option<f64>,
 }
 
@@ -144,21 +144,21 @@ pub const SITUATIONS: [Situation; 4] = [
     },
 ];
 
-/// Where more of the rows than this have no centre, the error of the others is not the rung's: those are the easy ones.
+/// Where more of the rows than this have no centre, the error of the others is not the method's: those are the easy ones.
 pub const MOST_FAULTS: f64 = 0.1;
 
-/// A rung in a situation.
+/// A method in a situation.
 #[derive(Clone, Copy, Debug)]
 pub struct InSituation {
     /// Index into [`SITUATIONS`].
     pub situation: usize,
-    /// The rung.
-    pub estimator: Estimator,
+    /// The method.
+    pub method: Method,
     /// What came of it.
     pub outcome: Outcome,
 }
 
-/// All that was measured of the rungs' accuracy.
+/// All that was measured of the methods' accuracy.
 pub struct Accuracy {
     /// Rows in a cell.
     pub rows: u64,
@@ -170,8 +170,8 @@ pub struct Accuracy {
     pub biases: Vec<Bias>,
 }
 
-/// Runs the rungs over the grid, `rows` rows a cell.
-pub fn measure(estimators: &[Estimator], rows: u64) -> Accuracy {
+/// Runs the methods over the grid, `rows` rows a cell.
+pub fn measure(methods: &[Method], rows: u64) -> Accuracy {
     let bar = ProgressBar::new((WIDTHS.len() * (NOISES.len() + 1) + SITUATIONS.len()) as u64);
     bar.set_message("accuracy");
     let mut accuracy = Accuracy {
@@ -182,27 +182,27 @@ pub fn measure(estimators: &[Estimator], rows: u64) -> Accuracy {
     };
     for width in WIDTHS {
         for noise in NOISES {
-            let outcomes = Rows::of(noise.cell(width, rows)).run(estimators);
-            accuracy.cells.extend(
-                estimators
-                    .iter()
-                    .zip(outcomes)
-                    .map(|(&estimator, outcome)| RungOnCell {
-                        estimator,
-                        width,
-                        noise,
-                        outcome,
-                    }),
-            );
+            let outcomes = Rows::of(noise.cell(width, rows)).run_by(methods, methods::centre);
+            accuracy
+                .cells
+                .extend(
+                    methods
+                        .iter()
+                        .zip(outcomes)
+                        .map(|(&method, outcome)| RungOnCell {
+                            method,
+                            width,
+                            noise,
+                            outcome,
+                        }),
+                );
             bar.inc(1);
         }
-        accuracy
-            .biases
-            .extend(estimators.iter().map(|&estimator| Bias {
-                estimator,
-                width,
-                pixels: grid::largest_bias(estimator, width),
-            }));
+        accuracy.biases.extend(methods.iter().map(|&method| Bias {
+            method,
+            width,
+            pixels: grid::largest_bias(method, methods::centre, width),
+        }));
         bar.inc(1);
     }
     for (i, situation) in SITUATIONS.iter().enumerate() {
@@ -210,24 +210,26 @@ pub fn measure(estimators: &[Estimator], rows: u64) -> Accuracy {
             hot_pixel: situation.hot_pixel,
             ..Rows::of(situation.noise.cell(situation.chip_width, rows))
         };
-        let outcomes = rows.run(estimators);
-        accuracy.situations.extend(
-            estimators
-                .iter()
-                .zip(outcomes)
-                .map(|(&estimator, outcome)| InSituation {
-                    situation: i,
-                    estimator,
-                    outcome,
-                }),
-        );
+        let outcomes = rows.run_by(methods, methods::centre);
+        accuracy
+            .situations
+            .extend(
+                methods
+                    .iter()
+                    .zip(outcomes)
+                    .map(|(&method, outcome)| InSituation {
+                        situation: i,
+                        method,
+                        outcome,
+                    }),
+            );
         bar.inc(1);
     }
     bar.finish_and_clear();
     accuracy
 }
 
-/// The worst of a rung's figures over the widths it is meant for.
+/// The worst of a method's figures over the widths it is meant for.
 #[derive(Clone, Copy, Debug)]
 pub struct Worst {
     /// RMSE over the bound in white noise.
@@ -250,12 +252,12 @@ impl Accuracy {
         outcome.faults as f64 / self.rows as f64
     }
 
-    /// A rung's worst figures.
-    pub fn worst(&self, estimator: Estimator) -> Worst {
+    /// A method's worst figures.
+    pub fn worst(&self, method: Method) -> Worst {
         let cells = || {
             self.cells
                 .iter()
-                .filter(|cell| cell.estimator == estimator && MEANT_FOR.contains(&cell.width))
+                .filter(|cell| cell.method == method && MEANT_FOR.contains(&cell.width))
         };
         let ratio = |white| {
             cells()
@@ -272,7 +274,7 @@ impl Accuracy {
             bias: self
                 .biases
                 .iter()
-                .filter(|bias| bias.estimator == estimator && MEANT_FOR.contains(&bias.width))
+                .filter(|bias| bias.method == method && MEANT_FOR.contains(&bias.width))
                 .try_fold(0.0f64, |worst, bias| Some(worst.max(bias.pixels?))),
             pull: (
                 cells()

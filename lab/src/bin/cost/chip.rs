@@ -23,6 +23,7 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
+use cost_on_chip::methods::Method;
 use serde::Serialize;
 use slitrange::centre::Estimator;
 use slitrange::centre::tables::{self, TableSet};
@@ -72,7 +73,7 @@ pub struct Chip {
 /// One rung at one width, over several rows: the spot is known, and so is what the rung found in the row before.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RungOnChip {
-    /// The estimator's name.
+    /// The method's name.
     pub name: String,
     /// Sigma in pixels.
     pub width: f64,
@@ -188,8 +189,8 @@ fn check_the_counter(run: &Run) -> Result<()> {
 fn rungs(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<RungOnChip>> {
     let calls = calls_of_rungs(run, program)?;
     let mut rungs = Vec::new();
-    for estimator in Estimator::ALL {
-        let name = estimator.name();
+    for method in Method::ALL {
+        let name = method.name();
         let code_bytes = program.reachable_bytes(&wrapper(name))?;
         for line in lines::all(&run.lines, Kind::Rung).filter(|line| line.name == name) {
             let width = line.number("width")?;
@@ -215,7 +216,7 @@ fn rungs(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<RungOnCh
                 instructions_most: *most,
                 cycles_estimated: middle(&cycles).unwrap_or_default(),
                 code_bytes,
-                table_bytes: table_bytes(estimator),
+                table_bytes: table_bytes(method),
                 stack_bytes: line.whole("stack")?,
                 fault: rows().find_map(|(row, _)| row.fault.clone()),
             });
@@ -227,9 +228,9 @@ fn rungs(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<RungOnCh
 /// The program prints a line for each call of a rung, in the order of the calls: each line with its call.
 fn calls_of_rungs<'a>(run: &'a Run, program: &Program) -> Result<Vec<(&'a Line, &'a Call)>> {
     // Functions of the same instructions are one, so an address may stand for several rungs.
-    let wrappers: BTreeSet<u64> = Estimator::ALL
+    let wrappers: BTreeSet<u64> = Method::ALL
         .into_iter()
-        .filter_map(|estimator| program.address(&wrapper(estimator.name())))
+        .filter_map(|method| program.address(&wrapper(method.name())))
         .collect();
     let calls: Vec<&Call> = run
         .calls
@@ -298,16 +299,16 @@ fn wrapper(name: &str) -> String {
 }
 
 /// Bytes of the weights that a rung reads.
-fn table_bytes(estimator: Estimator) -> u64 {
-    match estimator {
-        Estimator::Centroid
-        | Estimator::Parabola
-        | Estimator::LogParabola
-        | Estimator::ZeroCrossing
-        | Estimator::GaussNewton => 0,
-        Estimator::Blocks | Estimator::PhaseTable => bytes_of(&tables::GAUSSIAN),
-        Estimator::Fraunhofer => bytes_of(&tables::SLIT),
-        Estimator::Adaptive | Estimator::Robust => {
+fn table_bytes(method: Method) -> u64 {
+    match method {
+        Method::Estimator(Estimator::Centroid)
+        | Method::Parabola
+        | Method::LogParabola
+        | Method::ZeroCrossing
+        | Method::Estimator(Estimator::GaussNewton) => 0,
+        Method::Blocks | Method::Estimator(Estimator::PhaseTable) => bytes_of(&tables::GAUSSIAN),
+        Method::Estimator(Estimator::Fraunhofer) => bytes_of(&tables::SLIT),
+        Method::Estimator(Estimator::Adaptive) | Method::Repair => {
             let mixes = tables::MIXES.iter().map(|mix| bytes_of(mix.tables));
             mixes.sum::<u64>() + bytes_of(&tables::TILTED)
         }

@@ -2,7 +2,6 @@
 
 mod accuracy_against_time;
 mod accuracy_over_width;
-mod axes;
 mod bias;
 mod curves;
 mod labels;
@@ -29,11 +28,11 @@ pub fn draw(measured: &Measured, directory: &Path) -> anyhow::Result<()> {
 mod tests {
     use super::*;
     use crate::made_up;
-    use slitrange::centre::Estimator;
+    use cost_on_chip::methods::Method;
 
-    /// Every rung is named in every figure of the rungs; `cargo test -p cost figures` leaves them to be looked at.
+    /// Every figure of the methods names each method; `cargo test -p lab --bin cost figures` leaves them to be looked at.
     #[test]
-    fn figures_name_every_rung() {
+    fn figures_name_every_method() {
         let directory = std::env::temp_dir().join("slitrange-made-up-figures");
         draw(&made_up::measured(), &directory).expect("figures");
         println!("{}", directory.display());
@@ -43,13 +42,13 @@ mod tests {
             ("bias-over-phase.svg", 1),
         ] {
             let svg = std::fs::read_to_string(directory.join(name)).expect("a figure");
-            for estimator in Estimator::ALL {
+            for method in Method::ALL {
                 // A label alone on its line, or followed by a ratio.
                 let label = |line: &&str| {
-                    *line == estimator.name() || line.starts_with(&format!("{} ", estimator.name()))
+                    *line == method.name() || line.starts_with(&format!("{} ", method.name()))
                 };
                 let found = svg.lines().filter(label).count();
-                assert_eq!(found, times, "{} in {name}", estimator.name());
+                assert_eq!(found, times, "{} in {name}", method.name());
             }
         }
     }

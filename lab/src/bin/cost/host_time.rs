@@ -3,9 +3,9 @@
 use std::hint::black_box;
 use std::time::Instant;
 
+use cost_on_chip::methods::{self, Method};
 use host_tests::accuracy::{Cell, PIXELS};
 use simulator::scene::quantise;
-use slitrange::centre::{self, Estimator};
 use slitrange::row::Row;
 use slitrange::spot;
 
@@ -14,7 +14,7 @@ const REPETITIONS: usize = 101;
 
 /// Nanoseconds per row, the median of repetitions, for a spot of 10.5 pixels' width whose place is known from the row before.
 /// The search for the spot is not in it. `None` where a row has no centre.
-pub fn nanoseconds(estimator: Estimator) -> Option<f64> {
+pub fn nanoseconds(method: Method) -> Option<f64> {
     let cell = Cell {
         width: 10.5,
         amplitude: 2000.0,
@@ -36,7 +36,7 @@ pub fn nanoseconds(estimator: Estimator) -> Option<f64> {
     for counts in &counts {
         let row = Row::new(counts, &[], 4095).ok()?;
         let spot = spot::find(&row).ok()?;
-        let centre = centre::centre(estimator, &row, &spot, before.as_ref(), &geometry);
+        let centre = methods::centre(method, &row, &spot, before.as_ref(), &geometry);
         rows.push((row, spot, before));
         before = Some(centre.ok()?);
     }
@@ -44,8 +44,8 @@ pub fn nanoseconds(estimator: Estimator) -> Option<f64> {
         .map(|_| {
             let start = Instant::now();
             for (row, spot, before) in &rows {
-                let _ = black_box(centre::centre(
-                    black_box(estimator),
+                let _ = black_box(methods::centre(
+                    black_box(method),
                     black_box(row),
                     spot,
                     before.as_ref(),

@@ -1,5 +1,6 @@
 //! Made-up measurements, for tests of the report and for a look at the figures.
 
+use cost_on_chip::methods::Method;
 use host_tests::accuracy::Outcome;
 use slitrange::centre::Estimator;
 
@@ -12,20 +13,20 @@ use crate::report::Measured;
 /// Name, RMSE over the bound in white and shot noise, bias at a width of a pixel, instructions, code and tables in bytes.
 const RUNGS: [(f64, f64, f64, u64, u64, u64); 10] = [
     (1.9, 1.3, 0.02, 520, 420, 0),
+    (1.06, 1.09, 0.0003, 354, 1100, 9400),
+    (1.01, 1.02, 0.0001, 653, 2300, 18_800),
+    (1.0, 1.0, 0.00002, 37_600, 4100, 0),
+    (1.08, 1.12, 0.004, 354, 1100, 9400),
     (9.0, 12.0, 0.05, 95, 300, 0),
     (8.0, 11.0, 0.01, 190, 700, 0),
     (1.15, 1.55, 0.02, 204, 380, 0),
     (1.07, 1.1, 0.0005, 299, 900, 9400),
-    (1.06, 1.09, 0.0003, 354, 1100, 9400),
-    (1.01, 1.02, 0.0001, 653, 2300, 18_800),
     (1.03, 1.04, 0.0002, 1420, 3400, 28_200),
-    (1.0, 1.0, 0.00002, 37_600, 4100, 0),
-    (1.08, 1.12, 0.004, 354, 1100, 9400),
 ];
 
 /// All of it.
 pub fn measured() -> Measured {
-    let rungs = || Estimator::ALL.into_iter().zip(RUNGS);
+    let rungs = || Method::ALL.into_iter().zip(RUNGS);
     let outcome = |ratio: f64| Outcome {
         rmse: 0.02 * ratio,
         bound: 0.02,
@@ -39,7 +40,7 @@ pub fn measured() -> Measured {
         situations: vec![],
         biases: vec![],
     };
-    for (estimator, (white, shot, bias, ..)) in rungs() {
+    for (method, (white, shot, bias, ..)) in rungs() {
         for width in WIDTHS {
             for noise in NOISES {
                 let ratio = if noise.is_white() { white } else { shot };
@@ -49,30 +50,33 @@ pub fn measured() -> Measured {
                     Noise::Shot { amplitude, .. } => amplitude,
                 };
                 accuracy.cells.push(RungOnCell {
-                    estimator,
+                    method,
                     width,
                     noise,
                     outcome: outcome(ratio + ripple + 1e-6 * snr),
                 });
             }
             accuracy.biases.push(Bias {
-                estimator,
+                method,
                 width,
                 pixels: Some(bias * width.powf(-0.5)),
             });
         }
         for (situation, hot) in SITUATIONS.iter().enumerate().map(|(i, _)| (i, i == 3)) {
-            let spared = matches!(estimator, Estimator::Robust | Estimator::GaussNewton);
+            let spared = matches!(
+                method,
+                Method::Repair | Method::Estimator(Estimator::GaussNewton)
+            );
             let ratio = if situation == 0 { white } else { shot };
             accuracy.situations.push(InSituation {
                 situation,
-                estimator,
+                method,
                 outcome: outcome(if hot && !spared { ratio * 9.0 } else { ratio }),
             });
         }
     }
     Measured {
-        estimators: Estimator::ALL.to_vec(),
+        methods: Method::ALL.to_vec(),
         accuracy,
         chip: chip(),
         distances: vec![Distance {
@@ -93,13 +97,12 @@ pub fn measured() -> Measured {
 
 fn chip() -> Chip {
     let mut rungs = vec![];
-    for (estimator, (.., instructions, code_bytes, table_bytes)) in
-        Estimator::ALL.into_iter().zip(RUNGS)
+    for (method, (.., instructions, code_bytes, table_bytes)) in Method::ALL.into_iter().zip(RUNGS)
     {
         for (width, part) in [(1.5, 4), (4.5, 6), (10.5, 10), (11.3, 10), (25.0, 7)] {
             let instructions = instructions * part / 10;
             rungs.push(RungOnChip {
-                name: estimator.name().into(),
+                name: method.name().into(),
                 width,
                 instructions,
                 instructions_most: instructions,

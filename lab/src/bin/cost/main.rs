@@ -1,6 +1,6 @@
 //! `cargo cost`: what accuracy costs in time.
 //!
-//! Every estimator on the same seeded rows against the Cramér-Rao bound; its instructions on the emulated chip; its time on this
+//! Every estimator, and baselines that the firmware does not have, on the same seeded rows against the Cramér-Rao bound; its instructions on the emulated chip; its time on this
 //! computer; and on demand the programs that one would use instead. Prints tables, and writes them with their figures
 //! under `docs/`.
 
@@ -8,7 +8,6 @@ mod accuracy;
 mod chip;
 mod distances;
 mod figures;
-mod figures_for_help;
 mod host_time;
 #[cfg(test)]
 mod made_up;
@@ -21,8 +20,8 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use clap::Parser;
+use cost_on_chip::methods::Method;
 use lab::docs;
-use slitrange::centre::Estimator;
 
 use crate::report::Measured;
 
@@ -48,24 +47,19 @@ struct Options {
     /// Only what a distance costs by every form of a calibration, and its table in docs/
     #[arg(long)]
     distances: bool,
-    /// Only this estimator
-    #[arg(long, value_name = "NAME", value_parser = estimator)]
-    estimator: Option<Estimator>,
+    /// Only this estimator or baseline
+    #[arg(long = "estimator", value_name = "NAME", value_parser = method)]
+    method: Option<Method>,
     /// Rewrite docs/ whatever the number of rows
-    #[arg(long, conflicts_with_all = ["estimator", "json"])]
+    #[arg(long, conflicts_with_all = ["method", "json"])]
     write: bool,
 }
 
-fn estimator(name: &str) -> Result<Estimator, String> {
-    Estimator::ALL
+fn method(name: &str) -> Result<Method, String> {
+    Method::ALL
         .into_iter()
-        .find(|estimator| estimator.name() == name)
-        .ok_or_else(|| {
-            format!(
-                "there are {}",
-                Estimator::ALL.map(Estimator::name).join(", ")
-            )
-        })
+        .find(|method| method.name() == name)
+        .ok_or_else(|| format!("there are {}", Method::ALL.map(Method::name).join(", ")))
 }
 
 fn main() -> anyhow::Result<()> {
@@ -89,7 +83,7 @@ fn main() -> anyhow::Result<()> {
     } else {
         print!("{}", measured.tables());
     }
-    let complete = options.rows >= FULL && options.estimator.is_none() && !options.json;
+    let complete = options.rows >= FULL && options.method.is_none() && !options.json;
     if options.write || complete {
         write(&measured)?;
     }
@@ -97,24 +91,24 @@ fn main() -> anyhow::Result<()> {
 }
 
 fn measure(options: &Options) -> anyhow::Result<Measured> {
-    let estimators: Vec<Estimator> = match options.estimator {
-        Some(estimator) => vec![estimator],
-        None => Estimator::ALL.to_vec(),
+    let methods: Vec<Method> = match options.method {
+        Some(method) => vec![method],
+        None => Method::ALL.to_vec(),
     };
     let chip = chip::measure().context("on the emulated chip")?;
     // Times are taken while nothing else runs.
-    let host_ns = estimators
+    let host_ns = methods
         .iter()
-        .map(|&estimator| host_time::nanoseconds(estimator))
+        .map(|&method| host_time::nanoseconds(method))
         .collect();
     let peers = match options.peers {
         true => Some(peers_beside(&chip)?),
         false => None,
     };
     Ok(Measured {
-        accuracy: accuracy::measure(&estimators, options.rows),
+        accuracy: accuracy::measure(&methods, options.rows),
         readings: reading_time::measure((options.rows / 100).max(8))?,
-        estimators,
+        methods,
         distances: distances::measure(&chip)?,
         chip,
         host_ns,
@@ -122,11 +116,11 @@ fn measure(options: &Options) -> anyhow::Result<Measured> {
     })
 }
 
-/// The peers, with their instructions on the chip over the default rung's on the same rows.
+/// The peers, with their instructions on the chip over the default estimator's on the same rows.
 fn peers_beside(chip: &chip::Chip) -> anyhow::Result<peers::Peers> {
     let mut peers = peers::run(&peers::Options::default()).context("the peers")?;
-    let default = report::on_chip(chip, Estimator::default(), report::PEERS_WIDTH)
-        .context("the default rung finds no centre on the chip")?;
+    let default = report::on_chip(chip, Method::default(), report::PEERS_WIDTH)
+        .context("the default estimator finds no centre on the chip")?;
     for peer in &chip.peers {
         let ratio = peer.instructions as f64 / default.instructions as f64;
         // Some ran on the chip only: with other starting values.
@@ -135,7 +129,7 @@ fn peers_beside(chip: &chip::Chip) -> anyhow::Result<peers::Peers> {
     Ok(peers)
 }
 
-/// Rewrites the tables and figures under `docs/`, and the firmware's own copy of the figures.
+/// Rewrites the tables and figures under `docs/`.
 fn write(measured: &Measured) -> anyhow::Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"))
         .parent()
@@ -145,12 +139,7 @@ fn write(measured: &Measured) -> anyhow::Result<()> {
     write_block("docs/accuracy.md", ALL, &measured.markdown())?;
     write_block("README.md", ALL, &measured.short_markdown())?;
     let distances = report::distances_markdown(&measured.distances);
-    write_block("docs/accuracy.md", DISTANCES, &distances)?;
-    std::fs::write(
-        root.join("src/estimator/figures/measured.rs"),
-        figures_for_help::source(measured),
-    )?;
-    Ok(())
+    write_block("docs/accuracy.md", DISTANCES, &distances)
 }
 
 /// The blocks that this writes.
@@ -174,8 +163,8 @@ mod tests {
     /// A look with few rows goes through all of it but the chip: 64 rows give a ratio to 9 %.
     #[test]
     fn a_quick_look_comes_near_the_bound() {
-        let accuracy = accuracy::measure(&[Estimator::default()], 64);
-        let worst = accuracy.worst(Estimator::default());
+        let accuracy = accuracy::measure(&[Method::default()], 64);
+        let worst = accuracy.worst(Method::default());
         println!("{worst:?}");
         assert_eq!(
             accuracy.cells.len(),
@@ -183,12 +172,14 @@ mod tests {
         );
         assert!(worst.white > 0.9 && worst.white < 1.5 && worst.shot < 1.5);
         assert!(worst.bias.is_some_and(|bias| bias < 1e-3));
-        assert!(host_time::nanoseconds(Estimator::default()).is_some_and(|ns| ns > 1.0));
+        assert!(host_time::nanoseconds(Method::default()).is_some_and(|ns| ns > 1.0));
     }
 
     #[test]
-    fn estimators_are_known_by_their_names() {
-        assert_eq!(estimator("gauss-newton"), Ok(Estimator::GaussNewton));
-        assert!(estimator("none").is_err());
+    fn methods_are_known_by_their_names() {
+        for it in Method::ALL {
+            assert_eq!(method(it.name()), Ok(it));
+        }
+        assert!(method("none").is_err());
     }
 }

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
+use cost_on_chip::methods::Method;
 use serde::Serialize;
-use slitrange::centre::Estimator;
 
 use crate::accuracy::{Accuracy, Noise, SITUATIONS, Worst};
 use crate::chip::{Chip, RungOnChip};
@@ -24,8 +24,8 @@ pub const PEERS_WIDTH: f64 = 10.5;
 
 /// All that was measured.
 pub struct Measured {
-    /// The rungs, in the order of the ladder.
-    pub estimators: Vec<Estimator>,
+    /// The methods, in the order of [`Method::ALL`].
+    pub methods: Vec<Method>,
     /// Their accuracy.
     pub accuracy: Accuracy,
     /// Their cost on the chip.
@@ -40,10 +40,10 @@ pub struct Measured {
     pub peers: Option<Peers>,
 }
 
-/// A rung on the chip at a width, where it found a centre there.
-pub fn on_chip(chip: &Chip, estimator: Estimator, width: f64) -> Option<&RungOnChip> {
+/// A method on the chip at a width, where it found a centre there.
+pub fn on_chip(chip: &Chip, method: Method, width: f64) -> Option<&RungOnChip> {
     chip.rungs.iter().find(|rung| {
-        rung.name == estimator.name() && (rung.width - width).abs() < 1e-9 && rung.fault.is_none()
+        rung.name == method.name() && (rung.width - width).abs() < 1e-9 && rung.fault.is_none()
     })
 }
 
@@ -58,7 +58,7 @@ pub struct Json {
     peers: Option<Vec<Peer>>,
 }
 
-/// A rung's figures: the worst over the widths it is made for, and its cost with a window of 96 pixels.
+/// A method's figures: the worst over the widths it is made for, and its cost with a window of 96 pixels.
 #[derive(Serialize)]
 struct Rung {
     name: &'static str,
@@ -77,20 +77,20 @@ struct Rung {
 }
 
 impl Measured {
-    /// A rung on the chip at a width, where it found a centre there.
-    pub fn on_chip(&self, estimator: Estimator, width: f64) -> Option<&RungOnChip> {
-        on_chip(&self.chip, estimator, width)
+    /// A method on the chip at a width, where it found a centre there.
+    pub fn on_chip(&self, method: Method, width: f64) -> Option<&RungOnChip> {
+        on_chip(&self.chip, method, width)
     }
 
-    /// A rung's time per row on the chip at a width, in microseconds.
-    pub fn microseconds(&self, estimator: Estimator, width: f64) -> Option<f64> {
-        let rung = self.on_chip(estimator, width)?;
+    /// A method's time per row on the chip at a width, in microseconds.
+    pub fn microseconds(&self, method: Method, width: f64) -> Option<f64> {
+        let rung = self.on_chip(method, width)?;
         Some(rung.cycles_estimated as f64 / CLOCK_MHZ)
     }
 
-    /// A rung on a window of 96 pixels.
-    pub fn nominal(&self, estimator: Estimator) -> Option<&RungOnChip> {
-        self.on_chip(estimator, WINDOW_OF_96)
+    /// A method on a window of 96 pixels.
+    pub fn nominal(&self, method: Method) -> Option<&RungOnChip> {
+        self.on_chip(method, WINDOW_OF_96)
     }
 
     fn chip_widths(&self) -> Vec<f64> {
@@ -113,14 +113,14 @@ impl Measured {
     }
 
     fn rungs(&self) -> Vec<Rung> {
-        self.estimators
+        self.methods
             .iter()
             .zip(&self.host_ns)
-            .map(|(&estimator, &host_ns_per_row)| {
-                let worst = self.accuracy.worst(estimator);
-                let chip = self.nominal(estimator);
+            .map(|(&method, &host_ns_per_row)| {
+                let worst = self.accuracy.worst(method);
+                let chip = self.nominal(method);
                 Rung {
-                    name: estimator.name(),
+                    name: method.name(),
                     rmse_over_bound_max: round(worst.white.max(worst.shot)),
                     rmse_over_bound_max_white: round(worst.white),
                     rmse_over_bound_max_shot: round(worst.shot),
@@ -142,7 +142,7 @@ impl Measured {
     pub fn tables(&self) -> String {
         let rows = self.accuracy.rows;
         let mut out = format!(
-            "Accuracy, {rows} rows a cell: the worst over sigma 1.2 to 18 px (RMSE over the Cramér-Rao bound)\n"
+            "Accuracy, {rows} rows a cell: the worst over sigma 1.2 to 18 px (RMSE over the Cramér-Rao bound)\n{LABELS}\n"
         );
         out += &table(&self.accuracy_table());
         out += "\nCost on the chip, the window known from the row before\n";
@@ -161,7 +161,7 @@ impl Measured {
         }
         let _ = writeln!(
             out,
-            "From words to the frame, by the default rung: {} instructions a row, {:.2} a word of them to turn the words \
+            "From words to the frame, by the default estimator: {} instructions a row, {:.2} a word of them to turn the words \
              over.",
             self.chip.measurement_instructions_per_row, self.chip.geometry_instructions_per_word,
         );
@@ -172,11 +172,10 @@ impl Measured {
             "\nAssembly and its portable twin compared {} times: none differs.",
             self.chip.kernels_compared
         );
-        out +=
-            "\nThe whole sensor, target at 0.8 m, default rung: error of a reading in um (RMS)\n";
+        out += "\nThe whole sensor, target at 0.8 m, default estimator: error of a reading in um (RMS)\n";
         out += &table(&self.reading_table());
         if let Some(peers) = &self.peers {
-            let _ = writeln!(out, "\n{peers}\nPeers over the default rung");
+            let _ = writeln!(out, "\n{peers}\nPeers over the default estimator");
             out += &table(&peer_table(&peers.peers));
         }
         out
@@ -185,10 +184,10 @@ impl Measured {
     /// The tables of `docs/accuracy.md`.
     pub fn markdown(&self) -> String {
         format!(
-            "{} rows a cell; the worst over widths from 1.2 to 18 px.\n\n{}\n{}\nThe coarse search takes {:.2} \
+            "{} rows a cell; the worst over widths from 1.2 to 18 px. {LABELS}\n\n{}\n{}\nThe coarse search takes {:.2} \
              instructions a pixel, and {:.2} in the first row of a frame, whose spot may be of any width, and for spots narrower than \
              6 pixels; turning a \
-             read-out into a row takes {:.2} a word. A row takes {} in all, with the default rung, from the second of a \
+             read-out into a row takes {:.2} a word. A row takes {} in all, with the default estimator, from the second of a \
              frame on.\n",
             self.accuracy.rows,
             markdown(&self.accuracy_table()),
@@ -209,15 +208,16 @@ impl Measured {
             "instructions a row",
             "us at 168 MHz",
         ])];
-        rows.extend(self.estimators.iter().map(|&estimator| {
-            let worst = self.accuracy.worst(estimator);
+        let estimators = self.methods.iter().filter(|method| method.is_estimator());
+        rows.extend(estimators.map(|&method| {
+            let worst = self.accuracy.worst(method);
             vec![
-                format!("`{}`", estimator.name()),
+                format!("`{}`", method.name()),
                 ratio(worst.white),
                 ratio(worst.shot),
-                self.nominal(estimator)
+                self.nominal(method)
                     .map_or("-".into(), |rung| rung.instructions.to_string()),
-                self.microseconds(estimator, WINDOW_OF_96)
+                self.microseconds(method, WINDOW_OF_96)
                     .map_or("-".into(), |us| format!("{us:.1}")),
             ]
         }));
@@ -233,7 +233,7 @@ impl Measured {
 
     fn accuracy_table(&self) -> Vec<Vec<String>> {
         let mut rows = vec![strings(&[
-            "rung",
+            "estimator",
             "white",
             "shot + read",
             "bias px",
@@ -241,7 +241,7 @@ impl Measured {
             "no centre",
             "gross",
         ])];
-        rows.extend(self.estimators.iter().map(|&estimator| {
+        rows.extend(self.methods.iter().map(|&method| {
             let Worst {
                 white,
                 shot,
@@ -249,9 +249,9 @@ impl Measured {
                 pull,
                 faults,
                 gross,
-            } = self.accuracy.worst(estimator);
+            } = self.accuracy.worst(method);
             vec![
-                estimator.name().to_owned(),
+                label(method),
                 ratio(white),
                 ratio(shot),
                 bias.map_or("-".into(), |bias| format!("{bias:.5}")),
@@ -265,25 +265,25 @@ impl Measured {
 
     fn cost_table(&self) -> Vec<Vec<String>> {
         let widths = self.chip_widths();
-        let mut head = vec!["rung".to_owned()];
+        let mut head = vec!["estimator".to_owned()];
         head.extend(widths.iter().map(|width| format!("σ {width}")));
         head.extend(strings(&[
             "cycles", "us", "code B", "tables B", "stack B", "host ns",
         ]));
         let mut rows = vec![head];
-        for (&estimator, ns) in self.estimators.iter().zip(&self.host_ns) {
-            let mut row = vec![estimator.name().to_owned()];
+        for (&method, ns) in self.methods.iter().zip(&self.host_ns) {
+            let mut row = vec![label(method)];
             row.extend(widths.iter().map(|&width| {
-                self.on_chip(estimator, width)
+                self.on_chip(method, width)
                     .map_or("-".into(), |rung| rung.instructions.to_string())
             }));
-            let nominal = self.nominal(estimator);
+            let nominal = self.nominal(method);
             let figure = |of: fn(&RungOnChip) -> u64| {
                 nominal.map_or("-".into(), |rung| of(rung).to_string())
             };
             row.push(figure(|rung| rung.cycles_estimated));
             row.push(
-                self.microseconds(estimator, WINDOW_OF_96)
+                self.microseconds(method, WINDOW_OF_96)
                     .map_or("-".into(), |us| format!("{us:.1}")),
             );
             row.push(figure(|rung| rung.code_bytes));
@@ -361,7 +361,7 @@ impl Measured {
                 } => (Some(amplitude), Some(electrons_per_count), read_noise),
             };
             CellRecord {
-                rung: cell.estimator.name(),
+                rung: cell.method.name(),
                 width_px: cell.width,
                 snr: cell.noise.is_white().then_some(read_noise),
                 amplitude,
@@ -394,7 +394,7 @@ impl Measured {
 
     fn biases(&self) -> impl Iterator<Item = BiasRecord> {
         self.accuracy.biases.iter().map(|bias| BiasRecord {
-            rung: bias.estimator.name(),
+            rung: bias.method.name(),
             width_px: bias.width,
             bias_max_px: bias.pixels.map(round),
         })
@@ -405,9 +405,9 @@ impl Measured {
             let situation = &SITUATIONS[of.situation];
             SituationRecord {
                 situation: situation.name,
-                rung: of.estimator.name(),
+                rung: of.method.name(),
                 microseconds: self
-                    .microseconds(of.estimator, situation.chip_width)
+                    .microseconds(of.method, situation.chip_width)
                     .map(round),
                 rmse_px: round(of.outcome.rmse),
                 rmse_over_bound: round(of.outcome.ratio()),
@@ -523,6 +523,18 @@ fn round(value: f64) -> f64 {
     let scale = 10f64.powi(4 - value.abs().log10().floor() as i32);
     (value * scale).round() / scale
 }
+
+/// A method's name, marked where the firmware does not offer it.
+fn label(method: Method) -> String {
+    match method {
+        Method::Estimator(estimator) => estimator.name().to_owned(),
+        Method::Repair => "repair (check)".to_owned(),
+        baseline => format!("{} (baseline)", baseline.name()),
+    }
+}
+
+/// What the marks of [`label`] mean.
+const LABELS: &str = "The firmware has no baseline. The check runs repair, its robust fit, where a row does not look like its centre.";
 
 /// A ratio, with fewer digits where it is large.
 fn ratio(value: f64) -> String {
@@ -654,13 +666,13 @@ mod tests {
     #[test]
     fn the_worst_is_taken_over_the_widths_that_a_rung_is_made_for() {
         let mut measured = made_up::measured();
-        let estimator = measured.estimators[0];
+        let method = measured.methods[0];
         for cell in &mut measured.accuracy.cells {
             let known = [(0.8, 9.0), (30.0, 8.0), (1.2, 1.7), (18.0, 1.6)];
             let ratio = known.iter().find(|(width, _)| *width == cell.width);
             cell.outcome.rmse = cell.outcome.bound * ratio.map_or(1.0, |(_, ratio)| *ratio);
         }
-        let worst = measured.accuracy.worst(estimator);
+        let worst = measured.accuracy.worst(method);
         assert!((worst.white - 1.7).abs() < 1e-12 && (worst.shot - 1.7).abs() < 1e-12);
     }
 
@@ -691,6 +703,17 @@ mod tests {
         assert_eq!(lines("reading-time.csv").1, 4 * 7);
         assert_eq!(lines("distances.csv").1, 1);
         std::fs::remove_dir_all(directory).expect("removed");
+    }
+
+    #[test]
+    fn tables_name_baselines_and_the_readme_leaves_them_out() {
+        let measured = made_up::measured();
+        let (page, readme) = (measured.markdown(), measured.short_markdown());
+        for method in Method::ALL {
+            assert_eq!(page.matches(&format!("| {} |", label(method))).count(), 2);
+            let in_readme = readme.contains(&format!("| `{}` |", method.name()));
+            assert_eq!(in_readme, method.is_estimator(), "{method:?}");
+        }
     }
 
     #[test]

@@ -4,11 +4,9 @@ use std::path::Path;
 
 use anyhow::Result;
 use plotters::prelude::*;
+use slitrange_tool::axes::{Axis, Scale, TEXT, panel, text};
 
 use crate::{COUNTS, Cell, MEANS};
-
-const TEXT: i32 = 19;
-const GRID: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
 
 /// Dark enough for text on white, one for each of [`MEANS`].
 const COLOURS: [RGBColor; 4] = [
@@ -18,36 +16,20 @@ const COLOURS: [RGBColor; 4] = [
     RGBColor(0xb3, 0x59, 0x00),
 ];
 
-/// A tick's text: there is no room for all of them.
-fn label(count: f64) -> String {
-    match count.round() as u32 {
-        count @ (10 | 20 | 30 | 50 | 100 | 200) => count.to_string(),
-        _ => String::new(),
-    }
-}
-
 /// Draws it. Full lines are for sensors that follow eq. (1), broken ones for those that depart from it.
 pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
     let root = SVGBackend::new(path, (1000, 620)).into_drawing_area();
     root.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&root)
-        .margin(12)
-        .margin_right(340)
-        .x_label_area_size(2 * TEXT + 16)
-        .y_label_area_size(4 * TEXT)
-        .build_cartesian_2d((3.0..200.0_f64).log_scale(), (0.1..1000.0_f64).log_scale())?;
-    let style = |colour: RGBColor| ("sans-serif", TEXT).into_font().color(&colour);
-    chart
-        .configure_mesh()
-        .bold_line_style(GRID)
-        .max_light_lines(0)
-        .axis_style(BLACK)
-        .label_style(style(BLACK))
-        .x_desc("points")
-        .y_desc("RMS error of the curve, µm")
-        .x_label_formatter(&|count| label(*count))
-        .y_label_formatter(&|error| format!("{error}"))
-        .draw()?;
+    let ticks = [10.0, 20.0, 30.0, 50.0, 100.0, 200.0];
+    let x = Axis::new(Scale::Log, (3.0, 200.0), "points", &ticks, |count| {
+        count.to_string()
+    });
+    let ticks = [0.1, 1.0, 10.0, 100.0, 1000.0];
+    let name = "RMS error of the curve, µm";
+    let y = Axis::new(Scale::Log, (0.1, 1000.0), name, &ticks, |error| {
+        error.to_string()
+    });
+    let mut chart = panel(&root, "", 340, &x, &y)?;
     for (departs, sensors) in cells.iter().enumerate() {
         for (column, colour) in sensors.iter().zip(COLOURS) {
             let points: Vec<(f64, f64)> = (COUNTS.iter().zip(column))
@@ -81,7 +63,7 @@ pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
         root.draw(&Text::new(
             means.name,
             (x + 14, y - TEXT / 2),
-            style(colour),
+            text(TEXT, colour),
         ))?;
     }
     for (line, words) in [
@@ -94,7 +76,7 @@ pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
         root.draw(&Text::new(
             words,
             (x + 14, 24 + 26 * line as i32),
-            style(BLACK),
+            text(TEXT, BLACK),
         ))?;
     }
     root.present()?;

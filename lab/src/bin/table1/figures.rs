@@ -2,7 +2,7 @@
 
 mod eq1;
 mod errors;
-mod panel;
+mod style;
 mod violins;
 
 use std::path::Path;

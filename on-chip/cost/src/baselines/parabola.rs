@@ -1,33 +1,31 @@
-//! The vertex of a parabola through the highest pixel and its two neighbours, and the same through the logarithms of their
-//! counts, where a gaussian is a parabola.
+//! The vertex of a parabola through the highest pixel and its two neighbours, or through the logarithms of
+//! their counts, where a gaussian is a parabola.
 //!
-//! With values l at -1, 0, 1 the vertex is at d = N / 2D, N = l(1) - l(-1), D = 2 l(0) - l(1) - l(-1). Its derivatives by the
-//! three values are (1 + 2d)/2D, -4d/2D and -(1 - 2d)/2D up to sign, so
+//! With values l at -1, 0, 1 the vertex is at d = N / 2D, N = l(1) - l(-1), D = 2 l(0) - l(1) - l(-1). With v
+//! the values' variances (noise^2 + g y' for counts y' above the level, and that over y'^2 for their
+//! logarithms)
 //!
-//! u^2 = (((1 + 2d)/2)^2 v(1) + 4 d^2 v(0) + ((1 - 2d)/2)^2 v(-1)) / D^2,
+//! u^2 = (((1 + 2d)/2)^2 v(1) + 4 d^2 v(0) + ((1 - 2d)/2)^2 v(-1)) / D^2.
 //!
-//! with v the values' variances: noise^2 + g y' for counts y' above the level, and that over y'^2 for their logarithms. In
-//! white noise and averaged over d it is (noise / D)^2. A spot's D falls with the square of its width, to A / sigma^2 for
-//! wide ones: the uncertainty is 0.94 sigma^1.5 times the bound, because three pixels are all that is used.
+//! For wide spots this is 0.94 sigma^1.5 times the bound, because only three pixels count. The highest pixel
+//! of a wide spot is not the one at the top, and its choice makes the measured D larger than the spot's. So
+//! from `WIDE` pixels on the D of a gaussian of that width stands in u, and u is at most sqrt(`WANDER` u),
+//! which is how far noise moves the choice (measured, widths of 4 to 30).
 //!
-//! In more noise than that, u near a pixel, the highest pixel is not the one at the top. The choice makes the measured D
-//! larger than the spot's, so for spots of `WIDE` pixels or more the D of a gaussian of that width stands in
-//! the uncertainty. But a pixel at a distance a is lower by D a^2 / 2, so that noise moves the choice by the square root of
-//! noise / D only: by sqrt(`WANDER` u) root mean square, as measured for widths of 4 to 30. The smaller of the two is claimed.
-//!
-//! A parabola is not a gaussian: narrow spots are found too near to the highest pixel's middle, by up to 0.064 pixel (width
-//! 0.8), 0.031 (1.2), 0.012 (2), falling as 1 / width^2. Averaged over the phases that is in the uncertainty too. The logarithms
-//! have no such error, but for what the pixels' own width makes (0.0005 at 0.8). Where a neighbour has less than a sixteenth of the
-//! highest pixel's light the logarithm of its noise would decide, and the plain parabola is taken.
+//! A parabola is not a gaussian: the bias is up to 0.064 pixel (width 0.8), 0.031 (1.2), 0.012 (2), and falls
+//! as 1 / width^2. Its mean over the phases is in u. Logarithms have no such bias. Where a neighbour has less
+//! than a sixteenth of the highest pixel's light, the noise of its logarithm would decide, and the plain
+//! parabola is taken.
 
-use crate::centre::half_width;
-use crate::centre::plausible::{certain_in_noise, on_the_row, unsaturated};
-use crate::centre::{RowCentre, WidthClass};
-use crate::numeric;
-use crate::fault::Fault;
-use crate::row::{Geometry, Row};
-use crate::spot::Spot;
-use crate::units::{Counts, Pixels};
+use slitrange::centre::half_width;
+use slitrange::centre::plausible::{on_the_row, unsaturated};
+use slitrange::centre::{RowCentre, WidthClass};
+use slitrange::fault::Fault;
+use slitrange::row::{Geometry, Row};
+use slitrange::spot::Spot;
+use slitrange::units::{Counts, Pixels};
+
+use super::certain_in_noise;
 
 /// The width from which a spot's curvature is told better by its width than by three pixels.
 const WIDE: f32 = 1.8;
@@ -44,7 +42,7 @@ const LEAST_LIGHT: f32 = 1.0 / 16.0;
 /// The vertex of a parabola through the counts.
 ///
 /// # Errors
-/// As [`crate::centre::centre`].
+/// See [`slitrange::centre::centre`].
 pub fn parabola(
     row: &Row<'_>,
     spot: &Spot,
@@ -57,7 +55,7 @@ pub fn parabola(
 /// The vertex of a parabola through the logarithms of the counts above the black level.
 ///
 /// # Errors
-/// As [`crate::centre::centre`].
+/// See [`slitrange::centre::centre`].
 pub fn log_parabola(
     row: &Row<'_>,
     spot: &Spot,
@@ -106,10 +104,9 @@ fn centre(
     let vertex =
         Vertex::of(values, variances, (width >= WIDE).then_some(expected)).ok_or(spot.no_spot())?;
     // The highest pixel is below 4096, and the vertex within half a pixel of it.
-    let at = Pixels::from_bits(numeric::add_i32(
-        numeric::mul_i32(highest, 1 << Pixels::FRACTION),
-        Pixels::from_f32(vertex.place).to_bits(),
-    ));
+    let at = Pixels::from_bits(
+        highest * (1 << Pixels::FRACTION) + Pixels::from_f32(vertex.place).to_bits(),
+    );
     // Of a spot that the sensor's edge cuts the highest pixel may be one that noise makes so.
     let to_the_end = (light.len() as f32 - 1.0) - at.to_f32();
     if at.to_f32() < width || to_the_end < width {
@@ -139,8 +136,8 @@ fn centre(
     })
 }
 
-/// The highest pixel within a block of the spot's centre, and the counts of its left neighbour, of itself, and of its right
-/// neighbour. `None` where it has not both.
+/// The highest pixel within a block of the spot's centre, and the counts of its left neighbour, of itself,
+/// and of its right neighbour. `None` where it has not both.
 fn highest(light: &[u16], spot: &Spot) -> Option<(i32, [u16; 3])> {
     let block = 1usize << spot.block_log2.min(7);
     let first = spot.centre.saturating_sub(block);
@@ -186,51 +183,5 @@ impl Vertex {
             value: top + 0.25 * rise * place,
             uncertainty: dual_mac::square_root(variance) / known.unwrap_or(curvature),
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_parabola_is_found_exactly() {
-        // 10 - 2 (x - 0.25)^2
-        let at = |x: f32| 10.0 - 2.0 * (x - 0.25) * (x - 0.25);
-        let vertex = Vertex::of([at(-1.0), at(0.0), at(1.0)], [1.0; 3], None).expect("a vertex");
-        assert_eq!((vertex.place, vertex.value), (0.25, 10.0));
-        // D = 4, and 1/2 + 6 d^2 of the variance.
-        assert_eq!(vertex.uncertainty, libm::sqrtf(0.5 + 6.0 / 16.0) / 4.0);
-    }
-
-    /// The derivatives by each value, against differences.
-    #[test]
-    fn the_uncertainty_is_the_propagated_one() {
-        let values = [3.0, 9.0, 6.0];
-        let place = |values| Vertex::of(values, [0.0; 3], None).expect("a vertex").place;
-        for i in 0..3 {
-            let (mut more, mut less, mut variances) = (values, values, [0.0; 3]);
-            more[i] += 0.01;
-            less[i] -= 0.01;
-            variances[i] = 4.0;
-            let slope = (place(more) - place(less)) / 0.02;
-            let vertex = Vertex::of(values, variances, None).expect("a vertex");
-            assert!(
-                (vertex.uncertainty / (2.0 * slope.abs()) - 1.0).abs() < 1e-3,
-                "{i}"
-            );
-        }
-    }
-
-    #[test]
-    fn what_has_no_top_has_no_vertex() {
-        for values in [
-            [1.0, 1.0, 1.0],
-            [1.0, 2.0, 3.0],
-            [3.0, 1.0, 3.0],
-            [f32::NAN; 3],
-        ] {
-            assert!(Vertex::of(values, [1.0; 3], None).is_none());
-        }
     }
 }

@@ -2,37 +2,25 @@
 //!
 //! S(i) = y(i + 1) + ... + y(i + L) - y(i - 1) - ... - y(i - L).
 //!
-//! The weights sum to zero, so the black level drops out bit for bit. S is positive to the left of the spot and negative to
-//! its right; it is slid to where it changes sign, and the zero is interpolated: x = i + S(i) / D, D = S(i) - S(i + 1).
-//!
-//! The box: for a gaussian D = 2A (1 - exp(-l^2/2)) with L = l sigma, and in white noise S has the variance 2 L noise^2. The
-//! uncertainty sqrt(2 L) noise / D is smallest where exp(l^2/2) = 1 + 2 l^2, at l = 2.161: sigma^0.5 noise / A times
-//! 1.151, which is 1.084 of the bound; in pure shot noise it is 1.37 of it. (The box that makes the filtered peak
-//! highest, exp(l^2/2) = 1 + l^2 or l = 1.585, has 1.17 and 1.65.)
-//!
-//! Uncertainty: with f = S(i)/D the zero's weights are -f and 1 - f for pixels i and i + 1, f - 1 and f for i - L and
-//! i + 1 + L, and 1 for those between. So
+//! The zero is interpolated: x = i + S(i) / D, D = S(i) - S(i + 1). L = 2.161 sigma is the best in white
+//! noise, 1.084 of the bound; in shot noise alone it is 1.37 of it. With f = S(i) / D the zero's weights are
+//! -f and 1 - f for pixels i and i + 1, f - 1 and f for i - L and i + 1 + L, and 1 for those between. So
 //!
 //! u^2 = (noise^2 (2 L - 4 f (1 - f)) + g (sum of w^2 y')) / D^2.
 //!
-//! Between the pixels S is not straight: the centre of a narrow spot is off by up to 0.019 pixel (width 0.8), 0.011 (1.2) or 0.006
-//! (2), falling as 1 / width^2. Averaged over the phases that is in the uncertainty too.
-//!
-//! | | |
-//! |---|---|
-//! | counts | 12 bits |
-//! | L | 1 to 368 pixels |
-//! | S, and the light | i32: below 2^12 * 368 < 2^21, and in Q8 twice that < 2^30 |
-//! | division | f32: 24 bits on a quotient of 0 to 1 |
+//! Between the pixels S is not straight: the bias is up to 0.019 pixel (width 0.8), 0.011 (1.2), 0.006 (2),
+//! and falls as 1 / width^2. Its mean over the phases is in u. L is at most 368 pixels, so S and the light in
+//! Q8 are below 2^30.
 
-use crate::centre::half_width;
-use crate::centre::plausible::{certain_in_noise, on_the_row, unsaturated};
-use crate::centre::{RowCentre, WidthClass};
-use crate::numeric;
-use crate::fault::Fault;
-use crate::row::{Geometry, LARGEST_COUNT, Row};
-use crate::spot::Spot;
-use crate::units::{Counts, Pixels};
+use slitrange::centre::half_width;
+use slitrange::centre::plausible::{on_the_row, unsaturated};
+use slitrange::centre::{RowCentre, WidthClass};
+use slitrange::fault::Fault;
+use slitrange::row::{Geometry, Row};
+use slitrange::spot::Spot;
+use slitrange::units::{Counts, Pixels};
+
+use super::certain_in_noise;
 
 /// Length of half the box over sigma: l above.
 const HALF_BOX: f32 = 2.161;
@@ -43,10 +31,10 @@ const LIGHT: f32 = 2.429_6;
 /// Error of the interpolation, root mean square over the phases, in pixels times width squared.
 const NOT_STRAIGHT: f32 = 0.015;
 
-/// The centre of a spot that [`crate::spot::find`] found.
+/// The centre of a spot that [`slitrange::spot::find`] found.
 ///
 /// # Errors
-/// As [`crate::centre::centre`].
+/// See [`slitrange::centre::centre`].
 pub fn centre(
     row: &Row<'_>,
     spot: &Spot,
@@ -73,12 +61,8 @@ pub fn centre(
         .get(first..crossing.pixel.saturating_add(half_box).saturating_add(2))
         .ok_or(edge)?;
     let level = spot.background.level_bits();
-    // MOST_PIXELS of light and of level, either below 2^12 counts.
-    let gathered = numeric::sub_i32(
-        numeric::mul_i32(sum(pixels), 1 << Counts::FRACTION),
-        numeric::mul_i32(level, pixels.len() as i32),
-    ) as f32
-        / 256.0;
+    let gathered =
+        (sum(pixels) * (1 << Counts::FRACTION) - level * pixels.len() as i32) as f32 / 256.0;
     if gathered <= 0.0 {
         // A step from one level to another changes the sign too.
         return Err(spot.no_spot());
@@ -86,10 +70,9 @@ pub fn centre(
     let slope = crossing.slope as f32;
     let part = crossing.before as f32 / slope;
     // A pixel below 4096, and a part of one.
-    let at = Pixels::from_bits(numeric::add_i32(
-        numeric::mul_i32(crossing.pixel as i32, 1 << Pixels::FRACTION),
-        Pixels::from_f32(part).to_bits(),
-    ));
+    let at = Pixels::from_bits(
+        crossing.pixel as i32 * (1 << Pixels::FRACTION) + Pixels::from_f32(part).to_bits(),
+    );
     unsaturated(row, at, width, geometry)?;
     let (noise, shot) = spot.background.variances(geometry);
     // Pixels i and i + 1 + L weigh f, i + 1 and i - L weigh 1 - f; the middle ones hold nearly all the light.
@@ -129,19 +112,11 @@ enum Slide {
     None,
 }
 
-/// The sum of at most [`MOST_PIXELS`].
+/// The sum of the counts in a box, which has at most 738 pixels.
 #[inline(always)]
 fn sum(pixels: &[u16]) -> i32 {
-    pixels
-        .iter()
-        .fold(0, |sum, &count| numeric::add_i32(sum, i32::from(count)))
+    pixels.iter().map(|&count| i32::from(count)).sum()
 }
-
-/// Pixels in a box at most: two halves of the box of the widest spot, and the two pixels between.
-const MOST_PIXELS: u64 = 2 * (HALF_BOX * *half_width::WIDTHS.end() + 0.5) as u64 + 2;
-
-// What they add up to fits, as S and in Q8.
-const _: () = assert!((LARGEST_COUNT as u64 * MOST_PIXELS) << Counts::FRACTION <= i32::MAX as u64);
 
 /// Slides the box from a pixel to where S changes sign, at most `reach` pixels.
 fn slide(light: &[u16], start: usize, half_box: usize, reach: usize) -> Slide {
@@ -152,7 +127,7 @@ fn slide(light: &[u16], start: usize, half_box: usize, reach: usize) -> Slide {
     let (Some(left), Some(right)) = (light.get(first..start), light.get(start + 1..beyond)) else {
         return Slide::Edge;
     };
-    let mut here = numeric::sub_i32(sum(right), sum(left));
+    let mut here = sum(right) - sum(left);
     // S(i) - S(i + 1) = y(i) + y(i + 1) - y(i + 1 + L) - y(i - L).
     let falls = |at: &u16, next: &u16, enters: &u16, leaves: &u16| {
         i32::from(*at) + i32::from(*next) - i32::from(*enters) - i32::from(*leaves)
@@ -167,7 +142,7 @@ fn slide(light: &[u16], start: usize, half_box: usize, reach: usize) -> Slide {
             .zip(from(first));
         for (((at, next), enters), leaves) in steps.take(reach) {
             let slope = falls(at, next, enters, leaves);
-            let next = numeric::sub_i32(here, slope);
+            let next = here - slope;
             if next <= 0 {
                 return Slide::Crossing(Crossing {
                     pixel: start.saturating_add(slid),
@@ -185,7 +160,7 @@ fn slide(light: &[u16], start: usize, half_box: usize, reach: usize) -> Slide {
             .zip(until(first));
         for (((at, next), enters), leaves) in steps.take(reach) {
             let slope = falls(at, next, enters, leaves);
-            let next = numeric::add_i32(here, slope);
+            let next = here + slope;
             if next > 0 {
                 return Slide::Crossing(Crossing {
                     pixel: start.saturating_sub(slid).saturating_sub(1),
@@ -201,49 +176,5 @@ fn slide(light: &[u16], start: usize, half_box: usize, reach: usize) -> Slide {
         Slide::Edge
     } else {
         Slide::None
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn s(light: &[u16], i: usize, half_box: usize) -> i32 {
-        (1..=half_box)
-            .map(|k| i32::from(light[i + k]) - i32::from(light[i - k]))
-            .sum()
-    }
-
-    /// The running sums are those of the definition, from either side, and the sign changes where they say.
-    #[test]
-    fn sliding_is_summing() {
-        let light: std::vec::Vec<u16> = (0..200i32)
-            .map(|i| (1000 - 9 * (i - 101).abs() + i * 7 % 5) as u16)
-            .collect();
-        for half_box in [1, 3, 12, 40] {
-            for start in [92, 99, 100, 101, 102, 110] {
-                let Slide::Crossing(found) = slide(&light, start, half_box, 20) else {
-                    panic!("no crossing from {start}");
-                };
-                let (here, next) = (
-                    s(&light, found.pixel, half_box),
-                    s(&light, found.pixel + 1, half_box),
-                );
-                assert!(here > 0 && next <= 0);
-                assert_eq!((found.before, found.slope), (here, here - next));
-            }
-        }
-    }
-
-    #[test]
-    fn the_ends_of_the_row() {
-        let rising: std::vec::Vec<u16> = (0..100).collect();
-        let falling: std::vec::Vec<u16> = (0..100).rev().collect();
-        for light in [&rising, &falling] {
-            assert!(matches!(slide(light, 50, 10, 20), Slide::None));
-            assert!(matches!(slide(light, 50, 10, 60), Slide::Edge));
-            assert!(matches!(slide(light, 5, 10, 60), Slide::Edge));
-            assert!(matches!(slide(light, 95, 10, 60), Slide::Edge));
-        }
     }
 }

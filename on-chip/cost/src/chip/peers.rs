@@ -1,11 +1,11 @@
 //! What one would use instead: the crate `levenberg-marquardt` on eq. (5), in f32 and in f64.
 
 use cost_on_chip::inputs;
+use cost_on_chip::methods::Method;
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn};
 use embedded_alloc::LlffHeap;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{Const, OMatrix, OVector, Owned, U4};
-use slitrange::centre::Estimator;
 
 use super::board::let_the_log_out;
 use super::counter::{self, Cost, Counted};
@@ -39,9 +39,9 @@ struct Found {
 /// Where a fit starts.
 #[derive(Clone, Copy)]
 enum Start {
-    /// What the default rung found in the row before, the target on the move: as the peers on a PC start.
+    /// What the default estimator found in the row before, the target on the move: as the peers on a PC start.
     Moved,
-    /// The same of a target at rest: as the rungs on this chip start.
+    /// The same of a target at rest: as the methods on this chip start.
     AtRest,
     /// What the coarse search found: half a block from the centre, a factor of two from the width.
     Search,
@@ -71,7 +71,7 @@ fn measure_one(name: &str, start: Start, peer: Counted<Input, Found>) {
         let searched = defmt::unwrap!(inputs::searched(&before).ok());
         let now_searched = defmt::unwrap!(inputs::searched(&now).ok());
         let spot = now_searched.spot;
-        let known = inputs::input(Estimator::default(), &searched, now_searched, &geometry);
+        let known = inputs::input(Method::default(), &searched, now_searched, &geometry);
         let known = defmt::unwrap!(known.before);
         let (amplitude, centre, width) = match start {
             Start::Moved | Start::AtRest => (

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
+use cost_on_chip::methods::Method;
 use object::{Object as _, ObjectSymbol as _, SymbolKind};
-use slitrange::centre::Estimator;
 use virtual_board::Firmware;
 
 /// An instruction.
@@ -87,9 +87,9 @@ impl Program {
 
     /// The functions whose calls are traced.
     pub fn traced(&self) -> impl Iterator<Item = u64> {
-        Estimator::ALL
+        Method::ALL
             .into_iter()
-            .filter_map(|estimator| self.address(&super::wrapper(estimator.name())))
+            .filter_map(|method| self.address(&super::wrapper(method.name())))
             .chain(self.named(super::DISTANCE_AT))
             .chain(self.named(super::GAUSS_NEWTON_ITERATION))
     }

@@ -4,8 +4,8 @@ use std::sync::LazyLock;
 
 use cost_on_chip::calibrations::{self, CENTRES, Form};
 use cost_on_chip::inputs::{self, Input, Searched};
+use cost_on_chip::methods;
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WIDTHS};
-use slitrange::centre;
 
 use super::*;
 
@@ -43,7 +43,7 @@ fn on_the_chip() -> Vec<Found> {
 }
 
 /// What a PC finds in the rows that the chip saw.
-fn on_this_pc(estimator: Estimator, width: f32, row: usize) -> Result<(i32, i32), String> {
+fn on_this_pc(method: Method, width: f32, row: usize) -> Result<(i32, i32), String> {
     let geometry = rows::geometry();
     let (mut before, mut now) = ([0; PIXELS], [0; PIXELS]);
     rows::light(width, row, Turn::Before, &mut before);
@@ -56,8 +56,8 @@ fn on_this_pc(estimator: Estimator, width: f32, row: usize) -> Result<(i32, i32)
         searched: Searched { row, spot },
         before,
         geometry,
-    } = inputs::input(estimator, &before, now, &geometry);
-    match centre::centre(estimator, &row, &spot, before.as_ref(), geometry) {
+    } = inputs::input(method, &before, now, &geometry);
+    match methods::centre(method, &row, &spot, before.as_ref(), geometry) {
         Ok(found) => Ok((found.centre.to_bits(), found.uncertainty.to_bits())),
         Err(fault) => Err(fault.name().to_owned()),
     }
@@ -70,12 +70,12 @@ fn the_chip_and_a_pc_find_the_same_bits() {
     let (mut centres, mut faults) = (0, 0);
     for width in WIDTHS {
         for row in 0..ROWS {
-            for estimator in Estimator::ALL {
+            for method in Method::ALL {
                 let expected = Found {
-                    name: estimator.name().to_owned(),
+                    name: method.name().to_owned(),
                     width,
                     row,
-                    found: on_this_pc(estimator, width, row),
+                    found: on_this_pc(method, width, row),
                 };
                 match expected.found {
                     Ok(_) => centres += 1,
@@ -100,7 +100,7 @@ fn the_assembly_and_its_twin_agree() {
 /// The peers fit the spot that the rungs fit: the same noise moves both, so that they lie within three standard uncertainties.
 #[test]
 fn the_peers_fit_the_same_spot() {
-    let default = Estimator::default().name();
+    let default = Method::default().name();
     let mut compared = 0;
     let on_chip = on_the_chip();
     for peer in lines::all(&RUN.lines, Kind::PeerRow) {
@@ -124,13 +124,13 @@ fn the_peers_fit_the_same_spot() {
 
 #[test]
 fn every_rung_is_there_at_every_width() {
-    for estimator in Estimator::ALL {
+    for method in Method::ALL {
         for width in WIDTHS {
             let rung = CHIP
                 .rungs
                 .iter()
-                .find(|rung| rung.name == estimator.name() && rung.width as f32 == width)
-                .unwrap_or_else(|| panic!("no {} at {width}", estimator.name()));
+                .find(|rung| rung.name == method.name() && rung.width as f32 == width)
+                .unwrap_or_else(|| panic!("no {} at {width}", method.name()));
             // One cycle an instruction at least; 14 for a square root at most.
             let cycles_per_instruction = rung.cycles_estimated as f64 / rung.instructions as f64;
             assert!((1.0..4.0).contains(&cycles_per_instruction), "{rung:?}");

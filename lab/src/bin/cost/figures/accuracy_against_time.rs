@@ -4,10 +4,10 @@ use std::path::Path;
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use slitrange_tool::axes::{Area, Axis, Scale, TEXT, TITLE, panel, text};
 
-use super::axes::{Area, Axis, RATIOS, Scale, panel};
 use super::labels::{self, Box, Line, Point};
-use super::style::{BAND, BOUND, TEXT, TITLE, bold, colour, is_default, text};
+use super::style::{BAND, BOUND, RATIOS, bold, colour, is_default};
 use crate::accuracy::{InSituation, MOST_FAULTS, SITUATIONS};
 use crate::pareto;
 use crate::report::Measured;
@@ -28,9 +28,8 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
         "What a row's time buys (filled points: no faster rung is as accurate)",
         bold(TITLE, BLACK),
     )?;
-    let times = |of: &&InSituation| {
-        measured.microseconds(of.estimator, SITUATIONS[of.situation].chip_width)
-    };
+    let times =
+        |of: &&InSituation| measured.microseconds(of.method, SITUATIONS[of.situation].chip_width);
     let all = || {
         measured
             .accuracy
@@ -52,7 +51,7 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
             .filter_map(|of| Some((of, times(&of)?)))
             .collect();
         // Drawn last, the default lies on top.
-        points.sort_by_key(|(of, _)| is_default(of.estimator));
+        points.sort_by_key(|(of, _)| is_default(of.method));
         draw_situation(area, SITUATIONS[i].name, range, &points)?;
     }
     root.present()?;
@@ -65,20 +64,20 @@ fn draw_situation(
     times: (f64, f64),
     points: &[(&InSituation, f64)],
 ) -> anyhow::Result<()> {
-    let x = Axis {
-        scale: Scale::Log,
-        range: times,
-        ticks: &TIMES,
-        name: "time for a row on the chip, µs at 168 MHz (estimated)",
-        tick: &|value| value.to_string(),
-    };
-    let y = Axis {
-        scale: Scale::AboveBound,
-        range: (0.985, WORST),
-        ticks: &RATIOS,
-        name: "RMS error / bound",
-        tick: &|value| value.to_string(),
-    };
+    let x = Axis::new(
+        Scale::Log,
+        times,
+        "time for a row on the chip, µs at 168 MHz (estimated)",
+        &TIMES,
+        |value| value.to_string(),
+    );
+    let y = Axis::new(
+        Scale::AboveBound,
+        (0.985, WORST),
+        "RMS error / bound",
+        &RATIOS,
+        |value| value.to_string(),
+    );
     let mut panel = panel(area, title, 20, &x, &y)?;
     let bound = [(times.0, 1.0), (times.1, 1.0)];
     panel.draw_series([PathElement::new(bound, BAND.stroke_width(9))])?;
@@ -92,7 +91,7 @@ fn draw_situation(
     panel.draw_series([PathElement::new(line.clone(), BOUND.stroke_width(2))])?;
     for (i, (of, time)) in points.iter().enumerate() {
         let at = (*time, of.outcome.ratio());
-        let colour = colour(of.estimator);
+        let colour = colour(of.method);
         // On the front: filled.
         panel.draw_series([Circle::new(at, 7, WHITE.filled())])?;
         panel.draw_series([match front.contains(&i) {
@@ -110,7 +109,7 @@ fn draw_situation(
         .iter()
         .map(|(of, time)| {
             let ratio = of.outcome.ratio();
-            let name = of.estimator.name();
+            let name = of.method.name();
             let text = match ratio > WORST {
                 true => format!("{name} {ratio:.0}×"),
                 false => name.to_owned(),
@@ -137,14 +136,14 @@ fn draw_situation(
         .zip(&labelled)
         .zip(labels::place(&labelled, &lines, inside))
     {
-        let colour = colour(of.estimator);
+        let colour = colour(of.method);
         if let Some((from, to)) = placed.leader {
             area.draw(&PathElement::new(
                 [local(from), local(to)],
                 colour.stroke_width(1),
             ))?;
         }
-        let style = match is_default(of.estimator) {
+        let style = match is_default(of.method) {
             true => bold(TEXT, colour),
             false => text(TEXT, colour),
         };

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use plotters::prelude::*;
+use slitrange_tool::axes::{Axis, Scale};
 
-use super::axes::{Axis, RATIOS, Scale};
 use super::curves::{Curve, draw_curves};
+use super::style::RATIOS;
 use crate::accuracy::{MOST_FAULTS, Noise, WIDTHS};
 use crate::report::Measured;
 
@@ -25,31 +26,31 @@ const PANELS: [(&str, Noise); 2] = [
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     let root = SVGBackend::new(path, (1000, 1120)).into_drawing_area();
     root.fill(&WHITE)?;
-    let x = Axis {
-        scale: Scale::Log,
-        range: (WIDTHS[0] * 0.95, WIDTHS[WIDTHS.len() - 1] * 1.05),
-        ticks: &WIDTHS,
-        name: "width of the spot (σ), px",
-        tick: &|value| value.to_string(),
-    };
-    let y = Axis {
-        scale: Scale::AboveBound,
-        range: (0.985, 60.0),
-        ticks: &RATIOS,
-        name: "RMS error / bound",
-        tick: &|value| value.to_string(),
-    };
+    let x = Axis::new(
+        Scale::Log,
+        (WIDTHS[0] * 0.95, WIDTHS[WIDTHS.len() - 1] * 1.05),
+        "width of the spot (σ), px",
+        &WIDTHS,
+        |value| value.to_string(),
+    );
+    let y = Axis::new(
+        Scale::AboveBound,
+        (0.985, 60.0),
+        "RMS error / bound",
+        &RATIOS,
+        |value| value.to_string(),
+    );
     for (area, (title, noise)) in root.split_evenly((2, 1)).iter().zip(PANELS) {
         let curves: Vec<Curve> = measured
-            .estimators
+            .methods
             .iter()
-            .map(|&estimator| {
+            .map(|&method| {
                 let cells = measured.accuracy.cells.iter();
                 let points = cells
-                    .filter(|cell| cell.estimator == estimator && cell.noise == noise)
+                    .filter(|cell| cell.method == method && cell.noise == noise)
                     .filter(|cell| measured.accuracy.faults(&cell.outcome) <= MOST_FAULTS)
                     .map(|cell| (cell.width, cell.outcome.ratio()));
-                Curve::of(estimator, points)
+                Curve::of(method, points)
             })
             .collect();
         let bound = Curve::bound("bound", WIDTHS.map(|width| (width, 1.0)).to_vec());

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use plotters::prelude::*;
 use simulator::bound;
+use slitrange_tool::axes::{Axis, Scale};
 
-use super::axes::{Axis, Scale};
 use super::curves::{Curve, draw_curves};
 use crate::accuracy::WIDTHS;
 use crate::report::Measured;
@@ -17,33 +17,33 @@ const SMALLEST: f64 = 1e-5;
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     let root = SVGBackend::new(path, (1000, 720)).into_drawing_area();
     root.fill(&WHITE)?;
-    let x = Axis {
-        scale: Scale::Log,
-        range: (WIDTHS[0] * 0.95, WIDTHS[WIDTHS.len() - 1] * 1.05),
-        ticks: &WIDTHS,
-        name: "width of the spot (σ), px",
-        tick: &|value| value.to_string(),
-    };
-    let y = Axis {
-        scale: Scale::Log,
-        range: (SMALLEST, 1.0),
-        ticks: &[1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0],
-        name: "largest bias over the phase, px",
-        tick: &|value| match value <= SMALLEST {
+    let x = Axis::new(
+        Scale::Log,
+        (WIDTHS[0] * 0.95, WIDTHS[WIDTHS.len() - 1] * 1.05),
+        "width of the spot (σ), px",
+        &WIDTHS,
+        |value| value.to_string(),
+    );
+    let y = Axis::new(
+        Scale::Log,
+        (SMALLEST, 1.0),
+        "largest bias over the phase, px",
+        &[1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0],
+        |value| match value <= SMALLEST {
             true => "≤ 1e-5".into(),
             false => value.to_string(),
         },
-    };
+    );
     let mut curves = vec![Curve::bound(
         "bound, one row",
         WIDTHS.map(|width| (width, bright(width))).to_vec(),
     )];
-    curves.extend(measured.estimators.iter().map(|&estimator| {
+    curves.extend(measured.methods.iter().map(|&method| {
         let biases = measured.accuracy.biases.iter();
         let points = biases
-            .filter(|bias| bias.estimator == estimator)
+            .filter(|bias| bias.method == method)
             .map(|bias| (bias.width, bias.pixels.unwrap_or(f64::NAN)));
-        Curve::of(estimator, points)
+        Curve::of(method, points)
     }));
     draw_curves(
         &root,

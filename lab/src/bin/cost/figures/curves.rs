@@ -1,12 +1,12 @@
 //! Curves with their names at their right ends.
 
+use cost_on_chip::methods::Method;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange::centre::Estimator;
+use slitrange_tool::axes::{Area, Axis, TEXT, panel, text};
 
-use super::axes::{Area, Axis, panel};
 use super::labels::spread;
-use super::style::{self, TEXT, bold, text};
+use super::style::{self, bold};
 
 /// What a curve shows.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -43,12 +43,12 @@ impl Curve {
         }
     }
 
-    /// Of a rung; values that are no numbers are left out.
-    pub fn of(estimator: Estimator, points: impl Iterator<Item = (f64, f64)>) -> Self {
+    /// Of a method; values that are no numbers are left out.
+    pub fn of(method: Method, points: impl Iterator<Item = (f64, f64)>) -> Self {
         Self {
-            name: estimator.name().into(),
-            colour: style::colour(estimator),
-            kind: match style::is_default(estimator) {
+            name: method.name().into(),
+            colour: style::colour(method),
+            kind: match style::is_default(method) {
                 true => Kind::Default,
                 false => Kind::Measured,
             },

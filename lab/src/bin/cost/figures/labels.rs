@@ -1,6 +1,8 @@
 //! Where labels go so that none lies on another.
 
-use super::style::{CHARACTER, TEXT};
+use slitrange_tool::axes::TEXT;
+
+use super::style::CHARACTER;
 
 /// A box in pixels: left, top, right, bottom.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use plotters::prelude::*;
+use slitrange_tool::axes::{Axis, Scale};
 
-use super::axes::{Axis, Scale};
 use super::curves::{Curve, Kind, draw_curves};
 use crate::reading_time::{Light, Point, ROWS, ROWS_PER_SECOND};
 
@@ -18,22 +18,22 @@ pub fn draw(points: &[Point], path: &Path) -> anyhow::Result<()> {
         let digits = usize::from(time < 10.0);
         format!("{time:.digits$} ({rows})")
     };
-    let x = Axis {
-        scale: Scale::Log,
-        range: (milliseconds[0] * 0.9, milliseconds[6] * 1.12),
-        ticks: &milliseconds,
-        name: "time for a reading, ms (rows in it)",
-        tick: &tick,
-    };
-    let y = Axis {
-        scale: Scale::Log,
-        range: (0.5, 2000.0),
-        ticks: &[
+    let x = Axis::new(
+        Scale::Log,
+        (milliseconds[0] * 0.9, milliseconds[6] * 1.12),
+        "time for a reading, ms (rows in it)",
+        &milliseconds,
+        tick,
+    );
+    let y = Axis::new(
+        Scale::Log,
+        (0.5, 2000.0),
+        "RMS error of the distance, µm",
+        &[
             0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0,
         ],
-        name: "RMS error of the distance, µm",
-        tick: &|value| value.to_string(),
-    };
+        |value| value.to_string(),
+    );
     let of = |light| points.iter().filter(move |point| point.light == light);
     let curve = |name: &str, light, colour, kind| Curve {
         name: name.into(),

@@ -8,7 +8,9 @@ use lab::paper::materials::MATERIALS;
 use lab::paper::methods::Method;
 use plotters::prelude::*;
 
-use super::panel::{Axis, GRID, TEXT, colour, panel, text};
+use slitrange_tool::axes::{Axis, GRID, TEXT, panel, text};
+
+use super::style::{RIGHT, colour};
 use crate::report::{Report, find};
 
 /// Index of printer paper in the table of materials.
@@ -34,25 +36,15 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     let curve = judged.fit.curve;
     let (first, last) = judged.fit.valid;
     let room = 0.04 * (last - first);
-    let range = first - room..last + room;
+    let range = (first - room, last + room);
 
-    let x = Axis {
-        range: range.clone(),
-        name: "",
-        ticks: 10,
-        digits: 0,
-    };
-    let y = Axis {
-        range: TABLE.0 - 0.03..TABLE.1 + 0.03,
-        name: "distance, m",
-        ticks: 8,
-        digits: 2,
-    };
+    let x = Axis::linear(range, "", 10, 0);
+    let y = Axis::linear((TABLE.0 - 0.03, TABLE.1 + 0.03), "distance, m", 8, 2);
     let title = format!(
         "{}, slit: eq. (1) through all centres",
         MATERIALS[PRINTER_PAPER].name
     );
-    let mut upper = panel(&above, &title, &x, &y)?;
+    let mut upper = panel(&above, &title, RIGHT, &x, &y)?;
     let line = (0..=40).map(|i| first + (last - first) * f64::from(i) / 40.0);
     upper.draw_series([PathElement::new(
         line.map(|x| (x, curve.distance(x))).collect::<Vec<_>>(),
@@ -78,21 +70,11 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
         ))?;
     }
 
-    let x = Axis {
-        range: range.clone(),
-        name: "centre, px",
-        ticks: 10,
-        digits: 0,
-    };
-    let y = Axis {
-        range: -450.0..450.0,
-        name: "residual, µm",
-        ticks: 5,
-        digits: 0,
-    };
-    let mut lower = panel(&below, "", &x, &y)?;
+    let x = Axis::linear(range, "centre, px", 10, 0);
+    let y = Axis::linear((-450.0, 450.0), "residual, µm", 5, 0);
+    let mut lower = panel(&below, "", RIGHT, &x, &y)?;
     lower.draw_series([PathElement::new(
-        vec![(range.start, 0.0), (range.end, 0.0)],
+        vec![(range.0, 0.0), (range.1, 0.0)],
         GRID.stroke_width(2),
     )])?;
     let all = outcome.centres.iter().zip(&judged.errors);

@@ -11,9 +11,10 @@ use lab::paper::materials::MATERIALS;
 use lab::paper::methods::Method;
 use plotters::prelude::*;
 use rayon::prelude::*;
+use slitrange_tool::axes::{Area, Axis, GRID, Panel, panel};
 use slitrange_tool::fit::eq1;
 
-use super::panel::{Area, Axis, GRID, Panel, colour, panel};
+use super::style::{RIGHT, colour};
 use crate::report::{Report, find};
 
 /// Index of brushed metal in the table of materials.
@@ -80,19 +81,9 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
 }
 
 fn panel_of_errors<'a, 'b>(area: &'b Area<'a>, title: &str) -> anyhow::Result<Panel<'a, 'b>> {
-    let x = Axis {
-        range: TABLE.0..TABLE.1,
-        name: "distance, m",
-        ticks: 9,
-        digits: 2,
-    };
-    let y = Axis {
-        range: -900.0..900.0,
-        name: "error, µm",
-        ticks: 8,
-        digits: 0,
-    };
-    let mut panel = panel(area, title, &x, &y)?;
+    let x = Axis::linear(TABLE, "distance, m", 9, 2);
+    let y = Axis::linear((-900.0, 900.0), "error, µm", 8, 0);
+    let mut panel = panel(area, title, RIGHT, &x, &y)?;
     panel.draw_series([PathElement::new(
         vec![(TABLE.0, 0.0), (TABLE.1, 0.0)],
         GRID.stroke_width(2),

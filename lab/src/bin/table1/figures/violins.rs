@@ -8,8 +8,9 @@ use lab::paper::materials::MATERIALS;
 use lab::paper::methods::Method;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use slitrange_tool::axes::{Area, Axis, GRID, TEXT, TITLE, panel, text};
 
-use super::panel::{Area, Axis, GRID, TEXT, TITLE, colour, panel, text};
+use super::style::{RIGHT, colour};
 use crate::report::{Report, find};
 
 /// The errors that are shown, in micrometres to either side.
@@ -71,25 +72,17 @@ fn draw_material(
     methods: &[(Aperture, Method, String)],
     area: &Area<'_>,
 ) -> anyhow::Result<()> {
-    let x = Axis {
-        range: -0.6..methods.len() as f64 - 0.4,
-        name: "",
-        ticks: 0,
-        digits: 0,
+    let places = (-0.6, methods.len() as f64 - 0.4);
+    let name = if material.is_multiple_of(2) {
+        "error, µm"
+    } else {
+        ""
     };
-    let y = Axis {
-        range: LOWEST..RANGE,
-        name: if material.is_multiple_of(2) {
-            "error, µm"
-        } else {
-            ""
-        },
-        ticks: 7,
-        digits: 0,
-    };
-    let mut panel = panel(area, MATERIALS[material].name, &x, &y)?;
+    let x = Axis::linear(places, "", 0, 0);
+    let y = Axis::linear((LOWEST, RANGE), name, 7, 0);
+    let mut panel = panel(area, MATERIALS[material].name, RIGHT, &x, &y)?;
     panel.draw_series([PathElement::new(
-        vec![(x.range.start, 0.0), (x.range.end, 0.0)],
+        vec![(places.0, 0.0), (places.1, 0.0)],
         GRID.stroke_width(2),
     )])?;
     for (place, (aperture, method, _)) in (0..).zip(methods) {

@@ -1,19 +1,32 @@
-//! A panel with two axes whose ticks are chosen by hand.
+//! A figure's panel with two axes: how every figure of this project looks. Sizes are in pixels of a figure that is 1000 wide.
 
 use plotters::chart::ChartContext;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
-use super::style::{GRID, TEXT, TITLE, text};
+/// Size of ticks and labels.
+pub const TEXT: i32 = 19;
+/// Size of the names of axes and panels.
+pub const TITLE: i32 = 21;
+/// Colour of the grid's lines.
+pub const GRID: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
+
+/// Text in a colour.
+pub fn text(size: i32, colour: RGBColor) -> TextStyle<'static> {
+    ("sans-serif", size).into_font().color(&colour)
+}
 
 /// How values lie along an axis.
 #[derive(Clone, Copy)]
 pub enum Scale {
-    /// By their logarithm.
+    /// By their size.
+    Linear,
+    /// By their logarithm. Values beyond the axis lie at its end.
     Log,
     /// Ratios to the bound: by the logarithm of what they are above 0.97, so that 1.00, 1.05 and 1.10 lie apart and 50 is
-    /// still there.
+    /// still there. Values beyond the axis lie at its end.
     AboveBound,
 }
 
@@ -21,6 +34,7 @@ impl Scale {
     /// Where a value lies; equal steps are equal lengths.
     fn place(self, value: f64) -> f64 {
         match self {
+            Self::Linear => value,
             Self::Log => value.ln(),
             Self::AboveBound => (value - 0.97).max(1e-3).ln(),
         }
@@ -29,27 +43,53 @@ impl Scale {
 
 /// An axis.
 pub struct Axis<'a> {
-    /// How values lie along it.
-    pub scale: Scale,
-    /// Its ends.
-    pub range: (f64, f64),
-    /// Its ticks; those outside of the range are not shown.
-    pub ticks: &'a [f64],
-    /// What it shows, with its unit.
-    pub name: &'a str,
-    /// A tick's text.
-    pub tick: &'a dyn Fn(f64) -> String,
+    scale: Scale,
+    range: (f64, f64),
+    name: &'a str,
+    ticks: Vec<f64>,
+    tick: Box<dyn Fn(f64) -> String + 'a>,
 }
 
-/// Ticks of an axis of ratios to the bound.
-pub const RATIOS: [f64; 13] = [
-    1.0, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0,
-];
+impl<'a> Axis<'a> {
+    /// An axis with ticks at given values; those outside of the range are left out. `name` is what it shows, with its unit, and
+    /// `tick` is a tick's text.
+    pub fn new(
+        scale: Scale,
+        range: (f64, f64),
+        name: &'a str,
+        ticks: &[f64],
+        tick: impl Fn(f64) -> String + 'a,
+    ) -> Self {
+        let shown = |tick: &f64| (range.0..=range.1).contains(tick);
+        Self {
+            scale,
+            range,
+            name,
+            ticks: ticks.iter().copied().filter(shown).collect(),
+            tick: Box::new(tick),
+        }
+    }
+
+    /// A linear axis with about so many ticks at round values, and so many digits after their points.
+    pub fn linear(range: (f64, f64), name: &'a str, ticks: usize, digits: usize) -> Self {
+        let places = RangedCoordf64::from(range.0..range.1).key_points(ticks);
+        let tick = move |value| format!("{value:.digits$}");
+        Self::new(Scale::Linear, range, name, &places, tick)
+    }
+
+    fn ticked(&self) -> Ticked {
+        Ticked {
+            scale: self.scale,
+            range: self.range,
+            ticks: self.ticks.clone(),
+        }
+    }
+}
 
 /// A drawing, or a part of one.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// A panel. Values beyond an axis lie at its end.
+/// A panel.
 pub type Panel<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<Ticked, Ticked>>;
 
 /// An axis as plotters takes it.
@@ -57,18 +97,6 @@ pub struct Ticked {
     scale: Scale,
     range: (f64, f64),
     ticks: Vec<f64>,
-}
-
-impl Axis<'_> {
-    fn ticked(&self) -> Ticked {
-        let (from, to) = self.range;
-        let shown = |tick: &f64| (from..=to).contains(tick);
-        Ticked {
-            scale: self.scale,
-            range: self.range,
-            ticks: self.ticks.iter().copied().filter(shown).collect(),
-        }
-    }
 }
 
 impl Ranged for Ticked {
@@ -81,7 +109,11 @@ impl Ranged for Ticked {
             self.scale.place(self.range.1),
         );
         let part = (self.scale.place(*value) - from) / (to - from);
-        first + (part.clamp(0.0, 1.0) * f64::from(last - first)).round() as i32
+        let part = match self.scale {
+            Scale::Linear => part,
+            Scale::Log | Scale::AboveBound => part.clamp(0.0, 1.0),
+        };
+        first + (part * f64::from(last - first)).round() as i32
     }
 
     fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
@@ -93,7 +125,7 @@ impl Ranged for Ticked {
     }
 }
 
-/// Draws the axes of a panel, with `right` pixels beside it for labels.
+/// Draws the axes of a panel, with `right` pixels beside it. Without a name the x axis has no ticks' texts.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -104,13 +136,17 @@ pub fn panel<'a, 'b>(
     x: &Axis<'_>,
     y: &Axis<'_>,
 ) -> anyhow::Result<Panel<'a, 'b>> {
+    let below = match x.name {
+        "" => 12,
+        _ => TEXT + TITLE + 16,
+    };
     let mut chart = ChartBuilder::on(area);
     chart
         .margin_top(8)
         .margin_left(6)
         .margin_bottom(6)
         .margin_right(right)
-        .x_label_area_size(TEXT + TITLE + 16)
+        .x_label_area_size(below)
         .y_label_area_size(4 * TEXT + 8);
     if !title.is_empty() {
         chart.caption(title, text(TITLE, BLACK));
@@ -138,14 +174,8 @@ mod tests {
     #[test]
     fn values_lie_where_the_scale_puts_them() {
         let axis = |scale, range| {
-            let axis = Axis {
-                scale,
-                range,
-                ticks: &[0.5, 1.0, 10.0, 1000.0],
-                name: "",
-                tick: &|value| value.to_string(),
-            };
-            axis.ticked()
+            let ticks = [0.5, 1.0, 10.0, 1000.0];
+            Axis::new(scale, range, "", &ticks, |value| value.to_string()).ticked()
         };
         let log = axis(Scale::Log, (1.0, 100.0));
         // Heights run from the bottom, which has the larger number.
@@ -154,9 +184,12 @@ mod tests {
         assert_eq!(log.ticks, [1.0, 10.0]);
         // 0.03, 0.3 and 3 above 0.97.
         let ratios = axis(Scale::AboveBound, (1.0, 3.97));
-        assert_eq!(
-            [1.0, 1.27, 3.97].map(|value| ratios.map(&value, (0, 200))),
-            [0, 100, 200]
-        );
+        let places = [1.0, 1.27, 3.97].map(|value| ratios.map(&value, (0, 200)));
+        assert_eq!(places, [0, 100, 200]);
+        // Beyond a linear axis too.
+        let linear = axis(Scale::Linear, (0.0, 10.0));
+        let places = [0.0, 5.0, 12.0].map(|value| linear.map(&value, (0, 200)));
+        assert_eq!(places, [0, 100, 240]);
+        assert_eq!(Axis::linear((0.0, 10.0), "", 6, 0).ticks.len(), 6);
     }
 }

@@ -1,0 +1,157 @@
+//! The answers to `help` and `help estimator`.
+
+use core::fmt::{self, Write as _};
+
+use crate::centre::Estimator;
+use crate::settings::Setting;
+
+/// A command as `help` shows it: what is typed, and what it does.
+pub type Line = (&'static str, &'static str);
+
+/// The commands that `help` shows before the settings.
+pub const BEFORE_SETTINGS: [Line; 5] = [
+    (
+        "help [estimator]",
+        "this list, or what each estimator is for",
+    ),
+    ("info", "what this sensor is, its calibration and its range"),
+    (
+        "status",
+        "rows, readings, faults and errors since the start, and why it started",
+    ),
+    (
+        "distance",
+        "the next frame's reading, or its fault and what to do about it",
+    ),
+    (
+        "centre",
+        "the next frame's centre, calibrated or not, or its fault",
+    ),
+];
+
+/// The commands that `help` shows after the settings.
+pub const AFTER_SETTINGS: [Line; 6] = [
+    (
+        "calibration [on|off]",
+        "what centres mean; distances, or centres only",
+    ),
+    (
+        "calibration begin BYTES",
+        "start to send another calibration's record, for now only in RAM",
+    ),
+    (
+        "calibration data OFFSET [HEX CRC16]",
+        "a piece of the record in use, or of the one that is sent",
+    ),
+    (
+        "calibration commit|abort",
+        "use the record that was sent, or drop it",
+    ),
+    (
+        "save",
+        "write settings and calibration to flash; pauses the stream",
+    ),
+    (
+        "defaults",
+        "settings and calibration as they left the factory, until save",
+    ),
+];
+
+/// What `help` ends with.
+const LAST: &str = "a name alone shows its value; d is a reading, x a centre, f a fault";
+
+/// The answer to `help`: a line a command, parted by CR LF.
+#[derive(Clone, Copy, Debug)]
+pub struct Help;
+
+impl fmt::Display for Help {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (typed, help) in BEFORE_SETTINGS {
+            write!(f, "{typed:38} {help}\r\n")?;
+        }
+        for &setting in Setting::ALL {
+            let mut typed = heapless::String::<64>::new();
+            // A test holds that all fit.
+            let _ = write!(typed, "{} [{}]", setting.name(), setting.form());
+            write!(f, "{typed:38} {}\r\n", setting.help())?;
+        }
+        for (typed, help) in AFTER_SETTINGS {
+            write!(f, "{typed:38} {help}\r\n")?;
+        }
+        write!(f, "{:38} {LAST}", "")
+    }
+}
+
+/// The answer to `help estimator`: a line an estimator, parted by CR LF. It begins as the line of a reading ends, and so cannot be
+/// taken for a fault as `f fraunhofer` could. docs/accuracy.md says what each costs and gives.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimators;
+
+impl fmt::Display for Estimators {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut end = "";
+        for estimator in Estimator::ALL {
+            let (letter, name) = (estimator.letter(), estimator.name());
+            write!(f, "{end}e {letter} {name:13} {}", purpose(estimator))?;
+            end = "\r\n";
+        }
+        Ok(())
+    }
+}
+
+/// What an estimator is for.
+pub const fn purpose(estimator: Estimator) -> &'static str {
+    match estimator {
+        Estimator::Centroid => "eq. (2), to compare with; takes off the black level",
+        Estimator::PhaseTable => "the default: one set of weights for every row",
+        Estimator::Adaptive => "weights that follow width, noise and tilt: more accurate",
+        Estimator::GaussNewton => "the paper's fit, eq. (5); reads spots that are cut off",
+        Estimator::Fraunhofer => "eq. (6), for laser spots below 1 mm",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::MAX_ANSWER;
+    use crate::protocol::command::{Command, parse};
+
+    #[test]
+    fn help_has_a_line_for_every_command_and_fits_a_terminal() {
+        let help = Help.to_string();
+        println!("{help}");
+        let lines: std::vec::Vec<&str> = help.split("\r\n").collect();
+        assert_eq!(lines.len(), 5 + Setting::ALL.len() + 6 + 1);
+        for line in &lines {
+            assert!(line.len() <= 110 && line.is_ascii(), "{line}");
+            // The column of the explanations.
+            assert_eq!(line.as_bytes().get(38), Some(&b' '), "{line}");
+            assert!(
+                line.as_bytes().get(39).is_some_and(|&byte| byte != b' '),
+                "{line}"
+            );
+        }
+        for line in &lines[..lines.len() - 1] {
+            let name = line.split(' ').next().expect("a name");
+            assert!(parse(name.as_bytes()).is_ok(), "{name}");
+        }
+        for &setting in Setting::ALL {
+            let start = format!("{} [", setting.name());
+            assert!(lines.iter().any(|line| line.starts_with(&start)), "{start}");
+        }
+        assert!(help.len() + 2 <= MAX_ANSWER, "{}", help.len());
+    }
+
+    #[test]
+    fn every_estimator_has_its_line() {
+        let text = Estimators.to_string();
+        for (line, estimator) in text.split("\r\n").zip(Estimator::ALL) {
+            println!("{line}");
+            let start = format!("e {} {} ", estimator.letter(), estimator.name());
+            assert!(line.starts_with(&start) && line.len() <= 80, "{line}");
+            assert!(parse(line.as_bytes()) != Ok(Command::Help));
+        }
+        assert_eq!(text.split("\r\n").count(), Estimator::ALL.len());
+        assert!(text.len() + 2 <= MAX_ANSWER);
+    }
+}

@@ -1,0 +1,347 @@
+//! What the sensor does with commands and frames, without hardware: events in, actions out.
+//!
+//! ```text
+//! flash's contents ─┐                       ┌─ text to send
+//! command ──────────┼─> Session::take ──────┼─ settings for the measurement
+//! result of a frame ┘    (+ what counts)    └─ settings and record for flash
+//! ```
+//!
+//! Whoever owns the serial line brings the events and carries out the actions: the firmware, and tests on a PC.
+
+use core::fmt::{self, Write as _};
+
+use heapless::String;
+
+use crate::distance::Calibration;
+use crate::fault::Fault;
+use crate::protocol::MAX_ANSWER;
+use crate::protocol::calibration::{FlashStatus, Shown};
+use crate::protocol::command::{Command, Error};
+use crate::protocol::help::{Estimators, Help};
+use crate::protocol::info::{Banner, Hardware, Info};
+use crate::protocol::piece::Piece;
+use crate::protocol::refusal::Refusal;
+use crate::protocol::status::{StartCause, Status, Vitals};
+use crate::protocol::upload::{Step, Upload};
+use crate::reading::Measured;
+use crate::record::Record;
+use crate::record::encoded::EncodedRecord;
+use crate::row::Geometry;
+use crate::settings::{Affects, Setting, Settings};
+use crate::store::configuration::Configuration;
+use crate::store::{StoreError, Stored};
+
+/// What happens to the sensor.
+#[derive(Debug)]
+// One at a time, on the stack of whoever brings it.
+#[expect(clippy::large_enum_variant)]
+pub enum Event {
+    /// The sensor starts. Flash holds this.
+    Started(Stored),
+    /// A line came in.
+    Line(Result<Command, Error>),
+    /// A frame ended.
+    Frame(Result<Measured, Fault>),
+    /// Flash took what [`Actions::save`] asked for, or did not.
+    Saved(Result<(), StoreError>),
+}
+
+/// What is to be done, in this order.
+#[derive(Debug, Default)]
+pub struct Actions {
+    /// Text to send, each line with CR LF. Empty if there is nothing to say.
+    pub text: String<MAX_ANSWER>,
+    /// The text is one of a stream: drop it if the line is busy. Any other text must arrive.
+    pub may_drop: bool,
+    /// The measurement is to use these settings from now on.
+    pub apply: Option<Settings>,
+    /// [`Session::configuration`] is to be written to flash. Its end is the event [`Event::Saved`]. No frame is due before.
+    pub save: bool,
+}
+
+impl Actions {
+    fn say(&mut self, line: &dyn fmt::Display) {
+        // An answer that does not fit is cut off; the protocol's tests hold that all fit.
+        let _ = write!(self.text, "{line}\r\n");
+    }
+}
+
+/// A sensor's settings and calibration, and what a person asked of it.
+///
+/// A record has hundreds of bytes, and a function that moves one has as many on the stack. Such functions are not inlined, so that they use
+/// that stack only while they run.
+#[derive(Clone, Debug)]
+pub struct Session {
+    hardware: Hardware,
+    geometry: Geometry,
+    started_by: StartCause,
+    settings: Settings,
+    record: Option<EncodedRecord>,
+    flash: FlashStatus,
+    /// Whether frames become distances.
+    calibration_on: bool,
+    upload: Upload,
+    distance_wanted: bool,
+    centre_wanted: bool,
+    readings: u32,
+    faults: [u32; Fault::KINDS],
+}
+
+impl Session {
+    /// A session with the settings and the calibration of the factory.
+    #[inline(never)]
+    pub fn new(hardware: Hardware, geometry: Geometry, started_by: StartCause) -> Self {
+        Self {
+            hardware,
+            geometry,
+            started_by,
+            settings: Settings::default(),
+            record: EncodedRecord::nominal(),
+            flash: FlashStatus::Nothing,
+            calibration_on: true,
+            upload: Upload::none(),
+            distance_wanted: false,
+            centre_wanted: false,
+            readings: 0,
+            faults: [0; Fault::KINDS],
+        }
+    }
+
+    /// The settings in use.
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The record in use, where there is one.
+    pub fn record(&self) -> Option<&Record> {
+        self.record.as_ref().map(EncodedRecord::record)
+    }
+
+    /// What `save` writes to flash. `None` without a calibration: the next start would take the nominal one.
+    #[inline(never)]
+    pub fn configuration(&self) -> Option<Configuration> {
+        let record = self.record()?;
+        Some(Configuration {
+            settings: self.settings,
+            record: (!record.is_nominal()).then(|| record.clone()),
+        })
+    }
+
+    /// Takes an event, and writes what is to be done. `vitals` is what the firmware has counted so far.
+    pub fn take(&mut self, event: Event, vitals: &Vitals, actions: &mut Actions) {
+        actions.text.clear();
+        (actions.may_drop, actions.apply, actions.save) = (false, None, false);
+        match event {
+            Event::Started(stored) => {
+                self.load(stored);
+                actions.apply = Some(self.settings);
+                actions.say(&Banner(&self.hardware, self.started_by));
+            }
+            Event::Line(Ok(command)) => {
+                if let Err(refusal) = self.obey(command, vitals, actions) {
+                    actions.say(&refusal);
+                }
+            }
+            Event::Line(Err(error)) => actions.say(&error),
+            Event::Frame(measured) => self.report(measured, actions),
+            Event::Saved(Ok(())) => {
+                self.note_saved();
+                actions.say(&Command::Save);
+            }
+            Event::Saved(Err(error)) => actions.say(&Refusal::NotSaved(error)),
+        }
+    }
+
+    /// Loads what flash holds. A saved calibration that cannot be used is not replaced by the nominal one, whose distances would be wrong
+    /// without a warning.
+    #[inline(never)]
+    fn load(&mut self, stored: Stored) {
+        match stored {
+            Stored::Nothing => {}
+            Stored::Unusable => {
+                self.record = None;
+                self.flash = FlashStatus::Damaged;
+            }
+            Stored::Newest(configuration) => self.load_configuration(configuration),
+            Stored::Older(configuration) => {
+                self.load_configuration(configuration);
+                if let FlashStatus::Record(sum) = self.flash {
+                    self.flash = FlashStatus::Older(sum);
+                }
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn load_configuration(&mut self, Configuration { settings, record }: Configuration) {
+        self.settings = settings;
+        match record {
+            Some(record) if record.geometry != self.geometry => {
+                self.record = None;
+                self.flash = FlashStatus::OtherSensor;
+                return;
+            }
+            Some(record) => self.set_record(record),
+            None => {}
+        }
+        self.note_saved();
+    }
+
+    #[inline(never)]
+    fn set_record(&mut self, record: Record) {
+        // What was read can be written.
+        self.record = EncodedRecord::new(record).ok();
+    }
+
+    fn note_saved(&mut self) {
+        if let Some(record) = &self.record {
+            self.flash = FlashStatus::Record(record.sum());
+        }
+    }
+
+    /// Counts a result, and says it where it is wanted.
+    fn report(&mut self, measured: Result<Measured, Fault>, actions: &mut Actions) {
+        let calibration = self.calibration();
+        let result = measured.and_then(|measured| measured.reading(calibration));
+        let count = match &result {
+            Ok(_) => Some(&mut self.readings),
+            Err(fault) => self.faults.get_mut(fault.kind()),
+        };
+        if let Some(count) = count {
+            *count = count.wrapping_add(1);
+        }
+        let distance_wanted = core::mem::take(&mut self.distance_wanted);
+        let centre_wanted = core::mem::take(&mut self.centre_wanted);
+        if distance_wanted {
+            match &result {
+                Ok(reading) => actions.say(reading),
+                Err(fault) => advise(fault, actions),
+            }
+        }
+        if centre_wanted {
+            match &measured {
+                Ok(measured) => actions.say(measured),
+                Err(fault) => advise(fault, actions),
+            }
+        }
+        if !distance_wanted && !centre_wanted && self.settings.stream {
+            actions.may_drop = true;
+            match &result {
+                Ok(reading) => actions.say(reading),
+                Err(fault) => actions.say(fault),
+            }
+        }
+    }
+
+    /// What centres mean, where that is known and wanted.
+    fn calibration(&self) -> Option<&Calibration> {
+        let record = self.record().filter(|_| self.calibration_on)?;
+        Some(&record.calibration)
+    }
+
+    fn obey(
+        &mut self,
+        command: Command,
+        vitals: &Vitals,
+        actions: &mut Actions,
+    ) -> Result<(), Refusal> {
+        match command {
+            Command::Nothing => {}
+            Command::Help => actions.say(&Help),
+            Command::HelpEstimator => actions.say(&Estimators),
+            Command::Info => actions.say(&Info {
+                hardware: &self.hardware,
+                geometry: &self.geometry,
+                settings: &self.settings,
+                record: self.record(),
+                on: self.calibration_on,
+            }),
+            Command::Status => actions.say(&Status {
+                started_by: self.started_by,
+                vitals,
+                readings: self.readings,
+                faults: self.faults,
+            }),
+            // The next frame answers.
+            Command::Distance => self.distance_wanted = true,
+            Command::Centre => self.centre_wanted = true,
+            Command::Show(setting) => actions.say(&self.settings.get(setting)),
+            Command::Set(value) => {
+                self.settings.set(value);
+                if value.setting().affects() == Affects::Measurement {
+                    actions.apply = Some(self.settings);
+                }
+                actions.say(&value);
+            }
+            Command::Calibration(None) => actions.say(&Shown {
+                written: self.record.as_ref(),
+                on: self.calibration_on,
+                stored: self.flash,
+            }),
+            Command::Calibration(Some(on)) => {
+                if on && self.record.is_none() {
+                    return Err(Refusal::NoCalibration);
+                }
+                self.calibration_on = on;
+                actions.say(&command);
+            }
+            Command::Data(offset) => actions.say(&self.piece(offset)?),
+            Command::Upload(step) => {
+                self.upload(step, actions)?;
+                actions.say(&command);
+            }
+            Command::Defaults => {
+                self.set_defaults();
+                actions.apply = Some(self.settings);
+                actions.say(&command);
+            }
+            Command::Save => {
+                if self.record.is_none() {
+                    return Err(Refusal::NoCalibration);
+                }
+                actions.save = true;
+                actions.say(&"save pauses the stream");
+            }
+        }
+        Ok(())
+    }
+
+    fn piece(&self, offset: u16) -> Result<Piece, Refusal> {
+        let record = self.record.as_ref().ok_or(Refusal::NoCalibration)?;
+        let bytes = record.bytes();
+        Piece::of(bytes, offset).ok_or(Refusal::NoPiece {
+            offset,
+            bytes: bytes.len(),
+        })
+    }
+
+    #[inline(never)]
+    fn upload(&mut self, step: Step, actions: &mut Actions) -> Result<(), Refusal> {
+        if let Some(record) = self.upload.take(step, &self.geometry)? {
+            // Centres and black level are found as when the record was made.
+            self.settings.estimator = record.estimator;
+            self.settings.black_level = record.black_level;
+            self.set_record(record);
+            actions.apply = Some(self.settings);
+        }
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn set_defaults(&mut self) {
+        let default = Settings::default();
+        for &setting in Setting::ALL {
+            if setting.affects() == Affects::Measurement {
+                self.settings.set(default.get(setting));
+            }
+        }
+        self.record = EncodedRecord::nominal();
+        self.calibration_on = true;
+    }
+}
+
+/// Says a fault and what to do about it.
+fn advise(fault: &Fault, actions: &mut Actions) {
+    let advice = fault.advice();
+    actions.say(&format_args!("{fault}\r\n({advice})"));
+}

@@ -1,0 +1,398 @@
+//! All that a person can set. Each setting is declared once, in [the list](#the-list) below.
+//!
+//! The struct [`Settings`], the commands that show and set a value, their answers, `help`, the error messages, what flash holds and the table in
+//! docs/serial-line.md follow from the declaration. To add a setting, add its lines to the list. A value of a new type also implements
+//! [`ValueText`].
+//!
+//! miniconf and serial-settings declare settings once too. Their lines are JSON paths (`/rows 16`), and they know no ranges, units or help, so
+//! they would not make this file smaller.
+
+use core::fmt;
+
+use crate::black_level::BlackLevel;
+use crate::centre::Estimator;
+use crate::frame::{MAX_ROWS, Mean};
+use crate::units::Counts;
+
+/// # The list
+///
+/// For each setting: its help, a name for Rust, the name that a person types, the field, its type and default; then how its value is typed, and
+/// what a change affects.
+macro_rules! list {
+    ($declare:ident) => {
+        $declare! {
+            /// a line for every frame
+            Stream "stream" stream: bool = true, Form::Words("on|off"), Affects::Session;
+
+            /// rows in a frame
+            Rows "rows" rows: u16 = 16, Form::Number { least: 1, most: MAX_ROWS, unit: "" }, Affects::Measurement;
+
+            /// how the rows' centres become one
+            Mean "mean" mean: Mean = Mean::Weighted, Form::Words("plain|weighted"), Affects::Measurement;
+
+            /// how the black level is found
+            Black "black" black_level: BlackLevel = BlackLevel::Shielded,
+                Form::Words("fixed 0..4095|shielded|frame"), Affects::Measurement;
+
+            /// how the centre of a row is found
+            Estimator "estimator" estimator: Estimator = Estimator::PhaseTable, Form::Listed, Affects::Measurement;
+        }
+    };
+}
+
+/// How a value is typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// A whole number.
+    Number {
+        /// The smallest.
+        least: u32,
+        /// The largest.
+        most: u32,
+        /// Its unit, empty for a count.
+        unit: &'static str,
+    },
+    /// One of these words, separated by `|`.
+    Words(&'static str),
+    /// One of some names, which `help` and the setting's name lists.
+    Listed,
+}
+
+/// What a change of a setting affects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Affects {
+    /// The measurement: the frame under way starts again. `save` writes the setting to flash, `defaults` sets it back.
+    Measurement,
+    /// What this session says. It holds until the next start.
+    Session,
+}
+
+/// Why words are no value of a setting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ValueError {
+    /// They are not understood, or are too many.
+    Form,
+    /// The number is too small or too large.
+    Range,
+    /// The list has no such name.
+    Unlisted,
+}
+
+/// A type that a setting's value can have: how it is read and written.
+pub trait ValueText: Copy {
+    /// Reads a value from its words.
+    ///
+    /// # Errors
+    /// [`ValueError`] says what is wrong with them.
+    fn read(words: &[&str], form: Form) -> Result<Self, ValueError>;
+
+    /// Writes it as [`ValueText::read`] reads it.
+    ///
+    /// # Errors
+    /// The formatter's.
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result;
+}
+
+macro_rules! declare {
+    ($($(#[doc = $help:literal])+ $variant:ident $name:literal $field:ident: $type:ty = $default:expr, $form:expr, $affects:expr;)+) => {
+        /// The value of every setting.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Settings {
+            $($(#[doc = $help])+ pub $field: $type,)+
+        }
+
+        impl Default for Settings {
+            /// The settings of the factory.
+            fn default() -> Self {
+                Self { $($field: $default,)+ }
+            }
+        }
+
+        /// Which setting.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Setting {
+            $($(#[doc = $help])+ $variant,)+
+        }
+
+        /// A value, and of which setting. `Display` is the line that sets it.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Value {
+            $($(#[doc = $help])+ $variant($type),)+
+        }
+
+        impl Settings {
+            /// The value of a setting.
+            pub const fn get(&self, setting: Setting) -> Value {
+                match setting {
+                    $(Setting::$variant => Value::$variant(self.$field),)+
+                }
+            }
+
+            /// Sets a value.
+            pub const fn set(&mut self, value: Value) {
+                match value {
+                    $(Value::$variant(value) => self.$field = value,)+
+                }
+            }
+        }
+
+        impl Setting {
+            /// All settings, in the order in which `help` shows them.
+            pub const ALL: &'static [Self] = &[$(Self::$variant,)+];
+
+            /// The name that a person types.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name,)+
+                }
+            }
+
+            /// What the setting does, in a few words.
+            pub const fn help(self) -> &'static str {
+                match self {
+                    $(Self::$variant => concat!($($help),+).trim_ascii(),)+
+                }
+            }
+
+            /// How its value is typed.
+            pub const fn form(self) -> Form {
+                match self {
+                    $(Self::$variant => $form,)+
+                }
+            }
+
+            /// What a change affects.
+            pub const fn affects(self) -> Affects {
+                match self {
+                    $(Self::$variant => $affects,)+
+                }
+            }
+
+            /// Reads a value of this setting.
+            ///
+            /// # Errors
+            /// [`ValueError`] says what is wrong with the words.
+            pub fn read(self, words: &[&str]) -> Result<Value, ValueError> {
+                match self {
+                    $(Self::$variant => ValueText::read(words, $form).map(Value::$variant),)+
+                }
+            }
+        }
+
+        impl Value {
+            /// Of which setting it is.
+            pub const fn setting(self) -> Setting {
+                match self {
+                    $(Self::$variant(_) => Setting::$variant,)+
+                }
+            }
+        }
+
+        impl fmt::Display for Value {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match *self {
+                    $(Self::$variant(value) => {
+                        f.write_str(concat!($name, " "))?;
+                        value.write(f)
+                    })+
+                }
+            }
+        }
+    };
+}
+
+list!(declare);
+
+impl Setting {
+    /// The setting of that [`name`](Self::name).
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.iter().copied().find(|it| it.name() == name)
+    }
+}
+
+impl fmt::Display for Form {
+    /// What may be typed: `1..64`, `on|off`, or `NAME`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number { least, most, unit } => {
+                let blank = if unit.is_empty() { "" } else { " " };
+                write!(f, "{least}..{most}{blank}{unit}")
+            }
+            Self::Words(words) => f.write_str(words),
+            Self::Listed => f.write_str("NAME"),
+        }
+    }
+}
+
+/// Reads a whole number.
+///
+/// # Errors
+/// [`ValueError::Form`] where the word has anything but digits, [`ValueError::Range`] beyond the range.
+pub fn read_number(word: &str, least: u32, most: u32) -> Result<u32, ValueError> {
+    if word.is_empty() || !word.bytes().all(|byte| byte.is_ascii_digit()) {
+        return Err(ValueError::Form);
+    }
+    let number = word.parse().ok();
+    number
+        .filter(|number| (least..=most).contains(number))
+        .ok_or(ValueError::Range)
+}
+
+impl ValueText for u16 {
+    fn read(words: &[&str], form: Form) -> Result<Self, ValueError> {
+        match (words, form) {
+            (&[word], Form::Number { least, most, .. }) => {
+                let number = read_number(word, least, most)?;
+                Self::try_from(number).map_err(|_| ValueError::Range)
+            }
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self, f)
+    }
+}
+
+impl ValueText for bool {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["on"] => Ok(true),
+            ["off"] => Ok(false),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self { "on" } else { "off" })
+    }
+}
+
+impl ValueText for Mean {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [name] => Self::named(name).ok_or(ValueError::Form),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl ValueText for Estimator {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [name] => Self::named(name).ok_or(ValueError::Unlisted),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// The largest black level that can be fixed, in counts: that of a 12-bit converter.
+const MAX_BLACK: u32 = 4095;
+
+impl ValueText for BlackLevel {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["shielded"] => Ok(Self::Shielded),
+            ["frame"] => Ok(Self::Frame),
+            ["fixed", counts] => {
+                let counts = read_number(counts, 0, MAX_BLACK)?;
+                Ok(Self::Fixed(Counts::from_int(counts as i32)))
+            }
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Shielded => f.write_str("shielded"),
+            Self::Frame => f.write_str("frame"),
+            Self::Fixed(counts) => write!(f, "fixed {counts:.0}"),
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// Some values of each setting, the extremes among them.
+    pub fn values() -> std::vec::Vec<Value> {
+        let black = [0, 300, 4095].map(|counts| BlackLevel::Fixed(Counts::from_int(counts)));
+        let black = black
+            .into_iter()
+            .chain([BlackLevel::Shielded, BlackLevel::Frame]);
+        [1, 16, 64]
+            .map(Value::Rows)
+            .into_iter()
+            .chain([true, false].map(Value::Stream))
+            .chain(Mean::ALL.map(Value::Mean))
+            .chain(Estimator::ALL.map(Value::Estimator))
+            .chain(black.map(Value::Black))
+            .collect()
+    }
+
+    #[test]
+    fn a_value_is_read_as_it_is_written() {
+        for value in values() {
+            let line = value.to_string();
+            let words: std::vec::Vec<&str> = line.split(' ').collect();
+            let setting = Setting::named(words[0]).expect("a setting");
+            assert_eq!(setting, value.setting());
+            assert_eq!(setting.read(&words[1..]), Ok(value), "{line}");
+            let mut settings = Settings::default();
+            settings.set(value);
+            assert_eq!(settings.get(setting), value);
+        }
+    }
+
+    #[test]
+    fn every_setting_has_values_here_and_a_form_that_names_its_words() {
+        for &setting in Setting::ALL {
+            let of_setting = || {
+                values()
+                    .into_iter()
+                    .filter(|value| value.setting() == setting)
+            };
+            assert!(of_setting().count() > 1, "{setting:?}");
+            if let Form::Words(words) = setting.form() {
+                for value in of_setting() {
+                    let line = value.to_string();
+                    let word = line.split(' ').nth(1).expect("a value");
+                    let is_named = |known: &str| known.split(' ').next() == Some(word);
+                    assert!(words.split('|').any(is_named), "{line}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn wrong_values_are_told_apart() {
+        for (setting, words, error) in [
+            (Setting::Rows, &["0"] as &[&str], ValueError::Range),
+            (Setting::Rows, &["65"], ValueError::Range),
+            (Setting::Rows, &["99999999999"], ValueError::Range),
+            (Setting::Rows, &["-1"], ValueError::Form),
+            (Setting::Rows, &["4", "4"], ValueError::Form),
+            (Setting::Rows, &[""], ValueError::Form),
+            (Setting::Mean, &["Plain"], ValueError::Form),
+            (Setting::Mean, &["plain", "weighted"], ValueError::Form),
+            (Setting::Black, &["fixed"], ValueError::Form),
+            (Setting::Black, &["fixed", "-1"], ValueError::Form),
+            (Setting::Black, &["fixed", "4096"], ValueError::Range),
+            (Setting::Stream, &["on", "off"], ValueError::Form),
+            (Setting::Estimator, &["Adaptive"], ValueError::Unlisted),
+            (Setting::Estimator, &["robust"], ValueError::Unlisted),
+            (Setting::Estimator, &["gauss", "newton"], ValueError::Form),
+        ] {
+            assert_eq!(setting.read(words), Err(error), "{setting:?} {words:?}");
+        }
+    }
+}

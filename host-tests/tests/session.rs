@@ -1,0 +1,456 @@
+//! Every command, fault and start of a sensor, through the core's session: without hardware and without an emulator.
+
+use proptest::prelude::*;
+use slitrange::black_level::BlackLevel;
+use slitrange::centre::Estimator;
+use slitrange::distance::Calibration;
+use slitrange::fault::Fault;
+use slitrange::frame::FrameCentre;
+use slitrange::protocol::command::{Command, parse};
+use slitrange::protocol::help::{Estimators, Help};
+use slitrange::protocol::info::{Banner, Hardware, Info};
+use slitrange::protocol::piece::{PIECE, Piece};
+use slitrange::protocol::status::{StartCause, Status, Vitals};
+use slitrange::protocol::upload::Step;
+use slitrange::reading::Measured;
+use slitrange::record::Record;
+use slitrange::record::encoded::EncodedRecord;
+use slitrange::row::Geometry;
+use slitrange::sensor_heads::tcd1304dg;
+use slitrange::session::{Actions, Event, Session};
+use slitrange::settings::{Affects, Setting, Settings};
+use slitrange::store::configuration::Configuration;
+use slitrange::store::{StoreError, Stored};
+use slitrange::units::{Counts, Pixels};
+
+const HARDWARE: Hardware = Hardware {
+    board: "a board",
+    head: "TCD1304DG",
+    row_us: 5700,
+};
+
+/// A session, and the actions of its latest event.
+struct Sensor {
+    session: Session,
+    actions: Actions,
+}
+
+impl Sensor {
+    /// Just started, with this in flash.
+    fn started(stored: Stored) -> Self {
+        let mut sensor = Self {
+            session: Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn),
+            actions: Actions::default(),
+        };
+        let banner = sensor.take(Event::Started(stored));
+        let expected = Banner(&HARDWARE, StartCause::PowerOn);
+        assert_eq!(banner, expected.to_string());
+        assert_eq!(sensor.actions.apply, Some(*sensor.session.settings()));
+        sensor
+    }
+
+    fn new() -> Self {
+        Self::started(Stored::Nothing)
+    }
+
+    /// The text that an event brings, without its last line end.
+    fn take(&mut self, event: Event) -> String {
+        let vitals = vitals();
+        self.session.take(event, &vitals, &mut self.actions);
+        let text = self.actions.text.as_str();
+        assert!(
+            text.is_ascii() && (text.is_empty() || text.ends_with("\r\n")),
+            "{text:?}"
+        );
+        text.strip_suffix("\r\n").unwrap_or_default().to_owned()
+    }
+
+    /// The answer to a line.
+    fn ask(&mut self, line: &str) -> String {
+        let answer = self.take(Event::Line(parse(line.as_bytes())));
+        assert!(!self.actions.may_drop, "an answer must arrive: {line}");
+        answer
+    }
+
+    /// A line that is answered by itself.
+    fn set(&mut self, line: &str) {
+        assert_eq!(self.ask(line), line);
+    }
+
+    /// Sends a record as `slitrange calibrate write` does.
+    fn upload(&mut self, record: &EncodedRecord) {
+        self.set(&Step::Begin(record.bytes().len() as u16).to_string());
+        for offset in (0..record.bytes().len()).step_by(PIECE) {
+            let piece = Piece::of(record.bytes(), offset as u16).expect("a piece");
+            self.set(&Command::Upload(Step::Piece(piece)).to_string());
+        }
+        self.set("calibration commit");
+    }
+
+    /// Writes to flash as the firmware does, and gives what flash then holds.
+    fn save(&mut self) -> Configuration {
+        assert_eq!(self.ask("save"), "save pauses the stream");
+        assert!(self.actions.save);
+        let saved = self.session.configuration().expect("something to save");
+        assert_eq!(self.take(Event::Saved(Ok(()))), "save");
+        saved
+    }
+}
+
+fn vitals() -> Vitals {
+    Vitals {
+        uptime_ms: 61_005,
+        rows: 10_700,
+        row_cycles: 35_000,
+        ..Vitals::default()
+    }
+}
+
+/// A frame whose spot is at a centre in pixels.
+fn frame(centre: f32) -> Measured {
+    Measured {
+        frame: FrameCentre {
+            centre: Pixels::from_f32(centre),
+            uncertainty: Pixels::from_f32(0.002),
+            amplitude: Counts::from_int(1993),
+            width: Pixels::from_int(9),
+            rows_used: 16,
+            rows: 16,
+            misfits: 0,
+            correlated: None,
+        },
+        black_level: Counts::from_int(300),
+        estimator: Estimator::PhaseTable,
+    }
+}
+
+const TOO_DIM: Fault = Fault::TooDim {
+    amplitude: Counts::from_int(35),
+    needed: Counts::from_int(60),
+};
+
+/// A sensor's own record: not the nominal one, and made with other settings.
+fn own_record() -> EncodedRecord {
+    let record = Record {
+        serial_number: 42,
+        estimator: Estimator::Adaptive,
+        black_level: BlackLevel::Frame,
+        ..Record::nominal().expect("a record")
+    };
+    EncodedRecord::new(record).expect("a record")
+}
+
+#[test]
+fn every_setting_is_shown_set_and_applied() {
+    let mut sensor = Sensor::new();
+    for &setting in Setting::ALL {
+        let default = Settings::default().get(setting).to_string();
+        assert_eq!(sensor.ask(setting.name()), default);
+        assert_eq!(sensor.actions.apply, None, "{setting:?}");
+    }
+    for line in [
+        "stream off",
+        "rows 64",
+        "mean plain",
+        "black fixed 300",
+        "black frame",
+        "estimator gauss-newton",
+    ] {
+        sensor.set(line);
+        let name = line.split(' ').next().expect("a name");
+        let setting = Setting::named(name).expect("a setting");
+        let applied = sensor.actions.apply;
+        match setting.affects() {
+            Affects::Measurement => assert_eq!(applied, Some(*sensor.session.settings())),
+            Affects::Session => assert_eq!(applied, None),
+        }
+        assert_eq!(sensor.ask(name), line);
+    }
+    let settings = *sensor.session.settings();
+    for (line, error) in [
+        ("rows 65", "E3 out of range, expected rows 1..64"),
+        ("mean median", "E2 expected mean plain|weighted"),
+        (
+            "estimator robust",
+            "E6 unknown estimator, try help estimator",
+        ),
+        ("frobnicate", "E1 unknown command, try help"),
+    ] {
+        assert_eq!(sensor.ask(line), error);
+        assert_eq!(sensor.actions.apply, None);
+    }
+    assert_eq!(
+        *sensor.session.settings(),
+        settings,
+        "an error changes nothing"
+    );
+}
+
+#[test]
+fn help_info_and_status_are_answered() {
+    let mut sensor = Sensor::new();
+    assert_eq!(sensor.ask(""), "");
+    assert_eq!(sensor.ask("help"), Help.to_string());
+    assert_eq!(sensor.ask("help estimator"), Estimators.to_string());
+    for (line, on) in [("calibration on", true), ("calibration off", false)] {
+        sensor.set(line);
+        let info = Info {
+            hardware: &HARDWARE,
+            geometry: &tcd1304dg(),
+            settings: &Settings::default(),
+            record: Record::nominal().as_ref(),
+            on,
+        };
+        assert_eq!(sensor.ask("info"), info.to_string());
+    }
+    sensor.set("calibration on");
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    sensor.take(Event::Frame(Err(TOO_DIM)));
+    sensor.take(Event::Frame(Ok(frame(1.0))));
+    let mut faults = [0; Fault::KINDS];
+    faults[TOO_DIM.kind()] = 1;
+    let out_of_range = Fault::OutOfRange {
+        centre: Pixels::from_int(1),
+    };
+    faults[out_of_range.kind()] = 1;
+    let status = Status {
+        started_by: StartCause::PowerOn,
+        vitals: &vitals(),
+        readings: 2,
+        faults,
+    };
+    assert_eq!(sensor.ask("status"), status.to_string());
+}
+
+#[test]
+fn frames_stream_and_may_be_dropped_answers_may_not() {
+    let mut sensor = Sensor::new();
+    let calibration = Calibration::nominal();
+    let reading = frame(1800.0)
+        .reading(calibration.as_ref())
+        .expect("a distance");
+    assert_eq!(
+        sensor.take(Event::Frame(Ok(frame(1800.0)))),
+        reading.to_string()
+    );
+    assert!(sensor.actions.may_drop);
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), TOO_DIM.to_string());
+    assert!(sensor.actions.may_drop);
+
+    // Asked for, a frame is an answer, and a fault comes with advice.
+    assert_eq!(sensor.ask("distance"), "");
+    assert_eq!(
+        sensor.take(Event::Frame(Ok(frame(1800.0)))),
+        reading.to_string()
+    );
+    assert!(!sensor.actions.may_drop);
+    assert_eq!(sensor.ask("centre"), "");
+    assert_eq!(
+        sensor.take(Event::Frame(Ok(frame(1.0)))),
+        frame(1.0).to_string()
+    );
+    assert_eq!(sensor.ask("distance"), "");
+    assert_eq!(sensor.ask("centre"), "");
+    let both = format!("{reading}\r\n{}", frame(1800.0));
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), both);
+    assert_eq!(sensor.ask("distance"), "");
+    let advised = format!("{TOO_DIM}\r\n({})", TOO_DIM.advice());
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), advised);
+    assert!(!sensor.actions.may_drop);
+
+    sensor.set("stream off");
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), "");
+    assert_eq!(sensor.ask("distance"), "");
+    assert_eq!(
+        sensor.take(Event::Frame(Ok(frame(1800.0)))),
+        reading.to_string()
+    );
+    assert_eq!(
+        sensor.take(Event::Frame(Ok(frame(1800.0)))),
+        "",
+        "one frame is one answer"
+    );
+}
+
+#[test]
+fn without_a_calibration_there_is_a_fault_and_no_distance() {
+    let mut sensor = Sensor::new();
+    sensor.set("calibration off");
+    let fault = Fault::NotCalibrated {
+        centre: Pixels::from_f32(1800.0),
+        uncertainty: Pixels::from_f32(0.002),
+    };
+    assert_eq!(
+        sensor.take(Event::Frame(Ok(frame(1800.0)))),
+        fault.to_string()
+    );
+
+    let mut sensor = Sensor::started(Stored::Unusable);
+    assert_eq!(
+        sensor.take(Event::Frame(Ok(frame(1800.0)))),
+        fault.to_string()
+    );
+    assert!(
+        sensor
+            .ask("calibration")
+            .starts_with("calibration none\r\ncalibration fault ")
+    );
+    for line in ["calibration on", "calibration data 0", "save"] {
+        assert_eq!(
+            sensor.ask(line),
+            "E15 there is no calibration: upload one, or defaults",
+            "{line}"
+        );
+        assert!(!sensor.actions.save);
+    }
+    assert_eq!(sensor.session.configuration(), None);
+    sensor.set("defaults");
+    sensor.save();
+    assert!(
+        sensor
+            .ask("calibration")
+            .contains("\r\ncalibration stored same")
+    );
+}
+
+#[test]
+fn an_upload_is_used_when_it_is_whole_with_the_settings_it_was_made_with() {
+    let own = own_record();
+    let mut sensor = Sensor::new();
+    sensor.upload(&own);
+    let applied = sensor.actions.apply.expect("settings");
+    assert_eq!(applied.estimator, Estimator::Adaptive);
+    assert_eq!(applied.black_level, BlackLevel::Frame);
+    assert_eq!(sensor.session.record(), Some(own.record()));
+    let shown = sensor.ask("calibration");
+    assert!(
+        shown.contains("\r\ncalibration source uploaded\r\n"),
+        "{shown}"
+    );
+    let mut read = Vec::new();
+    while read.len() < own.bytes().len() {
+        let line = sensor.ask(&format!("calibration data {}", read.len()));
+        match parse(line.as_bytes()) {
+            Ok(Command::Upload(Step::Piece(piece))) => read.extend_from_slice(piece.bytes()),
+            other => panic!("{line}: {other:?}"),
+        }
+    }
+    assert_eq!(read, own.bytes());
+    let beyond = sensor.ask(&format!("calibration data {}", read.len()));
+    assert!(beyond.starts_with("E14 "), "{beyond}");
+
+    // Not whole: nothing changes.
+    sensor.set("calibration begin 47");
+    assert!(sensor.ask("calibration commit").starts_with("E11 0 of 47 "));
+    sensor.set("calibration abort");
+    assert!(sensor.ask("calibration commit").starts_with("E8 "));
+    assert_eq!(sensor.session.record(), Some(own.record()));
+}
+
+#[test]
+fn a_save_comes_back_after_a_power_cycle() {
+    let mut sensor = Sensor::new();
+    sensor.upload(&own_record());
+    for line in ["stream off", "rows 7", "mean plain", "black fixed 12"] {
+        sensor.set(line);
+    }
+    let saved = sensor.save();
+    assert!(
+        sensor
+            .ask("calibration")
+            .contains("\r\ncalibration source stored\r\n")
+    );
+
+    let again = Sensor::started(Stored::Newest(saved.clone()));
+    assert_eq!(again.session.record(), Some(own_record().record()));
+    let expected = Settings {
+        stream: sensor.session.settings().stream,
+        ..*again.session.settings()
+    };
+    assert_eq!(*sensor.session.settings(), expected);
+
+    let mut older = Sensor::started(Stored::Older(saved.clone()));
+    let shown = older.ask("calibration");
+    assert!(
+        shown.contains("\r\ncalibration fault what was saved last "),
+        "{shown}"
+    );
+    assert!(shown.ends_with("\r\ncalibration stored same"), "{shown}");
+
+    let mut record = own_record().record().clone();
+    record.geometry = Geometry {
+        words: record.geometry.words + 2,
+        ..record.geometry
+    };
+    let other = Configuration {
+        record: Some(record),
+        ..saved
+    };
+    let mut other = Sensor::started(Stored::Newest(other));
+    assert_eq!(other.session.record(), None);
+    let shown = other.ask("calibration");
+    assert!(shown.contains("of another sensor head"), "{shown}");
+}
+
+#[test]
+fn a_save_that_fails_is_an_error_and_changes_nothing() {
+    let mut sensor = Sensor::new();
+    let before = sensor.ask("calibration");
+    assert_eq!(sensor.ask("save"), "save pauses the stream");
+    let answer = sensor.take(Event::Saved(Err(StoreError::Worn)));
+    assert!(answer.starts_with("E16 not saved: "), "{answer}");
+    assert_eq!(sensor.ask("calibration"), before);
+}
+
+#[test]
+fn defaults_are_those_of_the_factory_and_leave_the_stream() {
+    let mut sensor = Sensor::new();
+    sensor.upload(&own_record());
+    for line in ["stream off", "rows 7", "mean plain", "calibration off"] {
+        sensor.set(line);
+    }
+    sensor.set("defaults");
+    let expected = Settings {
+        stream: false,
+        ..Settings::default()
+    };
+    assert_eq!(sensor.actions.apply, Some(expected));
+    assert_eq!(sensor.session.record(), Record::nominal().as_ref());
+    assert!(sensor.ask("calibration").starts_with("calibration on\r\n"));
+}
+
+proptest! {
+    /// Whatever is typed, in whatever order: one answer to each line, and what is in use can be saved and loaded.
+    #[test]
+    fn any_lines_are_answered_and_leave_a_configuration_that_loads(
+        lines in prop::collection::vec(
+            prop_oneof![
+                "(rows|mean|black|estimator|stream|calibration|defaults|help|info|status)( [a-z0-9-]{1,8}){0,2}",
+                "rows [0-9]{1,2}",
+                "black fixed [0-9]{1,4}",
+                "calibration (begin|data) [0-9]{1,4}",
+                "[ -~]{1,70}",
+            ],
+            1..20,
+        )
+    ) {
+        let mut sensor = Sensor::new();
+        for line in &lines {
+            let answer = sensor.ask(line);
+            let is_silent = matches!(
+                parse(line.as_bytes()),
+                Ok(Command::Nothing | Command::Distance | Command::Centre)
+            );
+            prop_assert_eq!(answer.is_empty(), is_silent, "{}: {}", line, answer);
+        }
+        let saved = sensor.session.configuration().expect("the nominal calibration at least");
+        let again = Sensor::started(Stored::Newest(saved));
+        prop_assert_eq!(again.session.record(), sensor.session.record());
+        let restarted = Settings {
+            stream: sensor.session.settings().stream,
+            ..*again.session.settings()
+        };
+        prop_assert_eq!(restarted, *sensor.session.settings());
+    }
+}

@@ -1,0 +1,35 @@
+//! Estimators that other firmware uses. The firmware has none of them: `phase-table` is faster and more
+//! accurate.
+
+pub mod parabola;
+pub mod zero_crossing;
+
+use slitrange::centre::plausible::certain;
+use slitrange::fault::Fault;
+use slitrange::units::Counts;
+
+/// [`certain`] for an uncertainty that comes from a few pixels' counts. Where the search took noise for a
+/// spot, those pixels were chosen for being high and seem sharper than they are, so the Cramér-Rao bound in
+/// that noise must be certain too.
+///
+/// # Errors
+/// See [`certain`].
+#[inline]
+fn certain_in_noise(
+    amplitude: f32,
+    uncertainty: f32,
+    width: f32,
+    noise: Counts,
+) -> Result<(), Fault> {
+    /// The bound over sqrt(sigma) noise / A: sqrt(2 / sqrt(pi)).
+    const BOUND: f32 = 1.062_3;
+    let bound = BOUND * dual_mac::square_root(width) * noise.to_f32() / amplitude;
+    // Where one is no number, neither is certain.
+    let larger = if bound < uncertainty {
+        uncertainty
+    } else {
+        bound
+    };
+    certain(amplitude, uncertainty, width)?;
+    certain(amplitude, larger, width)
+}
