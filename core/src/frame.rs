@@ -139,7 +139,8 @@ impl Frame {
             return Err(self.unsteady());
         };
         let width = Pixels::from_bits(mean(members.iter().map(|it| it.row.width.to_bits())));
-        if scatter(&members, motion) > width.to_f32() {
+        let is_steady = scatter(&members, motion) <= width.to_f32();
+        if !is_steady {
             return Err(self.unsteady());
         }
         let fitted = if motion == 0.0 { 1.0 } else { 2.0 };

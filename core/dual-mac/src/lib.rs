@@ -1,9 +1,17 @@
-//! Inner products of 16-bit samples with 16-bit weights, two products an instruction on a Cortex-M4.
+//! Inner products of 16-bit samples with 16-bit weights: two products an instruction on a Cortex-M with the DSP extension.
 //!
 //! Stable Rust emits a multiply-accumulate for one product at a time and never the DSP extension's SMLAD, which does
 //! two; that halves what an estimator costs. This crate is the one place with `asm!` and the only `unsafe` of the core's
-//! arithmetic. Each function has a portable twin in [`portable`], which is what runs elsewhere and must agree bit for bit:
-//! a program on the emulated board compares them.
+//! arithmetic. Each function has a portable twin in [`portable`], which runs on all other targets and must agree bit for bit:
+//! a program on the emulated board compares the two.
+//!
+//! | target | inner products | square root |
+//! |---|---|---|
+//! | thumbv7em-none-eabihf | SMLAD | VSQRT |
+//! | thumbv7em-none-eabi | SMLAD | portable |
+//! | thumbv8m.main-none-eabihf | portable; SMLAD where the compiler reports the feature `dsp` | VSQRT |
+//! | thumbv8m.main-none-eabi | the same | portable |
+//! | all others | portable | portable |
 //!
 //! Sums wrap in both, as SMLAD does. Who must not wrap proves it of the weights: sum |weight| * largest sample < 2^31.
 #![no_std]
@@ -13,13 +21,18 @@ extern crate std;
 
 pub mod portable;
 
-#[cfg(all(target_arch = "arm", target_os = "none", target_abi = "eabihf"))]
-mod cortex_m4;
+// `build.rs` says which of these the target has.
+#[cfg(any(has_dsp, has_fpu))]
+mod cortex_m;
 
-#[cfg(all(target_arch = "arm", target_os = "none", target_abi = "eabihf"))]
-pub use cortex_m4::{dot, dot2, square_root};
-#[cfg(not(all(target_arch = "arm", target_os = "none", target_abi = "eabihf")))]
-pub use portable::{dot, dot2, square_root};
+#[cfg(has_fpu)]
+pub use cortex_m::square_root;
+#[cfg(has_dsp)]
+pub use cortex_m::{dot, dot2};
+#[cfg(not(has_fpu))]
+pub use portable::square_root;
+#[cfg(not(has_dsp))]
+pub use portable::{dot, dot2};
 
 /// The weights of two neighbouring samples. Aligned, so that one instruction loads both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

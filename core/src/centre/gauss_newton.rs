@@ -431,6 +431,7 @@ impl Window {
         let from_first = Pixels::from_f32(centre * block + self.half_sample());
         // No more than 128 each.
         let freedom = self.length as f32 - self.masked as f32 - 4.0;
+        let is_noise = fit.squares <= freedom + allowed_scatter(freedom);
         RowCentre {
             centre: Pixels::from_bits(
                 Pixels::from_int(self.first as i32)
@@ -442,7 +443,7 @@ impl Window {
             amplitude: Counts::from_f32(amplitude * s / width),
             width: Pixels::from_f32(width),
             class: WidthClass::default(),
-            misfit: fit.squares > freedom + allowed_scatter(freedom),
+            misfit: !is_noise,
         }
     }
 }

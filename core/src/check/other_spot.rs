@@ -1,7 +1,8 @@
 //! Whether another spot on the row is nearly as high.
 //!
-//! The coarse search compares what its kernel gathers; a narrower or a wider spot of the same height gathers less or more. Here it is the height: the
-//! sum over half a width, and that over the next, of which the lower counts, so that a single bad pixel is no spot.
+//! The coarse search compares the light that its kernel gathers; a narrower or a wider spot of equal height gathers less or more.
+//! This check compares heights: the sum over half a width and the sum over the next half, of which the lower counts, so that a single
+//! bad pixel is no spot.
 
 use crate::centre::RowCentre;
 use crate::fault::Fault;
@@ -10,19 +11,19 @@ use crate::row::MAX_PIXELS;
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
-/// Closer than so many widths it would be seen in the row's mirror image.
+/// A spot that is closer than so many widths shows in the row's mirror image.
 const APART: f32 = 4.0;
 
-/// The other has this share of the height at least, as in the coarse search. 0.8 is where two spots are no longer told apart by it, and a box of half a width takes off up to a tenth
-/// more of a spot that is 0.7 times as wide, or that lies between two boxes.
+/// The other spot has at least this share of the height, as in the coarse search, which confuses two spots from 0.8 on. A box of half a
+/// width loses up to a tenth more of a spot that is 0.7 times as wide, or that lies between two boxes.
 const SHARE: f32 = 0.62;
 
-/// Looks over all of the row, which the search of a frame's first row does too.
+/// Searches all of the row for another spot. Called for a frame's first row only.
 ///
 /// # Errors
 /// [`Fault::TwoSpots`].
 #[inline(never)]
-pub(super) fn is_alone(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<(), Fault> {
+pub(super) fn check(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<(), Fault> {
     let width = found.width.to_f32();
     // A width is at most 170 pixels: `as` cuts off, and saturates.
     let half = ((0.5 * width) as usize).clamp(1, MAX_PIXELS);
@@ -42,7 +43,7 @@ pub(super) fn is_alone(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<
         let left = from.checked_sub(apart).and_then(height);
         (left, height(from.saturating_add(apart)))
     };
-    // Above what is beside it, so that a background that rises is no spot, and nor is where it begins or ends.
+    // Above the light to either side, so that a background that rises is no spot, and neither is its start or end.
     let above = |from: usize| match beside(from) {
         (Some(left), Some(right)) => Some(height(from)?.saturating_sub(left.max(right))),
         _ => None,
@@ -61,7 +62,7 @@ pub(super) fn is_alone(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<
     let own = near.filter_map(own).max().unwrap_or_default();
     let enough = (SHARE * own as f32) as u32;
     let far = |from: usize| from.saturating_add(half).abs_diff(centre) > apart;
-    // Box after box, each summed once: what does not stand out from the level under the spot is not looked at, which spares nearly all of the row.
+    // Box after box, each summed once. Boxes that do not stand out from the level under the spot are passed over: nearly all of them.
     let level = spot.background.level_bits().unsigned_abs();
     let level = level.saturating_mul(half as u32) >> Counts::FRACTION;
     let least = level.saturating_add(enough);

@@ -1,22 +1,23 @@
-//! The adaptive phase-table score, and where the row does not look like its centre, a fit of the pixels that belong to the spot.
+//! The robust fit: the adaptive phase-table score, and if the row fails the check about that centre, a fit of the pixels that belong to
+//! the spot.
 //!
-//! The first look is [`adaptive`]'s. Where the row is its own mirror image about that centre (see `mirror`), which is usual, it stands.
-//! Where it is not, three ways lead to pixels that do not belong to the spot, each a series of fits ([`gauss_newton`]) to what is left:
+//! The first centre is [`adaptive`]'s. If the row is its own mirror image about it (see `symmetry`), as is usual, it stays. If not, three
+//! ways find samples that do not belong to the spot, each a series of fits ([`gauss_newton`]) to the rest:
 //!
 //! 1. **Pixels.** Hot and dead ones: the worst first, because one outlier bends the fit and makes good pixels look bad until it is gone.
 //! 2. **Light.** A second spot or a reflection, which leads a fit astray from the start: the spot's top and the dark are fitted first, then
-//!    all but the light that stands out beside it, as far as that is more than a thousandth of the spot.
+//!    all but the light that stands out beside the spot, as far as it is more than a thousandth of the spot.
 //! 3. **One pixel** of a narrow spot. Among its few pixels one bad pixel makes all of them look bad: each in turn is left out.
 //!
-//! A fit is taken if what is left looks right in the mirror and scatters no more than noise explains. If none is, the first look stands, flagged.
+//! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains. Otherwise the first centre stays,
+//! flagged.
 
 use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Start, Window};
 use crate::centre::half_width::WIDTHS;
 use crate::centre::plausible::certain;
 use crate::centre::tables::TILTED;
 use crate::centre::{RowCentre, adaptive};
-use crate::check;
-use crate::check::symmetry;
+use crate::check::{check_symmetry, symmetry};
 use crate::fault::Fault;
 use crate::numeric;
 use crate::row::{Geometry, Row};
@@ -29,14 +30,14 @@ const OUTLIER: f32 = 4.0;
 /// best, most of it within a width.
 const SHAPE: f32 = 0.02;
 
-/// The same from pixel to pixel, over the square of the width in pixels: half of the second difference of lobes that are 2.66 widths apart,
-/// (2 pi / 2.66)^2 / 2.
+/// The share to which the shape is known from pixel to pixel, over the square of the width in pixels: half of the second difference of
+/// lobes that are 2.66 widths apart, (2 pi / 2.66)^2 / 2.
 const CURVED: f32 = 2.8;
 
 /// Narrower spots, in pixels, have too few of them to leave any out.
 const NARROWEST: f32 = 1.0;
 
-/// A fit without some pixels of a narrower spot, in pixels, is flagged: among bad ones, the few that are left may fit by chance.
+/// A fit without some pixels of a narrower spot, in pixels, is flagged: the few bad pixels that are left may fit by chance.
 pub(super) const NARROWEST_SURE_REFIT: f32 = 2.5;
 
 /// More samples side by side are no bad pixels but light, which may be the spot.
@@ -63,16 +64,13 @@ pub fn centre(
 ) -> Result<RowCentre, Fault> {
     let found = match adaptive::centre(row, spot, before, geometry) {
         Err(Fault::Saturated { .. }) => gauss_newton::centre(row, spot, before, geometry)?,
-        // Where the first look sees no spot there is none: what the second would make of a hot pixel is not to be trusted.
+        // If `adaptive` finds no spot there is none: a fit to a hot pixel is not to be trusted.
         found => found?,
     };
-    let looked_at = check::looked_at(row, spot, found, geometry);
-    if !looked_at.misfit {
-        return Ok(looked_at);
-    }
-    // A tilt is nothing to these tables, and would be an outlier to what follows.
-    if found.class.set == TILTED.number() {
-        return Ok(looked_at);
+    let checked = check_symmetry(row, spot, found, geometry);
+    // The tilt tables ignore a slope. To the fits that follow it would be an outlier.
+    if !checked.misfit || found.class.set == TILTED.number() {
+        return Ok(checked);
     }
     let scene = Scene {
         row,
@@ -80,24 +78,24 @@ pub fn centre(
         geometry,
         found,
     };
-    Ok(scene.refit().unwrap_or(looked_at))
+    Ok(scene.refit().unwrap_or(checked))
 }
 
-/// What is left out.
+/// What kind of samples a fit leaves out.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Cause {
-    /// Bad pixels: a few, and no more than [`BAD_PIXELS`] side by side. More of them are no pixels but a background that is not level.
+    /// Bad pixels: a few, and no more than [`BAD_PIXELS`] side by side. More of them are a background that is not level.
     Pixels,
     /// The light of a second spot.
     Light,
 }
 
-/// What the fits are of.
+/// A spot whose first centre failed the check.
 struct Scene<'a> {
     row: &'a Row<'a>,
     spot: &'a Spot,
     geometry: &'a Geometry,
-    /// The first look.
+    /// The first centre.
     found: RowCentre,
 }
 
@@ -130,7 +128,7 @@ impl Scene<'_> {
         self.without_light(&mut window, start)
     }
 
-    /// Of a narrow spot no more than it takes: it is fitted many times.
+    /// A narrow spot has a short window, because it is fitted many times.
     fn window(&self, start: &Start) -> Window {
         // `as` saturates.
         let half = ((HALF_WINDOW * start.width) as usize).max(FEWEST);
@@ -142,19 +140,25 @@ impl Scene<'_> {
         self.spot.background.variances(self.geometry).1
     }
 
-    /// The fit as a centre, if what was fitted looks like it.
+    /// Makes a centre of a fit, if the samples that were fitted pass the check about it.
     #[inline(never)]
-    fn accepted(&self, window: &Window, fit: &Fit, look: &Look, cause: Cause) -> Option<RowCentre> {
+    fn accept(
+        &self,
+        window: &Window,
+        fit: &Fit,
+        residuals: &Residuals,
+        cause: Cause,
+    ) -> Option<RowCentre> {
         let found = window.row_centre(fit);
         let found = RowCentre {
             class: self.found.class,
             misfit: found.width.to_f32() < NARROWEST_SURE_REFIT,
             ..found
         };
-        let freedom = look.kept - 4.0;
-        let scatters = look.squares > freedom + gauss_newton::allowed_scatter(freedom);
+        let freedom = residuals.kept - 4.0;
+        let is_noise = residuals.squares <= freedom + gauss_newton::allowed_scatter(freedom);
         let (uncertainty, width) = (found.uncertainty.to_f32(), found.width.to_f32());
-        // A first look that was far off is a reason to doubt the second.
+        // A first centre that was far off is a reason to doubt the second.
         let moved = self.found.centre.to_bits().abs_diff(found.centre.to_bits())
             > self.found.width.to_bits().unsigned_abs();
         let sound = fit.has_arrived()
@@ -164,9 +168,9 @@ impl Scene<'_> {
             && certain(found.amplitude.to_f32(), uncertainty, width).is_ok();
         (sound
             && !moved
-            && !scatters
-            && self.tells_enough(window, fit, uncertainty, cause)
-            && symmetry::fits(
+            && is_noise
+            && self.has_enough(window, fit, uncertainty, cause)
+            && symmetry::check(
                 self.row,
                 self.spot,
                 &found,
@@ -176,8 +180,8 @@ impl Scene<'_> {
         .then_some(found)
     }
 
-    /// Whether what is left of the spot tells its place.
-    fn tells_enough(&self, window: &Window, fit: &Fit, uncertainty: f32, cause: Cause) -> bool {
+    /// Whether the samples that are left suffice for the centre.
+    fn has_enough(&self, window: &Window, fit: &Fit, uncertainty: f32, cause: Cause) -> bool {
         let at = &fit.parameters;
         // At most SAMPLES each.
         let (mut all, mut masked, mut top) = (0, 0, 0);
@@ -197,7 +201,7 @@ impl Scene<'_> {
                 top = numeric::add_u32(top, of_top.into());
             }
         }
-        // Of the whole spot.
+        // The variance of the whole spot's centre.
         let found = window.row_centre(fit);
         let (noise, shot) = self.spot.background.variances(self.geometry);
         let per_height = 1.0 / found.amplitude.to_f32();
@@ -210,13 +214,13 @@ impl Scene<'_> {
     #[inline(never)]
     fn without_pixels(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
         for _ in 0..ROUNDS {
-            let look = Look::at(window, &at, self.shot());
-            mask(window, &look);
+            let residuals = Residuals::of(window, &at, self.shot());
+            mask(window, &residuals);
             let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
             at = fit.parameters;
-            let look = Look::at(window, &at, self.shot());
-            if look.worst <= OUTLIER {
-                return self.accepted(window, &fit, &look, Cause::Pixels);
+            let residuals = Residuals::of(window, &at, self.shot());
+            if residuals.worst <= OUTLIER {
+                return self.accept(window, &fit, &residuals, Cause::Pixels);
             }
         }
         None
@@ -232,8 +236,8 @@ impl Scene<'_> {
             mask_second(window, &at, self)?;
             let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
             at = fit.parameters;
-            let look = Look::at(window, &at, self.shot());
-            if let Some(found) = self.accepted(window, &fit, &look, Cause::Light) {
+            let residuals = Residuals::of(window, &at, self.shot());
+            if let Some(found) = self.accept(window, &fit, &residuals, Cause::Light) {
                 return Some(found);
             }
         }
@@ -255,12 +259,12 @@ impl Scene<'_> {
             let Some(fit) = gauss_newton::fit(window.samples(), at, self.shot()) else {
                 continue;
             };
-            let look = Look::at(window, &fit.parameters, self.shot());
-            if look.worst <= OUTLIER
-                && best.is_none_or(|(least, _)| look.squares < least)
-                && let Some(found) = self.accepted(window, &fit, &look, Cause::Pixels)
+            let residuals = Residuals::of(window, &fit.parameters, self.shot());
+            if residuals.worst <= OUTLIER
+                && best.is_none_or(|(least, _)| residuals.squares < least)
+                && let Some(found) = self.accept(window, &fit, &residuals, Cause::Pixels)
             {
-                best = Some((look.squares, found));
+                best = Some((residuals.squares, found));
             }
         }
         best.map(|(_, found)| found)
@@ -271,7 +275,7 @@ impl Scene<'_> {
 const NARROW: f32 = 3.0;
 
 /// How the samples of a window deviate from a spot.
-struct Look {
+struct Residuals {
     /// The square of each sample's deviation in standard deviations; zero where it is masked.
     deviations: [f32; SAMPLES],
     /// The largest deviation, in standard deviations.
@@ -282,10 +286,10 @@ struct Look {
     kept: f32,
 }
 
-impl Look {
+impl Residuals {
     #[inline(never)]
-    fn at(window: &Window, at: &Parameters, shot: f32) -> Self {
-        let mut look = Self {
+    fn of(window: &Window, at: &Parameters, shot: f32) -> Self {
+        let mut residuals = Self {
             deviations: gauss_newton::exponentials(at),
             worst: 0.0,
             squares: 0.0,
@@ -303,7 +307,7 @@ impl Look {
         let mut last: Option<(f32, f32)> = None;
         let mut middle: Option<(f32, f32)> = None;
         let mut place: Option<&mut f32> = None;
-        for (sample, deviation) in window.samples().iter().zip(&mut look.deviations) {
+        for (sample, deviation) in window.samples().iter().zip(&mut residuals.deviations) {
             let light = at.amplitude * *deviation;
             let next = (!sample.is_masked()).then_some((
                 sample.counts - at.level - light,
@@ -312,8 +316,8 @@ impl Look {
             *deviation = 0.0;
             if let Some((residual, variance)) = next {
                 *deviation = residual * residual / (variance + from_spot);
-                look.squares += *deviation;
-                look.kept += 1.0;
+                residuals.squares += *deviation;
+                residuals.kept += 1.0;
             }
             // From the mean of its neighbours.
             if let (Some(a), Some(b), Some(c), Some(place)) = (last, middle, next, place) {
@@ -326,21 +330,21 @@ impl Look {
             }
             (last, middle, place) = (middle, next, Some(deviation));
         }
-        let largest = look.deviations.iter().take(window.samples().len());
+        let largest = residuals.deviations.iter().take(window.samples().len());
         let largest = largest.fold(0.0, |a: f32, b| if *b > a { *b } else { a });
-        for rest in look.deviations.iter_mut().skip(window.samples().len()) {
+        for rest in residuals.deviations.iter_mut().skip(window.samples().len()) {
             *rest = 0.0;
         }
-        look.worst = dual_mac::square_root(largest);
-        look
+        residuals.worst = dual_mac::square_root(largest);
+        residuals
     }
 }
 
 /// Masks outliers: the neighbours of one deviate from theirs by half as much.
-fn mask(window: &mut Window, look: &Look) {
-    let least = 0.6 * look.worst;
+fn mask(window: &mut Window, residuals: &Residuals) {
+    let least = 0.6 * residuals.worst;
     let least = if least > OUTLIER { least } else { OUTLIER };
-    for (sample, square) in window.samples.iter_mut().zip(&look.deviations) {
+    for (sample, square) in window.samples.iter_mut().zip(&residuals.deviations) {
         if *square > least * least {
             sample.mask();
         }
@@ -350,7 +354,7 @@ fn mask(window: &mut Window, look: &Look) {
 /// Widths about the centre that make the spot's top.
 const TOP: f32 = 2.0;
 
-/// Masks what is neither the spot's top nor dark.
+/// Masks all samples but the spot's top and the dark.
 fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
     let shape = SHAPE * at.amplitude;
     for (i, sample) in window.samples.iter_mut().enumerate() {
@@ -363,9 +367,9 @@ fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
     }
 }
 
-/// Masks the second spot that stands out most beside the spot's top, as far as it is more than a thousandth of the spot: it has the same
-/// width, and so at two widths to either side of it less than half is left (of a gaussian 14 %). `None` where there is none: a flare is
-/// wider, and a tail has no top of its own.
+/// Masks the second spot that stands out most beside the spot's top, as far as it is more than a thousandth of the spot. A second spot has
+/// the spot's width, so at two widths to either side of it less than half of it is left (of a gaussian 14 %). `None` where there is none: a
+/// flare is wider, and a tail has no top of its own.
 fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Option<()> {
     let mut beside = gauss_newton::exponentials(at);
     for (sample, light) in window.samples().iter().zip(&mut beside) {
@@ -397,7 +401,7 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
     let flank = (2.0 * at.width) as i32;
     let falls = |place: i32| {
         let inside = usize::try_from(place).ok().and_then(mean);
-        // Beyond the window the row is asked: of the first spot there is nothing left.
+        // Beyond the window, where nothing of the first spot is left, the row itself.
         let mean =
             inside.or_else(|| Some(window.mean(scene.row, scene.spot, place, reach)? - at.level));
         mean.is_some_and(|mean| mean < 0.5 * top)
@@ -421,8 +425,7 @@ const AWAY: f32 = 1.5;
 /// One over the share of the spot that a second spot may leave where it is not masked.
 const THOUSAND: f32 = 1000.0;
 
-/// The level under the spot: the mean of what is left of the samples without it. An outlier shifts it, but deviates by far more
-/// than that makes the others deviate.
+/// The level under the spot: the mean of the samples less the spot. An outlier shifts the level, but by far less than it deviates itself.
 fn level(window: &Window, at: &Parameters) -> f32 {
     let light = gauss_newton::exponentials(at);
     let (mut sum, mut kept) = (0.0, 0.0);

@@ -1,22 +1,24 @@
-//! A row against its own mirror image about the spot's centre.
+//! Compares a row with its own mirror image about the spot's centre.
 //!
-//! Pairs of samples as far to the right of the centre as to the left, up to [`REACH`] widths, a sample being a pixel or the sum of a few. The
-//! centre lies up to a quarter of a pixel from the nearest place that mirrors pixels on pixels, so samples are interpolated linearly to
-//! the same distances. The error of that is the same on both sides but for the third and the fifth derivative, which are taken off as
-//! those of a gaussian.
+//! A sample is a pixel or the sum of a few. The check takes pairs of samples, one as far to the right of the centre as the
+//! other to the left, up to [`REACH`] widths. The centre lies up to a quarter of a pixel from the nearest place that mirrors
+//! pixels on pixels, so samples are interpolated linearly to equal distances. The error of interpolation is equal on both
+//! sides but for the third and the fifth derivative, which are subtracted as those of a gaussian.
 //!
-//! **Odd part**: z = right - left, of which nothing is left of a spot that is symmetric, whatever its shape. Its variance is 2 noise^2 + g p
-//! (g the shot noise's variance a count) with p the pair's own light: p and z of two pixels of equal noise are not correlated, so a weight by it
-//! moves nothing. With weights w = 1/variance, e = exp(-u^2/2) and u the distance in widths, z is projected on
+//! **Odd part**: z = right - left. A symmetric spot has none, whatever its shape. The variance of z is 2 noise^2 + g p, with
+//! g the shot noise's variance a count and p = right + left the pair's own light. Of two pixels of equal noise p and z are not
+//! correlated, so a weight that depends on p adds no bias. With weights w = 1/variance, e = exp(-u^2/2) and u the distance in
+//! widths, z is projected on
 //!
 //! * u e, the *shift*: half of it is how far a weighted fit would move the centre. It must lie within the uncertainty.
-//! * u, the *tilt*, and u^3 e, the *skew*, each less its part along the shift: a component with the product r and the norm s = sum w f^2 has
-//!   the variance s, so r^2 / s is a chi-square of one degree of freedom.
+//! * u, the *tilt*, and u^3 e, the *skew*, each less its part along the shift. A component with the product r and the norm
+//!   s = sum w f^2 has the variance s, so r^2 / s is a chi-square of one degree of freedom.
 //!
-//! What is left must have neither a single pair that stands out nor a sum of squares that noise does not explain.
+//! In the rest no single pair may stand out, and the sum of squares must be one that noise explains.
 //!
-//! **Even part**: p against b + A e (1 + k2 u^2 + k4 u^4), unweighted. Optics make k4 as low as -0.040 (sinc^2; Fresnel -0.017), two equal spots a
-//! width of 2 apart -0.077; and the rest of optics' shapes has a mean square of at most 0.0031 of that of A e (Fresnel), a box 0.04 and more.
+//! **Even part**: p is fitted by b + A e (1 + k2 u^2 + k4 u^4), unweighted. Optics make k4 as low as -0.040 (sinc^2; Fresnel
+//! -0.017); two equal spots 2 widths apart have -0.077. The rest of an optical shape has a mean square of at most 0.0031 of that
+//! of A e (Fresnel), that of a box 0.04 and more.
 
 use core::ops::Range;
 
@@ -28,17 +30,17 @@ use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
-/// Widths to either side that are looked at.
+/// Widths to either side that are compared.
 const REACH: f32 = 6.0;
 
 /// A sample is as many pixels as make this part of a width, and no fewer than one.
 const SAMPLES_A_WIDTH: f32 = 6.0;
 
-/// The variance's share of the third derivative's correction that real profiles differ from a gaussian by, as a standard deviation: sinc^2 of a
-/// width of 0.8 pixels, where the correction is 5 % of the height, differs by less than a third of it.
+/// How much real profiles differ from a gaussian in their third derivative, as a standard deviation over that derivative's
+/// correction: sinc^2 of a width of 0.8 pixels, where the correction is 5 % of the height, differs by less than a third of it.
 const OTHER_PROFILE: f32 = 0.3;
 
-/// Fewer pairs tell nothing.
+/// With fewer pairs there is no check.
 const FEWEST_PAIRS: f32 = 3.0;
 
 /// The same where samples were left out so that the others fit.
@@ -52,8 +54,8 @@ const SKEW: f32 = 3.7;
 /// Standard deviations of the worst pair: beyond by chance in a row of 12,000 where there are 32 pairs.
 const WORST: f32 = 4.7;
 
-/// The sum of squares of n pairs may be so many standard deviations above n; and a constant more, because a chi-square is skewed: by
-/// (2/3)(3.7^2 - 1) as Cornish and Fisher have it.
+/// The sum of squares of n pairs may be so many standard deviations above n; and a constant more, because a chi-square is
+/// skewed: by (2/3)(3.7^2 - 1) after Cornish and Fisher.
 const SCATTER: f32 = 3.7;
 /// See [`SCATTER`].
 const SCATTER_SKEWED: f32 = 8.5;
@@ -81,9 +83,13 @@ const EVEN_OF_NARROW: f32 = 2.5;
 /// The share of all other limits for such a spot.
 const TRUST_OF_NARROW: f32 = 0.7;
 
-/// Whether the row is its own mirror image about a centre, and has the shape of a spot there. `None` where the sensor's edge, or what is left out,
-/// leaves too few pairs to tell.
-pub(super) fn fits(
+/// The least part of the norm of u^4 e that the other functions leave it: with less, k4 is rounding. Three or four pairs
+/// have too few samples for the four functions of the even part.
+const LEAST_NORM: f32 = 1e-5;
+
+/// Whether the row is its own mirror image about a centre, and has the shape of a spot there. `None` where the sensor's edge
+/// or the samples left out leave too few pairs.
+pub(super) fn check(
     row: &Row<'_>,
     spot: &Spot,
     found: &RowCentre,
@@ -94,24 +100,25 @@ pub(super) fn fits(
     {
         return Some(false);
     }
-    let mut look = Look::at(row, spot, found, geometry, left_out, 0.0);
+    let mut symmetry = Symmetry::of(row, spot, found, geometry, left_out, 0.0);
     let fewest = if left_out.samples == 0 {
         FEWEST_PAIRS
     } else {
         FEWEST_OF_A_PART
     };
-    if look.pairs < fewest {
+    if symmetry.pairs < fewest {
         return None;
     }
-    // To the tables of a tilt it is nothing.
+    // The tilt tables ignore a slope, so it is removed first.
     if found.class.set == TILTED.number() {
-        look = Look::at(row, spot, found, geometry, left_out, look.slope());
+        let slope = symmetry.slope();
+        symmetry = Symmetry::of(row, spot, found, geometry, left_out, slope);
     }
     let is_sharp = left_out.samples == 0 && is_sharp(row.light(), spot, found, geometry);
-    Some(!is_sharp && look.is_clean(found, left_out))
+    Some(!is_sharp && symmetry.is_clean(found, left_out))
 }
 
-/// Whether the row ends within three widths on both sides: nothing tells the spot from its background.
+/// Whether the row ends within three widths on both sides: the spot then has no background beside it.
 fn fills(light: &[u16], found: &RowCentre) -> bool {
     // A row has at most 2^12 pixels.
     let (centre, end) = (found.centre.to_f32(), light.len() as f32 - 1.0);
@@ -137,8 +144,8 @@ fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
     step * step > 12.0 * noise * noise
 }
 
-/// Whether the background sinks below the converter's smallest word on one side of the spot: it is bent there, and nothing says how. On both sides it is noise
-/// that is cut off, or two dead pixels.
+/// Whether the background falls below the converter's smallest word on one side of the spot: there it is cut off, so its shape is
+/// unknown. Zeros on both sides are noise that is cut off, or two dead pixels.
 fn sinks(light: &[u16], found: &RowCentre) -> bool {
     let (centre, reach) = (found.centre.to_f32(), REACH * found.width.to_f32());
     // `as` saturates.
@@ -150,7 +157,7 @@ fn sinks(light: &[u16], found: &RowCentre) -> bool {
     left.abs_diff(right) > left.min(right).saturating_add(2)
 }
 
-/// Whether the light falls from one pixel to the next by more than any optics lets it: bad pixels side by side look like a narrow spot.
+/// Whether the light changes from one pixel to the next by more than optics can: bad pixels side by side look like a narrow spot.
 fn is_sharp(light: &[u16], spot: &Spot, found: &RowCentre, geometry: &Geometry) -> bool {
     if found.width.to_f32() > SHARP_WIDTH {
         return false;
@@ -169,21 +176,23 @@ fn is_sharp(light: &[u16], spot: &Spot, found: &RowCentre, geometry: &Geometry) 
     let (noise, shot) = spot.background.variances(geometry);
     let height = f32::from(highest) - spot.background.level.to_f32();
     let beyond = f32::from(rise) + f32::from(fall) - SHARPEST * height;
-    beyond > 0.0 && beyond * beyond > SHARP * SHARP * 4.0 * (noise + shot * height)
+    let is_smooth =
+        beyond <= 0.0 || beyond * beyond <= SHARP * SHARP * 4.0 * (noise + shot * height);
+    !is_smooth
 }
 
 /// Only spots this narrow, in pixels, can be bad pixels: three in a row look like one of 0.95.
 const SHARP_WIDTH: f32 = 1.5;
 
-/// The largest rise from pixel to pixel and the largest fall, over the height of the highest: a width of 0.8 has 1.5 with a pixel's edge in its middle,
-/// sinc^2 1.6. Their sum has the noise of about four pixels.
+/// The largest rise from pixel to pixel plus the largest fall, over the height of the highest pixel: a width of 0.8 with a pixel's
+/// edge in its middle has 1.5, sinc^2 1.6. Their sum has the noise of about four pixels.
 const SHARPEST: f32 = 1.6;
 
 /// Standard deviations of that.
 const SHARP: f32 = 2.5;
 
-/// What the pairs sum up to.
-struct Look {
+/// How a row differs from its mirror image.
+struct Symmetry {
     pairs: f32,
     /// Products of z with u e, u and u^3 e, the latter two less their parts along the first.
     shift: f32,
@@ -199,15 +208,15 @@ struct Look {
     worst: f32,
     /// The sum of squares without the shift.
     squares: f32,
-    /// k4 and its standard deviation.
-    flatness: f32,
-    flatness_deviation: f32,
+    /// k4 and its standard deviation, if there are enough samples for it.
+    flatness: Option<(f32, f32)>,
     /// The mean square of the rest over that of the spot, and its standard deviation.
     shape: f32,
     shape_deviation: f32,
 }
 
-impl Look {
+impl Symmetry {
+    /// Whether noise explains all of the difference. Not-a-number is not clean.
     fn is_clean(&self, found: &RowCentre, left_out: &LeftOut) -> bool {
         // A narrow spot without some of its pixels is flagged anyway.
         let is_wide = found.width.to_f32() > SHARP_WIDTH || left_out.samples != 0;
@@ -217,17 +226,18 @@ impl Look {
             (EVEN_OF_NARROW, TRUST_OF_NARROW)
         };
         let uncertainty = found.uncertainty.to_f32();
-        let beyond = |product: f32, norm: f32, limit: f32| product * product > limit * limit * norm;
+        let within =
+            |product: f32, norm: f32, limit: f32| product * product <= limit * limit * norm;
         let shift = self.shift / self.shift_norm * self.pixels_a_shift;
         let freedom = self.pairs - 1.0;
         let scatter = dual_mac::square_root(2.0 * freedom + NOISE_SQUARED * freedom * freedom);
-        !(shift.abs() > trust * SHIFTED * uncertainty + SHIFTED_PIXELS
-            || beyond(self.tilt, self.tilt_norm, trust * TILT)
-            || beyond(self.skew, self.skew_norm, trust * SKEW)
-            || self.worst > trust * trust * WORST * WORST
-            || self.squares > freedom + trust * (SCATTER * scatter + SCATTER_SKEWED)
-            || self.flatness < FLAT - even * self.flatness_deviation
-            || self.shape > SHAPE + even * self.shape_deviation)
+        shift.abs() <= trust * SHIFTED * uncertainty + SHIFTED_PIXELS
+            && within(self.tilt, self.tilt_norm, trust * TILT)
+            && within(self.skew, self.skew_norm, trust * SKEW)
+            && self.worst <= trust * trust * WORST * WORST
+            && self.squares <= freedom + trust * (SCATTER * scatter + SCATTER_SKEWED)
+            && (self.flatness).is_none_or(|(k4, deviation)| k4 >= FLAT - even * deviation)
+            && self.shape <= SHAPE + even * self.shape_deviation
     }
 
     /// The tilt in counts of z for each u.
@@ -235,9 +245,9 @@ impl Look {
         self.tilt / self.tilt_norm
     }
 
-    /// Looks at a row of which a tilt is taken off.
+    /// Compares a row, less a tilt, with its mirror image.
     #[inline(never)]
-    fn at(
+    fn of(
         row: &Row<'_>,
         spot: &Spot,
         found: &RowCentre,
@@ -272,7 +282,7 @@ impl Look {
                 || left_out.samples != 0 && places.any(|pixel| left_out.has(pixel)))
         };
         let (mut odd, mut even) = (Odd::default(), Even::default());
-        // A pixel in the mirror's middle is its own mirror image.
+        // The pixel in the mirror's middle is its own image.
         if pixels == 1
             && mirror.to_right == 1.0
             && let Some(before) = mirror.right.checked_sub(2)
@@ -333,10 +343,14 @@ impl Look {
             pixels_a_shift: s * per_height,
             worst: odd.worst * white,
             squares: (odd.squares - odd.r1 * odd.r1 / odd.s11) * white,
-            flatness: shape.k4 * per_height,
-            // At the top, where most of it comes from.
-            flatness_deviation: dual_mac::square_root((noise + 2.0 * shot * height) / shape.norm)
-                * per_height,
+            flatness: shape.k4.map(|(k4, norm)| {
+                // The noise at the top, where most of it comes from.
+                let variance = (noise + 2.0 * shot * height) / norm;
+                (
+                    k4 * per_height,
+                    dual_mac::square_root(variance) * per_height,
+                )
+            }),
             shape: (shape.rest - (even.samples - 3.0) * variance) * per_square / even.m0,
             shape_deviation: variance * dual_mac::square_root(2.0 * odd.pairs) * per_square
                 / even.m0,
@@ -344,7 +358,7 @@ impl Look {
     }
 }
 
-/// Where the row is mirrored.
+/// The place about which the row is mirrored.
 struct Place {
     /// The first pixel right of it, at least 1, and one past the last to its left.
     right: usize,
@@ -375,8 +389,8 @@ impl Place {
     }
 }
 
-/// The light above a level (Q24.8 counts) of the pixels but the first and the last, moved by a part of a pixel towards the last or, where that is
-/// negative, the first. In whole numbers as long as the level is in it, which then changes no bit of what is found.
+/// The light above a level (Q24.8 counts) of the pixels but the first and the last, moved by a part of a pixel towards the last or,
+/// if that part is negative, the first. The level is subtracted in whole numbers, so a constant on the row changes no bit.
 fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
     let [before, block @ .., after] = pixels else {
         return 0.0;
@@ -397,10 +411,11 @@ fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
     sum as f32 / 256.0 + offset * ends
 }
 
-/// What linear interpolation leaves of a gaussian's odd derivatives in z.
+/// The error that linear interpolation of a gaussian leaves in z.
 ///
-/// Interpolation by a part t of a pixel adds t (1-t) ((1-t)^(n-1) - t^(n-1)) / n! times the nth derivative to what is even about the centre, with
-/// the sign of t, for n = 3 and 5. Those of a gaussian are e (3 u - u^3) / s^3 and e (10 u^3 - 15 u - u^5) / s^5.
+/// Interpolation by a part t of a pixel adds t (1-t) ((1-t)^(n-1) - t^(n-1)) / n! times the nth derivative to a function that is
+/// even about the centre, with the sign of t, for n = 3 and 5. The derivatives of a gaussian are e (3 u - u^3) / s^3 and
+/// e (10 u^3 - 15 u - u^5) / s^5.
 struct Bend {
     third: f32,
     c0: f32,
@@ -488,11 +503,10 @@ struct Even {
     squares: f32,
 }
 
-/// What the even part solves to.
+/// The solution of the even part.
 struct Shape {
-    /// The coefficient of u^4 e, and the norm of what it has alone.
-    k4: f32,
-    norm: f32,
+    /// The coefficient of u^4 e, and the norm of the part that u^4 e shares with no other function. `None` if rounding is all of it.
+    k4: Option<(f32, f32)>,
     /// The sum of squares that is left.
     rest: f32,
 }
@@ -519,7 +533,7 @@ impl Even {
         self.squares += p * p;
     }
 
-    /// Each function in turn less its parts along those before.
+    /// Subtracts from each function in turn its parts along those before.
     fn solve(&self) -> Shape {
         let pairs = self.samples;
         let (l0, l1, l2, p) = (
@@ -540,8 +554,7 @@ impl Even {
         let norm = self.m4 - l2 * self.l2 - f2 * c02 - f * c12;
         let p2 = self.p2 - p * self.l2 - f2 * p0 - f * p1;
         Shape {
-            k4: p2 / norm,
-            norm,
+            k4: (norm > LEAST_NORM * self.m4).then(|| (p2 / norm, norm)),
             rest: self.squares - p * self.p - p0 * p0 / c00 - p1 * p1 / c11,
         }
     }
@@ -578,10 +591,10 @@ mod tests {
         }
     }
 
-    /// A gaussian sampled at whole pixels, without noise: what interpolation leaves in z, with the third and the fifth derivative taken off, is
-    /// below a thousandth of the height from a width of 0.8 pixels on, and without that 5 %.
+    /// A gaussian sampled at whole pixels, without noise: the error of interpolation in z, less the third and the fifth derivative, is
+    /// below a hundredth of the height at a width of 0.85 pixels, and 5 % with the derivatives.
     #[test]
-    fn the_derivatives_are_taken_off() {
+    fn interpolation_leaves_no_derivatives() {
         for (width, limit) in [(0.85f32, 6e-3), (1.5, 2e-4), (4.0, 1e-5)] {
             let (mut worst, mut without) = (0.0f32, 0.0f32);
             for step in -25..=25 {

@@ -8,13 +8,17 @@
 
 use core::arch::asm;
 
+#[cfg(has_dsp)]
 use crate::{Pair, Pairs};
 
 // What the assembly takes for granted of its weights.
+#[cfg(has_dsp)]
 const _: () = assert!(size_of::<Pair>() == 4 && align_of::<Pair>() == 4);
+#[cfg(has_dsp)]
 const _: () = assert!(size_of::<Pairs>() == 8 && align_of::<Pairs>() == 4);
 
 /// See [`crate::portable::dot`].
+#[cfg(has_dsp)]
 #[inline(always)]
 pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
     let pairs = (samples.len() / 2).min(weights.len());
@@ -89,6 +93,7 @@ pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
 }
 
 /// See [`crate::portable::dot2`].
+#[cfg(has_dsp)]
 #[inline(always)]
 pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
     let pairs = (samples.len() / 2).min(weights.len());
@@ -180,6 +185,7 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
 }
 
 /// The square root: VSQRT, which rounds to nearest as IEEE 754 asks. Stable Rust without `std` has no other way to it.
+#[cfg(has_fpu)]
 #[inline]
 pub fn square_root(value: f32) -> f32 {
     let mut bits = value.to_bits();
