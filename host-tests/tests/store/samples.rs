@@ -4,8 +4,8 @@ use embassy_futures::block_on;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::frame::Mean;
-use slitrange::measurement::Settings;
 use slitrange::record::Record;
+use slitrange::settings::Settings;
 use slitrange::store::configuration::Configuration;
 use slitrange::store::{Store, StoreError, Stored};
 use slitrange::units::Counts;
@@ -30,6 +30,7 @@ pub fn sample(size: Size, i: u32) -> Configuration {
         mean: Mean::Weighted,
         estimator: Estimator::PhaseTable,
         black_level: BlackLevel::Fixed(Counts::from_bits(i as i32)),
+        ..Settings::default()
     };
     let record = match size {
         Size::Least => None,

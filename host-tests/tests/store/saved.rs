@@ -4,8 +4,8 @@ use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::frame::Mean;
-use slitrange::measurement::Settings;
 use slitrange::record::{self, Record, RecordError};
+use slitrange::settings::Settings;
 use slitrange::store::StoreError;
 use slitrange::store::configuration::{
     Configuration, ConfigurationError, MAX_ENCODED, VERSION, decode, encode,
@@ -29,6 +29,7 @@ fn version_1_is_what_it_was() {
         mean,
         estimator,
         black_level,
+        ..Settings::default()
     };
     let level = BlackLevel::Fixed(Counts::from_bits(0x0001_2345));
     let text: Vec<String> = [
