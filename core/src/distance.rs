@@ -1,6 +1,5 @@
 //! From the centre of the spot to the distance of the target.
 
-mod centres;
 pub mod eq1;
 mod interpolation;
 pub mod knots;
@@ -16,8 +15,8 @@ use crate::units::{Micrometres, Pixels};
 use residuals::Corrected;
 use table::Table;
 
-/// What a sensor's centres mean. Whatever value there is of it can be used: the distance rises or falls with the centre over
-/// the whole of its range, and nowhere leaves what [`Micrometres`] holds.
+/// The distance for each centre. The constructors refuse what cannot be used: the distance of every calibration rises or
+/// falls with the centre over the whole of its range, and fits into [`Micrometres`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Calibration {
     /// Eq. (1).
@@ -28,11 +27,12 @@ pub enum Calibration {
     Corrected(Corrected),
 }
 
-// Settings carry it by value through a signal, and several tasks hold a copy: 2 KB of 192 each.
+// Decoding a record moves a calibration from function to function by value, so several copies lie on the chip's stack at
+// once; its RAM has 192 KB.
 const _: () = assert!(size_of::<Calibration>() <= 2200);
 
 impl Calibration {
-    /// That of [`NOMINAL`], used until a sensor has its own.
+    /// The calibration of [`NOMINAL`], used until a sensor has its own.
     pub fn nominal() -> Option<Self> {
         NOMINAL.ok().map(Self::Eq1)
     }
@@ -51,7 +51,7 @@ impl Calibration {
         }
     }
 
-    /// The first and the last centre for which it is valid.
+    /// The first and the last centre for which the calibration is valid.
     pub const fn valid(&self) -> (Pixels, Pixels) {
         match self {
             Self::Eq1(curve) => curve.valid(),
@@ -60,10 +60,10 @@ impl Calibration {
         }
     }
 
-    /// The shortest and the longest distance that it gives: those at the ends of its centres.
+    /// The shortest and the longest distance: those at the two ends of the range of centres.
     ///
     /// # Errors
-    /// None: an end of the range is in it.
+    /// None: both ends belong to the range.
     pub fn distances(&self) -> Result<RangeInclusive<Micrometres>, Fault> {
         let (first, last) = self.valid();
         let (a, b) = (self.distance_at(first)?.0, self.distance_at(last)?.0);

@@ -14,7 +14,7 @@
 //! use slitrange::{black_level::BlackLevel, distance::Calibration, centre::Estimator, frame::Mean};
 //! use slitrange::{measurement::{Measurement, Settings}, sensor_heads};
 //!
-//! let settings = Settings { rows: 1, mean: Mean::Weighted, estimator: Estimator::default(), black_level: BlackLevel::Shielded };
+//! let settings = Settings { rows: 1, mean: Mean::Weighted, estimator: Estimator::default(), black_level: BlackLevel::Shielded, ..Settings::default() };
 //! let calibration = Calibration::nominal();
 //! let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
 //! // A row as the converter delivers it: words fall with light. A spot of 2000 counts is on pixel 1800 of the light range,

@@ -10,7 +10,7 @@ use crate::fault::Fault;
 use crate::frame::Frame;
 use crate::reading::Measured;
 use crate::row::{Geometry, Row};
-pub use crate::settings::Settings;
+use crate::settings::Settings;
 use crate::spot::{self, Spot};
 use crate::units::Counts;
 

@@ -1,12 +1,12 @@
-//! What is kept of a calibration, as bytes: for flash, for a file, for the serial line.
+//! A calibration with all that belongs to it, as bytes: for flash, for a file, for the serial line.
 //!
 //! ```text
-//! format version | postcard of the record | CRC-32 (ISO-HDLC, as in zip and PNG) of all before it, little endian
-//! 1 byte         | up to 2636 bytes       | 4 bytes
+//! format version | the record, by postcard | CRC-32 (ISO-HDLC, as in zip and PNG) of all before it, little endian
+//! 1 byte         | up to 1356 bytes        | 4 bytes
 //! ```
 //!
-//! A record that is read is made anew by the constructors of its parts: what they refuse, [`decode`] does. What the sensor's
-//! distances range over is not written: it is what the calibration gives at the ends of its centres.
+//! [`decode`] makes a record with the constructors of its parts, and refuses what they refuse. The range of distances is not
+//! in the bytes: it follows from the calibration and the range of its centres.
 
 pub mod date;
 pub mod encoded;
@@ -21,7 +21,7 @@ use crate::black_level::BlackLevel;
 use crate::centre::Estimator;
 use crate::distance::Calibration;
 use crate::distance::eq1::{Eq1, Eq1Error};
-use crate::distance::knots::{Interpolation, Knot, Knots, MAX_CUBIC, MAX_LINEAR};
+use crate::distance::knots::{Knot, Knots, MAX_KNOTS};
 use crate::distance::residuals::{Corrected, CorrectedError};
 use crate::distance::table::{Table, TableError};
 use crate::row::{Geometry, LARGEST_COUNT, MAX_PIXELS, Polarity};
@@ -29,46 +29,45 @@ use crate::sensor_heads;
 use crate::units::{Counts, Micrometres, Pixels};
 use date::Date;
 
-/// A sensor's calibration, with what it holds for.
+/// A sensor's calibration, and the sensor, day and settings that it belongs to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
     /// The sensor's serial number.
     pub serial_number: u32,
     /// The day on which it was calibrated.
     pub date: Date,
-    /// What its rows are.
+    /// The rows of the sensor. A record is for sensors that [have the same words](Geometry::has_same_words).
     pub geometry: Geometry,
-    /// How centres were found, and so with which profile and which width tables: another way finds the same spot elsewhere,
-    /// where its profile is another.
+    /// How centres were found. On a spot that is no gaussian, two estimators may find two centres.
     pub estimator: Estimator,
     /// How the black level was found; where it was fixed, at what.
     pub black_level: BlackLevel,
-    /// What the centres mean.
+    /// The distance for each centre.
     pub calibration: Calibration,
 }
 
-/// The format that is written and read.
+/// The format that this firmware writes and reads.
 pub const VERSION: u8 = 1;
 
-/// The longest record in bytes: eq. (1) with 257 residuals, each number at its longest.
-pub const MAX_ENCODED: usize = 2641;
+/// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, each number at its longest.
+pub const MAX_ENCODED: usize = 1361;
 
-/// Without a table of its own: a record is read once at the start.
+/// Computed bit by bit, without a table: a record is read once at the start.
 const CRC: Crc<u32, crc::Table<0>> = Crc::<u32, crc::Table<0>>::new(&CRC_32_ISO_HDLC);
 
-/// Writes a record to the front of a buffer, which [`MAX_ENCODED`] bytes are always enough for, and gives what was written.
+/// Writes a record to the front of a buffer and gives the bytes written. [`MAX_ENCODED`] bytes are enough for any record.
 ///
 /// # Errors
-/// [`RecordError::NoRoom`], or what [`decode`] would say of the record.
+/// [`RecordError::NoRoom`], or the error with which [`decode`] would refuse the record.
 pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], RecordError> {
     record.check()?;
-    let stored = FlashStatus::of(record)?;
+    let fields = Fields::of(record)?;
     let no_room = RecordError::NoRoom {
         bytes: buffer.len(),
     };
     let (version, rest) = buffer.split_first_mut().ok_or(no_room)?;
     *version = VERSION;
-    let body = postcard::to_slice(&stored, rest).map_err(|_| no_room)?;
+    let body = postcard::to_slice(&fields, rest).map_err(|_| no_room)?;
     let summed = body.len().saturating_add(1);
     let (before, after) = buffer.split_at_mut_checked(summed).ok_or(no_room)?;
     let sum = after.first_chunk_mut().ok_or(no_room)?;
@@ -82,7 +81,7 @@ const SUM: usize = size_of::<u32>();
 /// Reads a record.
 ///
 /// # Errors
-/// [`RecordError`] says why the bytes are none that could be used.
+/// [`RecordError`] says why the bytes cannot be used.
 pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
     let (before, sum) = bytes
         .split_last_chunk()
@@ -97,15 +96,15 @@ pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
     if version != VERSION {
         return Err(RecordError::Version { version });
     }
-    match &FlashStatus::read(body) {
-        Ok(stored) => stored.record(),
+    match &Fields::read(body) {
+        Ok(fields) => fields.record(),
         Err(error) => Err(*error),
     }
 }
 
 impl Record {
-    /// That of the nominal calibration, which holds until a sensor has its own: of no serial number and no day, which are 0 and
-    /// the first of all.
+    /// The record of the nominal calibration, which holds until a sensor has its own. Its serial number is 0, its day the first
+    /// of the calendar.
     pub fn nominal() -> Option<Self> {
         Some(Self {
             serial_number: 0,
@@ -117,12 +116,12 @@ impl Record {
         })
     }
 
-    /// Whether it is that one.
+    /// Whether this is the record of the nominal calibration.
     pub fn is_nominal(&self) -> bool {
         Self::nominal().as_ref() == Some(self)
     }
 
-    /// What the types of its parts leave open.
+    /// Checks what the types of the parts do not ensure.
     fn check(&self) -> Result<(), RecordError> {
         let Geometry {
             words,
@@ -155,9 +154,9 @@ impl Record {
     }
 }
 
-/// A record as it is written. It keeps its shape when the core's types change theirs, or [`VERSION`] counts on.
+/// The fields of a record in the order of its bytes. A change of this type changes the format: it needs a new [`VERSION`].
 #[derive(Serialize, Deserialize)]
-struct FlashStatus {
+struct Fields {
     serial_number: u32,
     year: u16,
     month: u8,
@@ -168,28 +167,28 @@ struct FlashStatus {
     falling: bool,
     bits: u8,
     shot_variance_per_count_q16: u16,
-    /// Its letter.
+    /// The estimator's letter.
     estimator: u8,
-    black_level: StoredBlackLevel,
-    calibration: StoredCalibration,
+    black_level: BlackLevelFields,
+    calibration: CalibrationFields,
 }
 
 #[derive(Serialize, Deserialize)]
-enum StoredBlackLevel {
+enum BlackLevelFields {
     Fixed(Counts),
     Shielded,
     Frame,
 }
 
 #[derive(Serialize, Deserialize)]
-enum StoredCalibration {
-    Eq1(StoredEq1),
-    Table(StoredKnots),
-    Corrected(StoredEq1, StoredKnots),
+enum CalibrationFields {
+    Eq1(Eq1Fields),
+    Table(KnotsFields),
+    Corrected(Eq1Fields, KnotsFields),
 }
 
 #[derive(Serialize, Deserialize)]
-struct StoredEq1 {
+struct Eq1Fields {
     d: Micrometres,
     k: i64,
     pole: Pixels,
@@ -198,15 +197,13 @@ struct StoredEq1 {
 }
 
 #[derive(Serialize, Deserialize)]
-struct StoredKnots {
-    interpolation: Interpolation,
-    knots: Vec<Knot, MAX_LINEAR>,
+enum KnotsFields {
+    /// Straight lines between knots, which an earlier firmware had. The knots follow in the bytes, and are not read.
+    StraightLines,
+    Cubics(Vec<Knot, MAX_KNOTS>),
 }
 
-// Knots of either kind have room.
-const _: () = assert!(MAX_CUBIC <= MAX_LINEAR);
-
-impl FlashStatus {
+impl Fields {
     fn of(record: &Record) -> Result<Self, RecordError> {
         let Record {
             serial_number,
@@ -229,41 +226,44 @@ impl FlashStatus {
             // An ASCII letter.
             estimator: record.estimator.letter() as u8,
             black_level: match record.black_level {
-                BlackLevel::Fixed(level) => StoredBlackLevel::Fixed(level),
-                BlackLevel::Shielded => StoredBlackLevel::Shielded,
-                BlackLevel::Frame => StoredBlackLevel::Frame,
+                BlackLevel::Fixed(level) => BlackLevelFields::Fixed(level),
+                BlackLevel::Shielded => BlackLevelFields::Shielded,
+                BlackLevel::Frame => BlackLevelFields::Frame,
             },
             calibration: match &record.calibration {
-                Calibration::Eq1(curve) => StoredCalibration::Eq1(StoredEq1::of(curve)),
+                Calibration::Eq1(curve) => CalibrationFields::Eq1(Eq1Fields::of(curve)),
                 Calibration::Table(table) => {
-                    StoredCalibration::Table(StoredKnots::of(table.knots()))
+                    CalibrationFields::Table(KnotsFields::of(table.knots()))
                 }
-                Calibration::Corrected(corrected) => StoredCalibration::Corrected(
-                    StoredEq1::of(corrected.curve()),
-                    StoredKnots::of(corrected.residuals()),
+                Calibration::Corrected(corrected) => CalibrationFields::Corrected(
+                    Eq1Fields::of(corrected.curve()),
+                    KnotsFields::of(corrected.residuals()),
                 ),
             },
         })
     }
 
-    /// Not inlined, as what makes a calibration of it: each moves kilobytes, which would all be on the chip's stack at once.
+    /// Reads the fields. This function and those that make a calibration of the fields each move kilobytes. They are not
+    /// inlined, so that their copies are not all on the chip's stack at once.
     #[inline(never)]
     fn read(body: &[u8]) -> Result<Self, RecordError> {
-        match postcard::take_from_bytes(body) {
-            Ok((stored, [])) => Ok(stored),
+        match postcard::take_from_bytes::<Self>(body) {
+            Ok((fields, _)) if fields.calibration.has_straight_lines() => {
+                Err(RecordError::StraightLines)
+            }
+            Ok((fields, [])) => Ok(fields),
             _ => Err(RecordError::Shape),
         }
     }
 
-    /// Made anew, as far as it can be used.
+    /// Makes the record with the constructors of its parts.
     #[inline(never)]
     fn record(&self) -> Result<Record, RecordError> {
-        let estimator = Estimator::ALL
-            .into_iter()
-            .find(|estimator| estimator.letter() == char::from(self.estimator))
-            .ok_or(RecordError::Estimator {
+        let estimator = Estimator::from_stored_letter(char::from(self.estimator)).ok_or(
+            RecordError::Estimator {
                 letter: self.estimator,
-            })?;
+            },
+        )?;
         let range = |(start, end): (u16, u16)| usize::from(start)..usize::from(end);
         let record = Record {
             serial_number: self.serial_number,
@@ -282,9 +282,9 @@ impl FlashStatus {
             },
             estimator,
             black_level: match self.black_level {
-                StoredBlackLevel::Fixed(level) => BlackLevel::Fixed(level),
-                StoredBlackLevel::Shielded => BlackLevel::Shielded,
-                StoredBlackLevel::Frame => BlackLevel::Frame,
+                BlackLevelFields::Fixed(level) => BlackLevel::Fixed(level),
+                BlackLevelFields::Shielded => BlackLevel::Shielded,
+                BlackLevelFields::Frame => BlackLevel::Frame,
             },
             calibration: self.calibration.calibration()?,
         };
@@ -293,18 +293,26 @@ impl FlashStatus {
     }
 }
 
-impl StoredCalibration {
+impl CalibrationFields {
+    const fn has_straight_lines(&self) -> bool {
+        matches!(
+            self,
+            Self::Table(KnotsFields::StraightLines)
+                | Self::Corrected(_, KnotsFields::StraightLines)
+        )
+    }
+
     #[inline(never)]
     fn calibration(&self) -> Result<Calibration, RecordError> {
         match self {
             Self::Eq1(curve) => Ok(Calibration::Eq1(curve.eq1()?)),
-            Self::Table(stored) => stored.table(),
-            Self::Corrected(curve, stored) => stored.corrected(curve),
+            Self::Table(knots) => knots.table(),
+            Self::Corrected(curve, residuals) => residuals.corrected(curve),
         }
     }
 }
 
-impl StoredEq1 {
+impl Eq1Fields {
     fn of(curve: &Eq1) -> Self {
         let (first, last) = curve.valid();
         Self {
@@ -321,32 +329,36 @@ impl StoredEq1 {
     }
 }
 
-impl StoredKnots {
+impl KnotsFields {
     fn of(knots: &Knots) -> Self {
-        let mut stored = Self {
-            interpolation: knots.interpolation(),
-            knots: Vec::new(),
-        };
+        let mut fields = Vec::new();
         for knot in knots.iter() {
             // There is room for all. Collecting would bring a panic for the case that there is not.
-            let _ = stored.knots.push(knot);
+            let _ = fields.push(knot);
         }
-        stored
+        Self::Cubics(fields)
     }
 
     #[inline(never)]
     fn table(&self) -> Result<Calibration, RecordError> {
-        match Table::new(self.interpolation, &self.knots) {
+        match Table::new(self.knots()?) {
             Ok(table) => Ok(Calibration::Table(table)),
             Err(error) => Err(RecordError::Table(error)),
         }
     }
 
     #[inline(never)]
-    fn corrected(&self, curve: &StoredEq1) -> Result<Calibration, RecordError> {
-        match Corrected::new(curve.eq1()?, self.interpolation, &self.knots) {
+    fn corrected(&self, curve: &Eq1Fields) -> Result<Calibration, RecordError> {
+        match Corrected::new(curve.eq1()?, self.knots()?) {
             Ok(corrected) => Ok(Calibration::Corrected(corrected)),
             Err(error) => Err(RecordError::Corrected(error)),
+        }
+    }
+
+    fn knots(&self) -> Result<&[Knot], RecordError> {
+        match self {
+            Self::StraightLines => Err(RecordError::StraightLines),
+            Self::Cubics(knots) => Ok(knots),
         }
     }
 }
@@ -356,7 +368,7 @@ impl StoredKnots {
 pub enum RecordError {
     /// The buffer is too short for the record.
     NoRoom {
-        /// What it holds.
+        /// The length of the buffer.
         bytes: usize,
     },
     /// Fewer bytes than any record has.
@@ -364,25 +376,27 @@ pub enum RecordError {
         /// How many there are.
         bytes: usize,
     },
-    /// The CRC is not that of the bytes.
+    /// The CRC at the end does not fit the bytes before it.
     Checksum {
-        /// What stands at the end.
+        /// The CRC at the end.
         written: u32,
-        /// What the bytes give.
+        /// The CRC of the bytes before it.
         computed: u32,
     },
-    /// The CRC is right, but the format is one that this firmware does not know.
+    /// The CRC is right, but this firmware does not know the format.
     Version {
-        /// What the first byte says.
+        /// The format, which is the first byte.
         version: u8,
     },
     /// The CRC is right, but the bytes are not those of a record.
     Shape,
-    /// There is no such day.
+    /// A table with straight lines between its knots. Earlier firmware had such tables.
+    StraightLines,
+    /// The calendar has no such day.
     Date,
-    /// The parts of a row do not lie within it, there are too many pixels or none, or the converter has not 1 to 12 bits.
+    /// A part of the row reaches beyond the row, there are too many pixels or none, or the converter has not 1 to 12 bits.
     Geometry,
-    /// There is no such estimator.
+    /// This firmware has no such estimator.
     Estimator {
         /// Its letter.
         letter: u8,
@@ -392,13 +406,13 @@ pub enum RecordError {
         /// That level.
         level: Counts,
     },
-    /// Numbers that are no eq. (1).
+    /// The numbers of eq. (1) cannot be used.
     Eq1(Eq1Error),
-    /// Knots that are no table.
+    /// The knots of a table cannot be used.
     Table(TableError),
-    /// Residuals that do not go with their curve.
+    /// The residuals, or the curve below them, cannot be used.
     Corrected(CorrectedError),
-    /// The calibration ranges over centres that the sensor cannot have.
+    /// The range of centres reaches beyond the sensor's pixels.
     OffTheSensor {
         /// The first centre.
         first: Pixels,
@@ -427,6 +441,10 @@ impl fmt::Display for RecordError {
             ),
             Self::Shape => f.write_str(
                 "the bytes are whole but no record: write the calibration with the tool of this firmware",
+            ),
+            Self::StraightLines => f.write_str(
+                "the record is a table with straight lines between its knots, which this firmware no longer has: fit again \
+                 from the points file",
             ),
             Self::Date => f.write_str("the record's date is no day: set it"),
             Self::Geometry => f.write_str(

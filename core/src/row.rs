@@ -13,7 +13,7 @@ pub enum Polarity {
     Falling,
 }
 
-/// What the words of a row are, as its sensor's driver states it.
+/// The layout and the meaning of a row's words, as the sensor's driver states it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Geometry {
     /// Words in one read-out.
@@ -106,6 +106,25 @@ pub enum RowError {
 }
 
 impl Geometry {
+    /// Whether the words of two sensors mean the same, so that a calibration of one holds for the other: everything but the
+    /// noise figures, which change a centre's uncertainty and not its meaning.
+    pub fn has_same_words(&self, other: &Self) -> bool {
+        // A new field does not compile before it is decided whether it counts.
+        let Self {
+            words,
+            shielded,
+            light,
+            polarity,
+            bits,
+            shot_variance_per_count_q16: _,
+        } = self;
+        *words == other.words
+            && *shielded == other.shielded
+            && *light == other.light
+            && *polarity == other.polarity
+            && *bits == other.bits
+    }
+
     /// The largest word the converter makes, in counts.
     #[inline]
     pub const fn full_scale(&self) -> u16 {
@@ -218,7 +237,42 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_row_is_said() {
+    fn noise_figures_do_not_change_what_words_mean() {
+        let here = geometry();
+        let noisier = Geometry {
+            shot_variance_per_count_q16: 1,
+            ..geometry()
+        };
+        assert!(here.has_same_words(&here) && here.has_same_words(&noisier));
+        for other in [
+            Geometry {
+                words: 9,
+                ..geometry()
+            },
+            Geometry {
+                shielded: 0..3,
+                ..geometry()
+            },
+            Geometry {
+                light: 3..8,
+                ..geometry()
+            },
+            Geometry {
+                polarity: Polarity::Rising,
+                ..geometry()
+            },
+            Geometry {
+                bits: 10,
+                ..geometry()
+            },
+        ] {
+            assert!(!here.has_same_words(&other), "{other:?}");
+            assert!(!other.has_same_words(&here), "{other:?}");
+        }
+    }
+
+    #[test]
+    fn malformed_rows_are_rejected() {
         let error = |words: &mut [u16]| geometry().row(words).expect_err("no row");
         assert_eq!(error(&mut [1, 2, 3]), RowError::Length { words: 3 });
         assert_eq!(

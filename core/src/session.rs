@@ -176,7 +176,7 @@ impl Session {
     fn load_configuration(&mut self, Configuration { settings, record }: Configuration) {
         self.settings = settings;
         match record {
-            Some(record) if record.geometry != self.geometry => {
+            Some(record) if !record.geometry.has_same_words(&self.geometry) => {
                 self.record = None;
                 self.flash = FlashStatus::OtherSensor;
                 return;

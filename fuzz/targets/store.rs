@@ -13,7 +13,7 @@ use libfuzzer_sys::fuzz_target;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
-use slitrange::distance::knots::{Interpolation, Knot};
+use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::table::Table;
 use slitrange::frame::Mean;
 use slitrange::measurement::Settings;
@@ -152,21 +152,19 @@ fn save(flash: &mut Flash, saved: &Configuration) {
     assert!(kept == Stored::Newest(saved.clone()), "{kept:?}");
 }
 
-/// Settings alone, with eq. (1), or with a table of up to 257 knots.
+/// Settings alone, with eq. (1), or with a table.
 fn sample(what: u8, i: u16) -> Configuration {
     let calibration = match what % 3 {
         0 => None,
         1 => Calibration::nominal(),
         _ => {
-            let knots: Vec<Knot> = (0..2 + i32::from(i % 256))
+            let knots: Vec<Knot> = (0..2 + i32::from(i) % (MAX_KNOTS as i32 - 1))
                 .map(|knot| Knot {
                     centre: Pixels::from_int(4 * knot),
                     value: Micrometres::from_int(1_000_000 - 1000 * knot),
                 })
                 .collect();
-            Table::new(Interpolation::Linear, &knots)
-                .ok()
-                .map(Calibration::Table)
+            Table::new(&knots).ok().map(Calibration::Table)
         }
     };
     Configuration {

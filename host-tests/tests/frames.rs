@@ -12,7 +12,8 @@ use slitrange::centre::{Estimator, RowCentre, WidthClass};
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::frame::{Frame, FrameCentre, Mean};
-use slitrange::measurement::{Measurement, Settings};
+use slitrange::measurement::Measurement;
+use slitrange::settings::Settings;
 use slitrange::units::{Counts, Pixels};
 
 /// Where the spot is, in pixels.
@@ -406,6 +407,7 @@ fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
         mean: Mean::Weighted,
         estimator: Estimator::default(),
         black_level: BlackLevel::Shielded,
+        ..Settings::default()
     };
     let calibration = Calibration::nominal();
     let full_scale = scene.geometry().full_scale();

@@ -9,12 +9,13 @@ use slitrange::distance::Calibration;
 use slitrange::distance::eq1::NOMINAL;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
-use slitrange::measurement::{Measurement, Settings};
+use slitrange::measurement::Measurement;
 use slitrange::protocol::command::{self, MAX_LINE};
 use slitrange::protocol::input::Input;
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
+use slitrange::settings::Settings;
 use slitrange::spot::{Background, Spot};
 use slitrange::units::{Counts, Pixels};
 
@@ -26,6 +27,7 @@ fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measur
             rows,
             mean: Mean::default(),
             black_level,
+            ..Settings::default()
         },
     )
 }
@@ -336,6 +338,7 @@ fn every_fault_is_reachable() {
                 rows: rows.len() as u16,
                 mean: Mean::default(),
                 black_level: BlackLevel::Shielded,
+                ..Settings::default()
             };
             let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
             let results = rows

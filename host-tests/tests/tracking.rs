@@ -11,9 +11,10 @@ use slitrange::distance::Calibration;
 use slitrange::distance::eq1::NOMINAL;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
-use slitrange::measurement::{Measurement, Settings};
+use slitrange::measurement::Measurement;
 use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
+use slitrange::settings::Settings;
 use slitrange::spot::{self, Spot};
 use slitrange::units::Pixels;
 
@@ -215,6 +216,7 @@ fn the_rows_here_are_those_of_a_measurement() {
             mean: Mean::Plain,
             estimator,
             black_level: BlackLevel::Frame,
+            ..Settings::default()
         };
         let mut measurement = Measurement::new(geometry(), settings);
         let mut tracker = Tracker::new(estimator);
@@ -620,7 +622,7 @@ proptest! {
         black_level in prop::sample::select(&[BlackLevel::Shielded, BlackLevel::Frame][..]),
     ) {
         let settings =
-            Settings { rows: in_a_frame, estimator, black_level, mean: Mean::default() };
+            Settings { rows: in_a_frame, estimator, black_level, mean: Mean::default(), ..Settings::default() };
         let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
         let calibration = NOMINAL.expect("a curve");
         let (from, to) = calibration.valid();

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use serde::Serialize;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
-use slitrange::distance::knots::{Interpolation, Knot, Knots};
+use slitrange::distance::knots::{Knot, Knots};
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::record::{MAX_ENCODED, decode};
 use slitrange::row::Polarity;
@@ -125,8 +125,6 @@ pub struct ShownEq1 {
 /// A table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ShownTable {
-    /// `linear` or `cubic`.
-    pub interpolation: &'static str,
     /// Centres in pixels, and distances or residuals in micrometres.
     pub knots: Vec<[f64; 2]>,
 }
@@ -188,10 +186,6 @@ impl Shown {
                 xp_px: curve.pole().to_f64(),
             }),
             table: table.map(|knots| ShownTable {
-                interpolation: match knots.interpolation() {
-                    Interpolation::Linear => "linear",
-                    Interpolation::Cubic => "cubic",
-                },
                 knots: knots
                     .iter()
                     .map(|knot| [knot.centre.to_f64(), knot.value.to_f64()])
@@ -258,13 +252,9 @@ impl Shown {
             fields.push(("xp", format!("{xp_px:.5} px")));
         }
         if let Some(table) = &self.table {
-            let between = match table.interpolation {
-                "linear" => "straight lines",
-                _ => "monotone cubics",
-            };
             fields.push((
                 "knots",
-                format!("{}, {between} between them", table.knots.len()),
+                format!("{}, monotone cubics between them", table.knots.len()),
             ));
         }
         let [first, last] = self.centres_px;

@@ -1,17 +1,27 @@
-//! Between two knots: a straight line, or a monotone cubic (PCHIP; F. Fritsch and J. Butland, 1984).
+//! A monotone cubic between two knots (PCHIP; F. Fritsch and J. Butland, 1984).
 //!
-//! The value is whole steps of Q24.8 from integers alone, all of it from [`between`], which never falls where one of its
-//! arguments rises. A cubic is evaluated as straight lines between straight lines (P. de Casteljau, 1959): where its four
-//! control points are in order, so are the points of each round, and what comes out rises or falls with the centre to the
-//! last bit.
+//! The value is a whole number of steps of Q24.8 micrometres, computed with integers by [`between`] alone. The result of
+//! `between` never falls where one of its arguments rises. A cubic is evaluated as straight lines between straight lines
+//! (P. de Casteljau, 1959). Its four control points are in order, so the points of each round are in order too, and the
+//! value rises or falls with the centre to the last bit.
 //!
 //! Error: at most 2^-22 of the difference between the two knots (the fraction of the way and the control points have 24
 //! bits), and three steps.
 
-use super::knots::Knot;
+use serde::{Deserialize, Serialize};
+
 use crate::numeric;
 use crate::numeric::limited;
 use crate::units::{Micrometres, Pixels};
+
+/// A point of the curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Knot {
+    /// The centre.
+    pub centre: Pixels,
+    /// The distance there, or the residual.
+    pub value: Micrometres,
+}
 
 /// Neighbouring knots differ by less than so many steps of Q24.8.
 pub const MAX_RISE: u32 = 1 << 30;
@@ -24,7 +34,7 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// In steps of Q16.16 pixels. Neighbours are in order, so the difference fits an u32.
+    /// Length of the interval in steps of Q16.16 pixels. Neighbours are in order, so the difference fits an u32.
     const fn length(&self) -> u32 {
         self.way(self.to.centre)
     }
@@ -34,25 +44,15 @@ impl Interval {
         centre.to_bits().wrapping_sub(self.from.centre.to_bits()) as u32
     }
 
-    /// In steps of Q24.8 micrometres. Neighbours differ by less than 2^30 of them.
+    /// Difference of the two values in steps of Q24.8 micrometres: less than 2^30 of them.
     pub const fn rise(&self) -> i32 {
         let (from, to) = (self.from.value.to_bits(), self.to.value.to_bits());
         to.wrapping_sub(from)
     }
 
-    /// The value at a centre of the interval on a straight line, and its slope in micrometres a pixel.
+    /// The value at a centre of the interval, and the slope there in micrometres a pixel.
     #[inline(always)]
-    pub fn linear(&self, centre: Pixels) -> (Micrometres, f32) {
-        let part = fraction(self.way(centre) as f32 / self.length() as f32);
-        (
-            between(self.from.value, self.to.value, part),
-            self.per_pixel(self.rise(), 1.0),
-        )
-    }
-
-    /// The same on a cubic with two further control points.
-    #[inline(always)]
-    pub fn cubic(&self, centre: Pixels, controls: Controls) -> (Micrometres, f32) {
+    pub fn at(&self, centre: Pixels, controls: Controls) -> (Micrometres, f32) {
         let part = fraction(self.way(centre) as f32 / self.length() as f32);
         let (from, to) = (self.from.value, self.to.value);
         let first = between(from, controls.0, part);
@@ -61,14 +61,11 @@ impl Interval {
         let (left, right) = (between(first, middle, part), between(middle, last, part));
         // The last line is the tangent, over a third of the interval; its ends are in order, like all others.
         let tangent = right.to_bits().wrapping_sub(left.to_bits());
-        (between(left, right, part), self.per_pixel(tangent, 3.0))
+        (between(left, right, part), self.per_third(tangent))
     }
 
-    /// The largest slope, without sign, that the straight line or the cubic has, in micrometres a pixel.
-    pub fn steepest(&self, controls: Option<Controls>) -> f32 {
-        let Some(controls) = controls else {
-            return self.per_pixel(self.rise(), 1.0).abs();
-        };
+    /// The largest slope of the interval's cubic, without sign, in micrometres a pixel.
+    pub fn steepest(&self, controls: Controls) -> f32 {
         // The slope is a parabola, which lies between the largest and the least of its control points: the differences of
         // the curve's. They lie between the knots: no difference exceeds the rise.
         let step = |from: Micrometres, to: Micrometres| from.to_bits().abs_diff(to.to_bits());
@@ -76,15 +73,15 @@ impl Interval {
             .max(step(controls.0, controls.1))
             .max(step(controls.1, self.to.value));
         // Below 2^30, as the rise.
-        self.per_pixel(most as i32, 3.0)
+        self.per_third(most as i32)
     }
 
-    /// Steps of Q24.8 micrometres over one of `parts` parts of the interval, as micrometres a pixel. There are less than 2^30, and
-    /// an interval has at least a sixteenth of a pixel: below 3 * 2^26.
+    /// Steps of Q24.8 micrometres over a third of the interval, as micrometres a pixel. There are less than 2^30, and an
+    /// interval has at least a sixteenth of a pixel: below 3 * 2^26.
     #[inline(always)]
-    fn per_pixel(&self, rise: i32, parts: f32) -> f32 {
+    fn per_third(&self, rise: i32) -> f32 {
         const UNITS: f32 = (1u32 << (Pixels::FRACTION - Micrometres::FRACTION)) as f32;
-        rise as f32 / self.length() as f32 * (UNITS * parts)
+        rise as f32 / self.length() as f32 * (UNITS * 3.0)
     }
 }
 

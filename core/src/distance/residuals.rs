@@ -1,10 +1,10 @@
-//! Eq. (1) with a table of what it leaves: the curve holds what the geometry says with three numbers that noise hardly
-//! moves, and a smoothed table what a lens or the mounting adds.
+//! Eq. (1) with a table of residuals. The curve has three numbers, which the noise of the calibration points hardly moves.
+//! The smoothed table adds what a lens or the mounting changes.
 
 use core::fmt;
 use core::ops::RangeInclusive;
 
-use super::knots::{Interpolation, Knot, Knots, KnotsError};
+use super::knots::{Knot, Knots, KnotsError};
 use crate::distance::eq1::Eq1;
 use crate::fault::Fault;
 use crate::numeric::limited;
@@ -30,13 +30,9 @@ impl Corrected {
     /// Eq. (1) with residuals (distance less curve) at knots.
     ///
     /// # Errors
-    /// [`CorrectedError`] says which knot stands against it.
-    pub fn new(
-        curve: Eq1,
-        interpolation: Interpolation,
-        knots: &[Knot],
-    ) -> Result<Self, CorrectedError> {
-        let residuals = Knots::new(interpolation, knots).map_err(CorrectedError::Knots)?;
+    /// [`CorrectedError`] says which knot is wrong.
+    pub fn new(curve: Eq1, knots: &[Knot]) -> Result<Self, CorrectedError> {
+        let residuals = Knots::new(knots).map_err(CorrectedError::Knots)?;
         for (index, knot) in knots.iter().enumerate() {
             if curve.distance_at(knot.centre).is_err() {
                 return Err(CorrectedError::Beyond {
@@ -65,8 +61,8 @@ impl Corrected {
 
     /// The first knot up to which the residuals change the slope by more than half of the curve's.
     fn steep(&self) -> Option<(usize, Knot)> {
-        (1..self.residuals.len()).find_map(|index| {
-            let (from, to, steepest) = self.residuals.steepest(index.saturating_sub(1))?;
+        let mut intervals = (1..self.residuals.len()).zip(self.residuals.steepest());
+        intervals.find_map(|(index, (from, to, steepest))| {
             // The curve is least steep at the end that is further from its pole.
             let slopes = (
                 self.curve.distance_at(from.centre),

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::knots::{Interpolation, Knot, Knots, KnotsError};
+use super::knots::{Knot, Knots, KnotsError};
 use crate::distance::eq1::FLATTEST_SHIFT;
 use crate::fault::Fault;
 use crate::units::{Micrometres, Pixels};
@@ -15,12 +15,12 @@ use crate::units::{Micrometres, Pixels};
 pub struct Table(Knots);
 
 impl Table {
-    /// The table of those distances.
+    /// The table of the knots' distances.
     ///
     /// # Errors
-    /// [`TableError`] says which knot stands against it.
-    pub fn new(interpolation: Interpolation, knots: &[Knot]) -> Result<Self, TableError> {
-        let curve = Knots::new(interpolation, knots).map_err(TableError::Knots)?;
+    /// [`TableError`] says which knot is wrong.
+    pub fn new(knots: &[Knot]) -> Result<Self, TableError> {
+        let curve = Knots::new(knots).map_err(TableError::Knots)?;
         let falls = matches!(knots, [first, .., last] if last.value < first.value);
         for (index, (before, knot)) in (1..knots.len()).zip(knots.iter().zip(knots.iter().skip(1)))
         {

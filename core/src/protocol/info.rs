@@ -5,10 +5,10 @@ use core::fmt;
 use super::status::StartCause;
 use crate::distance::Calibration;
 use crate::distance::eq1::Eq1;
-use crate::distance::knots::{Interpolation, Knots};
-use crate::measurement::Settings;
+use crate::distance::knots::Knots;
 use crate::record::Record;
 use crate::row::{Geometry, Polarity};
+use crate::settings::Settings;
 use crate::units::AsMillimetres;
 
 /// The version of the firmware.
@@ -144,11 +144,11 @@ struct KindOfTable<'a>(&'a Knots);
 
 impl fmt::Display for KindOfTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let between = match self.0.interpolation() {
-            Interpolation::Linear => "straight lines",
-            Interpolation::Cubic => "monotone cubics",
-        };
-        write!(f, " at {} knots, {between} between them", self.0.len())
+        write!(
+            f,
+            " at {} knots, monotone cubics between them",
+            self.0.len()
+        )
     }
 }
 
@@ -217,13 +217,13 @@ mod tests {
             centre: Pixels::from_int(x),
             value: Micrometres::from_int(value),
         });
-        let table = Table::new(Interpolation::Linear, &knots).expect("a table");
+        let table = Table::new(&knots).expect("a table");
         let residuals = knots.map(|knot| Knot {
             value: Micrometres::from_int(100),
             ..knot
         });
         let nominal = eq1::NOMINAL.expect("a curve");
-        let corrected = Corrected::new(nominal, Interpolation::Cubic, &residuals).expect("usable");
+        let corrected = Corrected::new(nominal, &residuals).expect("usable");
         let lines =
             [Calibration::Table(table), Calibration::Corrected(corrected)].map(|calibration| {
                 let record = Record {
@@ -248,7 +248,7 @@ mod tests {
         assert_eq!(
             lines[0],
             "info serial number 17, calibrated 2026-11-21\r\n\
-             info calibration a table of distances at 3 knots, straight lines between them\r\n\
+             info calibration a table of distances at 3 knots, monotone cubics between them\r\n\
              info range x 1200 to 2600 px, 555.0000 to 1000.0000 mm"
         );
         assert_eq!(

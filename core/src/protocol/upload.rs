@@ -135,7 +135,7 @@ impl Upload {
         self.announced = 0;
         let bytes = self.bytes.get(..self.came).unwrap_or_default();
         let record = decode(bytes).map_err(Refusal::Record)?;
-        if record.geometry != *sensor {
+        if !record.geometry.has_same_words(sensor) {
             return Err(Refusal::OtherSensor);
         }
         Ok(record)
@@ -147,11 +147,12 @@ mod tests {
     use super::*;
     use crate::distance::Calibration;
     use crate::distance::eq1::NOMINAL;
-    use crate::distance::knots::{Interpolation, Knot, MAX_LINEAR};
+    use crate::distance::knots::{Knot, MAX_KNOTS};
     use crate::distance::residuals::Corrected;
     use crate::protocol::piece::PIECE;
     use crate::record::RecordError;
     use crate::record::encoded::EncodedRecord;
+    use crate::row::Polarity;
     use crate::sensor_heads::tcd1304dg;
     use crate::units::{Micrometres, Pixels};
 
@@ -162,14 +163,14 @@ mod tests {
 
     /// With as many knots as there may be.
     fn long() -> EncodedRecord {
-        let knots: Vec<Knot> = (0..MAX_LINEAR as i32)
+        let knots: Vec<Knot> = (0..MAX_KNOTS as i32)
             .map(|i| Knot {
-                centre: Pixels::from_bits(78_053_377 + 372_001 * i),
-                value: Micrometres::from_bits(-50_000 + 391 * i),
+                centre: Pixels::from_bits(78_053_377 + 744_002 * i),
+                value: Micrometres::from_bits(-50_000 + 782 * i),
             })
             .collect();
         let curve = NOMINAL.expect("a curve");
-        let corrected = Corrected::new(curve, Interpolation::Linear, &knots).expect("usable");
+        let corrected = Corrected::new(curve, &knots).expect("usable");
         EncodedRecord::new(Record {
             calibration: Calibration::Corrected(corrected),
             ..Record::nominal().expect("a record")
@@ -342,7 +343,7 @@ mod tests {
         );
 
         let other = Geometry {
-            shot_variance_per_count_q16: 1,
+            polarity: Polarity::Rising,
             ..tcd1304dg()
         };
         send(&mut upload, written.bytes());
@@ -350,5 +351,14 @@ mod tests {
         assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
         send(&mut upload, written.bytes());
         assert_eq!(commit(&mut upload), *written.record());
+
+        // A better estimate of the sensor's noise leaves its calibration as it is.
+        let noisier = Geometry {
+            shot_variance_per_count_q16: 1,
+            ..tcd1304dg()
+        };
+        send(&mut upload, written.bytes());
+        let taken = upload.take(Step::Commit, &noisier);
+        assert_eq!(taken, Ok(Some(written.record().clone())));
     }
 }

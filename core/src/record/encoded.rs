@@ -1,8 +1,8 @@
-//! A record and its bytes: one to compute with, the other to show, to compare and to keep.
+//! A record with its bytes: the record to compute with, the bytes to send, to compare and to store.
 
 use super::{MAX_ENCODED, Record, RecordError, encode};
 
-/// A record with the bytes that it is written as.
+/// A record with its bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EncodedRecord {
     record: Record,
@@ -11,10 +11,10 @@ pub struct EncodedRecord {
 }
 
 impl EncodedRecord {
-    /// Writes a record.
+    /// Encodes a record.
     ///
     /// # Errors
-    /// What [`encode`] says of it.
+    /// The error with which [`encode`] refuses the record.
     pub fn new(record: Record) -> Result<Self, RecordError> {
         let mut bytes = [0; MAX_ENCODED];
         let count = encode(&record, &mut bytes)?.len();
@@ -35,14 +35,14 @@ impl EncodedRecord {
         &self.record
     }
 
-    /// Its bytes.
+    /// The record's bytes.
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.count).unwrap_or_default()
     }
 
-    /// The CRC-32 that they end with.
+    /// The CRC-32 at the end of the bytes.
     pub fn sum(&self) -> u32 {
-        // A record has one.
+        // Every record ends with one.
         let sum = self.bytes().last_chunk().copied().unwrap_or_default();
         u32::from_le_bytes(sum)
     }

@@ -135,7 +135,7 @@ fn read_version_1(bytes: [u8; SETTINGS_1]) -> Result<Settings, ConfigurationErro
             b'p' => Mean::Plain,
             _ => return Err(ConfigurationError::Setting(Setting::Mean)),
         },
-        estimator: Estimator::of_letter(char::from(estimator))
+        estimator: Estimator::from_stored_letter(char::from(estimator))
             .ok_or(ConfigurationError::Setting(Setting::Estimator))?,
         ..Settings::default()
     };

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use slitrange::distance::eq1::{Eq1, NOMINAL};
-use slitrange::distance::knots::{CLOSEST, Interpolation, Knot, MAX_CUBIC, MAX_LINEAR};
+use slitrange::distance::knots::{CLOSEST, Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::fault::Fault;
@@ -189,17 +189,16 @@ fn knots(places: &[(f64, f64)]) -> Vec<Knot> {
     places.iter().map(knot).collect()
 }
 
-fn table(interpolation: Interpolation, places: &[(f64, f64)]) -> Made {
+fn table(places: &[(f64, f64)]) -> Made {
     let knots = knots(places);
-    let made = Table::new(interpolation, &knots).map_err(|why| Refusal::new(&why));
+    let made = Table::new(&knots).map_err(|why| Refusal::new(&why));
     Made::Table(made, knots)
 }
 
 fn corrected(places: &[(f64, f64)]) -> Made {
     let curve = NOMINAL.expect("a curve");
     let knots = knots(places);
-    let made = Corrected::new(curve.clone(), Interpolation::Cubic, &knots)
-        .map_err(|why| Refusal::new(&why));
+    let made = Corrected::new(curve.clone(), &knots).map_err(|why| Refusal::new(&why));
     Made::Corrected(made, curve, knots)
 }
 
@@ -233,7 +232,6 @@ const fn case(
 /// The cases.
 pub fn calibrations() -> Vec<CalibrationCase> {
     use CalibrationDue::Refused;
-    use Interpolation::{Cubic, Linear};
     vec![
         case(
             "eq. (1): nominal",
@@ -346,66 +344,40 @@ pub fn calibrations() -> Vec<CalibrationCase> {
             "table: two knots",
             "the least that there can be",
             AT_KNOTS,
-            || table(Linear, &[(100.0, 9e5), (900.0, 6e5)]),
-        ),
-        case(
-            "table: two knots, cubic",
-            "a cubic that is a line",
-            AT_KNOTS,
-            || table(Cubic, &[(100.0, 9e5), (900.0, 6e5)]),
+            || table(&[(100.0, 9e5), (900.0, 6e5)]),
         ),
         case(
             "table: one knot",
             "no line goes through one point",
             Refused("TooFew"),
-            || table(Linear, &[(100.0, 9e5)]),
+            || table(&[(100.0, 9e5)]),
         ),
         case("table: no knots", "nothing", Refused("TooFew"), || {
-            table(Cubic, &[])
+            table(&[])
         }),
         case(
             "table: equal knots",
             "a division by zero between them",
             Refused("Order"),
-            || {
-                table(
-                    Linear,
-                    &[(100.0, 9e5), (500.0, 8e5), (500.0, 7e5), (900.0, 6e5)],
-                )
-            },
+            || table(&[(100.0, 9e5), (500.0, 8e5), (500.0, 7e5), (900.0, 6e5)]),
         ),
         case(
             "table: knots not sorted",
             "a search by halves goes astray",
             Refused("Order"),
-            || {
-                table(
-                    Cubic,
-                    &[(100.0, 9e5), (700.0, 7e5), (500.0, 8e5), (900.0, 6e5)],
-                )
-            },
+            || table(&[(100.0, 9e5), (700.0, 7e5), (500.0, 8e5), (900.0, 6e5)]),
         ),
         case(
             "table: distances not monotone",
             "two centres for one distance",
             Refused("NotMonotone"),
-            || {
-                table(
-                    Cubic,
-                    &[(100.0, 9e5), (500.0, 7e5), (700.0, 7.5e5), (900.0, 6e5)],
-                )
-            },
+            || table(&[(100.0, 9e5), (500.0, 7e5), (700.0, 7.5e5), (900.0, 6e5)]),
         ),
         case(
             "table: equal distances",
             "a slope of zero claims no uncertainty",
             Refused("NotMonotone"),
-            || {
-                table(
-                    Linear,
-                    &[(100.0, 9e5), (500.0, 7e5), (700.0, 7e5), (900.0, 6e5)],
-                )
-            },
+            || table(&[(100.0, 9e5), (500.0, 7e5), (700.0, 7e5), (900.0, 6e5)]),
         ),
         case(
             "table: knots as close as they may be",
@@ -413,7 +385,7 @@ pub fn calibrations() -> Vec<CalibrationCase> {
             AT_KNOTS,
             || {
                 let close = CLOSEST.to_f64();
-                table(Linear, &[(100.0, 9e5), (100.0 + close, 8e5), (900.0, 6e5)])
+                table(&[(100.0, 9e5), (100.0 + close, 8e5), (900.0, 6e5)])
             },
         ),
         case(
@@ -422,7 +394,7 @@ pub fn calibrations() -> Vec<CalibrationCase> {
             Refused("Order"),
             || {
                 let close = 0.5 * CLOSEST.to_f64();
-                table(Linear, &[(100.0, 9e5), (100.0 + close, 8e5), (900.0, 6e5)])
+                table(&[(100.0, 9e5), (100.0 + close, 8e5), (900.0, 6e5)])
             },
         ),
         case(
@@ -431,46 +403,32 @@ pub fn calibrations() -> Vec<CalibrationCase> {
             AT_KNOTS,
             || {
                 let close = CLOSEST.to_f64();
-                table(
-                    Cubic,
-                    &[(-100.0, 3e6), (0.0, 2e6), (close, 1.9e6), (30_000.0, 1e6)],
-                )
+                table(&[(-100.0, 3e6), (0.0, 2e6), (close, 1.9e6), (30_000.0, 1e6)])
             },
-        ),
-        case(
-            "table: the most lines",
-            "all of the memory",
-            AT_KNOTS,
-            || table(Linear, &many(MAX_LINEAR)),
         ),
         case(
             "table: one too many",
             "more than the memory",
             Refused("TooMany"),
-            || table(Linear, &many(MAX_LINEAR + 1)),
+            || table(&many(MAX_KNOTS + 1)),
         ),
         case(
-            "table: the most cubics",
+            "table: the most knots",
             "all of the memory",
             AT_KNOTS,
-            || table(Cubic, &many(MAX_CUBIC)),
+            || table(&many(MAX_KNOTS)),
         ),
         case(
             "table: 16 m from one knot to the next",
             "a difference of 33 bits",
             Refused("Step"),
-            || table(Linear, &[(0.0, 8.3e6), (900.0, -8.3e6)]),
+            || table(&[(0.0, 8.3e6), (900.0, -8.3e6)]),
         ),
         case(
             "table: a cliff between slopes",
             "a cubic that overshoots would turn back",
             AT_KNOTS,
-            || {
-                table(
-                    Cubic,
-                    &[(0.0, 1e6), (100.0, 9.999e5), (101.0, 1e5), (900.0, 9.99e4)],
-                )
-            },
+            || table(&[(0.0, 1e6), (100.0, 9.999e5), (101.0, 1e5), (900.0, 9.99e4)]),
         ),
         case(
             "residuals: of 100 um",

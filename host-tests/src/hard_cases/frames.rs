@@ -9,9 +9,10 @@ use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::fault::Fault;
 use slitrange::frame::{MAX_ROWS, Mean};
-use slitrange::measurement::{Measurement, Settings};
+use slitrange::measurement::Measurement;
 use slitrange::reading::Reading;
 use slitrange::row::Geometry;
+use slitrange::settings::Settings;
 use slitrange::units::{Micrometres, Pixels};
 
 use crate::hard_cases::flaw::{Flaw, Second};
@@ -86,6 +87,7 @@ impl HardFrame {
             mean: Mean::Weighted,
             estimator: rung,
             black_level: BlackLevel::Shielded,
+            ..Settings::default()
         };
         let calibration = Calibration::Eq1(calibration());
         let mut measurement = Measurement::new(self.geometry.clone(), settings);

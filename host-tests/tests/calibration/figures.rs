@@ -4,13 +4,21 @@ use simulator::optics::Optics;
 use simulator::scene::Sensor;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
-use slitrange::distance::knots::{Interpolation, Knot};
+use slitrange::distance::knots::Knot;
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::units::{Micrometres, Pixels};
 
 use crate::common::STEP;
-use crate::reference::{pchip, straight};
+use crate::reference::pchip;
+
+/// The paper's shortest and longest distance in metres.
+const RANGE: (f64, f64) = (0.60, 1.02);
+
+/// The paper's geometry with its slit.
+fn optics() -> Optics {
+    Optics::nominal_on(Sensor::Camera)
+}
 
 /// The paper's range of distances in metres.
 const TABLE: (f64, f64) = (0.60, 1.02);
@@ -31,7 +39,7 @@ fn even_knots(count: usize, range: (f64, f64), value: impl Fn(f64) -> f64) -> Ve
 
 /// The paper's range as centres: the first is that of the longest distance.
 fn paper_range(optics: &Optics) -> (f64, f64) {
-    (optics.centre(TABLE.1), optics.centre(TABLE.0))
+    (optics.centre(RANGE.1), optics.centre(RANGE.0))
 }
 
 /// The largest difference in micrometres over a calibration's range, at 100,000 places.
@@ -56,35 +64,26 @@ fn arithmetic(rise: f64) -> f64 {
 
 #[test]
 fn tables_of_the_papers_geometry_are_as_good_as_they_can_be() {
-    let optics = Optics::nominal_on(Sensor::Camera);
+    let optics = optics();
     let truth = |centre: f64| optics.distance(centre) * 1e6;
     let range = paper_range(&optics);
     println!("centres {range:.1?}");
-    // In micrometres, what is reached, rounded up. A hundredth of a pixel is 1.7 to 4.4 um: 33 cubics and 257 lines may take up to 2.5
-    // and 2.0 um.
-    for (interpolation, count, most) in [
-        (Interpolation::Cubic, 33, 2.0),
-        (Interpolation::Cubic, 129, 0.04),
-        (Interpolation::Linear, 33, 93.0),
-        (Interpolation::Linear, 257, 1.5),
-    ] {
+    // The largest errors in micrometres that were seen, rounded up. A hundredth of a pixel is 1.7 to 4.4 um.
+    for (count, most) in [(33, 2.0), (129, 0.04)] {
         let knots = even_knots(count, range, truth);
         let exact: Vec<(f64, f64)> = knots
             .iter()
             .map(|k| (k.centre.to_f64(), truth(k.centre.to_f64())))
             .collect();
-        let in_f64 = |centre: f64| match interpolation {
-            Interpolation::Cubic => pchip(&exact, centre, 0.0, 3.0),
-            Interpolation::Linear => straight(&exact, centre),
-        };
+        let in_f64 = |centre: f64| pchip(&exact, centre, 0.0, 3.0);
         let rise = exact
             .windows(2)
             .map(|pair| (pair[1].1 - pair[0].1).abs())
             .fold(0.0, f64::max);
-        let table = Calibration::Table(Table::new(interpolation, &knots).expect("a table"));
+        let table = Calibration::Table(Table::new(&knots).expect("a table"));
         let (from_truth, from_f64) = (worst(&table, truth), worst(&table, in_f64));
         println!(
-            "{count} knots, {interpolation:?}: at most {from_truth:.4} um, of which the arithmetic {from_f64:.4}"
+            "{count} knots: at most {from_truth:.4} um, of which the arithmetic {from_f64:.4}"
         );
         assert!(from_truth <= most, "{from_truth} um with {count} knots");
         assert!(from_f64 <= arithmetic(rise), "{from_f64} um of arithmetic");
@@ -93,7 +92,7 @@ fn tables_of_the_papers_geometry_are_as_good_as_they_can_be() {
 
 #[test]
 fn residuals_take_a_lens_out() {
-    let optics = Optics::nominal_on(Sensor::Camera);
+    let optics = optics();
     let range = paper_range(&optics);
     let middle = 0.5 * (range.0 + range.1);
     let half = 0.5 * (range.1 - range.0);
@@ -114,28 +113,21 @@ fn residuals_take_a_lens_out() {
     .expect("a curve");
     let truth = |centre: f64| optics.distance(centre) * 1e6 + residual(centre);
     println!("without them off by 300 um");
-    // A straight line over an interval of 2/32 of the half range: 300 * 24 z * (2/32)^2 / 8 = 3.5 um at z = 1; a PCHIP is at its
-    // worst next to a turn, whose slope of zero it puts at a knot.
-    for (interpolation, count, bound) in [
-        (Interpolation::Cubic, 33, 1.0),
-        (Interpolation::Linear, 33, 3.6),
-        (Interpolation::Linear, 257, 0.08),
-    ] {
-        let knots = even_knots(count, range, residual);
-        let corrected = Corrected::new(curve.clone(), interpolation, &knots).expect("usable");
-        let worst = worst(&Calibration::Corrected(corrected), truth);
-        println!("{count} knots, {interpolation:?}: at most {worst:.4} um");
-        assert!(worst <= bound, "{worst} um with {count} knots");
-    }
+    // A PCHIP is at its worst next to a turn, whose slope of zero it puts at a knot.
+    let knots = even_knots(33, range, residual);
+    let corrected = Corrected::new(curve, &knots).expect("usable");
+    let worst = worst(&Calibration::Corrected(corrected), truth);
+    println!("33 knots: at most {worst:.4} um");
+    assert!(worst <= 1.0, "{worst} um");
 }
 
 #[test]
 fn over_the_papers_geometry_a_cubic_is_the_usual_pchip() {
-    let optics = Optics::nominal_on(Sensor::Camera);
+    let optics = optics();
     let truth = |centre: f64| optics.distance(centre) * 1e6;
     for count in [3, 5, 9, 33, 129] {
         let knots = even_knots(count, paper_range(&optics), truth);
-        let table = Table::new(Interpolation::Cubic, &knots).expect("a table");
+        let table = Table::new(&knots).expect("a table");
         let exact: Vec<(f64, f64)> = knots
             .iter()
             .map(|k| (k.centre.to_f64(), k.value.to_f64()))
@@ -144,7 +136,7 @@ fn over_the_papers_geometry_a_cubic_is_the_usual_pchip() {
             pchip(&exact, centre, 0.0, 3.0)
         });
         println!("{count} knots: at most {difference:.4} um from PCHIP in f64");
-        let rise = (TABLE.1 - TABLE.0) * 1e6 / (count - 1) as f64 * 2.0;
+        let rise = (RANGE.1 - RANGE.0) * 1e6 / (count - 1) as f64 * 2.0;
         assert!(
             difference <= 3.0 * STEP + rise / 2f64.powi(22),
             "{difference}"

@@ -1,18 +1,19 @@
 //! The record: what goes in comes out, and what is not whole or not usable does not.
 
+use std::collections::BTreeSet;
+
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
+use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
-use slitrange::distance::eq1::NOMINAL;
-use slitrange::distance::knots::{Interpolation, Knot};
-use slitrange::distance::residuals::Corrected;
+use slitrange::distance::knots::{Knot, Knots};
 use slitrange::distance::table::Table;
 use slitrange::record::{MAX_ENCODED, Record, RecordError, VERSION, decode, encode};
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 use slitrange::units::{Counts, Micrometres, Pixels};
 
-use crate::common::{STEP, holds_what_it_promises, knot, largest_rise};
+use crate::common::{STEP, holds_what_it_promises, largest_rise};
 use crate::records::{cases, longest, nominal, records};
 
 /// CRC-32 from its definition (the reflected polynomial of IEEE 802.3), bit by bit.
@@ -36,33 +37,107 @@ fn encoded(record: &Record) -> Vec<u8> {
         .to_vec()
 }
 
-/// The format of a record in flash must not change unless its version does: bytes that were written once are read for ever.
+/// A record of earlier firmware, which had more estimators, and tables with straight lines between the knots.
+struct Old {
+    kind: &'static str,
+    estimator: &'static str,
+    /// CRC-32 of the distances and slopes that the earlier firmware computed, at [`digest`]'s centres.
+    distances: u32,
+    bytes: Vec<u8>,
+}
+
+fn old_records() -> Vec<Old> {
+    let old = |line: &'static str| {
+        let [kind, estimator, distances, bytes] = line.split(' ').collect::<Vec<_>>()[..] else {
+            panic!("{line}");
+        };
+        let (pairs, []) = bytes.as_bytes().as_chunks::<2>() else {
+            panic!("{bytes}");
+        };
+        let number = |text: &str| u32::from_str_radix(text, 16).expect("hexadecimal digits");
+        Old {
+            kind,
+            estimator,
+            distances: number(distances),
+            bytes: (pairs.iter())
+                .map(|pair| number(str::from_utf8(pair).expect("ASCII")) as u8)
+                .collect(),
+        }
+    };
+    include_str!("old_records.txt").lines().map(old).collect()
+}
+
+/// CRC-32 of the bits of distances and slopes: at 4001 even centres, and at each knot and its two neighbours.
+fn digest(calibration: &Calibration) -> u32 {
+    let (first, last) = calibration.valid();
+    let (from, to) = (i64::from(first.to_bits()), i64::from(last.to_bits()));
+    let even = (0..=4000).map(|i| from + (to - from) * i / 4000);
+    let knots = match calibration {
+        Calibration::Eq1(_) => None,
+        Calibration::Table(table) => Some(table.knots()),
+        Calibration::Corrected(corrected) => Some(corrected.residuals()),
+    };
+    let knots = knots.into_iter().flat_map(Knots::iter);
+    let near = knots.flat_map(|knot| (-1..=1).map(move |by| i64::from(knot.centre.to_bits()) + by));
+    let places = even.chain(near).filter(|place| (from..=to).contains(place));
+    let bytes: Vec<u8> = places
+        .flat_map(|place| {
+            let at = calibration.distance_at(Pixels::from_bits(place as i32));
+            let (distance, slope) = at.expect("in range");
+            [
+                distance.to_bits().to_le_bytes(),
+                slope.to_bits().to_le_bytes(),
+            ]
+        })
+        .flatten()
+        .collect();
+    crc32(&bytes)
+}
+
+/// The format of a record in flash must not change unless its version does: this firmware decodes what the old one wrote, to the
+/// same distances bit for bit, and writes it the same again.
 #[test]
-fn version_1_is_what_it_was() {
-    let table = Table::new(
-        Interpolation::Cubic,
-        &[knot(100, 900_000), knot(3000, 500_000)],
-    );
-    let residuals = [knot(1191, -20), knot(2654, 40)];
-    let curve = NOMINAL.expect("a curve");
-    let corrected = Corrected::new(curve, Interpolation::Linear, &residuals).expect("usable");
-    let mut text = String::new();
-    for calibration in [
-        Calibration::nominal().expect("a curve"),
-        Calibration::Table(table.expect("a table")),
-        Calibration::Corrected(corrected),
-    ] {
-        let bytes = encoded(&Record {
-            calibration,
-            ..nominal()
-        });
-        text += &bytes
-            .iter()
-            .map(|byte| format!("{byte:02x}"))
-            .collect::<String>();
-        text += "\n";
+fn old_records_mean_what_they_meant() {
+    let (mut kinds, mut letters) = (BTreeSet::new(), BTreeSet::new());
+    for old in old_records().iter().filter(|old| old.kind != "lines") {
+        let record = decode(&old.bytes).expect("a record");
+        let kind = match &record.calibration {
+            Calibration::Eq1(_) => "eq1",
+            Calibration::Table(_) => "table",
+            Calibration::Corrected(_) => "corrected",
+        };
+        assert_eq!(kind, old.kind);
+        assert_eq!(digest(&record.calibration), old.distances, "{kind}");
+        let estimator = match old.estimator {
+            "robust" => Estimator::Adaptive,
+            "blocks" | "parabola" | "log-parabola" | "zero-crossing" => Estimator::PhaseTable,
+            name => Estimator::named(name).expect("an estimator"),
+        };
+        assert_eq!(record.estimator, estimator, "{}", old.estimator);
+        // The estimator's letter may be another: all else is as it was.
+        let letter = 18;
+        let mut bytes = old.bytes[..old.bytes.len() - 4].to_vec();
+        bytes[letter] = estimator.letter() as u8;
+        assert_eq!(encoded(&record), sealed(bytes), "{} {kind}", old.estimator);
+        kinds.insert(kind);
+        letters.insert(old.bytes[letter]);
     }
-    insta::assert_snapshot!(text);
+    assert_eq!(kinds.len(), 3);
+    assert_eq!(letters.into_iter().collect::<Vec<u8>>(), b"abglprtz");
+}
+
+#[test]
+fn straight_lines_are_refused_with_advice() {
+    let old = old_records();
+    let lines: Vec<&Old> = old.iter().filter(|old| old.kind == "lines").collect();
+    assert_eq!(lines.len(), 2);
+    for old in lines {
+        assert_eq!(decode(&old.bytes), Err(RecordError::StraightLines));
+        // Whatever its knots are: there may be more than a record has room for.
+        let mut body = old.bytes[..old.bytes.len() - 4].to_vec();
+        body.resize(2637, 0x80);
+        assert_eq!(decode(&sealed(body)), Err(RecordError::StraightLines));
+    }
 }
 
 #[test]
@@ -209,7 +284,7 @@ fn what_cannot_be_used_is_refused() {
             centre,
             value: Micrometres::from_int(value),
         });
-        let table = Table::new(Interpolation::Linear, &knots).expect("a table");
+        let table = Table::new(&knots).expect("a table");
         let record = Record {
             calibration: Calibration::Table(table),
             ..nominal()
@@ -263,6 +338,7 @@ fn errors_say_what_is_wrong_and_what_to_do() {
         },
         RecordError::Version { version: 2 },
         RecordError::Shape,
+        RecordError::StraightLines,
         RecordError::Date,
         RecordError::Geometry,
         RecordError::Estimator { letter: b'?' },

@@ -39,12 +39,3 @@ pub fn pchip(knots: &[(f64, f64)], x: f64, least: f64, most: f64) -> f64 {
     let (m, n) = (slope(i) * h, slope(i + 1) * h);
     knots[i].1 + t * (m + t * (3.0 * rise - 2.0 * m - n + t * (m + n - 2.0 * rise)))
 }
-
-pub fn straight(knots: &[(f64, f64)], x: f64) -> f64 {
-    let i = knots
-        .partition_point(|k| k.0 <= x)
-        .clamp(1, knots.len() - 1)
-        - 1;
-    let (from, to) = (knots[i], knots[i + 1]);
-    from.1 + (to.1 - from.1) * (x - from.0) / (to.0 - from.0)
-}

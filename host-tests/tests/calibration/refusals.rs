@@ -2,104 +2,90 @@
 
 use proptest::prelude::*;
 use slitrange::distance::eq1::NOMINAL;
-use slitrange::distance::knots::{CLOSEST, Interpolation, Knot, KnotsError, MAX_CUBIC, MAX_LINEAR};
+use slitrange::distance::knots::{CLOSEST, Knot, KnotsError, MAX_KNOTS};
 use slitrange::distance::residuals::{Corrected, CorrectedError};
 use slitrange::distance::table::{Table, TableError};
 use slitrange::units::{Micrometres, Pixels};
 
 use crate::common::knot;
-use crate::records::{cases, interpolations};
+use crate::records::cases;
 
 #[test]
 fn what_is_no_table_is_refused_with_the_knot_that_is_wrong() {
-    use Interpolation::{Cubic, Linear};
-    let wrong = |interpolation, knots: &[Knot]| Table::new(interpolation, knots).err();
+    let wrong = |knots: &[Knot]| Table::new(knots).err();
     let good = [knot(0, 900_000), knot(10, 890_000), knot(2000, 500_000)];
-    for interpolation in [Linear, Cubic] {
-        assert_eq!(wrong(interpolation, &good), None);
-        for count in [0, 1] {
-            assert_eq!(
-                wrong(interpolation, &good[..count]),
-                Some(TableError::Knots(KnotsError::TooFew { knots: count }))
-            );
-        }
-        let unsorted = [good[1], good[0], good[2]];
-        let order = |index, centre| Some(TableError::Knots(KnotsError::Order { index, centre }));
+    assert_eq!(wrong(&good), None);
+    for count in [0, 1] {
         assert_eq!(
-            wrong(interpolation, &unsorted),
-            order(1, Pixels::from_int(0))
-        );
-        let equal = [good[0], good[1], good[1]];
-        assert_eq!(wrong(interpolation, &equal), order(2, Pixels::from_int(10)));
-        let close = |bits| {
-            let centre = Pixels::from_bits(CLOSEST.to_bits() + bits);
-            let values = [knot(0, 900_000), Knot { centre, ..good[1] }];
-            wrong(interpolation, &values)
-        };
-        assert_eq!(
-            close(-1),
-            order(1, Pixels::from_bits(CLOSEST.to_bits() - 1))
-        );
-        assert_eq!(close(0), None);
-
-        let not_monotone = |index, distance| Some(TableError::NotMonotone { index, distance });
-        let back = [good[0], good[1], knot(20, 890_100), good[2]];
-        assert_eq!(
-            wrong(interpolation, &back),
-            not_monotone(2, Micrometres::from_int(890_100))
-        );
-        let level = [good[0], good[1], knot(20, 890_000), good[2]];
-        assert_eq!(
-            wrong(interpolation, &level),
-            not_monotone(2, Micrometres::from_int(890_000))
-        );
-        let all_level = [knot(0, 5), knot(1, 5)];
-        assert_eq!(
-            wrong(interpolation, &all_level),
-            not_monotone(1, Micrometres::from_int(5))
-        );
-        // A sixteenth of a micrometre a pixel is just enough.
-        assert_eq!(wrong(interpolation, &[knot(0, 0), knot(160, 10)]), None);
-        assert_eq!(wrong(interpolation, &[knot(0, 0), knot(160, -10)]), None);
-        assert_eq!(
-            wrong(interpolation, &[knot(0, 0), knot(161, 10)]),
-            not_monotone(1, Micrometres::from_int(10))
-        );
-
-        // 2^22 um, and a step less, over all the centres that there are.
-        let far = |value| {
-            let ends = [
-                (Pixels::MIN, Micrometres::from_int(0)),
-                (Pixels::MAX, value),
-            ];
-            let knots = ends.map(|(centre, value)| Knot { centre, value });
-            wrong(interpolation, &knots)
-        };
-        let value = Micrometres::from_int(1 << 22);
-        assert_eq!(
-            far(value),
-            Some(TableError::Knots(KnotsError::Step { index: 1, value }))
-        );
-        assert_eq!(far(Micrometres::from_bits(value.to_bits() - 1)), None);
-    }
-    for (interpolation, most) in [(Linear, MAX_LINEAR), (Cubic, MAX_CUBIC)] {
-        let knots: Vec<Knot> = (0..=most as i32).map(|i| knot(i, -i)).collect();
-        assert_eq!(wrong(interpolation, &knots[..most]), None);
-        assert_eq!(
-            wrong(interpolation, &knots),
-            Some(TableError::Knots(KnotsError::TooMany {
-                knots: most + 1,
-                most
-            }))
+            wrong(&good[..count]),
+            Some(TableError::Knots(KnotsError::TooFew { knots: count }))
         );
     }
+    let unsorted = [good[1], good[0], good[2]];
+    let order = |index, centre| Some(TableError::Knots(KnotsError::Order { index, centre }));
+    assert_eq!(wrong(&unsorted), order(1, Pixels::from_int(0)));
+    let equal = [good[0], good[1], good[1]];
+    assert_eq!(wrong(&equal), order(2, Pixels::from_int(10)));
+    let close = |bits| {
+        let centre = Pixels::from_bits(CLOSEST.to_bits() + bits);
+        let values = [knot(0, 900_000), Knot { centre, ..good[1] }];
+        wrong(&values)
+    };
+    assert_eq!(
+        close(-1),
+        order(1, Pixels::from_bits(CLOSEST.to_bits() - 1))
+    );
+    assert_eq!(close(0), None);
+
+    let not_monotone = |index, distance| Some(TableError::NotMonotone { index, distance });
+    let back = [good[0], good[1], knot(20, 890_100), good[2]];
+    assert_eq!(
+        wrong(&back),
+        not_monotone(2, Micrometres::from_int(890_100))
+    );
+    let level = [good[0], good[1], knot(20, 890_000), good[2]];
+    assert_eq!(
+        wrong(&level),
+        not_monotone(2, Micrometres::from_int(890_000))
+    );
+    let all_level = [knot(0, 5), knot(1, 5)];
+    assert_eq!(wrong(&all_level), not_monotone(1, Micrometres::from_int(5)));
+    // A sixteenth of a micrometre a pixel is just enough.
+    assert_eq!(wrong(&[knot(0, 0), knot(160, 10)]), None);
+    assert_eq!(wrong(&[knot(0, 0), knot(160, -10)]), None);
+    assert_eq!(
+        wrong(&[knot(0, 0), knot(161, 10)]),
+        not_monotone(1, Micrometres::from_int(10))
+    );
+
+    // 2^22 um, and a step less, over all the centres that there are.
+    let far = |value| {
+        let ends = [
+            (Pixels::MIN, Micrometres::from_int(0)),
+            (Pixels::MAX, value),
+        ];
+        let knots = ends.map(|(centre, value)| Knot { centre, value });
+        wrong(&knots)
+    };
+    let value = Micrometres::from_int(1 << 22);
+    assert_eq!(
+        far(value),
+        Some(TableError::Knots(KnotsError::Step { index: 1, value }))
+    );
+    assert_eq!(far(Micrometres::from_bits(value.to_bits() - 1)), None);
+
+    let knots: Vec<Knot> = (0..=MAX_KNOTS as i32).map(|i| knot(i, -i)).collect();
+    assert_eq!(wrong(&knots[..MAX_KNOTS]), None);
+    let too_many = KnotsError::TooMany {
+        knots: MAX_KNOTS + 1,
+    };
+    assert_eq!(wrong(&knots), Some(TableError::Knots(too_many)));
 }
 
 #[test]
 fn residuals_that_do_not_go_with_the_curve_are_refused() {
     let nominal = NOMINAL.expect("a curve");
-    let wrong =
-        |knots: &[Knot]| Corrected::new(nominal.clone(), Interpolation::Linear, knots).err();
+    let wrong = |knots: &[Knot]| Corrected::new(nominal.clone(), knots).err();
     assert_eq!(wrong(&[knot(1191, 50), knot(2654, -50)]), None);
     assert_eq!(
         wrong(&[knot(1191, 50)]),
@@ -126,12 +112,13 @@ fn residuals_that_do_not_go_with_the_curve_are_refused() {
     let half = (-0.5 * slope) as i32;
     println!("slope {slope} um a pixel");
     for sign in [1, -1] {
-        let knots = |rise: i32| [knot(1300, 0), knot(2600, 0), knot(2601, sign * rise)];
+        // Two knots: the cubic is a straight line.
+        let knots = |rise: i32| [knot(2600, 0), knot(2601, sign * rise)];
         assert_eq!(wrong(&knots(half)), None);
         assert_eq!(
             wrong(&knots(half + 1)),
             Some(CorrectedError::Steep {
-                index: 2,
+                index: 1,
                 centre: Pixels::from_int(2601)
             })
         );
@@ -149,10 +136,7 @@ fn errors_say_what_is_wrong_and_what_to_do() {
     let mut text = String::new();
     for error in [
         TableError::Knots(KnotsError::TooFew { knots: 1 }),
-        TableError::Knots(KnotsError::TooMany {
-            knots: 300,
-            most: 257,
-        }),
+        TableError::Knots(KnotsError::TooMany { knots: 300 }),
         TableError::Knots(KnotsError::Order {
             index: 7,
             centre: Pixels::from_f32(12.5),
@@ -193,7 +177,6 @@ proptest! {
     #[test]
     fn any_knots_are_a_table_or_an_error(
         knots in prop::collection::vec(any::<(i32, i32)>(), 0..6),
-        interpolation in interpolations(),
     ) {
         let knots: Vec<Knot> = knots
             .iter()
@@ -202,7 +185,7 @@ proptest! {
         let sorted = knots.windows(2).all(|k| k[0].centre < k[1].centre);
         let rises = knots.windows(2).all(|k| k[0].value < k[1].value);
         let falls = knots.windows(2).all(|k| k[0].value > k[1].value);
-        match Table::new(interpolation, &knots) {
+        match Table::new(&knots) {
             Ok(_) => prop_assert!(knots.len() >= 2 && sorted && (rises || falls)),
             Err(TableError::Knots(KnotsError::TooFew { .. })) => prop_assert!(knots.len() < 2),
             Err(TableError::Knots(KnotsError::TooMany { .. })) => prop_assert!(false),

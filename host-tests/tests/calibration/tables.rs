@@ -2,47 +2,44 @@
 
 use proptest::prelude::*;
 use slitrange::distance::Calibration;
-use slitrange::distance::knots::Interpolation;
 use slitrange::distance::table::Table;
 use slitrange::units::Pixels;
 
 use crate::common::{STEP, holds_what_it_promises, knot, largest_rise, monotone_knots, places};
-use crate::records::{cases, interpolations};
-use crate::reference::{pchip, straight};
+use crate::records::cases;
+use crate::reference::pchip;
 
 /// Every centre of some intervals, one by one: no bit goes back, and none goes further than the slope and a rounding allow.
 #[test]
 fn no_bit_goes_back_between_neighbouring_centres() {
-    for interpolation in [Interpolation::Linear, Interpolation::Cubic] {
-        // Falling by about 200 um a pixel, as a sensor does: 0.8 steps from centre to centre; then by 1/16 um.
-        let knots = [
-            (0, 900_000),
-            (3, 899_300),
-            (5, 898_900),
-            (7, 898_888),
-            (8, 898_887),
-        ]
-        .map(|(centre, value)| knot(centre, value));
-        let table = Table::new(interpolation, &knots).expect("a table");
-        let distance = |bits| {
-            let (distance, _) = table
-                .distance_at(Pixels::from_bits(bits))
-                .expect("in range");
-            distance.to_bits()
-        };
-        let mut before = distance(0);
-        let mut largest = 0;
-        for bits in 1..=8 << 16 {
-            let now = distance(bits);
-            assert!(now <= before, "{interpolation:?} at {bits}");
-            largest = largest.max(before - now);
-            before = now;
-        }
-        println!("{interpolation:?}: at most {largest} steps from centre to centre");
-        // 233 um a pixel, and half as much again where a cubic is steepest: 1.4 steps a centre; and three roundings of a half
-        // at either.
-        assert!((1..=4).contains(&largest), "{largest}");
+    // Falling by about 200 um a pixel, as a sensor does: 0.8 steps from centre to centre; then by 1/16 um.
+    let knots = [
+        (0, 900_000),
+        (3, 899_300),
+        (5, 898_900),
+        (7, 898_888),
+        (8, 898_887),
+    ]
+    .map(|(centre, value)| knot(centre, value));
+    let table = Table::new(&knots).expect("a table");
+    let distance = |bits| {
+        let (distance, _) = table
+            .distance_at(Pixels::from_bits(bits))
+            .expect("in range");
+        distance.to_bits()
+    };
+    let mut before = distance(0);
+    let mut largest = 0;
+    for bits in 1..=8 << 16 {
+        let now = distance(bits);
+        assert!(now <= before, "at {bits}");
+        largest = largest.max(before - now);
+        before = now;
     }
+    println!("at most {largest} steps from centre to centre");
+    // 233 um a pixel, and half as much again where a cubic is steepest: 1.4 steps a centre; and three roundings of a half
+    // at either.
+    assert!((1..=4).contains(&largest), "{largest}");
 }
 
 proptest! {
@@ -52,10 +49,9 @@ proptest! {
     #[test]
     fn every_table_is_monotone_and_right(
         knots in monotone_knots(),
-        interpolation in interpolations(),
         at in prop::collection::vec(0.0..1.0f64, 1..30),
     ) {
-        let Ok(table) = Table::new(interpolation, &knots) else { return Ok(()) };
+        let Ok(table) = Table::new(&knots) else { return Ok(()) };
         for knot in &knots {
             let (distance, _) = table.distance_at(knot.centre).expect("a knot");
             prop_assert_eq!(distance, knot.value);
@@ -63,10 +59,7 @@ proptest! {
         let exact: Vec<(f64, f64)> =
             knots.iter().map(|k| (k.centre.to_f64(), k.value.to_f64())).collect();
         let error = 3.0 * STEP + largest_rise(table.knots()) / 2f64.powi(22);
-        let reference = |x: f64| match interpolation {
-            Interpolation::Linear => straight(&exact, x),
-            Interpolation::Cubic => pchip(&exact, x, 0.5, 1.5),
-        };
+        let reference = |x: f64| pchip(&exact, x, 0.5, 1.5);
         for centre in places(table.valid(), &at) {
             let (distance, slope) = table.distance_at(centre).expect("in range");
             let should = reference(centre.to_f64());
@@ -89,10 +82,9 @@ proptest! {
     #[test]
     fn any_centre_is_borne(
         knots in monotone_knots(),
-        interpolation in interpolations(),
         centres in prop::collection::vec(any::<i32>(), 1..40),
     ) {
-        let Ok(table) = Table::new(interpolation, &knots) else { return Ok(()) };
+        let Ok(table) = Table::new(&knots) else { return Ok(()) };
         let (first, last) = table.valid();
         for centre in centres.into_iter().map(Pixels::from_bits) {
             let inside = first <= centre && centre <= last;

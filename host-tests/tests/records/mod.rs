@@ -6,7 +6,7 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
-use slitrange::distance::knots::{CLOSEST, Interpolation, Knot};
+use slitrange::distance::knots::{CLOSEST, Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::record::Record;
@@ -40,23 +40,15 @@ pub fn nominal() -> Record {
 pub fn longest() -> Record {
     // Centres beyond 2048 pixels, values beyond 0.52 m and a K of 55 bits take all bytes that theirs can.
     let at = |i: i32| Knot {
-        centre: Pixels::from_bits((2048 << 16) + i * 400_000),
+        centre: Pixels::from_bits((2048 << 16) + i * 800_000),
         value: Micrometres::from_int(2_000_000 + i),
     };
-    let knots: Vec<Knot> = (0..257).map(at).collect();
-    let curve = Eq1::new(
-        Micrometres::from_int(-7_000_000),
-        (1 << 55) - 1,
-        Pixels::from_int(-32_768),
-        at(0).centre..=at(256).centre,
-    );
-    // At 34816 and 36379 pixels from the pole, 15.8 and 15.1 m less 7 m: too far, so the K is as long, but less.
-    assert!(curve.is_err());
+    let knots: Vec<Knot> = (0..MAX_KNOTS as i32).map(at).collect();
     let curve = Eq1::new(
         Micrometres::from_int(-7_000_000),
         1 << 54,
         Pixels::from_int(-32_768),
-        at(0).centre..=at(256).centre,
+        knots[0].centre..=knots[MAX_KNOTS - 1].centre,
     )
     .expect("7.9 m to 7.6 m, less 7 m");
     Record {
@@ -70,11 +62,9 @@ pub fn longest() -> Record {
             bits: 12,
             shot_variance_per_count_q16: u16::MAX,
         },
-        estimator: Estimator::Robust,
+        estimator: Estimator::GaussNewton,
         black_level: BlackLevel::Fixed(Counts::from_int(4095)),
-        calibration: Calibration::Corrected(
-            Corrected::new(curve, Interpolation::Linear, &knots).expect("usable"),
-        ),
+        calibration: Calibration::Corrected(Corrected::new(curve, &knots).expect("usable")),
     }
 }
 
@@ -136,14 +126,12 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
 fn calibrations() -> impl Strategy<Value = Option<Calibration>> {
     let steps = || prop::collection::vec((0..1u32 << 21, 1i64 << 10..1 << 18), 1..120);
     let start = || (0..1 << 24i32, any::<i32>());
-    let table = (start(), steps(), any::<bool>(), interpolations()).prop_map(
-        |(start, steps, falls, interpolation)| {
-            let rise = |_, rise: i64| if falls { -rise } else { rise };
-            Table::new(interpolation, &chain(start, &steps, rise))
-                .ok()
-                .map(Calibration::Table)
-        },
-    );
+    let table = (start(), steps(), any::<bool>()).prop_map(|(start, steps, falls)| {
+        let rise = |_, rise: i64| if falls { -rise } else { rise };
+        Table::new(&chain(start, &steps, rise))
+            .ok()
+            .map(Calibration::Table)
+    });
     // K from 1 m at a thousand pixels down, on either side of a pole.
     let curve = || {
         (
@@ -160,15 +148,14 @@ fn calibrations() -> impl Strategy<Value = Option<Calibration>> {
                 Eq1::new(Micrometres::from_bits(d), k, Pixels::from_int(pole), range)
             })
     };
-    let corrected = (curve(), start(), steps(), 0..12u32, interpolations()).prop_map(
-        |(curve, start, steps, shift, interpolation)| {
+    let corrected =
+        (curve(), start(), steps(), 0..12u32).prop_map(|(curve, start, steps, shift)| {
             let rise = |_, rise: i64| (rise - (1 << 17)) >> shift;
             let knots = chain((start.0, start.1 >> 12), &steps, rise);
-            Corrected::new(curve.ok()?, interpolation, &knots)
+            Corrected::new(curve.ok()?, &knots)
                 .ok()
                 .map(Calibration::Corrected)
-        },
-    );
+        });
     prop_oneof![
         curve().prop_map(|curve| curve.ok().map(Calibration::Eq1)),
         table,
@@ -176,7 +163,8 @@ fn calibrations() -> impl Strategy<Value = Option<Calibration>> {
     ]
 }
 
-/// Knots that begin anywhere, with `rise` made of a step's length and rise; they end where a number does.
+/// Knots from a start, each a step beyond the last; `rise` makes the rise of a step from its length and its number. The chain
+/// ends where a number would overflow.
 pub fn chain(start: (i32, i32), steps: &[(u32, i64)], rise: impl Fn(u32, i64) -> i64) -> Vec<Knot> {
     let (mut centre, mut value) = (i64::from(start.0), i64::from(start.1));
     let mut knots = Vec::new();
@@ -194,8 +182,4 @@ pub fn chain(start: (i32, i32), steps: &[(u32, i64)], rise: impl Fn(u32, i64) ->
         value += rise(length, step);
     }
     knots
-}
-
-pub fn interpolations() -> impl Strategy<Value = Interpolation> {
-    prop_oneof![Just(Interpolation::Linear), Just(Interpolation::Cubic)]
 }

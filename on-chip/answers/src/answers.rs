@@ -8,9 +8,10 @@ use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
-use slitrange::measurement::{Measurement, Settings};
+use slitrange::measurement::Measurement;
 use slitrange::reading::Reading;
 use slitrange::row::{Geometry, Polarity};
+use slitrange::settings::Settings;
 use slitrange::spot;
 use slitrange::units::{Micrometres, Pixels};
 
@@ -43,6 +44,7 @@ impl Rungs {
                 mean: Mean::Weighted,
                 estimator,
                 black_level: BlackLevel::Frame,
+                ..Settings::default()
             };
             Measurement::new(geometry.clone(), settings)
         });

@@ -2,18 +2,19 @@
 
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
-use slitrange::distance::knots::{Interpolation, Knot, MAX_LINEAR};
+use slitrange::distance::knots::Knot;
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::units::{Micrometres, Pixels};
 
-/// A form of a calibration, with so many knots.
+/// Knots of a form with a table.
+const KNOTS: usize = 33;
+
+/// A form of a calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// Eq. (1).
     Eq1,
-    /// A table with straight lines.
-    Linear,
     /// A table with monotone cubics.
     Cubic,
     /// Eq. (1) with residuals, and monotone cubics between those.
@@ -22,13 +23,12 @@ pub enum Form {
 
 impl Form {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Eq1, Self::Linear, Self::Cubic, Self::Corrected];
+    pub const ALL: [Self; 3] = [Self::Eq1, Self::Cubic, Self::Corrected];
 
     /// Its name in the log.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Eq1 => "eq1",
-            Self::Linear => "linear",
             Self::Cubic => "cubic",
             Self::Corrected => "corrected",
         }
@@ -38,8 +38,7 @@ impl Form {
     pub const fn knots(self) -> usize {
         match self {
             Self::Eq1 => 0,
-            Self::Linear => MAX_LINEAR,
-            Self::Cubic | Self::Corrected => 33,
+            Self::Cubic | Self::Corrected => KNOTS,
         }
     }
 
@@ -49,7 +48,7 @@ impl Form {
         let mut knots = [Knot {
             centre: FIRST,
             value: Micrometres::from_int(0),
-        }; MAX_LINEAR];
+        }; KNOTS];
         let knots = knots.get_mut(..self.knots())?;
         for (i, knot) in knots.iter_mut().enumerate() {
             knot.centre = place(i, self.knots() - 1);
@@ -60,13 +59,8 @@ impl Form {
         }
         match self {
             Self::Eq1 => Some(Calibration::Eq1(curve)),
-            Self::Linear => Table::new(Interpolation::Linear, knots)
-                .ok()
-                .map(Calibration::Table),
-            Self::Cubic => Table::new(Interpolation::Cubic, knots)
-                .ok()
-                .map(Calibration::Table),
-            Self::Corrected => Corrected::new(curve, Interpolation::Cubic, knots)
+            Self::Cubic => Table::new(knots).ok().map(Calibration::Table),
+            Self::Corrected => Corrected::new(curve, knots)
                 .ok()
                 .map(Calibration::Corrected),
         }

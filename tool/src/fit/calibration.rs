@@ -3,7 +3,6 @@
 use anyhow::{Context as _, ensure};
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
-use slitrange::distance::knots::Interpolation;
 use slitrange::distance::residuals::{Corrected, CorrectedError};
 use slitrange::distance::table::Table;
 use slitrange::units::{Micrometres, Pixels};
@@ -73,7 +72,7 @@ fn held(solved: &Solved, form: Form, because: String) -> anyhow::Result<Made<'_>
             let curve = smooth()?;
             let (first, last) = ends(curve);
             let table = tabulate(|x| 1e6 * curve.residual(x), first, last)?;
-            let corrected = Corrected::new(eq1(curve)?, Interpolation::Cubic, &table.knots)?;
+            let corrected = Corrected::new(eq1(curve)?, &table.knots)?;
             let knots = Some(table.knots.len());
             (Calibration::Corrected(corrected), knots, curve)
         }
@@ -82,8 +81,7 @@ fn held(solved: &Solved, form: Form, because: String) -> anyhow::Result<Made<'_>
             let (first, last) = ends(curve);
             let table = tabulate(|x| 1e6 * curve.distance(x), first, last)?;
             let knots = Some(table.knots.len());
-            let table = Table::new(Interpolation::Cubic, &table.knots)
-                .context("the smoothed distances are no table")?;
+            let table = Table::new(&table.knots).context("the smoothed distances are no table")?;
             (Calibration::Table(table), knots, curve)
         }
     };

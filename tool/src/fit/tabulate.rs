@@ -1,6 +1,6 @@
 //! A smooth curve as knots with cubics between them, as the sensor holds it.
 
-use slitrange::distance::knots::{Interpolation, Knot, Knots, KnotsError, MAX_CUBIC};
+use slitrange::distance::knots::{Knot, Knots, KnotsError, MAX_KNOTS};
 use slitrange::units::{Micrometres, Pixels};
 
 /// What tabulation may add, in micrometres: a tenth of what noise leaves of the best calibrations.
@@ -42,7 +42,7 @@ pub fn tabulate(
     let mut centres = turns(&curve, first, last);
     loop {
         let knots: Vec<Knot> = centres.iter().copied().map(knot).collect();
-        let made = Knots::new(Interpolation::Cubic, &knots)?;
+        let made = Knots::new(&knots)?;
         let errors: Vec<f64> = centres
             .windows(2)
             .map(|ends| error(&curve, &made, ends[0], ends[1]))
@@ -52,7 +52,7 @@ pub fn tabulate(
             .filter(|&i| centres[i + 1].to_f64() - centres[i].to_f64() > NARROWEST)
             .collect();
         divided.sort_by(|&a, &b| errors[b].total_cmp(&errors[a]));
-        divided.truncate(MAX_CUBIC.saturating_sub(centres.len()));
+        divided.truncate(MAX_KNOTS.saturating_sub(centres.len()));
         if divided.is_empty() {
             return Ok(Tabulated {
                 knots,
@@ -91,7 +91,7 @@ fn turns(curve: &impl Fn(f64) -> f64, first: Pixels, last: Pixels) -> Vec<Pixels
             let turn =
                 pixels(place(i) - 0.5 * (after - before) / bend * (to - from) / STEPS as f64);
             let apart = |other: Pixels| (turn.to_f64() - other.to_f64()).abs() > NARROWEST;
-            if turns.iter().copied().all(apart) && apart(last) && turns.len() < MAX_CUBIC / 4 {
+            if turns.iter().copied().all(apart) && apart(last) && turns.len() < MAX_KNOTS / 4 {
                 turns.push(turn);
             }
         }
@@ -134,7 +134,7 @@ mod tests {
             (made.knots.len(), made.error_um)
         });
         assert!(cubic.0 <= 65 && cubic.1 < LIMIT + 0.01);
-        assert!(wave.0 <= MAX_CUBIC && wave.1 < 0.2);
+        assert!(wave.0 <= MAX_KNOTS && wave.1 < 0.2);
     }
 
     #[test]
@@ -146,6 +146,6 @@ mod tests {
         )
         .expect("knots");
         println!("{} knots, {:.1} um", made.knots.len(), made.error_um);
-        assert!(made.knots.len() <= MAX_CUBIC && made.error_um > LIMIT);
+        assert!(made.knots.len() <= MAX_KNOTS && made.error_um > LIMIT);
     }
 }

@@ -9,7 +9,7 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::NOMINAL;
-use slitrange::distance::knots::{Interpolation, Knot, MAX_CUBIC, MAX_LINEAR};
+use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::protocol::command::Command;
@@ -53,24 +53,19 @@ fn knots(count: usize, value: impl Fn(f64) -> f64) -> Vec<Knot> {
         .collect()
 }
 
-/// Some of every kind, of 51 to 2444 bytes.
+/// Some of every kind.
 fn kinds() -> Vec<EncodedRecord> {
     let curve = NOMINAL.expect("a curve");
     let distance = |centre: f64| -115_384.6 + 2_152_366_863.0 / (centre + 580.34616);
     let lens = |centre: f64| 300.0 * (centre / 200.0).sin();
     let mut kinds = vec![Calibration::Eq1(curve.clone())];
-    for (interpolation, most) in [
-        (Interpolation::Linear, MAX_LINEAR),
-        (Interpolation::Cubic, MAX_CUBIC),
-    ] {
-        for count in [2, 33, most] {
-            kinds.push(Calibration::Table(
-                Table::new(interpolation, &knots(count, distance)).expect("a table"),
-            ));
-            kinds.push(Calibration::Corrected(
-                Corrected::new(curve.clone(), interpolation, &knots(count, lens)).expect("usable"),
-            ));
-        }
+    for count in [2, 33, MAX_KNOTS] {
+        kinds.push(Calibration::Table(
+            Table::new(&knots(count, distance)).expect("a table"),
+        ));
+        kinds.push(Calibration::Corrected(
+            Corrected::new(curve.clone(), &knots(count, lens)).expect("usable"),
+        ));
     }
     (17..)
         .zip(kinds)
@@ -293,7 +288,7 @@ fn what_is_no_record_of_the_sensor_is_refused() {
     std::fs::write(&path, vec![0; 5000]).expect("written");
     let error = run(&["show", text(&path)]).0.expect_err("too long");
     assert!(
-        error.contains("it has 5000 bytes, and the longest record 2641"),
+        error.contains("it has 5000 bytes, and the longest record 1361"),
         "{error}"
     );
     let error = run(&["show", "/nowhere/record"]).0.expect_err("none");

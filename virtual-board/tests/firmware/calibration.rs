@@ -1,12 +1,13 @@
 //! Calibrations that come over the serial line: what was sent is used as the core uses it, or nothing changes.
 
-use slitrange::measurement::{Measurement, Settings};
+use slitrange::measurement::Measurement;
 use slitrange::protocol::calibration::FlashStatus;
 use slitrange::protocol::piece::Piece;
 use slitrange::protocol::refusal::Refusal;
 use slitrange::record::RecordError;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
+use slitrange::settings::Settings;
 use slitrange::{frame, sensor_heads};
 use virtual_board::VirtualBoard;
 
@@ -83,6 +84,7 @@ fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<Strin
         mean: frame::Mean::default(),
         estimator: record.estimator,
         black_level: record.black_level,
+        ..Settings::default()
     };
     let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
     rows.iter()

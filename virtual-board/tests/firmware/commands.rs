@@ -8,13 +8,12 @@ use slitrange::centre::Estimator;
 use slitrange::distance::eq1;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
-use slitrange::measurement::Settings;
-use slitrange::protocol::answer::HELP;
+use slitrange::protocol::help::{Estimators, Help};
 use slitrange::protocol::info::{Banner, Hardware, Info};
-use slitrange::protocol::ladder::Ladder;
 use slitrange::protocol::status::StartCause;
 use slitrange::record::Record;
 use slitrange::sensor_heads;
+use slitrange::settings::Settings;
 use slitrange::units::Pixels;
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{Exposure, LightSource, VirtualBoard};
@@ -50,7 +49,8 @@ fn the_banner_says_what_this_is_and_why_it_started() {
 #[test]
 fn help_and_info_are_what_the_core_says() {
     let mut board = measuring(16);
-    let help: Vec<&str> = HELP.split("\r\n").collect();
+    let help = Help.to_string();
+    let help: Vec<&str> = help.split("\r\n").collect();
     assert_eq!(ask_for_lines(&mut board, "help", help.len()), help);
 
     for (on, command) in [(true, "calibration on"), (false, "calibration off")] {
@@ -58,12 +58,7 @@ fn help_and_info_are_what_the_core_says() {
         let info = Info {
             hardware: &HARDWARE,
             geometry: &sensor_heads::tcd1304dg(),
-            settings: &Settings {
-                estimator: Estimator::default(),
-                rows: 16,
-                mean: Mean::default(),
-                black_level: BlackLevel::Shielded,
-            },
+            settings: &Settings::default(),
             record: Record::nominal().as_ref(),
             on,
         }
@@ -356,7 +351,7 @@ fn help_estimator_lists_every_rung_and_costs_no_reading() {
     let mut board = measuring(1);
     set(&mut board, "estimator adaptive");
     fresh_results(&mut board, 1);
-    let expected = Ladder.to_string();
+    let expected = Estimators.to_string();
     let expected: Vec<&str> = expected.split("\r\n").collect();
     let lines = ask_for_lines(&mut board, "help estimator", expected.len());
     println!("{lines:#?}");

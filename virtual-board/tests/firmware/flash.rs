@@ -6,7 +6,7 @@ use std::time::Duration;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use slitrange::frame::Mean;
-use slitrange::measurement::Settings;
+use slitrange::settings::Settings;
 use slitrange::store::Stored;
 use slitrange::store::configuration::Configuration;
 use virtual_board::flash::{BASE, Contents, History, Operation};

@@ -12,7 +12,8 @@ use slitrange::centre::{self, Estimator};
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
-use slitrange::measurement::{Measurement, Settings};
+use slitrange::measurement::Measurement;
+use slitrange::settings::Settings;
 use slitrange::{sensor_heads, spot};
 use virtual_board::{Exposure, LightSource, Row};
 
@@ -158,6 +159,7 @@ fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
             rows: 1,
             mean: Mean::default(),
             black_level: BlackLevel::Shielded,
+            ..Settings::default()
         };
         let pc = on_this_pc(&rows, settings, calibration.as_ref());
         // The first of them may still be of a frame of 16 rows.
@@ -215,6 +217,7 @@ fn every_frame_is_the_same_line_on_the_chip_and_on_a_pc() {
             rows,
             mean,
             black_level: BlackLevel::Frame,
+            ..Settings::default()
         };
         let calibration = Calibration::nominal();
         let chip = &chip[1..];
@@ -262,6 +265,7 @@ fn every_estimator_says_the_same_on_the_chip_and_on_a_pc() {
                 rows: 1,
                 mean: Mean::default(),
                 black_level: BlackLevel::Shielded,
+                ..Settings::default()
             };
             let pc = on_this_pc(&rows, settings, calibration.as_ref());
             // The first two may still be of the estimator before.

@@ -4,7 +4,7 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, NOMINAL};
-use slitrange::distance::knots::{Interpolation, Knot, MAX_LINEAR};
+use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::protocol::calibration::{FlashStatus, Shown};
@@ -46,26 +46,18 @@ pub fn eq1() -> EncodedRecord {
     written(record(Calibration::Eq1(curve.expect("a curve"))))
 }
 
-/// Eq. (1), tables and residuals of either interpolation, and the longest record that this sensor can have.
-pub fn every_kind() -> [EncodedRecord; 6] {
+/// Eq. (1), a table, eq. (1) with residuals, and the longest record that this sensor can have.
+pub fn every_kind() -> [EncodedRecord; 4] {
     let nominal = NOMINAL.expect("a curve");
     let distance = |centre| nominal.distance_at(centre).expect("in range").0;
     // Bent by a third of a millimetre.
     let residual = |centre: Pixels| Micrometres::from_f32(300.7 * (centre.to_f32() / 211.3).sin());
-    let table = |interpolation| {
-        let table = Table::new(interpolation, &knots(33, distance));
-        written(record(Calibration::Table(table.expect("a table"))))
-    };
-    let corrected = |interpolation| {
-        let corrected = Corrected::new(nominal.clone(), interpolation, &knots(21, residual));
-        written(record(Calibration::Corrected(corrected.expect("usable"))))
-    };
+    let table = Table::new(&knots(33, distance)).expect("a table");
+    let corrected = Corrected::new(nominal.clone(), &knots(21, residual)).expect("usable");
     [
         eq1(),
-        table(Interpolation::Linear),
-        table(Interpolation::Cubic),
-        corrected(Interpolation::Linear),
-        corrected(Interpolation::Cubic),
+        written(record(Calibration::Table(table))),
+        written(record(Calibration::Corrected(corrected))),
         longest(),
     ]
 }
@@ -86,20 +78,20 @@ fn knots(count: i32, value: impl Fn(Pixels) -> Micrometres) -> Vec<Knot> {
 /// As many knots as there may be; centres beyond 2048 pixels, residuals beyond 0.52 m and a K of 55 bits take all the bytes that they
 /// can.
 pub fn longest() -> EncodedRecord {
-    let knots: Vec<Knot> = (0..MAX_LINEAR as i32)
+    let knots: Vec<Knot> = (0..MAX_KNOTS as i32)
         .map(|i| Knot {
-            centre: Pixels::from_bits((2048 << 16) + i * 400_000),
+            centre: Pixels::from_bits((2048 << 16) + i * 800_000),
             value: Micrometres::from_int(2_000_000 + i),
         })
         .collect();
-    let (first, last) = (knots[0].centre, knots[MAX_LINEAR - 1].centre);
+    let (first, last) = (knots[0].centre, knots[MAX_KNOTS - 1].centre);
     let curve = Eq1::new(
         Micrometres::from_int(-8_000_000),
         1 << 54,
         Pixels::from_int(-32_768),
         first..=last,
     );
-    let corrected = Corrected::new(curve.expect("a curve"), Interpolation::Linear, &knots);
+    let corrected = Corrected::new(curve.expect("a curve"), &knots);
     written(record(Calibration::Corrected(corrected.expect("usable"))))
 }
 

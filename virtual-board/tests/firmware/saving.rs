@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use slitrange::measurement::Settings;
 use slitrange::protocol::calibration::FlashStatus;
 use slitrange::protocol::refusal::Refusal;
 use slitrange::record::Record;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
+use slitrange::settings::Settings;
 use slitrange::store::StoreError;
 use slitrange::store::configuration::Configuration;
 use virtual_board::flash::{BYTES, Contents, SharedFlash};

@@ -69,7 +69,6 @@ pub fn measure(chip: &Chip) -> anyhow::Result<Vec<Distance>> {
 const fn name(form: Form) -> &'static str {
     match form {
         Form::Eq1 => "eq. (1)",
-        Form::Linear => "lines",
         Form::Cubic => "PCHIP",
         Form::Corrected => "eq. (1) + PCHIP of residuals",
     }
@@ -96,7 +95,6 @@ fn ram_bytes(form: Form) -> usize {
     let knots = form.knots() * size_of::<Knot>();
     match form {
         Form::Eq1 => size_of::<Eq1>(),
-        Form::Linear => knots,
         Form::Cubic => 2 * knots,
         Form::Corrected => size_of::<Eq1>() + 2 * knots,
     }
@@ -119,7 +117,7 @@ fn record_bytes(calibration: Calibration) -> anyhow::Result<usize> {
 mod tests {
     use super::*;
     use lab::paper::apparatus::{Aperture, TABLE, optics};
-    use slitrange::distance::knots::Interpolation;
+    use slitrange::distance::knots::MAX_KNOTS;
 
     /// The program on the chip has the paper's numbers of its own.
     #[test]
@@ -142,11 +140,8 @@ mod tests {
 
     #[test]
     fn the_memory_is_what_is_said() {
-        // Room for the most knots of either kind: what belongs to each, a length, a range, and which kind it is.
-        let most = |interpolation: Interpolation, each: usize| {
-            interpolation.most() * each * size_of::<Knot>()
-        };
-        let numbers = most(Interpolation::Linear, 1).max(most(Interpolation::Cubic, 2));
+        // Room for the most knots, each with two control points; their number and their range.
+        let numbers = MAX_KNOTS * 2 * size_of::<Knot>();
         let whole = size_of::<Calibration>() - size_of::<Eq1>();
         assert!(
             (numbers..numbers + 40).contains(&whole),

@@ -17,7 +17,8 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::frame::Mean;
-use slitrange::measurement::{Measurement, Settings};
+use slitrange::measurement::Measurement;
+use slitrange::settings::Settings;
 
 /// Rows a second that the sensor is read out with.
 pub const ROWS_PER_SECOND: f64 = 175.4;
@@ -157,6 +158,7 @@ fn read(scene: &Scene, reading: u64) -> Vec<Option<Found>> {
             mean: Mean::default(),
             estimator: Estimator::default(),
             black_level: BlackLevel::Shielded,
+            ..Settings::default()
         };
         Measurement::new(scene.geometry(), settings)
     });

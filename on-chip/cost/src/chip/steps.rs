@@ -5,9 +5,10 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
-use slitrange::measurement::{Measurement, Settings};
+use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
 use slitrange::row::{Geometry, Row};
+use slitrange::settings::Settings;
 use slitrange::spot::{self, Spot};
 use slitrange::units::Pixels;
 
@@ -74,6 +75,7 @@ fn settings() -> Settings {
         mean: Mean::default(),
         estimator: Estimator::default(),
         black_level: BlackLevel::Shielded,
+        ..Settings::default()
     }
 }
 

@@ -4,17 +4,17 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::{Estimator, RowCentre, WidthClass};
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, Eq1Error};
-use slitrange::distance::knots::{Interpolation, Knot};
+use slitrange::distance::knots::Knot;
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::fault::Fault;
 use slitrange::frame::{FrameCentre, Mean};
-use slitrange::measurement::Settings;
 use slitrange::reading::{Measured, Reading};
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
+use slitrange::settings::Settings;
 use slitrange::spot::{Background, Spot};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
@@ -55,6 +55,7 @@ pub fn settings() -> Settings {
         mean: any(Mean::Plain),
         estimator: any(Estimator::Centroid),
         black_level: any(BlackLevel::Shielded),
+        ..Settings::default()
     }
 }
 
@@ -62,12 +63,12 @@ pub fn calibration() -> Option<Calibration> {
     match any(0) {
         0 => eq1().ok().map(Calibration::Eq1),
         1 => {
-            let table = Table::new(any(Interpolation::Linear), knots(&mut [KNOT; 300]));
+            let table = Table::new(knots(&mut [KNOT; 300]));
             table.ok().map(Calibration::Table)
         }
         _ => {
             let (curve, mut place) = (eq1().ok()?, [KNOT; 300]);
-            let corrected = Corrected::new(curve, any(Interpolation::Linear), knots(&mut place));
+            let corrected = Corrected::new(curve, knots(&mut place));
             corrected.ok().map(Calibration::Corrected)
         }
     }
