@@ -1,8 +1,8 @@
-//! What an unlit pixel reads, in the paper's three ways (section 3): fixed at calibration, from shielded pixels, or from
-//! all pixels away from the spot.
+//! The black level: the counts of an unlit pixel, found in one of the paper's three ways (section 3).
 //!
-//! The phase tables sum to zero, so the centre does not depend on it; it is what a centroid takes off, and what a
-//! person watches for stray light and drift.
+//! The centroid subtracts it, and the height of its spot is the height above it. The other estimators fit the level under the spot
+//! or cancel it exactly, so it changes none of their bits. What it leaves of the converter's full scale is the greatest height that
+//! can be measured: [`Geometry::height_limit`](crate::row::Geometry::height_limit). It also shows a person stray light and drift.
 
 use crate::frame::MAX_ROWS;
 use crate::numeric;
@@ -13,18 +13,18 @@ use crate::units::Counts;
 /// How the black level is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlackLevel {
-    /// Once, at calibration.
+    /// A number, measured once at calibration.
     Fixed(Counts),
-    /// From the shielded pixels of each row.
+    /// The mean of each row's shielded pixels. Ambient light is then light above the black level.
     Shielded,
-    /// From each frame: the mean of all pixels outside a window around the centroid.
+    /// The mean of each row's pixels outside a window around the centroid. Ambient light is then part of the black level.
     Frame,
 }
 
 /// Half of the window around the centroid that [`BlackLevel::Frame`] leaves out, in pixels: the paper leaves out 128.
 pub const HALF_WINDOW: usize = 64;
 
-/// Pixels of a frame's rows that count as black, and their sum.
+/// Pixels of a row, or of a frame's rows, that count as black, and their sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BlackPixels {
     sum: u32,
@@ -57,6 +57,12 @@ impl BlackPixels {
         }
     }
 
+    /// Adds the black pixels of another row.
+    pub fn add_row(&mut self, row: Self) {
+        self.sum = self.sum.saturating_add(row.sum);
+        self.pixels = self.pixels.saturating_add(row.pixels);
+    }
+
     fn add_pixels(&mut self, pixels: &[u16]) {
         self.sum = self.sum.saturating_add(
             pixels
@@ -66,15 +72,14 @@ impl BlackPixels {
         self.pixels = self.pixels.saturating_add(pixels.len() as u32);
     }
 
-    /// The black level, where a pixel counted or it is fixed; otherwise zero.
-    pub fn level(&self, how: BlackLevel) -> Counts {
+    /// The black level. `None` where it is not fixed and no pixel counted.
+    pub fn level(&self, how: BlackLevel) -> Option<Counts> {
         match how {
-            BlackLevel::Fixed(level) => level,
+            BlackLevel::Fixed(level) => Some(level),
             BlackLevel::Shielded | BlackLevel::Frame => {
-                let bits = (u64::from(self.sum) * (1 << Counts::FRACTION))
-                    .checked_div(u64::from(self.pixels))
-                    .unwrap_or_default();
-                Counts::from_bits(i32::try_from(bits).unwrap_or(i32::MAX))
+                let sum = u64::from(self.sum) * (1 << Counts::FRACTION);
+                let bits = sum.checked_div(u64::from(self.pixels))?;
+                Some(Counts::from_bits(i32::try_from(bits).unwrap_or(i32::MAX)))
             }
         }
     }
@@ -125,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn three_ways() {
+    fn the_level_is_fixed_or_the_mean_of_shielded_or_of_unlit_pixels() {
         let light = row_with_a_spot();
         let row = Row::new(&light, &[90, 92, 94], 4095).expect("a row");
         let background = Background {
@@ -135,7 +140,7 @@ mod tests {
         let level = |how| {
             let mut black = BlackPixels::default();
             black.add(how, &row, Some(background));
-            black.level(how)
+            black.level(how).expect("black pixels")
         };
         assert_eq!(
             level(BlackLevel::Fixed(Counts::from_int(77))),
@@ -147,9 +152,9 @@ mod tests {
     }
 
     #[test]
-    fn nothing_counted_is_zero_and_no_panic() {
+    fn without_black_pixels_there_is_no_level() {
         for how in [BlackLevel::Shielded, BlackLevel::Frame] {
-            assert_eq!(BlackPixels::default().level(how), Counts::from_int(0));
+            assert_eq!(BlackPixels::default().level(how), None);
         }
         let background = Background {
             level: Counts::from_int(4000),

@@ -4,7 +4,7 @@
 //! [`Calibration`](crate::distance::Calibration)'s to say: [`Measured::reading`].
 
 use crate::black_level::BlackPixels;
-use crate::centre::RowCentre;
+use crate::centre::{Estimator, RowCentre};
 use crate::check;
 use crate::fault::Fault;
 use crate::frame::Frame;
@@ -12,6 +12,7 @@ use crate::reading::Measured;
 use crate::row::{Geometry, Row};
 use crate::settings::Settings;
 use crate::spot::{self, Spot};
+use crate::units::Counts;
 
 /// The pipeline with the state of the frame that is under way.
 #[derive(Clone, Debug)]
@@ -85,12 +86,16 @@ impl Measurement {
             Some((spot, centre)) => spot::find_again(row, spot, centre.width),
             None => spot::find(row),
         };
-        self.black.add(
-            self.settings.black_level,
-            row,
-            spot.ok().map(|spot| spot.background),
-        );
+        let how = self.settings.black_level;
+        let mut black = BlackPixels::default();
+        black.add(how, row, spot.ok().map(|spot| spot.background));
+        self.black.add_row(black);
         let spot = spot?;
+        let spot = Spot {
+            // A sensor without shielded pixels has no level but the background's.
+            black_level: black.level(how).unwrap_or(spot.background.level),
+            ..spot
+        };
         let centre = check::centre(
             self.settings.estimator,
             row,
@@ -99,14 +104,28 @@ impl Measurement {
             &self.geometry,
         )?;
         self.before = Some((spot, centre));
-        Ok(centre)
+        if self.settings.estimator != Estimator::Centroid {
+            // These fit or cancel the level under the spot, and measure the height above it.
+            return Ok(centre);
+        }
+        let amplitude = spot.above_black(centre.amplitude);
+        if amplitude <= Counts::default() {
+            return Err(spot.no_spot());
+        }
+        Ok(RowCentre {
+            amplitude,
+            ..centre
+        })
     }
 
     fn measured(&self) -> Result<Measured, Fault> {
         let frame = self.frame.centre(self.settings.mean)?;
         Ok(Measured {
             frame,
-            black_level: self.black.level(self.settings.black_level),
+            black_level: self
+                .black
+                .level(self.settings.black_level)
+                .unwrap_or_default(),
             estimator: self.settings.estimator,
         })
     }

@@ -2,6 +2,8 @@
 
 use core::ops::Range;
 
+use crate::units::Counts;
+
 /// Whether more light makes a converter word larger or smaller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Polarity {
@@ -131,6 +133,12 @@ impl Geometry {
         } else {
             LARGEST_COUNT
         }
+    }
+
+    /// The greatest height above a black level that can be measured: full scale less that level. A pixel as high is saturated.
+    pub fn height_limit(&self, black_level: Counts) -> Counts {
+        let full_scale = Counts::from_int(self.full_scale().into());
+        Counts::from_bits(full_scale.to_bits().saturating_sub(black_level.to_bits()))
     }
 
     /// Turns the words of a read-out over where light makes them fall, in place, and gives its parts.

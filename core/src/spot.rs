@@ -45,6 +45,8 @@ pub struct Spot {
     pub height: Counts,
     /// What the row reads away from the spot.
     pub background: Background,
+    /// What the centroid subtracts: the background's level, unless the [`measurement`](crate::measurement) chooses another.
+    pub black_level: Counts,
 }
 
 /// What the row reads away from the spot.
@@ -59,8 +61,7 @@ pub struct Background {
 impl Background {
     /// The level in the bits of [`Counts`], within what a row can hold: 0 to 4095 * 2^8 < 2^20.
     pub fn level_bits(&self) -> i32 {
-        const LARGEST: i32 = (LARGEST_COUNT as i32) << Counts::FRACTION;
-        self.level.to_bits().clamp(0, LARGEST)
+        level_bits(self.level)
     }
 
     /// The variance of an unlit pixel in counts squared, rounding included, and the shot noise's variance for each count of light.
@@ -71,7 +72,26 @@ impl Background {
     }
 }
 
+/// A level in the bits of [`Counts`], within what a row can hold.
+fn level_bits(level: Counts) -> i32 {
+    const LARGEST: i32 = (LARGEST_COUNT as i32) << Counts::FRACTION;
+    level.to_bits().clamp(0, LARGEST)
+}
+
 impl Spot {
+    /// The black level in the bits of [`Counts`], within what a row can hold.
+    pub fn black_level_bits(&self) -> i32 {
+        level_bits(self.black_level)
+    }
+
+    /// A height above the background as one above the black level.
+    pub const fn above_black(&self, height: Counts) -> Counts {
+        let above = height
+            .to_bits()
+            .saturating_add(self.background.level.to_bits());
+        Counts::from_bits(above.saturating_sub(self.black_level.to_bits()))
+    }
+
     /// The fault of a candidate that has not the shape of a spot.
     pub const fn no_spot(&self) -> Fault {
         Fault::NoSpot {
@@ -144,6 +164,7 @@ fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
         block_log2: best.block_log2,
         height: best.height(),
         background: Background { level, noise },
+        black_level: level,
     };
     second_spot::told_from_another(&sums, spot).map(Found::Spot)
 }
@@ -159,17 +180,21 @@ fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
         let _ = level.push(count);
     }
     match search(&level, true)? {
-        Found::Spot(spot) => Ok(Spot {
-            background: Background {
-                level: Counts::from_bits(
-                    (spot.background.level.to_bits())
-                        .saturating_add(lowest.saturating_mul(1 << Counts::FRACTION))
-                        .saturating_add(tilt.at(light, spot.centre)),
-                ),
-                ..spot.background
-            },
-            ..spot
-        }),
+        Found::Spot(spot) => {
+            let level = Counts::from_bits(
+                (spot.background.level.to_bits())
+                    .saturating_add(lowest.saturating_mul(1 << Counts::FRACTION))
+                    .saturating_add(tilt.at(light, spot.centre)),
+            );
+            Ok(Spot {
+                background: Background {
+                    level,
+                    ..spot.background
+                },
+                black_level: level,
+                ..spot
+            })
+        }
         // A tilt is taken off once.
         Found::Tilt(_) => Err(Fault::NoSpot {
             amplitude: Counts::from_int(0),
@@ -224,6 +249,7 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
         block_log2,
         height: height(response, block_log2),
         background: before.background,
+        black_level: before.background.level,
     })
 }
 

@@ -79,6 +79,7 @@ fn spots() -> impl Strategy<Value = Spot> {
             block_log2,
             height,
             background: Background { level, noise },
+            black_level: level,
         },
     )
 }

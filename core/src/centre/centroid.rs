@@ -2,11 +2,16 @@
 //!
 //! The window reaches three widths to either side and moves with the centroid until both rest. Its two end pixels count by the
 //! part of them that it covers, so that it moves smoothly and pixels do not show in the centre. The paper's black
-//! threshold is the row's own background level. It is subtracted, and what falls below it counts as negative: the paper's
-//! max(0, y - t) turns the noise of unlit pixels into light that pulls the centroid to the middle of the window, and makes
+//! threshold t is the spot's [`black_level`](crate::spot::Spot::black_level). It is subtracted, and counts below it are negative: the
+//! paper's max(0, y - t) turns the noise of unlit pixels into light that pulls the centroid to the middle of the window, and makes
 //! the error in white noise 1.5 to 2.7 times the bound even if the window is not moved after it.
 //!
-//! Uncertainty: with y' = y - t, M = sum w y' and weights w of the window, the centre c solves sum w (x - c) y' = 0. Moving
+//! If the background b of the row is above t, by ambient light or by a t that is set too low, the window holds 2 h (b - t) of light
+//! besides the spot's. It is even about the middle of the window but for the pixels at the window's ends, so it moves the centroid by
+//! (b - t) / 8M at most. Width, height, uncertainty and the steps of the window are those of the spot's own light: the height is
+//! above the background.
+//!
+//! Uncertainty: with y' = y - b, M = sum w y' and weights w of the window, the centre c solves sum w (x - c) y' = 0. Moving
 //! the window brings light in at one end and out at the other, so that sum falls by kM a pixel and not by M, with
 //! k = 1 - 2 * 3 phi(3) / (2 Phi(3) - 1) = 0.9733 for a gaussian. The sum's variance is that of its pixels,
 //! sum w^2 (x - c)^2 (noise^2 + g y'): with ends that slope over a pixel, noise^2 (2/3 h^3 - h^2/3) for h = 3 sigma, and
@@ -64,17 +69,27 @@ pub fn centre(
     let mut at = on_the_row(light, spot)?;
     let width = half_width::width(light, spot, before)?;
     unsaturated(row, at, width, geometry)?;
-    let level = spot.background.level_bits();
+    let level = spot.black_level_bits();
     // At most 510 pixels, because a width is at most 170.
     let half_window = Pixels::from_f32(HALF_WINDOW * width);
+    // The window's light besides the spot's, in the format of `Moments::light`: within 2^46.
+    let ambient = numeric::mul_i64(
+        i64::from(spot.background.level_bits()) - i64::from(level),
+        2 * i64::from(half_window.to_bits()),
+    );
     let (mut gathered, mut rests) = (0.0, false);
     for _ in 0..MAX_PASSES {
         let moments =
             moments(light, level, at, half_window).ok_or(Fault::SpotAtEdge { centre: at })?;
-        if moments.light <= 0 {
+        // Within 2^48, and 2^61 for the moment, because the window's middle is within half a pixel of the origin.
+        let light_of_spot = numeric::sub_i64(moments.light, ambient);
+        let off_origin = numeric::sub_i32(at.to_bits(), moments.origin.to_bits());
+        let moment_of_ambient = numeric::mul_i64(ambient, off_origin.into()) >> Pixels::FRACTION;
+        let moment_of_spot = numeric::sub_i64(moments.moment, moment_of_ambient);
+        if light_of_spot <= 0 {
             return Err(spot.no_spot());
         }
-        let shift = moments.moment as f32 / moments.light as f32;
+        let shift = moment_of_spot as f32 / light_of_spot as f32;
         let reach = HALF_WINDOW * width;
         let next = moments
             .origin
@@ -82,7 +97,7 @@ pub fn centre(
             .saturating_add(Pixels::from_f32(limited(shift, -reach, reach)).to_bits());
         rests = next.abs_diff(at.to_bits()) <= REST;
         at = Pixels::from_bits(next);
-        gathered = moments.light as f32 / (1u32 << LIGHT_FRACTION) as f32;
+        gathered = light_of_spot as f32 / (1u32 << LIGHT_FRACTION) as f32;
         if rests {
             break;
         }

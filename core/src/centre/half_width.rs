@@ -265,6 +265,7 @@ mod tests {
                 level: Counts::from_int(200),
                 noise: Counts::from_int(1),
             },
+            black_level: Counts::from_int(200),
         }
     }
 

@@ -470,6 +470,7 @@ mod tests {
                 block_log2: 31,
                 height: Counts::from_int(0),
                 background,
+                black_level: background.level,
             };
             let fault = centre_of(&row, &spot);
             assert!(matches!(fault, Err(Fault::SpotAtEdge { .. })), "{fault:?}");

@@ -265,7 +265,7 @@ impl Lump {
             centre: self.middle,
             block_log2,
             height: height(response, block_log2),
-            background: found.background,
+            ..*found
         })
     }
 }

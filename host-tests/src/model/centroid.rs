@@ -3,12 +3,13 @@
 use slitrange::centre::half_width;
 use slitrange::spot::Spot;
 
-/// The centroid of a spot that the core's coarse search found, above the level that it found. `None` where the window reaches over
-/// the sensor's edge or does not come to rest.
+/// The centroid of a spot that the core's coarse search found, above its black level. `None` where the window reaches over the
+/// sensor's edge or does not come to rest.
 pub fn centre(light: &[u16], spot: &Spot) -> Option<f64> {
     let width = half_width::width(light, spot, None).ok()?;
     let half_window = 3.0 * f64::from(width);
-    let level = spot.background.level.to_f64();
+    let level = spot.black_level.to_f64();
+    let ambient = (spot.background.level.to_f64() - level) * 2.0 * half_window;
     let mut at = spot.centre as f64;
     for _ in 0..6 {
         let (first, last) = (
@@ -31,7 +32,8 @@ pub fn centre(light: &[u16], spot: &Spot) -> Option<f64> {
             gathered += above;
             moment += above * (i as f64 - at);
         }
-        let step = (moment / gathered).clamp(-half_window, half_window);
+        // The steps are those of the spot's own light.
+        let step = (moment / (gathered - ambient)).clamp(-half_window, half_window);
         at += step;
         if step.abs() <= 1.0 / 256.0 {
             return Some(at);

@@ -110,6 +110,7 @@ pub fn spot() -> Spot {
             level: Counts::MIN,
             noise: Counts::MIN,
         },
+        black_level: Counts::MIN,
     })
 }
 

@@ -82,7 +82,9 @@ pub fn find_centres() {
     if let Ok(centre) = any(frame.centre(any::settings().mean)) {
         reached(centre.centre.to_bits());
     }
+    black.add_row(any(black));
     any(black.level(any::settings().black_level));
+    any(geometry.height_limit(any(Counts::MIN)));
     any(black_level::centroid(row.light(), spot.background));
 }
 
