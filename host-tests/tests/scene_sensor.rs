@@ -1,9 +1,6 @@
 //! What a sensor makes of light, effect by effect, against closed forms and counts; the random numbers of all effects; and the scenes in
 //! the folder. Figures that are asserted are printed.
 
-use lab::budget::Plan;
-use lab::paper::apparatus::{LASER, WANDER};
-use lab::paper::materials::MATERIALS;
 use rayon::prelude::*;
 use simulator::optics::Aperture;
 use simulator::scene::{
@@ -993,42 +990,6 @@ fn scenes_are_read_and_written() {
     assert_eq!(quiet, white);
 }
 
-/// The scenes of the paper's materials show the surfaces that the paper's experiment is simulated with, lit by the same laser.
-#[test]
-fn materials_are_those_of_the_experiment() {
-    let names = [
-        "brushed-metal",
-        "rusty-metal",
-        "light-wood",
-        "paper-on-camera",
-        "black-tape",
-        "microfiber",
-    ];
-    for (name, material) in names.into_iter().zip(MATERIALS) {
-        let scene = Scene::load(name).expect("a scene");
-        println!("{name}: {}", material.description());
-        let speckle = Speckle {
-            polarisations: material.polarisations as u8,
-            linewidth: LASER.linewidth,
-            path_spread: material.path_spread,
-        };
-        assert_eq!(scene.speckle, Some(speckle), "{name}");
-        assert_eq!(scene.specular_lobe, material.lobe, "{name}");
-        assert_eq!(scene.texture, Some(material.texture), "{name}");
-        let spot = LaserSpot {
-            waist: LASER.waist_diameter,
-            waist_distance: LASER.waist_distance,
-            // A line sensor's scenes are of a target that slides nowhere.
-            wander: match scene.sensor {
-                Sensor::Camera => WANDER,
-                _ => 0.0,
-            },
-        };
-        assert_eq!(scene.laser_spot, Some(spot), "{name}");
-        assert_eq!(scene.optics.wavelength, LASER.wavelength, "{name}");
-    }
-}
-
 /// Each file begins by saying what it shows, and says of each effect why it is there.
 #[test]
 fn scenes_say_why() {
@@ -1219,8 +1180,8 @@ fn scenes_that_mean_nothing_are_refused() {
     assert!(error.contains("no-such.toml; there are black-tape"));
 }
 
-/// With speckle the surface is made for a beam up to 1.5 times as far away as the scene's target: at that end it still can be seen, and a
-/// plan that goes beyond is refused before it is run.
+/// With speckle the surface is made for a beam up to 1.5 times as far away as the scene's target: at that end it still can be
+/// seen, and beyond it is refused.
 #[test]
 fn speckle_has_an_end() {
     let scene = Scene::load("speckle-receding").expect("a scene");
@@ -1232,17 +1193,5 @@ fn speckle_has_an_end() {
     for distance in [f64::NAN, -0.1, 0.29, 1.01 * farthest] {
         let error = scene.check_distance(distance).expect_err("too far");
         println!("{error}");
-    }
-    // 0.01 m/s from 0.8 m: to 1.2 m in 40 s.
-    let plan = |seconds| Plan {
-        seconds,
-        ..Plan::of(&scene)
-    };
-    assert!(plan(39.0).check(&scene).is_ok());
-    let error = format!("{:#}", plan(41.0).check(&scene).expect_err("too far"));
-    println!("{error}");
-    assert!(error.contains("for 41 s: take fewer seconds") && error.contains("1.200 m"));
-    for seconds in [f64::NAN, f64::INFINITY, -1.0, 2e6] {
-        assert!(plan(seconds).check(&Scene::white_paper()).is_err());
     }
 }

@@ -1,7 +1,6 @@
 //! How near each rung comes to the Cramér-Rao bound, over widths, heights and kinds of noise.
 
-use host_tests::accuracy::{Cell, Outcome};
-use host_tests::grid::{self, Rows};
+use host_tests::accuracy::{Cell, Outcome, Rows, largest_bias};
 use indicatif::ProgressBar;
 use slitrange::centre::Estimator;
 
@@ -201,7 +200,7 @@ pub fn measure(estimators: &[Estimator], rows: u64) -> Accuracy {
             .extend(estimators.iter().map(|&estimator| Bias {
                 estimator,
                 width,
-                pixels: grid::largest_bias(estimator, width),
+                pixels: largest_bias(estimator, width),
             }));
         bar.inc(1);
     }

@@ -1,0 +1,60 @@
+//! The scenes in the folder against the paper's experiment and the error budget.
+
+use lab::budget::Plan;
+use lab::paper::apparatus::{LASER, WANDER};
+use lab::paper::materials::MATERIALS;
+use simulator::scene::{LaserSpot, Scene, Sensor, Speckle};
+
+/// The scenes of the paper's materials show the surfaces that the paper's experiment is simulated with, lit by the same laser.
+#[test]
+fn materials_are_those_of_the_experiment() {
+    let names = [
+        "brushed-metal",
+        "rusty-metal",
+        "light-wood",
+        "paper-on-camera",
+        "black-tape",
+        "microfiber",
+    ];
+    for (name, material) in names.into_iter().zip(MATERIALS) {
+        let scene = Scene::load(name).expect("a scene");
+        println!("{name}: {}", material.description());
+        let speckle = Speckle {
+            polarisations: material.polarisations as u8,
+            linewidth: LASER.linewidth,
+            path_spread: material.path_spread,
+        };
+        assert_eq!(scene.speckle, Some(speckle), "{name}");
+        assert_eq!(scene.specular_lobe, material.lobe, "{name}");
+        assert_eq!(scene.texture, Some(material.texture), "{name}");
+        let spot = LaserSpot {
+            waist: LASER.waist_diameter,
+            waist_distance: LASER.waist_distance,
+            // A line sensor's scenes are of a target that slides nowhere.
+            wander: match scene.sensor {
+                Sensor::Camera => WANDER,
+                _ => 0.0,
+            },
+        };
+        assert_eq!(scene.laser_spot, Some(spot), "{name}");
+        assert_eq!(scene.optics.wavelength, LASER.wavelength, "{name}");
+    }
+}
+
+/// A plan that takes the target beyond the end of speckle's surface is refused before it is run.
+#[test]
+fn plans_end_where_speckle_does() {
+    let scene = Scene::load("speckle-receding").expect("a scene");
+    // 0.01 m/s from 0.8 m: to 1.2 m in 40 s.
+    let plan = |seconds| Plan {
+        seconds,
+        ..Plan::of(&scene)
+    };
+    assert!(plan(39.0).check(&scene).is_ok());
+    let error = format!("{:#}", plan(41.0).check(&scene).expect_err("too far"));
+    println!("{error}");
+    assert!(error.contains("for 41 s: take fewer seconds") && error.contains("1.200 m"));
+    for seconds in [f64::NAN, f64::INFINITY, -1.0, 2e6] {
+        assert!(plan(seconds).check(&Scene::white_paper()).is_err());
+    }
+}
