@@ -46,7 +46,10 @@ pub fn reference() -> String {
             Affects::Session => "no",
         };
         let form = setting.form().to_string();
-        row(&mut text, &[setting.name(), &form, default, setting.help(), saved]);
+        row(
+            &mut text,
+            &[setting.name(), &form, default, setting.help(), saved],
+        );
     }
     text.push_str("\n| estimator | letter | |\n|---|---|---|\n");
     for estimator in Estimator::ALL {
@@ -114,6 +117,9 @@ mod tests {
     #[test]
     fn the_page_is_up_to_date() {
         let (found, expected) = found_and_expected().expect("the page");
-        assert!(found == expected, "run `{TOOL}`: docs/serial-line.md is not what the core declares");
+        assert!(
+            found == expected,
+            "run `{TOOL}`: docs/serial-line.md is not what the core declares"
+        );
     }
 }
