@@ -3,8 +3,9 @@
 use core::fmt::{self, Display, Write};
 
 use slitrange::black_level::{self, BlackPixels};
-use slitrange::centre::{self, Estimator};
-use slitrange::check;
+use slitrange::centre::tables::{GAUSSIAN, Sampling};
+use slitrange::centre::{self, Estimator, phase_table};
+use slitrange::check::{self, repair};
 use slitrange::fault::Fault;
 use slitrange::frame::Frame;
 use slitrange::measurement::Measurement;
@@ -68,6 +69,15 @@ pub fn find_centres() {
         ));
         let _ = any(check::centre(rung, &row, &spot, before.as_ref(), &geometry));
     }
+    let _ = any(repair::centre(&row, &spot, before.as_ref(), &geometry));
+    let _ = any(phase_table::centre(
+        &row,
+        &spot,
+        before.as_ref(),
+        &geometry,
+        &GAUSSIAN,
+        any(Sampling::Coarse),
+    ));
     let mut frame = Frame::default();
     let mut black = BlackPixels::default();
     while any(true) {
