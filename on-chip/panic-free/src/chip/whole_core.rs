@@ -126,7 +126,7 @@ pub fn find_distances() {
     let settings = any::settings();
     match configuration::encode(&Configuration { settings, record }, any::bytes(&mut buffer)) {
         Ok(written) => reached(written.len() as i32),
-        Err(error) => say(&StoreError::Saved(error)),
+        Err(error) => say(&StoreError::Configuration(error)),
     }
     match configuration::decode(any::bytes(&mut buffer)) {
         Ok(Configuration { settings, record }) => {
