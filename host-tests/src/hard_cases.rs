@@ -57,39 +57,21 @@ pub enum Group {
 }
 
 impl Group {
-    /// All of them, in the order of the catalogue.
-    pub const ALL: [Self; 12] = [
-        Self::NoSpot,
-        Self::Height,
-        Self::Saturation,
-        Self::Width,
-        Self::Edge,
-        Self::Background,
-        Self::BadPixels,
-        Self::SecondSpot,
-        Self::Shape,
-        Self::Interference,
-        Self::Converter,
-        Self::ShortRow,
+    /// All of them, in the order of the catalogue, with their headings.
+    pub const ALL: [(Self, &str); 12] = [
+        (Self::NoSpot, "No spot"),
+        (Self::Height, "Dim and bright"),
+        (Self::Saturation, "Saturated"),
+        (Self::Width, "Narrow and wide"),
+        (Self::Edge, "At the sensor's edge"),
+        (Self::Background, "Background"),
+        (Self::BadPixels, "Bad pixels"),
+        (Self::SecondSpot, "A second spot"),
+        (Self::Shape, "Other shapes"),
+        (Self::Interference, "Interference"),
+        (Self::Converter, "Converter"),
+        (Self::ShortRow, "Short rows"),
     ];
-
-    /// Its heading.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::NoSpot => "No spot",
-            Self::Height => "Dim and bright",
-            Self::Saturation => "Saturated",
-            Self::Width => "Narrow and wide",
-            Self::Edge => "At the sensor's edge",
-            Self::Background => "Background",
-            Self::BadPixels => "Bad pixels",
-            Self::SecondSpot => "A second spot",
-            Self::Shape => "Other shapes",
-            Self::Interference => "Interference",
-            Self::Converter => "Converter",
-            Self::ShortRow => "Short rows",
-        }
-    }
 }
 
 /// What the measurement owes for a row, whichever rung is chosen.

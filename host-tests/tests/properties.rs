@@ -6,7 +6,6 @@ use slitrange::centre::tables::BLOCKS;
 use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
 use slitrange::check;
 use slitrange::distance::Calibration;
-use slitrange::distance::eq1::NOMINAL;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
@@ -35,32 +34,6 @@ fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measur
 /// With the nominal calibration.
 fn reading(result: Result<Measured, Fault>) -> Result<Reading, Fault> {
     result?.reading(Calibration::nominal().as_ref())
-}
-
-fn black_levels() -> impl Strategy<Value = BlackLevel> {
-    prop_oneof![
-        Just(BlackLevel::Shielded),
-        Just(BlackLevel::Frame),
-        (0..4096).prop_map(|counts| BlackLevel::Fixed(Counts::from_int(counts))),
-    ]
-}
-
-/// Words of a TCD1304DG's row: anything at all, anything the converter can make, or a flat row with a few blocks on it.
-fn words() -> impl Strategy<Value = Vec<u16>> {
-    let blocks = prop::collection::vec((0..3694usize, 1..400usize, 0..4096u16), 0..8);
-    prop_oneof![
-        prop::collection::vec(any::<u16>(), 3694),
-        prop::collection::vec(0..4096u16, 3694),
-        prop::collection::vec(prop_oneof![Just(0u16), Just(4095)], 3694),
-        (0..4096u16, blocks).prop_map(|(level, blocks)| {
-            let mut words = vec![level; 3694];
-            for (start, length, value) in blocks {
-                let end = (start + length).min(words.len());
-                words[start..end].fill(value);
-            }
-            words
-        }),
-    ]
 }
 
 /// Any spot, be it one that the search would never find.
@@ -158,19 +131,6 @@ fn is_sane(found: &RowCentre, pixels: usize) -> bool {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
-
-    /// No row stops the measurement, and a distance comes from within the calibration only, with an uncertainty.
-    #[test]
-    fn any_words_give_a_reading_or_a_fault(mut words in words(), black_level in black_levels()) {
-        let mut measurement = measurement(sensor_heads::tcd1304dg(), 1, black_level);
-        let result = measurement.row(&mut words).expect("a frame of one row is complete");
-        if let Ok(reading) = reading(result) {
-            let (from, to) = NOMINAL.expect("a curve").valid();
-            prop_assert!(reading.centre >= from && reading.centre <= to, "{reading}");
-            prop_assert!(reading.centre_uncertainty.to_bits() > 0, "{reading}");
-            prop_assert_eq!((reading.rows_used, reading.rows), (1, 1));
-        }
-    }
 
     /// No row, no spot and no row before stops a rung or the look that follows it, and what they let out is within the rules.
     #[test]

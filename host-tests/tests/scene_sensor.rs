@@ -4,10 +4,8 @@
 use rayon::prelude::*;
 use simulator::optics::Aperture;
 use simulator::scene::{
-    Ambient, BlackLevel, Coma, Defocus, Diffraction, Distortion, Effect, FixedPattern, Flare,
-    HotPixels, LaserSpot, Motion, Obliquity, Quantisation, ReadNoise, Response, Saturation, Scene,
-    SecondReflection, Sensor, ShotNoise, Simulation, Speckle, SpecularLobe, Spot, Temperature,
-    Texture, file, quantise, random,
+    Ambient, BlackLevel, Effect, FixedPattern, HotPixels, Motion, Quantisation, ReadNoise,
+    Response, Saturation, Scene, Sensor, ShotNoise, Simulation, Spot, file, quantise, random,
 };
 use slitrange::centre::{self, Estimator, RowCentre};
 use slitrange::fault::Fault;

@@ -16,7 +16,7 @@ use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use slitrange::spot::{self, Spot};
-use slitrange::units::Pixels;
+use slitrange::units::{Counts, Pixels};
 
 const PIXELS: usize = 2048;
 
@@ -474,6 +474,7 @@ fn a_spot_is_found_again_as_well_as_at_first() {
 enum Words {
     Any(u64),
     OfTheConverter(u64),
+    Extremes(u64),
     Flat(u16),
     Stripes {
         level: u16,
@@ -502,6 +503,9 @@ impl Words {
             Self::Any(seed) => (0..WORDS).map(|i| random(*seed, i) as u16).collect(),
             Self::OfTheConverter(seed) => (0..WORDS)
                 .map(|i| random(*seed, i) as u16 & 0xfff)
+                .collect(),
+            Self::Extremes(seed) => (0..WORDS)
+                .map(|i| 4095 * (random(*seed, i) as u16 & 1))
                 .collect(),
             Self::Flat(level) => vec![*level; WORDS as usize],
             Self::Stripes { level, stripes } => {
@@ -543,6 +547,7 @@ fn any_words() -> impl Strategy<Value = Words> {
     prop_oneof![
         1 => any::<u64>().prop_map(Words::Any),
         2 => any::<u64>().prop_map(Words::OfTheConverter),
+        1 => any::<u64>().prop_map(Words::Extremes),
         1 => (0..4096u16).prop_map(Words::Flat),
         2 => (0..4096u16, stripes).prop_map(|(level, stripes)| Words::Stripes { level, stripes }),
         8 => spot.prop_map(|(centre, width, amplitude, level, noise)| {
@@ -586,8 +591,16 @@ fn any_rows() -> impl Strategy<Value = Vec<Words>> {
     prop_oneof![prop::collection::vec(any_words(), 1..10), drifting]
 }
 
+fn black_levels() -> impl Strategy<Value = BlackLevel> {
+    prop_oneof![
+        Just(BlackLevel::Shielded),
+        Just(BlackLevel::Frame),
+        (0..4096).prop_map(|counts| BlackLevel::Fixed(Counts::from_int(counts))),
+    ]
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1500))]
+    #![proptest_config(ProptestConfig::with_cases(2500))]
 
     /// No sequence of rows stops the measurement; a distance comes from within the calibration only, with an uncertainty.
     #[test]
@@ -595,7 +608,7 @@ proptest! {
         rows in any_rows(),
         in_a_frame in 1..6u16,
         estimator in prop::sample::select(&Estimator::ALL[..]),
-        black_level in prop::sample::select(&[BlackLevel::Shielded, BlackLevel::Frame][..]),
+        black_level in black_levels(),
     ) {
         let settings =
             Settings { rows: in_a_frame, estimator, black_level, mean: Mean::default(), ..Settings::default() };

@@ -2,7 +2,7 @@
 //! level), by the Levenberg-Marquardt method.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
-use nalgebra::{Dyn, Matrix, OMatrix, OVector, Owned, U4, Vector4, storage::Owned as OwnedStorage};
+use nalgebra::{Dyn, Matrix, OMatrix, OVector, Owned, U1, U4, Vector4};
 
 /// A gaussian on a level.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,8 +110,44 @@ fn fit_from(pixels: &[f64], first: usize, start: Gaussian) -> Option<Gaussian> {
 }
 
 fn fit(pixels: &[f64], first: usize, start: Gaussian, root_weights: Vec<f64>) -> Option<Gaussian> {
-    // Parameters in units of the start: (centre - start)/width, width/width, amplitude and level/amplitude.
+    let bell = |u: f64| {
+        let light = (-0.5 * u * u).exp();
+        (light, -u * light)
+    };
+    let start = Spot {
+        centre: start.centre,
+        extent: start.width,
+        amplitude: start.amplitude,
+        level: start.level,
+    };
+    let found = fit_shape(bell, pixels, first, start, root_weights)?;
+    (found.extent.abs() > 0.1 && found.centre.is_finite()).then_some(Gaussian {
+        centre: found.centre,
+        width: found.extent.abs(),
+        amplitude: found.amplitude,
+        level: found.level,
+    })
+}
+
+/// A spot of some shape on a level. The shape is of height 1, and gives its value and derivative so many extents from its centre.
+#[derive(Clone, Copy)]
+pub(crate) struct Spot {
+    pub(crate) centre: f64,
+    pub(crate) extent: f64,
+    pub(crate) amplitude: f64,
+    pub(crate) level: f64,
+}
+
+/// Fits the pixels given, the first of which has number `first`, by the Levenberg-Marquardt method.
+pub(crate) fn fit_shape(
+    shape: impl Fn(f64) -> (f64, f64),
+    pixels: &[f64],
+    first: usize,
+    start: Spot,
+    root_weights: Vec<f64>,
+) -> Option<Spot> {
     let problem = Problem {
+        shape,
         pixels,
         first: first as f64,
         root_weights,
@@ -119,36 +155,38 @@ fn fit(pixels: &[f64], first: usize, start: Gaussian, root_weights: Vec<f64>) ->
         scaled: Vector4::new(0.0, 1.0, 1.0, start.level / start.amplitude),
     };
     let (problem, report) = LevenbergMarquardt::new().with_tol(1e-12).minimize(problem);
-    let found = problem.gaussian();
-    (report.termination.was_successful() && found.width.abs() > 0.1 && found.centre.is_finite())
-        .then_some(Gaussian {
-            width: found.width.abs(),
-            ..found
-        })
+    (report.termination.was_successful()).then(|| problem.spot())
 }
 
-struct Problem<'a> {
+struct Problem<'a, S> {
+    shape: S,
     pixels: &'a [f64],
     first: f64,
     root_weights: Vec<f64>,
-    start: Gaussian,
+    start: Spot,
+    /// Parameters in units of the start: (centre - start)/extent, extent/extent, amplitude and level/amplitude.
     scaled: Vector4<f64>,
 }
 
-impl Problem<'_> {
-    fn gaussian(&self) -> Gaussian {
-        Gaussian {
-            centre: self.start.centre + self.scaled[0] * self.start.width,
-            width: self.scaled[1] * self.start.width,
+impl<S: Fn(f64) -> (f64, f64)> Problem<'_, S> {
+    fn spot(&self) -> Spot {
+        Spot {
+            centre: self.start.centre + self.scaled[0] * self.start.extent,
+            extent: self.scaled[1] * self.start.extent,
             amplitude: self.scaled[2] * self.start.amplitude,
             level: self.scaled[3] * self.start.amplitude,
         }
     }
+
+    /// A pixel's place in extents from the centre.
+    fn place(&self, spot: &Spot, i: usize) -> f64 {
+        (self.first + i as f64 - spot.centre) / spot.extent
+    }
 }
 
-impl LeastSquaresProblem<f64, Dyn, U4> for Problem<'_> {
+impl<S: Fn(f64) -> (f64, f64)> LeastSquaresProblem<f64, Dyn, U4> for Problem<'_, S> {
     type ResidualStorage = Owned<f64, Dyn>;
-    type JacobianStorage = OwnedStorage<f64, Dyn, U4>;
+    type JacobianStorage = Owned<f64, Dyn, U4>;
     type ParameterStorage = Owned<f64, U4>;
 
     fn set_params(&mut self, scaled: &Vector4<f64>) {
@@ -160,34 +198,33 @@ impl LeastSquaresProblem<f64, Dyn, U4> for Problem<'_> {
     }
 
     fn residuals(&self) -> Option<OVector<f64, Dyn>> {
-        let gaussian = self.gaussian();
-        let pixels = self.pixels.iter().zip(&self.root_weights).enumerate();
-        let residuals = pixels.map(|(i, (&count, weight))| {
-            weight * (gaussian.at(self.first + i as f64) - count) / self.start.amplitude
-        });
-        Some(OVector::<f64, Dyn>::from_iterator(
-            self.pixels.len(),
-            residuals,
-        ))
+        let spot = self.spot();
+        let residual = |i: usize, _| {
+            let (height, _) = (self.shape)(self.place(&spot, i));
+            let light = spot.level + spot.amplitude * height;
+            self.root_weights[i] * (light - self.pixels[i]) / self.start.amplitude
+        };
+        let length = Dyn(self.pixels.len());
+        Some(OVector::<f64, Dyn>::from_fn_generic(length, U1, residual))
     }
 
     fn jacobian(&self) -> Option<Matrix<f64, Dyn, U4, Self::JacobianStorage>> {
-        let gaussian = self.gaussian();
-        Some(OMatrix::<f64, Dyn, U4>::from_fn(
-            self.pixels.len(),
-            |i, j| {
-                let u = (self.first + i as f64 - gaussian.centre) / gaussian.width;
-                let light = (-0.5 * u * u).exp();
-                let height = gaussian.amplitude / self.start.amplitude;
-                self.root_weights[i]
-                    * match j {
-                        0 => height * light * u / gaussian.width * self.start.width,
-                        1 => height * light * u * u / gaussian.width * self.start.width,
-                        2 => light,
-                        _ => 1.0,
-                    }
-            },
-        ))
+        let spot = self.spot();
+        let by_parameter = |i: usize, parameter: usize| {
+            let u = self.place(&spot, i);
+            let (height, slope) = (self.shape)(u);
+            let by_u = spot.amplitude / self.start.amplitude * slope;
+            let scale = self.start.extent / spot.extent;
+            self.root_weights[i]
+                * match parameter {
+                    0 => -by_u * scale,
+                    1 => -by_u * u * scale,
+                    2 => height,
+                    _ => 1.0,
+                }
+        };
+        let derivatives = OMatrix::<f64, Dyn, U4>::from_fn(self.pixels.len(), by_parameter);
+        Some(derivatives)
     }
 }
 

@@ -1,8 +1,7 @@
 //! The reference for the diffraction pattern of a slit: an unweighted four-parameter least-squares fit of eq. (6), sinc^2 on a level,
 //! in f64, by the Levenberg-Marquardt method.
 
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
-use nalgebra::{Dyn, Matrix, OMatrix, OVector, Owned, U4, Vector4};
+use crate::least_squares::{Spot, fit_shape};
 
 /// sinc^2 on a level.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,36 +24,24 @@ pub fn fit_from(row: &[f64], start: Sinc) -> Option<Sinc> {
     let reach = HALF_WINDOW * start.zero;
     let first = (start.centre - reach).round().max(0.0) as usize;
     let last = (start.centre + reach).round() as usize;
-    let problem = Problem {
-        pixels: row.get(first..=last.min(row.len() - 1))?,
-        first: first as f64,
-        start,
-        scaled: Vector4::new(0.0, 1.0, 1.0, start.level / start.amplitude),
+    let pixels = row.get(first..=last.min(row.len() - 1))?;
+    let square = |u: f64| {
+        let (height, slope) = sinc(u);
+        (height * height, 2.0 * height * slope)
     };
-    let (problem, report) = LevenbergMarquardt::new().with_tol(1e-12).minimize(problem);
-    report
-        .termination
-        .was_successful()
-        .then_some(problem.sinc())
-}
-
-/// Parameters are in units of the start: (centre - start)/zero, zero/zero, amplitude and level/amplitude.
-struct Problem<'a> {
-    pixels: &'a [f64],
-    first: f64,
-    start: Sinc,
-    scaled: Vector4<f64>,
-}
-
-impl Problem<'_> {
-    fn sinc(&self) -> Sinc {
-        Sinc {
-            centre: self.start.centre + self.scaled[0] * self.start.zero,
-            zero: self.scaled[1] * self.start.zero,
-            amplitude: self.scaled[2] * self.start.amplitude,
-            level: self.scaled[3] * self.start.amplitude,
-        }
-    }
+    let start = Spot {
+        centre: start.centre,
+        extent: start.zero,
+        amplitude: start.amplitude,
+        level: start.level,
+    };
+    let found = fit_shape(square, pixels, first, start, vec![1.0; pixels.len()])?;
+    Some(Sinc {
+        centre: found.centre,
+        zero: found.extent,
+        amplitude: found.amplitude,
+        level: found.level,
+    })
 }
 
 /// sin(pi u) / (pi u) and its derivative by u.
@@ -64,52 +51,6 @@ fn sinc(u: f64) -> (f64, f64) {
         return (1.0 - x * x / 6.0, -std::f64::consts::PI * x / 3.0);
     }
     (x.sin() / x, (x.cos() - x.sin() / x) / u)
-}
-
-impl LeastSquaresProblem<f64, Dyn, U4> for Problem<'_> {
-    type ResidualStorage = Owned<f64, Dyn>;
-    type JacobianStorage = Owned<f64, Dyn, U4>;
-    type ParameterStorage = Owned<f64, U4>;
-
-    fn set_params(&mut self, scaled: &Vector4<f64>) {
-        self.scaled = *scaled;
-    }
-
-    fn params(&self) -> Vector4<f64> {
-        self.scaled
-    }
-
-    fn residuals(&self) -> Option<OVector<f64, Dyn>> {
-        let fit = self.sinc();
-        let residual = |(i, &count): (usize, &f64)| {
-            let (height, _) = sinc((self.first + i as f64 - fit.centre) / fit.zero);
-            (fit.level + fit.amplitude * height * height - count) / self.start.amplitude
-        };
-        let residuals = self.pixels.iter().enumerate().map(residual);
-        Some(OVector::<f64, Dyn>::from_iterator(
-            self.pixels.len(),
-            residuals,
-        ))
-    }
-
-    fn jacobian(&self) -> Option<Matrix<f64, Dyn, U4, Self::JacobianStorage>> {
-        let fit = self.sinc();
-        Some(OMatrix::<f64, Dyn, U4>::from_fn(
-            self.pixels.len(),
-            |i, j| {
-                let u = (self.first + i as f64 - fit.centre) / fit.zero;
-                let (height, slope) = sinc(u);
-                let by_place = fit.amplitude / self.start.amplitude * 2.0 * height * slope;
-                let scale = self.start.zero / fit.zero;
-                match j {
-                    0 => -by_place * scale,
-                    1 => -by_place * u * scale,
-                    2 => height * height,
-                    _ => 1.0,
-                }
-            },
-        ))
-    }
 }
 
 #[cfg(test)]

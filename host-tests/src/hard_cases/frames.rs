@@ -190,6 +190,31 @@ fn moved(number: u64, truth: Truth, by: impl Fn(u64) -> f64) -> HardFrame {
     frame(number, FULL, truth, |row| spot_at(centre + by(row)))
 }
 
+/// A frame of 64 rows, of which those with these last digits are off by so many pixels.
+fn some_off(number: u64, pixels: f64, digits: &[u64]) -> HardFrame {
+    let off = |row: u64| f64::from(u8::from(digits.contains(&(row % 10))));
+    moved(number, Truth::Centre(middle(number)), |row| {
+        pixels * off(row)
+    })
+}
+
+/// A frame of 64 rows with a clean spot at rest, changed in each row.
+fn full(number: u64, recipe: impl Fn(u64, Recipe) -> Recipe) -> HardFrame {
+    steady(number, FULL, recipe)
+}
+
+/// The same without a change.
+fn clean(number: u64) -> HardFrame {
+    full(number, |_, recipe| recipe)
+}
+
+/// The same with the words of each row changed.
+fn spoilt(number: u64, spoil: impl FnMut(&mut Vec<u16>)) -> HardFrame {
+    let mut frame = clean(number);
+    frame.rows.iter_mut().for_each(spoil);
+    frame
+}
+
 fn steady(number: u64, rows: usize, recipe: impl Fn(u64, Recipe) -> Recipe) -> HardFrame {
     let centre = middle(number);
     frame(number, rows, Truth::Centre(centre), |row| {
@@ -263,7 +288,7 @@ fn alone() -> Vec<FrameCase> {
             "64 rows",
             "the uncertainty falls with the root of their number",
             Due::Centre(0.07),
-            |number| steady(number, FULL, |_, recipe| recipe),
+            |number| clean(number),
         ),
         case(
             "64 rows of noise",
@@ -286,7 +311,7 @@ fn alone() -> Vec<FrameCase> {
             "the uncertainty is that of rounding, and the scatter zero",
             Due::Honest,
             |number| {
-                steady(number, FULL, |_, recipe| Recipe {
+                full(number, |_, recipe| Recipe {
                     read_noise: 0.0,
                     electrons_per_count: None,
                     ..recipe
@@ -314,40 +339,19 @@ fn outliers() -> Vec<FrameCase> {
             "6 of 64 rows are off by 3 px",
             "a plain mean is off by 0.3 px",
             Due::Centre(0.07),
-            |number| {
-                moved(number, Truth::Centre(middle(number)), |row| {
-                    match row % 10 {
-                        4 => 3.0,
-                        _ => 0.0,
-                    }
-                })
-            },
+            |number| some_off(number, 3.0, &[4]),
         ),
         case(
             "6 of 64 rows are off by 100 px",
             "a plain mean is off by 9 px, and the scatter beyond the width",
             Due::Honest,
-            |number| {
-                moved(number, Truth::Centre(middle(number)), |row| {
-                    match row % 10 {
-                        4 => 100.0,
-                        _ => 0.0,
-                    }
-                })
-            },
+            |number| some_off(number, 100.0, &[4]),
         ),
         case(
             "19 of 64 rows are off by 3 px",
             "nearly a third are wrong",
             Due::Honest,
-            |number| {
-                moved(number, Truth::Centre(middle(number)), |row| {
-                    match row % 10 {
-                        1 | 4 | 7 => 3.0,
-                        _ => 0.0,
-                    }
-                })
-            },
+            |number| some_off(number, 3.0, &[1, 4, 7]),
         ),
         case(
             "half of the rows are off by 3 px",
@@ -390,7 +394,7 @@ fn changing() -> Vec<FrameCase> {
             |number| {
                 let mut random = numbers(number);
                 let heights: Vec<f64> = (0..FULL).map(|_| Exp1.sample(&mut random)).collect();
-                steady(number, FULL, |row, recipe| {
+                full(number, |row, recipe| {
                     recipe.spot(|spot| spot.amplitude = (600.0 * heights[row as usize]).min(3600.0))
                 })
             },
@@ -400,7 +404,7 @@ fn changing() -> Vec<FrameCase> {
             "the last rows are noise",
             Due::Honest,
             |number| {
-                steady(number, FULL, |row, recipe| {
+                full(number, |row, recipe| {
                     recipe.spot(|spot| spot.amplitude *= 1.0 - row as f64 / FULL as f64)
                 })
             },
@@ -410,7 +414,7 @@ fn changing() -> Vec<FrameCase> {
             "half of the rows have no spot",
             Due::Fault(&["no spot", "too dim"]),
             |number| {
-                steady(number, FULL, |row, recipe| match row % 2 {
+                full(number, |row, recipe| match row % 2 {
                     0 => recipe,
                     _ => Recipe::dark(),
                 })
@@ -421,7 +425,7 @@ fn changing() -> Vec<FrameCase> {
             "just the majority",
             Due::Honest,
             |number| {
-                steady(number, FULL, |row, recipe| match row % 2 {
+                full(number, |row, recipe| match row % 2 {
                     1 if row > 1 => Recipe::dark(),
                     _ => recipe,
                 })
@@ -432,7 +436,7 @@ fn changing() -> Vec<FrameCase> {
             "the background of the row before is not this one's",
             Due::Centre(0.07),
             |number| {
-                steady(number, FULL, |row, recipe| Recipe {
+                full(number, |row, recipe| Recipe {
                     black_level: 300.0 + 10.0 * row as f64,
                     ..recipe
                 })
@@ -443,7 +447,7 @@ fn changing() -> Vec<FrameCase> {
             "800 counts more, and their noise, from one row to the next",
             Due::Honest,
             |number| {
-                steady(number, FULL, |row, recipe| match row {
+                full(number, |row, recipe| match row {
                     0..30 => recipe,
                     _ => Recipe {
                         black_level: 1100.0,
@@ -457,13 +461,7 @@ fn changing() -> Vec<FrameCase> {
             "the shielded pixels read 50 counts too little",
             "the black level is wrong by 50 counts",
             Due::Centre(0.07),
-            |number| {
-                let mut frame = steady(number, FULL, |_, recipe| recipe);
-                for row in &mut frame.rows {
-                    row[..SHIELDED].fill(250);
-                }
-                frame
-            },
+            |number| spoilt(number, |row| row[..SHIELDED].fill(250)),
         ),
         case(
             "the target moves by a pixel",
@@ -487,7 +485,7 @@ fn changing() -> Vec<FrameCase> {
             "the light flickers beyond full scale",
             Due::Honest,
             |number| {
-                steady(number, FULL, |row, recipe| {
+                full(number, |row, recipe| {
                     recipe.spot(|spot| spot.amplitude = [2000.0, 6000.0][row as usize % 2])
                 })
             },
@@ -513,7 +511,7 @@ fn changing() -> Vec<FrameCase> {
             "rows agree about what is wrong in all of them",
             Due::Honest,
             |number| {
-                steady(number, FULL, |_, recipe| {
+                full(number, |_, recipe| {
                     Recipe {
                         black_level: 60.0,
                         ..recipe.spot(|spot| spot.amplitude = 1200.0)
@@ -531,37 +529,22 @@ fn broken() -> Vec<FrameCase> {
             "every row is a word short",
             "the sensor lost a clock",
             Due::Fault(&["sensor silent"]),
-            |number| {
-                let mut frame = steady(number, FULL, |_, recipe| recipe);
-                frame
-                    .rows
-                    .iter_mut()
-                    .for_each(|row| row.truncate(SHIELDED + 511));
-                frame
-            },
+            |number| spoilt(number, |row| row.truncate(SHIELDED + 511)),
         ),
         case(
             "every row is empty",
             "no words came",
             Due::Fault(&["sensor silent"]),
-            |number| {
-                let mut frame = steady(number, FULL, |_, recipe| recipe);
-                frame.rows.iter_mut().for_each(Vec::clear);
-                frame
-            },
+            |number| spoilt(number, Vec::clear),
         ),
         case(
             "words of 16 bits",
             "an open wire reads what no converter of 12 bits gives",
             Due::Fault(&["sensor silent"]),
             |number| {
-                let mut frame = steady(number, FULL, |_, recipe| recipe);
-                frame
-                    .rows
-                    .iter_mut()
-                    .flatten()
-                    .for_each(|word| *word |= 0x8000);
-                frame
+                spoilt(number, |row| {
+                    row.iter_mut().for_each(|word| *word |= 0x8000)
+                })
             },
         ),
         case(
@@ -569,7 +552,7 @@ fn broken() -> Vec<FrameCase> {
             "the others are good",
             Due::Centre(0.07),
             |number| {
-                let mut frame = steady(number, FULL, |_, recipe| recipe);
+                let mut frame = clean(number);
                 for row in frame.rows.iter_mut().skip(3).step_by(10) {
                     row.iter_mut().for_each(|word| *word = 0xffff);
                 }
@@ -586,23 +569,13 @@ fn hanging_together() -> Vec<FrameCase> {
             "a jitter of 0.3 px that lasts 16 rows",
             "64 rows are worth two",
             Due::Honest,
-            |number| {
-                let jitter = jitter(number, 0.3, 16.0);
-                moved(number, Truth::Centre(middle(number)), |row| {
-                    jitter[row as usize]
-                })
-            },
+            |number| jittering(number, 16.0),
         ),
         case(
             "a jitter of 0.3 px that lasts 64 rows",
             "a frame sees the least part of it",
             Due::Honest,
-            |number| {
-                let jitter = jitter(number, 0.3, 64.0);
-                moved(number, Truth::Centre(middle(number)), |row| {
-                    jitter[row as usize]
-                })
-            },
+            |number| jittering(number, 64.0),
         ),
         case(
             "speckle, the target moves away at 5 mm/s",
@@ -631,20 +604,23 @@ fn hanging_together() -> Vec<FrameCase> {
     ]
 }
 
-/// Places of the rows with a standard deviation in pixels, that forget where they were over so many rows (an autoregressive series of first order).
-fn jitter(number: u64, deviation: f64, rows: f64) -> Vec<f64> {
-    let mut random = numbers(number);
+/// A frame whose rows are off by 0.3 pixels root mean square, and forget where they were over so many rows (an autoregressive series of
+/// first order).
+fn jittering(number: u64, rows: f64) -> HardFrame {
+    let (mut random, deviation) = (numbers(number), 0.3);
     let kept = (-1.0 / rows).exp();
     let fresh = deviation * (1.0 - kept * kept).sqrt();
     let first: f64 = StandardNormal.sample(&mut random);
     let mut place = deviation * first;
-    (0..FULL)
-        .map(|_| {
-            let normal: f64 = StandardNormal.sample(&mut random);
-            place = kept * place + fresh * normal;
-            place
-        })
-        .collect()
+    let jitter = (0..FULL).map(|_| {
+        let normal: f64 = StandardNormal.sample(&mut random);
+        place = kept * place + fresh * normal;
+        place
+    });
+    let jitter: Vec<f64> = jitter.collect();
+    moved(number, Truth::Centre(middle(number)), |row| {
+        jitter[row as usize]
+    })
 }
 
 /// White paper and a laser spot of 1 mm (a surface of speckle repeats after 8 mm, further than any of these goes), moving away at so many metres a second, and sliding so many metres for each.

@@ -81,67 +81,35 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them.
-    pub const ALL: [Self; 26] = [
-        Self::NoSpot,
-        Self::Saturated,
-        Self::ExtremeWidth,
-        Self::Edge,
-        Self::Slope,
-        Self::Step,
-        Self::Sag,
-        Self::BlackLevel,
-        Self::Glow,
-        Self::Ghost,
-        Self::Hot,
-        Self::Dead,
-        Self::Stuck,
-        Self::Response,
-        Self::FixedPattern,
-        Self::FullWell,
-        Self::Smear,
-        Self::Second,
-        Self::Lopsided,
-        Self::Ripple,
-        Self::OddEven,
-        Self::Impulses,
-        Self::CoarseSteps,
-        Self::StuckBit,
-        Self::ShortRow,
-        Self::Noise,
+    /// All of them, in order, with their names.
+    pub const ALL: [(Self, &str); 26] = [
+        (Self::NoSpot, "no spot"),
+        (Self::Saturated, "saturated"),
+        (Self::ExtremeWidth, "very narrow or wide"),
+        (Self::Edge, "at the edge"),
+        (Self::Slope, "slope"),
+        (Self::Step, "step of the black level"),
+        (Self::Sag, "black level bends"),
+        (Self::BlackLevel, "any black level"),
+        (Self::Glow, "lamp at one end"),
+        (Self::Ghost, "wide flare"),
+        (Self::Hot, "hot pixels"),
+        (Self::Dead, "dead pixels"),
+        (Self::Stuck, "a stuck pixel"),
+        (Self::Response, "uneven response"),
+        (Self::FixedPattern, "fixed pattern"),
+        (Self::FullWell, "blooms to both sides"),
+        (Self::Smear, "blooms to one side"),
+        (Self::Second, "second spot"),
+        (Self::Lopsided, "lopsided spot"),
+        (Self::Ripple, "ripple"),
+        (Self::OddEven, "odd and even pixels"),
+        (Self::Impulses, "impulses"),
+        (Self::CoarseSteps, "coarse converter"),
+        (Self::StuckBit, "stuck bit"),
+        (Self::ShortRow, "short row"),
+        (Self::Noise, "strong noise"),
     ];
-
-    /// Its name.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::NoSpot => "no spot",
-            Self::Saturated => "saturated",
-            Self::ExtremeWidth => "very narrow or wide",
-            Self::Edge => "at the edge",
-            Self::Slope => "slope",
-            Self::Step => "step of the black level",
-            Self::Sag => "black level bends",
-            Self::BlackLevel => "any black level",
-            Self::Glow => "lamp at one end",
-            Self::Ghost => "wide flare",
-            Self::Hot => "hot pixels",
-            Self::Dead => "dead pixels",
-            Self::Stuck => "a stuck pixel",
-            Self::Response => "uneven response",
-            Self::FixedPattern => "fixed pattern",
-            Self::FullWell => "blooms to both sides",
-            Self::Smear => "blooms to one side",
-            Self::Second => "second spot",
-            Self::Lopsided => "lopsided spot",
-            Self::Ripple => "ripple",
-            Self::OddEven => "odd and even pixels",
-            Self::Impulses => "impulses",
-            Self::CoarseSteps => "coarse converter",
-            Self::StuckBit => "stuck bit",
-            Self::ShortRow => "short row",
-            Self::Noise => "strong noise",
-        }
-    }
 }
 
 /// A spot that nothing is wrong with: any profile but a lopsided one, sigma 0.8 to 30, from the dimmest that gives a centre to 4000 counts,
@@ -163,7 +131,7 @@ pub fn mixture(seed: u64) -> RandomRow {
     let mut chosen = index::sample(&mut random, Kind::ALL.len(), count).into_vec();
     // In the order of the kinds: those that change the spot, which others go by, come first.
     chosen.sort_unstable();
-    let kinds: Vec<Kind> = chosen.into_iter().map(|i| Kind::ALL[i]).collect();
+    let kinds: Vec<Kind> = chosen.into_iter().map(|i| Kind::ALL[i].0).collect();
     for kind in &kinds {
         kind.put_into(&mut recipe, &mut random);
     }

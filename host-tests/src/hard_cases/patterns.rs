@@ -12,17 +12,18 @@ pub fn constant<const COUNT: u16>(_: u64) -> Vec<u16> {
 
 /// So many pixels at full scale, side by side, at a place that the row's number gives, on a row without noise.
 pub fn lit<const LIT: usize>(number: u64) -> Vec<u16> {
-    let mut light = vec![100; PIXELS];
-    let from = 60 + 47 * number as usize % (PIXELS - 120 - LIT);
-    light[from..from + LIT].fill(LARGEST_COUNT);
-    light
+    reading::<LIT>(LARGEST_COUNT, number)
 }
 
 /// So many pixels of 2000 counts.
 pub fn half_lit<const LIT: usize>(number: u64) -> Vec<u16> {
+    reading::<LIT>(2100, number)
+}
+
+fn reading<const LIT: usize>(count: u16, number: u64) -> Vec<u16> {
     let mut light = vec![100; PIXELS];
     let from = 60 + 47 * number as usize % (PIXELS - 120 - LIT);
-    light[from..from + LIT].fill(2100);
+    light[from..from + LIT].fill(count);
     light
 }
 

@@ -139,8 +139,8 @@ impl Catalogue {
                 self.failures(rung).len()
             );
         }
-        for group in Group::ALL {
-            _ = writeln!(text, "\n### {}\n", group.name());
+        for (group, heading) in Group::ALL {
+            _ = writeln!(text, "\n### {heading}\n");
             text += &head();
             for (case, outcomes) in self.rows.iter().filter(|(case, _)| case.group == group) {
                 let cells = outcomes.iter().map(|outcome| {
@@ -282,15 +282,14 @@ pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
     }
     text += "\nWhich flaws the rows had in which the default rung was confidently wrong, the most frequent first (a row with two flaws counts \
              for both), in a million rows with that flaw:\n\n| flaw | rows | checked | alone |\n|---|---:|---:|---:|\n";
-    let mut kinds: Vec<Kind> = Kind::ALL.to_vec();
-    kinds.sort_by_key(|kind| std::cmp::Reverse(mixtures.kinds[*kind as usize].checked));
-    for kind in kinds {
+    let mut kinds = Kind::ALL.to_vec();
+    kinds.sort_by_key(|(kind, _)| std::cmp::Reverse(mixtures.kinds[*kind as usize].checked));
+    for (kind, name) in kinds {
         let of_kind = &mixtures.kinds[kind as usize];
         let rate = |errors: u64| 1e6 * errors as f64 / of_kind.rows.max(1) as f64;
         _ = writeln!(
             text,
-            "| {} | {} | {:.0} | {:.0} |",
-            kind.name(),
+            "| {name} | {} | {:.0} | {:.0} |",
             of_kind.rows,
             rate(of_kind.checked),
             rate(of_kind.alone)

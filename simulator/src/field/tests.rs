@@ -40,16 +40,33 @@ fn root_mean_square(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// A point of light makes the pattern of `profiles::Slit` along the row.
-#[test]
-fn a_tiny_spot_makes_the_pattern_of_a_point() {
-    // A beam so small that it hits a single scatterer, and right on that.
+/// A beam so small that it hits a single scatterer, and right on that.
+fn point() -> (Laser, View, Surface) {
     let laser = Laser::focused(1e-6, 0.8);
     let view = View {
         lateral: [1.8e-6, 45e-6],
         ..View::at(0.8)
     };
     let surface = Surface::new(&laser, &Scattering::surface(), 1).unwrap();
+    (laser, view, surface)
+}
+
+/// The centre of mass of an image's light along its rows.
+fn centroid(image: &Image, places: &[f64]) -> f64 {
+    let (mut sum, mut moment) = (0.0, 0.0);
+    for row in 0..image.rows() {
+        for (x, &light) in places.iter().zip(image.row(row)) {
+            sum += f64::from(light);
+            moment += f64::from(light) * x;
+        }
+    }
+    moment / sum
+}
+
+/// A point of light makes the pattern of `profiles::Slit` along the row.
+#[test]
+fn a_tiny_spot_makes_the_pattern_of_a_point() {
+    let (_, view, surface) = point();
     let columns = pixels(160, 1);
     let image = slit_image(&surface, &view, &SlitAperture::nominal(), &columns, &[0.0]).unwrap();
     let exact = Slit::nominal(0.0);
@@ -407,14 +424,7 @@ fn centroids(laser: &Laser, frames: u64, reflectance: Option<&dyn Fn(f64, f64) -
                 surface = surface.with_reflectance(reflectance);
             }
             let image = lens_image(&surface, &view, &lens, 0.0, &places, &places).unwrap();
-            let (mut sum, mut moment) = (0.0, 0.0);
-            for row in 0..image.rows() {
-                for (x, &light) in places.iter().zip(image.row(row)) {
-                    sum += f64::from(light);
-                    moment += f64::from(light) * x;
-                }
-            }
-            moment / sum
+            centroid(&image, &places)
         })
         .collect();
     // Symmetrical about 0 but for half a pixel, as `pixels` has its middle a place off the centre of the window.
@@ -459,12 +469,7 @@ fn centroids_scatter_by_the_speckle_limit() {
 /// (lambda z)^2; out of focus by W waves at the pupil's edge the middle falls to (sin(pi W) / pi W)^2.
 #[test]
 fn a_point_through_a_lens_makes_the_pattern_of_airy() {
-    let laser = Laser::focused(1e-6, 0.8);
-    let view = View {
-        lateral: [1.8e-6, 45e-6],
-        ..View::at(0.8)
-    };
-    let surface = Surface::new(&laser, &Scattering::surface(), 1).unwrap();
+    let (laser, view, surface) = point();
     let lens = LensAperture {
         samples: 1,
         ..LensAperture::nominal(view.range())
@@ -508,32 +513,20 @@ fn a_point_through_a_lens_makes_the_pattern_of_airy() {
 /// W's slope over the pupil.
 #[test]
 fn coma_moves_the_centroid() {
-    let laser = Laser::focused(1e-6, 0.8);
-    let view = View {
-        lateral: [1.8e-6, 45e-6],
-        ..View::at(0.8)
-    };
-    let surface = Surface::new(&laser, &Scattering::surface(), 1).unwrap();
+    let (laser, view, surface) = point();
     let places = pixels(96, 1);
-    let centroid = |field: f64| {
+    let of_field = |field: f64| {
         let lens = LensAperture {
             coma: 2.0,
             samples: 1,
             ..LensAperture::nominal(view.range())
         };
         let image = lens_image(&surface, &view, &lens, field, &places, &places).unwrap();
-        let (mut sum, mut moment) = (0.0, 0.0);
-        for row in 0..image.rows() {
-            for (x, &light) in places.iter().zip(image.row(row)) {
-                sum += f64::from(light);
-                moment += f64::from(light) * x;
-            }
-        }
-        moment / sum
+        centroid(&image, &places)
     };
     let lens = LensAperture::nominal(view.range());
     let expected = 1.0 * laser.wavelength * lens.to_sensor() / (0.5 * lens.diameter);
-    let found = centroid(0.5 * lens.full_field) - centroid(0.0);
+    let found = of_field(0.5 * lens.full_field) - of_field(0.0);
     println!(
         "a wave of coma: {:.2} um for {:.2} um",
         found * 1e6,
