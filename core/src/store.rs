@@ -1,29 +1,29 @@
-//! What a sensor keeps over a power cycle, in two sectors of flash.
+//! The sensor's configuration in two sectors of flash, from where it comes back after a power cycle.
 //!
-//! Each save adds an item to the sector in use: a number that counts on, and [`saved`]'s bytes. When the sector is full, the other is
-//! erased and is the one in use. So what was saved before is never erased until something newer is whole, and a power cut at any
-//! moment leaves the old or the new. What is read is the item with the highest number of those that are whole and usable, and
-//! whether something newer was begun that is not.
+//! Each save adds an item to the sector in use. An item is a number, which rises by one with each save, and the bytes of a
+//! [`Configuration`]. When the sector is full, the store erases the other sector and goes on there. So the last whole item is
+//! never erased before a newer item is whole, and a power cut at any moment leaves the old configuration or the new one.
+//! [`Store::read`] takes the whole and usable item with the highest number, and tells if a newer save was interrupted or is damaged.
 //!
-//! `sequential-storage` lays out the items and checks them with a CRC-32, a sector at a time (see `sector`). It repairs what it takes
-//! for broken by erasing, which a half-erased sector can turn against the good one: so it cannot erase here, and nothing is ever
-//! repaired; the next save overwrites instead. The library is not ours, and not in the proof that no panic is reachable: tests and
-//! fuzzing look for contents of the flash that it would panic on.
+//! `sequential-storage` lays out the items and checks them with a CRC-32, a sector at a time (see `sector`). The library repairs
+//! a sector that looks broken by erasing, and after a torn erasure the good sector may look broken. So the store does not let
+//! the library erase, and never repairs: the next save goes elsewhere. The library is not ours, and not in the proof that no
+//! panic is reachable; tests and fuzzing search for contents of the flash that make it panic.
 
 pub mod configuration;
+mod error;
 mod sector;
-
-use core::fmt;
 
 use embedded_storage_async::nor_flash::NorFlash;
 
-use configuration::{Configuration, ConfigurationError};
+use configuration::Configuration;
+pub use error::StoreError;
 use sector::{PageError, Sector};
 
 /// Bytes of an item's number.
 const NUMBER: usize = size_of::<u32>();
 
-/// Bytes that the library puts before an item.
+/// Bytes that the library writes before an item.
 const HEADER: usize = 8;
 
 /// The longest item, in whole words of flash.
@@ -40,40 +40,41 @@ pub struct Store<F> {
 pub enum Stored {
     /// Nothing was ever saved: the flash is erased.
     Nothing,
-    /// What was saved last.
+    /// The configuration of the last save.
     Newest(Configuration),
-    /// What was saved before. Something newer was begun: it was interrupted, is damaged, or is of a later firmware.
+    /// The configuration of an earlier save. The last save was interrupted, is damaged, or is of a later firmware.
     Older(Configuration),
-    /// Something was there, and nothing usable is left of it.
+    /// The flash is not erased, and holds no usable configuration.
     Unusable,
 }
 
 impl Stored {
-    /// What there is to use.
-    pub const fn saved(&self) -> Option<&Configuration> {
+    /// The configuration, if there is a usable one.
+    pub const fn configuration(&self) -> Option<&Configuration> {
         match self {
-            Self::Newest(saved) | Self::Older(saved) => Some(saved),
+            Self::Newest(configuration) | Self::Older(configuration) => Some(configuration),
             Self::Nothing | Self::Unusable => None,
         }
     }
 }
 
-/// An item that can be used.
+/// A usable item.
 struct Item {
     number: u32,
     sector: Sector,
-    saved: Configuration,
+    configuration: Configuration,
 }
 
-/// All items.
+/// What the items of both sectors come to.
 struct Items {
-    /// The highest number, of those too that cannot be used; 0 if there is none.
+    /// The highest number of all whole items, usable or not; 0 if there is none.
     last: u32,
+    /// The usable item with the highest number.
     newest: Option<Item>,
 }
 
 impl<F: NorFlash> Store<F> {
-    /// A store. Nothing is read yet.
+    /// A store. It does not read the flash yet.
     pub const fn new(flash: F) -> Self {
         Self {
             flash,
@@ -81,7 +82,8 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// What was saved last, or else before. Reads only. Flash that cannot be read is unusable.
+    /// Reads the configuration of the last save, or of the newest earlier save that is usable. Never writes. Flash that cannot
+    /// be read counts as unusable.
     pub async fn read(&mut self) -> Stored {
         match self.items().await {
             Ok(Items {
@@ -90,9 +92,9 @@ impl<F: NorFlash> Store<F> {
             }) => {
                 let is_last = newest.number == last && self.is_last(&newest).await;
                 if is_last {
-                    Stored::Newest(newest.saved)
+                    Stored::Newest(newest.configuration)
                 } else {
-                    Stored::Older(newest.saved)
+                    Stored::Older(newest.configuration)
                 }
             }
             Ok(_) if matches!(self.is_blank().await, Ok(true)) => Stored::Nothing,
@@ -100,8 +102,8 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// Nothing was begun after an item: it is what its sector ends with; and where that has no room for any other, nothing is in the other
-    /// sector but whole items, all of them older.
+    /// Whether no save was started after this item: it is the last thing in its sector, and if the sector has no room for
+    /// another item, the other sector is erased or holds whole, older items.
     async fn is_last(&mut self, newest: &Item) -> bool {
         let sector = newest.sector;
         let other_is_newer = match sector.room(&mut self.flash).await {
@@ -113,7 +115,7 @@ impl<F: NorFlash> Store<F> {
             return false;
         };
         *head = newest.number.to_le_bytes();
-        let Ok(length) = configuration::encode(&newest.saved, body).map(<[u8]>::len) else {
+        let Ok(length) = configuration::encode(&newest.configuration, body).map(<[u8]>::len) else {
             return false;
         };
         let item = self.item.get(..NUMBER.saturating_add(length));
@@ -123,7 +125,7 @@ impl<F: NorFlash> Store<F> {
         matches!(other_is_newer, Ok(false)) && matches!(ends_with.await, Ok(true))
     }
 
-    /// There is something in a sector, and no whole item.
+    /// Whether a sector is not erased and does not begin with a whole item.
     async fn is_broken(&mut self, sector: Sector) -> Result<bool, StoreError> {
         if sector.is_blank(&mut self.flash).await? {
             return Ok(false);
@@ -136,16 +138,17 @@ impl<F: NorFlash> Store<F> {
         Ok(!matches!(first, Some(Some(_))))
     }
 
-    /// Saves, unless just that is what was saved last. If it is interrupted, or fails, what was saved before is still there.
+    /// Saves a configuration, unless it is the one of the last save. If the save fails or is interrupted, the configuration
+    /// that was there before is still there.
     ///
-    /// It erases a sector where needed, which takes up to 0.8 s.
+    /// When a sector is full, a save erases the other one, which takes up to 0.8 s.
     ///
     /// # Errors
-    /// [`StoreError`] says why it could not.
-    pub async fn save(&mut self, saved: &Configuration) -> Result<(), StoreError> {
+    /// [`StoreError`] says why the save failed.
+    pub async fn save(&mut self, configuration: &Configuration) -> Result<(), StoreError> {
         let Items { last, newest } = self.items().await?;
         if let Some(newest) = &newest
-            && newest.saved == *saved
+            && newest.configuration == *configuration
             && newest.number == last
             && self.is_last(newest).await
         {
@@ -153,19 +156,19 @@ impl<F: NorFlash> Store<F> {
         }
         let next = match newest {
             Some(newest) => {
-                if self.add(newest.sector, last, saved).await? {
+                if self.add(newest.sector, last, configuration).await? {
                     return Ok(());
                 }
                 newest.sector.other()
             }
-            // What is unusable stays to be seen until something usable is whole: one of two sectors in which there is something.
+            // Write beside damaged contents, so that a power cut during this save still leaves them to be reported.
             None if Sector::First.is_blank(&mut self.flash).await? => Sector::First,
             None => Sector::Second,
         };
         next.erase(&mut self.flash).await?;
-        // What was tried may have brought items to light that damage had hidden.
+        // The failed attempt to add may have uncovered items that damage had hidden.
         let Items { last, .. } = self.items().await?;
-        if self.add(next, last, saved).await? {
+        if self.add(next, last, configuration).await? {
             Ok(())
         } else {
             Err(StoreError::Worn)
@@ -177,18 +180,18 @@ impl<F: NorFlash> Store<F> {
             && Sector::Second.is_blank(&mut self.flash).await?)
     }
 
-    /// Adds an item to a sector. False if it has no room, or if damage hides the new item or looks like a newer one.
+    /// Adds an item to a sector. False if the sector has no room, or if damage hides the new item or looks like a newer one.
     async fn add(
         &mut self,
         sector: Sector,
         last: u32,
-        saved: &Configuration,
+        configuration: &Configuration,
     ) -> Result<bool, StoreError> {
-        // So many saves no flash endures.
+        // No flash endures 2^32 saves.
         let number = last.checked_add(1).ok_or(StoreError::Worn)?;
         let (head, body) = self.item.split_first_chunk_mut().ok_or(StoreError::Worn)?;
         *head = number.to_le_bytes();
-        let length = NUMBER.saturating_add(configuration::encode(saved, body)?.len());
+        let length = NUMBER.saturating_add(configuration::encode(configuration, body)?.len());
         let item = self.item.get(..length).unwrap_or_default();
         let pushed = sector.queue(&mut self.flash).push(item, false).await;
         if done(pushed)?.is_none() {
@@ -197,7 +200,9 @@ impl<F: NorFlash> Store<F> {
         let Some(newest) = self.items().await?.newest else {
             return Ok(false);
         };
-        Ok(newest.number == number && newest.saved == *saved && self.is_last(&newest).await)
+        Ok(newest.number == number
+            && newest.configuration == *configuration
+            && self.is_last(&newest).await)
     }
 
     /// Goes through the items of both sectors.
@@ -224,11 +229,11 @@ impl<F: NorFlash> Store<F> {
                 {
                     continue;
                 }
-                if let Ok(saved) = configuration::decode(bytes) {
+                if let Ok(configuration) = configuration::decode(bytes) {
                     items.newest = Some(Item {
                         number,
                         sector,
-                        saved,
+                        configuration,
                     });
                 }
             }
@@ -237,7 +242,7 @@ impl<F: NorFlash> Store<F> {
     }
 }
 
-/// None if the library could not do it with what is in the sector.
+/// The library's result. None if the contents of the sector make its work impossible.
 fn done<T>(
     result: Result<T, sequential_storage::Error<PageError>>,
 ) -> Result<Option<T>, StoreError> {
@@ -249,36 +254,3 @@ fn done<T>(
         Err(_) => Ok(None),
     }
 }
-
-/// Why something could not be saved. What was saved before is still there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StoreError {
-    /// It is nothing that could be read again.
-    Saved(ConfigurationError),
-    /// The flash refused.
-    Flash,
-    /// The flash did, but does not keep what is written to it.
-    Worn,
-}
-
-impl From<ConfigurationError> for StoreError {
-    fn from(error: ConfigurationError) -> Self {
-        Self::Saved(error)
-    }
-}
-
-impl fmt::Display for StoreError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Saved(error) => error.fmt(f),
-            Self::Flash => f.write_str(
-                "the flash did not do as it was told, what was saved before still holds: save again",
-            ),
-            Self::Worn => f.write_str(
-                "the flash does not keep what is written, what was saved before still holds: save again, and if that does not help, replace the sensor's board",
-            ),
-        }
-    }
-}
-
-impl core::error::Error for StoreError {}

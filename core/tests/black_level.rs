@@ -4,10 +4,11 @@
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::{Estimator, half_width};
 use slitrange::fault::Fault;
-use slitrange::measurement::{Measurement, Settings};
+use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
 use slitrange::row::{Geometry, Row};
 use slitrange::sensor_heads::tcd1304dg;
+use slitrange::settings::Settings;
 use slitrange::spot;
 use slitrange::units::Counts;
 

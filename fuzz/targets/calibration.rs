@@ -1,4 +1,4 @@
-//! Bytes of a calibration's record: what is accepted can be used, all over its range, and is written as it was read.
+//! Bytes of a calibration's record: every accepted record has distances all over its range, and is encoded to itself.
 #![no_main]
 
 use crc::{CRC_32_ISO_HDLC, Crc};

@@ -1,4 +1,4 @@
-//! Two sectors of flash with whatever in them: what is read was there, what is saved is read, and reading only reads.
+//! Two sectors of flash with any contents: the store reads only usable configurations, reads what it saved, and reading never writes.
 //!
 //! The input is a list of steps of 8 bytes: what to do, a byte `a`, and three words `b`, `c`, `d`, low byte first. They fill the flash
 //! and use the store; see [`step`]. What is left over at the end does nothing.
@@ -128,28 +128,28 @@ const CRC_32: Algorithm<u32> = Algorithm {
     residue: 0,
 };
 
-/// Reads: it is something that can be used, and nothing only where nothing is.
+/// Reads: a configuration can be saved again, and the store finds nothing only in erased flash.
 fn check(flash: &mut Flash) {
     let (operations, before) = (flash.operations, flash.bytes.clone());
-    let kept = block_on(Store::new(&mut *flash).read());
+    let stored = block_on(Store::new(&mut *flash).read());
     assert_eq!(flash.operations, operations);
     assert!(flash.bytes == before);
     assert_eq!(
-        kept == Stored::Nothing,
+        stored == Stored::Nothing,
         flash.bytes.iter().all(|&byte| byte == 0xff)
     );
-    if let Stored::Newest(saved) | Stored::Older(saved) = kept {
+    if let Some(saved) = stored.configuration() {
         let mut buffer = [0; MAX_ENCODED];
-        let bytes = encode(&saved, &mut buffer).expect("what was read can be saved");
-        assert_eq!(decode(bytes), Ok(saved));
+        let bytes = encode(saved, &mut buffer).expect("what was read can be saved");
+        assert_eq!(decode(bytes).as_ref(), Ok(saved));
     }
 }
 
-/// Saves, over whatever there is, and reads it.
+/// Saves over any contents, and reads the configuration back.
 fn save(flash: &mut Flash, saved: &Configuration) {
     assert_eq!(block_on(Store::new(&mut *flash).save(saved)), Ok(()));
-    let kept = block_on(Store::new(&mut *flash).read());
-    assert!(kept == Stored::Newest(saved.clone()), "{kept:?}");
+    let stored = block_on(Store::new(&mut *flash).read());
+    assert!(stored == Stored::Newest(saved.clone()), "{stored:?}");
 }
 
 /// Settings alone, with eq. (1), or with a table.

@@ -2,9 +2,7 @@
 
 pub mod accuracy;
 pub mod core_tables;
-pub mod grid;
 pub mod hard_cases;
-pub mod ladder;
 pub mod measured_profile;
 pub mod model;
 pub mod profile_rows;

@@ -9,7 +9,7 @@ use slitrange::centre::RowCentre;
 use slitrange::fault::Fault;
 use slitrange::row::Geometry;
 
-use crate::accuracy::Cell;
+use crate::accuracy::{Cell, Phases};
 
 /// Pixels of a row that is long enough for the spot and as much background: the noise is not known well on it, but the centre does
 /// not depend on that where the tables are given.
@@ -81,15 +81,7 @@ impl Rows<'_> {
     }
 }
 
-/// Phases over a pixel at which the bias is looked for.
-const PHASES: u32 = 40;
-
-/// Rounding to counts makes an error of its own; it is averaged away over this many black levels, which differ by
-/// fractions of a count.
-const DITHERS: u32 = 64;
-
-/// The mean errors over the sub-pixel phases, in pixels, of the centres that a function finds on noiseless spots of 3800 counts,
-/// without knowledge of the row before and with it.
+/// The mean errors over the sub-pixel phases of a profile's spots: see [`Phases::bias`].
 ///
 /// # Errors
 /// That of a row without a centre.
@@ -98,43 +90,5 @@ pub fn bias(
     width: f64,
     centre: impl Fn(&[u16], Option<&RowCentre>) -> Result<RowCentre, Fault> + Sync,
 ) -> Result<[Vec<f64>; 2], Fault> {
-    let pixels = pixels(width);
-    let truth = |phase| (pixels / 2) as f64 + f64::from(phase) / f64::from(PHASES) - 0.5;
-    let light: Vec<Vec<f64>> = (0..PHASES)
-        .map(|phase| {
-            let offset = |i: usize| i as f64 - truth(phase);
-            (0..pixels)
-                .map(|i| 3800.0 * curve.at(offset(i), width))
-                .collect()
-        })
-        .collect();
-    // For each black level the errors over the phases, without the row before and with.
-    let errors: Vec<[Vec<f64>; 2]> = (0..DITHERS)
-        .into_par_iter()
-        .map(|dither| {
-            let black = 100.0 + f64::from(dither) / f64::from(DITHERS);
-            let mut errors = [vec![], vec![]];
-            let mut last = None;
-            for (phase, light) in (0..PHASES).zip(&light) {
-                let counts: Vec<f32> = light.iter().map(|light| (black + light) as f32).collect();
-                let counts = quantise(&counts, 4095);
-                let alone = centre(&counts, None)?;
-                let known = centre(&counts, last.as_ref())?;
-                for (centre, errors) in [alone, known].iter().zip(&mut errors) {
-                    errors.push(centre.centre.to_f64() - truth(phase));
-                }
-                last = Some(alone);
-            }
-            Ok(errors)
-        })
-        .collect::<Result<_, Fault>>()?;
-    let mean = |known: usize, phase: usize| {
-        let sum: f64 = errors.iter().map(|errors| errors[known][phase]).sum();
-        sum / f64::from(DITHERS)
-    };
-    Ok([0, 1].map(|known| {
-        (0..PHASES as usize)
-            .map(|phase| mean(known, phase))
-            .collect()
-    }))
+    Phases::of(pixels(width)).bias(|offset| curve.at(offset, width), centre)
 }

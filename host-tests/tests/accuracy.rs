@@ -1,97 +1,84 @@
-//! The default estimator against the Cramér-Rao bound, on seeded rows. Every figure asserted is printed.
+//! The estimators against the Cramér-Rao bound, their own claims and, without noise, the truth, on seeded rows. Every figure asserted
+//! is printed.
 
-use host_tests::accuracy::{Cell, PIXELS, centre_of};
+use host_tests::accuracy::{
+    Before, Cell, Outcome, PIXELS, Phases, Rows, centre_after, centre_of, centre_with, largest,
+};
 use host_tests::core_tables;
 use phase_tables::{LEAST_SQUARES, gaussian};
-use simulator::scene::quantise;
-use slitrange::centre::tables::{GAUSSIAN, TableSet};
-use slitrange::row::Row;
-use slitrange::spot;
-use slitrange::units::Pixels;
+use slitrange::centre::Estimator;
+use slitrange::centre::tables::TableSet;
 
-/// The worst cases of 139 widths are among them: 1.58, 6.72, 11.03 and 13.44 in white noise, where a table serves the narrowest
-/// spots that it does, and 4.61 in shot noise, where it serves the widest.
-const WIDTHS: [f64; 10] = [1.2, 1.58, 2.0, 4.61, 6.72, 8.0, 10.5, 11.03, 13.44, 18.0];
-const ROWS: u64 = 40_000;
+/// A noise: its name in a table, the spot's height and the read noise in counts, electrons a count, and a seed.
+struct Noise {
+    name: String,
+    amplitude: f64,
+    read_noise: f64,
+    electrons_per_count: Option<f64>,
+    seed: u64,
+}
 
-/// White noise: at most 1.11 of the bound. r = 0.23 costs 1.077 where the spot is as wide as the table and 1.10 where it is 4.2 %
-/// narrower, which is half-way to the next table; blocks of pixels cost 1.004. The standard error of a ratio over 40,000 rows is
-/// 0.35 %.
-#[test]
-fn white_noise_is_within_a_ninth_of_the_bound() {
-    let mut table = Table::new("RMSE / bound (pull) in white noise", "SNR");
-    for snr in [25.0, 100.0, 300.0, 1000.0] {
-        table.row(&snr.to_string(), 1.11, |width| Cell {
+fn white(snr: f64, seed: u64) -> Noise {
+    Noise {
+        name: snr.to_string(),
+        amplitude: 2400.0,
+        read_noise: 2400.0 / snr,
+        electrons_per_count: None,
+        seed,
+    }
+}
+
+fn shot(amplitude: f64, electrons: f64, read_noise: f64, seed: u64) -> Noise {
+    Noise {
+        name: format!("{amplitude}, {electrons}, {read_noise}"),
+        amplitude,
+        read_noise,
+        electrons_per_count: Some(electrons),
+        seed,
+    }
+}
+
+impl Noise {
+    fn cell(&self, width: f64, rows: u64) -> Cell {
+        Cell {
             width,
-            amplitude: 2400.0,
-            read_noise: 2400.0 / snr,
-            electrons_per_count: None,
-            rows: ROWS,
-            seed: 1,
-        });
+            amplitude: self.amplitude,
+            read_noise: self.read_noise,
+            electrons_per_count: self.electrons_per_count,
+            rows,
+            seed: self.seed,
+        }
     }
-    table.check("white_noise");
 }
 
-/// Shot and read noise: at most 1.11 of the bound. In pure shot noise r = 0.23 costs 1.089 at the table's width and 1.105 where the
-/// spot is 4.2 % wider, which is half-way to the next table.
-#[test]
-fn shot_noise_is_within_a_ninth_of_the_bound() {
-    let mut table = Table::new(
-        "RMSE / bound (pull) in shot and read noise",
-        "counts, e/count, read",
-    );
-    for (amplitude, electrons, read_noise) in [
-        (100.0, 5.0, 4.0),
-        (1000.0, 5.0, 2.0),
-        (3800.0, 10.0, 1.0),
-        (3800.0, 10.0, 8.0),
-    ] {
-        table.row(
-            &format!("{amplitude}, {electrons}, {read_noise}"),
-            1.11,
-            |width| Cell {
-                width,
-                amplitude,
-                read_noise,
-                electrons_per_count: Some(electrons),
-                rows: ROWS,
-                seed: 2,
-            },
-        );
-    }
-    table.check("shot_noise");
-}
-
-/// A table of ratios and pulls over [`WIDTHS`]: printed, asserted, and kept as a snapshot, so that a change shows.
+/// Ratios and pulls over widths: printed, asserted, and kept as a snapshot, so that a change shows.
 struct Table {
     text: String,
     failures: Vec<String>,
 }
 
 impl Table {
-    fn new(title: &str, left: &str) -> Self {
-        let widths = WIDTHS.map(|width| format!("{width:>12}")).concat();
+    fn new(title: &str, left: &str, widths: &[f64]) -> Self {
+        let widths: String = widths.iter().map(|width| format!("{width:>12}")).collect();
         Self {
-            text: format!("{title}, {ROWS} rows a cell; sigma in pixels\n{left:>22}{widths}\n"),
+            text: format!("{title}; sigma in pixels\n{left}{widths}\n"),
             failures: vec![],
         }
     }
 
-    /// Runs a row of cells. Each must have a centre in every row of pixels, stay within `limit` times the bound and claim
-    /// its uncertainty to 5 %.
-    fn row(&mut self, name: &str, limit: f64, cell: impl Fn(f64) -> Cell) {
-        self.text += &format!("{name:>22}");
-        for width in WIDTHS {
-            let outcome = cell(width).run(&GAUSSIAN);
+    /// A line of outcomes, each with the most that it may be of the bound, and how far the standard deviation of error over claim may
+    /// be from one. Each row of pixels must have a centre, and none a gross error.
+    fn line(&mut self, name: &str, outcomes: impl IntoIterator<Item = (Outcome, f64, f64)>) {
+        self.text += name;
+        for (outcome, limit, tolerance) in outcomes {
             self.text += &format!("{:>6.2} ({:.2})", outcome.ratio(), outcome.pull);
             let good = (outcome.faults, outcome.gross) == (0, 0)
                 && outcome.ratio() <= limit
-                && (0.95..=1.05).contains(&outcome.pull);
+                && (outcome.pull - 1.0).abs() <= tolerance;
             if !good {
-                self.failures.push(format!(
-                    "{name}, sigma {width}, at most {limit}: {outcome:?}"
-                ));
+                let name = name.trim();
+                self.failures
+                    .push(format!("{name}, at most {limit}: {outcome:?}"));
             }
         }
         self.text += "\n";
@@ -104,221 +91,191 @@ impl Table {
     }
 }
 
-/// Noiseless rows in steps of a fortieth of a pixel. Rounding to counts makes an error of its own, up to 1/sqrt(12)
-/// counts of white noise; it is averaged away over 64 black levels that differ by fractions of a count, so that what is
-/// left is the estimator's.
+/// The default estimator: at most 1.11 of the bound. The worst cases of 139 widths are among these: 1.58, 6.72, 11.03 and 13.44 in white
+/// noise, where a table serves the narrowest spots that it does, and 4.61 in shot noise, where it serves the widest.
+fn check_the_default(title: &str, left: &str, noises: &[Noise], name: &str) {
+    const WIDTHS: [f64; 10] = [1.2, 1.58, 2.0, 4.61, 6.72, 8.0, 10.5, 11.03, 13.44, 18.0];
+    const ROWS: u64 = 40_000;
+    let title = format!("RMSE / bound (pull) in {title}, {ROWS} rows a cell");
+    let mut table = Table::new(&title, &format!("{left:>22}"), &WIDTHS);
+    for noise in noises {
+        let outcomes = WIDTHS.map(|width| {
+            let cell = noise.cell(width, ROWS);
+            let outcome = cell.run(cell.pixels(), |geometry, light| {
+                centre_of(geometry, light, Estimator::PhaseTable)
+            });
+            (outcome, 1.11, 0.05)
+        });
+        table.line(&format!("{:>22}", noise.name), outcomes);
+    }
+    table.check(name);
+}
+
+/// r = 0.23 costs 1.077 where the spot is as wide as the table and 1.10 where it is 4.2 % narrower, which is half-way to the next
+/// table; blocks of pixels cost 1.004. The standard error of a ratio over 40,000 rows is 0.35 %.
 #[test]
-fn bias_over_the_phase_is_below_half_a_thousandth_of_a_pixel() {
-    let cell = Cell {
-        width: 1.0,
-        amplitude: 1.0,
-        read_noise: 0.0,
-        electrons_per_count: None,
-        rows: 0,
-        seed: 0,
-    };
-    let geometry = cell.scene().geometry();
-    println!("largest bias over 40 phases, noiseless");
+fn white_noise_is_within_a_ninth_of_the_bound() {
+    let noises = [25.0, 100.0, 300.0, 1000.0].map(|snr| white(snr, 1));
+    check_the_default("white noise", "SNR", &noises, "white_noise");
+}
+
+/// In pure shot noise r = 0.23 costs 1.089 at the table's width and 1.105 where the spot is 4.2 % wider, which is half-way to the next
+/// table.
+#[test]
+fn shot_noise_is_within_a_ninth_of_the_bound() {
+    let noises = [
+        shot(100.0, 5.0, 4.0, 2),
+        shot(1000.0, 5.0, 2.0, 2),
+        shot(3800.0, 10.0, 1.0, 2),
+        shot(3800.0, 10.0, 8.0, 2),
+    ];
+    let left = "counts, e/count, read";
+    check_the_default("shot and read noise", left, &noises, "shot_noise");
+}
+
+/// The adaptive estimator, with knowledge of the row before and without.
+fn check_adaptive(title: &str, left: &str, limit: f64, noises: &[Noise], name: &str) {
+    const WIDTHS: [f64; 10] = [1.2, 1.58, 2.0, 3.0, 4.61, 6.72, 8.0, 10.5, 13.4, 18.0];
+    const ROWS: u64 = 20_000;
+    let title = format!("RMSE / bound (pull) of the adaptive rung in {title}, {ROWS} rows a cell");
+    let mut table = Table::new(&title, &format!("{left:>22}{:>11}", ""), &WIDTHS);
+    for noise in noises {
+        let outcomes = WIDTHS.map(|width| {
+            let cell = noise.cell(width, ROWS);
+            let rows = Rows {
+                pixels: cell.pixels(),
+                ..Rows::of(cell)
+            };
+            rows.run_each(
+                &[Before::Known, Before::Unknown].map(|before| (Estimator::Adaptive, before)),
+            )
+        });
+        for (i, how) in ["in series", "alone"].into_iter().enumerate() {
+            let outcomes = outcomes.iter().map(|outcomes| (outcomes[i], limit, 0.05));
+            table.line(&format!("{:>22}{how:>11}", noise.name), outcomes);
+        }
+    }
+    table.check(name);
+}
+
+#[test]
+fn adaptive_is_within_three_per_cent_of_the_bound_in_white_noise() {
+    let noises = [25.0, 100.0, 500.0, 1800.0].map(|snr| white(snr, snr as u64));
+    check_adaptive("white noise", "SNR", 1.03, &noises, "adaptive_white_noise");
+}
+
+/// The worst is the first, whose r of 0.8 lies furthest from those that there are tables for.
+#[test]
+fn adaptive_is_within_four_per_cent_of_the_bound_in_shot_noise() {
+    let noises = [
+        shot(100.0, 5.0, 4.0, 20),
+        shot(1000.0, 5.0, 2.0, 200),
+        shot(1000.0, 2.0, 8.0, 500),
+        shot(3800.0, 10.0, 1.0, 380),
+        shot(3800.0, 10.0, 8.0, 380),
+        shot(3800.0, 2.0, 2.0, 1900),
+    ];
+    let left = "counts, e/count, read";
+    let title = "shot and read noise";
+    check_adaptive(title, left, 1.04, &noises, "adaptive_shot_noise");
+}
+
+/// The estimators that are no phase tables: their distance from the bound, which for the fit is none, and their claims, which hold to a
+/// tenth, and for the fit to a twentieth. The centroid is 1.6 of the bound by the formula of its uncertainty, and has an interpolation
+/// error of 0.003 pixel at a width of 1.2, where the bound is 0.0025, that its claim leaves out. Standard errors are 1 % of a ratio over
+/// 5000 rows, 0.5 % over 20,000.
+#[test]
+fn centroid_and_fit_keep_their_distance_from_the_bound_and_their_claims() {
+    const WIDTHS: [f64; 4] = [1.2, 2.0, 4.0, 10.5];
+    let noises = [
+        white(25.0, 11),
+        white(500.0, 11),
+        shot(1000.0, 5.0, 2.0, 11),
+    ];
+    let mut table = Table::new("RMSE / bound (pull)", &" ".repeat(34), &WIDTHS);
+    let of_centroid = [
+        [1.68, 1.66, 1.66, 1.66],
+        [1.90, 1.68, 1.66, 1.66],
+        [1.06; 4],
+    ];
+    for (estimator, rows, limits) in [
+        (Estimator::Centroid, 5000, of_centroid),
+        (Estimator::GaussNewton, 20_000, [[1.03; 4]; 3]),
+    ] {
+        for (noise, limits) in noises.iter().zip(limits) {
+            let outcomes = WIDTHS.into_iter().zip(limits).map(|(width, limit)| {
+                let cell = noise.cell(width, rows);
+                let outcome = cell.run(PIXELS, |geometry, light| {
+                    centre_of(geometry, light, estimator)
+                });
+                let tolerance = match estimator {
+                    Estimator::GaussNewton => 0.05,
+                    _ if width < 2.0 => 0.2,
+                    _ => 0.1,
+                };
+                (outcome, limit, tolerance)
+            });
+            let name = format!("{:>14}{:>20}", estimator.name(), noise.name);
+            table.line(&name, outcomes);
+        }
+    }
+    table.check("centroid_and_fit");
+}
+
+fn bias_alone(estimator: Estimator, width: f64) -> f64 {
+    let geometry = Cell::noiseless(width, 1.0).scene_of(PIXELS).geometry();
+    let centre =
+        |light: &[u16], before: Option<&_>| centre_after(before, &geometry, light, estimator);
+    let errors = Phases::of(PIXELS).bias(|offset| gaussian(offset, width), centre);
+    let [alone, _] = errors.expect("centres");
+    largest(&alone)
+}
+
+/// What is left of the largest bias when rounding to counts is averaged away is the estimator's: of the centroid its window's ends, of
+/// the fit, as in f64, a pixel's own width.
+#[test]
+fn bias_over_the_phase_is_the_methods_own() {
+    const WIDTHS: [f64; 7] = [0.8, 1.0, 1.2, 1.5, 2.0, 4.0, 10.5];
+    let mut text = format!(
+        "largest bias over 40 phases in pixels, noiseless; sigma in pixels\n{:>14}{}\n",
+        "",
+        WIDTHS.map(|width| format!("{width:>9}")).concat()
+    );
+    let mut failures = vec![];
+    for (estimator, limits) in [
+        (
+            Estimator::Centroid,
+            [0.006, 0.003, 0.004, 0.001, 0.0015, 0.0005, 0.0005],
+        ),
+        (
+            Estimator::GaussNewton,
+            [0.0003, 0.0001, 0.0001, 0.0001, 0.0001, 0.0001, 0.0001],
+        ),
+    ] {
+        text += &format!("{:>14}", estimator.name());
+        for (width, limit) in WIDTHS.into_iter().zip(limits) {
+            let worst = bias_alone(estimator, width);
+            text += &format!("{worst:>9.5}");
+            if worst > limit {
+                failures.push(format!("{estimator:?} {width}: {worst} above {limit}"));
+            }
+        }
+        text += "\n";
+    }
+    println!("{text}");
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+    insta::assert_snapshot!("bias", text);
+}
+
+#[test]
+fn the_default_has_a_bias_below_half_a_thousandth_of_a_pixel() {
     for width in [
         1.2, 1.26, 1.5, 2.0, 2.6, 3.0, 4.0, 5.4, 6.5, 8.0, 9.4, 10.5, 13.4, 18.0,
     ] {
-        let mut worst = 0.0f64;
-        for step in 0..40 {
-            let truth = PIXELS as f64 / 2.0 + f64::from(step) / 40.0 - 0.5;
-            let mean: f64 = (0..64)
-                .map(|dither| {
-                    let counts: Vec<f32> = (0..PIXELS)
-                        .map(|i| {
-                            (100.0
-                                + f64::from(dither) / 64.0
-                                + 3800.0 * gaussian(i as f64 - truth, width))
-                                as f32
-                        })
-                        .collect();
-                    centre_of(&geometry, &quantise(&counts, 4095), &GAUSSIAN)
-                        .expect("a centre")
-                        .centre
-                        .to_f64()
-                        - truth
-                })
-                .sum::<f64>()
-                / 64.0;
-            worst = worst.max(mean.abs());
-        }
+        let worst = bias_alone(Estimator::PhaseTable, width);
         println!("sigma {width:>5}: {worst:.6} px");
         assert!(worst <= 5e-4, "sigma {width}: {worst}");
     }
-}
-
-/// Any constant that leaves the row within 12 bits changes no bit of the centre.
-#[test]
-fn the_black_level_changes_no_bit() {
-    for width in [0.8, 1.2, 4.0, 10.5, 30.0, 100.0] {
-        let cell = Cell {
-            width,
-            amplitude: 1500.0,
-            read_noise: 12.0,
-            electrons_per_count: Some(10.0),
-            rows: 0,
-            seed: 3,
-        };
-        let scene = cell.scene();
-        for row in 0..40 {
-            let light = quantise(
-                &scene.row_with_centre(row, cell.true_centre(row), 1.0),
-                2000,
-            );
-            let at_rest = centre_of(&scene.geometry(), &light, &GAUSSIAN)
-                .map(|row| (row.centre, row.width, row.amplitude));
-            assert!(at_rest.is_ok(), "{at_rest:?}");
-            for offset in [1, 2, 3, 7, 100, 777, 2094] {
-                let shifted: Vec<u16> = light.iter().map(|&count| count + offset).collect();
-                let centre = centre_of(&scene.geometry(), &shifted, &GAUSSIAN)
-                    .map(|row| (row.centre, row.width, row.amplitude));
-                assert_eq!(centre, at_rest, "width {width}, row {row}, {offset} counts");
-            }
-        }
-    }
-}
-
-/// The coarse search at a peak signal-to-noise ratio of 5, on rows as long as the sensor's. It fails when the candidate is more
-/// than a block and two widths off (gross), or none is found. For a width of 1 pixel the best filter has a response of 6.66
-/// standard deviations there, which noise in one of 3600 positions beats in 0.4 % of the rows; the kernel has 6.45 on average,
-/// which is below the threshold of 4.5 in 2.6 % of them. For 1.5 pixels they are 8.2 and 7.9, and 0.03 %.
-#[test]
-fn coarse_search_holds_at_a_signal_to_noise_ratio_of_five() {
-    println!("coarse search at a peak signal-to-noise ratio of 5, 4000 rows of 3648 pixels");
-    for (width, allowed_gross, allowed_missed) in [
-        (1.0, 0.003, 0.035),
-        (1.5, 0.0, 0.001),
-        (2.0, 0.0, 0.0),
-        (4.0, 0.0, 0.0),
-        (8.0, 0.0, 0.0),
-        (20.0, 0.0, 0.0),
-        (50.0, 0.0, 0.0),
-        (100.0, 0.0, 0.0),
-    ] {
-        let scene = Cell {
-            width,
-            amplitude: 100.0,
-            read_noise: 20.0,
-            electrons_per_count: None,
-            rows: 0,
-            seed: 4,
-        }
-        .scene_of(3648);
-        let rows = 4000u64;
-        let (mut gross, mut missed, mut confident) = (0, 0, 0);
-        for row in 0..rows {
-            let truth = 700.0 + (row as f64 * 0.618_033_988_75).fract() * 2200.0;
-            let light = quantise(&scene.row_with_centre(row, truth, 1.0), 4095);
-            let parts = Row::new(&light, &[], 4095).expect("12 bits");
-            match spot::find(&parts) {
-                Ok(spot) => {
-                    let off = (spot.centre as f64 - truth).abs();
-                    if off > (2.0 * width).max(f64::from(1u32 << spot.block_log2)) {
-                        gross += 1;
-                        // What noise made must not become a centre.
-                        confident +=
-                            i32::from(centre_of(&scene.geometry(), &light, &GAUSSIAN).is_ok());
-                    }
-                }
-                Err(_) => missed += 1,
-            }
-        }
-        println!(
-            "sigma {width:>5}: gross {gross}, no spot {missed}, gross and confident {confident} of {rows}"
-        );
-        assert!(
-            f64::from(gross) <= allowed_gross * rows as f64,
-            "sigma {width}: {gross} gross"
-        );
-        assert!(
-            f64::from(missed) <= allowed_missed * rows as f64,
-            "sigma {width}: {missed} missed"
-        );
-        assert_eq!(confident, 0, "sigma {width}");
-    }
-}
-
-/// Rows of noise alone give no centre.
-#[test]
-fn noise_alone_is_no_spot() {
-    let mut scene = Cell {
-        width: 1.0,
-        amplitude: 0.0,
-        read_noise: 20.0,
-        electrons_per_count: None,
-        rows: 0,
-        seed: 5,
-    }
-    .scene();
-    scene.spot = None;
-    let rows = 20_000;
-    let mut candidates = 0;
-    for row in 0..rows {
-        let light = quantise(&scene.row_with_centre(row, 0.0, 1.0), 4095);
-        candidates += i32::from(spot::find(&Row::new(&light, &[], 4095).expect("12 bits")).is_ok());
-        assert!(
-            centre_of(&scene.geometry(), &light, &GAUSSIAN).is_err(),
-            "row {row}"
-        );
-    }
-    println!("{candidates} candidates in {rows} rows of noise, no centre");
-}
-
-/// A row moved by whole blocks of 128 pixels has its centre moved by as many, bit for bit. Moved by any number of pixels, or
-/// mirrored, it has its centre there to within 0.35 of the claimed uncertainty, sqrt(1.06^2 - 1): phases and blocks then lie otherwise, and
-/// weigh the noise a little otherwise. (Between two tables' widths, which are left out here, it may be 0.9: either table may
-/// serve, and they weigh the noise differently.)
-#[test]
-fn shifts_shift_and_mirrors_mirror() {
-    let mut worst = 0.0f64;
-    for width in [0.85, 1.2, 4.3, 8.8, 10.4, 25.0, 60.0] {
-        let cell = Cell {
-            width,
-            amplitude: 2000.0,
-            read_noise: 4.0,
-            electrons_per_count: None,
-            rows: 0,
-            seed: 6,
-        };
-        let scene = cell.scene();
-        for row in 0..100 {
-            let light = quantise(
-                &scene.row_with_centre(row, cell.true_centre(row), 1.0),
-                4095,
-            );
-            let centre = centre_of(&scene.geometry(), &light, &GAUSSIAN).expect("a centre");
-            let mut check = |other: &[u16], expected: i32, exact: bool| {
-                let found = centre_of(&scene.geometry(), other, &GAUSSIAN)
-                    .expect("a centre")
-                    .centre
-                    .to_bits();
-                worst = worst.max(
-                    f64::from((found - expected).abs()) / f64::from(centre.uncertainty.to_bits()),
-                );
-                assert!(
-                    found == expected || !exact,
-                    "width {width}, row {row}: {found} for {expected}"
-                );
-            };
-            for shift in [1, 2, 5, 16, 33, 77, 128] {
-                let mut moved = light.clone();
-                moved.rotate_right(shift);
-                let expected = centre.centre.to_bits() + Pixels::from_int(shift as i32).to_bits();
-                check(&moved, expected, shift % 128 == 0);
-            }
-            let mirrored: Vec<u16> = light.iter().rev().copied().collect();
-            check(
-                &mirrored,
-                Pixels::from_int(cell.pixels() as i32 - 1).to_bits() - centre.centre.to_bits(),
-                false,
-            );
-        }
-    }
-    println!("moved and mirrored rows: off by {worst:.3} of the claimed uncertainty at most");
-    assert!(worst <= 0.35, "{worst}");
 }
 
 /// Other tables can be handed in: those with least-squares weights reach the bound in white noise.
@@ -328,94 +285,12 @@ fn least_squares_weights_reach_the_bound_in_white_noise() {
     let tables = core_tables::borrow(&tables);
     let set = TableSet::new(&tables).expect("proven");
     for width in [1.2, 4.0, 10.5] {
-        let cell = Cell {
-            width,
-            amplitude: 2400.0,
-            read_noise: 24.0,
-            electrons_per_count: None,
-            rows: ROWS,
-            seed: 7,
-        };
-        let ratio = cell.run(&set).ratio();
+        let cell = white(100.0, 7).cell(width, 40_000);
+        let outcome = cell.run(cell.pixels(), |geometry, light| {
+            centre_with(&set, None, geometry, light)
+        });
+        let ratio = outcome.ratio();
         println!("r = infinity, sigma {width}: {ratio:.3} of the bound");
         assert!((0.98..=1.03).contains(&ratio), "sigma {width}: {ratio}");
-    }
-}
-
-/// Rows of every length that is served, from 32 pixels, have their spot found.
-#[test]
-fn rows_of_any_length_are_searched() {
-    let geometry = white_cell(1.2).scene().geometry();
-    for length in (32..=300).chain(1000..=1003).chain(4090..=4096) {
-        let truth = length as f64 / 2.0 + 0.2;
-        let counts: Vec<f32> = (0..length)
-            .map(|i| {
-                100.0 + 2000.0 * gaussian(i as f64 - truth, 1.2) as f32 + (i * 7 % 5) as f32 * 0.5
-            })
-            .collect();
-        let found = centre_of(&geometry, &quantise(&counts, 4095), &GAUSSIAN);
-        let centre = found
-            .unwrap_or_else(|fault| panic!("{length} pixels: {fault}"))
-            .centre
-            .to_f64();
-        assert!(
-            (centre - truth).abs() < 0.01,
-            "{length} pixels: {centre} for {truth}"
-        );
-    }
-}
-
-/// From the edge inwards a spot is cut, and from some place on it is whole: no hole between. The window reaches at most 4.5 widths and
-/// four pixels; the coarse search, which may take the spot for twice as wide, does not make it longer.
-#[test]
-fn whole_spots_are_not_called_cut() {
-    for width in [
-        1.0, 1.2, 1.7, 2.3, 3.1, 4.2, 5.5, 6.8, 8.0, 9.3, 10.5, 11.5, 13.4, 18.0, 24.0, 31.0, 40.0,
-        60.0, 90.0,
-    ] {
-        let cell = white_cell(width);
-        let scene = cell.scene();
-        let accepted = |centre: f64| {
-            let light = quantise(&scene.row_with_centre(1, centre, 1.0), 4095);
-            match centre_of(&scene.geometry(), &light, &GAUSSIAN) {
-                Ok(found) => {
-                    assert!(
-                        (found.centre.to_f64() - centre).abs() < 0.1,
-                        "width {width} at {centre}: {found:?}"
-                    );
-                    true
-                }
-                Err(_) => false,
-            }
-        };
-        let reach = (8.0 * width) as i32 + 10;
-        let first = (0..reach)
-            .find(|&centre| accepted(f64::from(centre)))
-            .expect("a whole spot");
-        println!(
-            "sigma {width}: whole from pixel {first}, {:.1} widths",
-            f64::from(first) / width
-        );
-        assert!(
-            f64::from(first) <= 4.5 * width + 4.0,
-            "width {width}: {first}"
-        );
-        for centre in first..reach {
-            assert!(
-                accepted(f64::from(centre)),
-                "width {width}: whole at {first} and cut at {centre}"
-            );
-        }
-    }
-}
-
-fn white_cell(width: f64) -> Cell {
-    Cell {
-        width,
-        amplitude: 2000.0,
-        read_noise: 2.0,
-        electrons_per_count: None,
-        rows: 0,
-        seed: 8,
     }
 }

@@ -8,7 +8,6 @@ use phase_tables::{DEFAULT, Profile, gaussian, slit};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use simulator::bound;
 use simulator::least_squares::{Gaussian, fit_weighted};
 use simulator::scene::quantise;
 use slitrange::centre::tables::{self, Sampling};
@@ -131,7 +130,6 @@ fn fixed_point_is_its_model_to_a_step() {
     println!("off by, in steps of 2^-16 pixel:");
     for (rung, weights, sampling) in [
         (Estimator::PhaseTable, &gaussian, Sampling::Fine),
-        (Estimator::Blocks, &gaussian, Sampling::Coarse),
         (Estimator::Fraunhofer, &slit, Sampling::Fine),
     ] {
         let is_halved = |pair: &Pair| pair.model.block == 16 || pair.found.class.block == 16;
@@ -320,13 +318,7 @@ fn the_fit_is_the_reference_and_the_tables_follow_it() {
             .sum::<f64>()
             / fits.len() as f64;
         let (ratio, correlation) = (reference / table, product / reference / table);
-        let bound = bound::Spot {
-            width,
-            amplitude,
-            noise: read_noise,
-            electrons_per_count,
-        }
-        .bound();
+        let bound = cell.spot().bound();
         println!(
             "sigma {width}, {amplitude} counts, noise {read_noise}, {electrons_per_count:?} e/count: fit and reference \
              apart by {apart_rms:.4} of the uncertainty rms, {apart_most:.3} at most; reference {:.3} of the bound, default {:.3}; \

@@ -1,17 +1,14 @@
 //! Spots that the sensor's edge cuts: fitted at the bound of the pixels that are left, or a fault, and never a phase table's
 //! centre from a window that the edge cuts. Every figure asserted is printed.
 
-use host_tests::accuracy::{Cell, PIXELS};
+use host_tests::accuracy::{Answer, Cell, PIXELS, answers};
+use host_tests::hard_cases::Truth;
+use host_tests::hard_cases::judge::Said;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use simulator::bound;
 use simulator::scene::quantise;
-use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::check;
-use slitrange::fault::Fault;
-use slitrange::row::Row;
-use slitrange::spot;
+use slitrange::centre::Estimator;
 
 /// Rows of a cell.
 const ROWS: u64 = 8000;
@@ -22,18 +19,9 @@ fn light_of(cell: &Cell, row: u64, centre: f64) -> Vec<u16> {
     quantise(&scene.row_with_centre(row, centre, 1.0), 4095)
 }
 
-/// What a rung alone finds in a row, and what the measurement finds with it.
-fn centres(cell: &Cell, light: &[u16], rung: Estimator) -> [Result<RowCentre, Fault>; 2] {
-    let geometry = cell.scene_of(PIXELS).geometry();
-    let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
-    let spot = match spot::find(&row) {
-        Ok(spot) => spot,
-        Err(fault) => return [Err(fault); 2],
-    };
-    [
-        centre::centre(rung, &row, &spot, None, &geometry),
-        check::centre(rung, &row, &spot, None, &geometry),
-    ]
+/// What an estimator alone finds in a row, and what the measurement finds with it.
+fn centres(cell: &Cell, light: &[u16], estimator: Estimator) -> [Answer; 2] {
+    answers(&cell.scene_of(PIXELS).geometry(), light, estimator)
 }
 
 /// Two widths, one and none from the edge: within 1.2, 1.2 and 1.4 of the bound of the pixels that are left, and as uncertain as
@@ -54,12 +42,7 @@ fn a_cut_spot_is_fitted_at_its_own_bound() {
                 rows: ROWS,
                 seed: 11,
             };
-            let spot = bound::Spot {
-                width,
-                amplitude: cell.amplitude,
-                noise: read_noise,
-                electrons_per_count,
-            };
+            let spot = cell.spot();
             for (widths, limit) in [(2.0, 1.2), (1.0, 1.2), (0.0, 1.4)] {
                 // From the first pixel's middle, over the phases evenly.
                 let from_edge = |row: u64| widths * width + (row as f64 * 0.618_033_988_75).fract();
@@ -142,11 +125,7 @@ fn no_table_serves_a_cut_window_and_no_rung_errs_with_confidence() {
     for rung in Estimator::ALL {
         let is_table = matches!(
             rung,
-            Estimator::Blocks
-                | Estimator::PhaseTable
-                | Estimator::Adaptive
-                | Estimator::Robust
-                | Estimator::Fraunhofer
+            Estimator::PhaseTable | Estimator::Adaptive | Estimator::Fraunhofer
         );
         // Of each row the widths from the edge and whether the rung alone has a centre, and the confident errors of both.
         let rows: Vec<(f64, bool, bool)> = (0..20_000u64)
@@ -169,12 +148,8 @@ fn no_table_serves_a_cut_window_and_no_rung_errs_with_confidence() {
                     (PIXELS - 1) as f64 - from
                 };
                 let found = centres(&cell, &light_of(&cell, seed, truth), rung);
-                let is_confident_error = |found: &Result<RowCentre, Fault>| {
-                    found.is_ok_and(|found| {
-                        let error = (found.centre.to_f64() - truth).abs();
-                        !found.misfit && error > 5.0 * found.uncertainty.to_f64() + 0.05
-                    })
-                };
+                let is_confident_error =
+                    |found: &Answer| Said::of_row(Truth::Centre(truth), found).is_confident_error();
                 (
                     widths,
                     found[0].is_ok(),

@@ -5,14 +5,14 @@
 use std::io::Write as _;
 use std::path::PathBuf;
 
-use host_tests::accuracy::centre_of;
+use host_tests::accuracy::{centre_of, centre_with};
 use host_tests::core_tables;
 use phase_tables::{LEAST_SQUARES, gaussian};
 use simulator::least_squares;
 use simulator::photograph::Photograph;
 use simulator::scene::quantise;
-use slitrange::centre::RowCentre;
-use slitrange::centre::tables::{GAUSSIAN, TableSet};
+use slitrange::centre::tables::TableSet;
+use slitrange::centre::{Estimator, RowCentre};
 use slitrange::sensor_heads;
 
 /// A twentieth of full scale: the noise of dimmer rows is a good part of what is compared.
@@ -72,12 +72,13 @@ fn off(photograph: &Photograph, y: usize, other: &TableSet<'_>) -> Option<(f64, 
         .iter()
         .map(|&count| f64::from(count))
         .collect();
-    let centre = centre_of(&geometry, &light, &GAUSSIAN)
+    let centre = centre_of(&geometry, &light, Estimator::PhaseTable)
         .ok()
         .filter(|centre| centre.amplitude.to_f64() >= BRIGHT)?;
     let in_picture = |centre: RowCentre| centre.centre.to_f64() - first as f64;
     let fit = least_squares::fit_near(&picture, in_picture(centre))?;
-    let other = centre_of(&geometry, &light, other).expect("a centre by the other tables too");
+    let other =
+        centre_with(other, None, &geometry, &light).expect("a centre by the other tables too");
     fit.is_whole_in(picture.len()).then(|| {
         (
             (in_picture(centre) - fit.centre) / fit.width,

@@ -1,17 +1,15 @@
 //! Other profiles than the gaussian, tables made of a sensor's own rows, and tables of a wrong width. Every figure asserted is printed.
 
-use host_tests::accuracy::Cell;
+use host_tests::accuracy::{Cell, centre_after, centre_of, centre_with, largest};
 use host_tests::core_tables;
 use host_tests::measured_profile::MeasuredProfile;
+use host_tests::profile_rows::{Rows, bias, pixels};
 use phase_tables::{COARSE, DEFAULT, FINE, IntegerTable, Plan, Profile, Widths, set};
-use simulator::bound;
-use simulator::profiles::{self, Curve, Rows, Slit, bias};
+use simulator::profiles::{self, Curve, Slit};
 use simulator::sinc_fit::{Sinc, fit_from};
-use slitrange::centre::tables::{GAUSSIAN, MIXES, Sampling, TableSet};
-use slitrange::centre::{self, Estimator, RowCentre, phase_table};
-use slitrange::fault::Fault;
-use slitrange::row::{Geometry, Polarity, Row};
-use slitrange::spot;
+use slitrange::centre::tables::{MIXES, TableSet};
+use slitrange::centre::{Estimator, RowCentre};
+use slitrange::row::{Geometry, Polarity};
 
 /// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1 mm.
 fn symmetric() -> [(&'static str, Curve); 4] {
@@ -21,29 +19,6 @@ fn symmetric() -> [(&'static str, Curve); 4] {
         ("Fresnel", Slit::nominal(0.0).curve()),
         ("Fresnel, 1 mm", Slit::nominal(1e-3).curve()),
     ]
-}
-
-/// One row through the spot search and a rung.
-fn with_rung(
-    rung: Estimator,
-    light: &[u16],
-    before: Option<&RowCentre>,
-    geometry: &Geometry,
-) -> Result<RowCentre, Fault> {
-    let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
-    centre::centre(rung, &row, &spot::find(&row)?, before, geometry)
-}
-
-/// One row through the spot search and tables.
-fn with_tables(
-    tables: &TableSet<'_>,
-    light: &[u16],
-    before: Option<&RowCentre>,
-    geometry: &Geometry,
-) -> Result<RowCentre, Fault> {
-    let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
-    let spot = spot::find(&row)?;
-    phase_table::centre(&row, &spot, before, geometry, tables, Sampling::Fine)
 }
 
 /// Root mean square of each column.
@@ -87,7 +62,6 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
         for rung in [
             Estimator::PhaseTable,
             Estimator::Adaptive,
-            Estimator::Blocks,
             Estimator::Fraunhofer,
         ] {
             text += &format!("{name:>14}{:>14}", rung.name());
@@ -99,7 +73,7 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
                 let worst = mixes
                     .iter()
                     .map(|&shot_variance_per_count_q16| {
-                        let pixels = profiles::pixels(width);
+                        let pixels = pixels(width);
                         let geometry = Geometry {
                             words: pixels,
                             shielded: 0..0,
@@ -109,10 +83,9 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
                             shot_variance_per_count_q16,
                         };
                         let errors = bias(&curve, width, |light, before| {
-                            with_rung(rung, light, before, &geometry)
+                            centre_after(before, &geometry, light, rung)
                         });
-                        let errors = errors.expect("centres");
-                        errors.iter().flatten().fold(0.0f64, |a, e| a.max(e.abs()))
+                        largest(&errors.expect("centres").concat())
                     })
                     .fold(0.0, f64::max);
                 text += &format!("{:>6.0}", worst * 1e4);
@@ -169,7 +142,7 @@ fn fraunhofer_against_the_fit_of_its_own_profile() {
             };
             let geometry = rows.geometry();
             let errors = rows.errors(|light| {
-                let rung = |rung| with_rung(rung, light, None, &geometry);
+                let rung = |rung| centre_of(&geometry, light, rung);
                 let default = rung(Estimator::PhaseTable)?;
                 Ok([
                     rung(Estimator::Fraunhofer)?.centre.to_f64(),
@@ -177,7 +150,7 @@ fn fraunhofer_against_the_fit_of_its_own_profile() {
                     sinc_fit(light, &default),
                 ])
             });
-            let bound = profiles::bound(&curve, &spot_of(&rows.cell), 8.0);
+            let bound = profiles::bound(&curve, &rows.cell.spot(), 8.0);
             let [fraunhofer, default, fit] =
                 root_mean_squares(&errors.expect("centres")).map(|error| error / bound);
             text += &format!("  {fraunhofer:>5.2}{default:>6.2}{fit:>6.2}");
@@ -209,15 +182,6 @@ fn sinc_fit(light: &[u16], start: &RowCentre) -> f64 {
         level: row[0],
     };
     fit_from(&row, start).expect("a fit").centre
-}
-
-fn spot_of(cell: &Cell) -> bound::Spot {
-    bound::Spot {
-        width: cell.width,
-        amplitude: cell.amplitude,
-        noise: cell.read_noise,
-        electrons_per_count: cell.electrons_per_count,
-    }
 }
 
 /// Rows from which a profile is made.
@@ -273,7 +237,7 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
                         "tailed" => standard_deviations(&errors),
                         _ => root_mean_squares(&errors),
                     };
-                    let bound = profiles::bound(&curve, &spot_of(&cell), 8.0);
+                    let bound = profiles::bound(&curve, &cell.spot(), 8.0);
                     text += &format!(
                         "{:>10.2}{:>8.2}{:>8.2}",
                         measured / truth,
@@ -306,7 +270,7 @@ fn measure(curve: &Curve, cell: Cell) -> MeasuredProfile {
     let found: Vec<(Vec<u16>, RowCentre)> = (0..MEASURED_ROWS)
         .map(|row| {
             let (light, _) = rows.row(row);
-            let centre = with_tables(&GAUSSIAN, &light, None, &geometry).expect("a centre");
+            let centre = centre_of(&geometry, &light, Estimator::PhaseTable).expect("a centre");
             (light, centre)
         })
         .collect();
@@ -335,7 +299,7 @@ fn errors_with(curve: &Curve, cell: Cell, tables: &[Vec<IntegerTable>; 3]) -> Ve
     let rows = Rows { curve, cell };
     let geometry = rows.geometry();
     let errors = rows.errors(|light| {
-        let centre = |set| Ok(with_tables(set, light, None, &geometry)?.centre.to_f64());
+        let centre = |set| Ok(centre_with(set, None, &geometry, light)?.centre.to_f64());
         Ok([centre(&a)?, centre(&b)?, centre(&c)?])
     });
     errors.expect("centres")
@@ -371,7 +335,7 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
                 let tables = core_tables::borrow(&tables);
                 let set = TableSet::new(&tables).expect("proven");
                 let errors = bias(&curve, width, |light, before| {
-                    with_tables(&set, light, before, &geometry)
+                    centre_with(&set, before, &geometry, light)
                 });
                 let errors = errors.expect("centres").concat();
                 let mean = errors.iter().sum::<f64>() / errors.len() as f64;
@@ -462,11 +426,11 @@ fn a_wrong_width_costs_a_twentieth_at_most() {
             let errors = rows.errors(|light| {
                 let [a, b, c, d] = sets
                     .each_ref()
-                    .map(|set| with_tables(set, light, None, &geometry));
+                    .map(|set| centre_with(set, None, &geometry, light));
                 Ok([a?, b?, c?, d?].map(|found| found.centre.to_f64()))
             });
             let [best, narrow, right, wide] = root_mean_squares(&errors.expect("centres"));
-            let bound = spot_of(&rows.cell).bound();
+            let bound = rows.cell.spot().bound();
             let ratios = [narrow, right, wide].map(|error| error / best);
             text += &format!("{:>7.2}{:>6.2}{:>6.2}", ratios[0], ratios[1], ratios[2]);
             for (mean, ratio) in means.iter_mut().zip(ratios) {

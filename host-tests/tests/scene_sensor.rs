@@ -563,150 +563,41 @@ fn a_row_takes_as_long_as_its_exposure() {
 
 // ---- Random numbers ----
 
+/// Every effect, as a scene's file lists it.
+const EVERY_EFFECT: &str = r#"
+diffraction = "fresnel"
+laser_spot = { waist = 0.42e-3, waist_distance = 0.81, wander = 0.0 }
+obliquity = {}
+speckle = { polarisations = 2, linewidth = 1e-9, path_spread = 0.0 }
+texture = { contrast = 0.2, length = 0.5e-3 }
+specular_lobe = { strength = 1.0, width = 0.3, tilt = 0.0 }
+defocus = { focus_distance = 0.7 }
+coma = { waves = 1.0, field = 5e-3 }
+distortion = { share = 0.01, field = 5e-3 }
+flare = { magnification = 1.0, width = 20.0, strength = 0.01, veil = 0.001 }
+second_reflection = { offset = 50.0, width = 8.0, strength = 0.1 }
+ambient = { counts_per_second = 20_000.0, slope = 3.0 }
+motion = { speed = 0.5 }
+temperature = { kelvin_per_second = 100.0, expansion = 23e-6 }
+response = { deviation = 0.02 }
+shot_noise = { electrons_per_count = 10.0 }
+saturation = { full_well = 1000.0, blooming = 0.5 }
+black_level = { counts = 300.0, drift = 10.0 }
+fixed_pattern = { counts = 3.0 }
+hot_pixels = { share = 0.01, counts_per_second = 30_000.0 }
+read_noise = { counts = 4.0 }
+quantisation = { step = 4.0 }
+"#;
+
 /// A scene that lists an effect besides what it lists.
 fn listing(scene: Scene, effect: Effect) -> Scene {
-    let laser_spot = Some(LaserSpot {
-        waist: 0.42e-3,
-        waist_distance: 0.81,
-        wander: 0.0,
-    });
-    match effect {
-        Effect::Diffraction => Scene {
-            diffraction: Some(Diffraction::Fresnel),
-            ..scene
-        },
-        Effect::LaserSpot => Scene {
-            laser_spot,
-            ..scene
-        },
-        Effect::Obliquity => Scene {
-            obliquity: Some(Obliquity {}),
-            ..scene
-        },
-        Effect::Speckle => Scene {
-            speckle: Some(Speckle {
-                polarisations: 2,
-                linewidth: 1e-9,
-                path_spread: 0.0,
-            }),
-            laser_spot,
-            ..scene
-        },
-        Effect::Texture => Scene {
-            texture: Some(Texture {
-                contrast: 0.2,
-                length: 0.5e-3,
-            }),
-            laser_spot,
-            ..scene
-        },
-        Effect::SpecularLobe => Scene {
-            specular_lobe: Some(SpecularLobe {
-                strength: 1.0,
-                width: 0.3,
-                tilt: 0.0,
-            }),
-            ..scene
-        },
-        Effect::Defocus => Scene {
-            defocus: Some(Defocus {
-                focus_distance: 0.7,
-            }),
-            ..scene
-        },
-        Effect::Coma => Scene {
-            coma: Some(Coma {
-                waves: 1.0,
-                field: 5e-3,
-            }),
-            ..scene
-        },
-        Effect::Distortion => Scene {
-            distortion: Some(Distortion {
-                share: 0.01,
-                field: 5e-3,
-            }),
-            ..scene
-        },
-        Effect::Flare => Scene {
-            flare: Some(Flare {
-                magnification: 1.0,
-                width: 20.0,
-                strength: 0.01,
-                veil: 0.001,
-            }),
-            ..scene
-        },
-        Effect::SecondReflection => Scene {
-            second_reflection: Some(SecondReflection {
-                offset: 50.0,
-                width: 8.0,
-                strength: 0.1,
-            }),
-            ..scene
-        },
-        Effect::Ambient => Scene {
-            ambient: Some(Ambient {
-                counts_per_second: 20_000.0,
-                slope: 3.0,
-            }),
-            ..scene
-        },
-        Effect::Motion => Scene {
-            motion: Some(Motion { speed: 0.5 }),
-            ..scene
-        },
-        Effect::Temperature => Scene {
-            temperature: Some(Temperature {
-                kelvin_per_second: 100.0,
-                expansion: 23e-6,
-            }),
-            ..scene
-        },
-        Effect::Response => Scene {
-            response: Some(Response { deviation: 0.02 }),
-            ..scene
-        },
-        Effect::ShotNoise => Scene {
-            shot_noise: Some(ShotNoise {
-                electrons_per_count: 10.0,
-            }),
-            ..scene
-        },
-        Effect::Saturation => Scene {
-            saturation: Some(Saturation {
-                full_well: 1000.0,
-                blooming: 0.5,
-            }),
-            ..scene
-        },
-        Effect::BlackLevel => Scene {
-            black_level: Some(BlackLevel {
-                counts: 300.0,
-                drift: 10.0,
-            }),
-            ..scene
-        },
-        Effect::FixedPattern => Scene {
-            fixed_pattern: Some(FixedPattern { counts: 3.0 }),
-            ..scene
-        },
-        Effect::HotPixels => Scene {
-            hot_pixels: Some(HotPixels {
-                share: 0.01,
-                counts_per_second: 30_000.0,
-            }),
-            ..scene
-        },
-        Effect::ReadNoise => Scene {
-            read_noise: Some(ReadNoise { counts: 4.0 }),
-            ..scene
-        },
-        Effect::Quantisation => Scene {
-            quantisation: Some(Quantisation { step: 4.0 }),
-            ..scene
-        },
-    }
+    let lens = spot_behind_a_lens().to_toml().expect("text");
+    let every = Scene::from_toml(&format!("{EVERY_EFFECT}{lens}")).expect("a scene");
+    let scene = match effect {
+        Effect::Speckle | Effect::Texture => scene.with(Effect::LaserSpot, &every),
+        _ => scene,
+    };
+    scene.with(effect, &every)
 }
 
 /// Each effect has a stream for each row, each line of the sensor and each seed, and what is made of them is not the same either.
@@ -1060,79 +951,102 @@ fn scenes_give_what_they_announce() {
 /// What a file's author gets to read.
 #[test]
 fn scenes_that_mean_nothing_are_refused() {
+    let lens = spot_behind_a_lens().to_toml().expect("text");
+    let every = format!("{EVERY_EFFECT}{lens}");
+    assert!(Scene::from_toml(&every).is_ok());
+    let laser_spot = "laser_spot = { waist = 0.42e-3, waist_distance = 0.81, wander = 0.0 }\n";
+    for (from, to, words) in [
+        (
+            "exposure = 0.005",
+            "exposure = 0.0",
+            "exposure is 0 s: it must be above 0",
+        ),
+        (
+            "\ndistance = 0.8",
+            "\ndistance = nan",
+            "distance is NaN m: give it a number",
+        ),
+        (
+            "width = 8.6",
+            "width = -8.6",
+            "spot.width is -8.6 pixels: it must be above 0",
+        ),
+        (
+            "{ counts = 4.0",
+            "{ counts = -1.0",
+            "read_noise.counts is -1 counts: it cannot be below 0",
+        ),
+        ("_count = 10.0", "_count = 0.0", "more than 1 are needed"),
+        (
+            "blooming = 0.5",
+            "blooming = 1.5",
+            "saturation.blooming is 1.5: it is a share",
+        ),
+        (
+            "{ share = 0.01, c",
+            "{ share = -0.1, c",
+            "hot_pixels.share is -0.1: it is a share",
+        ),
+        ("step = 4.0", "step = 0.0", "quantisation.step is 0 counts"),
+        (laser_spot, "", "add [laser_spot]"),
+        (
+            "polarisations = 2",
+            "polarisations = 3",
+            "light has 1 (metal, gloss) or 2",
+        ),
+        (
+            "waist = 0.42e-3",
+            "waist = 9e-6",
+            "laser_spot.waist is 0.000009 m: it must be 0.00001",
+        ),
+        (
+            "length = 0.5e-3",
+            "length = 0.9e-6",
+            "texture.length is 0.0000009 m",
+        ),
+        (
+            "focal_length = 0.05",
+            "focal_length = 0.9e-3",
+            "optics.focal_length is 0.0009 m",
+        ),
+        (
+            "diameter = 0.00",
+            "diameter = -0.00",
+            "optics.aperture.lens.diameter is -0.00",
+        ),
+        (
+            "diameter = 0.004",
+            "diameter = 0.005",
+            "optics.aperture.lens.diameter is 0.005",
+        ),
+        ("\"tcd1304dg\"", "\"camera\"", "optics.pitch is 0.000008 m"),
+        ("\"tcd1304dg\"", "\"tcd1305\"", "unknown variant `tcd1305`"),
+        ("{ counts = 4.0", "{ volume = 3", "unknown field `volume`"),
+        ("read_noise", "noise", "unknown field `noise`"),
+        ("exposure = 0.005\n", "", "missing field `exposure`"),
+    ] {
+        let changed = every.replace(from, to);
+        assert!(changed != every, "{from}");
+        let error = format!("{:#}", Scene::from_toml(&changed).expect_err(words));
+        println!("{error}");
+        assert!(error.contains(words), "{error:?} lacks {words:?}");
+    }
+
     let refused = |scene: &Scene, words: &str| {
-        let text = scene.to_toml().expect("text");
-        let error = format!("{:#}", Scene::from_toml(&text).expect_err(words));
+        let error = format!("{:#}", scene.check().expect_err(words));
         println!("{error}");
         assert!(error.contains(words), "{error:?} lacks {words:?}");
     };
-    let paper = Scene::white_paper;
-    let with = |effect| listing(paper(), effect);
-    let lens = |effect| listing(spot_behind_a_lens(), effect);
-    assert!(
-        Effect::ALL
-            .into_iter()
-            .all(|effect| lens(effect).check().is_ok())
-    );
-
-    let scene = Scene {
-        exposure: 0.0,
-        ..paper()
-    };
-    refused(&scene, "exposure is 0 s: it must be above 0");
-    let scene = Scene {
-        distance: f64::NAN,
-        ..paper()
-    };
-    refused(&scene, "distance is NaN m: give it a number");
-    let mut scene = paper();
-    scene.spot.as_mut().expect("a spot").width = -8.6;
-    refused(&scene, "spot.width is -8.6 pixels: it must be above 0");
-    let mut scene = paper();
-    scene.read_noise = Some(ReadNoise { counts: -1.0 });
-    refused(
-        &scene,
-        "read_noise.counts is -1 counts: it cannot be below 0",
-    );
-    let mut scene = paper();
-    scene.shot_noise = Some(ShotNoise {
-        electrons_per_count: 0.0,
-    });
-    refused(&scene, "more than 1 are needed");
-    let mut scene = with(Effect::Saturation);
-    scene.saturation.as_mut().expect("listed").blooming = 1.5;
-    refused(&scene, "saturation.blooming is 1.5: it is a share");
-    let mut scene = with(Effect::HotPixels);
-    scene.hot_pixels.as_mut().expect("listed").share = -0.1;
-    refused(&scene, "hot_pixels.share is -0.1: it is a share");
-    let mut scene = with(Effect::Quantisation);
-    scene.quantisation.as_mut().expect("listed").step = 0.0;
-    refused(&scene, "quantisation.step is 0 counts");
-    let mut scene = with(Effect::Speckle);
-    scene.laser_spot = None;
-    refused(&scene, "add [laser_spot]");
-    let mut scene = with(Effect::Speckle);
-    scene.speckle.as_mut().expect("listed").polarisations = 3;
-    refused(&scene, "light has 1 (metal, gloss) or 2");
+    let with = |effect| listing(Scene::white_paper(), effect);
     let mut scene = with(Effect::Speckle);
     scene.optics.aperture = Aperture::Slit {
         width: 200e-6,
         height: 4.3e-3,
     };
     refused(&scene, "optics.aperture.slit.height is 0.0043 m");
-    scene.optics.aperture = Aperture::Lens { diameter: 5e-3 };
-    refused(&scene, "optics.aperture.lens.diameter is 0.005 m");
-    let mut scene = with(Effect::LaserSpot);
-    scene.laser_spot.as_mut().expect("listed").waist = 9e-6;
-    refused(&scene, "laser_spot.waist is 0.000009 m: it must be 0.00001");
-    let mut scene = with(Effect::Texture);
-    scene.texture.as_mut().expect("listed").length = 0.9e-6;
-    refused(&scene, "texture.length is 0.0000009 m");
-    let mut scene = paper();
-    scene.optics.focal_length = 0.9e-3;
-    refused(&scene, "optics.focal_length is 0.0009 m");
+    let scene = Scene::dark(Sensor::Row(65_537));
     refused(
-        &Scene::dark(Sensor::Row(65_537)),
+        &scene,
         "sensor.row is 65537 pixels: it must be 65536 or fewer",
     );
     for effect in [
@@ -1149,39 +1063,13 @@ fn scenes_that_mean_nothing_are_refused() {
         ..with(Effect::SecondReflection)
     };
     refused(&scene, "add [spot]");
-    let scene = Scene {
-        sensor: Sensor::Camera,
-        ..paper()
-    };
-    refused(&scene, "optics.pitch is 0.000008 m");
-    let mut scene = paper();
-    scene.optics.aperture = Aperture::Lens { diameter: -1.0 };
-    refused(&scene, "optics.aperture.lens.diameter");
-
-    let text = paper().to_toml().expect("text");
-    for (from, to, words) in [
-        (
-            "[read_noise]\n",
-            "[read_noise]\nvolume = 3\n",
-            "unknown field `volume`",
-        ),
-        ("[read_noise]", "[noise]", "unknown field `noise`"),
-        ("exposure = 0.005\n", "", "missing field `exposure`"),
-        ("\"tcd1304dg\"", "\"tcd1305\"", "unknown variant `tcd1305`"),
-    ] {
-        let changed = text.replace(from, to);
-        assert!(changed != text);
-        let error = Scene::from_toml(&changed).expect_err(words).to_string();
-        println!("{error}");
-        assert!(error.contains(words), "{error}");
-    }
     let error = format!("{:#}", Scene::load("no-such").expect_err("no scene"));
     println!("{error}");
     assert!(error.contains("no-such.toml; there are black-tape"));
 }
 
-/// With speckle the surface is made for a beam up to 1.5 times as far away as the scene's target, and at that end it can still
-/// be seen.
+/// With speckle the surface is made for a beam up to 1.5 times as far away as the scene's target: at that end it still can be
+/// seen, and beyond it is refused.
 #[test]
 fn speckle_has_an_end() {
     let scene = Scene::load("speckle-receding").expect("a scene");

@@ -1,7 +1,9 @@
 //! The coarse search on seeded rows: that it finds the spot, tells it from a second one, and takes nothing else for one.
 //! Every figure asserted is printed.
 
-use host_tests::accuracy::Cell;
+use host_tests::accuracy::{Cell, centre_of};
+use host_tests::hard_cases::Truth;
+use host_tests::hard_cases::judge::Said;
 use phase_tables::gaussian;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -23,31 +25,31 @@ fn place(spot: &Spot) -> f64 {
     spot.centre as f64 - 0.5
 }
 
-/// Whether any rung has a centre of that spot that is off by more than five times its claim and 0.05 pixel, without a misfit.
-fn misleads(light: &[u16], spot: &Spot, geometry: &Geometry, truth: Option<f64>) -> bool {
+/// Whether any estimator has a centre of that spot that is off by more than it claims, without a flag.
+fn misleads(light: &[u16], spot: &Spot, geometry: &Geometry, truth: Truth) -> bool {
     let row = Row::new(light, &[], 4095).expect("12 bits");
-    Estimator::ALL.into_iter().any(|rung| {
-        let found = check::centre(rung, &row, spot, None, geometry);
-        found.is_ok_and(|found| {
-            let error = truth.map_or(f64::INFINITY, |truth| found.centre.to_f64() - truth);
-            !found.misfit && error.abs() > 5.0 * found.uncertainty.to_f64() + 0.05
-        })
+    Estimator::ALL.into_iter().any(|estimator| {
+        let found = check::centre(estimator, &row, spot, None, geometry);
+        Said::of_row(truth, &found).is_confident_error()
     })
 }
 
 /// Fewer than one row in a thousand fails at a peak signal-to-noise ratio of 5, from a width of 1.5: no spot, or one that is off by
-/// more than a width and a half and a pixel. Where noise was taken for the spot, no rung makes a centre of it, at any ratio.
+/// more than a width and a half and a pixel. For a width of 1 the best filter has a response of 6.66 standard deviations there, which
+/// noise in one of 3600 positions beats in 0.4 % of the rows; the kernel has 6.45 on average, which is below the threshold of 4.5 in
+/// 2.6 % of them. Where noise was taken for the spot, no rung makes a centre of it, at any ratio.
 #[test]
 fn dim_spots_are_found_or_no_centre_is() {
     const ROWS: u64 = 20_000;
     const NOISE: f64 = 20.0;
-    for (width, pixels) in [
-        (1.5, 1024),
-        (1.5, 3648),
-        (3.0, 3648),
-        (10.5, 2048),
-        (30.0, 2048),
-        (100.0, 3648),
+    for (width, pixels, most) in [
+        (1.0, 3648, 0.035),
+        (1.5, 1024, 0.001),
+        (1.5, 3648, 0.001),
+        (3.0, 3648, 0.001),
+        (10.5, 2048, 0.001),
+        (30.0, 2048, 0.001),
+        (100.0, 3648, 0.001),
     ] {
         for snr in [3.0, 4.0, 5.0, 6.0, 8.0] {
             let cell = Cell {
@@ -69,7 +71,8 @@ fn dim_spots_are_found_or_no_centre_is() {
                     Err(_) => [1, 0, 0],
                     Ok(spot) if (place(&spot) - truth).abs() <= 1.5 * width + 1.0 => [0; 3],
                     Ok(spot) => {
-                        let misleads = misleads(&light, &spot, &scene.geometry(), Some(truth));
+                        let misleads =
+                            misleads(&light, &spot, &scene.geometry(), Truth::Centre(truth));
                         [0, 1, u32::from(misleads)]
                     }
                 }
@@ -84,13 +87,14 @@ fn dim_spots_are_found_or_no_centre_is() {
             );
             assert_eq!(misleading, 0);
             if snr >= 5.0 {
-                assert!(f64::from(missed + wrong) < 0.001 * ROWS as f64);
+                assert!(f64::from(missed + wrong) < most * ROWS as f64);
+                assert!(f64::from(wrong) < 0.003 * ROWS as f64);
             }
         }
     }
 }
 
-/// Noise alone passes for a spot in one row of forty, and for a centre in none.
+/// Noise alone passes for a spot in one row of forty, for a centre in none, and the default estimator alone finds none either.
 #[test]
 fn noise_has_no_centre() {
     const ROWS: u64 = 20_000;
@@ -108,7 +112,9 @@ fn noise_has_no_centre() {
         .filter_map(|row| {
             let light = quantise(&scene.row_with_centre(row, 1800.0, 1.0), 4095);
             let spot = find(&light).ok()?;
-            let misleads = misleads(&light, &spot, &scene.geometry(), None);
+            let misleads = misleads(&light, &spot, &scene.geometry(), Truth::None);
+            let found = centre_of(&scene.geometry(), &light, Estimator::default());
+            assert!(found.is_err(), "row {row}: {found:?}");
             Some((1, u32::from(misleads)))
         })
         .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));

@@ -21,7 +21,6 @@ pub mod methods;
 pub mod plane_gaussian;
 pub mod published;
 pub mod reference;
-pub mod residual_table;
 pub mod row_mean;
 pub mod slit_path;
 pub mod training;

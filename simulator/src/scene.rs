@@ -83,220 +83,136 @@ pub struct Scene {
     pub optics: Optics,
 
     /// The laser's light on the sensor, where the laser is on.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub spot: Option<Spot>,
     /// The pattern of the slit or the lens, in place of a gaussian.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub diffraction: Option<Diffraction>,
     /// The laser's spot on the target is no point.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub laser_spot: Option<LaserSpot>,
     /// Light that comes in at an angle makes an asymmetric pattern.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub obliquity: Option<Obliquity>,
     /// A rough target lit by coherent light.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub speckle: Option<Speckle>,
     /// The target is not equally bright everywhere.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub texture: Option<Texture>,
     /// The target shines towards its mirror direction.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub specular_lobe: Option<SpecularLobe>,
     /// The lens is not focused on the target.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub defocus: Option<Defocus>,
     /// The lens draws points off its axis with a tail.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub coma: Option<Coma>,
     /// The lens's scale changes towards the edge.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Distortion>,
     /// Light that bounces between sensor and lens.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub flare: Option<Flare>,
     /// A second spot, by way of another surface.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub second_reflection: Option<SecondReflection>,
     /// Light that is not the laser's.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub ambient: Option<Ambient>,
     /// The target moves.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
     /// The sensor warms up, and its geometry with it.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature: Option<Temperature>,
     /// Pixels differ in what they make of light.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub response: Option<Response>,
     /// Noise of the light.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub shot_noise: Option<ShotNoise>,
     /// A pixel holds so much and no more.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub saturation: Option<Saturation>,
     /// Counts of an unlit pixel.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub black_level: Option<BlackLevel>,
     /// Unlit pixels differ.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub fixed_pattern: Option<FixedPattern>,
     /// A few pixels leak.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub hot_pixels: Option<HotPixels>,
     /// Noise of the sensor.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub read_noise: Option<ReadNoise>,
     /// The converter has coarse steps.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub quantisation: Option<Quantisation>,
 }
 
-/// The effects that a scene can list, in the order in which they are computed. The number is that of the random stream.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Effect {
-    /// [`Diffraction`].
-    Diffraction = 1,
-    /// [`LaserSpot`].
-    LaserSpot = 2,
-    /// [`Obliquity`].
-    Obliquity = 3,
-    /// [`Speckle`].
-    Speckle = 4,
-    /// [`Texture`].
-    Texture = 5,
-    /// [`SpecularLobe`].
-    SpecularLobe = 6,
-    /// [`Defocus`].
-    Defocus = 7,
-    /// [`Coma`].
-    Coma = 8,
-    /// [`Distortion`].
-    Distortion = 9,
-    /// [`Flare`].
-    Flare = 10,
-    /// [`SecondReflection`].
-    SecondReflection = 11,
-    /// [`Ambient`].
-    Ambient = 12,
-    /// [`Motion`].
-    Motion = 13,
-    /// [`Temperature`].
-    Temperature = 14,
-    /// [`Response`].
-    Response = 15,
-    /// [`ShotNoise`].
-    ShotNoise = 16,
-    /// [`Saturation`].
-    Saturation = 17,
-    /// [`BlackLevel`].
-    BlackLevel = 18,
-    /// [`FixedPattern`].
-    FixedPattern = 19,
-    /// [`HotPixels`].
-    HotPixels = 20,
-    /// [`ReadNoise`].
-    ReadNoise = 21,
-    /// [`Quantisation`].
-    Quantisation = 22,
+/// Declares the effects that a scene can list: the number of each one's random stream, and its field of [`Scene`].
+macro_rules! effects {
+    ($($effect:ident = $number:literal in $field:ident,)+) => {
+        /// The effects that a scene can list, in the order in which they are computed. The number is that of the random stream.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum Effect {
+            $(#[doc = concat!("[`", stringify!($effect), "`].")] $effect = $number,)+
+        }
+
+        impl Effect {
+            /// All of them.
+            pub const ALL: [Self; [$($number),+].len()] = [$(Self::$effect),+];
+
+            /// The name that it has in a scene's file.
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$effect => stringify!($field),)+ }
+            }
+        }
+
+        impl Scene {
+            /// A sensor in the dark: no laser, no effect.
+            pub fn dark(sensor: Sensor) -> Self {
+                Self {
+                    about: String::new(),
+                    seed: 1,
+                    distance: 0.8,
+                    exposure: 0.005,
+                    sensor,
+                    optics: Optics::nominal_on(sensor),
+                    spot: None,
+                    $($field: None,)+
+                }
+            }
+
+            /// Whether the scene lists an effect.
+            pub fn lists(&self, effect: Effect) -> bool {
+                match effect { $(Effect::$effect => self.$field.is_some(),)+ }
+            }
+
+            /// The scene without an effect.
+            pub fn without(self, effect: Effect) -> Self {
+                let dark = Self::dark(self.sensor);
+                self.with(effect, &dark)
+            }
+
+            /// The scene with an effect as another scene has it.
+            pub fn with(mut self, effect: Effect, other: &Self) -> Self {
+                match effect { $(Effect::$effect => self.$field = other.$field,)+ }
+                self
+            }
+        }
+    };
 }
 
-impl Effect {
-    /// All of them.
-    pub const ALL: [Self; 22] = [
-        Self::Diffraction,
-        Self::LaserSpot,
-        Self::Obliquity,
-        Self::Speckle,
-        Self::Texture,
-        Self::SpecularLobe,
-        Self::Defocus,
-        Self::Coma,
-        Self::Distortion,
-        Self::Flare,
-        Self::SecondReflection,
-        Self::Ambient,
-        Self::Motion,
-        Self::Temperature,
-        Self::Response,
-        Self::ShotNoise,
-        Self::Saturation,
-        Self::BlackLevel,
-        Self::FixedPattern,
-        Self::HotPixels,
-        Self::ReadNoise,
-        Self::Quantisation,
-    ];
-
-    /// The name that it has in a scene's file.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Diffraction => "diffraction",
-            Self::LaserSpot => "laser_spot",
-            Self::Obliquity => "obliquity",
-            Self::Speckle => "speckle",
-            Self::Texture => "texture",
-            Self::SpecularLobe => "specular_lobe",
-            Self::Defocus => "defocus",
-            Self::Coma => "coma",
-            Self::Distortion => "distortion",
-            Self::Flare => "flare",
-            Self::SecondReflection => "second_reflection",
-            Self::Ambient => "ambient",
-            Self::Motion => "motion",
-            Self::Temperature => "temperature",
-            Self::Response => "response",
-            Self::ShotNoise => "shot_noise",
-            Self::Saturation => "saturation",
-            Self::BlackLevel => "black_level",
-            Self::FixedPattern => "fixed_pattern",
-            Self::HotPixels => "hot_pixels",
-            Self::ReadNoise => "read_noise",
-            Self::Quantisation => "quantisation",
-        }
-    }
+effects! {
+    Diffraction = 1 in diffraction,
+    LaserSpot = 2 in laser_spot,
+    Obliquity = 3 in obliquity,
+    Speckle = 4 in speckle,
+    Texture = 5 in texture,
+    SpecularLobe = 6 in specular_lobe,
+    Defocus = 7 in defocus,
+    Coma = 8 in coma,
+    Distortion = 9 in distortion,
+    Flare = 10 in flare,
+    SecondReflection = 11 in second_reflection,
+    Ambient = 12 in ambient,
+    Motion = 13 in motion,
+    Temperature = 14 in temperature,
+    Response = 15 in response,
+    ShotNoise = 16 in shot_noise,
+    Saturation = 17 in saturation,
+    BlackLevel = 18 in black_level,
+    FixedPattern = 19 in fixed_pattern,
+    HotPixels = 20 in hot_pixels,
+    ReadNoise = 21 in read_noise,
+    Quantisation = 22 in quantisation,
 }
 
 impl Scene {
     /// Time from row to row, or from frame to frame of a camera, in seconds: the sensor's, or the exposure where that is longer.
     pub fn period(&self) -> f64 {
         self.sensor.period().max(self.exposure)
-    }
-
-    /// A sensor in the dark: no laser, no effect.
-    pub fn dark(sensor: Sensor) -> Self {
-        Self {
-            about: String::new(),
-            seed: 1,
-            distance: 0.8,
-            exposure: 0.005,
-            sensor,
-            optics: Optics::nominal_on(sensor),
-            spot: None,
-            diffraction: None,
-            laser_spot: None,
-            obliquity: None,
-            speckle: None,
-            texture: None,
-            specular_lobe: None,
-            defocus: None,
-            coma: None,
-            distortion: None,
-            flare: None,
-            second_reflection: None,
-            ambient: None,
-            motion: None,
-            temperature: None,
-            response: None,
-            shot_noise: None,
-            saturation: None,
-            black_level: None,
-            fixed_pattern: None,
-            hot_pixels: None,
-            read_noise: None,
-            quantisation: None,
-        }
     }
 
     /// White paper in a dim room, on the TCD1304DG: no ambient light, no speckle.
@@ -329,63 +245,6 @@ impl Scene {
             },
             None => geometry,
         }
-    }
-
-    /// Whether the scene lists an effect.
-    pub fn lists(&self, effect: Effect) -> bool {
-        match effect {
-            Effect::Diffraction => self.diffraction.is_some(),
-            Effect::LaserSpot => self.laser_spot.is_some(),
-            Effect::Obliquity => self.obliquity.is_some(),
-            Effect::Speckle => self.speckle.is_some(),
-            Effect::Texture => self.texture.is_some(),
-            Effect::SpecularLobe => self.specular_lobe.is_some(),
-            Effect::Defocus => self.defocus.is_some(),
-            Effect::Coma => self.coma.is_some(),
-            Effect::Distortion => self.distortion.is_some(),
-            Effect::Flare => self.flare.is_some(),
-            Effect::SecondReflection => self.second_reflection.is_some(),
-            Effect::Ambient => self.ambient.is_some(),
-            Effect::Motion => self.motion.is_some(),
-            Effect::Temperature => self.temperature.is_some(),
-            Effect::Response => self.response.is_some(),
-            Effect::ShotNoise => self.shot_noise.is_some(),
-            Effect::Saturation => self.saturation.is_some(),
-            Effect::BlackLevel => self.black_level.is_some(),
-            Effect::FixedPattern => self.fixed_pattern.is_some(),
-            Effect::HotPixels => self.hot_pixels.is_some(),
-            Effect::ReadNoise => self.read_noise.is_some(),
-            Effect::Quantisation => self.quantisation.is_some(),
-        }
-    }
-
-    /// The scene without an effect.
-    pub fn without(mut self, effect: Effect) -> Self {
-        match effect {
-            Effect::Diffraction => self.diffraction = None,
-            Effect::LaserSpot => self.laser_spot = None,
-            Effect::Obliquity => self.obliquity = None,
-            Effect::Speckle => self.speckle = None,
-            Effect::Texture => self.texture = None,
-            Effect::SpecularLobe => self.specular_lobe = None,
-            Effect::Defocus => self.defocus = None,
-            Effect::Coma => self.coma = None,
-            Effect::Distortion => self.distortion = None,
-            Effect::Flare => self.flare = None,
-            Effect::SecondReflection => self.second_reflection = None,
-            Effect::Ambient => self.ambient = None,
-            Effect::Motion => self.motion = None,
-            Effect::Temperature => self.temperature = None,
-            Effect::Response => self.response = None,
-            Effect::ShotNoise => self.shot_noise = None,
-            Effect::Saturation => self.saturation = None,
-            Effect::BlackLevel => self.black_level = None,
-            Effect::FixedPattern => self.fixed_pattern = None,
-            Effect::HotPixels => self.hot_pixels = None,
-            Effect::ReadNoise => self.read_noise = None,
-            Effect::Quantisation => self.quantisation = None,
-        }
-        self
     }
 
     /// The pixels' outputs, light positive, in counts before rounding, for a target at `distance` metres, after

@@ -1,4 +1,5 @@
-//! A figure's panel with two axes: how every figure of this project looks. Sizes are in pixels of a figure that is 1000 wide.
+//! A figure's panel with two axes: how every figure of this project looks. Sizes are in pixels of a figure
+//! that is 1000 wide.
 
 use plotters::chart::ChartContext;
 use plotters::coord::Shift;
@@ -25,8 +26,8 @@ pub enum Scale {
     Linear,
     /// By their logarithm. Values beyond the axis lie at its end.
     Log,
-    /// Ratios to the bound: by the logarithm of what they are above 0.97, so that 1.00, 1.05 and 1.10 lie apart and 50 is
-    /// still there. Values beyond the axis lie at its end.
+    /// Ratios to the bound: by the logarithm of what they are above 0.97, so that 1.00, 1.05 and 1.10 lie
+    /// apart and 50 is still there. Values beyond the axis lie at its end.
     AboveBound,
 }
 
@@ -51,8 +52,8 @@ pub struct Axis<'a> {
 }
 
 impl<'a> Axis<'a> {
-    /// An axis with ticks at given values; those outside of the range are left out. `name` is what it shows, with its unit, and
-    /// `tick` is a tick's text.
+    /// An axis with ticks at given values; those outside of the range are left out. `name` is what it shows,
+    /// with its unit, and `tick` is a tick's text.
     pub fn new(
         scale: Scale,
         range: (f64, f64),

@@ -1,7 +1,7 @@
-//! A sector as `sequential-storage` sees it: a queue of a single page, which items are added to until it is full.
+//! A sector for `sequential-storage`: a queue of a single page, to which items are added until it is full.
 //!
-//! The library may read it and program it. It must not erase: that is how it repairs, and what it takes for broken may be all that
-//! is left.
+//! The library may read and program a sector. It must not erase: it erases to repair, and the sector that it takes for broken
+//! may hold the only usable configuration.
 
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
@@ -9,12 +9,12 @@ use embedded_storage_async::nor_flash::{
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::queue::{QueueConfig, QueueStorage};
 
-use super::StoreError;
+use super::error::StoreError;
 
-/// Bytes of a sector: those of sectors 12 and 13 of the chip.
+/// Bytes of a sector: the size of the chip's sectors 12 and 13.
 pub const BYTES: u32 = 0x4000;
 
-/// Which of the two.
+/// One of the two sectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sector {
     First,
@@ -38,7 +38,7 @@ impl Sector {
         }
     }
 
-    /// The items in it.
+    /// The queue of the sector's items.
     pub fn queue<F: NorFlash>(self, flash: &mut F) -> Queue<'_, F> {
         let page = Page {
             flash,
@@ -48,7 +48,7 @@ impl Sector {
         QueueStorage::new(page, config, Cache::new_uncached())
     }
 
-    /// All of it reads as erased.
+    /// Whether the whole sector reads as erased.
     pub async fn is_blank<F: NorFlash>(self, flash: &mut F) -> Result<bool, StoreError> {
         let mut part = [0; 256];
         let (mut at, end) = (self.start(), self.start().saturating_add(BYTES));
@@ -63,22 +63,22 @@ impl Sector {
         Ok(true)
     }
 
-    /// Bytes behind what was programmed.
+    /// Erased bytes at the end of the sector.
     pub async fn room<F: NorFlash>(self, flash: &mut F) -> Result<u32, StoreError> {
         let end = self.programmed(flash).await?;
         Ok(BYTES.saturating_sub(4).saturating_sub(end))
     }
 
-    /// An item is the last thing that was programmed. Items begin at whole words.
+    /// Whether an item is the last thing that was programmed. Items begin at whole words.
     pub async fn ends_with<F: NorFlash>(
         self,
         flash: &mut F,
         item: &[u8],
     ) -> Result<bool, StoreError> {
-        // Bytes that fill its last word up belong to it.
+        // The item includes the bytes that fill up its last word.
         let length = (item.len() as u32).next_multiple_of(4);
         let end = self.programmed(flash).await?;
-        // The item's own last bytes may be as if erased: not more than its CRC-32 has.
+        // The item's own last bytes may read as erased: at most as many as its CRC-32 has.
         let first = end.saturating_sub(length).next_multiple_of(4);
         for start in [first, first.saturating_add(4)] {
             if start.saturating_add(length) >= end && self.has_at(flash, start, item).await? {
@@ -88,7 +88,7 @@ impl Sector {
         Ok(false)
     }
 
-    /// Where it is erased from there on, but for the last word, which says that it is full.
+    /// The end of what was programmed. The last word does not count: it marks the sector as full.
     async fn programmed<F: NorFlash>(self, flash: &mut F) -> Result<u32, StoreError> {
         const PART: u32 = 64;
         let mut end = 0;
@@ -139,17 +139,17 @@ impl Sector {
 
 pub type Queue<'a, F> = QueueStorage<Page<'a, F>, Cache<Uncached, Uncached, Uncached, ()>>;
 
-/// A sector alone, from address 0.
+/// A sector as a flash of its own, from address 0.
 pub struct Page<'a, F> {
     flash: &'a mut F,
     start: u32,
 }
 
-/// Why the library could not do something.
+/// The error that the library gets from a [`Page`].
 #[derive(Debug)]
 pub enum PageError {
     Flash,
-    /// It is not allowed to.
+    /// The library must not erase.
     Erase,
 }
 

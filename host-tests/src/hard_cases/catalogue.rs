@@ -30,30 +30,56 @@ pub fn rows() -> Vec<RowCase> {
     .concat()
 }
 
-fn case(
+/// The cases of a group.
+struct Cases {
     group: Group,
-    name: impl Into<String>,
-    why: &'static str,
-    due: Due,
-    recipe: Recipe,
-) -> RowCase {
-    RowCase {
-        name: name.into(),
-        group,
-        why,
-        due,
-        repair_within: None,
-        source: Source::Recipe(recipe),
-    }
+    all: Vec<RowCase>,
 }
 
-impl RowCase {
-    /// With what the repair owes, in pixels.
-    fn repaired(self, within: f64) -> Self {
-        Self {
-            repair_within: Some(within),
-            ..self
-        }
+impl Cases {
+    fn of(group: Group) -> Self {
+        Self { group, all: vec![] }
+    }
+
+    fn push(&mut self, name: String, why: &'static str, due: Due, source: Source) -> &mut RowCase {
+        self.all.push(RowCase {
+            name,
+            group: self.group,
+            why,
+            due,
+            repair_within: None,
+            source,
+        });
+        self.all.last_mut().expect("a case was pushed")
+    }
+
+    fn add(
+        &mut self,
+        name: impl Into<String>,
+        why: &'static str,
+        due: Due,
+        recipe: Recipe,
+    ) -> &mut RowCase {
+        self.push(name.into(), why, due, Source::Recipe(recipe))
+    }
+
+    fn honest(
+        &mut self,
+        name: impl Into<String>,
+        why: &'static str,
+        recipe: Recipe,
+    ) -> &mut RowCase {
+        self.add(name, why, Due::Honest, recipe)
+    }
+
+    /// A case whose flaw ought to change nothing.
+    fn clean(
+        &mut self,
+        name: impl Into<String>,
+        why: &'static str,
+        recipe: Recipe,
+    ) -> &mut RowCase {
+        self.add(name, why, as_the_bound(&recipe), recipe)
     }
 }
 
@@ -82,306 +108,153 @@ fn clean_spot(recipe: &Recipe) -> bound::Spot {
     }
 }
 
-/// A case whose flaw ought to change nothing.
-fn as_clean(group: Group, name: impl Into<String>, why: &'static str, recipe: Recipe) -> RowCase {
-    case(group, name, why, as_the_bound(&recipe), recipe)
-}
-
 fn no_spot() -> Vec<RowCase> {
     const SILENT: Due = Due::Fault(&["sensor silent"]);
-    let pattern = |name: &str, why, due, source| RowCase {
-        name: name.into(),
-        group: Group::NoSpot,
-        why,
-        due,
-        repair_within: None,
-        source: Source::Pattern(source),
+    const NONE: Due = Due::NoCentre;
+    /// Rows of a number.
+    type Rows = fn(u64) -> Vec<u16>;
+    #[rustfmt::skip] // A case a line.
+    let patterns: [(&str, &str, Due, Rows); 15] = [
+        ("all black", "a dead amplifier: no pixel differs", SILENT, patterns::constant::<0>),
+        ("all at full scale", "flooded, or the wire is open", SILENT, patterns::constant::<4095>),
+        ("all at 1000", "a held converter", SILENT, patterns::constant::<1000>),
+        ("one pixel at full scale", "no noise to compare it with", NONE, patterns::lit::<1>),
+        ("two pixels at full scale", "the same, as a pair", NONE, patterns::lit::<2>),
+        ("one pixel at 2000", "the same, below full scale", NONE, patterns::half_lit::<1>),
+        ("two pixels at 2000", "narrower than optics can make", NONE, patterns::half_lit::<2>),
+        ("three pixels at 2000", "a box, where a spot would have flanks", NONE, patterns::half_lit::<3>),
+        ("40 pixels at 2000", "a box as wide as a spot", NONE, patterns::half_lit::<40>),
+        ("alternating pixels", "every sum of two is the same", NONE, patterns::alternating::<1>),
+        ("alternating pairs", "every sum of four is the same", NONE, patterns::alternating::<2>),
+        ("alternating runs of 30", "nine boxes, each as good as the other", NONE, patterns::alternating::<30>),
+        ("a ramp to full scale", "the highest pixel is the last", NONE, patterns::ramp),
+        ("half black, half full", "the highest block is at the edge", NONE, patterns::halves),
+        ("any words", "noise as high as the converter", NONE, patterns::any_words),
+    ];
+    let mut cases = Cases::of(Group::NoSpot);
+    for (name, why, due, rows) in patterns {
+        cases.push(name.into(), why, due, Source::Pattern(rows));
+    }
+    let noisy = |read_noise| Recipe {
+        read_noise,
+        ..Recipe::dark()
     };
-    let dark = |name: &str, why, due, recipe| case(Group::NoSpot, name, why, due, recipe);
-    let away = (0.0, 15.0);
-    vec![
-        pattern(
-            "all black",
-            "a dead amplifier: no pixel differs",
-            SILENT,
-            patterns::constant::<0>,
-        ),
-        pattern(
-            "all at full scale",
-            "flooded, or the wire is open",
-            SILENT,
-            patterns::constant::<4095>,
-        ),
-        pattern(
-            "all at 1000",
-            "a held converter",
-            SILENT,
-            patterns::constant::<1000>,
-        ),
-        pattern(
-            "one pixel at full scale",
-            "no noise to compare it with",
-            Due::NoCentre,
-            patterns::lit::<1>,
-        ),
-        pattern(
-            "two pixels at full scale",
-            "the same, as a pair",
-            Due::NoCentre,
-            patterns::lit::<2>,
-        ),
-        pattern(
-            "one pixel at 2000",
-            "the same, below full scale",
-            Due::NoCentre,
-            patterns::half_lit::<1>,
-        ),
-        pattern(
-            "two pixels at 2000",
-            "narrower than optics can make",
-            Due::NoCentre,
-            patterns::half_lit::<2>,
-        ),
-        pattern(
-            "three pixels at 2000",
-            "a box, where a spot would have flanks",
-            Due::NoCentre,
-            patterns::half_lit::<3>,
-        ),
-        pattern(
-            "40 pixels at 2000",
-            "a box as wide as a spot",
-            Due::NoCentre,
-            patterns::half_lit::<40>,
-        ),
-        pattern(
-            "alternating pixels",
-            "every sum of two is the same",
-            Due::NoCentre,
-            patterns::alternating::<1>,
-        ),
-        pattern(
-            "alternating pairs",
-            "every sum of four is the same",
-            Due::NoCentre,
-            patterns::alternating::<2>,
-        ),
-        pattern(
-            "alternating runs of 30",
-            "nine boxes, each as good as the other",
-            Due::NoCentre,
-            patterns::alternating::<30>,
-        ),
-        pattern(
-            "a ramp to full scale",
-            "the highest pixel is the last",
-            Due::NoCentre,
-            patterns::ramp,
-        ),
-        pattern(
-            "half black, half full",
-            "the highest block is at the edge",
-            Due::NoCentre,
-            patterns::halves,
-        ),
-        pattern(
-            "any words",
-            "noise as high as the converter",
-            Due::NoCentre,
-            patterns::any_words,
-        ),
-        dark(
-            "noise alone",
-            "the highest of many noisy places looks like a spot",
-            Due::Fault(&["no spot", "too dim"]),
-            Recipe::dark(),
-        ),
-        dark(
-            "strong noise alone",
-            "the same with 60 counts of noise",
-            Due::Fault(&["no spot", "too dim"]),
-            Recipe {
-                read_noise: 60.0,
-                ..Recipe::dark()
-            },
-        ),
-        dark(
-            "no noise",
-            "a converter's step is larger than the noise",
-            Due::Fault(&["sensor silent", "no spot", "too dim"]),
-            Recipe {
-                read_noise: 0.05,
-                ..Recipe::dark()
-            },
-        ),
-        dark(
-            "a hot pixel alone",
-            "it stands out of the noise more than any spot",
-            Due::NoCentre,
-            Recipe::dark().with(Flaw::Hot(Bad {
-                counts: 1000.0,
-                pixels: 1,
-                from_spot: away,
-            })),
-        ),
-        dark(
-            "two hot pixels alone",
-            "the same, side by side",
-            Due::NoCentre,
-            Recipe::dark().with(Flaw::Hot(Bad {
-                counts: 1000.0,
-                pixels: 2,
-                from_spot: away,
-            })),
-        ),
-        dark(
-            "three hot pixels alone",
-            "the same, three of them",
-            Due::NoCentre,
-            Recipe::dark().with(Flaw::Hot(Bad {
-                counts: 1000.0,
-                pixels: 3,
-                from_spot: away,
-            })),
-        ),
-        dark(
-            "a slope alone, 2 counts a pixel",
-            "the far end is high",
-            Due::NoCentre,
-            Recipe::dark().with(Flaw::Slope(2.0)),
-        ),
-        dark(
-            "a lamp at one end alone",
-            "light that falls off along the row",
-            Due::NoCentre,
-            Recipe::dark().with(Flaw::Glow(1500.0)),
-        ),
-        dark(
-            "a step of 50 counts alone",
-            "two halves of the row have levels of their own",
-            Due::NoCentre,
-            Recipe::dark().with(Flaw::Step {
-                counts: 50.0,
-                offset: 0.0,
-            }),
-        ),
-        dark(
-            "a ripple alone",
-            "every wave looks like a spot",
-            Due::NoCentre,
-            Recipe::dark().with(Flaw::Ripple {
-                counts: 50.0,
-                period: 60.0,
-            }),
-        ),
-    ]
+    let none = Due::Fault(&["no spot", "too dim"]);
+    let why = "the highest of many noisy places looks like a spot";
+    cases.add("noise alone", why, none, Recipe::dark());
+    let why = "the same with 60 counts of noise";
+    cases.add("strong noise alone", why, none, noisy(60.0));
+    let why = "a converter's step is larger than the noise";
+    let silent_or_none = Due::Fault(&["sensor silent", "no spot", "too dim"]);
+    cases.add("no noise", why, silent_or_none, noisy(0.05));
+    let hot = |pixels| {
+        Flaw::Hot(Bad {
+            counts: 1000.0,
+            pixels,
+            from_spot: (0.0, 15.0),
+        })
+    };
+    let step = Flaw::Step {
+        counts: 50.0,
+        offset: 0.0,
+    };
+    let ripple = Flaw::Ripple {
+        counts: 50.0,
+        period: 60.0,
+    };
+    #[rustfmt::skip] // A case a line.
+    let flaws = [
+        ("a hot pixel alone", "it stands out of the noise more than any spot", hot(1)),
+        ("two hot pixels alone", "the same, side by side", hot(2)),
+        ("three hot pixels alone", "the same, three of them", hot(3)),
+        ("a slope alone, 2 counts a pixel", "the far end is high", Flaw::Slope(2.0)),
+        ("a lamp at one end alone", "light that falls off along the row", Flaw::Glow(1500.0)),
+        ("a step of 50 counts alone", "two halves of the row have levels of their own", step),
+        ("a ripple alone", "every wave looks like a spot", ripple),
+    ];
+    for (name, why, flaw) in flaws {
+        cases.add(name, why, NONE, Recipe::dark().with(flaw));
+    }
+    cases.all
 }
 
 fn height() -> Vec<RowCase> {
-    let why = "the centre is as good as the light that there is";
-    let dim = [1.0, 2.0, 5.0, 10.0, 20.0].map(|amplitude| {
-        case(
-            Group::Height,
-            format!("{amplitude} counts"),
-            "the spot is not clear of the noise",
-            Due::Honest,
-            Recipe::clean(WIDTH).spot(|spot| spot.amplitude = amplitude),
-        )
-    });
-    let bright = [50.0, 200.0, 1000.0, 3000.0, 3700.0].map(|amplitude| {
-        as_clean(
-            Group::Height,
-            format!("{amplitude} counts"),
-            why,
-            Recipe::clean(WIDTH).spot(|spot| spot.amplitude = amplitude),
-        )
-    });
-    let narrow = [10.0, 20.0].map(|amplitude| {
-        case(
-            Group::Height,
-            format!("{amplitude} counts, sigma {NARROW}"),
-            "the same with few pixels",
-            Due::Honest,
-            Recipe::clean(NARROW).spot(|spot| spot.amplitude = amplitude),
-        )
-    });
-    let narrow_bright = [100.0, 1000.0, 3700.0].map(|amplitude| {
-        as_clean(
-            Group::Height,
-            format!("{amplitude} counts, sigma {NARROW}"),
-            "the same with few pixels",
-            Recipe::clean(NARROW).spot(|spot| spot.amplitude = amplitude),
-        )
-    });
-    [&dim[..], &bright, &narrow, &narrow_bright].concat()
+    let mut cases = Cases::of(Group::Height);
+    let of = |width, amplitude| Recipe::clean(width).spot(|spot| spot.amplitude = amplitude);
+    for amplitude in [1.0, 2.0, 5.0, 10.0, 20.0] {
+        let why = "the spot is not clear of the noise";
+        cases.honest(format!("{amplitude} counts"), why, of(WIDTH, amplitude));
+    }
+    for amplitude in [50.0, 200.0, 1000.0, 3000.0, 3700.0] {
+        let why = "the centre is as good as the light that there is";
+        cases.clean(format!("{amplitude} counts"), why, of(WIDTH, amplitude));
+    }
+    for amplitude in [10.0, 20.0, 100.0, 1000.0, 3700.0] {
+        let name = format!("{amplitude} counts, sigma {NARROW}");
+        let (why, recipe) = ("the same with few pixels", of(NARROW, amplitude));
+        if amplitude < 100.0 {
+            cases.honest(name, why, recipe);
+        } else {
+            cases.clean(name, why, recipe);
+        }
+    }
+    cases.all
 }
 
 fn saturation() -> Vec<RowCase> {
-    let mut cases = vec![];
+    let mut cases = Cases::of(Group::Saturation);
     for (width, within) in [(WIDTH, 0.08), (NARROW, 0.15)] {
         for times in [1.05, 1.5, 4.0] {
-            cases.push(
-                case(
-                    Group::Saturation,
-                    format!("{times} times full scale, sigma {width}"),
-                    "the top is cut off: only the flanks tell the place",
-                    Due::Honest,
-                    Recipe::clean(width).spot(|spot| spot.amplitude = times * 4095.0),
-                )
-                .repaired(within),
+            let case = cases.honest(
+                format!("{times} times full scale, sigma {width}"),
+                "the top is cut off: only the flanks tell the place",
+                Recipe::clean(width).spot(|spot| spot.amplitude = times * 4095.0),
             );
+            case.repair_within = Some(within);
         }
     }
     for top in [2.0f64, 5.0, 10.0, 30.0, 60.0] {
         // A gaussian is at full scale over `top` pixels where it is exp((top / 2)^2 / (2 sigma^2)) times as high.
         let width = (top / 3.0).max(1.0);
         let times = (0.5 * (0.5 * top / width).powi(2)).exp();
-        cases.push(case(
-            Group::Saturation,
+        cases.honest(
             format!("a flat top of {top} pixels"),
             "the top has no highest pixel",
-            Due::Honest,
             Recipe::clean(width).spot(|spot| spot.amplitude = times * 3795.0),
-        ));
+        );
     }
     for blooming in [0.3, 1.0] {
-        cases.push(case(
-            Group::Saturation,
+        cases.honest(
             format!("blooms {} % to both sides", 100.0 * blooming),
             "charge flows over into the flanks",
-            Due::Honest,
             Recipe::clean(WIDTH)
                 .spot(|spot| spot.amplitude = 6000.0)
                 .with(Flaw::FullWell {
                     counts: 3600.0,
                     blooming,
                 }),
-        ));
+        );
     }
     for share in [0.1, 0.5, 0.9] {
-        cases.push(case(
-            Group::Saturation,
+        cases.honest(
             format!("blooms {} % to one side", 100.0 * share),
             "the flank to that side is not the spot's",
-            Due::Honest,
             Recipe::clean(WIDTH)
                 .spot(|spot| spot.amplitude = 6000.0)
                 .with(Flaw::Smear(share)),
-        ));
+        );
     }
-    cases.push(case(
-        Group::Saturation,
+    cases.honest(
         "a full well below full scale",
         "the flat top does not reach the converter's limit",
-        Due::Honest,
         Recipe::clean(WIDTH)
             .spot(|spot| spot.amplitude = 3000.0)
             .with(Flaw::FullWell {
                 counts: 2400.0,
                 blooming: 0.0,
             }),
-    ));
-    cases
+    );
+    cases.all
 }
 
 fn width() -> Vec<RowCase> {
@@ -390,58 +263,53 @@ fn width() -> Vec<RowCase> {
         width if width < 40.0 => 1024,
         _ => 2048,
     };
-    let mut cases = vec![];
+    let mut cases = Cases::of(Group::Width);
     for width in [0.3, 0.4, 0.5, 0.6, 0.8, 1.0] {
-        cases.push(case(
-            Group::Width,
+        cases.honest(
             format!("sigma {width}"),
             "one to three pixels have nearly all the light: they could be bad ones",
-            Due::Honest,
             Recipe::clean(width),
-        ));
+        );
     }
     for width in [1.25, 1.5, 2.0, 3.0, 5.0, 8.0, 10.5, 15.0, 20.0, 30.0, 50.0] {
-        cases.push(as_clean(
-            Group::Width,
+        cases.clean(
             format!("sigma {width}"),
             "each width has tables of its own",
             Recipe {
                 pixels: pixels(width),
                 ..Recipe::clean(width)
             },
-        ));
+        );
     }
     for width in [80.0, 120.0, 200.0] {
-        cases.push(case(
-            Group::Width,
+        cases.honest(
             format!("sigma {width}"),
             "the spot leaves little of the row for the background",
-            Due::Honest,
             Recipe {
                 pixels: pixels(width),
                 ..Recipe::clean(width)
             },
-        ));
+        );
     }
     // Half way between two of the widths that tables are made for.
     let fine = phase_tables::FINE;
     for (name, step) in [("narrow", 4.5), ("middle", 16.5), ("wide", 28.5)] {
         let width = fine.narrowest * fine.ratio.powf(step);
-        let case = as_clean(
-            Group::Width,
+        let case = cases.clean(
             format!("between two tables, {name}"),
             "no table fits exactly",
             Recipe::clean(width),
         );
         // Narrow ones are flagged: they could be bad pixels.
-        let due = if width < 1.25 { Due::Honest } else { case.due };
-        cases.push(RowCase { due, ..case });
+        if width < 1.25 {
+            case.due = Due::Honest;
+        }
     }
-    cases
+    cases.all
 }
 
 fn edge() -> Vec<RowCase> {
-    let mut cases = vec![];
+    let mut cases = Cases::of(Group::Edge);
     for width in [WIDTH, NARROW, 4.0] {
         for widths in [3.0, 2.0, 1.0, 0.0, -1.0] {
             for (end, place) in [
@@ -464,21 +332,19 @@ fn edge() -> Vec<RowCase> {
                     ),
                 };
                 let name = format!("{widths} sigma from the {end} pixel, sigma {width}");
-                cases.push(case(Group::Edge, name, why, due, recipe));
+                cases.add(name, why, due, recipe);
             }
         }
     }
-    cases
+    cases.all
 }
 
 fn background() -> Vec<RowCase> {
-    let mut cases = vec![];
+    let mut cases = Cases::of(Group::Background);
     for slope in [0.1, 0.3, 1.0, 2.0, -2.0, 5.0] {
-        let case = case(
-            Group::Background,
+        let case = cases.honest(
             format!("slope of {slope} counts a pixel"),
             "one flank stands higher than the other",
-            Due::Honest,
             Recipe {
                 black_level: 60.0,
                 ..Recipe::clean(WIDTH).spot(|spot| spot.amplitude = 1200.0)
@@ -486,15 +352,12 @@ fn background() -> Vec<RowCase> {
             .with(Flaw::Slope(slope)),
         );
         // The slope's own light makes noise of up to three times the spot's: five times that bound.
-        cases.push(if slope.abs() <= 2.0 {
-            case.repaired(0.3)
-        } else {
-            case
-        });
+        if slope.abs() <= 2.0 {
+            case.repair_within = Some(0.3);
+        }
     }
     for slope in [2.0, 5.0] {
-        cases.push(case(
-            Group::Background,
+        cases.add(
             format!("slope of {slope} counts a pixel, sigma {NARROW}"),
             "the same under a narrow spot",
             Due::Honest,
@@ -503,51 +366,44 @@ fn background() -> Vec<RowCase> {
                 ..Recipe::clean(NARROW).spot(|spot| spot.amplitude = 1200.0)
             }
             .with(Flaw::Slope(slope)),
-        ));
+        );
     }
     for offset in [-12.0, -5.0, -2.0, 0.0, 2.0, 5.0] {
-        cases.push(case(
-            Group::Background,
+        cases.honest(
             format!("step of 50 counts {offset} sigma from the spot"),
             "the black level is wrong by 50 counts on one side",
-            Due::Honest,
             Recipe::clean(WIDTH).with(Flaw::Step {
                 counts: 50.0,
                 offset,
             }),
-        ));
+        );
     }
     for counts in [50.0, 300.0, -200.0] {
-        cases.push(case(
-            Group::Background,
+        cases.honest(
             format!("black level bends by {counts} counts"),
             "it drifts while the row is read",
-            Due::Honest,
             Recipe::clean(WIDTH).with(Flaw::Sag(counts)),
-        ));
+        );
     }
     for black_level in [0.0, 1000.0] {
-        cases.push(as_clean(
-            Group::Background,
+        cases.clean(
             format!("black level of {black_level} counts"),
             "half of the noise is cut off at zero, or daylight adds to it",
             Recipe {
                 black_level,
                 ..Recipe::clean(WIDTH)
             },
-        ));
+        );
     }
-    cases.push(as_clean(
-        Group::Background,
+    cases.clean(
         "black level above the signal",
         "the spot is a small part of what the pixels read",
         Recipe {
             black_level: 3700.0,
             ..Recipe::clean(WIDTH).spot(|spot| spot.amplitude = 200.0)
         },
-    ));
-    cases.push(case(
-        Group::Background,
+    );
+    cases.add(
         "black level at full scale",
         "the spot's top is cut off, and half of the noise",
         Due::NoCentre,
@@ -555,9 +411,8 @@ fn background() -> Vec<RowCase> {
             black_level: 4090.0,
             ..Recipe::clean(WIDTH).spot(|spot| spot.amplitude = 200.0)
         },
-    ));
-    cases.push(case(
-        Group::Background,
+    );
+    cases.add(
         "black level below zero",
         "the spot's flanks are cut off at zero",
         Due::Honest,
@@ -565,15 +420,13 @@ fn background() -> Vec<RowCase> {
             black_level: -300.0,
             ..Recipe::clean(WIDTH)
         },
-    ));
+    );
     for counts in [300.0, 1500.0] {
-        cases.push(case(
-            Group::Background,
+        cases.honest(
             format!("a lamp of {counts} counts at one end"),
             "a background that is bent and sloped under the spot",
-            Due::Honest,
             Recipe::clean(WIDTH).with(Flaw::Glow(counts)),
-        ));
+        );
     }
     for (share, widths, offset) in [
         (0.05, 6.0, 0.0),
@@ -581,22 +434,20 @@ fn background() -> Vec<RowCase> {
         (0.05, 15.0, 5.0),
         (0.2, 8.0, 4.0),
     ] {
-        cases.push(case(
-            Group::Background,
+        cases.honest(
             format!(
                 "flare of {} %, {widths} times as wide, {offset} sigma off",
                 100.0 * share
             ),
             "a wide ghost under the spot tilts the background",
-            Due::Honest,
             Recipe::clean(WIDTH).with(Flaw::Ghost {
                 share,
                 widths,
                 offset,
             }),
-        ));
+        );
     }
-    cases
+    cases.all
 }
 
 fn bad_pixels() -> Vec<RowCase> {
@@ -606,7 +457,7 @@ fn bad_pixels() -> Vec<RowCase> {
         ("beside the spot", (3.0, 5.0)),
         ("away from the spot", (8.0, 16.0)),
     ];
-    let mut cases = vec![];
+    let mut cases = Cases::of(Group::BadPixels);
     for width in [WIDTH, NARROW] {
         for (place, from_spot) in PLACES {
             let bad = |counts, pixels| Bad {
@@ -649,40 +500,36 @@ fn bad_pixels() -> Vec<RowCase> {
             for (name, why, flaw) in flaws {
                 let name = format!("{name} {place}, sigma {width}");
                 let recipe = Recipe::clean(width).with(flaw);
-                let case = case(Group::BadPixels, name, why, Due::Honest, recipe);
-                cases.push(match flaw {
+                let case = cases.honest(name, why, recipe);
+                case.repair_within = match flaw {
                     // Five times the root mean square error of many such rows.
                     Flaw::Hot(Bad { pixels: 1, .. }) | Flaw::Dead(_) if width == WIDTH => {
-                        case.repaired(5.0 * 0.03)
+                        Some(5.0 * 0.03)
                     }
-                    _ => case,
-                });
+                    _ => None,
+                };
             }
         }
     }
     for share in [0.01, 0.05] {
-        cases.push(case(
-            Group::BadPixels,
+        cases.honest(
             format!("pixels differ by {} % in response", 100.0 * share),
             "the profile is uneven in proportion to its light",
-            Due::Honest,
             Recipe::clean(WIDTH).with(Flaw::Response(share)),
-        ));
+        );
     }
     for counts in [5.0, 30.0] {
-        cases.push(case(
-            Group::BadPixels,
+        cases.honest(
             format!("unlit pixels differ by {counts} counts"),
             "a pattern that looks like noise, and stays",
-            Due::Honest,
             Recipe::clean(WIDTH).with(Flaw::FixedPattern(counts)),
-        ));
+        );
     }
-    cases
+    cases.all
 }
 
 fn second_spot() -> Vec<RowCase> {
-    let mut cases = vec![];
+    let mut cases = Cases::of(Group::SecondSpot);
     for offset in [2.0, 3.0, 5.0, 6.0, 10.0, 20.0] {
         for share in [0.05, 0.1, 0.5, 0.8, 1.0, 1.2] {
             let second = Second {
@@ -702,13 +549,13 @@ fn second_spot() -> Vec<RowCase> {
                 Due::Honest
             };
             let name = format!("second spot of {:.0} % at {offset} sigma", 100.0 * share);
-            let case = case(Group::SecondSpot, name, why, due, recipe);
+            let case = cases.add(name, why, due, recipe);
             // Clear of the spot it owes what it owes for one alone; half as high, twice as much.
-            cases.push(match (share, offset) {
-                (0.05 | 0.1, 6.0..) => case.repaired(0.16),
-                (0.5, 5.0..) => case.repaired(5.0 * 0.04),
-                _ => case,
-            });
+            case.repair_within = match (share, offset) {
+                (0.05 | 0.1, 6.0..) => Some(0.16),
+                (0.5, 5.0..) => Some(5.0 * 0.04),
+                _ => None,
+            };
         }
     }
     for (share, offset) in [(0.1, 6.0), (0.5, 5.0), (1.0, 8.0)] {
@@ -717,8 +564,7 @@ fn second_spot() -> Vec<RowCase> {
             offset,
             widths: 1.0,
         };
-        cases.push(case(
-            Group::SecondSpot,
+        cases.add(
             format!(
                 "second spot of {:.0} % at {offset} sigma, sigma {NARROW}",
                 100.0 * share
@@ -730,13 +576,13 @@ fn second_spot() -> Vec<RowCase> {
                 Due::Honest
             },
             Recipe::clean(NARROW).with(Flaw::Second(second)),
-        ));
+        );
     }
-    cases
+    cases.all
 }
 
 fn shapes() -> Vec<RowCase> {
-    let mut cases = vec![];
+    let mut cases = Cases::of(Group::Shape);
     for width in [NARROW, 4.0, WIDTH, 15.0] {
         for (name, shape) in [
             ("sinc^2", Shape::SincSquared),
@@ -747,69 +593,58 @@ fn shapes() -> Vec<RowCase> {
                 pixels: 1024,
                 ..Recipe::clean(width)
             };
-            cases.push(as_clean(
-                Group::Shape,
+            cases.clean(
                 format!("{name}, sigma {width}"),
                 "it has side lobes, or shoulders, that a gaussian has not",
                 recipe.spot(|spot| spot.shape = shape),
-            ));
+            );
         }
     }
     for share in [0.05, 0.1, 0.2, 0.3, -0.3] {
-        cases.push(case(
-            Group::Shape,
+        cases.add(
             format!("right side {} % wider", 100.0 * share),
             "it has no one centre: peak and centroid differ",
             Due::Honest,
             Recipe::clean(WIDTH).spot(|spot| spot.shape = Shape::Lopsided(share)),
-        ));
+        );
     }
-    cases.push(case(
-        Group::Shape,
+    cases.honest(
         format!("right side 30 % wider, sigma {NARROW}"),
         "the same with few pixels",
-        Due::Honest,
         Recipe::clean(NARROW).spot(|spot| spot.shape = Shape::Lopsided(0.3)),
-    ));
-    cases
+    );
+    cases.all
 }
 
 fn interference() -> Vec<RowCase> {
-    let mut cases = vec![];
+    let mut cases = Cases::of(Group::Interference);
     for period in [2.0, 7.3, 20.0, 63.0, 300.0] {
         for counts in [5.0, 50.0] {
-            cases.push(case(
-                Group::Interference,
+            cases.honest(
                 format!("ripple of {counts} counts every {period} pixels"),
                 "a supply or a clock couples in",
-                Due::Honest,
                 Recipe::clean(WIDTH).with(Flaw::Ripple { counts, period }),
-            ));
+            );
         }
     }
-    cases.push(case(
-        Group::Interference,
+    cases.honest(
         "odd pixels 40 counts higher",
         "two output amplifiers differ",
-        Due::Honest,
         Recipe::clean(WIDTH).with(Flaw::OddEven(40.0)),
-    ));
+    );
     for share in [0.001, 0.01, 0.05] {
         for width in [WIDTH, NARROW] {
-            cases.push(case(
-                Group::Interference,
+            cases.honest(
                 format!(
                     "{} % of the pixels are impulses, sigma {width}",
                     100.0 * share
                 ),
                 "sparks: some pixels read anything",
-                Due::Honest,
                 Recipe::clean(width).with(Flaw::Impulses(share)),
-            ));
+            );
         }
     }
-    cases.push(as_clean(
-        Group::Interference,
+    cases.clean(
         "no shot noise, strong read noise",
         "the weights are made for another mix of noise",
         Recipe {
@@ -817,32 +652,29 @@ fn interference() -> Vec<RowCase> {
             electrons_per_count: None,
             ..Recipe::clean(WIDTH)
         },
-    ));
-    cases.push(as_clean(
-        Group::Interference,
+    );
+    cases.clean(
         "half an electron a count",
         "the spot's top is much noisier than the background",
         Recipe {
             electrons_per_count: Some(0.5),
             ..Recipe::clean(WIDTH)
         },
-    ));
-    cases
+    );
+    cases.all
 }
 
 fn converter() -> Vec<RowCase> {
-    let mut cases = vec![];
+    let mut cases = Cases::of(Group::Converter);
     for bits in [8u32, 6, 4, 2, 1] {
-        cases.push(case(
-            Group::Converter,
+        cases.honest(
             format!("{bits} of 12 bits"),
             match bits {
                 1 => "pixels are lit or not",
                 _ => "steps are larger than the noise",
             },
-            Due::Honest,
             Recipe::clean(WIDTH).with(Flaw::Steps(f64::from(1u32 << (12 - bits)))),
-        ));
+        );
     }
     for (bit, high) in [
         (0, true),
@@ -852,22 +684,19 @@ fn converter() -> Vec<RowCase> {
         (10, true),
         (11, true),
     ] {
-        cases.push(case(
-            Group::Converter,
+        cases.honest(
             format!("bit {bit} stuck at {}", u8::from(high)),
             "counts jump where the bit should have changed",
-            Due::Honest,
             Recipe::clean(WIDTH).with(Flaw::StuckBit { bit, high }),
-        ));
+        );
     }
-    cases
+    cases.all
 }
 
 fn short_rows() -> Vec<RowCase> {
-    let mut cases = vec![];
+    let mut cases = Cases::of(Group::ShortRow);
     for pixels in [8, 31] {
-        cases.push(case(
-            Group::ShortRow,
+        cases.add(
             format!("{pixels} pixels"),
             "too few to tell a background",
             Due::Fault(&["no spot"]),
@@ -875,7 +704,7 @@ fn short_rows() -> Vec<RowCase> {
                 pixels,
                 ..Recipe::clean(NARROW).spot(|spot| spot.place = Place::At(pixels as f64 / 2.0))
             },
-        ));
+        );
     }
     for (pixels, width) in [
         (32, 1.5),
@@ -886,8 +715,7 @@ fn short_rows() -> Vec<RowCase> {
         (128, 10.5),
         (256, 40.0),
     ] {
-        cases.push(case(
-            Group::ShortRow,
+        cases.add(
             format!("{pixels} pixels, sigma {width}"),
             "the window is longer than the row, and the background short",
             Due::Honest,
@@ -896,7 +724,7 @@ fn short_rows() -> Vec<RowCase> {
                 ..Recipe::clean(width)
                     .spot(|spot| spot.place = Place::At(pixels as f64 / 2.0 - 0.3))
             },
-        ));
+        );
     }
-    cases
+    cases.all
 }

@@ -1,4 +1,5 @@
-//! A bit that has changed, anywhere in the two sectors: what is read is what was saved last, or before that, or it is unusable.
+//! A flipped bit anywhere in the two sectors: the store reads the last configuration, reads the one before and says so, or says
+//! that the flash is unusable.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -6,19 +7,20 @@ use slitrange::store::Stored;
 use slitrange::store::configuration::Configuration;
 
 use crate::flash::{BYTES, Flash, SECTOR};
-use crate::samples::{Size, keep, read, sample};
+use crate::samples::{HEADER, Size, item_bytes, read, sample, save_and_check};
 
-/// What is read of each, so many times.
+/// How often each result was read.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Count {
     newest: usize,
+    /// The newest configuration, but reported as an older one.
     doubted: usize,
     before: usize,
     unusable: usize,
 }
 
-/// Turns bits over, one at a time, reads, and now and then saves.
-fn turn_over(
+/// Flips bits, one at a time, reads, and now and then saves.
+fn flip(
     what: &str,
     flash: &Flash,
     saved: &[Configuration],
@@ -33,22 +35,21 @@ fn turn_over(
         match read(&mut flash) {
             Stored::Nothing => panic!("{what}, bit {bit}: as if nothing had ever been saved"),
             Stored::Unusable => count.unusable += 1,
-            kept => match saved
+            stored => match saved
                 .iter()
                 .rev()
-                .position(|saved| Some(saved) == kept.saved())
+                .position(|saved| Some(saved) == stored.configuration())
             {
-                Some(0) if matches!(kept, Stored::Newest(_)) => count.newest += 1,
-                // Whole, but damage elsewhere looks like something newer.
+                Some(0) if matches!(stored, Stored::Newest(_)) => count.newest += 1,
+                // Damage elsewhere looks like a newer save.
                 Some(0) => count.doubted += 1,
-                // That it is not the newest is always said.
-                Some(1) if matches!(kept, Stored::Older(_)) => count.before += 1,
-                Some(by) => panic!("{what}, bit {bit}: that of {by} saves before"),
-                None => panic!("{what}, bit {bit}: {kept:?} was never saved"),
+                Some(1) if matches!(stored, Stored::Older(_)) => count.before += 1,
+                Some(by) => panic!("{what}, bit {bit}: the configuration of {by} saves before"),
+                None => panic!("{what}, bit {bit}: {stored:?} was never saved"),
             },
         }
         if marks(bit) || bit % 251 == 0 {
-            keep(&mut flash.clone(), &next);
+            save_and_check(&mut flash.clone(), &next);
         }
         turn(&mut flash, bit);
     }
@@ -56,7 +57,7 @@ fn turn_over(
     count
 }
 
-/// What marks a sector as used, and the first item's place.
+/// Whether a bit belongs to the words that mark a sector as used or full, or to the first item's header.
 fn marks(bit: usize) -> bool {
     let byte = bit / 8 % SECTOR;
     !(12..SECTOR - 4).contains(&byte)
@@ -75,51 +76,58 @@ fn one_of_each_byte() -> impl Iterator<Item = usize> {
     })
 }
 
-/// So many saves of a size, to an erased flash.
+/// An erased flash after a number of saves of a size, with what was saved.
 fn saves(size: Size, count: u32) -> (Flash, Vec<Configuration>) {
     let mut flash = Flash::erased();
     let saved: Vec<Configuration> = (0..count).map(|i| sample(size, i)).collect();
     for saved in &saved {
-        keep(&mut flash, saved);
+        save_and_check(&mut flash, saved);
     }
     (flash, saved)
 }
 
-/// Bytes of an item that mean something: the library's header, the number, what is saved. A bit that pads them to words means nothing.
-const HEADER: usize = 8;
-const MIDDLE: usize = HEADER + 4 + 65;
-const MOST: usize = HEADER + 4 + 2651;
-
 #[test]
 fn in_erased_flash() {
-    let count = turn_over("erased", &Flash::erased(), &[], all());
+    let count = flip("erased", &Flash::erased(), &[], all());
     assert_eq!(count.unusable, 8 * BYTES);
 }
 
 #[test]
 fn after_a_single_save() {
     let (flash, saved) = saves(Size::Middle, 1);
-    let count = turn_over("one", &flash, &saved, all());
-    assert_eq!((count.unusable, count.before), (8 * MIDDLE, 0));
+    let count = flip("one", &flash, &saved, all());
+    assert_eq!(
+        (count.unusable, count.before),
+        (8 * item_bytes(Size::Middle), 0)
+    );
     let (flash, saved) = saves(Size::Most, 1);
-    let count = turn_over("one of the largest", &flash, &saved, one_of_each_byte());
-    assert_eq!((count.unusable, count.before), (MOST + 7 * HEADER, 0));
+    let count = flip("one of the largest", &flash, &saved, one_of_each_byte());
+    assert_eq!(
+        (count.unusable, count.before),
+        (item_bytes(Size::Most) + 7 * HEADER, 0)
+    );
 }
 
 #[test]
 fn after_several_saves() {
     let (flash, saved) = saves(Size::Middle, 4);
-    let count = turn_over("four", &flash, &saved, all());
-    assert_eq!((count.unusable, count.before), (0, 8 * MIDDLE));
+    let count = flip("four", &flash, &saved, all());
+    assert_eq!(
+        (count.unusable, count.before),
+        (0, 8 * item_bytes(Size::Middle))
+    );
     let (flash, saved) = saves(Size::Most, 3);
-    let count = turn_over("three of the largest", &flash, &saved, one_of_each_byte());
-    assert_eq!((count.unusable, count.before), (0, MOST));
+    let count = flip("three of the largest", &flash, &saved, one_of_each_byte());
+    assert_eq!((count.unusable, count.before), (0, item_bytes(Size::Most)));
 }
 
 #[test]
 fn after_a_change_of_sectors() {
-    let (flash, saved) = saves(Size::Most, 7);
+    let (flash, saved) = saves(Size::Most, 12);
     assert_eq!(flash.erases, [1, 1]);
-    let count = turn_over("seven of the largest", &flash, &saved, one_of_each_byte());
-    assert_eq!((count.unusable, count.before), (0, MOST + 7 * HEADER));
+    let count = flip("twelve of the largest", &flash, &saved, one_of_each_byte());
+    assert_eq!(
+        (count.unusable, count.before),
+        (0, item_bytes(Size::Most) + 7 * HEADER)
+    );
 }

@@ -1,11 +1,11 @@
-//! The store: whatever happens to the power or to the flash, what it gives is something that was saved, whole.
+//! The store gives only configurations that were saved, whole, whatever happens to the power or to the flash.
 
+mod configuration;
 mod flash;
 mod flipped_bits;
-mod later_firmware;
+mod other_firmware;
 mod power_cuts;
 #[path = "../records/mod.rs"]
 mod records;
 mod samples;
-mod saved;
 mod wear;

@@ -1,13 +1,13 @@
-//! Power that is cut at each operation of a save: the erasing of a sector, the programming of each word. Plain, which is between two
-//! operations, and torn, which is in the middle of one.
+//! Power cuts at each operation of a save: the erasing of a sector, the programming of each word. A plain cut falls between two
+//! operations, a torn cut in the middle of one.
 
 use slitrange::store::Stored;
 use slitrange::store::configuration::Configuration;
 
 use crate::flash::{BYTES, Flash, SECTOR};
-use crate::samples::{Size, keep, read, sample, save};
+use crate::samples::{Size, read, sample, save, save_and_check};
 
-/// What is there after power was cut.
+/// How often each result was read after a cut.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Count {
     operations: usize,
@@ -18,7 +18,7 @@ struct Count {
     new: usize,
 }
 
-/// Cuts each operation of saving `new` to `flash`, looks what is there, and saves again: plain, then torn.
+/// Cuts the power at each operation of saving `new` to `flash`, reads, and saves again: plain, then torn.
 fn cut_each_operation(what: &str, flash: &Flash, new: &Configuration) -> [Count; 2] {
     let old = read(&mut flash.clone());
     [false, true].map(|torn| {
@@ -31,7 +31,7 @@ fn cut_each_operation(what: &str, flash: &Flash, new: &Configuration) -> [Count;
     })
 }
 
-/// False if there is no such operation.
+/// Cuts the power at the next operation. False if the save has no such operation.
 fn cut_operation(
     flash: &Flash,
     old: &Stored,
@@ -39,7 +39,7 @@ fn cut_operation(
     torn: bool,
     count: &mut Count,
 ) -> bool {
-    // Erasing, and what says where an item is, come first.
+    // The erasure and the words that place the item come first: tear those in several ways.
     let ways = match (torn, count.operations) {
         (false, _) => 1,
         (true, 0..4) => 16,
@@ -51,49 +51,49 @@ fn cut_operation(
         flash.cut_after(count.operations, torn.then_some(seed));
         let saved = save(&mut flash, new);
         flash.power_on();
-        let kept = read(&mut flash);
+        let stored = read(&mut flash);
         if saved.is_ok() {
-            assert!(kept == Stored::Newest(new.clone()));
+            assert!(stored == Stored::Newest(new.clone()));
             return false;
         }
         count.cuts += 1;
-        match kept {
+        match stored {
             Stored::Nothing => count.nothing += 1,
             Stored::Unusable => count.unusable += 1,
-            kept if kept.saved() == old.saved() => count.old += 1,
-            kept if kept == Stored::Newest(new.clone()) => count.new += 1,
+            stored if stored.configuration() == old.configuration() => count.old += 1,
+            stored if stored == Stored::Newest(new.clone()) => count.new += 1,
             other => panic!("neither old nor new: {count:?}, {way}: {other:?}"),
         }
-        keep(&mut flash, &sample(Size::Middle, 999_999));
+        save_and_check(&mut flash, &sample(Size::Middle, 999_999));
         assert_eq!(flash.overwritten, 0);
     }
     true
 }
 
-/// The old or the new is there.
+/// After every cut the old or the new configuration is there.
 fn nothing_is_lost(what: &str, flash: &Flash, new: &Configuration) {
     for count in cut_each_operation(what, flash, new) {
         assert_eq!(count.old + count.new, count.cuts);
     }
 }
 
-/// Saves until the next save is the first in the other sector: gives the flash before and after that.
+/// Saves until a save goes to the other sector: gives the flash before and after that save, and its configuration.
 fn around_a_change(mut flash: Flash, sizes: &[Size]) -> (Flash, Flash, Configuration) {
     for (i, &size) in sizes.iter().cycle().enumerate() {
         let before = flash.clone();
         let saved = sample(size, i as u32);
-        keep(&mut flash, &saved);
+        save_and_check(&mut flash, &saved);
         if i > 0 && flash.erases != before.erases {
             return (before, flash, saved);
         }
     }
-    unreachable!("a sector is full some time")
+    unreachable!("a sector is full after some saves")
 }
 
 fn with(sizes: &[Size]) -> Flash {
     let mut flash = Flash::erased();
     for (i, &size) in sizes.iter().enumerate() {
-        keep(&mut flash, &sample(size, i as u32));
+        save_and_check(&mut flash, &sample(size, i as u32));
     }
     flash
 }
@@ -105,7 +105,7 @@ fn cuts_of(size: Size) {
     let (before, after, first) = around_a_change(with(&[size]), &[size]);
     nothing_is_lost(&format!("{name}, in a fresh sector"), &before, &first);
     nothing_is_lost(&format!("{name}, after it"), &after, &new);
-    // Now the sector that is erased has something in it.
+    // Now the sector to erase is in use.
     let (before, _, first) = around_a_change(after, &[size]);
     nothing_is_lost(&format!("{name}, in a used sector"), &before, &first);
 }
@@ -130,7 +130,7 @@ fn large_and_small_by_turns() {
     nothing_is_lost("by turns, in a used sector", &before, &first);
 }
 
-/// Before the first word is programmed nothing was saved; then it is unusable until it is whole.
+/// The flash holds nothing until the first word is programmed, and is unusable until the item is whole.
 #[test]
 fn the_first_ever() {
     for size in [Size::Most, Size::Least] {
@@ -144,9 +144,9 @@ fn the_first_ever() {
     }
 }
 
-/// What is unusable stays so until it is saved over: it never looks as if nothing had ever been saved.
+/// Unusable flash stays unusable until a save is whole: it never looks as if nothing had ever been saved.
 #[test]
-fn over_what_is_unusable() {
+fn over_unusable_contents() {
     let mut interrupted = Flash::erased();
     interrupted.cut_after(100, None);
     assert!(save(&mut interrupted, &sample(Size::Most, 0)).is_err());
@@ -170,17 +170,18 @@ fn over_what_is_unusable() {
     }
 }
 
-/// Power that is cut, and cut again in the save that follows.
+/// A power cut, and another one in the save that follows.
 #[test]
-fn twice() {
+fn two_cuts() {
     let (_, after, _) = around_a_change(Flash::erased(), &[Size::Most]);
     let (before, _, first) = around_a_change(after, &[Size::Most]);
     let (second, third) = (sample(Size::Most, 2000), sample(Size::Most, 3000));
     let old = read(&mut before.clone());
     let mut cuts = 0;
-    for (at, again) in (0..680)
-        .step_by(41)
-        .flat_map(|at| (0..680).step_by(37).map(move |again| (at, again)))
+    // A save of the largest has 348 operations.
+    for (at, again) in (0..360)
+        .step_by(22)
+        .flat_map(|at| (0..360).step_by(20).map(move |again| (at, again)))
         // The erasure, each way.
         .chain((0..40).flat_map(|i| [(0, i % 4), (i % 4, 0)]))
     {
@@ -188,20 +189,21 @@ fn twice() {
         flash.cut_after(at, Some(cuts));
         let saved = save(&mut flash, &first);
         flash.power_on();
-        let kept = read(&mut flash);
+        let stored = read(&mut flash);
         assert!(
-            kept == Stored::Newest(first.clone()) || saved.is_err() && kept.saved() == old.saved()
+            stored == Stored::Newest(first.clone())
+                || saved.is_err() && stored.configuration() == old.configuration()
         );
         flash.cut_after(again, Some(cuts << 32));
         let saved = save(&mut flash, &second);
         flash.power_on();
-        let kept_then = read(&mut flash);
+        let stored_then = read(&mut flash);
         assert!(
-            kept_then == Stored::Newest(second.clone())
-                || saved.is_err() && kept_then.saved() == kept.saved(),
+            stored_then == Stored::Newest(second.clone())
+                || saved.is_err() && stored_then.configuration() == stored.configuration(),
             "{at}, then {again}"
         );
-        keep(&mut flash, &third);
+        save_and_check(&mut flash, &third);
         assert_eq!(flash.overwritten, 0);
         cuts += 1;
     }

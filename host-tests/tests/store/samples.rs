@@ -1,19 +1,19 @@
-//! Things to save, each another, and what the store makes of them.
+//! Configurations to save, each one different, and the store around a flash.
 
 use embassy_futures::block_on;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::frame::Mean;
-use slitrange::measurement::Settings;
 use slitrange::record::Record;
-use slitrange::store::configuration::Configuration;
+use slitrange::settings::Settings;
+use slitrange::store::configuration::{Configuration, MAX_ENCODED, encode};
 use slitrange::store::{Store, StoreError, Stored};
 use slitrange::units::Counts;
 
 use crate::flash::Flash;
 use crate::records::{longest, nominal};
 
-/// How long what is saved is.
+/// How long a configuration is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
     /// The settings alone.
@@ -30,6 +30,7 @@ pub fn sample(size: Size, i: u32) -> Configuration {
         mean: Mean::Weighted,
         estimator: Estimator::PhaseTable,
         black_level: BlackLevel::Fixed(Counts::from_bits(i as i32)),
+        ..Settings::default()
     };
     let record = match size {
         Size::Least => None,
@@ -39,32 +40,45 @@ pub fn sample(size: Size, i: u32) -> Configuration {
     Configuration {
         settings,
         record: record.map(|record| Record {
-            // As long for each.
+            // Of the same length for each.
             serial_number: u32::MAX - i,
             ..record
         }),
     }
 }
 
+/// Bytes of an item: the library's header, the number, the configuration. Bytes that fill up the last word do not count.
+pub fn item_bytes(size: Size) -> usize {
+    let mut buffer = [0; MAX_ENCODED];
+    let bytes = encode(&sample(size, 0), &mut buffer).expect("a usable configuration");
+    HEADER + NUMBER + bytes.len()
+}
+
+/// Bytes of the library's header of an item.
+pub const HEADER: usize = 8;
+
+/// Bytes of an item's number.
+pub const NUMBER: usize = 4;
+
 pub fn read(flash: &mut Flash) -> Stored {
     let (operations, before) = (flash.operations, flash.bytes.clone());
-    let kept = block_on(Store::new(&mut *flash).read());
+    let stored = block_on(Store::new(&mut *flash).read());
     assert!(
         flash.operations == operations && flash.bytes == before,
         "reading must only read"
     );
-    kept
+    stored
 }
 
 pub fn save(flash: &mut Flash, saved: &Configuration) -> Result<(), StoreError> {
     block_on(Store::new(flash).save(saved))
 }
 
-/// Saves, and it is there.
-pub fn keep(flash: &mut Flash, saved: &Configuration) {
+/// Saves, and checks that the configuration is there.
+pub fn save_and_check(flash: &mut Flash, saved: &Configuration) {
     assert_eq!(save(flash, saved), Ok(()));
     assert!(
         read(flash) == Stored::Newest(saved.clone()),
-        "it is not there"
+        "the configuration is not there"
     );
 }

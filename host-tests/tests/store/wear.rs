@@ -1,17 +1,17 @@
-//! Ten thousand saves: both sectors wear evenly, and nothing is lost. What is there already is not written again.
+//! Ten thousand saves: both sectors wear evenly, and nothing is lost. A configuration that is already there is not written again.
 
 use slitrange::store::Stored;
 
 use crate::flash::Flash;
-use crate::samples::{Size, keep, read, sample, save};
+use crate::samples::{Size, read, sample, save, save_and_check};
 
 fn wear(what: &str, saves: u32, sizes: &[Size]) {
     let mut flash = Flash::erased();
     for (i, &size) in (0..saves).zip(sizes.iter().cycle()) {
         let saved = sample(size, i);
-        // Every so often read as after a start; each save reads what it wrote, too.
+        // Now and then read as after a start; each save also reads what it wrote.
         if i % 20 == 0 || i + 10 > saves {
-            keep(&mut flash, &saved);
+            save_and_check(&mut flash, &saved);
         } else {
             assert_eq!(save(&mut flash, &saved), Ok(()));
         }
@@ -52,7 +52,7 @@ fn the_same_again_writes_nothing() {
     let mut flash = Flash::erased();
     for (i, size) in (0..).zip([Size::Least, Size::Middle, Size::Most].repeat(5)) {
         let saved = sample(size, i);
-        keep(&mut flash, &saved);
+        save_and_check(&mut flash, &saved);
         let operations = flash.operations;
         assert_eq!(save(&mut flash, &saved), Ok(()));
         assert_eq!(flash.operations, operations);

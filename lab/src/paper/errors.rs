@@ -3,11 +3,11 @@
 use anyhow::Context as _;
 use rayon::prelude::*;
 use slitrange_tool::fit::eq1::{self, Fit};
+use slitrange_tool::fit::spline::{Equations, Grid, Residual, Spline};
 
 use crate::paper::apparatus::Aperture;
 use crate::paper::data_set::Centres;
 use crate::paper::methods::{Calibration, CentreMethod, Method};
-use crate::paper::residual_table::ResidualTable;
 
 /// What a method makes of a data set.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,12 +22,14 @@ pub struct Judged {
     pub max: f64,
     /// Captures without a centre.
     pub without_centre: usize,
-    /// For each capture the prediction less the true distance, in metres; not a number where there is no centre.
+    /// For each capture the prediction less the true distance, in metres; not a number where there is no
+    /// centre.
     pub errors: Vec<f32>,
 }
 
-/// The residual tables of a sensor, one for each of the centre methods of an aperture, where there are enough data for them.
-pub type Tables = Vec<Option<ResidualTable>>;
+/// The residual tables of a sensor, one for each of the centre methods of an aperture, where there are enough
+/// data for them.
+pub type Tables = Vec<Option<Spline>>;
 
 /// Judges every method of an aperture on the centres of a data set.
 ///
@@ -79,7 +81,7 @@ fn of_method(
     method: Method,
     distances: &[f64],
     centres: &[f64],
-    table: Option<&ResidualTable>,
+    table: Option<&Spline>,
 ) -> anyhow::Result<Judged> {
     let residual = |centre: f64| table.map_or(0.0, |table| table.at(centre));
     // The table is taken off first, so that the two do not compete for what both can follow.
@@ -140,7 +142,60 @@ pub fn tables(centres: &Centres) -> anyhow::Result<Tables> {
                 .iter()
                 .map(|&(centre, distance)| (centre, distance - curve.distance(centre)))
                 .collect();
-            Ok(ResidualTable::of(&residuals))
+            Ok(smooth(&residuals))
         })
         .collect()
+}
+
+/// Intervals of a residual table: an aberration of the lens is of third or fifth order over the field. More
+/// of them would follow speckle.
+const INTERVALS: usize = 8;
+
+/// The penalty of a residual table: it holds splines that few points reach.
+const PENALTY: f64 = 2.1e-3;
+
+/// A smooth curve over the sensor through residuals (of any unit) at centres in pixels: a distortion, a spot
+/// whose shape changes along the table. `None` where there are fewer points than splines.
+///
+/// The residuals are of other surfaces than those that the curve is applied to: a curve through a surface's
+/// own residuals would take the speckle for the sensor.
+fn smooth(points: &[(f64, f64)]) -> Option<Spline> {
+    if points.len() < INTERVALS + 3 {
+        return None;
+    }
+    let centres = || points.iter().map(|&(centre, _)| centre);
+    let first = centres().fold(f64::INFINITY, f64::min);
+    let last = centres().fold(f64::NEG_INFINITY, f64::max);
+    let residuals = points.iter().map(|&(at, value)| Residual {
+        at,
+        value,
+        weight: 1.0,
+    });
+    let grid = Grid::with_intervals(first, last, INTERVALS);
+    Equations::new(grid, residuals, points.len() as f64).solve(PENALTY)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_residual_table_follows_what_is_smooth_and_not_what_is_not() {
+        let cubic = |x: f64| 1e-9 * (x - 900.0).powi(3) - 2e-4 * (x - 900.0);
+        let points: Vec<(f64, f64)> = (0..2000)
+            .map(|i| {
+                let x = 100.0 + 0.8 * f64::from(i);
+                (x, cubic(x) + 0.1 * (x * 0.7).sin())
+            })
+            .collect();
+        let table = smooth(&points).expect("enough points");
+        let worst = (100..1700)
+            .map(|x| (table.at(f64::from(x)) - cubic(f64::from(x))).abs())
+            .fold(0.0, f64::max);
+        println!("worst {worst:.4} of {:.3}", cubic(1700.0));
+        assert!(worst < 0.01);
+        // It ends where the points do.
+        assert_eq!(table.at(0.0), table.at(100.0));
+        assert!(smooth(&points[..10]).is_none());
+    }
 }

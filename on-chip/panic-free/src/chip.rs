@@ -12,7 +12,6 @@ extern "C" fn _start() -> ! {
     whole_core::measure_rows();
     whole_core::find_centres();
     whole_core::find_distances();
-    whole_core::take_calibrations();
     whole_core::make_numbers();
     whole_core::talk();
     loop {

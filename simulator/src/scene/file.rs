@@ -119,19 +119,8 @@ impl Scene {
 
     /// Spot, and what acts on its light.
     fn check_laser_light(&self) -> Result<()> {
-        let acting_on_the_spot = [
-            Effect::Diffraction,
-            Effect::LaserSpot,
-            Effect::Obliquity,
-            Effect::Speckle,
-            Effect::Texture,
-            Effect::SpecularLobe,
-            Effect::Defocus,
-            Effect::Coma,
-            Effect::Distortion,
-            Effect::Flare,
-            Effect::SecondReflection,
-        ];
+        let acting_on_the_spot =
+            (Effect::ALL.into_iter()).take_while(|effect| *effect != Effect::Ambient);
         for effect in acting_on_the_spot {
             ensure!(
                 self.spot.is_some() || !self.lists(effect),

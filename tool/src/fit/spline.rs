@@ -59,7 +59,11 @@ pub fn penalties() -> impl Iterator<Item = f64> {
 impl Grid {
     /// Even intervals from one distance to another, as many as points can use: half as many, at most 40.
     pub fn new(first: f64, last: f64, points: usize) -> Self {
-        let intervals = (points / 2).clamp(4, 40);
+        Self::with_intervals(first, last, (points / 2).clamp(4, 40))
+    }
+
+    /// That many even intervals, at least one.
+    pub fn with_intervals(first: f64, last: f64, intervals: usize) -> Self {
         Self {
             first,
             interval: (last - first) / intervals as f64,

@@ -33,8 +33,8 @@ fn saved(rows: u16) -> Configuration {
     }
 }
 
-/// How often that fits into a sector: 16 KB over 2.6.
-const IN_A_SECTOR: u16 = 6;
+/// How often that fits into a sector: 16 KB over 1.4.
+const IN_A_SECTOR: u16 = 11;
 
 /// Flash to which so many of these were saved, with 1, 2, 3 rows and so on.
 fn with_saves(count: u16) -> SharedFlash {
@@ -188,7 +188,7 @@ fn a_power_cut_at_any_operation_leaves_the_old_or_the_new() {
             torn.len(),
             new(&torn)
         );
-        assert!(count > 600, "{count} operations");
+        assert!(count > 300, "{count} operations");
     }
 }
 
@@ -270,12 +270,12 @@ fn a_board_without_power_saves_no_further() {
     let flash = with_saves(3);
     let mut board = power_on(&flash);
     set(&mut board, "rows 20");
-    flash.cut_power_after(300);
+    flash.cut_power_after(200);
     board.send("save\r\n");
     board.run_for(SAVE).expect("a run");
     drop(board);
     let history = flash.take_history();
-    assert_eq!(history.operations().len(), 300);
+    assert_eq!(history.operations().len(), 200);
 
     let mut board = power_on(&flash);
     kept::assert_in_use(&mut board, &Stored::Older(saved(3)));

@@ -53,7 +53,7 @@ pub fn assert_shown_as(board: &mut VirtualBoard, kept: &Stored) -> Option<Encode
         _ => FlashStatus::Damaged,
     };
     assert_shown(board, calibration.as_ref(), stored);
-    if let Some(saved) = kept.saved() {
+    if let Some(saved) = kept.configuration() {
         assert_eq!(ask(board, "rows"), format!("rows {}", saved.settings.rows));
     }
     calibration

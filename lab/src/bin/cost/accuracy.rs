@@ -1,8 +1,7 @@
 //! How near each method comes to the Cramér-Rao bound, over widths, heights and kinds of noise.
 
 use cost_on_chip::methods::{self, Method};
-use host_tests::accuracy::{Cell, Outcome};
-use host_tests::grid::{self, Rows};
+use host_tests::accuracy::{Cell, Outcome, Rows, largest_bias};
 use indicatif::ProgressBar;
 
 /// Widths (sigma) of the grid in pixels.
@@ -201,7 +200,7 @@ pub fn measure(methods: &[Method], rows: u64) -> Accuracy {
         accuracy.biases.extend(methods.iter().map(|&method| Bias {
             method,
             width,
-            pixels: grid::largest_bias(method, methods::centre, width),
+            pixels: largest_bias(method, methods::centre, width),
         }));
         bar.inc(1);
     }

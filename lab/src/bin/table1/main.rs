@@ -16,10 +16,10 @@ use lab::paper::training::PIECES;
 
 use crate::report::Report;
 
-/// Simulates the paper's experiment: six materials, lens against slit, 16,800 positions of five captures each.
 /// The seed of what docs/ shows.
 const SEED: u64 = 1;
 
+/// Simulates the paper's experiment: six materials, lens against slit, 16,800 positions of five captures each.
 #[derive(Parser)]
 #[command(name = "cargo table1")]
 struct Options {

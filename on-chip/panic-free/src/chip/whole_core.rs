@@ -3,26 +3,23 @@
 use core::fmt::{self, Display, Write};
 
 use slitrange::black_level::{self, BlackPixels};
-use slitrange::centre::{self, Estimator};
-use slitrange::check;
+use slitrange::centre::tables::{GAUSSIAN, Sampling};
+use slitrange::centre::{self, Estimator, phase_table};
+use slitrange::check::{self, repair};
 use slitrange::fault::Fault;
 use slitrange::frame::Frame;
 use slitrange::measurement::Measurement;
-use slitrange::protocol::answer::HELP;
-use slitrange::protocol::calibration::{FlashStatus, Shown};
-use slitrange::protocol::info::{Banner, Hardware, Info};
+use slitrange::protocol::command::Command;
+use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::Input;
-use slitrange::protocol::ladder::Ladder;
-use slitrange::protocol::piece::Piece;
-use slitrange::protocol::refusal::Refusal;
-use slitrange::protocol::status::{SerialErrors, StartCause, Status};
-use slitrange::protocol::upload::{Step, Upload};
-use slitrange::record::encoded::EncodedRecord;
-use slitrange::record::{self, Record};
+use slitrange::protocol::status::{StartCause, Vitals};
+use slitrange::protocol::upload::Step;
+use slitrange::record;
 use slitrange::row::Row;
+use slitrange::session::{Actions, Event, Session};
 use slitrange::spot;
-use slitrange::store::StoreError;
 use slitrange::store::configuration::{self, Configuration};
+use slitrange::store::{StoreError, Stored};
 use slitrange::units::{AsMillimetres, Counts, Micrometres, Pixels};
 
 use super::any::{self, any};
@@ -72,6 +69,15 @@ pub fn find_centres() {
         ));
         let _ = any(check::centre(rung, &row, &spot, before.as_ref(), &geometry));
     }
+    let _ = any(repair::centre(&row, &spot, before.as_ref(), &geometry));
+    let _ = any(phase_table::centre(
+        &row,
+        &spot,
+        before.as_ref(),
+        &geometry,
+        &GAUSSIAN,
+        any(Sampling::Coarse),
+    ));
     let mut frame = Frame::default();
     let mut black = BlackPixels::default();
     while any(true) {
@@ -120,7 +126,7 @@ pub fn find_distances() {
     let settings = any::settings();
     match configuration::encode(&Configuration { settings, record }, any::bytes(&mut buffer)) {
         Ok(written) => reached(written.len() as i32),
-        Err(error) => say(&StoreError::Saved(error)),
+        Err(error) => say(&StoreError::Configuration(error)),
     }
     match configuration::decode(any::bytes(&mut buffer)) {
         Ok(Configuration { settings, record }) => {
@@ -129,34 +135,6 @@ pub fn find_distances() {
         }
         Err(error) => say(&error),
     }
-}
-
-/// A calibration comes in pieces, and is shown.
-pub fn take_calibrations() {
-    let mut upload = Upload::none();
-    let mut in_use = EncodedRecord::nominal();
-    while any(true) {
-        match upload.take(any(Step::Commit), &any::geometry()) {
-            Ok(Some(record)) => in_use = EncodedRecord::new(record).ok(),
-            Ok(None) => {}
-            Err(refusal) => say(&refusal),
-        }
-        let written = in_use.as_ref().filter(|_| any(true));
-        say(&Shown {
-            written,
-            on: any(true),
-            stored: any(FlashStatus::Nothing),
-        });
-        if let Some(piece) = written.and_then(|written| Piece::of(written.bytes(), any(0))) {
-            say(&piece);
-            reached(piece.offset().into());
-        }
-    }
-    say(&any(Refusal::NoUpload));
-    any(any::calibration()
-        .and_then(any::record)
-        .as_ref()
-        .is_some_and(Record::is_nominal));
 }
 
 /// The constructors of the numbers.
@@ -168,43 +146,38 @@ pub fn make_numbers() {
     any(Micrometres::from_f32(any(0.0)));
 }
 
-/// The serial line: bytes in, answers out.
+/// The serial line: bytes and frames in, text out, with whatever flash holds; and what the other end may show.
 pub fn talk() {
-    let mut input = Input::new();
-    while any(true) {
-        match input.take(any(0)) {
-            Some(Ok(command)) => say(&command),
-            Some(Err(error)) => say(&error),
-            None => {}
-        }
-    }
     let hardware = any(Hardware {
         board: "",
         head: "",
         row_us: 0,
     });
-    say(&Banner(&hardware, any(StartCause::PowerOn)));
-    say(&Info {
-        hardware: &hardware,
-        geometry: &any::geometry(),
-        settings: &any::settings(),
-        record: any::calibration().and_then(any::record).as_ref(),
-        on: any(true),
-    });
-    say(&any(Status {
-        started_by: StartCause::PowerOn,
-        uptime_ms: 0,
-        rows: 0,
-        rows_lost: 0,
-        rows_failed: 0,
-        row_cycles: 0,
-        readings: 0,
-        faults: [0; Fault::KINDS],
-        lines_dropped: 0,
-        serial_errors: SerialErrors::default(),
-    }));
-    say(&Ladder);
-    say(&HELP);
+    let mut input = Input::new();
+    let mut session = Session::new(hardware, any::geometry(), any(StartCause::PowerOn));
+    let mut actions = Actions::default();
+    let vitals = any(Vitals::default());
+    while any(true) {
+        let event = match any(0) {
+            0 => Event::Started(stored()),
+            1 => Event::Frame(any(true).then(any::measured).ok_or(any::fault())),
+            2 => Event::Saved(any(Ok(()))),
+            3 => Event::Line(Ok(any(Command::Upload(any(Step::Commit))))),
+            _ => match input.take(any(0)) {
+                Some(command) => Event::Line(command),
+                None => continue,
+            },
+        };
+        session.take(event, &vitals, &mut actions);
+        say(&actions.text);
+        if let Some(settings) = actions.apply {
+            reached(i32::from(settings.rows));
+        }
+        if let Some(configuration) = session.configuration() {
+            reached(i32::from(configuration.settings.rows));
+        }
+    }
+    say(&any(Command::Nothing));
     say(&any::reading());
     say(&any::measured());
     let fault = any::fault();
@@ -212,6 +185,18 @@ pub fn talk() {
     say(&fault.advice());
     say(&AsMillimetres(any(Micrometres::MIN)));
     say(&any(Pixels::MIN));
+}
+
+fn stored() -> Stored {
+    let settings = any::settings();
+    let record = any::calibration().and_then(any::record);
+    let configuration = Configuration { settings, record };
+    match any(0) {
+        0 => Stored::Nothing,
+        1 => Stored::Newest(configuration),
+        2 => Stored::Older(configuration),
+        _ => Stored::Unusable,
+    }
 }
 
 /// Writes it, to nowhere.

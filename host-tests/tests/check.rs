@@ -1,34 +1,23 @@
-//! The second look: how seldom it doubts rows that nothing is wrong with, and how often it sees what is.
+//! The check: how seldom it doubts rows that nothing is wrong with, and how often it sees what is.
 
+use host_tests::accuracy::{self, Answer};
 use host_tests::hard_cases::flaw::{Bad, Flaw, Second};
+use host_tests::hard_cases::judge::Said;
 use host_tests::hard_cases::recipe::{Place, Recipe};
-use host_tests::hard_cases::truth::is_beyond_claim;
 use host_tests::hard_cases::{HardRow, Shape};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::check;
-use slitrange::fault::Fault;
-use slitrange::row::Row;
-use slitrange::spot;
+use slitrange::centre::Estimator;
 
-/// A rung's answer to a row, alone and as the measurement takes it.
-fn answers(rung: Estimator, row: &HardRow) -> [Result<RowCentre, Fault>; 2] {
-    let parts = Row::new(&row.light, &[], row.geometry.full_scale()).expect("12 bits");
-    let spot = spot::find(&parts);
-    [
-        spot.and_then(|spot| centre::centre(rung, &parts, &spot, None, &row.geometry)),
-        spot.and_then(|spot| check::centre(rung, &parts, &spot, None, &row.geometry)),
-    ]
+/// An estimator's answer to a row, alone and as the measurement takes it.
+fn answers_to(row: &HardRow, estimator: Estimator) -> [Answer; 2] {
+    accuracy::answers(&row.geometry, &row.light, estimator)
 }
 
 /// Whether an answer is a centre without a flag, further off than it claims.
-fn is_confident_error(row: &HardRow, answer: &Result<RowCentre, Fault>) -> bool {
-    answer.is_ok_and(|found| {
-        let error = row.truth.error(found.centre.to_f64());
-        !found.misfit && is_beyond_claim(error, found.uncertainty.to_f64())
-    })
+fn is_confident_error(row: &HardRow, answer: &Answer) -> bool {
+    Said::of_row(row.truth, answer).is_confident_error()
 }
 
 fn log_even(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
@@ -50,7 +39,7 @@ fn clean_rows_are_not_doubted() {
     ];
     let (mut rows, mut doubted, mut failures) = (0, 0, vec![]);
     println!(
-        "rows of {ROWS} that were doubted (flagged, or another rung's): dim, middle, bright, bright without shot noise"
+        "rows of {ROWS} that were doubted (flagged, or repaired): dim, middle, bright, bright without shot noise"
     );
     for shape in [
         Shape::Gaussian,
@@ -72,7 +61,7 @@ fn clean_rows_are_not_doubted() {
                     .into_par_iter()
                     .map(|number| {
                         let row = recipe.row(7, number);
-                        let [alone, looked_at] = answers(Estimator::PhaseTable, &row);
+                        let [alone, looked_at] = answers_to(&row, Estimator::PhaseTable);
                         let wrong = is_confident_error(&row, &looked_at);
                         (alone.is_ok(), alone != looked_at, wrong)
                     })
@@ -164,7 +153,7 @@ impl Kind {
     }
 }
 
-/// Confident errors of rows with each flaw, of the rung alone and with the second look. The default rung may have as many as when the look was
+/// Confident errors of rows with each flaw, of the estimator alone and with the check. The default estimator may have as many as when the check was
 /// made, and three standard deviations of that count more: rare rows scatter as Poisson's, by the root of their mean, which is taken to
 /// be one at least.
 #[test]
@@ -181,26 +170,19 @@ fn flaws_are_seen() {
     ];
     let mut failures = vec![];
     println!(
-        "confident errors of {ROWS} rows, flagged rows, faults (confident errors without the look)"
+        "confident errors of {ROWS} rows, flagged rows, faults (confident errors without the check)"
     );
     for (kind, measured) in MEASURED {
         let mean = f64::from(measured);
         let limit = mean + 3.0 * mean.max(1.0).sqrt();
-        for rung in [
-            Estimator::PhaseTable,
-            Estimator::Robust,
-            Estimator::Adaptive,
-            Estimator::GaussNewton,
-            Estimator::Centroid,
-            Estimator::ZeroCrossing,
-        ] {
+        for rung in Estimator::ALL {
             let results: Vec<[usize; 4]> = (0..ROWS)
                 .into_par_iter()
                 .map(|number| {
                     let mut random = ChaCha8Rng::seed_from_u64(number);
                     random.set_stream(kind as u64);
                     let row = kind.recipe(&mut random).row(number, 0);
-                    let [alone, looked_at] = answers(rung, &row);
+                    let [alone, looked_at] = answers_to(&row, rung);
                     [
                         is_confident_error(&row, &looked_at),
                         looked_at.is_ok_and(|found| found.misfit),
@@ -224,7 +206,7 @@ fn flaws_are_seen() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// A background that rises by two counts a pixel: the default rung's own tables are off by tenths of a pixel (see the robust rung's tests), and what takes over
+/// A background that rises by two counts a pixel: the default estimator's own tables are off by tenths of a pixel (see the repair's tests), and what takes over
 /// has no bias beyond 0.002 pixels and what is left of the noise, in nearly all rows.
 #[test]
 fn a_slope_is_taken_over_without_bias() {
@@ -238,7 +220,7 @@ fn a_slope_is_taken_over_without_bias() {
         .into_par_iter()
         .filter_map(|number| {
             let row = recipe.row(3, number);
-            let [_, looked_at] = answers(Estimator::PhaseTable, &row);
+            let [_, looked_at] = answers_to(&row, Estimator::PhaseTable);
             let found = looked_at.ok().filter(|found| !found.misfit)?;
             Some(row.truth.error(found.centre.to_f64()))
         })

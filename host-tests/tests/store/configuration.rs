@@ -1,11 +1,11 @@
-//! What is saved, as bytes: what goes in comes out, and what cannot be used does not.
+//! The bytes of a configuration: encoding and decoding give it back, and what cannot be used is refused.
 
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::frame::Mean;
-use slitrange::measurement::Settings;
 use slitrange::record::{self, Record, RecordError};
+use slitrange::settings::Settings;
 use slitrange::store::StoreError;
 use slitrange::store::configuration::{
     Configuration, ConfigurationError, MAX_ENCODED, VERSION, decode, encode,
@@ -15,20 +15,21 @@ use slitrange::units::{Counts, Pixels};
 use crate::records::{cases, records};
 use crate::samples::{Size, sample};
 
-fn encoded(saved: &Configuration) -> Vec<u8> {
-    encode(saved, &mut [0; MAX_ENCODED])
+fn encoded(configuration: &Configuration) -> Vec<u8> {
+    encode(configuration, &mut [0; MAX_ENCODED])
         .expect("it can be used")
         .to_vec()
 }
 
-/// What is in flash is read for ever, or its version counts on.
+/// Later firmware reads what is in flash, unless the version changes.
 #[test]
-fn version_1_is_what_it_was() {
+fn bytes_of_version_1_do_not_change() {
     let settings = |mean, estimator, black_level| Settings {
         rows: 16,
         mean,
         estimator,
         black_level,
+        ..Settings::default()
     };
     let level = BlackLevel::Fixed(Counts::from_bits(0x0001_2345));
     let text: Vec<String> = [
@@ -43,15 +44,16 @@ fn version_1_is_what_it_was() {
     })
     .into();
     insta::assert_snapshot!(text.join("\n"));
-    // The record's bytes are its own, with a snapshot of their own.
-    let saved = sample(Size::Middle, 5);
+    // The record's bytes follow; the test of the record holds them to old ones.
+    let configuration = sample(Size::Middle, 5);
     let mut buffer = [0; record::MAX_ENCODED];
-    let own = record::encode(saved.record.as_ref().expect("one"), &mut buffer).expect("usable");
-    assert_eq!(&encoded(&saved)[10..], own);
+    let own =
+        record::encode(configuration.record.as_ref().expect("one"), &mut buffer).expect("usable");
+    assert_eq!(&encoded(&configuration)[10..], own);
 }
 
 #[test]
-fn the_longest_is_as_long_as_is_stated() {
+fn the_longest_configuration_has_the_stated_length() {
     let longest = sample(Size::Most, 7);
     let bytes = encoded(&longest);
     println!(
@@ -72,21 +74,21 @@ fn the_longest_is_as_long_as_is_stated() {
 }
 
 #[test]
-fn what_cannot_be_used_is_refused() {
+fn unusable_configurations_are_refused() {
     let with = |change: fn(&mut Configuration)| {
-        let mut saved = sample(Size::Least, 0);
-        change(&mut saved);
-        encode(&saved, &mut [0; MAX_ENCODED]).err()
+        let mut configuration = sample(Size::Least, 0);
+        change(&mut configuration);
+        encode(&configuration, &mut [0; MAX_ENCODED]).err()
     };
     assert_eq!(with(|_| {}), None);
     for rows in [0, 65, u16::MAX] {
-        let mut saved = sample(Size::Least, 0);
-        saved.settings.rows = rows;
-        let error = encode(&saved, &mut [0; MAX_ENCODED]).err();
+        let mut configuration = sample(Size::Least, 0);
+        configuration.settings.rows = rows;
+        let error = encode(&configuration, &mut [0; MAX_ENCODED]).err();
         assert_eq!(error, Some(ConfigurationError::Rows { rows }));
     }
-    assert_eq!(with(|saved| saved.settings.rows = 1), None);
-    assert_eq!(with(|saved| saved.settings.rows = 64), None);
+    assert_eq!(with(|configuration| configuration.settings.rows = 1), None);
+    assert_eq!(with(|configuration| configuration.settings.rows = 64), None);
     for (bits, fits) in [
         (-1, false),
         (0, true),
@@ -94,9 +96,9 @@ fn what_cannot_be_used_is_refused() {
         ((4095 << 8) + 1, false),
     ] {
         let level = Counts::from_bits(bits);
-        let mut saved = sample(Size::Least, 0);
-        saved.settings.black_level = BlackLevel::Fixed(level);
-        let error = encode(&saved, &mut [0; MAX_ENCODED]).err();
+        let mut configuration = sample(Size::Least, 0);
+        configuration.settings.black_level = BlackLevel::Fixed(level);
+        let error = encode(&configuration, &mut [0; MAX_ENCODED]).err();
         assert_eq!(
             error,
             (!fits).then_some(ConfigurationError::BlackLevel { level })
@@ -150,16 +152,16 @@ fn what_cannot_be_used_is_refused() {
 #[test]
 fn errors_say_what_is_wrong_and_what_to_do() {
     let text: Vec<String> = [
-        StoreError::Saved(ConfigurationError::NoRoom { bytes: 100 }),
-        StoreError::Saved(ConfigurationError::Short { bytes: 3 }),
-        StoreError::Saved(ConfigurationError::Version { version: 2 }),
-        StoreError::Saved(ConfigurationError::Rows { rows: 65 }),
-        StoreError::Saved(ConfigurationError::Letter { letter: b'?' }),
-        StoreError::Saved(ConfigurationError::Letter { letter: 0 }),
-        StoreError::Saved(ConfigurationError::BlackLevel {
+        StoreError::Configuration(ConfigurationError::NoRoom { bytes: 100 }),
+        StoreError::Configuration(ConfigurationError::Short { bytes: 3 }),
+        StoreError::Configuration(ConfigurationError::Version { version: 2 }),
+        StoreError::Configuration(ConfigurationError::Rows { rows: 65 }),
+        StoreError::Configuration(ConfigurationError::Letter { letter: b'?' }),
+        StoreError::Configuration(ConfigurationError::Letter { letter: 0 }),
+        StoreError::Configuration(ConfigurationError::BlackLevel {
             level: Counts::from_int(5000),
         }),
-        StoreError::Saved(ConfigurationError::Record(RecordError::OffTheSensor {
+        StoreError::Configuration(ConfigurationError::Record(RecordError::OffTheSensor {
             first: Pixels::from_int(-3),
             last: Pixels::from_int(4000),
         })),
@@ -194,37 +196,36 @@ fn all() -> impl Strategy<Value = Configuration> {
     (settings, records).prop_map(|(settings, record)| Configuration { settings, record })
 }
 
-/// Without a record that ranges over centres that its sensor has not: see the test of the record.
-fn usable(saved: Configuration) -> Configuration {
+/// Without a record whose centres reach beyond its sensor, which `encode` refuses: see the test of the record.
+fn usable(configuration: Configuration) -> Configuration {
     let fits = |record: &Record| record::encode(record, &mut [0; record::MAX_ENCODED]).is_ok();
     Configuration {
-        record: saved.record.filter(fits),
-        ..saved
+        record: configuration.record.filter(fits),
+        ..configuration
     }
 }
 
 proptest! {
     #![proptest_config(cases(2000))]
 
-    /// All that can be saved comes back as it was, and is written the same again.
+    /// Every usable configuration decodes to itself.
     #[test]
-    fn what_goes_in_comes_out(saved in all()) {
-        let saved = usable(saved);
-        let bytes = encoded(&saved);
+    fn configurations_decode_to_themselves(configuration in all()) {
+        let configuration = usable(configuration);
+        let bytes = encoded(&configuration);
         prop_assert!(bytes.len() <= MAX_ENCODED);
         let again = decode(&bytes);
-        prop_assert_eq!(again.as_ref(), Ok(&saved));
-        prop_assert_eq!(encoded(&saved), bytes);
+        prop_assert_eq!(again.as_ref(), Ok(&configuration));
     }
 
-    /// Bytes that are not quite those, or any at all: what is taken can be written, as just those bytes.
+    /// Damaged bytes and any others: what decodes is encoded as the same bytes.
     #[test]
-    fn what_is_taken_can_be_used(
-        saved in all(),
+    fn decoded_configurations_are_encoded_the_same(
+        configuration in all(),
         changes in prop::collection::vec((0..12usize, any::<u8>()), 1..4),
         any_bytes in prop::collection::vec(any::<u8>(), 0..60),
     ) {
-        let mut near = encoded(&usable(saved));
+        let mut near = encoded(&usable(configuration));
         for (place, byte) in changes {
             if let Some(changed) = near.get_mut(place) {
                 *changed = byte;
@@ -232,8 +233,8 @@ proptest! {
         }
         let versioned: Vec<u8> = [VERSION].into_iter().chain(any_bytes.iter().copied()).collect();
         for bytes in [near, any_bytes, versioned] {
-            if let Ok(saved) = decode(&bytes) {
-                prop_assert_eq!(encoded(&saved), bytes);
+            if let Ok(configuration) = decode(&bytes) {
+                prop_assert_eq!(encoded(&configuration), bytes);
             }
         }
     }

@@ -1,15 +1,35 @@
-//! The robust rung on pixels that do not belong to the spot, beside the default rung and the bound of clean rows.
+//! The repair on pixels that do not belong to the spot, beside the default estimator alone and the bound of clean rows.
 
-use host_tests::accuracy::Cell;
+use host_tests::accuracy::{Answer, Cell, centre_of};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use simulator::bound;
 use simulator::scene::quantise;
-use slitrange::centre::{self, Estimator, RowCentre};
-use slitrange::fault::Fault;
-use slitrange::row::Row;
+use slitrange::centre::Estimator;
+use slitrange::check::repair;
+use slitrange::row::{Geometry, Row};
 use slitrange::spot;
+
+fn repaired(geometry: &Geometry, light: &[u16]) -> Answer {
+    let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
+    repair::centre(&row, &spot::find(&row)?, None, geometry)
+}
+
+fn with_the_default(geometry: &Geometry, light: &[u16]) -> Answer {
+    centre_of(geometry, light, Estimator::PhaseTable)
+}
+
+/// A spot of so many counts, in the noise of all rows here.
+fn cell(width: f64, amplitude: f64, seed: u64) -> Cell {
+    Cell {
+        width,
+        amplitude,
+        read_noise: 2.0,
+        electrons_per_count: Some(5.0),
+        rows: rows(width),
+        seed,
+    }
+}
 
 /// Rows of a cell. Narrow spots are silently off in one row in 2000, of which 4000 rows have too few to tell from one in 1000.
 fn rows(width: f64) -> u64 {
@@ -40,20 +60,15 @@ struct Outcome {
     faults: u64,
 }
 
-fn run(estimator: Estimator, width: f64, flaw: Flaw) -> Outcome {
-    let cell = Cell {
-        width,
-        amplitude: match flaw {
-            Flaw::Saturated(times) => times * 4095.0,
-            _ => 2000.0,
-        },
-        read_noise: 2.0,
-        electrons_per_count: Some(5.0),
-        rows: rows(width),
-        seed: 12,
+fn run(centre: fn(&Geometry, &[u16]) -> Answer, width: f64, flaw: Flaw) -> Outcome {
+    let amplitude = match flaw {
+        Flaw::Saturated(times) => times * 4095.0,
+        _ => 2000.0,
     };
+    let cell = cell(width, amplitude, 12);
     let scene = cell.scene();
-    let results: Vec<(f64, Result<RowCentre, Fault>)> = (0..rows(width))
+    let geometry = scene.geometry();
+    let results: Vec<(f64, Answer)> = (0..rows(width))
         .into_par_iter()
         .map(|row| {
             let mut random = ChaCha8Rng::seed_from_u64(row + 77);
@@ -73,11 +88,7 @@ fn run(estimator: Estimator, width: f64, flaw: Flaw) -> Outcome {
                 }
                 Flaw::None | Flaw::Saturated(_) => {}
             }
-            let light = quantise(&counts, 4095);
-            let parts = Row::new(&light, &[], 4095).expect("12 bits");
-            let found = spot::find(&parts)
-                .and_then(|spot| centre::centre(estimator, &parts, &spot, None, &scene.geometry()));
-            (truth, found)
+            (truth, centre(&geometry, &quantise(&counts, 4095)))
         })
         .collect();
     let errors: Vec<f64> = results
@@ -109,17 +120,9 @@ fn run(estimator: Estimator, width: f64, flaw: Flaw) -> Outcome {
 /// flagged.)
 #[test]
 fn outliers_are_left_out() {
-    let bound = |width| {
-        bound::Spot {
-            width,
-            amplitude: 2000.0,
-            noise: 2.0,
-            electrons_per_count: Some(5.0),
-        }
-        .bound()
-    };
+    let bound = |width| cell(width, 2000.0, 0).spot().bound();
     println!(
-        "RMSE in px (mean; rows flagged, off by 0.1 sigma and not flagged, without centre), {} rows, {} of sigma 1.5: robust | default",
+        "RMSE in px (mean; rows flagged, off by 0.1 sigma and not flagged, without centre), {} rows, {} of sigma 1.5: repair | default",
         rows(10.5),
         rows(1.5),
     );
@@ -139,16 +142,16 @@ fn outliers_are_left_out() {
         (4.0, Flaw::Hot(1000.0), 0.03),
         (4.0, Flaw::Dead, 0.03),
     ] {
-        let robust = run(Estimator::Robust, width, flaw);
-        let default = run(Estimator::PhaseTable, width, flaw);
+        let repair = run(repaired, width, flaw);
+        let default = run(with_the_default, width, flaw);
         let line = format!(
             "sigma {width:>4} {:<18} {:.4} ({:+.4}; {}, {}, {}) | {:.4} ({:+.4}; {}, {}), bound {:.4}, limit {limit:.4}\n",
             format!("{flaw:?}"),
-            robust.rmse,
-            robust.mean,
-            robust.misfits,
-            robust.silent,
-            robust.faults,
+            repair.rmse,
+            repair.mean,
+            repair.misfits,
+            repair.silent,
+            repair.faults,
             default.rmse,
             default.mean,
             default.silent,
@@ -160,55 +163,36 @@ fn outliers_are_left_out() {
         // Not `>`: no rows at all must not pass either. A bad pixel may hide a narrow spot: one row in fifty may have no centre.
         // One in a thousand may be off without saying so.
         let rows = rows(width);
-        if !(robust.rmse <= limit && robust.faults * 50 <= rows && robust.silent * 1000 <= rows) {
+        if !(repair.rmse <= limit && repair.faults * 50 <= rows && repair.silent * 1000 <= rows) {
             failures.push(line);
         }
     }
     assert!(failures.is_empty(), "too far:\n{}", failures.concat());
-    insta::assert_snapshot!("robust", table);
+    insta::assert_snapshot!("repair", table);
 }
 
 /// A blank row with a hot pixel in it has no spot, however hot, whether it has a weaker neighbour or not.
 #[test]
 fn a_hot_pixel_alone_is_no_spot() {
-    let cell = Cell {
-        width: 1.0,
-        amplitude: 0.0,
-        read_noise: 2.0,
-        electrons_per_count: Some(5.0),
-        rows: 0,
-        seed: 13,
-    };
-    let scene = cell.scene();
+    let scene = cell(1.0, 0.0, 13).scene();
     let mut centres = 0;
     for row in 0..600 {
         let mut counts = scene.row_with_centre(row, 256.0, 1.0);
         let height = [200.0, 1000.0, 3000.0][row as usize % 3];
         counts[250] += height;
         counts[251] += if row % 2 == 0 { 0.3 * height } else { 0.0 };
-        let light = quantise(&counts, 4095);
-        let parts = Row::new(&light, &[], 4095).expect("12 bits");
-        let found = spot::find(&parts).and_then(|spot| {
-            centre::centre(Estimator::Robust, &parts, &spot, None, &scene.geometry())
-        });
+        let found = repaired(&scene.geometry(), &quantise(&counts, 4095));
         centres += i32::from(found.is_ok_and(|found| !found.misfit));
     }
     println!("{centres} centres of 600 hot pixels");
     assert_eq!(centres, 0);
 }
 
-/// On a background that rises by two counts a pixel the robust rung is where the adaptive one is.
+/// On a background that rises by two counts a pixel the repair leaves the adaptive estimator's centre.
 #[test]
 fn a_tilt_is_no_outlier() {
     for width in [4.0, 10.5, 18.0] {
-        let cell = Cell {
-            width,
-            amplitude: 1500.0,
-            read_noise: 2.0,
-            electrons_per_count: Some(5.0),
-            rows: 0,
-            seed: 14,
-        };
+        let cell = cell(width, 1500.0, 14);
         let scene = cell.scene();
         let mut worst = 0.0f64;
         for row in 0..200 {
@@ -217,11 +201,7 @@ fn a_tilt_is_no_outlier() {
             for (i, count) in counts.iter_mut().enumerate() {
                 *count += (2.0 * (i as f64 - truth)).clamp(-300.0, 300.0) as f32 + 300.0;
             }
-            let light = quantise(&counts, 4095);
-            let parts = Row::new(&light, &[], 4095).expect("12 bits");
-            let found = spot::find(&parts).and_then(|spot| {
-                centre::centre(Estimator::Robust, &parts, &spot, None, &scene.geometry())
-            });
+            let found = repaired(&scene.geometry(), &quantise(&counts, 4095));
             if let Ok(found) = found
                 && !found.misfit
             {

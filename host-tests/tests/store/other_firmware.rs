@@ -1,0 +1,80 @@
+//! A whole item of later or earlier firmware that this firmware cannot use: the configuration before it is used.
+
+use slitrange::store::Stored;
+use slitrange::store::configuration::VERSION;
+
+use crate::flash::Flash;
+use crate::samples::{HEADER, NUMBER, Size, item_bytes, read, sample, save_and_check};
+
+/// The library's checksum of an item, from its definition: CRC-32C from another start.
+fn sum(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(0xeeee_eeee, |sum, &byte| {
+        (0..8).fold(sum ^ u32::from(byte), |sum, _| {
+            (sum >> 1) ^ if sum & 1 == 1 { 0x82f6_3b78 } else { 0 }
+        })
+    })
+}
+
+#[test]
+fn an_item_of_later_firmware_is_passed_over() {
+    let [first, second, third] = [0, 1, 2].map(|i| sample(Size::Least, i));
+    let length = item_bytes(Size::Least);
+    // Items follow the word that marks the sector as used.
+    let start = |i: usize| 4 + i * length.next_multiple_of(4);
+    let mut flash = Flash::erased();
+    save_and_check(&mut flash, &first);
+    save_and_check(&mut flash, &second);
+    let item = &mut flash.bytes[start(1)..][..length];
+    let whole = sum(&item[HEADER..]).to_le_bytes();
+    assert_eq!(item[..4], whole, "the sum is that of its definition");
+    // A configuration begins with its version.
+    let version = &mut item[HEADER + NUMBER];
+    assert_eq!(*version, VERSION);
+    *version += 1;
+    let whole = sum(&item[HEADER..]).to_le_bytes();
+    item[..4].copy_from_slice(&whole);
+    assert_eq!(read(&mut flash), Stored::Older(first.clone()));
+    // The next save has the highest number, so it is the newest for the later firmware too.
+    save_and_check(&mut flash, &third);
+    let numbers: Vec<u8> = (0..3).map(|i| flash.bytes[start(i) + HEADER]).collect();
+    assert_eq!(numbers, [1, 2, 3]);
+    // Alone, the unknown item is unusable, not nothing.
+    flash.bytes.copy_within(start(1)..start(2), start(0));
+    flash.bytes[start(1)..start(3)].fill(0xff);
+    assert_eq!(read(&mut flash), Stored::Unusable);
+    save_and_check(&mut flash, &third);
+}
+
+/// The library's checksum of an item's length, from its definition: CRC-16 with the reflected polynomial 0x1a2e.
+fn length_sum(length: u16) -> u16 {
+    !length.to_le_bytes().iter().fold(0xffff, |sum, &byte| {
+        (0..8).fold(sum ^ u16::from(byte), |sum, _| {
+            (sum >> 1) ^ if sum & 1 == 1 { 0x1a2e } else { 0 }
+        })
+    })
+}
+
+/// Earlier firmware had records of up to 2641 bytes: tables with straight lines.
+#[test]
+fn an_item_that_is_too_long_is_passed_over() {
+    let [first, second, third] = [0, 1, 2].map(|i| sample(Size::Middle, i));
+    let start = 4 + item_bytes(Size::Middle).next_multiple_of(4);
+    let mut flash = Flash::erased();
+    save_and_check(&mut flash, &first);
+    // The header is right for an item of this firmware: so it is for the long one.
+    let length = (item_bytes(Size::Middle) - HEADER) as u16;
+    assert_eq!(flash.bytes[8..10], length.to_le_bytes());
+    assert_eq!(flash.bytes[10..12], length_sum(length).to_le_bytes());
+    let mut data = vec![0x55; NUMBER + 2651];
+    data[..NUMBER].copy_from_slice(&2u32.to_le_bytes());
+    data[NUMBER] = VERSION;
+    let length = data.len() as u16;
+    let mut item = sum(&data).to_le_bytes().to_vec();
+    item.extend(length.to_le_bytes());
+    item.extend(length_sum(length).to_le_bytes());
+    item.extend(data);
+    flash.bytes[start..start + item.len()].copy_from_slice(&item);
+    assert_eq!(read(&mut flash), Stored::Older(first));
+    save_and_check(&mut flash, &second);
+    save_and_check(&mut flash, &third);
+}

@@ -1,0 +1,19 @@
+//! docs/hard-cases.md against the catalogue.
+
+use std::path::Path;
+
+use host_tests::hard_cases::report::{self, Catalogue};
+use lab::docs;
+
+#[test]
+fn the_page_is_what_the_catalogue_says() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hard-cases.md");
+    let text = std::fs::read_to_string(page).expect("docs/hard-cases.md");
+    let tables = Catalogue::run().markdown();
+    let due = docs::with_block(&text, report::CATALOGUE, &tables).expect("marks");
+    let differing = text.lines().zip(due.lines()).find(|(is, due)| is != due);
+    assert!(
+        text == due,
+        "docs/hard-cases.md is not what `cargo hard-cases` writes. (is, due): {differing:#?}"
+    );
+}
