@@ -3,9 +3,9 @@
 //!
 //! All take the same and give the same: see [`centre`].
 
-pub mod adaptive;
-pub mod centroid;
-pub mod fraunhofer;
+pub(crate) mod adaptive;
+mod centroid;
+mod fraunhofer;
 pub mod gauss_newton;
 pub mod half_width;
 pub mod phase_table;
