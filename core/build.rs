@@ -1,4 +1,5 @@
-//! Designs the phase tables in f64 and writes them as integers. The core proves at compile time that they cannot overflow.
+//! Designs the phase tables in f64 and writes them as integers. The core proves at compile time that they
+//! cannot overflow.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;

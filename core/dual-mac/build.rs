@@ -1,5 +1,5 @@
-//! Tells the crate which instructions of its assembly the target has. Stable Rust shows `cfg` neither the processor's architecture
-//! nor its DSP extension, so both are read from the target's name.
+//! Tells the crate which instructions of its assembly the target has. Stable Rust shows `cfg` neither the
+//! processor's architecture nor its DSP extension, so both are read from the target's name.
 
 fn main() {
     let variable = |name: &str| std::env::var(name).unwrap_or_default();

@@ -4,7 +4,8 @@
 
 use slitrange::{Calibration, Fault, Measurement, Reading, Settings, sensor_heads};
 
-/// The words of a read-out, which fall with light: a spot of some height at a place in pixels, and noise that differs from row to row.
+/// The words of a read-out, which fall with light: a spot of some height at a place in pixels, and noise that
+/// differs from row to row.
 fn words(number: u32, centre: f64, height: f64) -> Vec<u16> {
     let head = sensor_heads::tcd1304dg();
     let word = |i: usize| {

@@ -7,7 +7,8 @@ use slitrange::{
     BlackLevel, Calibration, Geometry, Measurement, Micrometres, Pixels, Polarity, Settings,
 };
 
-/// The sensor behind a 12-bit converter. It has no shielded pixels, and its driver reads 16 words before the first pixel.
+/// The sensor behind a 12-bit converter. It has no shielded pixels, and its driver reads 16 words before the
+/// first pixel.
 fn s11639() -> Geometry {
     Geometry {
         words: 16 + 2048,
@@ -20,7 +21,8 @@ fn s11639() -> Geometry {
     }
 }
 
-/// Eq. (1) of a slit 50 mm from the sensor and a laser 300 mm beside it, whose beam leans by tan u = 2.6: D + K / (x - xp).
+/// Eq. (1) of a slit 50 mm from the sensor and a laser 300 mm beside it, whose beam leans by tan u = 2.6: D +
+/// K / (x - xp).
 fn calibration() -> Result<Calibration, Eq1Error> {
     let (slit, baseline, t) = (50_000.0 / 14.0, 300_000.0, 2.6);
     let k = baseline * slit * (1.0 + t * t) / (t * t);
@@ -40,7 +42,8 @@ fn words(number: u32) -> Vec<u16> {
     (0..16 + 2048).map(word).collect()
 }
 
-/// Measures a frame of four rows. Without shielded pixels the black level comes from the pixels away from the spot.
+/// Measures a frame of four rows. Without shielded pixels the black level comes from the pixels away from the
+/// spot.
 pub fn main() {
     let settings = Settings {
         rows: 4,

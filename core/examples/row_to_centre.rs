@@ -4,7 +4,8 @@
 
 use slitrange::{Estimator, Geometry, Polarity, Row, check, spot};
 
-/// Counts of 1000 pixels, light positive: black of 120, noise of a count or two, and a spot of 1500 counts with a sigma of 6 pixels.
+/// Counts of 1000 pixels, light positive: black of 120, noise of a count or two, and a spot of 1500 counts
+/// with a sigma of 6 pixels.
 fn counts(centre: f64) -> Vec<u16> {
     let count = |i: usize| {
         let u = (i as f64 - centre) / 6.0;

@@ -1,8 +1,10 @@
 //! The black level: the counts of an unlit pixel, found in one of the paper's three ways (section 3).
 //!
-//! The centroid subtracts it, and the height of its spot is the height above it. The other estimators fit the level under the spot
-//! or cancel it exactly, so it changes none of their bits. What it leaves of the converter's full scale is the greatest height that
-//! can be measured: [`Geometry::height_limit`](crate::row::Geometry::height_limit). It also shows a person stray light and drift.
+//! The centroid subtracts it, and the height of its spot is the height above it. The other estimators fit the
+//! level under the spot or cancel it exactly, so it changes none of their bits. What it leaves of the
+//! converter's full scale is the greatest height that can be measured:
+//! [`Geometry::height_limit`](crate::row::Geometry::height_limit). It also shows a person stray light and
+//! drift.
 
 use crate::frame::MAX_ROWS;
 use crate::numeric;
@@ -17,11 +19,13 @@ pub enum BlackLevel {
     Fixed(Counts),
     /// The mean of each row's shielded pixels. Ambient light is then light above the black level.
     Shielded,
-    /// The mean of each row's pixels outside a window around the centroid. Ambient light is then part of the black level.
+    /// The mean of each row's pixels outside a window around the centroid. Ambient light is then part of the
+    /// black level.
     Frame,
 }
 
-/// Half of the window around the centroid that [`BlackLevel::Frame`] leaves out, in pixels: the paper leaves out 128.
+/// Half of the window around the centroid that [`BlackLevel::Frame`] leaves out, in pixels: the paper leaves
+/// out 128.
 pub const HALF_WINDOW: usize = 64;
 
 /// Pixels of a row, or of a frame's rows, that count as black, and their sum.
@@ -32,8 +36,9 @@ pub struct BlackPixels {
 }
 
 impl BlackPixels {
-    /// Adds the row's black pixels for the given way of finding them. `background` is the row's own, where the row was
-    /// searched for a spot. A row without it, or without a centroid, adds nothing to [`BlackLevel::Frame`].
+    /// Adds the row's black pixels for the given way of finding them. `background` is the row's own, where
+    /// the row was searched for a spot. A row without it, or without a centroid, adds nothing to
+    /// [`BlackLevel::Frame`].
     pub fn add(&mut self, how: BlackLevel, row: &Row<'_>, background: Option<Background>) {
         match (how, background) {
             (BlackLevel::Fixed(_), _) | (BlackLevel::Frame, None) => {}
@@ -89,8 +94,8 @@ impl BlackPixels {
 const _: () =
     assert!(LARGEST_COUNT as u64 * MAX_PIXELS as u64 * MAX_ROWS as u64 <= u32::MAX as u64);
 
-/// The centroid of a row, eq. (2), to a pixel. Of all pixels, black ones outweigh a spot by their number, so only what
-/// stands four standard deviations above the background counts. `None` where nothing does.
+/// The centroid of a row, eq. (2), to a pixel. Of all pixels, black ones outweigh a spot by their number, so
+/// only what stands four standard deviations above the background counts. `None` where nothing does.
 pub fn centroid(light: &[u16], background: Background) -> Option<usize> {
     let threshold = background
         .noise

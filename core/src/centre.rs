@@ -1,10 +1,11 @@
-//! The spot's centre on its row, to a fraction of a pixel: five estimators, from the cheapest to the most careful.
+//! The spot's centre on its row, to a fraction of a pixel: five estimators, from the cheapest to the most
+//! careful.
 //!
 //! All take the same and give the same: see [`centre`].
 
-pub mod adaptive;
-pub mod centroid;
-pub mod fraunhofer;
+pub(crate) mod adaptive;
+mod centroid;
+mod fraunhofer;
 pub mod gauss_newton;
 pub mod half_width;
 pub mod phase_table;
@@ -71,10 +72,12 @@ impl Estimator {
         }
     }
 
-    /// The estimator for a [`letter`](Self::letter) in flash or in a record, which an earlier firmware may have written.
+    /// The estimator for a [`letter`](Self::letter) in flash or in a record, which an earlier firmware may
+    /// have written.
     ///
-    /// Earlier firmware had five more estimators. `robust` was `adaptive` with a check that every estimator has now. The
-    /// others looked for the centre of the same spot with more noise or a larger bias than `phase-table`.
+    /// Earlier firmware had five more estimators. `robust` was `adaptive` with a check that every estimator
+    /// has now. The others looked for the centre of the same spot with more noise or a larger bias than
+    /// `phase-table`.
     pub fn from_stored_letter(letter: char) -> Option<Self> {
         match letter {
             // robust
@@ -99,8 +102,9 @@ pub struct RowCentre {
     pub width: Pixels,
     /// The table that served, where there was one.
     pub class: WidthClass,
-    /// The row does not look like a spot here: the centre may be off by more than its uncertainty. Of the rungs only [`Estimator::Robust`] and
-    /// [`Estimator::GaussNewton`] look by themselves; [`check::centre`] looks for all.
+    /// The row is not symmetric about the centre, or has not the shape of a spot: the centre may be off by
+    /// more than its uncertainty. Of the estimators only [`Estimator::GaussNewton`] sets it;
+    /// [`check::centre`](crate::check::centre) does for all.
     pub misfit: bool,
 }
 
@@ -117,14 +121,15 @@ pub struct WidthClass {
 
 /// The centre of a spot that the coarse search found.
 ///
-/// `before` is what the same estimator found in the row before, where there is one: its width and its place spare the work
-/// of finding them anew, as far as they still fit.
+/// `before` is what the same estimator found in the row before, where there is one: its width and its place
+/// spare the work of finding them anew, as far as they still fit.
 ///
 /// # Errors
-/// [`Fault::SpotAtEdge`] where the pixels that the estimator needs reach over the sensor's edge, [`Fault::Saturated`] where a
-/// pixel within two widths of the centre is at full scale, [`Fault::TooDim`] where the noise leaves the centre uncertain by
-/// more than an eighth of the width, [`Fault::NoSpot`] where what is there has not the shape of a spot.
-// Inlined so that a rung that is fixed at compile time brings no other one's code with it.
+/// [`Fault::SpotAtEdge`] where the pixels that the estimator needs reach over the sensor's edge,
+/// [`Fault::Saturated`] where a pixel within two widths of the centre is at full scale, [`Fault::TooDim`]
+/// where the noise leaves the centre uncertain by more than an eighth of the width, [`Fault::NoSpot`] where
+/// what is there has not the shape of a spot.
+// Inlined so that an estimator that is fixed at compile time brings no other one's code with it.
 #[inline(always)]
 pub fn centre(
     estimator: Estimator,

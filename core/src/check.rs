@@ -1,16 +1,18 @@
 //! Checks a centre against the row's mirror symmetry, and tries the robust fit if the check fails.
 //!
-//! A centre can be wrong in ways that its uncertainty does not cover, because that is noise through the estimator only: a second
-//! spot, a hot pixel, a background that rises, light that blooms to one side. A sharp test against the spot's shape would see
-//! them, and would also reject each profile that is no gaussian: an exact Fresnel pattern lies 7 % from it.
+//! A centre can be wrong in ways that its uncertainty does not cover, because that is noise through the
+//! estimator only: a second spot, a hot pixel, a background that rises, light that blooms to one side. A
+//! sharp test against the spot's shape would see them, and would also reject each profile that is no
+//! gaussian: an exact Fresnel pattern lies 7 % from it.
 //!
-//! But all estimators are unbiased for a symmetric spot, whatever its shape. Only the *antisymmetric* part of a row moves a
-//! centre, and a good spot has no antisymmetric part. So `symmetry` compares the row with its mirror image about the centre, to
-//! the noise, with hardly a tolerance for shape. In orthonormal Hermite functions of u = (x - c) / sigma a second spot at d widths
-//! has the components a^n / sqrt(n!), a = d / sqrt 2. The first component moves the centre, and vanishes about the centre that it
-//! moved. The third remains: 0.8 of the first at two widths and more beyond. It has a test of its own (*skew*), and so has a
-//! straight slope (*tilt*): a matched component is seen at 4 standard deviations where a chi-square of 60 pixels needs one of 7.
-//! The worst pair shows a bad pixel, and the sum of squares the rest.
+//! But all estimators are unbiased for a symmetric spot, whatever its shape. Only the *antisymmetric* part of
+//! a row moves a centre, and a good spot has no antisymmetric part. So `symmetry` compares the row with its
+//! mirror image about the centre, to the noise, with hardly a tolerance for shape. In orthonormal Hermite
+//! functions of u = (x - c) / sigma a second spot at d widths has the components a^n / sqrt(n!), a = d / sqrt
+//! 2. The first component moves the centre, and vanishes about the centre that it moved. The third remains:
+//! 0.8 of the first at two widths and more beyond. It has a test of its own (*skew*), and so has a straight
+//! slope (*tilt*): a matched component is seen at 4 standard deviations where a chi-square of 60 pixels needs
+//! one of 7. The worst pair shows a bad pixel, and the sum of squares the rest.
 //!
 //! | component | statistic | its noise |
 //! |---|---|---|
@@ -18,14 +20,17 @@
 //! | worst pair | w z^2 | 1 |
 //! | squares | sum w z^2 of n pairs | 2 n + (0.06 n)^2 |
 //!
-//! with z the difference of a pair and 1 / w = 2 noise^2 + g p its variance: the row's noise and the shot noise of its own light p.
+//! with z the difference of a pair and 1 / w = 2 noise^2 + g p its variance: the row's noise and the shot
+//! noise of its own light p.
 //!
-//! A symmetric flaw moves the centre of no single spot. But two equal spots have their centre between them, and boxes and clusters
-//! of bad pixels have one too, so the sums of the pairs are compared with a gaussian, loosely.
+//! A symmetric flaw moves the centre of no single spot. But two equal spots have their centre between them,
+//! and boxes and clusters of bad pixels have one too, so the sums of the pairs are compared with a gaussian,
+//! loosely.
 //!
-//! If a row fails the check, [`repair`] leaves samples out and fits the rest. Its centre replaces the first one if the row, without
-//! those samples, passes the check about it. Otherwise the first centre stays, flagged: in speckle the robust fit is worse than a
-//! plain one. `other_spot` searches the rest of the row for a second spot.
+//! If a row fails the check, [`repair`] leaves samples out and fits the rest. Its centre replaces the first
+//! one if the row, without those samples, passes the check about it. Otherwise the first centre stays,
+//! flagged: in speckle the robust fit is worse than a plain one. `other_spot` searches the rest of the row
+//! for a second spot.
 
 mod other_spot;
 pub mod repair;
@@ -37,8 +42,8 @@ use crate::fault::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 
-/// A narrower spot, in pixels, is flagged: three bad pixels side by side look like one of 0.95, with noise like one of up to 1.2, and
-/// nothing in a row tells them from a spot.
+/// A narrower spot, in pixels, is flagged: three bad pixels side by side look like one of 0.95, with noise
+/// like one of up to 1.2, and nothing in a row tells them from a spot.
 const NARROWEST_SURE: f32 = 1.2;
 
 /// If the sensor's edge cuts a narrower spot, in pixels, nothing tells it from bad pixels.
@@ -46,7 +51,8 @@ const NARROWEST_CUT: f32 = 1.25;
 
 /// Finds the centre of a spot that the coarse search found, and checks it.
 ///
-/// [`gauss_newton`] fits a spot that the sensor's edge cuts, whatever the estimator: no other estimator takes a cut window.
+/// [`gauss_newton`] fits a spot that the sensor's edge cuts, whatever the estimator: no other estimator takes
+/// a cut window.
 ///
 /// # Errors
 /// See [`centre::centre`]; [`Fault::SpotAtEdge`] where the fit has no centre either.
@@ -94,7 +100,8 @@ fn find_and_check(
     Ok(found)
 }
 
-/// The repaired centre if it has no flag, otherwise the one that was found. The table class stays that of the estimator.
+/// The repaired centre if it has no flag, otherwise the one that was found. The table class stays that of the
+/// estimator.
 #[cold]
 #[inline(never)]
 fn repair_or_keep(
@@ -115,8 +122,8 @@ fn repair_or_keep(
     }
 }
 
-/// Flags a centre about which the row is not symmetric. A fit's own flag stays if full scale or the sensor's edge cuts the spot; for a
-/// whole spot the fit would flag every profile that is no gaussian.
+/// Flags a centre about which the row is not symmetric. A fit's own flag stays if full scale or the sensor's
+/// edge cuts the spot; for a whole spot the fit would flag every profile that is no gaussian.
 fn check_symmetry(row: &Row<'_>, spot: &Spot, found: RowCentre, geometry: &Geometry) -> RowCentre {
     let misfit = match symmetry::check(row, spot, &found, geometry, &LeftOut::default()) {
         Some(is_clean) => !is_clean || found.misfit && !is_whole(row, &found),
@@ -125,7 +132,8 @@ fn check_symmetry(row: &Row<'_>, spot: &Spot, found: RowCentre, geometry: &Geome
     RowCentre { misfit, ..found }
 }
 
-/// Whether the part of a spot that the edge leaves is enough to tell it from a background that falls towards the edge.
+/// Whether the part of a spot that the edge leaves is enough to tell it from a background that falls towards
+/// the edge.
 fn is_certain_cut(row: &Row<'_>, found: &RowCentre) -> bool {
     let width = found.width.to_f32();
     32.0 * found.uncertainty.to_f32() <= width && row.light().len() as f32 >= 8.0 * width

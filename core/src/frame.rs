@@ -1,12 +1,13 @@
-//! The rows' centres become one.
+//! Combines the rows' centres into one.
 //!
-//! The frame's centre is the mean of its rows' centres, weighted by how certain each row is of its own and by how well it agrees
-//! with the others (`agreement`); or the plain mean of all, as in the paper. Its uncertainty is that of the rows
-//! propagated. Where the rows scatter more than their uncertainties explain, it grows by the ratio (R. T. Birge, Phys.
-//! Rev. 40, 207 (1932)), and where neighbours err alike, by what fewer independent rows would have (`correlation`). Rows of
-//! which no majority agrees, or that scatter by more than the spot's width, are not of one spot, and have no centre.
+//! The frame's centre is the mean of its rows' centres, weighted by how certain each row is of its own and by
+//! how well it agrees with the others (`agreement`); or the plain mean of all, as in the paper. Its
+//! uncertainty is that of the rows propagated. If the rows scatter more than their uncertainties explain, it
+//! grows by the ratio (R. T. Birge, Phys. Rev. 40, 207 (1932)), and if neighbours have similar errors, to
+//! that of fewer independent rows (`correlation`). If no majority of the rows agrees, or they scatter by more
+//! than the spot's width, they are not of one spot, and have no centre.
 //!
-//! Of a target that moves it is the centre in the middle of the frame, whichever rows count most (`motion`).
+//! For a target that moves it is the centre in the middle of the frame, whichever rows count most (`motion`).
 
 mod agreement;
 mod correlation;
@@ -50,10 +51,10 @@ impl Mean {
     }
 }
 
-/// Rows that are worth fewer independent ones say too little of their own error.
+/// Below this effective number of rows, their scatter underestimates the error.
 pub const FEWEST_INDEPENDENT: u16 = 8;
 
-/// What the rows of a frame had to say, so far.
+/// The rows of a frame, so far.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
     /// With the row's number.
@@ -63,7 +64,7 @@ pub struct Frame {
     rows: u16,
 }
 
-/// What the rows of a frame agree on.
+/// The centre of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameCentre {
     /// The mean of the rows' centres.
@@ -74,7 +75,7 @@ pub struct FrameCentre {
     pub amplitude: Counts,
     /// The mean width of the spot.
     pub width: Pixels,
-    /// Rows that went into the mean: those that had a centre, without those that the others leave out.
+    /// Rows in the mean: those with a centre, less those that disagree with the others.
     pub rows_used: u16,
     /// Rows in the frame.
     pub rows: u16,
@@ -85,7 +86,7 @@ pub struct FrameCentre {
 }
 
 impl Frame {
-    /// Adds what came of a row. Rows beyond [`MAX_ROWS`] do not count.
+    /// Adds a row's centre or fault. Rows beyond [`MAX_ROWS`] do not count.
     pub fn add(&mut self, row: Result<RowCentre, Fault>) {
         if u32::from(self.rows) >= MAX_ROWS {
             return;
@@ -111,12 +112,12 @@ impl Frame {
         self.rows
     }
 
-    /// What the rows agree on.
+    /// Combines the rows.
     ///
     /// # Errors
-    /// Half of the rows or more have no centre: the fault that most of those have, as it came last (of two as common, the one
-    /// that [`Fault::kind`] puts last). Or [`Fault::Unsteady`], where no majority of the rows agrees, or where those that do
-    /// scatter by more than the spot's width.
+    /// Half of the rows or more have no centre: the fault that most of those have, as it came last (of two as
+    /// common, the one that [`Fault::kind`] puts last). Or [`Fault::Unsteady`], where no majority of the rows
+    /// agrees, or where those that do scatter by more than the spot's width.
     pub fn centre(&self, how: Mean) -> Result<FrameCentre, Fault> {
         if self.centres.len() <= usize::from(self.rows) / 2 {
             let most = self.faults.iter().max_by_key(|(count, _)| *count);
@@ -124,7 +125,8 @@ impl Frame {
                 .and_then(|&(_, fault)| fault)
                 .unwrap_or(Fault::SensorSilent));
         }
-        // Centres are seen from the median one, so that the fractions of a pixel by which they differ keep all 24 bits of an f32.
+        // Centres are seen from the median one, so that the fractions of a pixel by which they differ keep
+        // all 24 bits of an f32.
         let keys = self
             .centres
             .iter()
@@ -152,7 +154,7 @@ impl Frame {
             propagated(&members, motion) * birge_ratio(&members, offset, fitted) * growth;
         Ok(FrameCentre {
             centre: Pixels::from_bits(origin.saturating_add(Pixels::from_f32(offset).to_bits())),
-            // Rows that agree to the last bit, each certain to the last bit, leave that bit.
+            // Never an uncertainty below one step.
             uncertainty: Pixels::from_f32(uncertainty).max(RESOLUTION),
             amplitude: Counts::from_bits(mean(members.iter().map(|it| it.row.amplitude.to_bits()))),
             width,
@@ -191,7 +193,7 @@ impl Frame {
     }
 }
 
-/// The finest step of a centre, and so the least uncertainty that one can have: 2^-16 px.
+/// The finest step of a centre, and so its least uncertainty: 2^-16 px.
 const RESOLUTION: Pixels = Pixels::from_bits(1);
 
 /// The rows that have a centre, in the order in which they came.
@@ -199,17 +201,19 @@ type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
 
 /// A row as the mean sees it.
 ///
-/// No sum over 64 of them leaves the range of an f32 (2^127), and none divides by zero. Two centres differ by less than 2^17 px, and less a
-/// line through some of them, which is at most so steep, by less than 2^24; an uncertainty is 2^-16 to 2^15 px. A residual, one over the
-/// other, is below 2^40, from another line below 2^47, and 64 squares below 2^100. A weight is at most 1/u^2 = 2^32: 64 times it, an offset
-/// and the square of a place are below 2^74, and its product with u is at most 2^16. Of rows that agree most have more than half of their
-/// 1/u^2 >= 2^-30, so that sums of weights are above zero.
+/// No sum over 64 of them leaves the range of an f32 (2^127), and none divides by zero. Two centres differ by
+/// less than 2^17 px, and less a line through some of them, which is at most so steep, by less than 2^24; an
+/// uncertainty is 2^-16 to 2^15 px. A residual, one over the other, is below 2^40, from another line below
+/// 2^47, and 64 squares below 2^100. A weight is at most 1/u^2 = 2^32: 64 times it, an offset and the square
+/// of a place are below 2^74, and its product with u is at most 2^16. Of rows that agree most have more than
+/// half of their 1/u^2 >= 2^-30, so that sums of weights are above zero.
 #[derive(Clone, Copy)]
 struct Member<'a> {
     row: &'a RowCentre,
     /// Its number from the middle of the frame, -31.5 to 31.5.
     place: f32,
-    /// The centre from the frame's origin, in pixels, less the motion from the middle of the frame to its place.
+    /// The centre from the frame's origin, in pixels, less the motion from the middle of the frame to its
+    /// place.
     offset: f32,
     /// The uncertainty in pixels, never zero.
     uncertainty: f32,
@@ -231,8 +235,8 @@ fn weighted_mean(members: &[Member<'_>]) -> Option<f32> {
     (weights > 0.0).then(|| sum / weights)
 }
 
-/// The uncertainty of the mean in pixels, if each row's own is true and all are independent. The motion's own counts as far as the rows'
-/// mean place is from the middle of the frame.
+/// The uncertainty of the mean in pixels, if each row's own is true and all are independent. The motion's own
+/// counts as far as the rows' mean place is from the middle of the frame.
 fn propagated(members: &[Member<'_>], motion: f32) -> f32 {
     let weights: f32 = members.iter().map(|it| it.weight).sum();
     let variance: f32 = members
@@ -246,8 +250,8 @@ fn propagated(members: &[Member<'_>], motion: f32) -> f32 {
     libm::sqrtf(variance / square(weights) + of_motion)
 }
 
-/// The scatter over what the uncertainties explain, where it is more than chance. `fitted` is what was taken from the rows' own scatter: 1 for
-/// their mean, 1 more for their motion.
+/// The scatter over the scatter that the uncertainties explain, where it is more than chance. `fitted` is the
+/// number of parameters that come from the rows themselves: 1 for their mean, 1 more for their motion.
 fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
     let chi_square: f32 = members.iter().map(|it| square(it.residual(centre))).sum();
     let degrees = members.len() as f32 - fitted;
@@ -258,7 +262,8 @@ fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
     }
 }
 
-/// Chi square has a mean of its degrees of freedom and a variance of twice that; three standard deviations of it are granted.
+/// Chi square has a mean of its degrees of freedom and a variance of twice that; three standard deviations of
+/// it are granted.
 fn is_more_than_chance(chi_square: f32, degrees: f32) -> bool {
     degrees >= 1.0 && chi_square > degrees + 3.0 * libm::sqrtf(2.0 * degrees)
 }
@@ -296,8 +301,8 @@ fn mean(values: impl ExactSizeIterator<Item = i32>) -> i32 {
 
 /// The median, of an even number the lower one of the middle two; none of nothing.
 ///
-/// By bisection: 32 times as many comparisons as there are values, in no memory and without a sort's panic on keys that it
-/// cannot order.
+/// By bisection: 32 times as many comparisons as there are values, in no memory and without a sort's panic on
+/// keys that it cannot order.
 fn median(values: impl ExactSizeIterator<Item = u32> + Clone) -> Option<u32> {
     let middle = values.len().checked_sub(1)? / 2;
     let (mut low, mut high) = (0u32, u32::MAX);
@@ -392,7 +397,8 @@ mod tests {
 
     #[test]
     fn scatter_beyond_chance_widens_the_uncertainty() {
-        // Four rows, +-0.5 with a claim of 0.1: chi square 4 * 25 = 100, three degrees, ratio sqrt(100/3). No three of them agree.
+        // Four rows, +-0.5 with a claim of 0.1: chi square 4 * 25 = 100, three degrees, ratio sqrt(100/3). No
+        // three of them agree.
         let rows = || (0..4).map(|i| row(if i % 2 == 0 { 99.5 } else { 100.5 }, 0.1));
         let expected = 0.1 / 2.0 * (100.0f64 / 3.0).sqrt();
         for how in Mean::ALL {

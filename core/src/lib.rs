@@ -1,17 +1,19 @@
-//! The core of a laser range sensor: rows of a line-scan image sensor in, distances with their uncertainty out, or the fault that
-//! prevented them.
+//! The core of a laser range sensor: rows of a line-scan image sensor in, distances with their uncertainty
+//! out, or the fault that prevented them.
 //!
-//! A laser spot on the target shines through a slit onto the sensor, and the place where it falls says how far away the target is. The
-//! core finds that place to a fraction of a pixel, close to the Cramér-Rao bound (the smallest error that any unbiased method can have
-//! with this noise), in fixed point and for a few hundred instructions a row. It knows no hardware, no clock and no allocation, cannot
-//! panic, and runs the same on a microcontroller and on a PC.
+//! A laser spot on the target shines through a slit onto the sensor, and the place where it falls says how
+//! far away the target is. The core finds that place to a fraction of a pixel, close to the Cramér-Rao bound
+//! (the smallest error that any unbiased method can have with this noise), in fixed point and for a few
+//! hundred instructions a row. It knows no hardware, no clock and no allocation, cannot panic, and runs the
+//! same on a microcontroller and on a PC.
 //!
 //! ```text
 //! words -> row -> black level -> spot -> centre -> check -> frame -> distance -> reading
 //!          a read-out in counts          of the row         mean     eq. (1)     or fault
 //! ```
 //!
-//! [`Measurement`] does all of it up to the centre of a frame, and [`Measured::reading`] makes a distance of that:
+//! [`Measurement`] does all of it up to the centre of a frame, and [`Measured::reading`] makes a distance of
+//! that:
 //!
 //! ```
 //! use slitrange::{Calibration, Measurement, Settings, sensor_heads};
@@ -31,7 +33,8 @@
 //! println!("{reading}");
 //! ```
 //!
-//! The folder `examples` starts from here: a row to a centre, a frame to a distance with its faults, a sensor of another geometry.
+//! The folder `examples` starts from here: a row to a centre, a frame to a distance with its faults, a sensor
+//! of another geometry.
 //!
 //! # Memory
 //!
@@ -45,9 +48,9 @@
 //! | [`session::Session`], the serial line with its copies of both | 5048 |
 //! | [`Measured`], [`Reading`], [`Geometry`], [`Settings`] | 40 or less, each |
 //!
-//! Stack: a row takes 18 KB, because the search keeps the sums over its blocks, and 26 KB if a background that rises along the row is
-//! removed first. At most 40,268 bytes were measured on the NUCLEO-F429ZI, in a save that reads the longest record again
-//! (docs/proofs.md says how).
+//! Stack: a row takes 18 KB, because the search keeps the sums over its blocks, and 26 KB if a background
+//! that rises along the row is removed first. At most 40,268 bytes were measured on the NUCLEO-F429ZI, in a
+//! save that reads the longest record again (docs/proofs.md says how).
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 

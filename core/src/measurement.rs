@@ -1,7 +1,7 @@
 //! Rows in, centres of frames out: the whole pipeline up to the calibration, pure.
 //!
-//! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> [`Measured`], the centre of the frame. What that means is a
-//! [`Calibration`](crate::distance::Calibration)'s to say: [`Measured::reading`].
+//! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> [`Measured`], the centre of the frame.
+//! What that means is a [`Calibration`](crate::distance::Calibration)'s to say: [`Measured::reading`].
 
 use crate::black_level::BlackPixels;
 use crate::centre::{Estimator, RowCentre};
@@ -79,7 +79,8 @@ impl Measurement {
         self.before = None;
     }
 
-    /// The first row of a frame is searched and measured in full; what it says spares the next ones most of the work.
+    /// The first row of a frame is searched and measured in full; what it says spares the next ones most of
+    /// the work.
     fn centre(&mut self, row: &Row<'_>) -> Result<RowCentre, Fault> {
         let before = self.before.take();
         let spot = match &before {

@@ -78,13 +78,14 @@ pub struct Reading {
     /// Of the rows used, those whose pixels lie further from the fitted spot than their noise explains.
     /// See [`RowCentre::misfit`](crate::centre::RowCentre::misfit).
     pub misfits: u16,
-    /// As how few independent rows the frame's may count, where neighbouring rows err alike and that is fewer than
-    /// [`FEWEST_INDEPENDENT`](crate::frame::FEWEST_INDEPENDENT): the uncertainty is then an estimate from too few, and may be several
-    /// times too small.
+    /// As how few independent rows the frame's may count, where neighbouring rows err alike and that is fewer
+    /// than [`FEWEST_INDEPENDENT`](crate::frame::FEWEST_INDEPENDENT): the uncertainty is then an estimate
+    /// from too few, and may be several times too small.
     ///
-    /// `None` does not say that the rows are independent. Few rows say little about it: of 64 that are worth fewer than eight 96 % are
-    /// flagged, of 16 that are worth four 18 %. And what all rows share is in none of their differences: speckle of a target
-    /// at rest, or one that drifts steadily, makes a reading wrong by hundreds of times what it claims, and nothing in the frame
-    /// tells. Only readings of other places on the surface do.
+    /// `None` does not say that the rows are independent. Few rows say little about it: of 64 that are worth
+    /// fewer than eight 96 % are flagged, of 16 that are worth four 18 %. And what all rows share is in none
+    /// of their differences: speckle of a target at rest, or one that drifts steadily, makes a reading wrong
+    /// by hundreds of times what it claims, and nothing in the frame tells. Only readings of other places on
+    /// the surface do.
     pub correlated: Option<u16>,
 }

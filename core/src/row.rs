@@ -26,12 +26,13 @@ pub struct Geometry {
     pub polarity: Polarity,
     /// Bits of the converter: its words go from 0 to 2^bits - 1. More than 12 count as 12.
     pub bits: u8,
-    /// Variance of the light's shot noise in counts squared for each count of light, Q0.16: one over the electrons that
-    /// make a count, or 0 where it does not matter.
+    /// Variance of the light's shot noise in counts squared for each count of light, Q0.16: one over the
+    /// electrons that make a count, or 0 where it does not matter.
     pub shot_variance_per_count_q16: u16,
 }
 
-/// The largest count that a row may hold, that of a 12-bit converter: what the arithmetic of the core is proven for.
+/// The largest count that a row may hold, that of a 12-bit converter: what the arithmetic of the core is
+/// proven for.
 pub const LARGEST_COUNT: u16 = 4095;
 
 /// The longest row, in pixels of its light range, and likewise of its shielded one.
@@ -46,8 +47,8 @@ pub struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// A row from its parts, light positive, of a converter whose largest word is `full_scale`. [`Geometry::row`] makes one
-    /// from a sensor's words.
+    /// A row from its parts, light positive, of a converter whose largest word is `full_scale`.
+    /// [`Geometry::row`] makes one from a sensor's words.
     ///
     /// # Errors
     /// A count is above [`LARGEST_COUNT`], or there are more than [`MAX_PIXELS`].
@@ -71,7 +72,7 @@ impl<'a> Row<'a> {
         })
     }
 
-    /// Whether any word of the read-out is at full scale. Where it is not, nobody needs to look for saturated pixels.
+    /// Whether any word of the read-out is at full scale. Where none is, no pixel is saturated.
     #[inline]
     pub const fn reaches_full_scale(&self) -> bool {
         self.reaches_full_scale
@@ -106,8 +107,8 @@ pub enum RowError {
 }
 
 impl Geometry {
-    /// Whether the words of two sensors mean the same, so that a calibration of one holds for the other: everything but the
-    /// noise figures, which change a centre's uncertainty and not its meaning.
+    /// Whether the words of two sensors mean the same, so that a calibration of one holds for the other:
+    /// everything but the noise figures, which change a centre's uncertainty and not its meaning.
     pub fn has_same_words(&self, other: &Self) -> bool {
         // A new field does not compile before it is decided whether it counts.
         let Self {
@@ -135,7 +136,8 @@ impl Geometry {
         }
     }
 
-    /// The greatest height above a black level that can be measured: full scale less that level. A pixel as high is saturated.
+    /// The greatest height above a black level that can be measured: full scale less that level. A pixel as
+    /// high is saturated.
     pub fn height_limit(&self, black_level: Counts) -> Counts {
         let full_scale = Counts::from_int(self.full_scale().into());
         Counts::from_bits(full_scale.to_bits().saturating_sub(black_level.to_bits()))
@@ -179,8 +181,8 @@ impl Geometry {
     }
 }
 
-/// Full scale less each word, in place. Gives all bits that were set in any word, and whether one was zero, which is the
-/// full scale of light. Two words at a time: this is done to every word of every row.
+/// Full scale less each word, in place. Gives all bits that were set in any word, and whether one was zero,
+/// which is the full scale of light. Two words at a time: this is done to every word of every row.
 fn turn_over(words: &mut [u16], full_scale: u16) -> (u16, bool) {
     const ONES: u32 = 0x0001_0001;
     let full_scales = u32::from(full_scale) * ONES;
@@ -189,10 +191,11 @@ fn turn_over(words: &mut [u16], full_scale: u16) -> (u16, bool) {
     for pair in pairs {
         let both = u32::from(pair[0]) | (u32::from(pair[1]) * 0x1_0000);
         any |= both;
-        // The high bit of each half is set where one less borrows, which only zero does (A. Mycroft, 1987); a zero in the
-        // low half may show one in the high half too, which changes nothing.
+        // The high bit of each half is set where one less borrows, which only zero does (A. Mycroft, 1987); a
+        // zero in the low half may show one in the high half too, which changes nothing.
         borrows |= both.wrapping_sub(ONES) & !both;
-        // No half borrows from the other where both words are at most full scale; otherwise the row is an error.
+        // No half borrows from the other where both words are at most full scale; otherwise the row is an
+        // error.
         let turned = full_scales.wrapping_sub(both);
         *pair = [turned as u16, (turned >> 16) as u16];
     }

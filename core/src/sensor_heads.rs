@@ -1,21 +1,21 @@
-//! The sensor heads that there are drivers for: what the words of their rows are. The drivers give the pulses; the
-//! simulation and the tests on a PC need the same numbers.
+//! The sensor heads that there are drivers for: what the words of their rows are. The drivers give the
+//! pulses; the simulation and the tests on a PC need the same numbers.
 
 use crate::row::{Geometry, Polarity};
 
-/// Words of a TCD1304DG's read-out before the one that samples the sensor's first output, D0: the converter is
-/// clocked before the sensor is let go, so that the relation of the two clocks does not hang on the program's speed.
-/// Word `LEAD_IN + k` samples output k.
+/// Words of a TCD1304DG's read-out before the one that samples the sensor's first output, D0: the converter
+/// is clocked before the sensor is let go, so that the relation of the two clocks does not hang on the
+/// program's speed. Word `LEAD_IN + k` samples output k.
 pub const TCD1304DG_LEAD_IN: usize = 2;
 
 /// Toshiba TCD1304DG behind a 12-bit converter.
 ///
-/// The sensor puts out D0-D15 dummies, D16-D28 shielded, D29-D31 transition, S1-S3648 light, D32-D45 dummies (data
-/// sheet, timing chart). The read-out has as many words as the sensor has outputs, so the lead-in costs the last
-/// two dummies.
+/// The sensor puts out D0-D15 dummies, D16-D28 shielded, D29-D31 transition, S1-S3648 light, D32-D45 dummies
+/// (data sheet, timing chart). The read-out has as many words as the sensor has outputs, so the lead-in costs
+/// the last two dummies.
 ///
-/// Electrons a count: 40 ke- at the saturation of 0.6 V (as measured by drmcnelson's TCD1304 project), spread over
-/// the converter's 4096 counts.
+/// Electrons a count: 40 ke- at the saturation of 0.6 V (as measured by drmcnelson's TCD1304 project), spread
+/// over the converter's 4096 counts.
 pub const fn tcd1304dg() -> Geometry {
     const D16: usize = TCD1304DG_LEAD_IN + 16;
     const S1: usize = TCD1304DG_LEAD_IN + 32;

@@ -1,11 +1,12 @@
 //! Where the spot is, to a pixel, and how wide, to a factor of two.
 //!
-//! First the row's own background: its level and its noise, as medians over blocks of pixels, so that a spot that
-//! fills less than half of the row does not count. Then the kernel [1 2 1] runs over the pixels, over sums of 2 pixels,
-//! of 4, 8 ... 128. For a gaussian whose width is 0.9 of a block that kernel gathers 89 to 97 % of the signal-to-noise ratio of
-//! the best filter, as it lies on the blocks, and 84 % or more for the widths between. The spot is where the response stands
-//! highest above its own noise. Where a background that rises along the row would hide it, that is taken off first. What stands
-//! out may be two spots in one: that is looked at last.
+//! First come the level and the noise of the row's own background, as medians over blocks of pixels, so that
+//! a spot that fills less than half of the row does not count. Then the kernel [1 2 1] runs over the pixels,
+//! over sums of 2 pixels, of 4, 8 ... 128. For a gaussian whose width is 0.9 of a block that kernel gathers
+//! 89 to 97 % of the signal-to-noise ratio of the best filter, as it lies on the blocks, and 84 % or more for
+//! the widths between. The spot is where the response stands highest above its own noise. A background that
+//! rises along the row and would hide the spot is subtracted first (`tilt`). Last, the search tests whether
+//! the light is two spots (`second_spot`).
 //!
 //! All in integers, and all from differences of counts: adding a constant to a row changes nothing.
 
@@ -29,9 +30,9 @@ pub const MIN_PIXELS: usize = 32;
 /// The largest block has 2^7 = 128 pixels, for widths up to 130 pixels.
 const LARGEST_BLOCK_LOG2: u32 = 7;
 
-/// A response this far above its noise is a spot, in halves of a standard deviation. At 4.5 a spot of 1.5 pixels' width and a
-/// peak of five times the noise is missed once in some thousand rows, and noise alone gets there in one row of forty. Those rows
-/// end as too dim: see the estimator.
+/// A response this far above its noise is a spot, in halves of a standard deviation. At 4.5 a spot of 1.5
+/// pixels' width and a peak of five times the noise is missed once in some thousand rows, and noise alone
+/// gets there in one row of forty. Those rows end as too dim: see the estimator.
 const DETECTION: u16 = 9;
 
 /// A candidate for the estimator.
@@ -45,7 +46,8 @@ pub struct Spot {
     pub height: Counts,
     /// What the row reads away from the spot.
     pub background: Background,
-    /// What the centroid subtracts: the background's level, unless the [`measurement`](crate::measurement) chooses another.
+    /// What the centroid subtracts: the background's level, unless the [`measurement`](crate::measurement)
+    /// chooses another.
     pub black_level: Counts,
 }
 
@@ -64,7 +66,8 @@ impl Background {
         level_bits(self.level)
     }
 
-    /// The variance of an unlit pixel in counts squared, rounding included, and the shot noise's variance for each count of light.
+    /// The variance of an unlit pixel in counts squared, rounding included, and the shot noise's variance for
+    /// each count of light.
     pub fn variances(&self, geometry: &Geometry) -> (f32, f32) {
         let noise = self.noise.to_f32();
         let shot = f32::from(geometry.shot_variance_per_count_q16) / 65536.0;
@@ -126,11 +129,11 @@ pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
 /// What a search ends with.
 enum Found {
     Spot(Spot),
-    /// The background rises along the row by so much that the row wants to be searched without that.
+    /// The background rises along the row by so much that the row is to be searched without its tilt.
     Tilt(Tilt),
 }
 
-/// Searches a row. Where its tilt was taken off before, what is left is none.
+/// Searches a row. `is_level` says that its tilt was subtracted.
 // Not inlined: the stack holds the sums of one search at a time.
 #[inline(never)]
 fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
@@ -166,10 +169,10 @@ fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
         background: Background { level, noise },
         black_level: level,
     };
-    second_spot::told_from_another(&sums, spot).map(Found::Spot)
+    second_spot::check(&sums, spot).map(Found::Spot)
 }
 
-/// Searches a row whose tilt is taken off, and puts it under the spot again.
+/// Searches a row without its tilt, and adds the tilt at the spot to the background's level.
 #[cold]
 #[inline(never)]
 fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
@@ -202,10 +205,11 @@ fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
     }
 }
 
-/// Finds the spot again in the next row: in blocks of 8 pixels or more, a multiple of them that fits the width it had, and above
-/// the background and the noise it had. That takes a tenth of the work. Narrower spots are looked for as in [`find`], and so is
-/// what turns up more than its width and a block from where it was, or on another background. Light that changed all at once
-/// changed the noise too; by the old background and the old noise, noise might pass for a spot.
+/// Finds the spot again in the next row, with a tenth of the work: in blocks of 8 pixels or more, a multiple
+/// that fits the width of the spot before, and above the background and the noise before. [`find`] searches
+/// the row instead if the spot is narrower, has moved by more than its width and a block, or is on another
+/// background. If the light changed all at once, so did the noise, and noise might pass for a spot above the
+/// old background.
 ///
 /// # Errors
 /// As [`find`].
@@ -236,7 +240,8 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
     let centre = middle(peak.group, block_log2);
     // At least three quarters of a block, by which the block was chosen, so not negative.
     let width = (width.to_bits() >> Pixels::FRACTION) as usize;
-    // What is left of a spot that went away is not looked for in noise; and rows without change tell that no sensor is there.
+    // What is left of a spot that went away is not looked for in noise; and rows without change tell that no
+    // sensor is there.
     if significance < needed(DETECTION, before.background.noise)
         || centre.abs_diff(before.centre) > width + block
         || is_on_another(background, response, background_beside(&sweep, peak.group))
@@ -253,19 +258,20 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
     })
 }
 
-/// Whether the background beside the spot differs from the one it had by more than a quarter of the spot's response; all as the
-/// kernel weighs them, in Q24.8 counts. Less changes no centre of a phase table: a quarter of a
-/// response does not pass for the whole. The rungs that take the level off are off by that.
+/// Whether the background beside the spot differs from the one it had by more than a quarter of the spot's
+/// response; all as the kernel weighs them, in Q24.8 counts. Less changes no centre of a phase table: a
+/// quarter of a response does not pass for the whole. The centroid, which subtracts the level, is off by
+/// that.
 fn is_on_another(background: i32, response: i32, beside: Option<i32>) -> bool {
     beside.is_none_or(|beside| beside.abs_diff(background) > response.unsigned_abs() / 4)
 }
 
-/// Groups of blocks from the spot's to those beside it. A group has 2/3 to 4/3 of the width: their nearest pixels are
-/// 2.7 widths from the centre, where a gaussian has 3 % of its height left.
+/// Groups of blocks from the spot's to those beside it. A group has 2/3 to 4/3 of the width: their nearest
+/// pixels are 2.7 widths from the centre, where a gaussian has 3 % of its height left.
 const BESIDE: usize = 5;
 
-/// The background to the left and right of a group, as the kernel [1 2 1] weighs it, in Q24.8 counts. `None` where the row has
-/// neither.
+/// The background to the left and right of a group, as the kernel [1 2 1] weighs it, in Q24.8 counts. `None`
+/// where the row has neither.
 fn background_beside(sweep: &Sweep<'_>, group: usize) -> Option<i32> {
     let left = (group.checked_sub(BESIDE)).and_then(|group| sweep.sum(group));
     let right = sweep.sum(group.saturating_add(BESIDE));
@@ -274,8 +280,8 @@ fn background_beside(sweep: &Sweep<'_>, group: usize) -> Option<i32> {
     Some(in_q8(numeric::add_u32(both, both)))
 }
 
-/// The significance of a response so many halves of a standard deviation above the background. The kernel's noise is (1 + 4 + 1) *
-/// 2^block_log2 pixels' variance; Q8 counts squared: noise < 2^20, so below 2^50.
+/// The significance of a response so many halves of a standard deviation above the background. The kernel's
+/// noise is (1 + 4 + 1) * 2^block_log2 pixels' variance; Q8 counts squared: noise < 2^20, so below 2^50.
 fn needed(halves: u16, noise: Counts) -> u64 {
     let halves = u64::from(halves);
     square(noise.to_bits().unsigned_abs()).saturating_mul(6 * halves * halves) / 4
@@ -288,11 +294,12 @@ fn square(value: u32) -> u64 {
 /// Number of block sizes: 1, 2, 4 ... 128 pixels.
 const SIZES: usize = LARGEST_BLOCK_LOG2 as usize + 1;
 
-/// Pairs of blocks in a part. Noting how high the response gets in each part, and not where, halves the search's cost;
-/// [`Sums::locate`] looks into the winner's part alone.
+/// Pairs of blocks in a part. Noting how high the response gets in each part, and not where, halves the
+/// search's cost; [`Sums::highest`] then searches the winner's part alone.
 const PART: usize = 16;
 
-/// Parts of all block sizes: of 2048 pairs of pixels 128, half of that of the pairs of twice the size, and so on.
+/// Parts of all block sizes: of 2048 pairs of pixels 128, half of that of the pairs of twice the size, and so
+/// on.
 const PARTS: usize = MAX_PIXELS / PART;
 
 /// What a search keeps of a row.
@@ -349,7 +356,8 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// The kernel's response about a block: at most 4 * 128 * 4095 < 2^21. `None` where it reaches over the row's end.
+    /// The kernel's response about a block: at most 4 * 128 * 4095 < 2^21. `None` where it reaches over the
+    /// row's end.
     #[inline]
     fn response(&self, block_log2: u32, block: usize) -> Option<u32> {
         let left = self.block(block_log2, block.checked_sub(1)?)?;
@@ -364,7 +372,8 @@ impl<'a> Sums<'a> {
     /// The highest response of each part, and the blocks about which the kernel is in it.
     fn parts(&self, block_log2: u32) -> impl Iterator<Item = (u32, core::ops::Range<usize>)> {
         let parts = self.parts.get(block_log2 as usize).copied();
-        // A part begins two blocks late, because the first pair starts the first kernel, whose last block is noted.
+        // A part begins two blocks late, because the first pair starts the first kernel, whose last block is
+        // noted.
         let starts = (0..PARTS).map(|part| 2 * PART * part + 1);
         (parts.unwrap_or_default().iter().copied())
             .zip(starts)
@@ -379,7 +388,8 @@ impl<'a> Sums<'a> {
         blocks.find(|&block| self.response(block_log2, block) == Some(response))
     }
 
-    /// Whether one pixel has three quarters of the light about a block: no spot has, whose width is 0.5 or more.
+    /// Whether one pixel has three quarters of the light about a block: no spot has, whose width is 0.5 or
+    /// more.
     fn is_one_pixel(&self, block_log2: u32, block: usize, level: Counts) -> bool {
         let size = 1usize << block_log2.min(LARGEST_BLOCK_LOG2);
         let from = block.saturating_sub(2).saturating_mul(size);
@@ -417,8 +427,8 @@ fn parts_of<T>(pairs: &[[T; 2]]) -> usize {
     pairs.len().saturating_sub(1).div_ceil(PART)
 }
 
-/// Runs [1 2 1] over the values, which come in pairs; puts each pair's sum into `sums`, and the highest response of each part into
-/// `parts`.
+/// Runs [1 2 1] over the values, which come in pairs; puts each pair's sum into `sums`, and the highest
+/// response of each part into `parts`.
 fn sweep<T: Copy + Into<u32>>(pairs: &[[T; 2]], sums: &mut [u32], parts: &mut [u32]) {
     // The first pair starts the first kernel.
     let (Some((&[a, b], pairs)), Some((sum, sums))) = (pairs.split_first(), sums.split_first_mut())
@@ -468,8 +478,8 @@ impl Candidate {
         block.is_some_and(|block| sums.is_one_pixel(self.block_log2, block, level))
     }
 
-    /// The kernel weighs blocks by 1 + 2 + 1; its response over that is the height of a spot much wider than the kernel, and
-    /// less than that of others.
+    /// The kernel weighs blocks by 1 + 2 + 1; its response over that is the height of a spot much wider than
+    /// the kernel, and less than that of others.
     fn height(&self) -> Counts {
         height(self.response, self.block_log2)
     }
@@ -506,8 +516,8 @@ fn middle(block: usize, block_log2: u32) -> usize {
 /// Most blocks of a median.
 const MEDIAN_BLOCKS: usize = 32;
 
-/// The noise of a pixel, as the median over parts of the row of the mean absolute difference of neighbours, which is
-/// sigma 2/sqrt(pi) for white noise.
+/// The noise of a pixel, as the median over parts of the row of the mean absolute difference of neighbours,
+/// which is sigma 2/sqrt(pi) for white noise.
 fn noise(light: &[u16]) -> Option<Counts> {
     let mut noises: Vec<u32, MEDIAN_BLOCKS> = Vec::new();
     let part = light.len().div_ceil(MEDIAN_BLOCKS).max(8);
@@ -531,7 +541,8 @@ fn noise(light: &[u16]) -> Option<Counts> {
 
 /// The median, of an even number the upper one of the middle two.
 fn median<T: Copy + Ord>(values: &mut [T]) -> Option<T> {
-    // By insertion, which is quick for so few; the library's sorts have a panic for values that they cannot order.
+    // By insertion, which is quick for so few; the library's sorts have a panic for values that they cannot
+    // order.
     for end in 1..values.len() {
         let mut sorted = values.get_mut(..=end)?;
         while let Some((last, before)) = sorted.split_last_mut()
@@ -548,7 +559,8 @@ fn median<T: Copy + Ord>(values: &mut [T]) -> Option<T> {
 // A response, 1 + 2 + 1 of the largest blocks, fits in Q8.
 const _: () =
     assert!((4 * LARGEST_COUNT as u64) << (LARGEST_BLOCK_LOG2 + Counts::FRACTION) < 1 << 31);
-// So do the steps between neighbours in a 32nd of a row, of which every fourth counts, and five of the largest blocks.
+// So do the steps between neighbours in a 32nd of a row, of which every fourth counts, and five of the
+// largest blocks.
 const _: () = assert!(
     LARGEST_COUNT as u64 * (MAX_PIXELS / MEDIAN_BLOCKS / 4) as u64 * (1 << Counts::FRACTION)
         < 1 << 31

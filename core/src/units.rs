@@ -57,7 +57,8 @@ macro_rules! quantity {
                 Self((scaled + 0.5f32.copysign(scaled)) as i32)
             }
 
-            /// The same for a value that is not negative, in fewer instructions; a negative one may be a step off.
+            /// The same for a value that is not negative, in fewer instructions; a negative one may be a step
+            /// off.
             #[inline(always)]
             pub fn from_positive_f32(value: f32) -> Self {
                 Self((value * (1u32 << $fraction) as f32 + 0.5) as i32)

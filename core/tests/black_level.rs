@@ -1,4 +1,5 @@
-//! What the setting `black` changes: the centroid, its height and the greatest height that can be measured; no bit of any other estimator.
+//! What the setting `black` changes: the centroid, its height and the greatest height that can be measured;
+//! no bit of any other estimator.
 
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::{Estimator, half_width};
@@ -15,7 +16,8 @@ use slitrange::units::Counts;
 const DARK: f64 = 200.0;
 const AMBIENT: f64 = 300.0;
 
-/// A row's counts: a gaussian spot on ambient light that the shielded pixels do not see, with a dither of three counts for noise.
+/// A row's counts: a gaussian spot on ambient light that the shielded pixels do not see, with a dither of
+/// three counts for noise.
 fn counts(centre: f64, width: f64, height: f64) -> Vec<u16> {
     let head = tcd1304dg();
     let count = |i: usize| {
@@ -49,7 +51,8 @@ fn measured(
         .expect("a frame of one row is complete")
 }
 
-/// All ways to find the black level, and what each gives in f64 for a row whose spot is narrower than 10 pixels.
+/// All ways to find the black level, and what each gives in f64 for a row whose spot is narrower than 10
+/// pixels.
 fn black_levels(counts: &[u16], centre: f64) -> Vec<(BlackLevel, f64)> {
     let head = tcd1304dg();
     let mean = |pixels: &mut dyn Iterator<Item = u16>| {
@@ -73,8 +76,9 @@ fn black_levels(counts: &[u16], centre: f64) -> Vec<(BlackLevel, f64)> {
     all
 }
 
-/// Eq. (2) in f64: the place where the counts above the level, in a window of three widths to either side, have their centroid.
-/// And the light above the background in that window over that of a gaussian of height 1.
+/// Eq. (2) in f64: the place where the counts above the level, in a window of three widths to either side,
+/// have their centroid. And the light above the background in that window over that of a gaussian of height
+/// 1.
 fn reference(light: &[u16], level: f64, background: f64, width: f64, start: f64) -> (f64, f64) {
     let half_window = 3.0 * width;
     let weight = |i: usize, at: f64| (half_window + 0.5 - (i as f64 - at).abs()).clamp(0.0, 1.0);

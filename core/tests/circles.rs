@@ -1,4 +1,5 @@
-//! No two modules of the core use each other, directly or through others. A module is a file of `src` with its folder.
+//! No two modules of the core use each other, directly or through others. A module is a file of `src` with
+//! its folder.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -1,10 +1,11 @@
 //! The assembly.
 //!
-//! What holds for both inner products: LDM loads registers in the order of their numbers, so r2, r4, r5 and r8 are named, and so
-//! is the counter r3; the address that LDM moves on is an operand, which the compiler puts into none of them. SMLAD multiplies
-//! the low halves of two words and their high halves; the first of a pair is the low one, because this core is little-endian.
-//! The options: nothing but the two slices is read, and nothing written (`pure`, `readonly`), the stack is left alone
-//! (`nostack`), and the flags are not (SUBS, TST, ANDS, and Q where a sum wraps), so `preserves_flags` is not among them.
+//! What holds for both inner products: LDM loads registers in the order of their numbers, so r2, r4, r5 and
+//! r8 are named, and so is the counter r3; the address that LDM moves on is an operand, which the compiler
+//! puts into none of them. SMLAD multiplies the low halves of two words and their high halves; the first of a
+//! pair is the low one, because this core is little-endian. The options: nothing but the two slices is read,
+//! and nothing written (`pure`, `readonly`), the stack is left alone (`nostack`), and the flags are not
+//! (SUBS, TST, ANDS, and Q where a sum wraps), so `preserves_flags` is not among them.
 
 use core::arch::asm;
 
@@ -23,8 +24,9 @@ const _: () = assert!(size_of::<Pairs>() == 8 && align_of::<Pairs>() == 4);
 pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
     let pairs = (samples.len() / 2).min(weights.len());
     let sum: i32;
-    // SAFETY: 4 bytes are read `pairs` times from each slice, which both are long enough for; of none of them where it is empty.
-    // LDR takes any address of normal memory, as long as CCR.UNALIGN_TRP is clear, as it is from reset; samples are aligned to
+    // SAFETY: 4 bytes are read `pairs` times from each slice, which both are long enough for; of none of them
+    // where it is empty. LDR takes any address of normal memory, as long as CCR.UNALIGN_TRP is clear, as it
+    // is from reset; samples are aligned to
     // 2. LDM takes a multiple of 4, which `Pair` is aligned to. Nothing is written.
     unsafe {
         asm!(
@@ -98,8 +100,8 @@ pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
 pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
     let pairs = (samples.len() / 2).min(weights.len());
     let (first, second): (i32, i32);
-    // SAFETY: `pairs` times 4 bytes are read from the samples and 8 from the weights, which both are long enough for.
-    // Addresses are as in `dot`, and `Pairs` is aligned to 4. Nothing is written.
+    // SAFETY: `pairs` times 4 bytes are read from the samples and 8 from the weights, which both are long
+    // enough for. Addresses are as in `dot`, and `Pairs` is aligned to 4. Nothing is written.
     unsafe {
         asm!(
             // Eight pairs at a time, then four, then the rest.
@@ -184,13 +186,15 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
     (first, second)
 }
 
-/// The square root: VSQRT, which rounds to nearest as IEEE 754 asks. Stable Rust without `std` has no other way to it.
+/// The square root: VSQRT, which rounds to nearest as IEEE 754 asks. Stable Rust without `std` has no other
+/// way to it.
 #[cfg(has_fpu)]
 #[inline]
 pub fn square_root(value: f32) -> f32 {
     let mut bits = value.to_bits();
-    // SAFETY: works on registers only. Rust knows neither this target's floating-point unit nor its registers by class, but
-    // takes one of them as clobbered. No `preserves_flags`: VSQRT sets FPSCR's exception flags, inexact above all.
+    // SAFETY: works on registers only. Rust knows neither this target's floating-point unit nor its registers
+    // by class, but takes one of them as clobbered. No `preserves_flags`: VSQRT sets FPSCR's exception flags,
+    // inexact above all.
     unsafe {
         asm!(
             ".fpu fpv4-sp-d16",

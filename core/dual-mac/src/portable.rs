@@ -2,8 +2,8 @@
 
 use crate::{Pair, Pairs};
 
-/// Sum of sample * weight over the samples, or over the weights where those are fewer. A last sample without a partner is left
-/// out.
+/// Sum of sample * weight over the samples, or over the weights where those are fewer. A last sample without
+/// a partner is left out.
 pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
     let mut sum = 0i32;
     for (&[even, odd], &weight) in samples.as_chunks::<2>().0.iter().zip(weights) {
@@ -12,8 +12,8 @@ pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
     sum
 }
 
-/// Two such sums over the same samples. Four samples at a time keep a PC's vector unit busy; sums that wrap may be taken in any
-/// order.
+/// Two such sums over the same samples. Four samples at a time keep a PC's vector unit busy; sums that wrap
+/// may be taken in any order.
 pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
     let pairs = (samples.len() / 2).min(weights.len());
     let samples = samples.get(..2 * pairs).unwrap_or_default();

@@ -1,10 +1,12 @@
-//! The phase-table score with weights that follow the row: for its width, its noise, and the background under it.
+//! The phase-table score with weights that follow the row: for its width, its noise, and the background under
+//! it.
 //!
-//! The tables of [`MIXES`] are each the best for one ratio r of the read noise's variance to the shot noise's at the peak.
-//! The row's own r chooses among them. The width follows the third product, smoothed over the rows. Where the background
-//! beside the spot is tilted, the tables of [`TILTED`] take over, whose score and slope answer to no tilt: they cost 5 % of
-//! accuracy in white noise, where a tilt of one count a pixel would shift a centre by hundredths of a pixel (narrow
-//! spots) to whole ones (wide, dim ones). That takes two looks more, for as long as the tilt lasts.
+//! The tables of [`MIXES`] are each the best for one ratio r of the read noise's variance to the shot noise's
+//! at the peak. The row's own r chooses among them. The width follows the third product, smoothed over the
+//! rows. Where the background beside the spot is tilted, the tables of [`TILTED`] take over, whose score and
+//! slope answer to no tilt: they cost 5 % of accuracy in white noise, where a tilt of one count a pixel would
+//! shift a centre by hundredths of a pixel (narrow spots) to whole ones (wide, dim ones). That takes two
+//! measurements more a row, for as long as the tilt lasts.
 
 use crate::centre::RowCentre;
 use crate::centre::phase_table::{self, Fit, Width};
@@ -80,15 +82,16 @@ const FLANK: usize = 16;
 /// The standard deviation of the flanks' difference, over that of a pixel: sqrt(2 * FLANK).
 const DEVIATION: f32 = 5.657;
 
-/// Standard deviations of the flanks' difference from which on it is a tilt: noise alone gets there in one row of 16,000.
+/// Standard deviations of the flanks' difference from which on it is a tilt: noise alone gets there in one
+/// row of 16,000.
 const TILT: f32 = 4.0;
 
-/// Widths from the centre to the flanks. The side lobes of a slit's diffraction pattern, which are 4.5 % of its peak at four
-/// widths, are 1 % there.
+/// Widths from the centre to the flanks. The side lobes of a slit's diffraction pattern, which are 4.5 % of
+/// its peak at four widths, are 1 % there.
 const CLEAR: f32 = 6.0;
 
-/// Whether the background beside the spot is higher on one side than on the other. Not where a flank reaches over the sensor's
-/// edge.
+/// Whether the background beside the spot is higher on one side than on the other. Not where a flank reaches
+/// over the sensor's edge.
 fn is_tilted(light: &[u16], fit: &Fit<'_>, noise: Counts) -> bool {
     let Some((left, right)) = flanks(light, fit) else {
         return false;
@@ -98,7 +101,8 @@ fn is_tilted(light: &[u16], fit: &Fit<'_>, noise: Counts) -> bool {
         && is_straight(left, right, difference, fit.width, noise)
 }
 
-/// Whether the flanks rise as the difference between them says. A second spot on one of them makes a difference too, and does not.
+/// Whether the flanks rise as the difference between them says. A second spot on one of them makes a
+/// difference too, and does not.
 #[cold]
 fn is_straight(
     left: &[u16; FLANK],
@@ -120,8 +124,8 @@ fn is_straight(
     (within(left) - tilt).abs() <= allowed && (within(right) - tilt).abs() <= allowed
 }
 
-/// The pixels to the left and to the right, as far from the centre to half a pixel, so that what a spot that is symmetric leaves there
-/// is no tilt.
+/// The pixels to the left and to the right, as far from the centre to half a pixel, so that what a spot that
+/// is symmetric leaves there is no tilt.
 fn flanks<'a>(light: &'a [u16], fit: &Fit<'_>) -> Option<(&'a [u16; FLANK], &'a [u16; FLANK])> {
     const HALF: i32 = 1 << (Pixels::FRACTION - 1);
     // A centre is below 2^13 pixels, a width below 2^8.

@@ -1,26 +1,28 @@
 //! The centroid of the counts above the black level, eq. (2) of the paper: what most firmware does.
 //!
-//! The window reaches three widths to either side and moves with the centroid until both rest. Its two end pixels count by the
-//! part of them that it covers, so that it moves smoothly and pixels do not show in the centre. The paper's black
-//! threshold t is the spot's [`black_level`](crate::spot::Spot::black_level). It is subtracted, and counts below it are negative: the
-//! paper's max(0, y - t) turns the noise of unlit pixels into light that pulls the centroid to the middle of the window, and makes
-//! the error in white noise 1.5 to 2.7 times the bound even if the window is not moved after it.
+//! The window reaches three widths to either side and moves with the centroid until both rest. Its two end
+//! pixels count by the part of them that it covers, so that it moves smoothly and pixels do not show in the
+//! centre. The paper's black threshold t is the spot's [`black_level`](crate::spot::Spot::black_level). It is
+//! subtracted, and counts below it are negative: the paper's max(0, y - t) turns the noise of unlit pixels
+//! into light that pulls the centroid to the middle of the window, and makes the error in white noise 1.5 to
+//! 2.7 times the bound even if the window is not moved after it.
 //!
-//! If the background b of the row is above t, by ambient light or by a t that is set too low, the window holds 2 h (b - t) of light
-//! besides the spot's. It is even about the middle of the window but for the pixels at the window's ends, so it moves the centroid by
-//! (b - t) / 8M at most. Width, height, uncertainty and the steps of the window are those of the spot's own light: the height is
-//! above the background.
+//! If the background b of the row is above t, by ambient light or by a t that is set too low, the window
+//! holds 2 h (b - t) of light besides the spot's. It is even about the middle of the window but for the
+//! pixels at the window's ends, so it moves the centroid by (b - t) / 8M at most. Width, height, uncertainty
+//! and the steps of the window are those of the spot's own light: the height is above the background.
 //!
-//! Uncertainty: with y' = y - b, M = sum w y' and weights w of the window, the centre c solves sum w (x - c) y' = 0. Moving
-//! the window brings light in at one end and out at the other, so that sum falls by kM a pixel and not by M, with
-//! k = 1 - 2 * 3 phi(3) / (2 Phi(3) - 1) = 0.9733 for a gaussian. The sum's variance is that of its pixels,
-//! sum w^2 (x - c)^2 (noise^2 + g y'): with ends that slope over a pixel, noise^2 (2/3 h^3 - h^2/3) for h = 3 sigma, and
-//! g M 0.9733 sigma^2 (the second moment of a gaussian cut at three sigma has the same k). So
+//! Uncertainty: with y' = y - b, M = sum w y' and weights w of the window, the centre c solves sum w (x - c)
+//! y' = 0. Moving the window brings light in at one end and out at the other, so that sum falls by kM a pixel
+//! and not by M, with k = 1 - 2 * 3 phi(3) / (2 Phi(3) - 1) = 0.9733 for a gaussian. The sum's variance is
+//! that of its pixels, sum w^2 (x - c)^2 (noise^2 + g y'): with ends that slope over a pixel, noise^2 (2/3
+//! h^3 - h^2/3) for h = 3 sigma, and g M 0.9733 sigma^2 (the second moment of a gaussian cut at three sigma
+//! has the same k). So
 //!
 //! u^2 = (noise^2 (2/3 h^3 - h^2/3) + g k M sigma^2) / (kM)^2,
 //!
-//! which is 1.6 times the bound in white noise, and 1.01 in shot noise. The window's ends on whole pixels leave an error
-//! of up to 0.005 pixel for a width of 0.8, 0.003 for 1.2 and 0.001 for 2, which is not in it.
+//! which is 1.6 times the bound in white noise, and 1.01 in shot noise. The window's ends on whole pixels
+//! leave an error of up to 0.005 pixel for a width of 0.8, 0.003 for 1.2 and 0.001 for 2, which is not in it.
 //!
 //! | | |
 //! |---|---|
@@ -81,7 +83,8 @@ pub fn centre(
     for _ in 0..MAX_PASSES {
         let moments =
             moments(light, level, at, half_window).ok_or(Fault::SpotAtEdge { centre: at })?;
-        // Within 2^48, and 2^61 for the moment, because the window's middle is within half a pixel of the origin.
+        // Within 2^48, and 2^61 for the moment, because the window's middle is within half a pixel of the
+        // origin.
         let light_of_spot = numeric::sub_i64(moments.light, ambient);
         let off_origin = numeric::sub_i32(at.to_bits(), moments.origin.to_bits());
         let moment_of_ambient = numeric::mul_i64(ambient, off_origin.into()) >> Pixels::FRACTION;
@@ -136,8 +139,8 @@ struct Moments {
 /// Bits after the binary point of [`Moments`]: 8 of a count, 16 of a weight.
 const LIGHT_FRACTION: u32 = Counts::FRACTION + Pixels::FRACTION;
 
-/// The sums over the pixels within `half_window` of a place. A pixel at distance d weighs half_window + 1/2 - d, at least
-/// nothing and at most 1. `None` where one of those pixels is not on the row.
+/// The sums over the pixels within `half_window` of a place. A pixel at distance d weighs half_window + 1/2 -
+/// d, at least nothing and at most 1. `None` where one of those pixels is not on the row.
 fn moments(light: &[u16], level: i32, at: Pixels, half_window: Pixels) -> Option<Moments> {
     const HALF: i32 = 1 << (Pixels::FRACTION - 1);
     const ONE: i32 = 1 << Pixels::FRACTION;
@@ -162,7 +165,8 @@ fn moments(light: &[u16], level: i32, at: Pixels, half_window: Pixels) -> Option
     let (n, level) = (pixels.len() as u32, i64::from(level));
     let n_sums = numeric::mul_i64(i64::from(n), i64::from(n) + 1) / 2;
     let n = i64::from(n);
-    // The sum of sums takes the first pixel n times and the last once. A level is below 2^20: within 2^31 and 2^40.
+    // The sum of sums takes the first pixel n times and the last once. A level is below 2^20: within 2^31 and
+    // 2^40.
     let light = numeric::sub_i64(i64::from(sum) * COUNT, n * level);
     let light_of_sums = numeric::sub_i64(
         i64::from(sum_of_sums) * COUNT,

@@ -1,33 +1,35 @@
-//! A weighted least-squares fit of eq. (5) on a level: centre, width, height and level by the Gauss-Newton method, in f32.
+//! A weighted least-squares fit of eq. (5) on a level: centre, width, height and level by the Gauss-Newton
+//! method, in f32.
 //!
-//! The rung that fits a spot which the sensor's edge cuts, or whose top is at full scale: it takes the pixels that
-//! there are, and its uncertainty is that of the four parameters together, so what those pixels cannot tell apart makes
-//! it larger.
+//! The estimator that fits a spot which the sensor's edge cuts, or whose top is at full scale: it takes the
+//! pixels that there are, and its uncertainty is that of the four parameters together, so what those pixels
+//! cannot tell apart makes it larger.
 //!
-//! **Model.** y(x) = b + A e(u), u = (x - c) / s, e = exp(-u^2 / 2). A pixel's own width is in s: s^2 = sigma^2 + 1/12, which
-//! leaves an error of at most 0.0003 pixel for a width of 0.8, and none from 1.2.
+//! **Model.** y(x) = b + A e(u), u = (x - c) / s, e = exp(-u^2 / 2). A pixel's own width is in s: s^2 =
+//! sigma^2 + 1/12, which leaves an error of at most 0.0003 pixel for a width of 0.8, and none from 1.2.
 //!
-//! **Weights.** 1 / (noise^2 + g A e), of the model and not of the pixel: pixels that noise makes low must not weigh more.
-//! `noise` is measured on the row, rounding to counts included. Pixels at full scale weigh nothing. In white noise this
-//! is the least-squares fit, in shot noise nearly the maximum-likelihood one.
+//! **Weights.** 1 / (noise^2 + g A e), of the model and not of the pixel: pixels that noise makes low must
+//! not weigh more. `noise` is measured on the row, rounding to counts included. Pixels at full scale weigh
+//! nothing. In white noise this is the least-squares fit, in shot noise nearly the maximum-likelihood one.
 //!
-//! **Scaling.** The unknowns are b / A, ln A, ln s and c / s: the derivatives by them are A times 1, e, u^2 e and u e. The
-//! condition number of the normal equations is 22 then (10^9 for pixels and counts), and f32 solves them to a
-//! thousandth of a step.
+//! **Scaling.** The unknowns are b / A, ln A, ln s and c / s: the derivatives by them are A times 1, e, u^2 e
+//! and u e. The condition number of the normal equations is 22 then (10^9 for pixels and counts), and f32
+//! solves them to a thousandth of a step.
 //!
-//! **Exponential.** Outwards from the pixel nearest to the centre e(k + 1) = e(k) r(k), r(k + 1) = r(k) q, with
-//! q = exp(-1 / s^2): two multiplications a pixel. An error of 2^-24 in q makes one of k 2^-24 in r(k) and of k^2/2 2^-24
-//! in e(k), which itself is exp(-k^2 / 2s^2): at most 2^-24 s^2 / 2.7 of the height is wrong anywhere. That is 4e-6 for the 13
-//! samples of the widest spot that a window is made for, a sixtieth of a count of 4095. It is the same on both sides, as
-//! if s were another; the roundings of each step, which are not, add up to less.
+//! **Exponential.** Outwards from the pixel nearest to the centre e(k + 1) = e(k) r(k), r(k + 1) = r(k) q,
+//! with q = exp(-1 / s^2): two multiplications a pixel. An error of 2^-24 in q makes one of k 2^-24 in r(k)
+//! and of k^2/2 2^-24 in e(k), which itself is exp(-k^2 / 2s^2): at most 2^-24 s^2 / 2.7 of the height is
+//! wrong anywhere. That is 4e-6 for the 13 samples of the widest spot that a window is made for, a sixtieth
+//! of a count of 4095. It is the same on both sides, as if s were another; the roundings of each step, which
+//! are not, add up to less.
 //!
-//! **Window.** 128 samples as in the paper, of one pixel up to a width of 12.8, and then of as many as make the window
-//! five widths to either side. Such a sample is at most a sixth of the width, which costs 0.1 % in uncertainty. Sums of n pixels
-//! have n^2 / 12 in s^2 in place of 1/12.
+//! **Window.** 128 samples as in the paper, of one pixel up to a width of 12.8, and then of as many as make
+//! the window five widths to either side. Such a sample is at most a sixth of the width, which costs 0.1 % in
+//! uncertainty. Sums of n pixels have n^2 / 12 in s^2 in place of 1/12.
 //!
-//! **Steps.** A step changes c by at most a width, and s and A by at most a half. They end with one that is shorter than a
-//! tenth of a standard deviation in the metric of the normal equations: what it leaves is far less, because the method
-//! converges quadratically.
+//! **Steps.** A step changes c by at most a width, and s and A by at most a half. They end with one that is
+//! shorter than a tenth of a standard deviation in the metric of the normal equations: what it leaves is far
+//! less, because the method converges quadratically.
 
 use crate::centre::half_width::{self, WIDTHS};
 use crate::centre::plausible::{certain, saturated_pixels};
@@ -45,7 +47,8 @@ pub const SAMPLES: usize = 128;
 /// Half of the window of a spot that needs samples of more than one pixel, in its widths.
 const HALF_WINDOW: f32 = 5.0;
 
-/// Most pixels in a sample, what the widest spot needs (170 * 10 / 128 = 13.3) and more: the sum of their counts is below 2^16.
+/// Most pixels in a sample, what the widest spot needs (170 * 10 / 128 = 13.3) and more: the sum of their
+/// counts is below 2^16.
 const LARGEST_SAMPLE: usize = 16;
 
 // It fits in Q8, and is exact in an f32.
@@ -68,22 +71,23 @@ const LAST_STEP: f32 = 0.01;
 /// A fit whose last step was longer than half a standard deviation has not arrived.
 const ARRIVED: f32 = 0.25;
 
-/// A spot that is cut off at full scale must have this many other samples within three widths: one more than there are
-/// unknowns that only the spot's own pixels tell.
+/// A spot that is cut off at full scale must have this many other samples within three widths: one more than
+/// there are unknowns that only the spot's own pixels tell.
 const FEWEST_SAMPLES: usize = 4;
 
-/// The sum of squares may be this many of its standard deviations above its expectation, n for n degrees of freedom.
+/// The sum of squares may be this many of its standard deviations above its expectation, n for n degrees of
+/// freedom.
 const MISFIT: f32 = 5.0;
 
-/// How well the square of the noise is known: [`crate::spot::find`] has the noise to 3 % on a row of 3648 pixels. The sum's
-/// variance is 2 n by its own scatter and the square of this times n by that of the noise.
+/// How well the square of the noise is known: [`crate::spot::find`] has the noise to 3 % on a row of 3648
+/// pixels. The sum's variance is 2 n by its own scatter and the square of this times n by that of the noise.
 const NOISE_SQUARED: f32 = 0.06;
 
 /// The variance of a sample at full scale, in counts squared: it then weighs nothing beside any other.
 const MASKED: f32 = 1e30;
 
-/// The same for a sample that is left out for another reason. [`Window::row_centre`] counts it among the degrees of freedom; who
-/// leaves samples out looks at the misfit again.
+/// The same for a sample that is left out for another reason. [`Window::row_centre`] counts it among the
+/// degrees of freedom; who leaves samples out looks at the misfit again.
 const LEFT_OUT: f32 = 2e30;
 
 /// A sample of the window.
@@ -127,8 +131,8 @@ pub struct Parameters {
     pub level: f32,
 }
 
-/// The normal equations: the upper triangle of the matrix, the right-hand side and the sum of squares, all divided by A^2. An
-/// element's name has the unknowns b / A, ln A, ln s and c / s.
+/// The normal equations: the upper triangle of the matrix, the right-hand side and the sum of squares, all
+/// divided by A^2. An element's name has the unknowns b / A, ln A, ln s and c / s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NormalEquations {
     bb: f32,
@@ -153,9 +157,9 @@ pub struct NormalEquations {
 /// The row before is not asked: the half maximum, from which the fit starts, costs a twentieth of a step.
 ///
 /// # Errors
-/// [`Fault::SpotAtEdge`] where the centre is not on the sensor, [`Fault::Saturated`] where full scale leaves too few
-/// pixels of the spot, [`Fault::TooDim`] where the centre is uncertain by more than an eighth of the width,
-/// [`Fault::NoSpot`] where the fit does not arrive.
+/// [`Fault::SpotAtEdge`] where the centre is not on the sensor, [`Fault::Saturated`] where full scale leaves
+/// too few pixels of the spot, [`Fault::TooDim`] where the centre is uncertain by more than an eighth of the
+/// width, [`Fault::NoSpot`] where the fit does not arrive.
 pub fn centre(
     row: &Row<'_>,
     spot: &Spot,
@@ -349,8 +353,8 @@ impl Window {
         }
     }
 
-    /// The mean of the samples within `reach` of one, above the row's level, which need not be in the window: from -2^8 to 2^9. `None` where they are not
-    /// on the row.
+    /// The mean of the samples within `reach` of one, above the row's level, which need not be in the window:
+    /// from -2^8 to 2^9. `None` where they are not on the row.
     pub(crate) fn mean(
         &self,
         row: &Row<'_>,
@@ -623,8 +627,9 @@ fn add_side<'a>(
 }
 
 impl NormalEquations {
-    /// Solves by Cholesky's method without square roots (L D L^T), c last, so that its pivot is one over the last element
-    /// of the inverse. `None` where a pivot is lost in rounding: the samples do not tell the parameters apart.
+    /// Solves by Cholesky's method without square roots (L D L^T), c last, so that its pivot is one over the
+    /// last element of the inverse. `None` where a pivot is lost in rounding: the samples do not tell the
+    /// parameters apart.
     fn solve(&self) -> Option<Step> {
         // What rounding leaves of a pivot, over the element that it was.
         let pivot = |pivot: f32, element: f32| (pivot > 1e-5 * element).then_some(pivot);
@@ -723,8 +728,8 @@ mod tests {
         (matrix, right, squares)
     }
 
-    /// The recurrence and f32 against that: every sum to 2e-5 of the sum of its terms' magnitudes (that of a product is at most
-    /// the root of the squares' sums).
+    /// The recurrence and f32 against that: every sum to 2e-5 of the sum of its terms' magnitudes (that of a
+    /// product is at most the root of the squares' sums).
     #[test]
     fn sums_are_those_of_the_definition() {
         let mut worst = 0.0f64;
@@ -772,7 +777,8 @@ mod tests {
         assert!(worst < 2e-5, "{worst}");
     }
 
-    /// The step solves the equations, as nearly as the sums are right, and the variance is the last element of the inverse.
+    /// The step solves the equations, as nearly as the sums are right, and the variance is the last element
+    /// of the inverse.
     #[test]
     fn the_step_solves_the_equations() {
         let samples = samples(&AT);
@@ -792,7 +798,8 @@ mod tests {
                 right[j]
             );
         }
-        // Without its level, height and width to be found too, the centre would be as certain as its own element says.
+        // Without its level, height and width to be found too, the centre would be as certain as its own
+        // element says.
         assert!(f64::from(step.variance) * m[3][3] > 0.999);
     }
 

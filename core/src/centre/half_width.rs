@@ -1,10 +1,11 @@
-//! The spot's width from its half maximum: what the cheap rungs choose their windows by.
+//! The spot's width from its half maximum, by which the centroid chooses its window.
 //!
-//! From the highest pixels outwards to where the counts fall below half of the height: a gaussian's full width there is
-//! sqrt(8 ln 2) = 2.3548 sigma. The counts are smoothed by sums over a quarter to a half of the block that the coarse
-//! search found, about a quarter of sigma. A sum over n pixels adds n^2/12 to sigma^2, the pixel's own width included, which
-//! is taken off again. The crossings are interpolated linearly, which for spots of 0.8 to 1.2 pixels finds a width up to a
-//! fifth too large, and up to 3 % from 2 pixels.
+//! From the highest pixels outwards to where the counts fall below half of the height: a gaussian's full
+//! width there is sqrt(8 ln 2) = 2.3548 sigma. The counts are smoothed by sums over a quarter to a half of
+//! the block that the coarse search found, about a quarter of sigma. A sum over n pixels adds n^2/12 to
+//! sigma^2, the pixel's own width included, which is taken off again. The crossings are interpolated
+//! linearly, which for spots of 0.8 to 1.2 pixels finds a width up to a fifth too large, and up to 3 % from 2
+//! pixels.
 
 use crate::centre::RowCentre;
 use crate::centre::plausible::on_the_row;
@@ -18,15 +19,16 @@ use crate::units::{Counts, Pixels};
 /// A gaussian's full width at half maximum over sigma: sqrt(8 ln 2).
 const FULL_WIDTH: f32 = 2.354_82;
 
-/// The narrowest and the widest spot in pixels. A hot pixel alone looks like one of 0.3, and a spot of 0.6, which is
-/// narrower than any optics makes it, like one of at least 0.55. At the other end [`crate::spot::find`] gives up.
+/// The narrowest and the widest spot in pixels. A hot pixel alone looks like one of 0.3, and a spot of 0.6,
+/// which is narrower than any optics makes it, like one of at least 0.55. At the other end
+/// [`crate::spot::find`] gives up.
 pub const WIDTHS: core::ops::RangeInclusive<f32> = 0.5..=170.0;
 
 /// A spot as its half maximum shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HalfMaximum {
-    /// The highest place, and how far from it the counts fall to half on the left and on the right, in pixels. `None`
-    /// where the row ends first.
+    /// The highest place, and how far from it the counts fall to half on the left and on the right, in
+    /// pixels. `None` where the row ends first.
     pub top: Pixels,
     /// To the left.
     pub left: Option<f32>,
@@ -38,12 +40,12 @@ pub struct HalfMaximum {
     pub smoothed: u16,
 }
 
-/// The width in pixels by which to choose a window: that of the row before, where its centre is within a width of this
-/// spot, or that of the half maximum.
+/// The width in pixels by which to choose a window: that of the row before, where its centre is within a
+/// width of this spot, or that of the half maximum.
 ///
 /// # Errors
-/// [`Fault::SpotAtEdge`] where the row ends before the counts fall to half, [`Fault::NoSpot`] where they never do, or the width
-/// is that of no spot.
+/// [`Fault::SpotAtEdge`] where the row ends before the counts fall to half, [`Fault::NoSpot`] where they
+/// never do, or the width is that of no spot.
 pub fn width(light: &[u16], spot: &Spot, before: Option<&RowCentre>) -> Result<f32, Fault> {
     let start = on_the_row(light, spot)?;
     if let Some(before) = before {
@@ -77,8 +79,8 @@ impl HalfMaximum {
 /// Walks out from the highest place within a block of the spot's centre.
 ///
 /// # Errors
-/// [`Fault::SpotAtEdge`] where the spot's centre is not on the row, [`Fault::NoSpot`] where nothing rises above the level, or
-/// does not fall again within four blocks: the spot's width is at most two of them.
+/// [`Fault::SpotAtEdge`] where the spot's centre is not on the row, [`Fault::NoSpot`] where nothing rises
+/// above the level, or does not fall again within four blocks: the spot's width is at most two of them.
 pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
     let start = on_the_row(light, spot)?;
     let block = 1usize << spot.block_log2.min(7);
@@ -128,7 +130,8 @@ pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
     })
 }
 
-/// Where the sum over `pixels` neighbours is highest, and that sum: below 64 * 2^12. `None` where there are fewer.
+/// Where the sum over `pixels` neighbours is highest, and that sum: below 64 * 2^12. `None` where there are
+/// fewer.
 fn highest(near: &[u16], pixels: usize) -> Option<(usize, i32)> {
     let (first, entering) = near.split_at_checked(pixels)?;
     let mut sum = first
@@ -205,8 +208,9 @@ fn walk<'a>(
     }
 }
 
-/// The width after this row, for a rung whose window came from the width before it: a quarter of the way to what the counts at
-/// the two half maxima say, so that it follows the spot over the rows and a row's noise hardly moves it.
+/// The width after this row, for an estimator whose window came from the width before it: a quarter of the
+/// way to what the counts at the two half maxima say, so that it follows the spot over the rows and a row's
+/// noise hardly moves it.
 ///
 /// A gaussian that is wider than thought by a small part p has there 0.5 + ln(2) p of its height.
 pub fn follow(light: &[u16], spot: &Spot, centre: Pixels, width: f32) -> f32 {
@@ -269,8 +273,8 @@ mod tests {
         }
     }
 
-    /// Sampled gaussians: their sigma is sqrt(width^2 + 1/12) of a spot that the pixels integrate. Any block that the coarse
-    /// search may choose serves.
+    /// Sampled gaussians: their sigma is sqrt(width^2 + 1/12) of a spot that the pixels integrate. Any block
+    /// that the coarse search may choose serves.
     #[test]
     fn the_width_of_a_gaussian() {
         for (width, block_log2, tolerance) in [

@@ -1,8 +1,9 @@
 //! The phase-table score: two integer inner products and one division.
 //!
-//! A gaussian least-squares fit with amplitude, black level and width projected out in advance. The tables are designed
-//! by the crate `phase-tables`, which explains them. Score / slope is the distance of the centre from a table's phase; a
-//! third product, stretch / slope, says how far the spot's width is from the table's, and so picks the table.
+//! A gaussian least-squares fit with amplitude, black level and width projected out in advance. The tables
+//! are designed by the crate `phase-tables`, which explains them. Score / slope is the distance of the centre
+//! from a table's phase; a third product, stretch / slope, says how far the spot's width is from the table's,
+//! and so picks the table.
 //!
 //! | | |
 //! |---|---|
@@ -12,7 +13,8 @@
 //! | division | f32: 24 bits on a quotient of at most a few pixels is 1e-7 pixel; one instruction on the chip |
 //! | centre | Q16.16 pixels |
 //!
-//! Every float operation here is a single IEEE 754 operation or `libm`'s, so the chip and a PC agree bit for bit.
+//! Every float operation here is a single IEEE 754 operation or `libm`'s, so the chip and a PC agree bit for
+//! bit.
 
 use dual_mac::square_root;
 
@@ -28,7 +30,9 @@ use crate::units::{Counts, Pixels};
 /// A window is moved and its table changed until both fit, at most this often.
 const MAX_PASSES: usize = 10;
 
-/// How nearly a window and a table must fit: as near as a window gets, and to half a per cent of the width more than the best. In noise two tables, or two phases, may each hand the spot to the other; later passes are content with less.
+/// How nearly a window and a table must fit: as near as a window gets, and to half a per cent of the width
+/// more than the best. In noise two tables, or two phases, may each hand the spot to the other, so later
+/// passes accept less.
 const fn slack(pass: usize) -> (f32, f32) {
     match pass {
         0..=3 => (1.0, 0.005),
@@ -37,18 +41,18 @@ const fn slack(pass: usize) -> (f32, f32) {
     }
 }
 
-/// Where a window reaches over the sensor's edge a table this much narrower is tried: the coarse search may take a spot for
-/// twice as wide as it is, and be off by half its width.
+/// Where a window reaches over the sensor's edge a table this much narrower is tried: the coarse search may
+/// take a spot for twice as wide as it is, and be off by half its width.
 const NARROWER: f32 = 0.7;
 
-/// What fits a table of less than so much of the width that the coarse search found, where the sensor's edge keeps the wider ones off, is
-/// a ripple on a spot that is cut.
+/// The sensor's edge excludes the wider tables. If the table that fits has less than so much of the width
+/// that the coarse search found, it fits a ripple on a spot that is cut.
 const RIPPLE: f32 = 0.4;
 
 /// The centre of a spot that [`crate::spot::find`] found, with the tables of one set.
 ///
-/// Where the row before had its spot near this one's, its table serves again, without the third product: the width is taken
-/// over from that row.
+/// Where the row before had its spot near this one's, its table serves again, without the third product: the
+/// width is taken over from that row.
 ///
 /// # Errors
 /// See [`crate::centre::centre`].
@@ -68,28 +72,28 @@ pub fn centre(
                 block: 1,
                 ..before.class
             };
-            if let Some(fit) = glance(row, spot, before, class, tables, Width::TakenOver) {
+            if let Some(fit) = track_once(row, spot, before, class, tables, Width::TakenOver) {
                 return finish(row, spot, before, &fit, geometry);
             }
-        } else if let Some(centre) = glance_at_blocks(row, spot, before, geometry, tables) {
+        } else if let Some(centre) = track_blocks(row, spot, before, geometry, tables) {
             return centre;
         }
     }
     let width = Width::TakenOver;
-    fit_at_length(row, spot, before, geometry, tables, width, sampling)?
+    fit_in_full(row, spot, before, geometry, tables, width, sampling)?
         .with_uncertainty(spot.background.noise, geometry)
 }
 
 #[cold]
 #[inline(never)]
-fn glance_at_blocks(
+fn track_blocks(
     row: &Row<'_>,
     spot: &Spot,
     before: &RowCentre,
     geometry: &Geometry,
     tables: &TableSet<'_>,
 ) -> Option<Result<RowCentre, Fault>> {
-    let fit = glance(row, spot, before, before.class, tables, Width::TakenOver)?;
+    let fit = track_once(row, spot, before, before.class, tables, Width::TakenOver)?;
     Some(finish(row, spot, before, &fit, geometry))
 }
 
@@ -119,7 +123,7 @@ pub(super) enum Width {
     Measured,
 }
 
-/// The table that fits, and what it says.
+/// Finds the table that fits, and the centre by it.
 ///
 /// # Errors
 /// See [`crate::centre::centre`].
@@ -139,18 +143,18 @@ pub(super) fn fit<'a>(
             block: 1,
             ..before.class
         })
-        && let Some(fit) = glance(row, spot, before, class, tables, width)
+        && let Some(fit) = track_once(row, spot, before, class, tables, width)
     {
         unsaturated(row, fit.centre, fit.width, geometry)?;
         return Ok(fit);
     }
-    fit_at_length(row, spot, before, geometry, tables, width, sampling)
+    fit_in_full(row, spot, before, geometry, tables, width, sampling)
 }
 
-/// The same without the first glance.
+/// As [`fit`], without [`track_once`].
 #[cold]
 #[inline(never)]
-fn fit_at_length<'a>(
+fn fit_in_full<'a>(
     row: &Row<'_>,
     spot: &Spot,
     before: Option<&RowCentre>,
@@ -159,8 +163,8 @@ fn fit_at_length<'a>(
     width: Width,
     sampling: Sampling,
 ) -> Result<Fit<'a>, Fault> {
-    let followed = before.and_then(|before| follow(row.light(), spot, before, tables, width));
-    let fit = match followed {
+    let tracked = before.and_then(|before| track(row.light(), spot, before, tables, width));
+    let fit = match tracked {
         Some(fit) => fit,
         None => fit_afresh(row, spot, geometry, tables, sampling)?,
     };
@@ -168,7 +172,7 @@ fn fit_at_length<'a>(
     Ok(fit)
 }
 
-/// A table that fits, and what it says.
+/// A table that fits, and its measurements.
 #[derive(Clone, Copy)]
 pub(super) struct Fit<'a> {
     pub(super) centre: Pixels,
@@ -183,10 +187,10 @@ pub(super) struct Fit<'a> {
     pub(super) table: &'a Table<'a>,
 }
 
-/// One look where the row before had its spot: all that it takes where the target rests. `None` where that does not do. All of
-/// it is inlined into one straight line.
+/// Measures the spot once, where the row before had it: enough for a target at rest. `None` where it is not.
+/// All of it is inlined into one straight line.
 #[inline(always)]
-fn glance<'a>(
+fn track_once<'a>(
     row: &Row<'_>,
     spot: &Spot,
     before: &RowCentre,
@@ -198,7 +202,7 @@ fn glance<'a>(
     if !is_near(spot, before) {
         return None;
     }
-    look_again(
+    measure_at(
         row.light(),
         before.centre,
         before.width,
@@ -210,10 +214,10 @@ fn glance<'a>(
     .ok()
 }
 
-/// Looks where the row before had its spot, with its table, and again where the spot turns out to be. `None` where the
-/// coarse search found the spot elsewhere, or what is there is not that spot.
+/// Measures the spot where the row before had it, with its table, and again where it turns out to be. `None`
+/// where the coarse search found the spot elsewhere, or another spot is there.
 #[inline(never)]
-fn follow<'a>(
+fn track<'a>(
     light: &[u16],
     spot: &Spot,
     before: &RowCentre,
@@ -225,8 +229,8 @@ fn follow<'a>(
     }
     let (class, table) = tables.of(before.class, before.width.to_f32())?;
     let mut at = before.centre;
-    for _ in 0..MAX_FOLLOWING {
-        match look_again(light, at, before.width, class, tables, table, source)? {
+    for _ in 0..MAX_TRACKING {
+        match measure_at(light, at, before.width, class, tables, table, source)? {
             Ok(fit) => return Some(fit),
             Err(beside) => at = beside,
         }
@@ -234,10 +238,10 @@ fn follow<'a>(
     None
 }
 
-/// One look for a spot of a width that is known. An error is where the spot is, if that is too far from where it was looked
-/// for. `None` where nothing is, or the width has left the table.
+/// Measures a spot of a known width at a place. The error is the spot's place, if that is too far from the
+/// place that was tried. `None` where nothing is, or the table no longer fits the width.
 #[inline(always)]
-fn look_again<'a>(
+fn measure_at<'a>(
     light: &[u16],
     at: Pixels,
     width: Pixels,
@@ -247,25 +251,26 @@ fn look_again<'a>(
     source: Width,
 ) -> Option<Result<Fit<'a>, Pixels>> {
     let window = Window::place(light, at, class, table)?;
-    let look = window.look()?;
-    if !look.near {
-        return Some(Err(look.centre));
+    let score = window.score()?;
+    if !score.near {
+        return Some(Err(score.centre));
     }
     let mut width = width.to_f32();
     let table_width = table.width * f32::from(class.block);
     if source == Width::Measured {
-        let measured = table_width * (1.0 + window.stretch(&look));
+        let measured = table_width * (1.0 + window.stretch(&score));
         width += (measured - width) * SMOOTHING;
-        if table.mismatch(width, class.block) > tables.reach() {
+        let is_within = table.mismatch(width, class.block) <= tables.reach();
+        if !is_within {
             return None;
         }
     }
     Some(Ok(Fit {
-        centre: look.centre,
+        centre: score.centre,
         width,
         ratio: width / table_width,
-        slope: look.slope,
-        per_slope: look.per_slope,
+        slope: score.slope,
+        per_slope: score.per_slope,
         class,
         table,
     }))
@@ -279,23 +284,23 @@ const SMOOTHING: f32 = 0.25;
 #[inline(never)]
 pub(super) fn refit<'a>(light: &[u16], fit: &Fit<'_>, tables: &TableSet<'a>) -> Option<Fit<'a>> {
     let (class, table) = tables.choose(fit.width, Sampling::Fine)?;
-    let mut look = Window::place(light, fit.centre, class, table)?.look()?;
-    if !look.near {
-        look = Window::place(light, look.centre, class, table)?.look()?;
+    let mut score = Window::place(light, fit.centre, class, table)?.score()?;
+    if !score.near {
+        score = Window::place(light, score.centre, class, table)?.score()?;
     }
     Some(Fit {
-        centre: look.centre,
+        centre: score.centre,
         width: fit.width,
         ratio: fit.width / (table.width * f32::from(class.block)),
-        slope: look.slope,
-        per_slope: look.per_slope,
+        slope: score.slope,
+        per_slope: score.per_slope,
         class,
         table,
     })
 }
 
-/// Passes before a spot that moved is looked for afresh.
-const MAX_FOLLOWING: usize = 3;
+/// Passes before a spot that moved is measured afresh.
+const MAX_TRACKING: usize = 3;
 
 /// Whether the coarse search, which is good to half a block, found the spot within its width of where it was.
 #[inline(always)]
@@ -357,7 +362,8 @@ fn settle<'a>(
     let (mut cut, mut was_cut, mut last) = (false, false, None);
     for pass in 0..MAX_PASSES {
         let Some(window) = Window::place(light, at, class, table) else {
-            // The place or the width may still be off: a narrower table mends either, where the spot is whole.
+            // The place or the width may still be off: a narrower table mends either, where the spot is
+            // whole.
             (cut, was_cut) = (true, true);
             width = table.width * f32::from(class.block) * NARROWER;
             (class, table) = tables.choose(width, sampling).ok_or(Unsettled::Shape)?;
@@ -366,9 +372,9 @@ fn settle<'a>(
             }
             continue;
         };
-        let look = window.look().ok_or(Unsettled::Shape)?;
-        let stretch = window.stretch(&look);
-        at = look.centre;
+        let score = window.score().ok_or(Unsettled::Shape)?;
+        let stretch = window.stretch(&score);
+        at = score.centre;
         width = table.width * f32::from(class.block) * (1.0 + stretch);
         if at.to_bits().abs_diff(start.to_bits())
             > Pixels::from_f32(4.0 * start_width).to_bits().unsigned_abs()
@@ -383,12 +389,12 @@ fn settle<'a>(
             centre: at,
             width,
             ratio: 1.0 + stretch,
-            slope: look.slope,
-            per_slope: look.per_slope,
+            slope: score.slope,
+            per_slope: score.per_slope,
             class,
             table,
         };
-        if fits && look.distance.abs() <= steps * look.nearest {
+        if fits && score.distance.abs() <= steps * score.nearest {
             if was_cut && width < RIPPLE * start_width {
                 return Err(Unsettled::Edge(at));
             }
@@ -400,7 +406,8 @@ fn settle<'a>(
         }
         last = Some(fit);
         if fits {
-            // A table of the spot's width has its window on the row: whatever keeps it from resting, no edge does.
+            // A table of the spot's width has its window on the row: whatever keeps it from resting, no edge
+            // does.
             cut = false;
         } else {
             (class, table) = (better_class, better);
@@ -433,8 +440,8 @@ impl Fit<'_> {
         let height = self.slope * self.table.height_per_slope;
         let read = noise.to_f32() * noise.to_f32() * block / (divisor * divisor);
         let shot_variance_per_count = f32::from(geometry.shot_variance_per_count_q16) / 65536.0;
-        // The table's shot noise is that of a spot of its own width; the variance grows as width^1.5 about it (1.44 to
-        // 1.60 over the tables).
+        // The table's shot noise is that of a spot of its own width; the variance grows as width^1.5 about it
+        // (1.44 to 1.60 over the tables).
         let shot = height / divisor * shot_variance_per_count * (1.5 * self.ratio - 0.5);
         let variance = self.table.variance_per_noise * read + self.table.variance_per_height * shot;
         let uncertainty = square_root(variance) * self.per_slope * block;

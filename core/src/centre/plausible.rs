@@ -1,11 +1,13 @@
-//! What every rung asks of its centre before it lets it out: no pixel cut off at full scale, and a certain place.
+//! What every estimator asks of its centre before it returns it: no pixel cut off at full scale, and a
+//! certain place.
 
 use crate::fault::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
-/// A centre less certain than an eighth of the spot's width is not trusted: noise alone may look like that spot.
+/// A centre less certain than an eighth of the spot's width is not trusted: noise alone may look like that
+/// spot.
 const DIMMEST: f32 = 8.0;
 
 /// A pixel at full scale within two widths of the centre has lost the spot's top.
@@ -46,11 +48,12 @@ pub fn saturated_pixels(light: &[u16], centre: Pixels, width: f32, geometry: &Ge
     })
 }
 
-/// The place of a spot of this width in pixels and height in counts is known to an eighth of the width. An uncertainty
-/// that is not a number is not certain either.
+/// The place of a spot of this width in pixels and height in counts is known to an eighth of the width. An
+/// uncertainty that is not a number is not certain either.
 ///
 /// # Errors
-/// [`Fault::TooDim`], with the height at which it would be certain in noise that does not grow with the light.
+/// [`Fault::TooDim`], with the height at which it would be certain in noise that does not grow with the
+/// light.
 #[inline]
 pub fn certain(amplitude: f32, uncertainty: f32, width: f32) -> Result<(), Fault> {
     if uncertainty * DIMMEST <= width {
@@ -86,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_widths_are_looked_at() {
+    fn pixels_within_two_widths_count_as_saturated() {
         let mut light = [100u16; 64];
         let geometry = crate::sensor_heads::tcd1304dg();
         let centre = Pixels::from_f32(32.5);

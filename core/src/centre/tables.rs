@@ -16,7 +16,8 @@ pub struct Table<'a> {
     pub half_width: u8,
     /// Number of sub-pixel phases; phase k is at (k - (phases - 1)/2) / phases samples from the middle.
     pub phases: u8,
-    /// Weights of the score and of its slope, phase after phase: [`Table::pairs`] a phase, the last sample's being zero.
+    /// Weights of the score and of its slope, phase after phase: [`Table::pairs`] a phase, the last sample's
+    /// being zero.
     pub weights: &'a [Pairs],
     /// Weights of the stretch, likewise.
     pub stretch: &'a [Pair],
@@ -42,8 +43,8 @@ pub struct TableSet<'a> {
     tables: &'a [Table<'a>],
     /// Tells the sets of the core apart in a [`WidthClass`].
     number: u8,
-    /// How far a spot's width may be from a table's before another serves it better: half a step between the widths, and
-    /// a tenth of a step for noise.
+    /// How far a spot's width may be from a table's before another serves it better: half a step between the
+    /// widths, and a tenth of a step for noise.
     reach: f32,
 }
 
@@ -52,8 +53,8 @@ pub struct TableSet<'a> {
 pub enum TableError {
     /// There are none, or more than 64.
     Count,
-    /// Half width, phases and number of weights do not agree, the window is longer than [`MAX_TAPS`], or there are more
-    /// than 64 phases.
+    /// Half width, phases and number of weights do not agree, the window is longer than [`MAX_TAPS`], or
+    /// there are more than 64 phases.
     Shape,
     /// Weights do not sum to zero.
     Sum,
@@ -65,7 +66,8 @@ pub enum TableError {
     Scales,
 }
 
-/// The number of a set that is not of the core: what one of those found in a row tells another of them nothing.
+/// The number of a set that is not of the core: what one of those found in a row tells another of them
+/// nothing.
 const FOREIGN: u8 = u8::MAX;
 
 /// The largest sample that tables are proven for.
@@ -76,8 +78,8 @@ const _: () = assert!(LARGEST_SAMPLE <= dual_mac::LARGEST_SAMPLE);
 /// The longest window in samples, with the one that makes it even.
 pub const MAX_TAPS: usize = 116;
 
-/// Pixels in a sample. Up to 8 their sum fits [`LARGEST_SAMPLE`]; of 16 half of the sum does, and a constant on the row still
-/// adds a whole number.
+/// Pixels in a sample. Up to 8 their sum fits [`LARGEST_SAMPLE`]; of 16 half of the sum does, and a constant
+/// on the row still adds a whole number.
 pub const BLOCKS: [u8; 5] = [1, 2, 4, 8, 16];
 
 const _: () = {
@@ -96,7 +98,8 @@ mod generated {
     include!(concat!(env!("OUT_DIR"), "/tables.rs"));
 }
 
-/// One set for every row: where the table's width is the spot's, at most 1.08 of the bound in read noise and 1.09 in shot noise.
+/// One set for every row: where the table's width is the spot's, at most 1.08 of the bound in read noise and
+/// 1.09 in shot noise.
 pub static GAUSSIAN: TableSet<'static> = proven(0, generated::GAUSSIAN);
 
 /// For the diffraction pattern of a slit, eq. (6).
@@ -114,9 +117,9 @@ pub struct Mix {
     pub tables: &'static TableSet<'static>,
 }
 
-/// The best tables for each mix of noise, from read noise alone (least squares) to shot noise alone. They are designed for
-/// ratios of infinity, 0.23, 0.07, 0.02 and 0.006; in between, at worst (at 0.9), 2.1 % is lost, and 3.4 % half a step beside a
-/// table's width.
+/// The best tables for each mix of noise, from read noise alone (least squares) to shot noise alone. They are
+/// designed for ratios of infinity, 0.23, 0.07, 0.02 and 0.006; in between, at worst (at 0.9), 2.1 % is lost,
+/// and 3.4 % half a step beside a table's width.
 pub static MIXES: [Mix; 5] = [
     Mix {
         least: 0.9,
@@ -214,7 +217,8 @@ impl<'a> TableSet<'a> {
         (NARROWEST..WIDEST).contains(&width)
     }
 
-    /// The table of the class that the row before had, or where that was of another set, the one for its width.
+    /// The table of the class that the row before had, or where that was of another set, the one for its
+    /// width.
     #[inline]
     pub(super) fn of(&self, class: WidthClass, width: f32) -> Option<(WidthClass, &'a Table<'a>)> {
         if class.set != self.number {
@@ -263,7 +267,8 @@ impl<'a> TableSet<'a> {
         }
         .unwrap_or(block);
         let samples = width / f32::from(block);
-        // The widths are a geometric series: from the geometric mean with the next one on, the next one is nearer.
+        // The widths are a geometric series: from the geometric mean with the next one on, the next one is
+        // nearer.
         let index = self
             .tables
             .iter()
@@ -291,8 +296,8 @@ pub enum Sampling {
 /// At 1.15 samples a sigma, 4 % of accuracy are lost in white noise.
 const FEWEST_SAMPLES: f32 = 1.15;
 
-/// Each row of weights sums to zero, and its inner product with samples up to [`LARGEST_SAMPLE`] fits an i32 at every step of
-/// the sum.
+/// Each row of weights sums to zero, and its inner product with samples up to [`LARGEST_SAMPLE`] fits an i32
+/// at every step of the sum.
 const fn prove(table: &Table<'_>, start: usize) -> Result<(), TableError> {
     let (mut score, mut slope, mut stretch) = (Row::new(), Row::new(), Row::new());
     let mut i = start;

@@ -1,4 +1,5 @@
-//! The pixels around a place, as a phase table sees them: summed into samples, and weighed by the phase that is nearest.
+//! The pixels around a place, as a phase table sees them: summed into samples, and weighed by the phase that
+//! is nearest.
 
 use dual_mac::{Pair, Pairs, dot, dot2};
 
@@ -7,8 +8,8 @@ use crate::centre::tables::{MAX_TAPS, Table, halvings};
 use crate::numeric::limited;
 use crate::units::Pixels;
 
-/// A centre so many pixels from that of a window of blocks need not be looked at from another window: half a pixel, and a tenth
-/// of that for noise.
+/// Up to so many pixels from a window's phase no other window of blocks is nearer to a centre: half a pixel,
+/// and a tenth of that for noise.
 const NEAR: f32 = 0.55;
 
 /// A table's window on the row.
@@ -23,8 +24,8 @@ pub(super) struct Window<'r, 't> {
     reference: Pixels,
 }
 
-/// What the score and the slope say.
-pub(super) struct Look {
+/// A centre by its score and slope.
+pub(super) struct Score {
     pub(super) centre: Pixels,
     /// How far it is from the window's phase, in samples.
     pub(super) distance: f32,
@@ -53,7 +54,8 @@ impl<'r, 't> Window<'r, 't> {
         let half_width = i32::from(table.half_width);
         let pairs = table.pairs();
         let block = i32::from(class.block);
-        // A position saturates at 2^15 pixels in Q16. Phases, half widths and blocks of 8 bits leave all else below 2^31.
+        // A position saturates at 2^15 pixels in Q16. Phases, half widths and blocks of 8 bits leave all else
+        // below 2^31.
         let (phase, first, reference) = if class.block == 1 {
             let from_its_edge = at.to_bits().saturating_add(HALF);
             let middle = from_its_edge >> Pixels::FRACTION;
@@ -98,14 +100,14 @@ impl<'r, 't> Window<'r, 't> {
         })
     }
 
-    /// Score and slope. `None` where there is no spot: the slope is that of its height.
+    /// Measures the centre. `None` where there is no spot: the slope is that of its height.
     #[inline(always)]
-    pub(super) fn look(&self) -> Option<Look> {
+    pub(super) fn score(&self) -> Option<Score> {
         // No step overflows: the tables are proven for the largest samples.
         let (score, slope) = if self.block == 1 {
             dot2(self.pixels, self.weights)
         } else {
-            self.look_at_blocks()
+            self.score_of_blocks()
         };
         if slope <= 0 {
             return None;
@@ -127,7 +129,7 @@ impl<'r, 't> Window<'r, 't> {
         } else {
             self.far(straight)
         };
-        Some(Look {
+        Some(Score {
             // Saturates as the reference does; a distance is below 1.5 * 116 * 16 < 2^12 pixels.
             centre: Pixels::from_bits(
                 self.reference
@@ -142,7 +144,8 @@ impl<'r, 't> Window<'r, 't> {
         })
     }
 
-    /// Limited to one and a half widths: further off, the products say the direction and no more, and so does the bend.
+    /// Limited to one and a half widths: further off, the products say the direction and no more, and so does
+    /// the bend.
     #[inline(never)]
     fn far(&self, straight: f32) -> f32 {
         let reach = 1.5 * self.table.width;
@@ -150,9 +153,10 @@ impl<'r, 't> Window<'r, 't> {
         straight * limited(1.0 - self.table.bend * (straight * straight), 0.9, 1.1)
     }
 
-    /// The spot's width over the table's, less one. Limited to a bit less than half or twice the width, like the distance.
+    /// The spot's width over the table's, less one. Limited to a bit less than half or twice the width, like
+    /// the distance.
     #[inline(always)]
-    pub(super) fn stretch(&self, look: &Look) -> f32 {
+    pub(super) fn stretch(&self, score: &Score) -> f32 {
         // The set has as many weights of the stretch as of the others.
         let weights = self
             .table
@@ -165,7 +169,7 @@ impl<'r, 't> Window<'r, 't> {
             self.stretch_of_blocks(weights)
         };
         limited(
-            product as f32 * look.per_slope * self.table.stretch_per_ratio,
+            product as f32 * score.per_slope * self.table.stretch_per_ratio,
             -0.4,
             0.7,
         )
@@ -174,7 +178,7 @@ impl<'r, 't> Window<'r, 't> {
     // Out of line: the sums take room on the stack, and time to clear it, that single pixels do without.
 
     #[inline(never)]
-    fn look_at_blocks(&self) -> (i32, i32) {
+    fn score_of_blocks(&self) -> (i32, i32) {
         // Coarse samples are few, and clearing room for more takes time.
         if self.weights.len() <= FEW_TAPS / 2 {
             let mut sums = [0; FEW_TAPS];
@@ -195,11 +199,12 @@ impl<'r, 't> Window<'r, 't> {
     }
 }
 
-/// Samples of a spot in coarse samples: up to 2.3 a sigma, and the tables' windows reach four or five sigma to either side.
+/// Samples of a spot in coarse samples: up to 2.3 a sigma, and the tables' windows reach four or five sigma
+/// to either side.
 const FEW_TAPS: usize = 24;
 
-/// The sums of blocks of pixels, halved to fit. Adding n to every pixel adds a whole number to every sample, because a
-/// block's size is a multiple of what its sum is divided by.
+/// The sums of blocks of pixels, halved to fit. Adding n to every pixel adds a whole number to every sample,
+/// because a block's size is a multiple of what its sum is divided by.
 fn sum_blocks(pixels: &[u16], block: u8, sums: &mut [u16]) {
     match block {
         2 => sum_chunks(pixels.as_chunks::<2>().0, 2, sums),

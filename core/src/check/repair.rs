@@ -1,16 +1,20 @@
-//! The robust fit: the adaptive phase-table score, and if the row fails the check about that centre, a fit of the pixels that belong to
-//! the spot.
+//! The robust fit: the adaptive phase-table score, and if the row fails the check about that centre, a fit of
+//! the pixels that belong to the spot.
 //!
-//! The first centre is [`adaptive`]'s. If the row is its own mirror image about it (see `symmetry`), as is usual, it stays. If not, three
-//! ways find samples that do not belong to the spot, each a series of fits ([`gauss_newton`]) to the rest:
+//! The first centre is [`adaptive`]'s. If the row is its own mirror image about it (see `symmetry`), as is
+//! usual, it stays. If not, three ways find samples that do not belong to the spot, each a series of fits
+//! ([`gauss_newton`]) to the rest:
 //!
-//! 1. **Pixels.** Hot and dead ones: the worst first, because one outlier bends the fit and makes good pixels look bad until it is gone.
-//! 2. **Light.** A second spot or a reflection, which leads a fit astray from the start: the spot's top and the dark are fitted first, then
-//!    all but the light that stands out beside the spot, as far as it is more than a thousandth of the spot.
-//! 3. **One pixel** of a narrow spot. Among its few pixels one bad pixel makes all of them look bad: each in turn is left out.
+//! 1. **Pixels.** Hot and dead ones: the worst first, because one outlier bends the fit and makes good pixels
+//!    look bad until it is gone.
+//! 2. **Light.** A second spot or a reflection, which leads a fit astray from the start: the spot's top and
+//!    the dark are fitted first, then all but the light that stands out beside the spot, as far as it is more
+//!    than a thousandth of the spot.
+//! 3. **One pixel** of a narrow spot. Among its few pixels one bad pixel makes all of them look bad: each in
+//!    turn is left out.
 //!
-//! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains. Otherwise the first centre stays,
-//! flagged.
+//! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains.
+//! Otherwise the first centre stays, flagged.
 
 use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Start, Window};
 use crate::centre::half_width::WIDTHS;
@@ -23,21 +27,23 @@ use crate::numeric;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 
-/// Standard deviations from which on a pixel is an outlier: of 128 good ones, one does so in a row of a hundred.
+/// Standard deviations from which on a pixel is an outlier: of 128 good ones, one does so in a row of a
+/// hundred.
 const OUTLIER: f32 = 4.0;
 
-/// The share of the spot's height to which its shape is known: an exact Fresnel pattern lies up to 7 % from the gaussian that fits it
-/// best, most of it within a width.
+/// The share of the spot's height to which its shape is known: an exact Fresnel pattern lies up to 7 % from
+/// the gaussian that fits it best, most of it within a width.
 const SHAPE: f32 = 0.02;
 
-/// The share to which the shape is known from pixel to pixel, over the square of the width in pixels: half of the second difference of
-/// lobes that are 2.66 widths apart, (2 pi / 2.66)^2 / 2.
+/// The share to which the shape is known from pixel to pixel, over the square of the width in pixels: half of
+/// the second difference of lobes that are 2.66 widths apart, (2 pi / 2.66)^2 / 2.
 const CURVED: f32 = 2.8;
 
 /// Narrower spots, in pixels, have too few of them to leave any out.
 const NARROWEST: f32 = 1.0;
 
-/// A fit without some pixels of a narrower spot, in pixels, is flagged: the few bad pixels that are left may fit by chance.
+/// A fit without some pixels of a narrower spot, in pixels, is flagged: the few bad pixels that are left may
+/// fit by chance.
 pub(super) const NARROWEST_SURE_REFIT: f32 = 2.5;
 
 /// More samples side by side are no bad pixels but light, which may be the spot.
@@ -84,7 +90,8 @@ pub fn centre(
 /// What kind of samples a fit leaves out.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Cause {
-    /// Bad pixels: a few, and no more than [`BAD_PIXELS`] side by side. More of them are a background that is not level.
+    /// Bad pixels: a few, and no more than [`BAD_PIXELS`] side by side. More of them are a background that is
+    /// not level.
     Pixels,
     /// The light of a second spot.
     Light,
@@ -271,7 +278,8 @@ impl Scene<'_> {
     }
 }
 
-/// Narrower spots than this, in pixels, are tried without each of their pixels in turn: at most twice 3 * 3 and one.
+/// Narrower spots than this, in pixels, are tried without each of their pixels in turn: at most twice 3 * 3
+/// and one.
 const NARROW: f32 = 3.0;
 
 /// How the samples of a window deviate from a spot.
@@ -367,9 +375,10 @@ fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
     }
 }
 
-/// Masks the second spot that stands out most beside the spot's top, as far as it is more than a thousandth of the spot. A second spot has
-/// the spot's width, so at two widths to either side of it less than half of it is left (of a gaussian 14 %). `None` where there is none: a
-/// flare is wider, and a tail has no top of its own.
+/// Masks the second spot that stands out most beside the spot's top, as far as it is more than a thousandth
+/// of the spot. A second spot has the spot's width, so at two widths to either side of it less than half of
+/// it is left (of a gaussian 14 %). `None` where there is none: a flare is wider, and a tail has no top of
+/// its own.
 fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Option<()> {
     let mut beside = gauss_newton::exponentials(at);
     for (sample, light) in window.samples().iter().zip(&mut beside) {
@@ -425,7 +434,8 @@ const AWAY: f32 = 1.5;
 /// One over the share of the spot that a second spot may leave where it is not masked.
 const THOUSAND: f32 = 1000.0;
 
-/// The level under the spot: the mean of the samples less the spot. An outlier shifts the level, but by far less than it deviates itself.
+/// The level under the spot: the mean of the samples less the spot. An outlier shifts the level, but by far
+/// less than it deviates itself.
 fn level(window: &Window, at: &Parameters) -> f32 {
     let light = gauss_newton::exponentials(at);
     let (mut sum, mut kept) = (0.0, 0.0);

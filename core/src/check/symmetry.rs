@@ -1,24 +1,26 @@
 //! Compares a row with its own mirror image about the spot's centre.
 //!
-//! A sample is a pixel or the sum of a few. The check takes pairs of samples, one as far to the right of the centre as the
-//! other to the left, up to [`REACH`] widths. The centre lies up to a quarter of a pixel from the nearest place that mirrors
-//! pixels on pixels, so samples are interpolated linearly to equal distances. The error of interpolation is equal on both
-//! sides but for the third and the fifth derivative, which are subtracted as those of a gaussian.
+//! A sample is a pixel or the sum of a few. The check takes pairs of samples, one as far to the right of the
+//! centre as the other to the left, up to [`REACH`] widths. The centre lies up to a quarter of a pixel from
+//! the nearest place that mirrors pixels on pixels, so samples are interpolated linearly to equal distances.
+//! The error of interpolation is equal on both sides but for the third and the fifth derivative, which are
+//! subtracted as those of a gaussian.
 //!
-//! **Odd part**: z = right - left. A symmetric spot has none, whatever its shape. The variance of z is 2 noise^2 + g p, with
-//! g the shot noise's variance a count and p = right + left the pair's own light. Of two pixels of equal noise p and z are not
-//! correlated, so a weight that depends on p adds no bias. With weights w = 1/variance, e = exp(-u^2/2) and u the distance in
-//! widths, z is projected on
+//! **Odd part**: z = right - left. A symmetric spot has none, whatever its shape. The variance of z is 2
+//! noise^2 + g p, with g the shot noise's variance a count and p = right + left the pair's own light. Of two
+//! pixels of equal noise p and z are not correlated, so a weight that depends on p adds no bias. With weights
+//! w = 1/variance, e = exp(-u^2/2) and u the distance in widths, z is projected on
 //!
-//! * u e, the *shift*: half of it is how far a weighted fit would move the centre. It must lie within the uncertainty.
-//! * u, the *tilt*, and u^3 e, the *skew*, each less its part along the shift. A component with the product r and the norm
-//!   s = sum w f^2 has the variance s, so r^2 / s is a chi-square of one degree of freedom.
+//! * u e, the *shift*: half of it is how far a weighted fit would move the centre. It must lie within the
+//!   uncertainty.
+//! * u, the *tilt*, and u^3 e, the *skew*, each less its part along the shift. A component with the product r
+//!   and the norm s = sum w f^2 has the variance s, so r^2 / s is a chi-square of one degree of freedom.
 //!
 //! In the rest no single pair may stand out, and the sum of squares must be one that noise explains.
 //!
-//! **Even part**: p is fitted by b + A e (1 + k2 u^2 + k4 u^4), unweighted. Optics make k4 as low as -0.040 (sinc^2; Fresnel
-//! -0.017); two equal spots 2 widths apart have -0.077. The rest of an optical shape has a mean square of at most 0.0031 of that
-//! of A e (Fresnel), that of a box 0.04 and more.
+//! **Even part**: p is fitted by b + A e (1 + k2 u^2 + k4 u^4), unweighted. Optics make k4 as low as -0.040
+//! (sinc^2; Fresnel -0.017); two equal spots 2 widths apart have -0.077. The rest of an optical shape has a
+//! mean square of at most 0.0031 of that of A e (Fresnel), that of a box 0.04 and more.
 
 use core::ops::Range;
 
@@ -36,8 +38,9 @@ const REACH: f32 = 6.0;
 /// A sample is as many pixels as make this part of a width, and no fewer than one.
 const SAMPLES_A_WIDTH: f32 = 6.0;
 
-/// How much real profiles differ from a gaussian in their third derivative, as a standard deviation over that derivative's
-/// correction: sinc^2 of a width of 0.8 pixels, where the correction is 5 % of the height, differs by less than a third of it.
+/// How much real profiles differ from a gaussian in their third derivative, as a standard deviation over that
+/// derivative's correction: sinc^2 of a width of 0.8 pixels, where the correction is 5 % of the height,
+/// differs by less than a third of it.
 const OTHER_PROFILE: f32 = 0.3;
 
 /// With fewer pairs there is no check.
@@ -54,13 +57,14 @@ const SKEW: f32 = 3.7;
 /// Standard deviations of the worst pair: beyond by chance in a row of 12,000 where there are 32 pairs.
 const WORST: f32 = 4.7;
 
-/// The sum of squares of n pairs may be so many standard deviations above n; and a constant more, because a chi-square is
-/// skewed: by (2/3)(3.7^2 - 1) after Cornish and Fisher.
+/// The sum of squares of n pairs may be so many standard deviations above n; and a constant more, because a
+/// chi-square is skewed: by (2/3)(3.7^2 - 1) after Cornish and Fisher.
 const SCATTER: f32 = 3.7;
 /// See [`SCATTER`].
 const SCATTER_SKEWED: f32 = 8.5;
 
-/// The square of the relative uncertainty of a noise's square, which is known to 3 % itself: see [`crate::spot::find`].
+/// The square of the relative uncertainty of a noise's square, which is known to 3 % itself: see
+/// [`crate::spot::find`].
 const NOISE_SQUARED: f32 = 0.0036;
 
 /// A shift of so many times the uncertainty, and of so many pixels more, is too much.
@@ -83,12 +87,12 @@ const EVEN_OF_NARROW: f32 = 2.5;
 /// The share of all other limits for such a spot.
 const TRUST_OF_NARROW: f32 = 0.7;
 
-/// The least part of the norm of u^4 e that the other functions leave it: with less, k4 is rounding. Three or four pairs
-/// have too few samples for the four functions of the even part.
+/// The least part of the norm of u^4 e that the other functions leave it: with less, k4 is rounding. Three or
+/// four pairs have too few samples for the four functions of the even part.
 const LEAST_NORM: f32 = 1e-5;
 
-/// Whether the row is its own mirror image about a centre, and has the shape of a spot there. `None` where the sensor's edge
-/// or the samples left out leave too few pairs.
+/// Whether the row is its own mirror image about a centre, and has the shape of a spot there. `None` where
+/// the sensor's edge or the samples left out leave too few pairs.
 pub(super) fn check(
     row: &Row<'_>,
     spot: &Spot,
@@ -144,8 +148,8 @@ fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
     step * step > 12.0 * noise * noise
 }
 
-/// Whether the background falls below the converter's smallest word on one side of the spot: there it is cut off, so its shape is
-/// unknown. Zeros on both sides are noise that is cut off, or two dead pixels.
+/// Whether the background falls below the converter's smallest word on one side of the spot: there it is cut
+/// off, so its shape is unknown. Zeros on both sides are noise that is cut off, or two dead pixels.
 fn sinks(light: &[u16], found: &RowCentre) -> bool {
     let (centre, reach) = (found.centre.to_f32(), REACH * found.width.to_f32());
     // `as` saturates.
@@ -157,7 +161,8 @@ fn sinks(light: &[u16], found: &RowCentre) -> bool {
     left.abs_diff(right) > left.min(right).saturating_add(2)
 }
 
-/// Whether the light changes from one pixel to the next by more than optics can: bad pixels side by side look like a narrow spot.
+/// Whether the light changes from one pixel to the next by more than optics can: bad pixels side by side look
+/// like a narrow spot.
 fn is_sharp(light: &[u16], spot: &Spot, found: &RowCentre, geometry: &Geometry) -> bool {
     if found.width.to_f32() > SHARP_WIDTH {
         return false;
@@ -184,8 +189,9 @@ fn is_sharp(light: &[u16], spot: &Spot, found: &RowCentre, geometry: &Geometry) 
 /// Only spots this narrow, in pixels, can be bad pixels: three in a row look like one of 0.95.
 const SHARP_WIDTH: f32 = 1.5;
 
-/// The largest rise from pixel to pixel plus the largest fall, over the height of the highest pixel: a width of 0.8 with a pixel's
-/// edge in its middle has 1.5, sinc^2 1.6. Their sum has the noise of about four pixels.
+/// The largest rise from pixel to pixel plus the largest fall, over the height of the highest pixel: a width
+/// of 0.8 with a pixel's edge in its middle has 1.5, sinc^2 1.6. Their sum has the noise of about four
+/// pixels.
 const SHARPEST: f32 = 1.6;
 
 /// Standard deviations of that.
@@ -389,8 +395,9 @@ impl Place {
     }
 }
 
-/// The light above a level (Q24.8 counts) of the pixels but the first and the last, moved by a part of a pixel towards the last or,
-/// if that part is negative, the first. The level is subtracted in whole numbers, so a constant on the row changes no bit.
+/// The light above a level (Q24.8 counts) of the pixels but the first and the last, moved by a part of a
+/// pixel towards the last or, if that part is negative, the first. The level is subtracted in whole numbers,
+/// so a constant on the row changes no bit.
 fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
     let [before, block @ .., after] = pixels else {
         return 0.0;
@@ -398,7 +405,8 @@ fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
     let (Some(first), Some(last)) = (block.first(), block.last()) else {
         return 0.0;
     };
-    // Both sides are on a row of at most 2^12 pixels: 2047 at most, of 4095 * 2^8 at most above or below the level, are below 2^31.
+    // Both sides are on a row of at most 2^12 pixels: 2047 at most, of 4095 * 2^8 at most above or below the
+    // level, are below 2^31.
     let sum = block.iter().fold(0, |sum, &count| {
         let above = numeric::sub_i32(i32::from(count) * (1 << Counts::FRACTION), level);
         numeric::add_i32(sum, above)
@@ -413,9 +421,9 @@ fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
 
 /// The error that linear interpolation of a gaussian leaves in z.
 ///
-/// Interpolation by a part t of a pixel adds t (1-t) ((1-t)^(n-1) - t^(n-1)) / n! times the nth derivative to a function that is
-/// even about the centre, with the sign of t, for n = 3 and 5. The derivatives of a gaussian are e (3 u - u^3) / s^3 and
-/// e (10 u^3 - 15 u - u^5) / s^5.
+/// Interpolation by a part t of a pixel adds t (1-t) ((1-t)^(n-1) - t^(n-1)) / n! times the nth derivative to
+/// a function that is even about the centre, with the sign of t, for n = 3 and 5. The derivatives of a
+/// gaussian are e (3 u - u^3) / s^3 and e (10 u^3 - 15 u - u^5) / s^5.
 struct Bend {
     third: f32,
     c0: f32,
@@ -505,7 +513,8 @@ struct Even {
 
 /// The solution of the even part.
 struct Shape {
-    /// The coefficient of u^4 e, and the norm of the part that u^4 e shares with no other function. `None` if rounding is all of it.
+    /// The coefficient of u^4 e, and the norm of the part that u^4 e shares with no other function. `None` if
+    /// rounding is all of it.
     k4: Option<(f32, f32)>,
     /// The sum of squares that is left.
     rest: f32,
@@ -591,8 +600,98 @@ mod tests {
         }
     }
 
-    /// A gaussian sampled at whole pixels, without noise: the error of interpolation in z, less the third and the fifth derivative, is
-    /// below a hundredth of the height at a width of 0.85 pixels, and 5 % with the derivatives.
+    /// A symmetric spot of these widths in pixels, with a count of noise, and its comparison with its mirror
+    /// image.
+    fn symmetry(width: f32, centre: f32, seed: u32) -> (Symmetry, RowCentre) {
+        let light: [u16; 64] = core::array::from_fn(|i| {
+            let u = (i as f32 - centre) / libm::sqrtf(width * width + 1.0 / 12.0);
+            let noise = (i as u32 + 64 * seed).wrapping_mul(2_654_435_761) >> 30;
+            (200.0 + 2000.0 * libm::expf(-0.5 * u * u) + 0.5) as u16 + noise as u16
+        });
+        let geometry = crate::sensor_heads::tcd1304dg();
+        let row = Row::new(&light, &[], geometry.full_scale()).expect("12 bits");
+        let level = Counts::from_f32(201.5);
+        let spot = Spot {
+            centre: centre as usize,
+            block_log2: 0,
+            height: Counts::from_int(2000),
+            background: crate::spot::Background {
+                level,
+                noise: Counts::from_f32(1.1),
+            },
+            black_level: level,
+        };
+        let found = RowCentre {
+            centre: Pixels::from_f32(centre),
+            uncertainty: Pixels::from_f32(0.005),
+            amplitude: Counts::from_int(2000),
+            width: Pixels::from_f32(width),
+            class: Default::default(),
+            misfit: false,
+        };
+        let nothing = LeftOut::default();
+        let symmetry = Symmetry::of(&row, &spot, &found, &geometry, &nothing, 0.0);
+        (symmetry, found)
+    }
+
+    /// With three or four pairs rounding is often all that is left of the norm of u^4 e, and its root no
+    /// number.
+    #[test]
+    fn flatness_is_a_number_or_is_not_tested() {
+        let (mut few, mut without, mut flagged) = (0, 0, 0);
+        for seed in 0..200 {
+            // So near the row's end that it has few pixels on one side.
+            let width = 0.7 + 0.01 * (seed % 60) as f32;
+            let (symmetry, found) = symmetry(width, 3.5 + 0.05 * (seed % 33) as f32, seed);
+            if let Some((k4, deviation)) = symmetry.flatness {
+                assert!(
+                    k4.is_finite() && deviation > 0.0,
+                    "{width}: {k4} {deviation}"
+                );
+            }
+            if symmetry.pairs <= 4.0 {
+                few += 1;
+                without += usize::from(symmetry.flatness.is_none());
+                flagged += usize::from(!symmetry.is_clean(&found, &LeftOut::default()));
+            }
+        }
+        println!(
+            "of {few} with three or four pairs {without} have no flatness, {flagged} are flagged"
+        );
+        assert!(
+            without > 0 && flagged <= few / 50,
+            "{few} {without} {flagged}"
+        );
+    }
+
+    #[test]
+    fn not_a_number_is_not_clean() {
+        let (good, found) = symmetry(4.0, 32.0, 1);
+        let is_clean = |symmetry: &Symmetry| symmetry.is_clean(&found, &LeftOut::default());
+        assert!(is_clean(&good));
+        let spoil: [fn(&mut Symmetry); 11] = [
+            |it| it.pairs = f32::NAN,
+            |it| it.shift = f32::NAN,
+            |it| it.tilt = f32::NAN,
+            |it| it.skew = f32::NAN,
+            |it| it.shift_norm = f32::NAN,
+            |it| it.tilt_norm = f32::NAN,
+            |it| it.skew_norm = f32::NAN,
+            |it| it.worst = f32::NAN,
+            |it| it.squares = f32::NAN,
+            |it| it.flatness = Some((f32::NAN, 1.0)),
+            |it| it.shape = f32::NAN,
+        ];
+        for (i, spoil) in spoil.into_iter().enumerate() {
+            let mut spoiled = symmetry(4.0, 32.0, 1).0;
+            spoil(&mut spoiled);
+            assert!(!is_clean(&spoiled), "{i}");
+        }
+    }
+
+    /// A gaussian sampled at whole pixels, without noise: the error of interpolation in z, less the third and
+    /// the fifth derivative, is below a hundredth of the height at a width of 0.85 pixels, and 5 % with the
+    /// derivatives.
     #[test]
     fn interpolation_leaves_no_derivatives() {
         for (width, limit) in [(0.85f32, 6e-3), (1.5, 2e-4), (4.0, 1e-5)] {

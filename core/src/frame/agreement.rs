@@ -1,58 +1,63 @@
 //! What each row of a frame counts for: the more certain the more, and the further from the others the less.
 //!
-//! A row's weight is 1/u^2, u being its own uncertainty, times Tukey's biweight of its residual from the mean, r in u:
-//! (1 - (r/c)^2)^2, and nothing beyond c. A row that is wrong says so by lying elsewhere. It is left out where a majority agrees;
-//! where none does, nobody can tell which of them is wrong. What moves steadily is seen as if it stood still.
+//! A row's weight is 1/u^2, u being its own uncertainty, times Tukey's biweight of its residual from the
+//! mean, r in u: (1 - (r/c)^2)^2, and nothing beyond c. A wrong row lies away from the others. It is left out
+//! if a majority agrees; without a majority nothing tells which rows are wrong. A steady motion of the target
+//! is subtracted first.
 
 use super::{
     Member, Members, birge_ratio, from_ordered, median, motion, number, ordered, scatter, square,
     weighted_mean,
 };
 
-/// Tukey's constant, in standard deviations: of normal errors the mean has 95 % of the best one's efficiency (A. E. Beaton and
-/// J. W. Tukey, Technometrics 16, 147 (1974)).
+/// Tukey's constant, in standard deviations: of normal errors the mean has 95 % of the best one's efficiency
+/// (A. E. Beaton and J. W. Tukey, Technometrics 16, 147 (1974)).
 const REACH: f32 = 4.685;
 
 /// A standard deviation over the median of absolute deviations, for a normal distribution.
 const DEVIATION_PER_MEDIAN: f32 = 1.4826;
 
-/// A row agrees with the mean within this share of the reach, 2.3 standard deviations: 98 % of normal errors are. One that is just
-/// within reach counts for little and is no witness for the others.
+/// A row agrees with the mean within this share of the reach, 2.3 standard deviations: 98 % of normal errors
+/// do. A row that is just within reach counts for little, and does not confirm the others.
 const AGREES: f32 = 0.5;
 
-/// Times that the weights are made anew.
+/// How often the weights are computed.
 const REWEIGHTS: usize = 5;
 
-/// Times that motion is looked for: while it is in the rows their scatter is large, and the first look may be led by those that are wrong.
-const LOOKS_FOR_MOTION: usize = 4;
+/// How often a motion is estimated and subtracted: a motion makes the rows scatter, so wrong rows may mislead
+/// the first estimate.
+const MOTION_PASSES: usize = 4;
 
-/// No row counts as more than so many times as certain as the median one: one that thinks too well of itself weighs at most as
-/// much as 64 others.
+/// No row counts as more than so many times as certain as the median row: a row that claims too small an
+/// uncertainty weighs at most as much as 64 others.
 const MOST_CERTAIN: f32 = 8.0;
 
-/// Rows from which on their own scatter says how far one of them may lie. The median deviation of n normal values is known to
-/// 1.17 / sqrt(n), 41 % of 8 rows; of fewer, only their uncertainties say it.
+/// With so many rows or more their own scatter tells how far one of them may lie. The median deviation of n
+/// normal values is known to 1.17 / sqrt(n), 41 % of 8 rows; with fewer, only the rows' uncertainties tell
+/// it.
 const ENOUGH_TO_SCATTER: usize = 8;
 
-/// Rows from which on a frame without a majority is a fault whatever its rows look like. Of fewer the mean of all is no confident error: of two
-/// groups it is off by at most sqrt(n - 1) times what n rows that scatter so much claim, which is four times of 17.
+/// With so many rows or more a frame without a majority is always a fault. With fewer the mean of all is no
+/// confident error: of two groups it is off by at most sqrt(n - 1) times the uncertainty that n rows with
+/// such a scatter claim, four times for 17.
 const ENOUGH_FOR_GROUPS: usize = 17;
 
-/// So many rows agree where the others are wrong: two thirds of them, and at least three, because two agree by chance.
+/// So many rows agree where the others are wrong: two thirds of them, and at least three, because two agree
+/// by chance.
 const fn is_majority(rows: usize, of: usize) -> bool {
     rows >= 3 && rows >= of.saturating_mul(2).div_ceil(3)
 }
 
-/// Gives each row its weight, and takes away those that do not count, and the target's motion. Gives that in pixels a row, if what is
-/// left can be of one spot.
+/// Weighs each row, removes rows that do not count, and subtracts the target's motion. Returns the motion in
+/// pixels a row. `None` if the rest is not of one spot.
 pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
     leave_misfits_out(members);
     raise_the_most_certain(members);
     let by_scatter = members.len() >= ENOUGH_TO_SCATTER;
     let mut motion = 0.0;
     reweigh(members);
-    let looks = if by_scatter { LOOKS_FOR_MOTION } else { 0 };
-    for _ in 0..looks {
+    let passes = if by_scatter { MOTION_PASSES } else { 0 };
+    for _ in 0..passes {
         let Some(slope) = motion::of(members) else {
             break;
         };
@@ -70,7 +75,7 @@ pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
         let is_fault = members.len() >= ENOUGH_FOR_GROUPS && are_two_groups(members);
         return (!is_fault).then_some(motion);
     }
-    // Of a few rows that disagree all count, and their scatter is in the mean's uncertainty.
+    // If a few rows disagree, all count, and their scatter is in the mean's uncertainty.
     for member in members.iter_mut() {
         member.weight = 1.0 / square(member.uncertainty);
     }
@@ -78,8 +83,8 @@ pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
     (!is_fault).then_some(motion)
 }
 
-/// A row whose pixels do not fit its spot is off by more than it knows. A majority of better ones does without it; otherwise the frame
-/// is made of such rows and says so.
+/// A row whose pixels do not fit its spot is off by more than its uncertainty. A majority of better rows
+/// leaves it out. Otherwise the frame is made of such rows, and the reading counts them.
 fn leave_misfits_out(members: &mut Members<'_>) {
     let fitting = number(members, |it| !it.row.misfit);
     if is_majority(fitting, members.len()) {
@@ -110,7 +115,8 @@ fn raise_the_most_certain(members: &mut [Member<'_>]) {
     }
 }
 
-/// The rows' scatter about a centre over what their uncertainties explain, where it is more and where they are enough to tell.
+/// The rows' scatter about a centre over the scatter that their uncertainties explain: at least 1, and 1 for
+/// few rows.
 fn scale(members: &[Member<'_>], centre: f32) -> f32 {
     if members.len() < ENOUGH_TO_SCATTER {
         return 1.0;
@@ -120,7 +126,7 @@ fn scale(members: &[Member<'_>], centre: f32) -> f32 {
     if scale > 1.0 { scale } else { 1.0 }
 }
 
-/// Gives each row the weight of its residual from a mean that these weights make, starting from the rows' median.
+/// Gives each row the weight of its residual from the weighted mean, starting from the rows' median.
 fn reweigh(members: &mut [Member<'_>]) {
     // In the order of their bits, once those of negative numbers are turned over.
     let keys = members
@@ -142,7 +148,8 @@ fn reweigh(members: &mut [Member<'_>]) {
     }
 }
 
-/// The bits of an f32 as an integer in the order of its value, and back: those of a negative one count downwards.
+/// The bits of an f32 as an integer in the order of its value, and back: those of a negative one count
+/// downwards.
 const fn in_order(bits: i32) -> i32 {
     if bits < 0 { bits ^ i32::MAX } else { bits }
 }
@@ -152,9 +159,10 @@ fn biweight(residual: f32) -> f32 {
     if rest > 0.0 { square(rest) } else { 0.0 }
 }
 
-/// The rows scatter more than chance explains and keep away from their mean. Within half a standard deviation of it are 38 % of
-/// normal errors, 23 % of the rows of a target that swings, and of two groups none. Fewer than one of 16
-/// are found in 0.3 % of frames of 17 rows whose errors are normal, and in fewer of larger ones.
+/// The rows scatter more than chance explains and keep away from their mean. Within half a standard deviation
+/// of it are 38 % of normal errors, 23 % of the rows of a target that swings, and of two groups none. Fewer
+/// than one of 16 are found in 0.3 % of frames of 17 rows whose errors are normal, and in fewer of larger
+/// ones.
 fn are_two_groups(members: &[Member<'_>]) -> bool {
     let rows = members.len();
     let Some(centre) = weighted_mean(members) else {

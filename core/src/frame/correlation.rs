@@ -1,11 +1,13 @@
 //! How many independent rows the frame's are worth.
 //!
-//! Speckle, a lamp that flickers or air that moves let neighbouring rows err alike: their mean is less certain than their number says,
-//! and so is their scatter. What a row's residual has in common with later ones' is its autocorrelation; the variance of the mean grows by
-//! 1 + 2 (r_1 + r_2 + ...), summed as far as two neighbouring terms together are positive and do not grow (the initial monotone
-//! sequence of C. J. Geyer, Statist. Sci. 7, 473 (1992)).
+//! Speckle, a lamp that flickers or air that moves gives neighbouring rows similar errors: their mean is less
+//! certain than their number says, and so is their scatter. With r_k the autocorrelation of the residuals at
+//! lag k, the variance of the mean grows by 1 + 2 (r_1 + r_2 + ...). The sum ends where two neighbouring
+//! terms together are no longer positive, and does not let them grow (the initial monotone sequence of C. J.
+//! Geyer, Statist. Sci. 7, 473 (1992)).
 //!
-//! A straight line through the residuals is taken away first, because a target that moves steadily is no error.
+//! A straight line through the residuals is subtracted first, because a steady motion of the target is no
+//! error.
 
 use heapless::Vec;
 
@@ -13,31 +15,35 @@ use super::motion::Line;
 use super::{FEWEST_INDEPENDENT, MAX_ROWS, Member, is_more_than_chance, square};
 use crate::numeric::limited;
 
-/// What rows that hang together are worth.
+/// The worth of rows whose errors are similar.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Correlated {
-    /// How many independent rows they are worth.
+    /// The number of independent rows that give the same uncertainty.
     rows: f32,
-    /// What the uncertainty of their mean grows by.
+    /// The factor by which the uncertainty of their mean grows.
     pub growth: f32,
 }
 
-/// What a sum of autocorrelations loses because mean and line are those of the same rows: of n rows with a true sum t it comes out as
-/// t / (1 + 6.5 t/n), within 10 % of the median for t of 2 to 16 of rows in which each hangs on the one before.
+/// A sum of autocorrelations is too small, because the mean and the line come from the same rows: of n rows
+/// with a true sum t it is t / (1 + 6.5 t/n), within 10 % of the median for t of 2 to 16 of rows in which
+/// each depends on the one before.
 const LOST: f32 = 6.5;
 
-/// Rows that are estimated to be worth so many times a number may be worth as few as that: one frame of twenty is.
+/// The estimate of the number of independent rows may be so many times too large: in one frame of twenty it
+/// is.
 const MARGIN: f32 = 2.5;
 
-/// Standard deviations by which the autocorrelation of neighbours must exceed what independent rows have: in 0.2 % of their frames it does.
+/// Standard deviations by which the autocorrelation of neighbours must exceed what independent rows have: in
+/// 0.2 % of their frames it does.
 const SIGNIFICANT: f32 = 2.88;
 
-/// The same where the rows scatter more than their noise explains. What moves them besides seldom starts anew with every row, so a
-/// weaker sign will do; one frame of six shows it by chance.
+/// The same where the rows scatter more than their noise explains. Other causes than noise seldom differ from
+/// row to row, so a weaker sign is enough; one frame of six shows it by chance.
 const SIGNIFICANT_IN_EXCESS: f32 = 1.0;
 
 impl Correlated {
-    /// As how few they may count, at least one, where that is fewer than [`FEWEST_INDEPENDENT`].
+    /// The least number of independent rows that they may be worth, at least one, if that is below
+    /// [`FEWEST_INDEPENDENT`].
     pub fn too_few(self) -> Option<u16> {
         // `as` takes the whole part; there are at most 64.
         let rows = ((self.rows / MARGIN) as u16).max(1);
@@ -45,8 +51,8 @@ impl Correlated {
     }
 }
 
-/// What rows are worth whose neighbours err alike by more than chance. None where they do not, or where there are too few to tell.
-/// `fitted` as in [`super::birge_ratio`].
+/// The worth of rows whose neighbours have similar errors by more than chance. `None` where they have not, or
+/// where rows are too few. `fitted` as in [`super::birge_ratio`].
 pub(super) fn independent(members: &[Member<'_>], fitted: f32) -> Option<Correlated> {
     if members.len() < usize::from(FEWEST_INDEPENDENT) {
         return None;
@@ -63,8 +69,8 @@ pub(super) fn independent(members: &[Member<'_>], fitted: f32) -> Option<Correla
         let products: f32 = (residuals.iter().zip(later)).map(|(a, b)| a * b).sum();
         products / squares
     };
-    // Of independent rows it has a mean of -2/n, from the mean and the line, and a standard deviation of (1 - 2/n) / sqrt(n).
-    // Mean and line take a degree of freedom each.
+    // Of independent rows it has a mean of -2/n, from the mean and the line, and a standard deviation of (1 -
+    // 2/n) / sqrt(n). Mean and line take a degree of freedom each.
     let significant = if is_more_than_chance(squares, n - 2.0) {
         SIGNIFICANT_IN_EXCESS
     } else {

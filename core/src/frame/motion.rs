@@ -10,12 +10,14 @@ pub(super) struct Line {
     pub middle: f32,
     /// Its height there, in pixels from the frame's origin.
     pub centre: f32,
-    /// The rows' weighted sum of squared places from there: the inverse of the slope's variance, where weights are 1/u^2.
+    /// The rows' weighted sum of squared places from there: the inverse of the slope's variance, where
+    /// weights are 1/u^2.
     pub moment: f32,
 }
 
-/// A slope counts as motion where it is so many times its standard deviation. For rows at rest whose errors are normal that is so in 0.7 %
-/// of frames of eight rows and in fewer of larger ones; to take it for motion costs them nothing then, but a little certainty.
+/// A slope counts as motion where it is so many times its standard deviation. For rows at rest whose errors
+/// are normal that is so in 0.7 % of frames of eight rows and in fewer of larger ones; to take it for motion
+/// costs them nothing then, but a little certainty.
 const SIGNIFICANT: f32 = 4.0;
 
 impl Line {

@@ -1,47 +1,49 @@
-//! Whether what the search found is one spot or two.
+//! Tells whether the search found one spot or two.
 //!
-//! The search takes the block in which most light stands out, and where two spots are within some nine widths of each other that is one
-//! which holds both. So the light about it is looked at in finer blocks. Two lumps there, each compact, far apart for their width,
-//! with a valley between them and no other light beside them, are two spots: either which is the laser's cannot be told, or the
-//! higher one takes the place of both. Speckle breaks a spot into lumps too, but closer ones, or more.
+//! The search takes the block in which most light stands out. If two spots are within some nine widths of
+//! each other, that block holds both. So the light near it is divided into finer blocks. Two lumps there,
+//! each compact, far apart for their width, with a valley between them and no other light beside them, are
+//! two spots. If they are about as high, nothing tells which is the laser's, and that is a fault; otherwise
+//! the higher one replaces both. Speckle breaks a spot into lumps too, but closer ones, or more.
 //!
-//! Further away the kernel's responses tell: one that is nearly as high as the spot's is another spot.
+//! Further away the kernel's responses decide: one that is nearly as high as the spot's is another spot.
 
 use crate::fault::Fault;
 use crate::numeric;
 use crate::spot::{LARGEST_BLOCK_LOG2, Spot, Sums, above, height, in_q8, middle, needed, square};
 use crate::units::{Counts, Pixels};
 
-/// A second spot of 50 % of the first one's height is none to be confused with it, one of 80 % is. In blocks either is measured to a
-/// tenth: two thirds lie between.
+/// A second spot of 50 % of the first one's height is not confused with it, one of 80 % is. Blocks measure
+/// heights to a tenth, so the limit is two thirds.
 pub(super) const fn is_alike(height: i64, highest: i64) -> bool {
     3 * height > 2 * highest
 }
 
-/// A second lump of less leads the search astray by no more than half a width.
+/// A lower second lump moves the search's result by half a width at most.
 const fn is_seen(height: i32, highest: i32) -> bool {
     height > highest / 4
 }
 
-/// Another spot's response stands this far above its noise, in halves of a standard deviation: noise gets there in one row of 10,000 (8000
-/// places, beyond 5.5), and a spot that is bright enough for a centre has ten.
+/// Another spot's response stands this far above its noise, in halves of a standard deviation: noise gets
+/// there in one row of 10,000 (8000 places, beyond 5.5), and a spot that is bright enough for a centre has
+/// ten.
 const OTHER: u16 = 11;
 
-/// Blocks to either side of the spot in which it is looked at more finely: what they leave to the other test is
-/// apart enough for it.
+/// Blocks to either side of the spot that are divided into finer ones. [`further_away`] tests the rest.
 const NEAR: usize = 4;
 
-/// An eighth of the spot's block is fine enough for the narrowest two that the search takes for one: blocks of a quarter.
+/// An eighth of the spot's block is fine enough for the narrowest two that the search takes for one: blocks
+/// of a quarter.
 const FINE_LOG2: u32 = 3;
 
-/// Fine blocks looked at.
+/// Number of fine blocks.
 const FINE: usize = (2 * NEAR) << FINE_LOG2;
 
-/// The spot, or the higher one of two.
+/// Returns the spot, or the higher one of two.
 ///
 /// # Errors
 /// [`Fault::TwoSpots`] where another is as high.
-pub(super) fn told_from_another(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
+pub(super) fn check(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
     let mut spot = found;
     // Each time in smaller blocks.
     while let Some((higher, lower)) = Near::new(sums, &spot).and_then(|near| near.two()) {
@@ -70,7 +72,7 @@ fn two_spots(centre: usize, other: usize) -> Fault {
 /// The light near a spot, in fine blocks, above the background: Q24.8 counts, of 16 pixels below 2^24.
 struct Near {
     light: [i32; FINE],
-    /// The same without what is a single block's: the median of three neighbours. It knows no hot and no dead pixel.
+    /// The median of three neighbouring blocks, which removes hot and dead pixels.
     smooth: [i32; FINE],
     length: usize,
     /// The first block's place on the row.
@@ -223,7 +225,8 @@ impl Near {
         })
     }
 
-    /// Three and a half widths at least: one and a half times the full width at half maximum, which is known to two blocks.
+    /// Three and a half widths at least: one and a half times the full width at half maximum, which is known
+    /// to two blocks.
     fn are_apart(&self, one: &Lump, other: &Lump) -> bool {
         let wider = one.blocks().max(other.blocks());
         one.top.abs_diff(other.top).saturating_add(2) >= wider.saturating_mul(3).div_ceil(2)

@@ -1,4 +1,5 @@
-//! The coarse search for a spot whose width is known: one sweep of the kernel [1 2 1] over the row, in groups of blocks of 8 pixels.
+//! The coarse search for a spot whose width is known: one sweep of the kernel [1 2 1] over the row, in groups
+//! of blocks of 8 pixels.
 
 use crate::numeric;
 use crate::row::{LARGEST_COUNT, MAX_PIXELS};
@@ -8,14 +9,14 @@ pub(super) const BLOCK_LOG2: u32 = 3;
 
 const _: () = assert!((LARGEST_COUNT as u32) << BLOCK_LOG2 <= u16::MAX as u32);
 
-/// Blocks in a part of the row: the largest group. How high the response gets is noted for each part, and where only for the
-/// one that matters.
+/// Blocks in a part of the row: the largest group. How high the response gets is noted for each part, and
+/// where only for the one that matters.
 const PART_LOG2: u32 = 4;
 
 const PARTS: usize = MAX_PIXELS >> (BLOCK_LOG2 + PART_LOG2);
 
-/// Groups between a spot and another that is noticed. A spot has at most 1.5 groups' width: that far off it has a third of its response
-/// left.
+/// Groups between a spot and another that is noticed. A spot has at most 1.5 groups' width: that far off it
+/// has a third of its response left.
 const APART: usize = 2;
 
 /// How high the kernel's response gets, background included.

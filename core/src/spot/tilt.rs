@@ -1,7 +1,7 @@
-//! A background that rises along the row, as sunlight from one side makes it: the search does without it.
+//! A background that rises along the row, as sunlight from one side makes it. The search subtracts it.
 //!
-//! Its slope is the median of the steps from one large block to the next. A spot makes as many steps up as down, so it
-//! counts for little, however many blocks it covers.
+//! Its slope is the median of the steps from one large block to the next. A spot makes as many steps up as
+//! down, so it counts for little, however many blocks it covers.
 
 use heapless::Vec;
 
@@ -16,12 +16,14 @@ const FRACTION: u32 = 16;
 /// A background that rises, or falls, by the same from each pixel to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tilt {
-    /// Counts a pixel, Q16: blocks have two pixels at least, and their means differ by 4095 at most, so below 2^27.
+    /// Counts a pixel, Q16: blocks have two pixels at least, and their means differ by 4095 at most, so below
+    /// 2^27.
     slope: i64,
 }
 
 impl Tilt {
-    /// From the sums over a row's blocks of 2^`block_log2` pixels. `None` for fewer than two, or more than a median takes.
+    /// From the sums over a row's blocks of 2^`block_log2` pixels. `None` for fewer than two, or more than a
+    /// median takes.
     pub(super) fn of(sums: &[u32], block_log2: u32) -> Option<Self> {
         let mut steps: Vec<i32, MEDIAN_BLOCKS> = Vec::new();
         for (this, next) in sums.iter().zip(sums.iter().skip(1)) {
@@ -37,9 +39,10 @@ impl Tilt {
         })
     }
 
-    /// Whether it hides a spot of this height: its middle and its ends are further apart than a quarter of that, and than twice a
-    /// pixel's noise, which is five times the standard deviation of what noise alone makes (0.4 times its own, of 28 blocks of
-    /// 128 pixels: median steps scatter by 1.25 sqrt(2 / 128) / sqrt(27), and there are 14 in half a row).
+    /// Whether it hides a spot of this height: its middle and its ends are further apart than a quarter of
+    /// that, and than twice a pixel's noise, which is five times the standard deviation of what noise alone
+    /// makes (0.4 times its own, of 28 blocks of 128 pixels: median steps scatter by 1.25 sqrt(2 / 128) /
+    /// sqrt(27), and there are 14 in half a row).
     pub(super) fn matters(self, light: &[u16], height: Counts, noise: Counts) -> bool {
         let drift = self.rise(light.len() / 2);
         drift > 2 * i64::from(noise.to_bits()) && drift > i64::from(height.to_bits()) / 4
@@ -52,7 +55,8 @@ impl Tilt {
             >> (FRACTION - Counts::FRACTION)
     }
 
-    /// By how much it is higher at a pixel than at the row's dark end, Q24.8 counts. At most 2^20, all that a row can hold.
+    /// By how much it is higher at a pixel than at the row's dark end, Q24.8 counts. At most 2^20, all that a
+    /// row can hold.
     pub(super) fn at(self, light: &[u16], pixel: usize) -> i32 {
         let from_dark = if self.slope > 0 {
             pixel
@@ -62,8 +66,8 @@ impl Tilt {
         self.rise(from_dark).min(1 << 20) as i32
     }
 
-    /// The row without it, and what its lowest pixel then has: that is taken off too, or a row whose dark end is near zero would be
-    /// cut off there.
+    /// The row without it, and what its lowest pixel then has: that is taken off too, or a row whose dark end
+    /// is near zero would be cut off there.
     pub(super) fn taken_off(self, light: &[u16]) -> (i32, impl Iterator<Item = u16>) {
         // At most 2^12 counts either way.
         let without = move |(pixel, &count): (usize, &u16)| {

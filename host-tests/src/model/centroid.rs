@@ -1,4 +1,4 @@
-//! [`slitrange::centre::centroid`] in f64: eq. (2) over a window that moves with the centroid.
+//! [`Estimator::Centroid`](slitrange::Estimator::Centroid) in f64: eq. (2) over a window that moves with the centroid.
 
 use slitrange::centre::half_width;
 use slitrange::spot::Spot;
