@@ -120,7 +120,7 @@ fn a_stage_goes_through_all_positions() {
         assert!(text.lines().any(|there| there == line), "{line}");
     }
     let taken = Points::read(Path::new(&points(&sensor))).expect("points");
-    assert_eq!(taken.taken.estimator, Some(Estimator::PhaseTable));
+    assert_eq!(taken.setup.estimator, Some(Estimator::PhaseTable));
     let distances: Vec<f64> = {
         let mut distances: Vec<f64> = taken.points.iter().map(|point| point.d_mm).collect();
         distances.sort_by(f64::total_cmp);
@@ -299,8 +299,8 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
         ),
         (
             "# estimator phase-table",
-            "# estimator robust",
-            "taken with `estimator robust`, and the sensor is set to `estimator phase-table`: set it to that, or take another file",
+            "# estimator adaptive",
+            "taken with `estimator adaptive`, and the sensor is set to `estimator phase-table`: set it to that, or take another file",
         ),
         (
             "# points of",
@@ -359,7 +359,7 @@ fn once_there_are(sensor: &StandIn, count: usize, then: Duration) {
 fn a_cable_that_falls_out_and_power_that_fails_are_waited_for() {
     let sensor = StandIn::new(15, Trouble::default());
     // What was set, and not saved, is set again.
-    sensor.state().settings.estimator = Estimator::Robust;
+    sensor.state().settings.estimator = Estimator::Adaptive;
     let positions = list(&sensor, &TEN);
     let stage = sensor.stage_command();
     std::thread::scope(|scope| {
@@ -394,8 +394,8 @@ fn a_cable_that_falls_out_and_power_that_fails_are_waited_for() {
     });
     check(&sensor, &TEN, noise(8));
     let text = std::fs::read_to_string(points(&sensor)).expect("a file");
-    assert!(text.contains("\n# estimator robust\n"), "{text}");
-    assert_eq!(sensor.state().settings.estimator, Estimator::Robust);
+    assert!(text.contains("\n# estimator adaptive\n"), "{text}");
+    assert_eq!(sensor.state().settings.estimator, Estimator::Adaptive);
 }
 
 #[test]
