@@ -29,7 +29,7 @@ use slitrange::record::date::Date;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::sensor_heads::tcd1304dg;
 
-use crate::points::{self, Points, Taken};
+use crate::points::{self, Points, Setup};
 use crate::record_file::{self, Shown};
 use physical::{Branch, Physical};
 use report::{RecordWritten, Report};
@@ -117,7 +117,7 @@ impl Wanted {
 /// `slitrange calibrate fit`.
 ///
 /// # Errors
-/// The points are no calibration, which line and why is said; or a file cannot be read or written.
+/// No calibration fits the points, or a file cannot be read or written. The error names the line of the file and the reason.
 pub fn run(options: &Options) -> anyhow::Result<()> {
     let physical = match options.physical {
         true => Some(physical::constraint(
@@ -129,7 +129,7 @@ pub fn run(options: &Options) -> anyhow::Result<()> {
         )?),
         false => None,
     };
-    let Points { points, taken } = Points::read(&options.points)?;
+    let Points { points, setup } = Points::read(&options.points)?;
     let file = options.points.display().to_string();
     let position = options.position_uncertainty.map(|mm| 1e-3 * mm);
     let solved = solve::solve(&points, position).with_context(|| file.clone())?;
@@ -138,7 +138,7 @@ pub fn run(options: &Options) -> anyhow::Result<()> {
         .map(|constraint| Physical::of(&solved.plain.eq1, constraint, solved.variance()))
         .transpose()?;
     let mut report = Report::of(file, &solved, &made, physical);
-    let record = options.record(&taken, made.calibration.clone())?;
+    let record = options.record(&setup, made.calibration.clone())?;
     let path = options.record_path();
     ensure!(
         path != options.points,
@@ -162,20 +162,20 @@ pub fn run(options: &Options) -> anyhow::Result<()> {
 impl Options {
     fn record(
         &self,
-        taken: &Taken,
+        setup: &Setup,
         calibration: slitrange::distance::Calibration,
     ) -> anyhow::Result<EncodedRecord> {
         Ok(EncodedRecord::new(Record {
-            serial_number: self.serial.or(taken.serial_number).unwrap_or(0),
+            serial_number: self.serial.or(setup.serial_number).unwrap_or(0),
             date: match self.date {
                 Some(date) => date,
                 None => today()?,
             },
             geometry: tcd1304dg(),
-            estimator: self.estimator.or(taken.estimator).unwrap_or_default(),
+            estimator: self.estimator.or(setup.estimator).unwrap_or_default(),
             black_level: self
                 .black
-                .or(taken.black_level)
+                .or(setup.black_level)
                 .unwrap_or(BlackLevel::Shielded),
             calibration,
         })?)

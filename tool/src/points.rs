@@ -10,8 +10,8 @@
 //! 2371.60220,607.1,0.0020
 //! ```
 //!
-//! Lines that begin with `#` are comments; those that say how the points were taken, as above, go into the record. Other columns are
-//! not read.
+//! Lines that begin with `#` are comments. The comments above are a [`Setup`], which goes into the record. Other columns are not
+//! read.
 
 use std::path::Path;
 
@@ -20,7 +20,8 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::row::LARGEST_COUNT;
 use slitrange::sensor_heads::tcd1304dg;
-use slitrange::units::{Counts, Micrometres};
+use slitrange::settings::{Setting, Value};
+use slitrange::units::Micrometres;
 
 /// A centre at a known distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,19 +36,21 @@ pub struct Point {
     pub sigma_px: Option<f64>,
 }
 
-/// What a file of points says.
+/// The content of a file of points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
     /// In the file's order. Either all have an uncertainty or none.
     pub points: Vec<Point>,
-    /// Its comments.
-    pub taken: Taken,
+    /// How they were taken.
+    pub setup: Setup,
 }
 
-/// How points were taken, as far as the file says so.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Taken {
-    /// The sensor's serial number.
+/// The sensor and the settings with which points were taken, as far as they are known.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Setup {
+    /// The sensor head.
+    pub head: Option<String>,
+    /// The sensor's serial number; 0 until it has one.
     pub serial_number: Option<u32>,
     /// How centres were found.
     pub estimator: Option<Estimator>,
@@ -82,8 +85,9 @@ impl Points {
         for (line, text) in (1..).zip(text.lines()) {
             let text = text.trim();
             if let Some(comment) = text.strip_prefix('#') {
-                read.taken
-                    .comment(comment)
+                read.setup
+                    .read_comment(comment)
+                    .and_then(|()| read.setup.check_head())
                     .with_context(|| format!("line {line}"))?;
             } else if !text.is_empty() {
                 let fields = fields(text).with_context(|| format!("line {line}"))?;
@@ -195,9 +199,27 @@ impl Columns {
     }
 }
 
-impl Taken {
-    /// Takes a comment in where it is one of those that say how points were taken.
-    fn comment(&mut self, comment: &str) -> anyhow::Result<()> {
+impl Setup {
+    /// Names and values of the comments that hold this setup.
+    pub fn comments(&self) -> [(&'static str, Option<String>); 4] {
+        let black_level = self.black_level.map(black_level_words);
+        let estimator = self.estimator.map(|estimator| estimator.name().to_owned());
+        [
+            ("head", self.head.clone()),
+            (
+                "serial",
+                self.serial_number.map(|number| number.to_string()),
+            ),
+            ("estimator", estimator),
+            ("black", black_level),
+        ]
+    }
+
+    /// Reads a comment, without its `#`. Most comments are no part of a setup, and change nothing.
+    ///
+    /// # Errors
+    /// The comment names a part of the setup, and its value is none that there is.
+    pub fn read_comment(&mut self, comment: &str) -> anyhow::Result<()> {
         let words: Vec<&str> = comment.split_whitespace().collect();
         match words[..] {
             ["serial", number] => {
@@ -206,22 +228,36 @@ impl Taken {
                 })?;
                 self.serial_number = Some(number);
             }
+            // Estimators of earlier firmware: see `Estimator::from_stored_letter`.
+            ["estimator", "robust"] => self.estimator = Some(Estimator::Adaptive),
+            [
+                "estimator",
+                "blocks" | "parabola" | "log-parabola" | "zero-crossing",
+            ] => {
+                self.estimator = Some(Estimator::PhaseTable);
+            }
             ["estimator", name] => self.estimator = Some(estimator(name)?),
             ["black", ..] if words.len() <= 3 => self.black_level = Some(black_level(&words[1..])?),
-            ["head", head] => ensure!(
-                head == HEAD,
-                "there is no head {head:?}: centres must be those of a {HEAD}"
-            ),
+            ["head", head] => self.head = Some(head.to_owned()),
             _ => {}
         }
         Ok(())
     }
+
+    fn check_head(&self) -> anyhow::Result<()> {
+        match &self.head {
+            Some(head) if head != HEAD => {
+                bail!("there is no head {head:?}: centres must be those of a {HEAD}")
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
-/// The estimator of that name.
+/// The estimator with a name.
 ///
 /// # Errors
-/// There is none.
+/// No estimator has that name.
 pub fn estimator(name: &str) -> anyhow::Result<Estimator> {
     Estimator::named(name).with_context(|| {
         format!(
@@ -231,19 +267,19 @@ pub fn estimator(name: &str) -> anyhow::Result<Estimator> {
     })
 }
 
+/// A black level in the words of the serial line.
+pub fn black_level_words(level: BlackLevel) -> String {
+    let line = Value::Black(level).to_string();
+    line.strip_prefix("black ").unwrap_or(&line).to_owned()
+}
+
 /// The black level in the words of the serial line: `shielded`, `frame`, `fixed N`.
 ///
 /// # Errors
-/// There is none in such words.
+/// The words are no black level.
 pub fn black_level(words: &[&str]) -> anyhow::Result<BlackLevel> {
-    let level = match words {
-        ["shielded"] => Some(BlackLevel::Shielded),
-        ["frame"] => Some(BlackLevel::Frame),
-        ["fixed", counts] => counts
-            .parse()
-            .ok()
-            .filter(|counts| *counts <= LARGEST_COUNT)
-            .map(|counts: u16| BlackLevel::Fixed(Counts::from_int(counts.into()))),
+    let level = match Setting::Black.read(words) {
+        Ok(Value::Black(level)) => Some(level),
         _ => None,
     };
     level.with_context(|| {
@@ -257,6 +293,7 @@ pub fn black_level(words: &[&str]) -> anyhow::Result<BlackLevel> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slitrange::units::Counts;
 
     #[test]
     fn reads_what_is_there_and_no_more() {
@@ -266,8 +303,9 @@ mod tests {
         )
         .expect("points");
         assert_eq!(
-            read.taken,
-            Taken {
+            read.setup,
+            Setup {
+                head: Some(HEAD.to_owned()),
                 serial_number: Some(42),
                 estimator: Some(Estimator::Adaptive),
                 black_level: Some(BlackLevel::Fixed(Counts::from_int(120))),
@@ -288,7 +326,45 @@ mod tests {
         );
         let plain = Points::parse("x_px,d_mm\n1,2").expect("points");
         assert_eq!(plain.points[0].sigma_px, None);
-        assert_eq!(plain.taken, Taken::default());
+        assert_eq!(plain.setup, Setup::default());
+    }
+
+    #[test]
+    fn files_name_estimators_of_earlier_firmware() {
+        for (name, estimator) in [
+            ("robust", Estimator::Adaptive),
+            ("blocks", Estimator::PhaseTable),
+            ("parabola", Estimator::PhaseTable),
+            ("log-parabola", Estimator::PhaseTable),
+            ("zero-crossing", Estimator::PhaseTable),
+            ("gauss-newton", Estimator::GaussNewton),
+        ] {
+            let text = format!("# estimator {name}\nx_px,d_mm\n1500,600");
+            let read = Points::parse(&text).expect("points");
+            assert_eq!(read.setup.estimator, Some(estimator), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_setup_is_read_as_it_was_written() {
+        for black_level in [
+            BlackLevel::Shielded,
+            BlackLevel::Frame,
+            BlackLevel::Fixed(Counts::from_int(300)),
+        ] {
+            let setup = Setup {
+                head: Some(HEAD.to_owned()),
+                serial_number: Some(17),
+                estimator: Some(Estimator::Fraunhofer),
+                black_level: Some(black_level),
+            };
+            let mut read = Setup::default();
+            for (name, value) in setup.comments() {
+                let comment = format!(" {name} {}", value.expect("a value"));
+                read.read_comment(&comment).expect("a part of the setup");
+            }
+            assert_eq!(read, setup);
+        }
     }
 
     #[test]

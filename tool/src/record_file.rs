@@ -11,9 +11,9 @@ use slitrange::distance::knots::{Knot, Knots};
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::record::{MAX_ENCODED, decode};
 use slitrange::row::Polarity;
-use slitrange::settings::Value;
 use slitrange::units::{Micrometres, Pixels};
 
+use crate::points::black_level_words;
 use crate::whole_file;
 
 /// Centres in the table of what a record says.
@@ -177,7 +177,7 @@ impl Shown {
                     / 65536.0,
             },
             estimator: record.estimator.name().to_owned(),
-            black: value(Value::Black(record.black_level)),
+            black: black_level_words(record.black_level),
             nominal: record.is_nominal(),
             kind,
             eq1: eq1.map(|curve| ShownEq1 {
@@ -293,13 +293,6 @@ fn parts(calibration: &Calibration) -> (&'static str, Option<&Eq1>, Option<&Knot
             Some(corrected.residuals()),
         ),
     }
-}
-
-/// What follows the name in a command.
-fn value(value: Value) -> String {
-    let line = value.to_string();
-    line.split_once(' ')
-        .map_or(line.clone(), |(_, value)| value.to_owned())
 }
 
 /// Of [`EXAMPLES`] centres from the first to the last, one.

@@ -14,7 +14,8 @@ use super::answers::{Centre, NoCentre};
 use super::line::{LineError, Waits};
 use super::positions::{self, Moved, Mover, Which, check_command};
 use super::session::{Before, Session};
-use super::taken::{Millimetres, PointsFile, Setup, Taken};
+use super::taken::{Millimetres, PointsFile, Taken};
+use crate::points::Setup;
 
 /// How often a position is tried with a stage, which cannot be asked.
 const TRIES: usize = 3;
@@ -111,9 +112,9 @@ pub fn run_with(
         None => Mover::Person { input },
     };
     let mut session = Session::open(&options.port, waits)?;
-    let settings = Settings::of(&mut session)?;
+    let setup = ask_setup(&mut session)?;
     let found = session.before()?;
-    let mut file = PointsFile::open(&options.file, &settings.setup(), found, &now())?;
+    let mut file = PointsFile::open(&options.file, &setup, found, &now())?;
     // That is how a run that was killed leaves the sensor.
     let left_behind = Before {
         streamed: false,
@@ -134,17 +135,19 @@ pub fn run_with(
     let missing = positions::missing(&wanted, &taken);
     writeln!(
         output,
-        "sensor {} at {}, {}, {}: {} of {} positions to go",
-        settings.head,
+        "sensor {} at {}, {}: {} of {} positions to go",
+        session.head(),
         options.port,
-        settings.estimator,
-        settings.black,
+        settings(&setup)
+            .map(|value| value.to_string())
+            .collect::<Vec<_>>()
+            .join(", "),
         missing.len(),
         wanted.len()
     )?;
     let walk = Walk {
         session,
-        settings,
+        setup,
         mover,
         frames: usize::from(options.frames),
         output,
@@ -163,54 +166,35 @@ pub fn run_with(
     walk.context("stopped; run the same command again to go on")
 }
 
-/// What points are taken with, in the sensor's own words.
-#[derive(Clone, Debug)]
-struct Settings {
-    head: String,
-    serial_number: u32,
-    estimator: Value,
-    black: Value,
+/// Asks a sensor for its setup.
+fn ask_setup(session: &mut Session) -> Result<Setup, LineError> {
+    let record = session.calibration()?.record;
+    Ok(Setup {
+        head: Some(session.head().to_owned()),
+        serial_number: Some(record.map_or(0, |record| record.serial_number)),
+        estimator: match session.value(Setting::Estimator)? {
+            Value::Estimator(estimator) => Some(estimator),
+            _ => None,
+        },
+        black_level: match session.value(Setting::Black)? {
+            Value::Black(level) => Some(level),
+            _ => None,
+        },
+    })
 }
 
-impl Settings {
-    fn of(session: &mut Session) -> Result<Self, LineError> {
-        Ok(Self {
-            head: session.head().to_owned(),
-            serial_number: session
-                .calibration()?
-                .record
-                .map_or(0, |record| record.serial_number),
-            estimator: session.value(Setting::Estimator)?,
-            black: session.value(Setting::Black)?,
-        })
-    }
-
-    fn setup(&self) -> Setup {
-        let value = |value: Value| {
-            let line = value.to_string();
-            line.split_once(' ')
-                .map_or(line.clone(), |(_, value)| value.to_owned())
-        };
-        Setup {
-            head: self.head.clone(),
-            serial_number: self.serial_number,
-            estimator: value(self.estimator),
-            black: value(self.black),
-        }
-    }
-
-    fn letter(&self) -> Option<char> {
-        match self.estimator {
-            Value::Estimator(estimator) => Some(estimator.letter()),
-            _ => None,
-        }
-    }
+/// The settings that points are taken with.
+fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
+    let estimator = setup.estimator.map(Value::Estimator);
+    estimator
+        .into_iter()
+        .chain(setup.black_level.map(Value::Black))
 }
 
 /// The way through the positions.
 struct Walk<'a> {
     session: Session,
-    settings: Settings,
+    setup: Setup,
     mover: Mover<'a>,
     frames: usize,
     output: &'a mut dyn Write,
@@ -311,7 +295,7 @@ impl Walk<'_> {
         match &answer {
             Ok(centre)
                 if u32::from(centre.rows) != MAX_ROWS
-                    || Some(centre.estimator) != self.settings.letter() =>
+                    || Some(centre.estimator) != self.setup.estimator.map(Estimator::letter) =>
             {
                 Err(LineError::Restarted {
                     banner: format!(
@@ -327,14 +311,15 @@ impl Walk<'_> {
     /// Goes on with the sensor after it went away: the same one, set as it was.
     fn reconnect(mut self) -> Result<Self> {
         self.session = self.session.reopen()?;
-        let now = Settings::of(&mut self.session)?;
+        let now = ask_setup(&mut self.session)?;
         ensure!(
-            now.head == self.settings.head && now.serial_number == self.settings.serial_number,
+            now.head == self.setup.head && now.serial_number == self.setup.serial_number,
             "another sensor is at {} now",
             self.session.port()
         );
-        self.session.set(Command::Set(self.settings.estimator))?;
-        self.session.set(Command::Set(self.settings.black))?;
+        for value in settings(&self.setup) {
+            self.session.set(Command::Set(value))?;
+        }
         self.session.borrow_rows(MAX_ROWS as u16)?;
         writeln!(self.output, "the sensor is back, and set as it was")?;
         Ok(self)

@@ -13,6 +13,7 @@ use slitrange::protocol::command::{Command, parse};
 use slitrange::settings::Value;
 
 use super::session::Before;
+use crate::points::Setup;
 
 /// The line above the points.
 const COLUMNS: &str = "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated";
@@ -30,31 +31,6 @@ impl fmt::Display for Millimetres {
         } else {
             write!(f, "{}", self.0)
         }
-    }
-}
-
-/// With what points are taken: those of a file all with the same.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Setup {
-    /// The sensor head.
-    pub head: String,
-    /// The sensor's serial number; 0 until it has one.
-    pub serial_number: u32,
-    /// How centres are found.
-    pub estimator: String,
-    /// How the black level is found.
-    pub black: String,
-}
-
-impl Setup {
-    /// Names and values of its parts, as the file's first lines have them.
-    fn parts(&self) -> [(&'static str, String); 4] {
-        [
-            ("head", self.head.clone()),
-            ("serial", self.serial_number.to_string()),
-            ("estimator", self.estimator.clone()),
-            ("black", self.black.clone()),
-        ]
     }
 }
 
@@ -181,7 +157,8 @@ impl PointsFile {
         } else {
             let content =
                 Content::read(&bytes).with_context(|| format!("{shown} stays as it is"))?;
-            same_setup(&content.first, setup).with_context(|| format!("{shown} stays as it is"))?;
+            check_setup(&content.first, setup)
+                .with_context(|| format!("{shown} stays as it is"))?;
             content
         };
         if let Some(torn) = &content.torn {
@@ -269,9 +246,8 @@ impl PointsFile {
 fn heading(setup: &Setup, found: Before, started: &str) -> Vec<String> {
     let mut lines = vec![TITLE.to_owned()];
     lines.extend(
-        setup
-            .parts()
-            .map(|(name, value)| format!("# {name} {value}")),
+        (setup.comments().into_iter())
+            .filter_map(|(name, value)| Some(format!("# {name} {}", value?))),
     );
     if let Some(rows) = found.rows {
         lines.push(format!("# {}", Value::Rows(rows)));
@@ -370,15 +346,14 @@ fn begun_with(first: &[String]) -> Option<Before> {
     })
 }
 
-/// Whether a file's first lines say the same setup.
-fn same_setup(first: &[String], setup: &Setup) -> Result<()> {
-    for (name, now) in setup.parts() {
-        let said = first.iter().find_map(|line| {
-            line.strip_prefix("# ")?
-                .strip_prefix(name)?
-                .strip_prefix(' ')
-        });
-        let Some(then) = said else {
+/// Checks that a file's first lines name the same setup.
+fn check_setup(first: &[String], setup: &Setup) -> Result<()> {
+    let mut found = Setup::default();
+    for comment in first.iter().filter_map(|line| line.strip_prefix('#')) {
+        found.read_comment(comment)?;
+    }
+    for ((name, then), (_, now)) in found.comments().into_iter().zip(setup.comments()) {
+        let (Some(then), Some(now)) = (then, now) else {
             bail!(
                 "it does not say with which {name} its points were taken: a line `# {name} ...` is missing"
             );
@@ -409,13 +384,16 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
+    use slitrange::black_level::BlackLevel;
+    use slitrange::centre::Estimator;
+    use slitrange::units::Counts;
 
     fn setup() -> Setup {
         Setup {
-            head: "TCD1304DG".to_owned(),
-            serial_number: 17,
-            estimator: "phase-table".to_owned(),
-            black: "fixed 300".to_owned(),
+            head: Some("TCD1304DG".to_owned()),
+            serial_number: Some(17),
+            estimator: Some(Estimator::PhaseTable),
+            black_level: Some(BlackLevel::Fixed(Counts::from_int(300))),
         }
     }
 

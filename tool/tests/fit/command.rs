@@ -107,7 +107,7 @@ fn options_go_before_what_the_points_say_and_json_is_the_report() {
             "--serial",
             "7",
             "--estimator",
-            "robust",
+            "adaptive",
             "--black",
             "fixed 120",
             "-o",
@@ -138,7 +138,7 @@ fn options_go_before_what_the_points_say_and_json_is_the_report() {
     let record = record_file::read(&directory.path().join("other")).expect("a record");
     let record = record.record();
     assert!(matches!(record.calibration, Calibration::Table(_)));
-    assert_eq!(record.estimator, Estimator::Robust);
+    assert_eq!(record.estimator, Estimator::Adaptive);
     let keys: Vec<&String> = report.as_object().expect("an object").keys().collect();
     insta::assert_debug_snapshot!(keys);
 }

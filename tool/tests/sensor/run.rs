@@ -120,7 +120,7 @@ fn a_stage_goes_through_all_positions() {
         assert!(text.lines().any(|there| there == line), "{line}");
     }
     let taken = Points::read(Path::new(&points(&sensor))).expect("points");
-    assert_eq!(taken.taken.estimator, Some(Estimator::PhaseTable));
+    assert_eq!(taken.setup.estimator, Some(Estimator::PhaseTable));
     let distances: Vec<f64> = {
         let mut distances: Vec<f64> = taken.points.iter().map(|point| point.d_mm).collect();
         distances.sort_by(f64::total_cmp);
