@@ -11,7 +11,7 @@ use slitrange::centre::{self, Estimator, RowCentre, phase_table};
 use slitrange::check;
 use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
-use slitrange::spot::{self, Spot};
+use slitrange::spot;
 
 use simulator::bound;
 use simulator::scene::{BlackLevel, ReadNoise, Scene, Sensor, ShotNoise, Spot, quantise};
@@ -212,10 +212,13 @@ const FASTEST_DRIFT: f64 = 0.6;
 const EVEN: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
 
 /// A function that finds centres as [`centre::centre`] does, by any of several methods `M`.
-pub trait Find<M>: Fn(M, &Row<'_>, &Spot, Option<&RowCentre>, &Geometry) -> Answer + Sync {}
+pub trait Find<M>:
+    Fn(M, &Row<'_>, &spot::Spot, Option<&RowCentre>, &Geometry) -> Answer + Sync
+{
+}
 
 impl<M, F> Find<M> for F where
-    F: Fn(M, &Row<'_>, &Spot, Option<&RowCentre>, &Geometry) -> Answer + Sync
+    F: Fn(M, &Row<'_>, &spot::Spot, Option<&RowCentre>, &Geometry) -> Answer + Sync
 {
 }
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
+use slitrange::centre::Estimator;
 use slitrange::frame::MAX_ROWS;
 use slitrange::protocol::command::Command;
 use slitrange::settings::{Setting, Value};
