@@ -254,7 +254,7 @@ fn turned(light: &[u16], pixels: usize) -> Vec<u16> {
 #[test]
 fn a_shifted_spot_is_the_same_spot() {
     let found = RefCell::new(0);
-    holds(1000, (drawn(), 1..100usize), |(drawn, pixels)| {
+    holds(2000, (drawn(), 1..100usize), |(drawn, pixels)| {
         let geometry = drawn.geometry();
         let light = drawn.light(4095);
         // A tilt leaves a step where the row's ends meet, and that may be what is found.
@@ -311,7 +311,7 @@ fn shifted_back(centre: RowCentre, pixels: usize) -> RowCentre {
 fn a_shifted_row_is_the_same_row() {
     let (spreads, whole) = (Spreads::default(), RefCell::new(0));
     let shifts = prop_oneof![(1..300usize), (1..4usize).prop_map(|blocks| 128 * blocks)];
-    holds(2000, (drawn(), shifts), |(drawn, pixels)| {
+    holds(4000, (drawn(), shifts), |(drawn, pixels)| {
         // Shifted by up to three blocks, all windows stay on the row.
         let drawn = Drawn {
             centre: drawn.centre - 190.0,
