@@ -3,11 +3,9 @@
 use std::time::Duration;
 
 use simulator::scene::Scene;
-use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::distance::eq1;
 use slitrange::fault::Fault;
-use slitrange::frame::Mean;
 use slitrange::protocol::help::{Estimators, Help};
 use slitrange::protocol::info::{Banner, Hardware, Info};
 use slitrange::protocol::status::StartCause;

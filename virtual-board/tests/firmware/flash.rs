@@ -28,6 +28,7 @@ fn saved(rows: u16) -> Configuration {
             mean: Mean::default(),
             estimator: record.estimator,
             black_level: record.black_level,
+            ..Settings::default()
         },
         record: Some(record),
     }

@@ -260,6 +260,7 @@ fn without_a_usable_calibration_there_is_no_distance() {
                 mean: slitrange::frame::Mean::Plain,
                 estimator: other_head.estimator,
                 black_level: other_head.black_level,
+                ..Settings::default()
             },
             record: Some(other_head),
         },
