@@ -1,4 +1,4 @@
-//! What each rung's time buys: one panel a situation.
+//! What each method's time buys: one panel a situation.
 
 use std::path::Path;
 
@@ -25,7 +25,7 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     let root = SVGBackend::new(path, (1000, 1500)).into_drawing_area();
     root.fill(&WHITE)?;
     let root = root.titled(
-        "What a row's time buys (filled points: no faster rung is as accurate)",
+        "What a row's time buys (filled points: no faster method is as accurate)",
         bold(TITLE, BLACK),
     )?;
     let times =
