@@ -195,7 +195,8 @@ fn all() -> impl Strategy<Value = Configuration> {
     (settings, records).prop_map(|(settings, record)| Configuration { settings, record })
 }
 
-/// Without a record whose centres reach beyond its sensor, which `encode` refuses: see the test of the record.
+/// Without a record whose centres reach beyond its sensor, which `encode` refuses: see the test of the
+/// record.
 fn usable(configuration: Configuration) -> Configuration {
     let fits = |record: &Record| record::encode(record, &mut [0; record::MAX_ENCODED]).is_ok();
     Configuration {
