@@ -15,8 +15,8 @@ use crate::units::{Micrometres, Pixels};
 use residuals::Corrected;
 use table::Table;
 
-/// The distance for each centre. The constructors refuse what cannot be used: the distance of every calibration rises or
-/// falls with the centre over the whole of its range, and fits into [`Micrometres`].
+/// The distance for each centre. The constructors refuse what cannot be used: the distance of every
+/// calibration rises or falls with the centre over the whole of its range, and fits into [`Micrometres`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Calibration {
     /// Eq. (1).
@@ -27,8 +27,8 @@ pub enum Calibration {
     Corrected(Corrected),
 }
 
-// Decoding a record moves a calibration from function to function by value, so several copies lie on the chip's stack at
-// once; its RAM has 192 KB.
+// Decoding a record moves a calibration from function to function by value, so several copies lie on the
+// chip's stack at once; its RAM has 192 KB.
 const _: () = assert!(size_of::<Calibration>() <= 2200);
 
 impl Calibration {

@@ -5,8 +5,8 @@
 //! 1 byte         | up to 1356 bytes        | 4 bytes
 //! ```
 //!
-//! [`decode`] makes a record with the constructors of its parts, and refuses what they refuse. The range of distances is not
-//! in the bytes: it follows from the calibration and the range of its centres.
+//! [`decode`] makes a record with the constructors of its parts, and refuses what they refuse. The range of
+//! distances is not in the bytes: it follows from the calibration and the range of its centres.
 
 pub mod date;
 pub mod encoded;
@@ -55,7 +55,8 @@ pub const MAX_ENCODED: usize = 1361;
 /// Computed bit by bit, without a table: a record is read once at the start.
 const CRC: Crc<u32, crc::Table<0>> = Crc::<u32, crc::Table<0>>::new(&CRC_32_ISO_HDLC);
 
-/// Writes a record to the front of a buffer and gives the bytes written. [`MAX_ENCODED`] bytes are enough for any record.
+/// Writes a record to the front of a buffer and gives the bytes written. [`MAX_ENCODED`] bytes are enough for
+/// any record.
 ///
 /// # Errors
 /// [`RecordError::NoRoom`], or the error with which [`decode`] would refuse the record.
@@ -103,8 +104,8 @@ pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
 }
 
 impl Record {
-    /// The record of the nominal calibration, which holds until a sensor has its own. Its serial number is 0, its day the first
-    /// of the calendar.
+    /// The record of the nominal calibration, which holds until a sensor has its own. Its serial number is 0,
+    /// its day the first of the calendar.
     pub fn nominal() -> Option<Self> {
         Some(Self {
             serial_number: 0,
@@ -154,7 +155,8 @@ impl Record {
     }
 }
 
-/// The fields of a record in the order of its bytes. A change of this type changes the format: it needs a new [`VERSION`].
+/// The fields of a record in the order of its bytes. A change of this type changes the format: it needs a new
+/// [`VERSION`].
 #[derive(Serialize, Deserialize)]
 struct Fields {
     serial_number: u32,
@@ -197,8 +199,13 @@ struct Eq1Fields {
 }
 
 #[derive(Serialize, Deserialize)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is no allocation to put the knots into"
+)]
 enum KnotsFields {
-    /// Straight lines between knots, which an earlier firmware had. The knots follow in the bytes, and are not read.
+    /// Straight lines between knots, which an earlier firmware had. The knots follow in the bytes, and are
+    /// not read.
     StraightLines,
     Cubics(Vec<Knot, MAX_KNOTS>),
 }
@@ -243,8 +250,8 @@ impl Fields {
         })
     }
 
-    /// Reads the fields. This function and those that make a calibration of the fields each move kilobytes. They are not
-    /// inlined, so that their copies are not all on the chip's stack at once.
+    /// Reads the fields. This function and those that make a calibration of the fields each move kilobytes.
+    /// They are not inlined, so that their copies are not all on the chip's stack at once.
     #[inline(never)]
     fn read(body: &[u8]) -> Result<Self, RecordError> {
         match postcard::take_from_bytes::<Self>(body) {
@@ -394,7 +401,8 @@ pub enum RecordError {
     StraightLines,
     /// The calendar has no such day.
     Date,
-    /// A part of the row reaches beyond the row, there are too many pixels or none, or the converter has not 1 to 12 bits.
+    /// A part of the row reaches beyond the row, there are too many pixels or none, or the converter has not
+    /// 1 to 12 bits.
     Geometry,
     /// This firmware has no such estimator.
     Estimator {

@@ -1,14 +1,16 @@
 //! The sensor's configuration in two sectors of flash, from where it comes back after a power cycle.
 //!
-//! Each save adds an item to the sector in use. An item is a number, which rises by one with each save, and the bytes of a
-//! [`Configuration`]. When the sector is full, the store erases the other sector and goes on there. So the last whole item is
-//! never erased before a newer item is whole, and a power cut at any moment leaves the old configuration or the new one.
-//! [`Store::read`] takes the whole and usable item with the highest number, and tells if a newer save was interrupted or is damaged.
+//! Each save adds an item to the sector in use. An item is a number, which rises by one with each save, and
+//! the bytes of a [`Configuration`]. When the sector is full, the store erases the other sector and goes on
+//! there. So the last whole item is never erased before a newer item is whole, and a power cut at any moment
+//! leaves the old configuration or the new one. [`Store::read`] takes the whole and usable item with the
+//! highest number, and tells if a newer save was interrupted or is damaged.
 //!
-//! `sequential-storage` lays out the items and checks them with a CRC-32, a sector at a time (see `sector`). The library repairs
-//! a sector that looks broken by erasing, and after a torn erasure the good sector may look broken. So the store does not let
-//! the library erase, and never repairs: the next save goes elsewhere. The library is not ours, and not in the proof that no
-//! panic is reachable; tests and fuzzing search for contents of the flash that make it panic.
+//! `sequential-storage` lays out the items and checks them with a CRC-32, a sector at a time (see `sector`).
+//! The library repairs a sector that looks broken by erasing, and after a torn erasure the good sector may
+//! look broken. So the store does not let the library erase, and never repairs: the next save goes elsewhere.
+//! The library is not ours, and not in the proof that no panic is reachable; tests and fuzzing search for
+//! contents of the flash that make it panic.
 
 pub mod configuration;
 mod error;
@@ -42,7 +44,8 @@ pub enum Stored {
     Nothing,
     /// The configuration of the last save.
     Newest(Configuration),
-    /// The configuration of an earlier save. The last save was interrupted, is damaged, or is of a later firmware.
+    /// The configuration of an earlier save. The last save was interrupted, is damaged, or is of a later
+    /// firmware.
     Older(Configuration),
     /// The flash is not erased, and holds no usable configuration.
     Unusable,
@@ -82,8 +85,8 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// Reads the configuration of the last save, or of the newest earlier save that is usable. Never writes. Flash that cannot
-    /// be read counts as unusable.
+    /// Reads the configuration of the last save, or of the newest earlier save that is usable. Never writes.
+    /// Flash that cannot be read counts as unusable.
     pub async fn read(&mut self) -> Stored {
         match self.items().await {
             Ok(Items {
@@ -102,8 +105,8 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// Whether no save was started after this item: it is the last thing in its sector, and if the sector has no room for
-    /// another item, the other sector is erased or holds whole, older items.
+    /// Whether no save was started after this item: it is the last thing in its sector, and if the sector has
+    /// no room for another item, the other sector is erased or holds whole, older items.
     async fn is_last(&mut self, newest: &Item) -> bool {
         let sector = newest.sector;
         let other_is_newer = match sector.room(&mut self.flash).await {
@@ -138,8 +141,8 @@ impl<F: NorFlash> Store<F> {
         Ok(!matches!(first, Some(Some(_))))
     }
 
-    /// Saves a configuration, unless it is the one of the last save. If the save fails or is interrupted, the configuration
-    /// that was there before is still there.
+    /// Saves a configuration, unless it is the one of the last save. If the save fails or is interrupted, the
+    /// configuration that was there before is still there.
     ///
     /// When a sector is full, a save erases the other one, which takes up to 0.8 s.
     ///
@@ -161,7 +164,8 @@ impl<F: NorFlash> Store<F> {
                 }
                 newest.sector.other()
             }
-            // Write beside damaged contents, so that a power cut during this save still leaves them to be reported.
+            // Write beside damaged contents, so that a power cut during this save still leaves them to be
+            // reported.
             None if Sector::First.is_blank(&mut self.flash).await? => Sector::First,
             None => Sector::Second,
         };
@@ -180,7 +184,8 @@ impl<F: NorFlash> Store<F> {
             && Sector::Second.is_blank(&mut self.flash).await?)
     }
 
-    /// Adds an item to a sector. False if the sector has no room, or if damage hides the new item or looks like a newer one.
+    /// Adds an item to a sector. False if the sector has no room, or if damage hides the new item or looks
+    /// like a newer one.
     async fn add(
         &mut self,
         sector: Sector,

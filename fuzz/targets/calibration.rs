@@ -1,4 +1,5 @@
-//! Bytes of a calibration's record: every accepted record has distances all over its range, and is encoded to itself.
+//! Bytes of a calibration's record: every accepted record has distances all over its range, and is encoded to
+//! itself.
 #![no_main]
 
 use crc::{CRC_32_ISO_HDLC, Crc};
@@ -32,7 +33,8 @@ fn written_as_read(record: &Record) {
     assert_eq!(decode(written).as_ref(), Ok(record));
 }
 
-/// Distances lie within their range and all go one way, but for what rounding may do; beyond the centres there are none.
+/// Distances lie within their range and all go one way, but for what rounding may do; beyond the centres
+/// there are none.
 fn usable(calibration: &Calibration, places: &[u8]) {
     let (first, last) = calibration.valid();
     assert!(first < last);

@@ -1,7 +1,8 @@
-//! Two sectors of flash with any contents: the store reads only usable configurations, reads what it saved, and reading never writes.
+//! Two sectors of flash with any contents: the store reads only usable configurations, reads what it saved,
+//! and reading never writes.
 //!
-//! The input is a list of steps of 8 bytes: what to do, a byte `a`, and three words `b`, `c`, `d`, low byte first. They fill the flash
-//! and use the store; see [`step`]. What is left over at the end does nothing.
+//! The input is a list of steps of 8 bytes: what to do, a byte `a`, and three words `b`, `c`, `d`, low byte
+//! first. They fill the flash and use the store; see [`step`]. What is left over at the end does nothing.
 #![no_main]
 
 #[path = "../../host-tests/tests/store/flash.rs"]
@@ -61,7 +62,8 @@ fn step(flash: &mut Flash, what: u8, a: u8, [b, c, d]: [u16; 3]) {
             flash.bytes.copy_within(whole, to);
         }
         6 => {
-            // Where power is cut the flash's contents need not be any that a store has left: what is there can be used, and no more.
+            // Where power is cut the flash's contents need not be any that a store has left: what is there
+            // can be used, and no more.
             let torn = (a & 0x80 != 0).then_some(d.into());
             flash.cut_after(usize::from(c) % 1024, torn);
             let _ = block_on(Store::new(&mut *flash).save(&sample(a, b)));

@@ -1,4 +1,5 @@
-//! Known distances and the centres that a sensor had there: a CSV file of `x_px`, `d_mm` and, if there, `sigma_px`.
+//! Known distances and the centres that a sensor had there: a CSV file of `x_px`, `d_mm` and, if there,
+//! `sigma_px`.
 //!
 //! ```text
 //! # serial 42
@@ -10,8 +11,8 @@
 //! 2371.60220,607.1,0.0020
 //! ```
 //!
-//! Lines that begin with `#` are comments. The comments above are a [`Setup`], which goes into the record. Other columns are not
-//! read.
+//! Lines that begin with `#` are comments. The comments above are a [`Setup`], which goes into the record.
+//! Other columns are not read.
 
 use std::path::Path;
 
@@ -61,7 +62,8 @@ pub struct Setup {
 /// The only head that there is a driver for.
 pub const HEAD: &str = "TCD1304DG";
 
-/// Uncertainties of a centre in pixels that are taken: what is smaller than the sensor tells apart, or larger than its row, is a slip.
+/// Uncertainties of a centre in pixels that are taken: what is smaller than the sensor tells apart, or larger
+/// than its row, is a slip.
 const SIGMAS_PX: std::ops::RangeInclusive<f64> = 1e-5..=4096.0;
 
 impl Points {

@@ -41,8 +41,8 @@ pub fn read(path: &Path) -> Result<EncodedRecord> {
         .with_context(|| shown.to_string())
 }
 
-/// Writes a record, on the disk when this returns; a file that was there is replaced as a whole or not at all, and with other
-/// bytes in it only by `force`.
+/// Writes a record, on the disk when this returns; a file that was there is replaced as a whole or not at
+/// all, and with other bytes in it only by `force`.
 ///
 /// # Errors
 /// Something else is in the file; or the system's.

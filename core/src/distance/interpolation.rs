@@ -1,12 +1,12 @@
 //! A monotone cubic between two knots (PCHIP; F. Fritsch and J. Butland, 1984).
 //!
-//! The value is a whole number of steps of Q24.8 micrometres, computed with integers by [`between`] alone. The result of
-//! `between` never falls where one of its arguments rises. A cubic is evaluated as straight lines between straight lines
-//! (P. de Casteljau, 1959). Its four control points are in order, so the points of each round are in order too, and the
-//! value rises or falls with the centre to the last bit.
+//! The value is a whole number of steps of Q24.8 micrometres, computed with integers by [`between`] alone.
+//! The result of `between` never falls where one of its arguments rises. A cubic is evaluated as straight
+//! lines between straight lines (P. de Casteljau, 1959). Its four control points are in order, so the points
+//! of each round are in order too, and the value rises or falls with the centre to the last bit.
 //!
-//! Error: at most 2^-22 of the difference between the two knots (the fraction of the way and the control points have 24
-//! bits), and three steps.
+//! Error: at most 2^-22 of the difference between the two knots (the fraction of the way and the control
+//! points have 24 bits), and three steps.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +26,8 @@ pub struct Knot {
 /// Neighbouring knots differ by less than so many steps of Q24.8.
 pub const MAX_RISE: u32 = 1 << 30;
 
-/// Two neighbouring knots: the first lies before the second, and their values differ by less than [`MAX_RISE`].
+/// Two neighbouring knots: the first lies before the second, and their values differ by less than
+/// [`MAX_RISE`].
 #[derive(Clone, Copy, Debug)]
 pub struct Interval {
     pub from: Knot,
@@ -34,7 +35,8 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Length of the interval in steps of Q16.16 pixels. Neighbours are in order, so the difference fits an u32.
+    /// Length of the interval in steps of Q16.16 pixels. Neighbours are in order, so the difference fits an
+    /// u32.
     const fn length(&self) -> u32 {
         self.way(self.to.centre)
     }
@@ -66,8 +68,8 @@ impl Interval {
 
     /// The largest slope of the interval's cubic, without sign, in micrometres a pixel.
     pub fn steepest(&self, controls: Controls) -> f32 {
-        // The slope is a parabola, which lies between the largest and the least of its control points: the differences of
-        // the curve's. They lie between the knots: no difference exceeds the rise.
+        // The slope is a parabola, which lies between the largest and the least of its control points: the
+        // differences of the curve's. They lie between the knots: no difference exceeds the rise.
         let step = |from: Micrometres, to: Micrometres| from.to_bits().abs_diff(to.to_bits());
         let most = step(self.from.value, controls.0)
             .max(step(controls.0, controls.1))
@@ -76,8 +78,8 @@ impl Interval {
         self.per_third(most as i32)
     }
 
-    /// Steps of Q24.8 micrometres over a third of the interval, as micrometres a pixel. There are less than 2^30, and an
-    /// interval has at least a sixteenth of a pixel: below 3 * 2^26.
+    /// Steps of Q24.8 micrometres over a third of the interval, as micrometres a pixel. There are less than
+    /// 2^30, and an interval has at least a sixteenth of a pixel: below 3 * 2^26.
     #[inline(always)]
     fn per_third(&self, rise: i32) -> f32 {
         const UNITS: f32 = (1u32 << (Pixels::FRACTION - Micrometres::FRACTION)) as f32;
@@ -88,27 +90,29 @@ impl Interval {
 /// A cubic's control points at a third and at two thirds of its interval.
 pub type Controls = (Micrometres, Micrometres);
 
-/// The control points of an interval's cubic, which lie in order between its knots. `before` and `after` are the intervals
-/// to either side, where there are any.
+/// The control points of an interval's cubic, which lie in order between its knots. `before` and `after` are
+/// the intervals to either side, where there are any.
 pub fn controls(before: Option<Interval>, this: Interval, after: Option<Interval>) -> Controls {
     let (from, to) = (this.from.value, this.to.value);
-    // A slope of at most 1.5 goes at most half of the way from either end, and half-way the roundings from both ends give the
-    // same: they do not pass each other.
+    // A slope of at most 1.5 goes at most half of the way from either end, and half-way the roundings from
+    // both ends give the same: they do not pass each other.
     let third = |slope: f32| fraction(slope / 3.0);
     let first = third(slope_at_knot(this, before, after));
     let last = third(slope_at_knot(this, after, before));
     (between(from, to, first), between(to, from, last))
 }
 
-/// The curve's slope at a knot of an interval, as a multiple of the interval's secant. `beyond` is the interval on the other
-/// side of the knot, `opposite` the one at the other end.
+/// The curve's slope at a knot of an interval, as a multiple of the interval's secant. `beyond` is the
+/// interval on the other side of the knot, `opposite` the one at the other end.
 ///
-/// Where both sides rise or both fall, the harmonic mean of their secants, weighted by their lengths; at a turn zero; at the
-/// curve's end that of the parabola through three knots. At most 1.5 times the lesser secant, so that control points keep
-/// their order (PCHIP as usual has up to 3, which differs where a secant is more than about three times its neighbour).
+/// Where both sides rise or both fall, the harmonic mean of their secants, weighted by their lengths; at a
+/// turn zero; at the curve's end that of the parabola through three knots. At most 1.5 times the lesser
+/// secant, so that control points keep their order (PCHIP as usual has up to 3, which differs where a secant
+/// is more than about three times its neighbour).
 fn slope_at_knot(this: Interval, beyond: Option<Interval>, opposite: Option<Interval>) -> f32 {
     let length = this.length() as f32;
-    // This secant over another: products of less than 2^64, so the quotient is finite or the other's rise is zero.
+    // This secant over another: products of less than 2^64, so the quotient is finite or the other's rise is
+    // zero.
     let ratio = |other: Interval| {
         (this.rise() as f32 * other.length() as f32) / (other.rise() as f32 * length)
     };
@@ -135,20 +139,22 @@ fn slope_at_knot(this: Interval, beyond: Option<Interval>, opposite: Option<Inte
     }
 }
 
-/// A part of the way from 0 to 1 in Q0.31: the 24 bits of an f32 or what of them reaches 2^-31, but for 1, which becomes
-/// 1 - 2^-31. Not-a-number becomes 0.
+/// A part of the way from 0 to 1 in Q0.31: the 24 bits of an f32 or what of them reaches 2^-31, but for 1,
+/// which becomes 1 - 2^-31. Not-a-number becomes 0.
 fn fraction(part: f32) -> i32 {
     // The product is exact, being by a power of two; `as` takes the whole part and saturates.
     (part * (1u32 << 31) as f32) as i32
 }
 
-/// From one value a part (Q0.31, 0 or more) of the way towards another, rounded. They differ by less than [`MAX_RISE`].
+/// From one value a part (Q0.31, 0 or more) of the way towards another, rounded. They differ by less than
+/// [`MAX_RISE`].
 ///
-/// Monotone in each argument: with d = to - from, from + round(d part) falls nowhere where `to` or, as part is at most 1,
-/// `from` rises; and as `part` rises it goes the way of d. At the largest part it is `to`: d 2^-31 is less than a half.
+/// Monotone in each argument: with d = to - from, from + round(d part) falls nowhere where `to` or, as part
+/// is at most 1, `from` rises; and as `part` rises it goes the way of d. At the largest part it is `to`: d
+/// 2^-31 is less than a half.
 const fn between(from: Micrometres, to: Micrometres, part: i32) -> Micrometres {
-    // Twice the rise is below 2^31, and its product with the part below 2^62; the sum lies between from and to times 2^32,
-    // and a half: one instruction of the chip (SMMLAR).
+    // Twice the rise is below 2^31, and its product with the part below 2^62; the sum lies between from and
+    // to times 2^32, and a half: one instruction of the chip (SMMLAR).
     let rise = to.to_bits().wrapping_sub(from.to_bits());
     let twice = numeric::mul_i32(rise, 2);
     let from = from.to_bits() as i64 * (1 << 32) + (1 << 31);
@@ -183,7 +189,8 @@ mod tests {
         // Secants 3 and 5, weights 2 * 1 + 2 = 4 and 1 + 2 * 2 = 5: 9 / (4/3 + 5/5) = 27/7.
         assert!((slope_at_knot(a, Some(b), None) - 27.0 / 7.0 / 3.0).abs() < 1e-6);
         assert!((slope_at_knot(b, Some(a), None) - 27.0 / 7.0 / 5.0).abs() < 1e-6);
-        // The parabola's slope at the first knot: ((2 * 2 + 1) * 3 - 2 * 5) / 3 = 5/3; at the last: (4 * 5 - 3) / 3 = 17/3.
+        // The parabola's slope at the first knot: ((2 * 2 + 1) * 3 - 2 * 5) / 3 = 5/3; at the last: (4 * 5 -
+        // 3) / 3 = 17/3.
         assert!((slope_at_knot(a, None, Some(b)) - 5.0 / 9.0).abs() < 1e-6);
         assert!((slope_at_knot(b, None, Some(a)) - 17.0 / 15.0).abs() < 1e-6);
         assert_eq!(slope_at_knot(a, None, None), 1.0);

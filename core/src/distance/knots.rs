@@ -12,15 +12,16 @@ use crate::units::{Micrometres, Pixels};
 /// The most knots of a curve.
 pub const MAX_KNOTS: usize = 129;
 
-/// The least distance between two knots: a sixteenth of a pixel. It bounds the slope between any two values to 2^26 um a pixel.
+/// The least distance between two knots: a sixteenth of a pixel. It bounds the slope between any two values
+/// to 2^26 um a pixel.
 pub const CLOSEST: Pixels = Pixels::from_bits(1 << (Pixels::FRACTION - 4));
 
-/// At least two knots in the order of their centres, [`CLOSEST`] or more apart, whose values differ by less than 4.19 m from
-/// one to the next; and the cubics between them.
+/// At least two knots in the order of their centres, [`CLOSEST`] or more apart, whose values differ by less
+/// than 4.19 m from one to the next; and the cubics between them.
 ///
-/// Between two knots the curve rises if the second is higher, falls if it is lower, and never leaves their values. At a knot
-/// it is exact. Elsewhere its arithmetic is off by at most 2^-22 of the difference between the two knots and three steps of
-/// Q24.8 (0.012 um).
+/// Between two knots the curve rises if the second is higher, falls if it is lower, and never leaves their
+/// values. At a knot it is exact. Elsewhere its arithmetic is off by at most 2^-22 of the difference between
+/// the two knots and three steps of Q24.8 (0.012 um).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Knots {
     /// The first centre and the last.
@@ -28,7 +29,8 @@ pub struct Knots {
     pieces: Vec<Piece, MAX_KNOTS>,
 }
 
-/// A knot, and the control points of the cubic that begins there. The last knot's control points have no meaning.
+/// A knot, and the control points of the cubic that begins there. The last knot's control points have no
+/// meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Piece {
     knot: Knot,
@@ -101,7 +103,8 @@ impl Knots {
         self.valid
     }
 
-    /// The value at a centre, and the slope there in micrometres a pixel; at a knot that of the interval before it.
+    /// The value at a centre, and the slope there in micrometres a pixel; at a knot that of the interval
+    /// before it.
     ///
     /// # Errors
     /// [`Fault::OutOfRange`] before the first knot and beyond the last.
@@ -127,7 +130,8 @@ impl Knots {
         }
     }
 
-    /// The two knots of each interval, and the largest slope between them, without sign, in micrometres a pixel.
+    /// The two knots of each interval, and the largest slope between them, without sign, in micrometres a
+    /// pixel.
     pub fn steepest(&self) -> impl Iterator<Item = (Knot, Knot, f32)> {
         let after = self.pieces.iter().skip(1);
         self.pieces.iter().zip(after).map(|(from, to)| {

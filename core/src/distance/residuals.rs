@@ -1,5 +1,5 @@
-//! Eq. (1) with a table of residuals. The curve has three numbers, which the noise of the calibration points hardly moves.
-//! The smoothed table adds what a lens or the mounting changes.
+//! Eq. (1) with a table of residuals. The curve has three numbers, which the noise of the calibration points
+//! hardly moves. The smoothed table adds what a lens or the mounting changes.
 
 use core::fmt;
 use core::ops::RangeInclusive;
@@ -12,9 +12,9 @@ use crate::units::{Micrometres, Pixels};
 
 /// Eq. (1) plus residuals, valid from their first knot to their last.
 ///
-/// The residuals change the curve's slope by at most half of it, so that the distance still rises or falls with the centre. As
-/// both parts are rounded each for itself, it does so but for four steps of Q24.8 (0.016 um) and 2^-22 of the difference of
-/// neighbouring residuals.
+/// The residuals change the curve's slope by at most half of it, so that the distance still rises or falls
+/// with the centre. As both parts are rounded each for itself, it does so but for four steps of Q24.8 (0.016
+/// um) and 2^-22 of the difference of neighbouring residuals.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Corrected {
     curve: Eq1,
@@ -22,8 +22,8 @@ pub struct Corrected {
     residuals: Knots,
 }
 
-/// Steps of Q24.8 that distances at the ends stay away from the ends of [`Micrometres`], so that what lies between cannot
-/// leave it by rounding: more than four and 2^-22 of 2^30.
+/// Steps of Q24.8 that distances at the ends stay away from the ends of [`Micrometres`], so that what lies
+/// between cannot leave it by rounding: more than four and 2^-22 of 2^30.
 const MARGIN: i32 = 1024;
 
 impl Corrected {

@@ -7,8 +7,8 @@ use crate::distance::eq1::FLATTEST_SHIFT;
 use crate::fault::Fault;
 use crate::units::{Micrometres, Pixels};
 
-/// Distances at knots that all rise or all fall with the centre, by a sixteenth of a micrometre a pixel at least; so do
-/// those in between, without a step back. Valid from the first knot to the last.
+/// Distances at knots that all rise or all fall with the centre, by a sixteenth of a micrometre a pixel at
+/// least; so do those in between, without a step back. Valid from the first knot to the last.
 ///
 /// For its arithmetic's error see [`Knots`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -63,8 +63,8 @@ impl Table {
 pub enum TableError {
     /// They are no curve.
     Knots(KnotsError),
-    /// From the knot before to this one the distance does not go the way that it goes from the first to the last, or by less
-    /// than a sixteenth of a micrometre a pixel.
+    /// From the knot before to this one the distance does not go the way that it goes from the first to the
+    /// last, or by less than a sixteenth of a micrometre a pixel.
     NotMonotone {
         /// Which.
         index: usize,

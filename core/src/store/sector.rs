@@ -1,7 +1,7 @@
 //! A sector for `sequential-storage`: a queue of a single page, to which items are added until it is full.
 //!
-//! The library may read and program a sector. It must not erase: it erases to repair, and the sector that it takes for broken
-//! may hold the only usable configuration.
+//! The library may read and program a sector. It must not erase: it erases to repair, and the sector that it
+//! takes for broken may hold the only usable configuration.
 
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,

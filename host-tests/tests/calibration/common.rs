@@ -68,8 +68,8 @@ pub fn largest_rise(knots: &Knots) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// What holds for every calibration: distances of its range in order but for `slack` micrometres, slopes that go their way, and
-/// no distance outside.
+/// What holds for every calibration: distances of its range in order but for `slack` micrometres, slopes that
+/// go their way, and no distance outside.
 pub fn holds_what_it_promises(
     calibration: &Calibration,
     at: &[f64],

@@ -56,8 +56,8 @@ fn worst(calibration: &Calibration, truth: impl Fn(f64) -> f64) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// What the arithmetic adds to a table's interpolation: three steps of Q24.8 and 2^-22 of the difference of two knots, by
-/// [`slitrange::distance::knots::Knots`]; and half a step for each knot.
+/// What the arithmetic adds to a table's interpolation: three steps of Q24.8 and 2^-22 of the difference of
+/// two knots, by [`slitrange::distance::knots::Knots`]; and half a step for each knot.
 fn arithmetic(rise: f64) -> f64 {
     3.5 * STEP + rise / 2f64.powi(22)
 }
@@ -96,7 +96,8 @@ fn residuals_take_a_lens_out() {
     let range = paper_range(&optics);
     let middle = 0.5 * (range.0 + range.1);
     let half = 0.5 * (range.1 - range.0);
-    // A third-order distortion of up to 300 um, less what eq. (1) takes of it: a cubic with turns at a half of the range.
+    // A third-order distortion of up to 300 um, less what eq. (1) takes of it: a cubic with turns at a half
+    // of the range.
     let residual = |centre: f64| {
         let z = (centre - middle) / half;
         300.0 * (4.0 * z * z * z - 3.0 * z)

@@ -1,4 +1,5 @@
-//! Calibrations: tables of distances and of residuals in integers against f64, what holds for all of them, and their record.
+//! Calibrations: tables of distances and of residuals in integers against f64, what holds for all of them,
+//! and their record.
 
 mod common;
 mod figures;

@@ -94,8 +94,8 @@ fn digest(calibration: &Calibration) -> u32 {
     crc32(&bytes)
 }
 
-/// The format of a record in flash must not change unless its version does: this firmware decodes what the old one wrote, to the
-/// same distances bit for bit, and writes it the same again.
+/// The format of a record in flash must not change unless its version does: this firmware decodes what the
+/// old one wrote, to the same distances bit for bit, and writes it the same again.
 #[test]
 fn old_records_mean_what_they_meant() {
     let (mut kinds, mut letters) = (BTreeSet::new(), BTreeSet::new());
@@ -212,7 +212,8 @@ fn what_is_not_whole_is_refused() {
     );
 }
 
-/// Every part that cannot be used is refused on its way out and, as far as it can be written at all, on its way in.
+/// Every part that cannot be used is refused on its way out and, as far as it can be written at all, on its
+/// way in.
 #[test]
 fn what_cannot_be_used_is_refused() {
     let wrong = |record: Record| encode(&record, &mut [0; MAX_ENCODED]).err();
@@ -292,7 +293,8 @@ fn what_cannot_be_used_is_refused() {
         let error = (!fits).then_some(RecordError::OffTheSensor { first, last });
         assert_eq!(wrong(record), error);
     }
-    // The same in bytes, where each stands by the format: 1 version, 2 serial number, 2 year, then month, day.
+    // The same in bytes, where each stands by the format: 1 version, 2 serial number, 2 year, then month,
+    // day.
     let bytes = encoded(&nominal());
     let with = |place: usize, byte: u8| {
         let mut bytes = bytes[..bytes.len() - 4].to_vec();

@@ -1,7 +1,7 @@
 //! Interpolation in f64.
 
-/// The cubic's value in f64: PCHIP after F. Fritsch and J. Butland with scipy's ends, but a slope is at most 1.5 times the lesser
-/// secant (`most`) and at an end at least half (`least`).
+/// The cubic's value in f64: PCHIP after F. Fritsch and J. Butland with scipy's ends, but a slope is at most
+/// 1.5 times the lesser secant (`most`) and at an end at least half (`least`).
 pub fn pchip(knots: &[(f64, f64)], x: f64, least: f64, most: f64) -> f64 {
     let lengths: Vec<f64> = knots.windows(2).map(|k| k[1].0 - k[0].0).collect();
     let secants: Vec<f64> = knots

@@ -74,7 +74,8 @@ proptest! {
                     prop_assert_eq!(distance.to_bits(), plain.to_bits() + residual.to_bits());
                     let most = 0.5 * of_curve.abs();
                     prop_assert_eq!(slope, of_curve + change.clamp(-most, most));
-                    // Where that held anything back it was the tangent's rounding: three steps over a third of the interval.
+                    // Where that held anything back it was the tangent's rounding: three steps over a third
+                    // of the interval.
                     let rounding = 9.0 * STEP as f32 / (length as f32 / 65536.0);
                     prop_assert!(change.abs() <= most * 1.0001 + rounding, "{change} of {of_curve}");
                 }

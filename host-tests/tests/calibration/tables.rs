@@ -9,7 +9,8 @@ use crate::common::{STEP, holds_what_it_promises, knot, largest_rise, monotone_k
 use crate::records::cases;
 use crate::reference::pchip;
 
-/// Every centre of some intervals, one by one: no bit goes back, and none goes further than the slope and a rounding allow.
+/// Every centre of some intervals, one by one: no bit goes back, and none goes further than the slope and a
+/// rounding allow.
 #[test]
 fn no_bit_goes_back_between_neighbouring_centres() {
     // Falling by about 200 um a pixel, as a sensor does: 0.8 steps from centre to centre; then by 1/16 um.
@@ -37,15 +38,16 @@ fn no_bit_goes_back_between_neighbouring_centres() {
         before = now;
     }
     println!("at most {largest} steps from centre to centre");
-    // 233 um a pixel, and half as much again where a cubic is steepest: 1.4 steps a centre; and three roundings of a half
-    // at either.
+    // 233 um a pixel, and half as much again where a cubic is steepest: 1.4 steps a centre; and three
+    // roundings of a half at either.
     assert!((1..=4).contains(&largest), "{largest}");
 }
 
 proptest! {
     #![proptest_config(cases(4000))]
 
-    /// Every table rises or falls to the last bit, is exact at its knots, has a slope that is its own, and is what f64 says.
+    /// Every table rises or falls to the last bit, is exact at its knots, has a slope that is its own, and is
+    /// what f64 says.
     #[test]
     fn every_table_is_monotone_and_right(
         knots in monotone_knots(),
@@ -70,15 +72,16 @@ proptest! {
             let small = 1e-4 * h;
             let x = centre.to_f64().clamp(exact[i].0 + small, exact[i + 1].0 - small);
             let should = (reference(x + small) - reference(x - small)) / (2.0 * small);
-            // Of the tangent's ends each is rounded twice, and the control points once: three steps over a third of the interval.
-            // A PCHIP's slope changes by at most 9 times the secant over its interval.
+            // Of the tangent's ends each is rounded twice, and the control points once: three steps over a
+            // third of the interval. A PCHIP's slope changes by at most 9 times the secant over its interval.
             let bound = 1e-3 * (rise / h).abs() * 9.0 + 9.0 * STEP / h;
             prop_assert!((f64::from(slope) - should).abs() <= bound, "{slope} for {should} at {centre}");
         }
         holds_what_it_promises(&Calibration::Table(table), &at, 0.0)?;
     }
 
-    /// Every centre that there is has a distance or is out of range, and which of them is a matter of the range alone.
+    /// Every centre that there is has a distance or is out of range, and which of them is a matter of the
+    /// range alone.
     #[test]
     fn any_centre_is_borne(
         knots in monotone_knots(),

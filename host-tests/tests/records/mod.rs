@@ -163,8 +163,8 @@ fn calibrations() -> impl Strategy<Value = Option<Calibration>> {
     ]
 }
 
-/// Knots from a start, each a step beyond the last; `rise` makes the rise of a step from its length and its number. The chain
-/// ends where a number would overflow.
+/// Knots from a start, each a step beyond the last; `rise` makes the rise of a step from its length and its
+/// number. The chain ends where a number would overflow.
 pub fn chain(start: (i32, i32), steps: &[(u32, i64)], rise: impl Fn(u32, i64) -> i64) -> Vec<Knot> {
     let (mut centre, mut value) = (i64::from(start.0), i64::from(start.1));
     let mut knots = Vec::new();

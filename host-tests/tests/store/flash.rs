@@ -1,4 +1,5 @@
-//! A flash with two sectors, of which power can be cut at any operation: the erasing of a sector, or the programming of a word.
+//! A flash with two sectors, of which power can be cut at any operation: the erasing of a sector, or the
+//! programming of a word.
 
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
@@ -58,7 +59,8 @@ impl Flash {
         }
     }
 
-    /// Power fails after so many operations from now. With a seed the next operation is begun, but not finished.
+    /// Power fails after so many operations from now. With a seed the next operation is begun, but not
+    /// finished.
     pub fn cut_after(&mut self, operations: usize, torn: Option<u64>) {
         self.power = Power::Until(operations, torn);
     }

@@ -1,5 +1,5 @@
-//! A flipped bit anywhere in the two sectors: the store reads the last configuration, reads the one before and says so, or says
-//! that the flash is unusable.
+//! A flipped bit anywhere in the two sectors: the store reads the last configuration, reads the one before
+//! and says so, or says that the flash is unusable.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,4 +1,5 @@
-//! A whole item of later or earlier firmware that this firmware cannot use: the configuration before it is used.
+//! A whole item of later or earlier firmware that this firmware cannot use: the configuration before it is
+//! used.
 
 use slitrange::store::Stored;
 use slitrange::store::configuration::VERSION;
@@ -45,7 +46,8 @@ fn an_item_of_later_firmware_is_passed_over() {
     save_and_check(&mut flash, &third);
 }
 
-/// The library's checksum of an item's length, from its definition: CRC-16 with the reflected polynomial 0x1a2e.
+/// The library's checksum of an item's length, from its definition: CRC-16 with the reflected polynomial
+/// 0x1a2e.
 fn length_sum(length: u16) -> u16 {
     !length.to_le_bytes().iter().fold(0xffff, |sum, &byte| {
         (0..8).fold(sum ^ u16::from(byte), |sum, _| {

@@ -1,5 +1,5 @@
-//! Power cuts at each operation of a save: the erasing of a sector, the programming of each word. A plain cut falls between two
-//! operations, a torn cut in the middle of one.
+//! Power cuts at each operation of a save: the erasing of a sector, the programming of each word. A plain cut
+//! falls between two operations, a torn cut in the middle of one.
 
 use slitrange::store::Stored;
 use slitrange::store::configuration::Configuration;
@@ -77,7 +77,8 @@ fn nothing_is_lost(what: &str, flash: &Flash, new: &Configuration) {
     }
 }
 
-/// Saves until a save goes to the other sector: gives the flash before and after that save, and its configuration.
+/// Saves until a save goes to the other sector: gives the flash before and after that save, and its
+/// configuration.
 fn around_a_change(mut flash: Flash, sizes: &[Size]) -> (Flash, Flash, Configuration) {
     for (i, &size) in sizes.iter().cycle().enumerate() {
         let before = flash.clone();

@@ -47,7 +47,8 @@ pub fn sample(size: Size, i: u32) -> Configuration {
     }
 }
 
-/// Bytes of an item: the library's header, the number, the configuration. Bytes that fill up the last word do not count.
+/// Bytes of an item: the library's header, the number, the configuration. Bytes that fill up the last word do
+/// not count.
 pub fn item_bytes(size: Size) -> usize {
     let mut buffer = [0; MAX_ENCODED];
     let bytes = encode(&sample(size, 0), &mut buffer).expect("a usable configuration");

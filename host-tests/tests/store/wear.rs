@@ -1,4 +1,5 @@
-//! Ten thousand saves: both sectors wear evenly, and nothing is lost. A configuration that is already there is not written again.
+//! Ten thousand saves: both sectors wear evenly, and nothing is lost. A configuration that is already there
+//! is not written again.
 
 use slitrange::store::Stored;
 

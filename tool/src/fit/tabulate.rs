@@ -24,9 +24,9 @@ pub struct Tabulated {
     pub error_um: f64,
 }
 
-/// As few knots as keep within a tenth of a micrometre of a curve, which gives micrometres for a centre in pixels; at most as many as
-/// there may be. The curve's turns are knots, where cubics that never go beyond their knots would do badly; then intervals are
-/// divided where they are off.
+/// As few knots as keep within a tenth of a micrometre of a curve, which gives micrometres for a centre in
+/// pixels; at most as many as there may be. The curve's turns are knots, where cubics that never go beyond
+/// their knots would do badly; then intervals are divided where they are off.
 ///
 /// # Errors
 /// The values are too far apart for knots.

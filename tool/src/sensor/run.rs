@@ -21,8 +21,8 @@ use crate::points::Setup;
 /// How often a position is tried with a stage, which cannot be asked.
 const TRIES: usize = 3;
 
-/// Frames further than this many times their scatter from the others are no matter of chance: a digit that noise on the line
-/// changed, or a target that was not at rest.
+/// Frames further than this many times their scatter from the others are no matter of chance: a digit that
+/// noise on the line changed, or a target that was not at rest.
 const OUTLYING: f64 = 10.0;
 
 /// The finest step of the sensor's centres, in pixels: no point claims to be better known.
@@ -30,14 +30,14 @@ const FINEST_PX: f64 = 1e-5;
 
 /// Take points for a calibration: what the sensor sees at distances that a person or a stage sets
 ///
-/// Moves the target, or asks you to, from one distance to the next. At each, the frame under way is passed over and --frames
-/// frames are taken; their mean centre, its uncertainty and what the sensor flagged become a line of FILE. What is in FILE
-/// is safe whatever happens (Ctrl-C, a cable that falls out, a sensor without power): run the same command again, and it goes on
-/// with the distances that are missing.
+/// Moves the target, or asks you to, from one distance to the next. At each, the frame under way is passed
+/// over and --frames frames are taken; their mean centre, its uncertainty and what the sensor flagged become
+/// a line of FILE. What is in FILE is safe whatever happens (Ctrl-C, a cable that falls out, a sensor without
+/// power): run the same command again, and it goes on with the distances that are missing.
 ///
-/// The sensor takes 64 rows a frame and does not stream meanwhile; both are put back at the end (after Ctrl-C, by the next run
-/// that goes on with FILE). Its
-/// estimator and black level stay as they are, and are what the calibration will hold for: set them before.
+/// The sensor takes 64 rows a frame and does not stream meanwhile; both are put back at the end (after
+/// Ctrl-C, by the next run that goes on with FILE). Its estimator and black level stay as they are, and are
+/// what the calibration will hold for: set them before.
 #[derive(Clone, Debug, clap::Args)]
 #[command(
     override_usage = "\
@@ -59,8 +59,8 @@ pub struct RunOptions {
     /// Where the target is to be.
     #[command(flatten)]
     pub which: Which,
-    /// A program that moves the target, as a line for the shell: {} is replaced by the distance in millimetres. It must not
-    /// return before the target is there
+    /// A program that moves the target, as a line for the shell: {} is replaced by the distance in
+    /// millimetres. It must not return before the target is there
     #[arg(long, value_name = "COMMAND")]
     pub stage_command: Option<String>,
     /// How long to wait after each move of the stage
@@ -71,7 +71,8 @@ pub struct RunOptions {
         requires = "stage_command"
     )]
     pub settle: f64,
-    /// Frames at each position. They average noise, but not the speckle that a target at rest keeps: more positions do
+    /// Frames at each position. They average noise, but not the speckle that a target at rest keeps: more
+    /// positions do
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub frames: u16,
 }
@@ -396,7 +397,8 @@ fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
     Taken {
         x_px: rounded(mean),
         d_mm,
-        // Frames of a target at rest share its speckle: their number brings down what differs between them only.
+        // Frames of a target at rest share its speckle: their number brings down what differs between them
+        // only.
         sigma_px: rounded(claimed.max(scatter.unwrap_or_default()) / count.sqrt()).max(FINEST_PX),
         frames: centres.len(),
         scatter_px: scatter.map(rounded),

@@ -1,7 +1,8 @@
 //! The file of points that a run takes: none that is in it is ever lost.
 //!
-//! It is CSV that `calibrate fit` reads, with remarks on lines of their own. A point is appended and flushed to the disk before
-//! the target moves on. What changes other than at its end is written as another file, which then takes its name.
+//! It is CSV that `calibrate fit` reads, with remarks on lines of their own. A point is appended and flushed
+//! to the disk before the target moves on. What changes other than at its end is written as another file,
+//! which then takes its name.
 
 use std::fmt;
 use std::fs::{File, OpenOptions};
@@ -135,11 +136,12 @@ struct Content {
 }
 
 impl PointsFile {
-    /// Opens a file for more points, or begins one. `found` is how the sensor was before the run, and `started` the time, as its first
-    /// lines have them.
+    /// Opens a file for more points, or begins one. `found` is how the sensor was before the run, and
+    /// `started` the time, as its first lines have them.
     ///
     /// # Errors
-    /// There is such a file, but not of this program or of another sensor or setting; or it cannot be read or written.
+    /// There is such a file, but not of this program or of another sensor or setting; or it cannot be read or
+    /// written.
     pub fn open(path: &Path, setup: &Setup, found: Before, started: &str) -> Result<Self> {
         let shown = path.display();
         let bytes = match std::fs::read(path) {
@@ -185,7 +187,8 @@ impl PointsFile {
         &self.points
     }
 
-    /// How the sensor was set before the run that began the file, as far as a run changes that. `None` where the file does not say.
+    /// How the sensor was set before the run that began the file, as far as a run changes that. `None` where
+    /// the file does not say.
     pub fn begun_with(&self) -> Option<Before> {
         self.begun_with
     }
