@@ -9,6 +9,8 @@
 
 use core::fmt;
 
+use heapless::Vec;
+
 use crate::black_level::BlackLevel;
 use crate::centre::Estimator;
 use crate::frame::{MAX_ROWS, Mean};
@@ -222,6 +224,19 @@ impl fmt::Display for Form {
             Self::Listed => f.write_str("NAME"),
         }
     }
+}
+
+/// Words of a line that count: those of the longest command, and one more to notice that there are too many.
+const MOST_WORDS: usize = 6;
+
+/// The words of a line, separated by blanks.
+pub fn split_words(line: &str) -> Vec<&str, MOST_WORDS> {
+    let mut words = Vec::new();
+    for word in line.split_ascii_whitespace() {
+        // Words beyond the last that counts stay out: there is one too many all the same.
+        let _ = words.push(word);
+    }
+    words
 }
 
 /// Reads a whole number.

@@ -192,13 +192,14 @@ fn help_info_and_status_are_answered() {
     assert_eq!(sensor.ask(""), "");
     assert_eq!(sensor.ask("help"), Help.to_string());
     assert_eq!(sensor.ask("help estimator"), Estimators.to_string());
+    let nominal = Record::nominal();
     for (line, on) in [("calibration on", true), ("calibration off", false)] {
         sensor.set(line);
         let info = Info {
             hardware: &HARDWARE,
             geometry: &tcd1304dg(),
             settings: &Settings::default(),
-            record: Record::nominal().as_ref(),
+            record: nominal.as_ref(),
             on,
         };
         assert_eq!(sensor.ask("info"), info.to_string());

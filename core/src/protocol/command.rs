@@ -7,7 +7,7 @@ use core::fmt;
 use super::piece::{Piece, PieceError};
 use super::upload::Step;
 use crate::record::MAX_ENCODED;
-use crate::settings::{Form, Setting, Value, ValueError, read_number};
+use crate::settings::{Form, Setting, Value, ValueError, read_number, split_words};
 
 /// The longest line that is read, in bytes, without its end.
 pub const MAX_LINE: usize = 64;
@@ -126,9 +126,6 @@ impl core::error::Error for Error {}
 const HELP: &str = "help [estimator]";
 const CALIBRATION: &str = "calibration on|off|begin|data|commit|abort";
 
-/// Words that a line may have beyond its first: those of the longest command, and one more to notice that there are too many.
-const MOST_WORDS: usize = 5;
-
 /// Reads a line (without its end).
 ///
 /// # Errors
@@ -141,16 +138,10 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         return Err(Error::NotText);
     }
     let line = core::str::from_utf8(line).map_err(|_| Error::NotText)?;
-    let mut words = line.split_ascii_whitespace();
-    let Some(name) = words.next() else {
+    let words = split_words(line);
+    let Some((&name, values)) = words.split_first() else {
         return Ok(Command::Nothing);
     };
-    let mut values: heapless::Vec<&str, MOST_WORDS> = heapless::Vec::new();
-    for word in words {
-        // More words than any command has stay out: there is one too many all the same.
-        let _ = values.push(word);
-    }
-    let values = values.as_slice();
     if let Some(setting) = Setting::named(name) {
         return match values {
             [] => Ok(Command::Show(setting)),

@@ -18,7 +18,7 @@ use crate::black_level::BlackLevel;
 use crate::centre::Estimator;
 use crate::frame::Mean;
 use crate::record::{self, Record, RecordError};
-use crate::settings::{Affects, Setting, Settings, Value};
+use crate::settings::{Affects, Setting, Settings, Value, split_words};
 use crate::units::Counts;
 
 /// What `save` writes to flash: the settings, and the calibration's record where the sensor has one of its own.
@@ -113,12 +113,14 @@ fn read_lines(lines: &[u8]) -> Result<Settings, ConfigurationError> {
     let lines = core::str::from_utf8(lines).map_err(|_| ConfigurationError::NotText)?;
     let mut settings = Settings::default();
     for line in lines.lines() {
-        let mut words = line.split(' ');
-        let Some(setting) = words.next().and_then(Setting::named) else {
+        let words = split_words(line);
+        let Some((&name, words)) = words.split_first() else {
             continue;
         };
-        let words: Vec<&str, 4> = words.take(4).collect();
-        match setting.read(&words) {
+        let Some(setting) = Setting::named(name) else {
+            continue;
+        };
+        match setting.read(words) {
             Ok(value) => settings.set(value),
             Err(_) => return Err(ConfigurationError::Setting(setting)),
         }
@@ -152,8 +154,8 @@ fn read_version_1(bytes: [u8; SETTINGS_1]) -> Result<Settings, ConfigurationErro
     ] {
         let mut line = heapless::String::<32>::new();
         let _ = write!(line, "{value}");
-        let words: Vec<&str, 4> = line.split(' ').skip(1).take(4).collect();
-        match value.setting().read(&words) {
+        let words = split_words(&line);
+        match value.setting().read(words.get(1..).unwrap_or_default()) {
             // A black level between two counts is rounded.
             Ok(value) => settings.set(value),
             Err(_) => return Err(ConfigurationError::Setting(value.setting())),

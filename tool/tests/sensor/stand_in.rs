@@ -101,7 +101,7 @@ impl State {
 
     /// The record in flash. The nominal one is not written there.
     pub fn saved_record(&self) -> Option<EncodedRecord> {
-        encoded(self.flash.saved()?.record.as_ref())
+        encoded(self.flash.configuration()?.record.as_ref())
     }
 
     /// Somebody else types a line.
