@@ -114,18 +114,29 @@ impl<F: NorFlash> Store<F> {
             Ok(_) => Ok(false),
             Err(error) => Err(error),
         };
-        let Some((head, body)) = self.item.split_first_chunk_mut() else {
+        // As the flash holds it: earlier firmware encoded the same configuration in other bytes.
+        let Ok(Some(length)) = self.read_item(newest).await else {
             return false;
         };
-        *head = newest.number.to_le_bytes();
-        let Ok(length) = configuration::encode(&newest.configuration, body).map(<[u8]>::len) else {
-            return false;
-        };
-        let item = self.item.get(..NUMBER.saturating_add(length));
+        let item = self.item.get(..length);
         let ends_with = newest
             .sector
             .ends_with(&mut self.flash, item.unwrap_or_default());
         matches!(other_is_newer, Ok(false)) && matches!(ends_with.await, Ok(true))
+    }
+
+    /// Reads an item's bytes into the buffer, and gives their number.
+    async fn read_item(&mut self, wanted: &Item) -> Result<Option<usize>, StoreError> {
+        let mut queue = wanted.sector.queue(&mut self.flash);
+        let Some(mut iterator) = done(queue.iter().await)? else {
+            return Ok(None);
+        };
+        while let Some(Some(item)) = done(iterator.next(&mut self.item).await)? {
+            if item.first_chunk() == Some(&wanted.number.to_le_bytes()) {
+                return Ok(Some(item.len()));
+            }
+        }
+        Ok(None)
     }
 
     /// Whether a sector is not erased and does not begin with a whole item.
@@ -149,6 +160,9 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// [`StoreError`] says why the save failed.
     pub async fn save(&mut self, configuration: &Configuration) -> Result<(), StoreError> {
+        // As it will be read: flash holds neither the settings of a session nor a part of a count.
+        let bytes = configuration::encode(configuration, &mut self.item)?;
+        let configuration = &configuration::decode(bytes)?;
         let Items { last, newest } = self.items().await?;
         if let Some(newest) = &newest
             && newest.configuration == *configuration

@@ -20,9 +20,6 @@ fn optics() -> Optics {
     Optics::nominal_on(Sensor::Camera)
 }
 
-/// The paper's range of distances in metres.
-const TABLE: (f64, f64) = (0.60, 1.02);
-
 /// Knots at even distances over a range of centres, with a value in micrometres.
 fn even_knots(count: usize, range: (f64, f64), value: impl Fn(f64) -> f64) -> Vec<Knot> {
     (0..count)

@@ -26,10 +26,11 @@ pub enum Size {
 
 pub fn sample(size: Size, i: u32) -> Configuration {
     let settings = Settings {
-        rows: 16,
+        // Different for each `i`, and of the same length.
+        rows: 10 + (i / 3000 % 50) as u16,
         mean: Mean::Weighted,
         estimator: Estimator::PhaseTable,
-        black_level: BlackLevel::Fixed(Counts::from_bits(i as i32)),
+        black_level: BlackLevel::Fixed(Counts::from_int(1000 + (i % 3000) as i32)),
         ..Settings::default()
     };
     let record = match size {

@@ -320,7 +320,7 @@ fn what_is_no_record_of_the_sensor_is_refused() {
     sensor.state().start_with(None);
     let error = run(&["read", "--port", &port]).0.expect_err("none");
     assert!(
-        error.starts_with("the sensor has no calibration (what it saved is none): write one"),
+        error.starts_with("the sensor has no calibration (what it saved is unusable): write one"),
         "{error}"
     );
 }
