@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! format version | length of the lines | lines that set the settings | the record's own bytes, or none
-//! 1 byte: 2      | 1 byte              | up to 255                    | up to record::MAX_ENCODED
+//! 1 byte: 2      | 2, little endian    | up to 512                    | up to record::MAX_ENCODED
 //! ```
 //!
 //! The lines are those that a person would type, each with a line feed behind it: `rows 16`. So a setting has one text form, and a firmware that
@@ -40,10 +40,10 @@ const VERSION_1: u8 = 1;
 const SETTINGS_1: usize = 10;
 
 /// The most bytes that the settings' lines have.
-const MAX_LINES: usize = 255;
+const MAX_LINES: usize = 512;
 
 /// The most bytes there can be.
-pub const MAX_ENCODED: usize = 2 + MAX_LINES + record::MAX_ENCODED;
+pub const MAX_ENCODED: usize = 3 + MAX_LINES + record::MAX_ENCODED;
 
 /// Writes to the front of a buffer, which [`MAX_ENCODED`] bytes are always enough for, and gives what was written.
 ///
@@ -58,7 +58,9 @@ pub fn encode<'a>(
     };
     let lines = lines(&configuration.settings).ok_or(no_room)?;
     let (head, rest) = buffer.split_first_chunk_mut().ok_or(no_room)?;
-    *head = [VERSION, lines.len() as u8];
+    // At most MAX_LINES.
+    let [low, high] = (lines.len() as u16).to_le_bytes();
+    *head = [VERSION, low, high];
     let (place, rest) = rest.split_at_mut_checked(lines.len()).ok_or(no_room)?;
     place.copy_from_slice(&lines);
     let record = match &configuration.record {
@@ -90,7 +92,8 @@ fn lines(settings: &Settings) -> Option<Vec<u8, MAX_LINES>> {
 pub fn decode(bytes: &[u8]) -> Result<Configuration, ConfigurationError> {
     let short = ConfigurationError::Short { bytes: bytes.len() };
     let (settings, record) = match *bytes {
-        [VERSION, length, ref rest @ ..] => {
+        [VERSION, low, high, ref rest @ ..] => {
+            let length = u16::from_le_bytes([low, high]);
             let (lines, record) = rest.split_at_checked(length.into()).ok_or(short)?;
             (read_lines(lines)?, record)
         }
@@ -98,7 +101,7 @@ pub fn decode(bytes: &[u8]) -> Result<Configuration, ConfigurationError> {
             let (settings, record) = bytes.split_first_chunk().ok_or(short)?;
             (read_version_1(*settings)?, record)
         }
-        [] | [VERSION] => return Err(short),
+        [] | [VERSION] | [VERSION, _] => return Err(short),
         [version, ..] => return Err(ConfigurationError::Version { version }),
     };
     let record = match record {
@@ -242,8 +245,8 @@ mod tests {
     fn flash_holds_the_lines_that_a_person_would_type() {
         let bytes = encoded(Settings::default());
         let lines = b"rows 16\nmean weighted\nblack shielded\nestimator phase-table\n";
-        assert_eq!(bytes[..2], [VERSION, lines.len() as u8]);
-        assert_eq!(bytes[2..], lines[..]);
+        assert_eq!(bytes[..3], [VERSION, lines.len() as u8, 0]);
+        assert_eq!(bytes[3..], lines[..]);
     }
 
     #[test]
@@ -261,7 +264,7 @@ mod tests {
 
     #[test]
     fn lines_of_later_firmware_are_skipped_and_missing_ones_are_defaults() {
-        let lines = b"\x02\x19exposure 200\nrows 7\nlamp\n";
+        let lines = b"\x02\x19\x00exposure 200\nrows 7\nlamp\n";
         let found = decode(lines).expect("settings");
         assert_eq!(
             found.settings,
@@ -293,11 +296,15 @@ mod tests {
         for (bytes, error) in [
             (&b""[..], ConfigurationError::Short { bytes: 0 }),
             (b"\x02", ConfigurationError::Short { bytes: 1 }),
-            (b"\x02\x08rows 1\n", ConfigurationError::Short { bytes: 9 }),
-            (b"\x02\x01\xff", ConfigurationError::NotText),
-            (b"\x02\x07rows 0\n", setting(Setting::Rows)),
-            (b"\x02\x09rows 1 2\n", setting(Setting::Rows)),
-            (b"\x02\x08mean on\n", setting(Setting::Mean)),
+            (b"\x02\x07", ConfigurationError::Short { bytes: 2 }),
+            (
+                b"\x02\x08\x00rows 1\n",
+                ConfigurationError::Short { bytes: 10 },
+            ),
+            (b"\x02\x01\x00\xff", ConfigurationError::NotText),
+            (b"\x02\x07\x00rows 0\n", setting(Setting::Rows)),
+            (b"\x02\x09\x00rows 1 2\n", setting(Setting::Rows)),
+            (b"\x02\x08\x00mean on\n", setting(Setting::Mean)),
             (b"\x03", ConfigurationError::Version { version: 3 }),
             (b"\x01\x07\x00", ConfigurationError::Short { bytes: 3 }),
             (b"\x01\x00\x00wts\x00\x00\x00\x00", setting(Setting::Rows)),

@@ -288,7 +288,7 @@ fn alone() -> Vec<FrameCase> {
             "64 rows",
             "the uncertainty falls with the root of their number",
             Due::Centre(0.07),
-            |number| clean(number),
+            clean,
         ),
         case(
             "64 rows of noise",

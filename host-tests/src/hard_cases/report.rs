@@ -129,7 +129,7 @@ impl Catalogue {
             self.frames.len(),
             self.calibrations.len()
         );
-        text += "| rung | letter | cases that failed |\n|---|---|---:|\n";
+        text += "| estimator | letter | cases that failed |\n|---|---|---:|\n";
         for rung in Estimator::ALL {
             _ = writeln!(
                 text,
@@ -254,9 +254,8 @@ const FAULTS: [&str; Fault::KINDS] = [
 /// The random rows' rates, as docs/hard-cases.md shows them.
 pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
     let mut text = format!(
-        "{} clean rows and {} rows with one to three flaws. Confident errors in a million rows (as the measurement takes the rung, and of the \
-         rung alone), and what share of the rows is flagged or a fault, in per cent.\n\n\
-         | rung | clean: errors | alone | flagged | fault | flawed: errors | alone | flagged | of those good | fault |\n\
+        "{} clean rows and {} rows with one to three flaws. Confident errors in a million rows (with the check, and without it), and what share of the rows is flagged or a fault, in per cent.\n\n\
+         | estimator | clean: errors | alone | flagged | fault | flawed: errors | alone | flagged | of those good | fault |\n\
          |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
         clean.rows, mixtures.rows
     );
@@ -280,7 +279,7 @@ pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
         ];
         _ = writeln!(text, "| {} |", cells.join(" | "));
     }
-    text += "\nWhich flaws the rows had in which the default rung was confidently wrong, the most frequent first (a row with two flaws counts \
+    text += "\nWhich flaws the rows had in which the default estimator was confidently wrong, the most frequent first (a row with two flaws counts \
              for both), in a million rows with that flaw:\n\n| flaw | rows | checked | alone |\n|---|---:|---:|---:|\n";
     let mut kinds = Kind::ALL.to_vec();
     kinds.sort_by_key(|(kind, _)| std::cmp::Reverse(mixtures.kinds[*kind as usize].checked));

@@ -1,8 +1,13 @@
 //! A whole item of later or earlier firmware that this firmware cannot use: the configuration before it is
 //! used.
 
+use slitrange::black_level::BlackLevel;
+use slitrange::centre::Estimator;
+use slitrange::frame::Mean;
+use slitrange::settings::Settings;
 use slitrange::store::Stored;
 use slitrange::store::configuration::VERSION;
+use slitrange::units::Counts;
 
 use crate::flash::Flash;
 use crate::samples::{HEADER, NUMBER, Size, item_bytes, read, sample, save_and_check};
@@ -79,4 +84,39 @@ fn an_item_that_is_too_long_is_passed_over() {
     assert_eq!(read(&mut flash), Stored::Older(first));
     save_and_check(&mut flash, &second);
     save_and_check(&mut flash, &third);
+}
+
+/// What the first firmware left in flash after two saves: `rows 7`, `mean plain`, `black fixed 300` and `estimator robust`, each with the nominal
+/// calibration under another serial number.
+const VERSION_1: &str = "\
+00000000a89de3de45006dfa01000000010700707278002c010001ffffffff0fea0f0b15ee1c121f22e21c010c9a3374\
+0080e00300bbe2951c869fffb0d09240bbe2a2248080b84a8080f0a50184da68dd000000\
+14fded5845006dfa02000000010700707278002c010001fcffffff0fea0f0b15ee1c121f22e21c010c9a3374\
+0080e00300bbe2951c869fffb0d09240bbe2a2248080b84a8080f0a501d6f64a8a000000";
+
+#[test]
+fn what_the_first_firmware_saved_is_the_newest_and_stays_until_a_change() {
+    let mut flash = Flash::erased();
+    for (i, place) in (0..VERSION_1.len()).step_by(2).zip(&mut flash.bytes) {
+        *place = u8::from_str_radix(&VERSION_1[i..i + 2], 16).expect("a byte");
+    }
+    let Stored::Newest(found) = read(&mut flash) else {
+        panic!("{:?}", read(&mut flash));
+    };
+    let expected = Settings {
+        rows: 7,
+        mean: Mean::Plain,
+        // The successor of `robust`.
+        estimator: Estimator::Adaptive,
+        black_level: BlackLevel::Fixed(Counts::from_int(300)),
+        ..Settings::default()
+    };
+    assert_eq!(found.settings, expected);
+    let serial_number = found.record.as_ref().map(|record| record.serial_number);
+    assert_eq!(serial_number, Some(u32::MAX - 3));
+    // The same again writes nothing; a change is the newest.
+    let before = flash.bytes.clone();
+    save_and_check(&mut flash, &found);
+    assert!(flash.bytes == before);
+    save_and_check(&mut flash, &sample(Size::Middle, 1));
 }
