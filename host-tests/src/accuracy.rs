@@ -2,7 +2,7 @@
 //!
 //! [`Cell::run`] takes each row by itself. [`Rows`] come as the firmware reads them: in series of [`SERIES`] rows of one spot, with
 //! independent noise, in which the spot drifts; each estimator is given what itself found in the row before, except in a series'
-//! first row, and all estimators see the same rows. [`bias`] is what is left without noise.
+//! first row, and all estimators see the same rows. [`Phases::bias`] is what is left without noise.
 
 use phase_tables::gaussian;
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 //! The robust fit: the adaptive phase-table score, and if the row fails the check about that centre, a fit of
 //! the pixels that belong to the spot.
 //!
-//! The first centre is [`adaptive`]'s. If the row is its own mirror image about it (see `symmetry`), as is
+//! The first centre is `adaptive`'s. If the row is its own mirror image about it (see `symmetry`), as is
 //! usual, it stays. If not, three ways find samples that do not belong to the spot, each a series of fits
 //! ([`gauss_newton`]) to the rest:
 //!

@@ -23,6 +23,7 @@ use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::Input;
 use slitrange::protocol::status::{StartCause, Vitals};
+use slitrange::protocol::upload::Step;
 use slitrange::reading::Measured;
 use slitrange::record::Record;
 use slitrange::record::encoded::EncodedRecord;
@@ -82,10 +83,10 @@ pub struct State {
     pub unplugged_until: Option<Instant>,
     /// The one line of an upload, here or there, that arrives spoilt: how many come before it, and whether it is lost.
     pub spoil: Option<(usize, bool)>,
+    /// It hears nothing any more, once a piece of a record has come.
+    pub deaf_after_piece: bool,
     /// Power fails so many times while the flash is written, which then holds what it held.
     pub restarts_on_save: usize,
-    /// Commands that it understood.
-    pub asked: Vec<Command>,
 }
 
 impl State {
@@ -183,8 +184,8 @@ impl StandIn {
             off_until: None,
             unplugged_until: None,
             spoil: None,
+            deaf_after_piece: false,
             restarts_on_save: 0,
-            asked: Vec::new(),
         }));
         let directory = tempfile::tempdir().expect("a directory");
         let ended = Arc::new(Mutex::new(false));
@@ -368,11 +369,6 @@ impl Sensor {
             let Some(command) = self.input.take(byte) else {
                 continue;
             };
-            if let Ok(command) = command
-                && command != Command::Nothing
-            {
-                state.asked.push(command);
-            }
             if command == Ok(Command::Centre) {
                 let late = self.random.random_bool(state.trouble.late);
                 let wait = if late {
@@ -383,8 +379,12 @@ impl Sensor {
                 // Asked for twice, it is answered once.
                 self.centre_due.get_or_insert(Instant::now() + wait);
             }
+            let is_piece = matches!(command, Ok(Command::Upload(Step::Piece(_))));
             let text = state.take(Event::Line(command));
             self.say(state, &text);
+            if is_piece && state.deaf_after_piece {
+                state.trouble.lost = 1.0;
+            }
         }
     }
 

@@ -12,9 +12,7 @@ use slitrange::distance::eq1::NOMINAL;
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
-use slitrange::protocol::command::Command;
 use slitrange::protocol::piece::PIECE;
-use slitrange::protocol::upload::Step;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::record::encoded::EncodedRecord;
@@ -405,22 +403,15 @@ fn an_upload_that_is_interrupted_is_dropped() {
         reconnect: std::time::Duration::ZERO,
         ..WAITS
     };
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            let is_piece = |command: &Command| matches!(command, Command::Upload(Step::Piece(_)));
-            while !sensor.state().asked.iter().any(is_piece) {
-                std::thread::yield_now();
-            }
-            // Deaf from here on: it does not even hear that it is over.
-            sensor.state().trouble.lost = 1.0;
-        });
-        let error = run_waiting(&["write", text(&path), "--port", &port], waits).0;
-        let error = error.expect_err("deaf");
-        assert!(
-            error.starts_with("nothing has changed, the sensor uses the calibration that it had: nobody answers `stream` at "),
-            "{error}"
-        );
-    });
+    // Deaf from then on: it does not even hear that the upload is over.
+    sensor.state().deaf_after_piece = true;
+    let error = run_waiting(&["write", text(&path), "--port", &port], waits).0;
+    let error = error.expect_err("deaf");
+    assert!(
+        error.starts_with("nothing has changed, the sensor uses the calibration that it had: nobody answers `stream` at "),
+        "{error}"
+    );
+    sensor.state().deaf_after_piece = false;
     assert_eq!(sensor.state().record(), EncodedRecord::nominal());
     sensor.state().trouble.lost = 0.0;
     // Another record goes through all the same.

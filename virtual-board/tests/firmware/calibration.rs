@@ -48,7 +48,7 @@ fn what_was_sent_is_what_readings_are_made_with() {
         upload(&mut board, &written);
         assert_shown(&mut board, Some(&written), FlashStatus::Nothing);
         assert_eq!(read_back(&mut board), written.bytes());
-        assert_eq!(ask(&mut board, "estimator"), "estimator adaptive");
+        assert_eq!(ask(&mut board, "estimator"), "estimator gauss-newton");
         assert_eq!(ask(&mut board, "black"), "black fixed 300");
         assert!(
             ask_for_lines(&mut board, "info", 8)
@@ -113,7 +113,7 @@ fn assert_refused(board: &mut VirtualBoard, command: &str, refusal: Refusal) {
 fn what_is_refused_changes_nothing() {
     let mut board = measuring(4);
     upload(&mut board, &eq1());
-    set(&mut board, "estimator robust");
+    set(&mut board, "estimator gauss-newton");
     let before = in_use(&mut board);
 
     let other = written(record(longest().record().calibration.clone()));

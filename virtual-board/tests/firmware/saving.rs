@@ -71,7 +71,7 @@ fn what_was_saved_is_in_use_after_a_power_cycle() {
     let mut board = measuring(4);
     let own = eq1();
     upload(&mut board, &own);
-    for command in ["rows 7", "mean plain", "estimator robust"] {
+    for command in ["rows 7", "mean plain", "estimator gauss-newton"] {
         set(&mut board, command);
     }
     assert_shown(&mut board, Some(&own), FlashStatus::Nothing);
@@ -90,7 +90,7 @@ fn what_was_saved_is_in_use_after_a_power_cycle() {
     for command in [
         "rows 7",
         "mean plain",
-        "estimator robust",
+        "estimator gauss-newton",
         "black fixed 300",
     ] {
         let (name, _) = command.split_once(' ').expect("a value");

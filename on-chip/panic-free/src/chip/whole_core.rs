@@ -6,7 +6,6 @@ use slitrange::black_level::{self, BlackPixels};
 use slitrange::centre::tables::{GAUSSIAN, Sampling};
 use slitrange::centre::{self, Estimator, phase_table};
 use slitrange::check::{self, repair};
-use slitrange::fault::Fault;
 use slitrange::frame::Frame;
 use slitrange::measurement::Measurement;
 use slitrange::protocol::command::Command;
