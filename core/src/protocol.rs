@@ -11,5 +11,5 @@ pub mod refusal;
 pub mod status;
 pub mod upload;
 
-/// The longest answer, in bytes with its line ends: `help`, `help estimator` and `status` are the long ones.
-pub const MAX_ANSWER: usize = 1536;
+/// The longest answer, in bytes with its line ends: `help`, with room for twenty settings more.
+pub const MAX_ANSWER: usize = 3072;

@@ -244,9 +244,21 @@ mod tests {
     #[test]
     fn flash_holds_the_lines_that_a_person_would_type() {
         let bytes = encoded(Settings::default());
-        let lines = b"rows 16\nmean weighted\nblack shielded\nestimator phase-table\n";
-        assert_eq!(bytes[..3], [VERSION, lines.len() as u8, 0]);
-        assert_eq!(bytes[3..], lines[..]);
+        let [version, low, high, lines @ ..] = &bytes[..] else {
+            panic!("{bytes:?}");
+        };
+        assert_eq!(*version, VERSION);
+        assert_eq!(usize::from(u16::from_le_bytes([*low, *high])), lines.len());
+        let lines = std::str::from_utf8(lines).expect("text");
+        for line in [
+            "rows 16\n",
+            "mean weighted\n",
+            "black shielded\n",
+            "estimator phase-table\n",
+        ] {
+            assert!(lines.contains(line), "{lines}");
+        }
+        assert!(!lines.contains("stream"), "{lines}");
     }
 
     #[test]
@@ -264,7 +276,7 @@ mod tests {
 
     #[test]
     fn lines_of_later_firmware_are_skipped_and_missing_ones_are_defaults() {
-        let lines = b"\x02\x19\x00exposure 200\nrows 7\nlamp\n";
+        let lines = b"\x02\x19\x00of-later 200\nrows 7\nlamp\n";
         let found = decode(lines).expect("settings");
         assert_eq!(
             found.settings,

@@ -48,7 +48,7 @@ fn what_was_sent_is_what_readings_are_made_with() {
         upload(&mut board, &written);
         assert_shown(&mut board, Some(&written), FlashStatus::Nothing);
         assert_eq!(read_back(&mut board), written.bytes());
-        assert_eq!(ask(&mut board, "estimator"), "estimator gauss-newton");
+        assert_eq!(ask(&mut board, "estimator"), "estimator adaptive");
         assert_eq!(ask(&mut board, "black"), "black fixed 300");
         assert!(
             ask_for_lines(&mut board, "info", 8)
