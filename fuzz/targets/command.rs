@@ -112,7 +112,10 @@ impl Line {
                 }
                 self.announced = None;
                 let record = decode(&self.came).ok()?;
-                record.geometry.has_same_words(&tcd1304dg()).then_some(Some(record))
+                record
+                    .geometry
+                    .has_same_words(&tcd1304dg())
+                    .then_some(Some(record))
             }
         }
     }

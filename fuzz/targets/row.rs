@@ -10,10 +10,11 @@ use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::frame::{FEWEST_INDEPENDENT, MAX_ROWS, Mean};
-use slitrange::measurement::{Measurement, Settings};
+use slitrange::measurement::Measurement;
 use slitrange::reading::Reading;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads;
+use slitrange::settings::Settings;
 use slitrange::units::{Counts, Micrometres, Pixels};
 
 /// Rows at most, so that an input takes a few milliseconds.
@@ -84,6 +85,7 @@ impl Bench {
             mean: Mean::Weighted,
             estimator: Estimator::default(),
             black_level: BlackLevel::Shielded,
+            ..Settings::default()
         };
         Self {
             light: vec![300.0; geometry.light.len().min(5000)],
@@ -171,6 +173,7 @@ impl Bench {
                 1 => BlackLevel::Frame,
                 _ => BlackLevel::Fixed(Counts::from_int(i32::from(d))),
             },
+            ..Settings::default()
         };
         self.calibration = Calibration::nominal().filter(|_| a & 0x80 != 0);
         self.measurement.set(self.settings);

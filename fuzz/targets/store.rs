@@ -17,12 +17,12 @@ use slitrange::distance::Calibration;
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::table::Table;
 use slitrange::frame::Mean;
-use slitrange::measurement::Settings;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::sensor_heads;
-use slitrange::store::configuration::{MAX_ENCODED, Configuration, decode, encode};
-use slitrange::store::{Stored, Store};
+use slitrange::settings::Settings;
+use slitrange::store::configuration::{Configuration, MAX_ENCODED, decode, encode};
+use slitrange::store::{Store, Stored};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
 use flash::{BYTES, Flash, SECTOR};
@@ -174,7 +174,8 @@ fn sample(what: u8, i: u16) -> Configuration {
             rows: 16,
             mean: Mean::Weighted,
             estimator: Estimator::PhaseTable,
-            black_level: BlackLevel::Fixed(Counts::from_bits(i.into())),
+            black_level: BlackLevel::Fixed(Counts::from_int(i32::from(i % 4096))),
+            ..Settings::default()
         },
         record: calibration.map(|calibration| Record {
             serial_number: i.into(),
