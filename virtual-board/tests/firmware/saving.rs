@@ -246,7 +246,7 @@ fn without_a_usable_calibration_there_is_no_distance() {
     let damaged = Contents::new(vec![0x5A; BYTES]).expect("two sectors");
     let other_head = Record {
         geometry: Geometry {
-            shot_variance_per_count_q16: 1,
+            light: 34..3681,
             ..sensor_heads::tcd1304dg()
         },
         ..eq1().record().clone()
