@@ -79,9 +79,9 @@ impl Shell {
 
     async fn send(&mut self) {
         if self.actions.may_drop {
-            self.tx.offer(&self.actions.text);
+            self.tx.offer(self.actions.text.as_str());
         } else {
-            self.tx.send(&self.actions.text).await;
+            self.tx.send(self.actions.text.as_str()).await;
         }
     }
 

@@ -88,6 +88,7 @@ pub mod store;
 
 pub mod sensor_heads;
 
+pub mod text;
 pub mod units;
 
 mod numeric;

@@ -10,8 +10,6 @@
 
 use core::fmt::{self, Write as _};
 
-use heapless::String;
-
 use crate::distance::Calibration;
 use crate::fault::Fault;
 use crate::protocol::MAX_ANSWER;
@@ -30,6 +28,7 @@ use crate::row::Geometry;
 use crate::settings::{Affects, Setting, Settings};
 use crate::store::configuration::Configuration;
 use crate::store::{StoreError, Stored};
+use crate::text::Text;
 
 /// What happens to the sensor.
 #[derive(Debug)]
@@ -50,7 +49,7 @@ pub enum Event {
 #[derive(Debug, Default)]
 pub struct Actions {
     /// Text to send, each line with CR LF. Empty if there is nothing to say.
-    pub text: String<MAX_ANSWER>,
+    pub text: Text<MAX_ANSWER>,
     /// The text is one of a stream: drop it if the line is busy. Any other text must arrive.
     pub may_drop: bool,
     /// The measurement is to use these settings from now on.

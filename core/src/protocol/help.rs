@@ -4,6 +4,7 @@ use core::fmt::{self, Write as _};
 
 use crate::centre::Estimator;
 use crate::settings::Setting;
+use crate::text::Text;
 
 /// A command as `help` shows it: what is typed, and what it does.
 pub type Line = (&'static str, &'static str);
@@ -70,10 +71,10 @@ impl fmt::Display for Help {
             write!(f, "{typed:38} {help}\r\n")?;
         }
         for &setting in Setting::ALL {
-            let mut typed = heapless::String::<64>::new();
+            let mut typed = Text::<64>::default();
             // A test holds that all fit.
             let _ = write!(typed, "{} [{}]", setting.name(), setting.form());
-            write!(f, "{typed:38} {}\r\n", setting.help())?;
+            write!(f, "{:38} {}\r\n", typed.as_str(), setting.help())?;
         }
         for (typed, help) in AFTER_SETTINGS {
             write!(f, "{typed:38} {help}\r\n")?;

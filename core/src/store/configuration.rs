@@ -12,13 +12,12 @@
 
 use core::fmt::{self, Write as _};
 
-use heapless::Vec;
-
 use crate::black_level::BlackLevel;
 use crate::centre::Estimator;
 use crate::frame::Mean;
 use crate::record::{self, Record, RecordError};
 use crate::settings::{Affects, Setting, Settings, Value, split_words};
+use crate::text::Text;
 use crate::units::Counts;
 
 /// What `save` writes to flash: the settings, and the calibration's record where the sensor has one of its own.
@@ -57,12 +56,13 @@ pub fn encode<'a>(
         bytes: buffer.len(),
     };
     let lines = lines(&configuration.settings).ok_or(no_room)?;
+    let lines = lines.as_bytes();
     let (head, rest) = buffer.split_first_chunk_mut().ok_or(no_room)?;
     // At most MAX_LINES.
     let [low, high] = (lines.len() as u16).to_le_bytes();
     *head = [VERSION, low, high];
     let (place, rest) = rest.split_at_mut_checked(lines.len()).ok_or(no_room)?;
-    place.copy_from_slice(&lines);
+    place.copy_from_slice(lines);
     let record = match &configuration.record {
         Some(record) => record::encode(record, rest)?.len(),
         None => 0,
@@ -75,8 +75,8 @@ pub fn encode<'a>(
 }
 
 /// The lines that set the settings. `None` where they do not fit, which a test holds does not happen.
-fn lines(settings: &Settings) -> Option<Vec<u8, MAX_LINES>> {
-    let mut lines = Vec::new();
+fn lines(settings: &Settings) -> Option<Text<MAX_LINES>> {
+    let mut lines = Text::default();
     for &setting in Setting::ALL {
         if setting.affects() == Affects::Measurement {
             writeln!(lines, "{}", settings.get(setting)).ok()?;
@@ -155,9 +155,9 @@ fn read_version_1(bytes: [u8; SETTINGS_1]) -> Result<Settings, ConfigurationErro
         Value::Rows(settings.rows),
         Value::Black(settings.black_level),
     ] {
-        let mut line = heapless::String::<32>::new();
+        let mut line = Text::<32>::default();
         let _ = write!(line, "{value}");
-        let words = split_words(&line);
+        let words = split_words(line.as_str());
         match value.setting().read(words.get(1..).unwrap_or_default()) {
             // A black level between two counts is rounded.
             Ok(value) => settings.set(value),

@@ -168,7 +168,7 @@ pub fn talk() {
             },
         };
         session.take(event, &vitals, &mut actions);
-        say(&actions.text);
+        say(&actions.text.as_str());
         if let Some(settings) = actions.apply {
             reached(i32::from(settings.rows));
         }
