@@ -1,4 +1,5 @@
-//! Gives the linker the chip's memory and the sections of cortex-m-rt and defmt. On a PC the linker needs none of them.
+//! Gives the linker the chip's memory and the sections of cortex-m-rt and defmt. A build for a PC does not
+//! need these.
 
 fn main() {
     println!("cargo::rerun-if-changed=memory.x");

@@ -6,18 +6,22 @@ use static_cell::ConstStaticCell;
 use super::shared::{BUFFERS, Buffer, COUNTERS, FREE, FULL, WORDS};
 use super::tcd1304::Tcd1304;
 
-/// From one row to the next, and so the exposure: a read-out (5.63 ms), the pulses and some slack. 175 rows a second.
+/// From one row to the next, and so the exposure: a read-out (5.63 ms), the pulses and some slack. 175 rows a
+/// second.
 pub const ROW_PERIOD: Duration = Duration::from_micros(5700);
 
-/// Pulses before the first row, because the pixels have gathered light since the power came on and keep a rest of it.
+/// Pulses before the first row, because the pixels have gathered light since the power came on and keep a
+/// rest of it.
 const CLEARING_PULSES: u32 = 4;
 
 static ROWS: ConstStaticCell<[[u16; WORDS]; BUFFERS]> = ConstStaticCell::new([[0; WORDS]; BUFFERS]);
 
 /// Takes rows for ever. Deadline: the pulses, within 60 us of the tick; then DMA works alone.
 ///
-/// A row that finds no free buffer is lost: the sensor is pulsed all the same, because a skipped pulse would expose the
-/// next row twice as long. A failed read-out makes the next exposure longer, so the sensor is cleared anew; its rows
+/// A row that finds no free buffer is lost: the sensor is pulsed all the same, because a skipped pulse would
+/// expose the
+/// next row twice as long. A failed read-out makes the next exposure longer, so the sensor is cleared anew;
+/// its rows
 /// stay out, and measuring calls the sensor silent if none come for long.
 #[embassy_executor::task]
 pub async fn acquire(mut sensor: Tcd1304) {

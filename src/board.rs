@@ -1,4 +1,5 @@
-//! The NUCLEO-F429ZI: clocks, pins, interrupts and their priorities. The one file to change for another board.
+//! The NUCLEO-F429ZI: clocks, pins, interrupts and their priorities. The one file to change for another
+//! board.
 //!
 //! | pin | | to |
 //! |---|---|---|
@@ -63,7 +64,8 @@ const BAUD: u32 = 115_200;
 /// The interrupt of the serial line.
 pub const SERIAL_INTERRUPT: interrupt::Interrupt = interrupt::USART3;
 
-/// Outgoing characters: the longest answer, and as many of readings, which come meanwhile if a frame is a row. With less, lines
+/// Outgoing characters: the longest answer, and as many of readings, which come meanwhile if a frame is a
+/// row. With less, lines
 /// are dropped after `help estimator`.
 static TO_SEND: ConstStaticCell<[u8; 2 * MAX_ANSWER]> = ConstStaticCell::new([0; 2 * MAX_ANSWER]);
 
@@ -94,7 +96,8 @@ pub struct Board {
     pub started_by: StartCause,
 }
 
-/// Caches and prefetch, which hide most of flash's five wait states (RM0090 section 3.5). embassy-stm32 0.6.0 sets the wait states
+/// Caches and prefetch, which hide most of flash's five wait states (RM0090 section 3.5). embassy-stm32 0.6.0
+/// sets the wait states
 /// only.
 fn enable_flash_accelerator() {
     embassy_stm32::pac::FLASH.acr().modify(|acr| {
@@ -183,8 +186,10 @@ pub fn init() -> Board {
     }
 }
 
-/// On chips before revision 3, reading bank 2 of the flash may go wrong while PA12 changes (STM32F42xx errata sheet, section 2.2.11). It
-/// is to be an output that stays low, with its pull-down, and embassy-stm32's flash driver panics where it is not.
+/// On chips before revision 3, reading bank 2 of the flash may go wrong while PA12 changes (STM32F42xx errata
+/// sheet, section 2.2.11). It
+/// is to be an output that stays low, with its pull-down, and embassy-stm32's flash driver panics where it is
+/// not.
 fn keep_pa12_low(pin: Peri<'static, peripherals::PA12>) {
     // Dropped, it would be an input again.
     core::mem::forget(Output::new(pin, Level::Low, Speed::Low));
@@ -199,7 +204,8 @@ pub type Converter = spi::Spi<'static, Async, Master>;
 /// The sensor's master clock.
 pub type MasterClock = SimplePwm<'static, peripherals::TIM1>;
 
-/// Core cycles since the master clock rose: TIM1 counts at the core's speed, and its output rises as it wraps.
+/// Core cycles since the master clock rose: TIM1 counts at the core's speed, and its output rises as it
+/// wraps.
 pub fn cycles_since_master_clock_rose() -> u32 {
     pac::TIM1.cnt().read().0 & 0xFFFF
 }
@@ -217,7 +223,8 @@ pub fn start_urgent_executor() -> SendSpawner {
 /// UART4 itself is not used; its interrupt is.
 #[interrupt]
 unsafe fn UART4() {
-    // SAFETY: this is the interrupt of the executor, and nothing else calls. It comes only after `start` enabled it.
+    // SAFETY: this is the interrupt of the executor, and nothing else calls. It comes only after `start`
+    // enabled it.
     unsafe { URGENT.on_interrupt() }
 }
 
@@ -245,7 +252,8 @@ fn config() -> Config {
     config
 }
 
-/// Reads the reset flags and clears them for the next start. A reset raises its own flag and the pin's, because the
+/// Reads the reset flags and clears them for the next start. A reset raises its own flag and the pin's,
+/// because the
 /// chip pulls its reset pin itself: the pin is to blame if nothing else is.
 fn start_cause() -> StartCause {
     let flags = pac::RCC.csr().read();

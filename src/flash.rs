@@ -1,7 +1,9 @@
 //! The flash that the store is in: the first two sectors of bank 2.
 //!
-//! embassy-stm32's driver waits for the flash's interrupt where it erases and programs, so that rows are taken meanwhile: the
-//! program is in bank 1. This adds a sign of life for each thing done, by which the watchdog tells a save from a firmware that
+//! embassy-stm32's driver waits for the flash's interrupt where it erases and programs, so that rows are
+//! taken meanwhile: the
+//! program is in bank 1. This adds a sign of life for each thing done, by which the watchdog tells a save
+//! from a firmware that
 //! hangs, and lets the other tasks go on between two looks into the flash.
 
 use core::pin::pin;
@@ -14,7 +16,8 @@ use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 use super::shared::COUNTERS;
 
-/// A sector of 16 KB takes 800 ms at most (data sheet of the STM32F429, flash memory programming, by bytes: the driver leaves it at that).
+/// A sector of 16 KB takes 800 ms at most (data sheet of the STM32F429, flash memory programming, by bytes:
+/// the driver leaves it at that).
 const PART_OF_AN_ERASE: Duration = Duration::from_millis(300);
 
 unsafe extern "C" {

@@ -7,7 +7,8 @@
 //!             <--free rows--           <-settings, pauses---
 //! ```
 //!
-//! A fifth task feeds the watchdog while all others make progress. Acquisition and watchdog run in an interrupt, above the other
+//! A fifth task feeds the watchdog while all others make progress. Acquisition and watchdog run in an
+//! interrupt, above the other
 //! tasks, so that a row's computation never shifts the sensor's pulses.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -32,7 +33,8 @@ mod transmitter;
 #[cfg(target_os = "none")]
 mod watchdog;
 
-// Linked for what they define: where defmt's log goes, and what a panic does (defmt logs it, everything stops, and the watchdog
+// Linked for what they define: where defmt's log goes, and what a panic does (defmt logs it, everything
+// stops, and the watchdog
 // starts the board again).
 #[cfg(target_os = "none")]
 use {defmt_rtt as _, panic_probe as _};

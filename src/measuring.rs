@@ -1,4 +1,5 @@
-//! Rows become centres of frames: the pure core, with rows and settings brought to it and results carried away.
+//! Rows become centres of frames: the pure core, with rows and settings brought to it and results carried
+//! away.
 
 use core::sync::atomic::Ordering;
 
@@ -40,7 +41,8 @@ pub async fn measure() {
             Either::Second(Err(_)) => publish(Err(measurement.silence())),
             Either::First(settings) => {
                 measurement.set(settings);
-                // The frame starts again. Someone who changes settings faster than frames end would otherwise have
+                // The frame starts again. Someone who changes settings faster than frames end would otherwise
+                // have
                 // the watchdog take the lack of results for a fault.
                 COUNTERS.results.add();
             }

@@ -17,7 +17,8 @@ const PIECE: usize = 64;
 
 /// Serves the line for ever.
 ///
-/// Results are looked at before bytes: they come 175 times a second at most, so bytes get their turn, while bytes
+/// Results are looked at before bytes: they come 175 times a second at most, so bytes get their turn, while
+/// bytes
 /// could come without an end.
 #[embassy_executor::task]
 pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: CalibrationFlash) {

@@ -1,4 +1,5 @@
-//! The shell around the core's session: events to it, its actions to the serial line, the measurement and flash.
+//! The shell around the core's session: events to it, its actions to the serial line, the measurement and
+//! flash.
 
 use core::sync::atomic::Ordering;
 
@@ -85,9 +86,11 @@ impl Shell {
         }
     }
 
-    /// Writes to flash. No frame is due meanwhile, so that the line can be silent for as long as the flash takes.
+    /// Writes to flash. No frame is due meanwhile, so that the line can be silent for as long as the flash
+    /// takes.
     async fn save(&mut self) {
-        // Signs of life: from one of the flash to the next may take half a second, and so may the first frame after them.
+        // Signs of life: from one of the flash to the next may take half a second, and so may the first frame
+        // after them.
         COUNTERS.results.add();
         let result = match &self.session.configuration() {
             Some(configuration) => self.store.save(configuration).await,

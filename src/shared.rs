@@ -14,7 +14,8 @@ use slitrange::settings::Settings;
 /// Words in a row, all of which one DMA transfer brings.
 pub const WORDS: usize = sensor_heads::tcd1304dg().words;
 
-/// A row's memory. There are two: while one is read into, the other is computed on. Who has the reference has the row.
+/// A row's memory. There are two: while one is read into, the other is computed on. Who has the reference has
+/// the row.
 pub type Buffer = &'static mut [u16; WORDS];
 
 /// Rows in use at a time.
@@ -26,14 +27,16 @@ pub static FREE: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::ne
 /// Rows to compute on. Holds all there are, so that sending never waits.
 pub static FULL: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::new();
 
-/// What was measured, for the serial line: 91 ms of them at the highest rate, a row a frame, so that the answer to
+/// What was measured, for the serial line: 91 ms of them at the highest rate, a row a frame, so that the
+/// answer to
 /// `status` (about 45 ms) loses none.
 pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Measured, Fault>, 16> = Channel::new();
 
 /// Changed settings. Only the last change matters.
 pub static SETTINGS: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
 
-/// While this is set, no reading is due: rows are taken and dropped. So they are until it is known what was saved.
+/// While this is set, no reading is due: rows are taken and dropped. So they are until it is known what was
+/// saved.
 pub static PAUSED: AtomicBool = AtomicBool::new(true);
 
 /// What is counted since the start.
@@ -60,7 +63,8 @@ pub struct Counters {
     pub rows_lost: Counter,
     /// Read-outs that failed.
     pub rows_failed: Counter,
-    /// Readings and faults that the serial line took, changes of settings that measuring took, and what a save did to the flash:
+    /// Readings and faults that the serial line took, changes of settings that measuring took, and what a
+    /// save did to the flash:
     /// their sign of life.
     pub results: Counter,
     /// Core cycles that the latest row took to compute, interrupts included.

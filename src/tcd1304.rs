@@ -1,11 +1,15 @@
 //! Toshiba TCD1304DG behind an ADC122S101.
 //!
-//! The sensor integrates light all the time. A pulse on SH moves what has been gathered into its shift register, so the
-//! time from one pulse to the next is the exposure. ICG, low around SH, makes the register take it; when ICG rises the
+//! The sensor integrates light all the time. A pulse on SH moves what has been gathered into its shift
+//! register, so the
+//! time from one pulse to the next is the exposure. ICG, low around SH, makes the register take it; when ICG
+//! rises the
 //! register puts out a pixel every four periods of fM, 3694 of them. fM never stops.
 //!
-//! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods from
-//! there on while chip select stays low. With fM = SCLK / 4, both from one PLL, a word is a pixel, and a row is one DMA
+//! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods
+//! from
+//! there on while chip select stays low. With fM = SCLK / 4, both from one PLL, a word is a pixel, and a row
+//! is one DMA
 //! transfer of 3694 words.
 //!
 //! # Design
@@ -20,11 +24,15 @@
 //! sampled                           ^       ^       ^       ^       ^       ^
 //! ```
 //!
-//! The program cannot say to a fraction of a pixel when the first word will start, but it can see that word arrive. So
-//! the converter runs first, and ICG rises on the edge of fM that is nearest to [`ICG_AFTER_WORD_1`] into word 1: the
+//! The program cannot say to a fraction of a pixel when the first word will start, but it can see that word
+//! arrive. So
+//! the converter runs first, and ICG rises on the edge of fM that is nearest to [`ICG_AFTER_WORD_1`] into
+//! word 1: the
 //! converter then samples each pixel in its second half, when the output has settled, and word 2 is D0
-//! ([`TCD1304DG_LEAD_IN`](slitrange::sensor_heads::TCD1304DG_LEAD_IN)). The two fM edges at which ICG falls and the
-//! transfer starts are fixed too, so that pixel and conversion keep their phase from row to row. All of them come a
+//! ([`TCD1304DG_LEAD_IN`](slitrange::sensor_heads::TCD1304DG_LEAD_IN)). The two fM edges at which ICG falls
+//! and the
+//! transfer starts are fixed too, so that pixel and conversion keep their phase from row to row. All of them
+//! come a
 //! little after fM's edge: ICG has to rise while fM is high.
 //!
 //! The pulses are given within a critical section: an interrupt would stretch them.
@@ -69,13 +77,15 @@ const ICG_TO_SH: u32 = cycles_in_ns(500);
 /// SH stays high for at least 1000 ns (data sheet, t3).
 const SH_HIGH: u32 = cycles_in_ns(1500);
 
-/// From the fall of ICG to the start of the transfer: a rise of fM, after SH fell and chip select had its 10 ns.
+/// From the fall of ICG to the start of the transfer: a rise of fM, after SH fell and chip select had its 10
+/// ns.
 const TRANSFER_START: u32 = 6 * CYCLES_A_MASTER_CLOCK;
 
 /// From the fall of ICG to its rise where nothing is read: SH fell 1000 ns ago at least (data sheet, t1).
 const ICG_LOW: u32 = 10 * CYCLES_A_MASTER_CLOCK;
 
-/// From the start of word 1 to the rise of ICG, to the nearest rise of fM. The converter samples word 2 3.5 SCLK into
+/// From the start of word 1 to the rise of ICG, to the nearest rise of fM. The converter samples word 2 3.5
+/// SCLK into
 /// it: 16 + 3.5 SCLK (1857 ns) after the start of word 1. A pixel lasts 1524 ns; 70 % of it is 1067 ns.
 const ICG_AFTER_WORD_1: u32 = cycles_in_ns(1857 - 1067);
 
@@ -196,7 +206,8 @@ impl Pins {
         icg_falls
     }
 
-    /// Waits for the end of word 0, and raises ICG on the rise of fM that suits word 1. If no word comes ICG rises all
+    /// Waits for the end of word 0, and raises ICG on the rise of fM that suits word 1. If no word comes ICG
+    /// rises all
     /// the same, and the transfer runs into its timeout.
     fn let_go_after_word_0(&mut self, icg_fell: u32, icg_periods: &mut u32) {
         while board::words_to_come() as usize >= WORDS
@@ -204,8 +215,10 @@ impl Pins {
         {
         }
         let wanted = board::cycles().wrapping_sub(icg_fell) + ICG_AFTER_WORD_1;
-        // The same program takes the same time to get here in every row, give or take some cycles. Where that would
-        // round up in one row and down in the next, the image would shift by a quarter of a pixel between them: keep
+        // The same program takes the same time to get here in every row, give or take some cycles. Where that
+        // would
+        // round up in one row and down in the next, the image would shift by a quarter of a pixel between
+        // them: keep
         // the last row's choice while it is nearly right.
         if wanted.abs_diff(*icg_periods * CYCLES_A_MASTER_CLOCK) > CYCLES_A_MASTER_CLOCK * 3 / 4 {
             *icg_periods = (wanted + CYCLES_A_MASTER_CLOCK / 2) / CYCLES_A_MASTER_CLOCK;

@@ -44,7 +44,8 @@ impl Transmitter {
         COUNTERS.lines_dropped.add_if(!self.accept(line.as_bytes()));
     }
 
-    /// Hands over all of the bytes or, without room for them, none. An error would come again if it were repeated:
+    /// Hands over all of the bytes or, without room for them, none. An error would come again if it were
+    /// repeated:
     /// the bytes count as handed over.
     fn accept(&mut self, bytes: &[u8]) -> bool {
         let accepted = poll_once(self.0.write(bytes)).is_ready();

@@ -56,7 +56,7 @@ impl Estimator {
         }
     }
 
-    /// The estimator of that [`name`](Self::name).
+    /// Finds an estimator by its [`name`](Self::name).
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|it| it.name() == name)
     }
@@ -128,7 +128,7 @@ pub struct WidthClass {
 /// [`Fault::SpotAtEdge`] where the pixels that the estimator needs reach over the sensor's edge,
 /// [`Fault::Saturated`] where a pixel within two widths of the centre is at full scale, [`Fault::TooDim`]
 /// where the noise leaves the centre uncertain by more than an eighth of the width, [`Fault::NoSpot`] where
-/// what is there has not the shape of a spot.
+/// the light there does not have the shape of a spot.
 // Inlined so that an estimator that is fixed at compile time brings no other one's code with it.
 #[inline(always)]
 pub fn centre(

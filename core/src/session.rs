@@ -6,7 +6,8 @@
 //! result of a frame ┘    (+ what counts)    └─ settings and record for flash
 //! ```
 //!
-//! Whoever owns the serial line brings the events and carries out the actions: the firmware, and tests on a PC.
+//! Whoever owns the serial line brings the events and carries out the actions: the firmware, and tests on a
+//! PC.
 
 use core::fmt::{self, Write as _};
 
@@ -54,7 +55,8 @@ pub struct Actions {
     pub may_drop: bool,
     /// The measurement is to use these settings from now on.
     pub apply: Option<Settings>,
-    /// [`Session::configuration`] is to be written to flash. Its end is the event [`Event::Saved`]. No frame is due before.
+    /// [`Session::configuration`] is to be written to flash. Its end is the event [`Event::Saved`]. No frame
+    /// is due before.
     pub save: bool,
 }
 
@@ -67,7 +69,8 @@ impl Actions {
 
 /// A sensor's settings and calibration, and what a person asked of it.
 ///
-/// A record has hundreds of bytes, and a function that moves one has as many on the stack. Such functions are not inlined, so that they use
+/// A record has hundreds of bytes, and a function that moves one has as many on the stack. Such functions are
+/// not inlined, so that they use
 /// that stack only while they run.
 #[derive(Clone, Debug)]
 pub struct Session {
@@ -151,7 +154,8 @@ impl Session {
         }
     }
 
-    /// Loads what flash holds. A saved calibration that cannot be used is not replaced by the nominal one, whose distances would be wrong
+    /// Loads what flash holds. A saved calibration that cannot be used is not replaced by the nominal one,
+    /// whose distances would be wrong
     /// without a warning.
     #[inline(never)]
     fn load(&mut self, stored: Stored) {

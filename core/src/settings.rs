@@ -1,10 +1,13 @@
 //! All that a person can set. Each setting is declared once, in [the list](#the-list) below.
 //!
-//! The struct [`Settings`], the commands that show and set a value, their answers, `help`, the error messages, what flash holds and the table in
-//! docs/serial-line.md follow from the declaration. To add a setting, add its lines to the list. A value of a new type also implements
+//! The struct [`Settings`], the commands that show and set a value, their answers, `help`, the error
+//! messages, what flash holds and the table in
+//! docs/serial-line.md follow from the declaration. To add a setting, add its lines to the list. A value of a
+//! new type also implements
 //! [`ValueText`].
 //!
-//! miniconf and serial-settings declare settings once too. Their lines are JSON paths (`/rows 16`), and they know no ranges, units or help, so
+//! miniconf and serial-settings declare settings once too. Their lines are JSON paths (`/rows 16`), and they
+//! know no ranges, units or help, so
 //! they would not make this file smaller.
 
 use core::fmt;
@@ -18,7 +21,8 @@ use crate::units::Counts;
 
 /// # The list
 ///
-/// For each setting: its help, a name for Rust, the name that a person types, the field, its type and default; then how its value is typed, and
+/// For each setting: its help, a name for Rust, the name that a person types, the field, its type and
+/// default; then how its value is typed, and
 /// what a change affects.
 macro_rules! list {
     ($declare:ident) => {
@@ -63,7 +67,8 @@ pub enum Form {
 /// What a change of a setting affects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Affects {
-    /// The measurement: the frame under way starts again. `save` writes the setting to flash, `defaults` sets it back.
+    /// The measurement: the frame under way starts again. `save` writes the setting to flash, `defaults` sets
+    /// it back.
     Measurement,
     /// What this session says. It holds until the next start.
     Session,
@@ -206,7 +211,7 @@ macro_rules! declare {
 list!(declare);
 
 impl Setting {
-    /// The setting of that [`name`](Self::name).
+    /// Finds a setting by its [`name`](Self::name).
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|it| it.name() == name)
     }

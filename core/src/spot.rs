@@ -95,7 +95,7 @@ impl Spot {
         Counts::from_bits(above.saturating_sub(self.black_level.to_bits()))
     }
 
-    /// The fault of a candidate that has not the shape of a spot.
+    /// The fault of a candidate that does not have the shape of a spot.
     pub const fn no_spot(&self) -> Fault {
         Fault::NoSpot {
             amplitude: self.height,

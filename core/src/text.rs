@@ -1,4 +1,5 @@
-//! Text of a bounded length, written without a panic that the compiler cannot exclude: `heapless::String` has one.
+//! Text of a bounded length, written without a panic that the compiler cannot exclude: `heapless::String` has
+//! one.
 
 use core::fmt;
 

@@ -1,4 +1,5 @@
-//! Bytes on the serial line: whatever comes, it is a command, an error or nothing, and a command's text is that command. And no
+//! Bytes on the serial line: whatever comes, it is a command, an error or nothing, and a command's text is
+//! that command. And no
 //! order of an upload's lines lets a record through that was not sent whole.
 #![no_main]
 

@@ -1,6 +1,8 @@
-//! Rows of whatever a sensor may deliver, through the whole pipeline: what comes out is a reading that can be true, or a fault.
+//! Rows of whatever a sensor may deliver, through the whole pipeline: what comes out is a reading that can be
+//! true, or a fault.
 //!
-//! The input is a list of steps of 8 bytes: what to do, a byte `a`, and three words `b`, `c`, `d`, low byte first. They paint a row of
+//! The input is a list of steps of 8 bytes: what to do, a byte `a`, and three words `b`, `c`, `d`, low byte
+//! first. They paint a row of
 //! light and hand it over; see [`Bench::step`]. What is left over at the end does nothing.
 #![no_main]
 

@@ -1,7 +1,9 @@
 //! Many seeded rows through the core: how far its centres lie from the truth, and from what it claims.
 //!
-//! [`Cell::run`] takes each row by itself. [`Rows`] come as the firmware reads them: in series of [`SERIES`] rows of one spot, with
-//! independent noise, in which the spot drifts; each estimator is given what itself found in the row before, except in a series'
+//! [`Cell::run`] takes each row by itself. [`Rows`] come as the firmware reads them: in series of [`SERIES`]
+//! rows of one spot, with
+//! independent noise, in which the spot drifts; each estimator is given what itself found in the row before,
+//! except in a series'
 //! first row, and all estimators see the same rows. [`Phases::bias`] is what is left without noise.
 
 use phase_tables::gaussian;
@@ -127,7 +129,8 @@ impl Cell {
         (0.5 * self.width).max(8.0 * self.spot().bound())
     }
 
-    /// Pixels of a row: enough for the background of the spot, and no more, because making the rows takes the time.
+    /// Pixels of a row: enough for the background of the spot, and no more, because making the rows takes the
+    /// time.
     pub fn pixels(&self) -> usize {
         match self.width {
             width if width <= 3.0 => 512,
@@ -205,10 +208,12 @@ impl Cell {
 /// Rows in a series.
 pub const SERIES: u64 = 16;
 
-/// The spot drifts by up to this many pixels a row, either way: 30 mm/s of a target at 0.8 m and 175 rows a second.
+/// The spot drifts by up to this many pixels a row, either way: 30 mm/s of a target at 0.8 m and 175 rows a
+/// second.
 const FASTEST_DRIFT: f64 = 0.6;
 
-/// Additive recurrence over two dimensions, the most even there is: 1/p and 1/p^2 of the plastic number p, p^3 = p + 1.
+/// Additive recurrence over two dimensions, the most even there is: 1/p and 1/p^2 of the plastic number p,
+/// p^3 = p + 1.
 const EVEN: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
 
 /// A function that finds centres as [`centre::centre`] does, by any of several methods `M`.
@@ -252,7 +257,8 @@ impl Rows {
         }
     }
 
-    /// The true centre in pixels. Series start evenly over 128 pixels and their phases, so that blocks of every size
+    /// The true centre in pixels. Series start evenly over 128 pixels and their phases, so that blocks of
+    /// every size
     /// are met everywhere; their drifts are even too.
     pub fn true_centre(&self, row: u64) -> f64 {
         let series = row / SERIES;
@@ -382,7 +388,8 @@ impl Sums {
     }
 }
 
-/// Where the bias is looked for. Rounding to counts makes an error of its own, which is averaged away over black levels that
+/// Where the bias is looked for. Rounding to counts makes an error of its own, which is averaged away over
+/// black levels that
 /// differ by fractions of a count: of it 1 / `black_levels` is left.
 #[derive(Clone, Copy, Debug)]
 pub struct Phases {
@@ -404,8 +411,10 @@ impl Phases {
         }
     }
 
-    /// The mean errors over the sub-pixel phases, in pixels, of the centres that a function finds on noiseless spots of 3800 counts
-    /// whose profile is given over the offset from their centre: without knowledge of the row before, and with it.
+    /// The mean errors over the sub-pixel phases, in pixels, of the centres that a function finds on
+    /// noiseless spots of 3800 counts
+    /// whose profile is given over the offset from their centre: without knowledge of the row before, and
+    /// with it.
     ///
     /// # Errors
     /// That of a row without a centre.
@@ -460,8 +469,10 @@ pub fn largest(errors: &[f64]) -> f64 {
     errors.iter().fold(0.0, |most, error| error.abs().max(most))
 }
 
-/// The estimator's largest bias in pixels over the sub-pixel phases, on noiseless gaussian spots, with and without knowledge of the row
-/// before, for a sensor with shot noise (10 electrons a count) and for one without. `None` where a row has no centre. What is left of
+/// The estimator's largest bias in pixels over the sub-pixel phases, on noiseless gaussian spots, with and
+/// without knowledge of the row
+/// before, for a sensor with shot noise (10 electrons a count) and for one without. `None` where a row has no
+/// centre. What is left of
 /// rounding is 3e-5 pixel for the widest spots.
 pub fn largest_bias<M: Copy + Sync>(method: M, find: impl Find<M>, width: f64) -> Option<f64> {
     let of_sensor = |electrons_per_count| {
@@ -500,7 +511,8 @@ mod tests {
         })
     }
 
-    /// The same spot through `Cell::run`, whose spots stand elsewhere and have no row before: 4000 rows give the
+    /// The same spot through `Cell::run`, whose spots stand elsewhere and have no row before: 4000 rows give
+    /// the
     /// ratio to 1.1 %, so the difference of two is within 5 % with three standard deviations to spare.
     #[test]
     fn agrees_with_the_cell_on_its_own() {
@@ -534,7 +546,8 @@ mod tests {
         assert!(tenths.iter().all(|n| (1500..1700).contains(n)));
     }
 
-    /// A hot pixel is there, and hurts an estimator that does not look for it: 1000 counts at one width from the centre of a spot
+    /// A hot pixel is there, and hurts an estimator that does not look for it: 1000 counts at one width from
+    /// the centre of a spot
     /// of 2000 move a matched fit by about 0.3 pixel, where the bound is 0.023.
     #[test]
     fn a_hot_pixel_is_seen() {

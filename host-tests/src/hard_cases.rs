@@ -1,7 +1,10 @@
-//! Rows, frames and calibrations that are hard: what a sensor can deliver when something is wrong, and what must come out then.
+//! Rows, frames and calibrations that are hard: what a sensor can deliver when something is wrong, and what
+//! must come out then.
 //!
-//! A [`RowCase`] makes seeded rows from a [`Recipe`], a spot with flaws, or from a pattern of counts. Its [`Truth`] is where a perfect
-//! reader would say that the spot is; its [`Due`] is what the measurement owes for it, whichever rung is chosen.
+//! A [`RowCase`] makes seeded rows from a [`Recipe`], a spot with flaws, or from a pattern of counts. Its
+//! [`Truth`] is where a perfect
+//! reader would say that the spot is; its [`Due`] is what the measurement owes for it, whichever rung is
+//! chosen.
 //! [`rows`] is the catalogue. [`mixtures`] draws flaws at random, and [`tally`] counts what comes of them.
 
 pub mod calibrations;
@@ -77,7 +80,8 @@ impl Group {
 /// What the measurement owes for a row, whichever rung is chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Due {
-    /// A centre, mostly without a flag, that is off by no more than this many pixels. The rungs whose error is larger by their nature owe
+    /// A centre, mostly without a flag, that is off by no more than this many pixels. The rungs whose error
+    /// is larger by their nature owe
     /// [`Due::Honest`].
     Centre(f64),
     /// A centre as good as it claims, or a flag, or a fault: no confident error.

@@ -1,4 +1,5 @@
-//! The core on a PC: seeded rows, statistics of its errors, reference estimators in f64, and a catalogue of hard cases.
+//! The core on a PC: seeded rows, statistics of its errors, reference estimators in f64, and a catalogue of
+//! hard cases.
 
 pub mod accuracy;
 pub mod core_tables;

@@ -1,4 +1,5 @@
-//! The core's fixed-point algorithms in f64, nothing rounded: what is left of a difference is what fixed point and f32 cost.
+//! The core's fixed-point algorithms in f64, nothing rounded: what is left of a difference is what fixed
+//! point and f32 cost.
 
 pub mod centroid;
 pub mod phase_table;

@@ -1,4 +1,5 @@
-//! The estimators against the Cramér-Rao bound, their own claims and, without noise, the truth, on seeded rows. Every figure asserted
+//! The estimators against the Cramér-Rao bound, their own claims and, without noise, the truth, on seeded
+//! rows. Every figure asserted
 //! is printed.
 
 use host_tests::accuracy::{
@@ -9,7 +10,8 @@ use phase_tables::{LEAST_SQUARES, gaussian};
 use slitrange::centre::Estimator;
 use slitrange::centre::tables::TableSet;
 
-/// A noise: its name in a table, the spot's height and the read noise in counts, electrons a count, and a seed.
+/// A noise: its name in a table, the spot's height and the read noise in counts, electrons a count, and a
+/// seed.
 struct Noise {
     name: String,
     amplitude: f64,
@@ -66,7 +68,8 @@ impl Table {
         }
     }
 
-    /// A line of outcomes, each with the most that it may be of the bound, and how far the standard deviation of error over claim may
+    /// A line of outcomes, each with the most that it may be of the bound, and how far the standard deviation
+    /// of error over claim may
     /// be from one. Each row of pixels must have a centre, and none a gross error.
     fn line(&mut self, name: &str, outcomes: impl IntoIterator<Item = (Outcome, f64, f64)>) {
         self.text += name;
@@ -91,8 +94,10 @@ impl Table {
     }
 }
 
-/// The default estimator: at most 1.11 of the bound. The worst cases of 139 widths are among these: 1.58, 6.72, 11.03 and 13.44 in white
-/// noise, where a table serves the narrowest spots that it does, and 4.61 in shot noise, where it serves the widest.
+/// The default estimator: at most 1.11 of the bound. The worst cases of 139 widths are among these: 1.58, 6.72, 11.03
+/// and 13.44 in white
+/// noise, where a table serves the narrowest spots that it does, and 4.61 in shot noise, where it serves the
+/// widest.
 fn check_the_default(title: &str, left: &str, noises: &[Noise], name: &str) {
     const WIDTHS: [f64; 10] = [1.2, 1.58, 2.0, 4.61, 6.72, 8.0, 10.5, 11.03, 13.44, 18.0];
     const ROWS: u64 = 40_000;
@@ -111,7 +116,8 @@ fn check_the_default(title: &str, left: &str, noises: &[Noise], name: &str) {
     table.check(name);
 }
 
-/// r = 0.23 costs 1.077 where the spot is as wide as the table and 1.10 where it is 4.2 % narrower, which is half-way to the next
+/// r = 0.23 costs 1.077 where the spot is as wide as the table and 1.10 where it is 4.2 % narrower, which is
+/// half-way to the next
 /// table; blocks of pixels cost 1.004. The standard error of a ratio over 40,000 rows is 0.35 %.
 #[test]
 fn white_noise_is_within_a_ninth_of_the_bound() {
@@ -119,7 +125,8 @@ fn white_noise_is_within_a_ninth_of_the_bound() {
     check_the_default("white noise", "SNR", &noises, "white_noise");
 }
 
-/// In pure shot noise r = 0.23 costs 1.089 at the table's width and 1.105 where the spot is 4.2 % wider, which is half-way to the next
+/// In pure shot noise r = 0.23 costs 1.089 at the table's width and 1.105 where the spot is 4.2 % wider,
+/// which is half-way to the next
 /// table.
 #[test]
 fn shot_noise_is_within_a_ninth_of_the_bound() {
@@ -180,9 +187,12 @@ fn adaptive_is_within_four_per_cent_of_the_bound_in_shot_noise() {
     check_adaptive(title, left, 1.04, &noises, "adaptive_shot_noise");
 }
 
-/// The estimators that are no phase tables: their distance from the bound, which for the fit is none, and their claims, which hold to a
-/// tenth, and for the fit to a twentieth. The centroid is 1.6 of the bound by the formula of its uncertainty, and has an interpolation
-/// error of 0.003 pixel at a width of 1.2, where the bound is 0.0025, that its claim leaves out. Standard errors are 1 % of a ratio over
+/// The estimators that are no phase tables: their distance from the bound, which for the fit is none, and
+/// their claims, which hold to a
+/// tenth, and for the fit to a twentieth. The centroid is 1.6 of the bound by the formula of its uncertainty,
+/// and has an interpolation
+/// error of 0.003 pixel at a width of 1.2, where the bound is 0.0025, that its claim leaves out. Standard
+/// errors are 1 % of a ratio over
 /// 5000 rows, 0.5 % over 20,000.
 #[test]
 fn centroid_and_fit_keep_their_distance_from_the_bound_and_their_claims() {
@@ -231,7 +241,8 @@ fn bias_alone(estimator: Estimator, width: f64) -> f64 {
     largest(&alone)
 }
 
-/// What is left of the largest bias when rounding to counts is averaged away is the estimator's: of the centroid its window's ends, of
+/// What is left of the largest bias when rounding to counts is averaged away is the estimator's: of the
+/// centroid its window's ends, of
 /// the fit, as in f64, a pixel's own width.
 #[test]
 fn bias_over_the_phase_is_the_methods_own() {

@@ -24,8 +24,10 @@ fn log_even(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
     from * (to / from).powf(random.random())
 }
 
-/// Rows of symmetric spots of every profile. From four pixels' width on at most one in a thousand is doubted, and of any profile and width at most one in
-/// two hundred. At 1.5 pixels, where three bad pixels look much alike, it may be one in thirty; narrower than one pixel a spot is always flagged. None
+/// Rows of symmetric spots of every profile. From four pixels' width on at most one in a thousand is doubted,
+/// and of any profile and width at most one in
+/// two hundred. At 1.5 pixels, where three bad pixels look much alike, it may be one in thirty; narrower than
+/// one pixel a spot is always flagged. None
 /// is off by more than it claims.
 #[test]
 fn clean_rows_are_not_doubted() {
@@ -153,8 +155,10 @@ impl Kind {
     }
 }
 
-/// Confident errors of rows with each flaw, of the estimator alone and with the check. The default estimator may have as many as when the check was
-/// made, and three standard deviations of that count more: rare rows scatter as Poisson's, by the root of their mean, which is taken to
+/// Confident errors of rows with each flaw, of the estimator alone and with the check. The default estimator
+/// may have as many as when the check was
+/// made, and three standard deviations of that count more: rare rows scatter as Poisson's, by the root of
+/// their mean, which is taken to
 /// be one at least.
 #[test]
 fn flaws_are_seen() {
@@ -206,7 +210,8 @@ fn flaws_are_seen() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// A background that rises by two counts a pixel: the default estimator's own tables are off by tenths of a pixel (see the repair's tests), and what takes over
+/// A background that rises by two counts a pixel: the default estimator's own tables are off by tenths of a
+/// pixel (see the repair's tests), and what takes over
 /// has no bias beyond 0.002 pixels and what is left of the noise, in nearly all rows.
 #[test]
 fn a_slope_is_taken_over_without_bias() {

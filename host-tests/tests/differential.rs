@@ -1,4 +1,5 @@
-//! The core against other ways to compute the same: its fixed-point rungs against models of them in f64, and its least-squares fit
+//! The core against other ways to compute the same: its fixed-point rungs against models of them in f64, and
+//! its least-squares fit
 //! against a reference.
 
 use host_tests::accuracy::{Cell, PIXELS};
@@ -114,14 +115,18 @@ fn worst(values: impl Iterator<Item = f64>) -> f64 {
     values.map(f64::abs).fold(0.0, f64::max)
 }
 
-/// The phase tables in fixed point and f32 against the same integer tables in f64. A centre is rounded to 2^-16 pixel, which leaves
-/// 1/sqrt(12) = 0.289 of a step root mean square and half a step at most; the place of one of three phases is cut off by up to a third
+/// The phase tables in fixed point and f32 against the same integer tables in f64. A centre is rounded to
+/// 2^-16 pixel, which leaves
+/// 1/sqrt(12) = 0.289 of a step root mean square and half a step at most; the place of one of three phases is
+/// cut off by up to a third
 /// of a step more. f32 adds a few parts in 2^24 of a distance of a pixel or some from the phase.
 ///
-/// Where a place is within a step of the border between two windows the rung and its model may take one each, and differ by
+/// Where a place is within a step of the border between two windows the rung and its model may take one each,
+/// and differ by
 /// what that makes: a small part of the uncertainty, in a few rows of 20,000.
 ///
-/// Samples of 16 pixels are the halves of their sums, without the half count that may be left. That is a noise of 1/4 count
+/// Samples of 16 pixels are the halves of their sums, without the half count that may be left. That is a
+/// noise of 1/4 count
 /// in samples of which four times a pixel's variance is noise: 1/8 over the pixel's noise of an uncertainty.
 #[test]
 fn fixed_point_is_its_model_to_a_step() {
@@ -168,7 +173,8 @@ fn fixed_point_is_its_model_to_a_step() {
     }
 }
 
-/// The tables of 16 bits against those of 64, on the rows where both lead to the same window: the weights' roundings let in
+/// The tables of 16 bits against those of 64, on the rows where both lead to the same window: the weights'
+/// roundings let in
 /// noise of their own, of a few thousandths of what there is.
 #[test]
 fn integer_tables_are_the_designed_ones() {
@@ -211,7 +217,8 @@ fn integer_tables_are_the_designed_ones() {
     }
 }
 
-/// The centroid's sums in fixed point against eq. (2) in f64. The window comes to rest at a step of 2^-8 pixel: where a step
+/// The centroid's sums in fixed point against eq. (2) in f64. The window comes to rest at a step of 2^-8
+/// pixel: where a step
 /// was nearly that, one of the two makes another, of about 3 % of that and some noise.
 #[test]
 fn the_centroid_is_its_model() {
@@ -238,7 +245,8 @@ fn the_centroid_is_its_model() {
     assert!(all / STEPS <= 5e-5 && other.len() <= 20 && most <= 64.0);
 }
 
-/// Eq. (1) in 64-bit integers against f64: a distance is rounded to 2^-8 um. And from the row on, where the centre's own steps, in
+/// Eq. (1) in 64-bit integers against f64: a distance is rounded to 2^-8 um. And from the row on, where the
+/// centre's own steps, in
 /// which the curve rises by several of the distance's, come to that.
 #[test]
 fn distances_are_those_of_the_model() {
@@ -275,11 +283,14 @@ fn distances_are_those_of_the_model() {
     assert!(whole.len() >= 20_000 && alone_rms <= 0.30 && alone_most <= 0.501);
 }
 
-/// The least-squares rung in f32 against a Levenberg-Marquardt fit in f64 of the same pixels with the same weights: it ends within a
+/// The least-squares rung in f32 against a Levenberg-Marquardt fit in f64 of the same pixels with the same
+/// weights: it ends within a
 /// hundredth of its uncertainty.
 ///
-/// And the default rung against that reference. An estimate at the bound is not correlated with how far another unbiased one
-/// is from it (C. R. Rao, 1952): so the correlation of their errors is the ratio of these, which for the default is the bound over what
+/// And the default rung against that reference. An estimate at the bound is not correlated with how far
+/// another unbiased one
+/// is from it (C. R. Rao, 1952): so the correlation of their errors is the ratio of these, which for the
+/// default is the bound over what
 /// its tables leave of it. The standard error of that difference over 4000 rows is 0.006.
 #[test]
 fn the_fit_is_the_reference_and_the_tables_follow_it() {

@@ -1,4 +1,5 @@
-//! Spots that the sensor's edge cuts: fitted at the bound of the pixels that are left, or a fault, and never a phase table's
+//! Spots that the sensor's edge cuts: fitted at the bound of the pixels that are left, or a fault, and never
+//! a phase table's
 //! centre from a window that the edge cuts. Every figure asserted is printed.
 
 use host_tests::accuracy::{Answer, Cell, PIXELS, answers};
@@ -24,7 +25,8 @@ fn centres(cell: &Cell, light: &[u16], estimator: Estimator) -> [Answer; 2] {
     answers(&cell.scene_of(PIXELS).geometry(), light, estimator)
 }
 
-/// Two widths, one and none from the edge: within 1.2, 1.2 and 1.4 of the bound of the pixels that are left, and as uncertain as
+/// Two widths, one and none from the edge: within 1.2, 1.2 and 1.4 of the bound of the pixels that are left,
+/// and as uncertain as
 /// claimed, to a tenth. The same at the other edge of the sensor.
 #[test]
 fn a_cut_spot_is_fitted_at_its_own_bound() {
@@ -77,7 +79,8 @@ fn a_cut_spot_is_fitted_at_its_own_bound() {
                         rmse / bound
                     );
                     let is_honest = (pull - 1.0).abs() <= 0.1;
-                    // Noise takes some centres within their uncertainty of the edge beyond it, which are faults.
+                    // Noise takes some centres within their uncertainty of the edge beyond it, which are
+                    // faults.
                     let most = if widths == 0.0 { ROWS / 10 } else { 0 };
                     if rmse / bound > limit || !is_honest || faults > most {
                         failures.push((noise, width, widths, side));
@@ -116,8 +119,10 @@ fn what_is_beside_the_sensor_is_a_fault() {
     }
 }
 
-/// Spots of 0.8 to 100 pixels, four widths beyond the edge to five within, 20,000 rows a rung: no table serves where its window
-/// would be cut (the narrowest window that may serve reaches three widths), and no centre is off by more than five times
+/// Spots of 0.8 to 100 pixels, four widths beyond the edge to five within, 20,000 rows a rung: no table
+/// serves where its window
+/// would be cut (the narrowest window that may serve reaches three widths), and no centre is off by more than
+/// five times
 /// its claim and 0.05 pixel.
 #[test]
 fn no_table_serves_a_cut_window_and_no_rung_errs_with_confidence() {
@@ -127,7 +132,8 @@ fn no_table_serves_a_cut_window_and_no_rung_errs_with_confidence() {
             rung,
             Estimator::PhaseTable | Estimator::Adaptive | Estimator::Fraunhofer
         );
-        // Of each row the widths from the edge and whether the rung alone has a centre, and the confident errors of both.
+        // Of each row the widths from the edge and whether the rung alone has a centre, and the confident
+        // errors of both.
         let rows: Vec<(f64, bool, bool)> = (0..20_000u64)
             .into_par_iter()
             .map(|seed| {

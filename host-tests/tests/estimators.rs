@@ -1,4 +1,5 @@
-//! What single estimators do with rows that are clean, tilted, saturated, mirrored or no gaussian at all. Every figure asserted is printed.
+//! What single estimators do with rows that are clean, tilted, saturated, mirrored or no gaussian at all.
+//! Every figure asserted is printed.
 
 use host_tests::accuracy::{Cell, PIXELS, centre_after, centre_of};
 use host_tests::profile_rows;
@@ -19,7 +20,8 @@ fn cell(width: f64, amplitude: f64, read_noise: f64, electrons_per_count: Option
     }
 }
 
-/// On a background that rises by 0.3 or 2 counts a pixel the mean error is at most 0.002 px. Telling a tilt from a shift costs 5 % in
+/// On a background that rises by 0.3 or 2 counts a pixel the mean error is at most 0.002 px. Telling a tilt
+/// from a shift costs 5 % in
 /// white noise, and weights that are not for the noise cost up to 9 %.
 #[test]
 fn a_tilted_background_does_not_move_the_centre() {
@@ -48,7 +50,8 @@ fn a_tilted_background_does_not_move_the_centre() {
     }
 }
 
-/// The side lobes of a slit's diffraction pattern are no tilt: with the weights for the noise the rung is at least as good as the
+/// The side lobes of a slit's diffraction pattern are no tilt: with the weights for the noise the rung is at
+/// least as good as the
 /// default, which is for no noise in particular. Where they were taken for one it was 4 % worse.
 #[test]
 fn side_lobes_are_no_tilt() {
@@ -86,7 +89,8 @@ struct Errors {
     root_mean_square: f64,
 }
 
-/// The errors of the adaptive rung and the default on a profile's rows, with a background added to each pixel.
+/// The errors of the adaptive rung and the default on a profile's rows, with a background added to each
+/// pixel.
 fn errors(curve: &Curve, cell: Cell, background: impl Fn(usize) -> u16 + Sync) -> [Errors; 2] {
     let rows = profile_rows::Rows { curve, cell };
     let geometry = rows.geometry();
@@ -111,7 +115,8 @@ fn errors(curve: &Curve, cell: Cell, background: impl Fn(usize) -> u16 + Sync) -
     })
 }
 
-/// Heights of 1.5 and 4 times the full scale: full scale is masked. At a width of 10.5 within 0.016 and 0.020 pixel, and at every width
+/// Heights of 1.5 and 4 times the full scale: full scale is masked. At a width of 10.5 within 0.016 and 0.020
+/// pixel, and at every width
 /// as uncertain as claimed. The other rungs refuse.
 #[test]
 fn a_saturated_spot_is_fitted_by_its_flanks() {
@@ -154,9 +159,12 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
     }
 }
 
-/// A gaussian spot is a misfit in no more than one row in 500; with a pixel that is 300 counts off within two widths, or a second spot
-/// of a tenth at three widths, always. Except where the pixel is at the top of the widest spot, which has the most noise and
-/// samples of three pixels: 300 counts are 12 standard deviations there, 139 of a sum of squares of which 85 are allowed, and that
+/// A gaussian spot is a misfit in no more than one row in 500; with a pixel that is 300 counts off within two
+/// widths, or a second spot
+/// of a tenth at three widths, always. Except where the pixel is at the top of the widest spot, which has the
+/// most noise and
+/// samples of three pixels: 300 counts are 12 standard deviations there, 139 of a sum of squares of which 85
+/// are allowed, and that
 /// sum itself scatters by 28. The fit misses such a pixel in one row in 30, and one of these in one of 50.
 #[test]
 fn what_is_no_gaussian_is_a_misfit() {
@@ -196,8 +204,10 @@ fn what_is_no_gaussian_is_a_misfit() {
     }
 }
 
-/// A mirrored row, searched anew, has its centre mirrored: no estimator leans to a side. To a tenth of its uncertainty; with the default to
-/// 0.35, sqrt(1.06^2 - 1), because phases and blocks then lie otherwise and weigh the noise a little otherwise. (Between two tables'
+/// A mirrored row, searched anew, has its centre mirrored: no estimator leans to a side. To a tenth of its
+/// uncertainty; with the default to
+/// 0.35, sqrt(1.06^2 - 1), because phases and blocks then lie otherwise and weigh the noise a little
+/// otherwise. (Between two tables'
 /// widths, which are left out here, it may be 0.9: either table may serve.)
 #[test]
 fn mirrors_mirror() {
@@ -229,7 +239,8 @@ fn mirrors_mirror() {
     }
 }
 
-/// With the row before, an estimator follows a spot whose width changes by half over 100 rows while it moves, and loses no accuracy by it.
+/// With the row before, an estimator follows a spot whose width changes by half over 100 rows while it moves,
+/// and loses no accuracy by it.
 #[test]
 fn the_row_before_is_followed() {
     for estimator in [Estimator::Centroid, Estimator::GaussNewton] {
@@ -249,7 +260,8 @@ fn the_row_before_is_followed() {
         let (width, pull) = (squares.sqrt(), pulls.sqrt());
         let (name, off) = (estimator.name(), 100.0 * width);
         println!("{name:>14}: width off by {off:.1} %, pull {pull:.2}");
-        // The width changes by 0.04 pixel a row and is followed four rows behind: by 0.16 pixel, 2 % at first. The standard
+        // The width changes by 0.04 pixel a row and is followed four rows behind: by 0.16 pixel, 2 % at
+        // first. The standard
         // error of a pull over 100 rows is 7 %.
         let good = width <= 0.03 && (0.8..=1.2).contains(&pull);
         assert!(good, "{name}: {width} {pull}");
@@ -279,7 +291,8 @@ fn rows_of_any_length_are_searched() {
     }
 }
 
-/// From the edge inwards a spot is cut, and from some place on it is whole: no hole between. The window reaches at most 4.5 widths and
+/// From the edge inwards a spot is cut, and from some place on it is whole: no hole between. The window
+/// reaches at most 4.5 widths and
 /// four pixels; the coarse search, which may take the spot for twice as wide, does not make it longer.
 #[test]
 fn whole_spots_are_not_called_cut() {

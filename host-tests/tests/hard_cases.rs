@@ -34,7 +34,8 @@ fn the_catalogue_is_large_and_tells_its_cases_apart() {
     }
 }
 
-/// No rung, alone or as the measurement takes it, gives what cannot be; and no calibration is other than it must be.
+/// No rung, alone or as the measurement takes it, gives what cannot be; and no calibration is other than it
+/// must be.
 #[test]
 fn no_answer_is_nonsense() {
     for rung in Estimator::ALL {
@@ -92,13 +93,15 @@ fn what_rungs_fail_at() {
 /// Random rows: seeds that `cargo hard-cases` does not use.
 const SEEDS: std::ops::Range<u64> = 1 << 40..(1 << 40) + 50_000;
 
-/// The most events that a rate explains, of so many rows: three standard deviations of the binomial distribution above its mean.
+/// The most events that a rate explains, of so many rows: three standard deviations of the binomial
+/// distribution above its mean.
 fn most(rate: f64) -> u64 {
     let mean = rate * (SEEDS.end - SEEDS.start) as f64;
     (mean + 3.0 * mean.sqrt()) as u64
 }
 
-/// Of clean rows one in 100,000 may be confidently wrong with the rungs that people use, and of rows with flaws this share.
+/// Of clean rows one in 100,000 may be confidently wrong with the rungs that people use, and of rows with
+/// flaws this share.
 const OF_CLEAN: f64 = 1e-5;
 const OF_FLAWED: f64 = 1e-3;
 

@@ -1,4 +1,5 @@
-//! Real laser spots: the default tables, and the same tables with least-squares weights, against a least-squares fit.
+//! Real laser spots: the default tables, and the same tables with least-squares weights, against a
+//! least-squares fit.
 //!
 //! The photographs are not part of the repository. Where they are absent the test says that it is skipped.
 
@@ -61,7 +62,8 @@ fn centres_lie_near_the_least_squares_fit() {
     }
 }
 
-/// How far the centres of a row by the default and by other tables lie from the fit, in sigma; `None` for a row without a bright
+/// How far the centres of a row by the default and by other tables lie from the fit, in sigma; `None` for a
+/// row without a bright
 /// spot, or with one that the picture's edge cuts.
 fn off(photograph: &Photograph, y: usize, other: &TableSet<'_>) -> Option<(f64, f64)> {
     let geometry = sensor_heads::tcd1304dg();

@@ -1,4 +1,5 @@
-//! Other profiles than the gaussian, tables made of a sensor's own rows, and tables of a wrong width. Every figure asserted is printed.
+//! Other profiles than the gaussian, tables made of a sensor's own rows, and tables of a wrong width. Every
+//! figure asserted is printed.
 
 use host_tests::accuracy::{Cell, centre_after, centre_of, centre_with, largest};
 use host_tests::core_tables;
@@ -11,7 +12,8 @@ use slitrange::centre::tables::{MIXES, TableSet};
 use slitrange::centre::{Estimator, RowCentre};
 use slitrange::row::{Geometry, Polarity};
 
-/// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1 mm.
+/// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1
+/// mm.
 fn symmetric() -> [(&'static str, Curve); 4] {
     [
         ("gaussian", profiles::gaussian()),
@@ -41,14 +43,17 @@ fn standard_deviations<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
     root_mean_squares(&centred)
 }
 
-/// Without noise, as [`bias`] looks for it: at most 0.0005 px for widths from 1 px on the gaussian, and 0.001 px for widths from
-/// 1.5 px on the patterns of a slit. The tables of sinc^2 are not for the gaussian and are off by 0.0025 px on narrow ones.
+/// Without noise, as [`bias`] looks for it: at most 0.0005 px for widths from 1 px on the gaussian, and 0.001
+/// px for widths from
+/// 1.5 px on the patterns of a slit. The tables of sinc^2 are not for the gaussian and are off by 0.0025 px
+/// on narrow ones.
 #[test]
 fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     const WIDTHS: [f64; 12] = [
         1.0, 1.2, 1.5, 1.75, 2.0, 2.6, 3.0, 4.0, 6.5, 8.0, 10.5, 18.0,
     ];
-    /// Variance of the shot noise for each count, Q0.16, with which a row without noise of its own asks for each of
+    /// Variance of the shot noise for each count, Q0.16, with which a row without noise of its own asks for
+    /// each of
     /// the adaptive rung's mixes.
     const EVERY_MIX: [u16; 5] = [0, 6, 30, 90, 6554];
 
@@ -107,9 +112,12 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     insta::assert_snapshot!("bias", text);
 }
 
-/// On sinc^2, over the bound from the pixels within eight widths: the rung with its tables, the default with the gaussian's, and the
-/// fit of sinc^2 in f64, which weighs all pixels alike. That fit reaches the bound in white noise. In shot noise, where it
-/// is 1.2 to 1.4 of the bound, both rungs beat it, and the rung's own tables gain 5 % or more from the side lobes; in white noise
+/// On sinc^2, over the bound from the pixels within eight widths: the rung with its tables, the default with
+/// the gaussian's, and the
+/// fit of sinc^2 in f64, which weighs all pixels alike. That fit reaches the bound in white noise. In shot
+/// noise, where it
+/// is 1.2 to 1.4 of the bound, both rungs beat it, and the rung's own tables gain 5 % or more from the side
+/// lobes; in white noise
 /// they lose as much, because they weigh side lobes that are dimmer than the noise.
 #[test]
 fn fraunhofer_against_the_fit_of_its_own_profile() {
@@ -154,7 +162,8 @@ fn fraunhofer_against_the_fit_of_its_own_profile() {
             let [fraunhofer, default, fit] =
                 root_mean_squares(&errors.expect("centres")).map(|error| error / bound);
             text += &format!("  {fraunhofer:>5.2}{default:>6.2}{fit:>6.2}");
-            // The standard error of a ratio over 10,000 rows is 0.7 %; of one to another on the same rows it is less.
+            // The standard error of a ratio over 10,000 rows is 0.7 %; of one to another on the same rows it
+            // is less.
             if electrons_per_count.is_some() {
                 assert!(
                     fraunhofer < 0.97 * default,
@@ -187,10 +196,14 @@ fn sinc_fit(light: &[u16], start: &RowCentre) -> f64 {
 /// Rows from which a profile is made.
 const MEASURED_ROWS: u64 = 400;
 
-/// Tables made of 400 rows that the sensor itself read, by which the default rung knew where and how wide the spot is, against tables
-/// of the true profile: at most 1.03 of their RMSE. Both with the weights of the default set and with those for the noise, and both
-/// with the same widths and windows. An asymmetric spot's centre is a convention, which the measured tables take from the
-/// default rung: there it is the scatter that counts, and the bias over the phase about its mean is at most 0.001 px.
+/// Tables made of 400 rows that the sensor itself read, by which the default rung knew where and how wide the
+/// spot is, against tables
+/// of the true profile: at most 1.03 of their RMSE. Both with the weights of the default set and with those
+/// for the noise, and both
+/// with the same widths and windows. An asymmetric spot's centre is a convention, which the measured tables
+/// take from the
+/// default rung: there it is the scatter that counts, and the bias over the phase about its mean is at most 0.001
+/// px.
 #[test]
 fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
     let mut text = format!(
@@ -305,7 +318,8 @@ fn errors_with(curve: &Curve, cell: Cell, tables: &[Vec<IntegerTable>; 3]) -> Ve
     errors.expect("centres")
 }
 
-/// Bias over the phase of tables of a measured asymmetric profile, about the mean, which is a convention: at most 0.001 px. With the
+/// Bias over the phase of tables of a measured asymmetric profile, about the mean, which is a convention: at
+/// most 0.001 px. With the
 /// gaussian's tables it is up to 0.05 px, as one table or its neighbour serves.
 #[test]
 fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
@@ -352,10 +366,14 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
     insta::assert_snapshot!("asymmetric_bias", text);
 }
 
-/// A table 9.5 % too narrow or too wide, with the weights that the adaptive rung takes for the noise: at most 1.05 of the bound. The
-/// bound is stood for by the table of the right width with weights for exactly this noise, which reaches it, on the same rows:
-/// that leaves out what chance does to all. By the weights' own formula the worst, 1.048, are those that are for r = 0.23
-/// where r is 0.8. What chance leaves of the ratio of two errors that differ by 5 % is 0.16 % over 40,000 rows, and half of that
+/// A table 9.5 % too narrow or too wide, with the weights that the adaptive rung takes for the noise: at most 1.05
+/// of the bound. The
+/// bound is stood for by the table of the right width with weights for exactly this noise, which reaches it,
+/// on the same rows:
+/// that leaves out what chance does to all. By the weights' own formula the worst, 1.048, are those that are
+/// for r = 0.23
+/// where r is 0.8. What chance leaves of the ratio of two errors that differ by 5 % is 0.16 % over 40,000
+/// rows, and half of that
 /// for the mean over the widths. (Spots of 11.6 px and more are summed to narrower ones.)
 #[test]
 fn a_wrong_width_costs_a_twentieth_at_most() {

@@ -117,7 +117,8 @@ fn is_width(width: Pixels) -> bool {
     (0.45..=171.0).contains(&width.to_f64())
 }
 
-/// What a rung may let out: a place on the row that is certain to an eighth of the width (which some then correct by up to an
+/// What a rung may let out: a place on the row that is certain to an eighth of the width (which some then
+/// correct by up to an
 /// eighth, for the next row), of a spot that has a height.
 fn is_sane(found: &RowCentre, pixels: usize) -> bool {
     let place = found.centre.to_f64();
@@ -132,7 +133,8 @@ fn is_sane(found: &RowCentre, pixels: usize) -> bool {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// No row, no spot and no row before stops a rung or the look that follows it, and what they let out is within the rules.
+    /// No row, no spot and no row before stops a rung or the look that follows it, and what they let out is
+    /// within the rules.
     #[test]
     fn any_row_gives_a_centre_or_a_fault(
         light in rows(),
@@ -202,7 +204,8 @@ proptest! {
         }
     }
 
-    /// A constant on all words that keeps them within 12 bits changes no bit of a reading but the black level.
+    /// A constant on all words that keeps them within 12 bits changes no bit of a reading but the black
+    /// level.
     #[test]
     fn a_constant_changes_the_black_level_only(
         centre in 1250.0..2600.0f64,
@@ -254,7 +257,8 @@ proptest! {
     }
 }
 
-/// Words of a TCD1304DG's row: spots of so many counts at places on the light range, of a width in pixels, on a noise of a few counts.
+/// Words of a TCD1304DG's row: spots of so many counts at places on the light range, of a width in pixels, on
+/// a noise of a few counts.
 fn words_of(spots: &[(f64, f64, f64)]) -> Vec<u16> {
     let first = sensor_heads::tcd1304dg().light.start as f64;
     let light = |i: u32| {
@@ -270,7 +274,8 @@ fn words_of(spots: &[(f64, f64, f64)]) -> Vec<u16> {
         .collect()
 }
 
-/// Every kind of fault comes of rows that a sensor can deliver, whichever rung is asked; and so does a reading.
+/// Every kind of fault comes of rows that a sensor can deliver, whichever rung is asked; and so does a
+/// reading.
 #[test]
 fn every_fault_is_reachable() {
     let spot = |centre| words_of(&[(centre, 8.0, 2000.0)]);

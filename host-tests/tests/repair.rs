@@ -1,4 +1,5 @@
-//! The repair on pixels that do not belong to the spot, beside the default estimator alone and the bound of clean rows.
+//! The repair on pixels that do not belong to the spot, beside the default estimator alone and the bound of
+//! clean rows.
 
 use host_tests::accuracy::{Answer, Cell, centre_of};
 use rand::{Rng as _, SeedableRng as _};
@@ -31,7 +32,8 @@ fn cell(width: f64, amplitude: f64, seed: u64) -> Cell {
     }
 }
 
-/// Rows of a cell. Narrow spots are silently off in one row in 2000, of which 4000 rows have too few to tell from one in 1000.
+/// Rows of a cell. Narrow spots are silently off in one row in 2000, of which 4000 rows have too few to tell
+/// from one in 1000.
 fn rows(width: f64) -> u64 {
     if width < 2.0 { 40_000 } else { 4000 }
 }
@@ -114,9 +116,12 @@ fn run(centre: fn(&Geometry, &[u16]) -> Answer, width: f64, flaw: Flaw) -> Outco
     }
 }
 
-/// The limits in pixels. With a pixel less the bound is up to a third higher at sigma 10.5, and up to several times where a narrow
-/// spot loses the pixel that tells most. A second spot of half the height so near that it merges with the first in the coarse
-/// search has no limit: such rows are far off, but they must say so. (The rows that the search does tell apart are off by 0.3 pixel, or
+/// The limits in pixels. With a pixel less the bound is up to a third higher at sigma 10.5, and up to several
+/// times where a narrow
+/// spot loses the pixel that tells most. A second spot of half the height so near that it merges with the
+/// first in the coarse
+/// search has no limit: such rows are far off, but they must say so. (The rows that the search does tell
+/// apart are off by 0.3 pixel, or
 /// flagged.)
 #[test]
 fn outliers_are_left_out() {
@@ -160,7 +165,8 @@ fn outliers_are_left_out() {
         );
         print!("{line}");
         table += &line;
-        // Not `>`: no rows at all must not pass either. A bad pixel may hide a narrow spot: one row in fifty may have no centre.
+        // Not `>`: no rows at all must not pass either. A bad pixel may hide a narrow spot: one row in fifty
+        // may have no centre.
         // One in a thousand may be off without saying so.
         let rows = rows(width);
         if !(repair.rmse <= limit && repair.faults * 50 <= rows && repair.silent * 1000 <= rows) {

@@ -111,14 +111,16 @@ fn fraunhofers_slit_has_its_first_zero_at_lambda_z_over_a() {
             row[zero],
             row[zero + 3]
         );
-        // Over its width of 1/100 a pixel at a zero gathers (pi / 100)^2 / 12 / n^2 of the peak: 0.0822 of 1000 for n = 1.
+        // Over its width of 1/100 a pixel at a zero gathers (pi / 100)^2 / 12 / n^2 of the peak: 0.0822 of
+        // 1000 for n = 1.
         assert!(
             row[zero] < 0.09 && row[zero - 3] > 5.0 * row[zero] && row[zero + 3] > 5.0 * row[zero]
         );
     }
 }
 
-/// The spot as the sensor's pixels gather it, sinc^2 averaged over each pixel by quadrature, wherever it lies between pixels.
+/// The spot as the sensor's pixels gather it, sinc^2 averaged over each pixel by quadrature, wherever it lies
+/// between pixels.
 #[test]
 fn pixels_gather_the_pattern_over_their_width() {
     let scene = Scene {
@@ -182,7 +184,8 @@ fn fresnels_slit_is_its_integral() {
     }
 }
 
-/// Fresnel's pattern of a laser spot, in the row, as `profiles::Slit` has it, which sums over points and integrates by Simpson's
+/// Fresnel's pattern of a laser spot, in the row, as `profiles::Slit` has it, which sums over points and
+/// integrates by Simpson's
 /// rule.
 #[test]
 fn a_row_through_a_slit_is_that_of_the_profiles() {
@@ -344,7 +347,8 @@ fn texture_shifts_the_centre_by_chance_and_for_good() {
             squares += (centre - truth).powi(2) / SEEDS as f64;
             brightness += sum / SEEDS as f64;
         }
-        // For a gaussian window of sigma s on a field of correlation exp(-(x/l)^2), to first order in the contrast c:
+        // For a gaussian window of sigma s on a field of correlation exp(-(x/l)^2), to first order in the
+        // contrast c:
         // var = c^2 int int x x' g(x) g(x') exp(-(x - x')^2 / l^2) = 2 c^2 s^4 / (l^2 (1 + 4 s^2/l^2)^(3/2)).
         let s = diameter / 4.0;
         let on_target = 2.0 * contrast.powi(2) * s.powi(4)
@@ -357,7 +361,8 @@ fn texture_shifts_the_centre_by_chance_and_for_good() {
             length * 1e3,
             squares.sqrt()
         );
-        // 1500 surfaces: a standard deviation within 1.8 %, and within 6 % almost surely; the contrast's second order is 1 %.
+        // 1500 surfaces: a standard deviation within 1.8 %, and within 6 % almost surely; the contrast's
+        // second order is 1 %.
         assert!((squares.sqrt() / expected - 1.0).abs() < 0.07);
         // The mean reflectance is 1: a tenth over sqrt(1500).
         let plain_sum = plain_sum_of_spot(&scene(0));
@@ -538,7 +543,8 @@ fn a_small_pupil_on_a_camera_shows_rings() {
             worst = worst.max((f64::from(light) - expected).abs());
         }
     }
-    // A pixel of 0.054 details gathers less at the top than there is: (pi^2 / 4) 0.054^2 / 12 in each direction.
+    // A pixel of 0.054 details gathers less at the top than there is: (pi^2 / 4) 0.054^2 / 12 in each
+    // direction.
     println!("off by {worst:.2} of 1000 counts");
     assert!(worst < 1.5);
 }
@@ -760,7 +766,8 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
             let off = (variance - variance_at_rest - moved * moved / 12.0).abs();
             assert!(off < 0.01 + 0.005 * moved * moved / 12.0);
 
-            // Against the integral over the exposure of what pixels gather of the gaussian: 1e-4 of the peak, and f32's rounding.
+            // Against the integral over the exposure of what pixels gather of the gaussian: 1e-4 of the peak,
+            // and f32's rounding.
             if diffraction.is_none() {
                 let phi = |x: f64| libm::erf(x / (8.6 * SQRT_2));
                 let mut worst = 0.0f64;
@@ -785,7 +792,8 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
     }
 }
 
-/// The width that an estimator is to expect: that of the reference's fit to the profile that `profiles` has of the same slit.
+/// The width that an estimator is to expect: that of the reference's fit to the profile that `profiles` has
+/// of the same slit.
 #[test]
 fn the_expected_width_is_that_of_the_best_gaussian() {
     for seen in [0.1e-3, 1e-3, 3e-3] {
@@ -867,7 +875,8 @@ fn camera(aperture: Aperture) -> Scene {
     }
 }
 
-/// Light that adds up without interference, by this module's patterns and by the mean of the field, point by point: two
+/// Light that adds up without interference, by this module's patterns and by the mean of the field, point by
+/// point: two
 /// computations that share no formula.
 #[test]
 fn rows_of_a_camera_are_the_mean_of_the_field() {
@@ -975,7 +984,8 @@ fn rows_of_a_camera_are_the_mean_of_the_field() {
             }
         }
         println!("lens, coma {waves}, focus {focus:?}: {unit:.3} in the middle, off by {worst:.5}");
-        // Pixels of 5.86 um gather 0.6 % less at the top of a spot with a sigma of 15 um than there is: pitch^2 / 24 sigma^2.
+        // Pixels of 5.86 um gather 0.6 % less at the top of a spot with a sigma of 15 um than there is:
+        // pitch^2 / 24 sigma^2.
         assert!(worst < 1.2e-2);
     }
 }
@@ -1034,7 +1044,8 @@ fn speckle_keeps_the_mean() {
     }
 }
 
-/// Dorsch, Haeusler, Herrmann, Appl. Opt. 33, 1306 (1994), for a gaussian spot and a round pupil: the centre of mass of the image
+/// Dorsch, Haeusler, Herrmann, Appl. Opt. 33, 1306 (1994), for a gaussian spot and a round pupil: the centre
+/// of mass of the image
 /// scatters by lambda z / (2 pi a) / sqrt 2 (its derivation: `field::tests`).
 #[test]
 fn speckle_scatters_a_lens_as_dorsch_haeusler_and_herrmann_say() {

@@ -1,4 +1,5 @@
-//! What a sensor makes of light, effect by effect, against closed forms and counts; the random numbers of all effects; and the scenes in
+//! What a sensor makes of light, effect by effect, against closed forms and counts; the random numbers of all
+//! effects; and the scenes in
 //! the folder. Figures that are asserted are printed.
 
 use rayon::prelude::*;
@@ -53,7 +54,8 @@ fn rows(scene: Scene, rows: u64) -> Vec<f32> {
         .collect()
 }
 
-/// Sum of the squares of what was counted less what was expected, over what was expected: of so many cells chi squared, which
+/// Sum of the squares of what was counted less what was expected, over what was expected: of so many cells
+/// chi squared, which
 /// is above n + 5 sqrt(2 n) + 10 in less than one in a million.
 fn assert_chi_squared(name: &str, counted: &[f64], expected: &[f64]) {
     let cells = || counted.iter().zip(expected).filter(|&(_, &e)| e >= 10.0);
@@ -98,7 +100,8 @@ fn read_noise_is_white_and_normal() {
         .collect();
     assert_chi_squared("read noise", &counted, &expected);
 
-    // No pixel tells anything of one up to two blocks further, nor its size of the other's size; the generator makes a block of 64 numbers of
+    // No pixel tells anything of one up to two blocks further, nor its size of the other's size; the
+    // generator makes a block of 64 numbers of
     // pairs that are 32 apart.
     for lag in 1..=128 {
         let pairs = || noise.iter().zip(&noise[lag..]);
@@ -113,7 +116,8 @@ fn read_noise_is_white_and_normal() {
     }
 }
 
-/// Of few electrons by the probability of each number, of any by the first moments: mean and variance n, skewness 1 / sqrt(n).
+/// Of few electrons by the probability of each number, of any by the first moments: mean and variance n,
+/// skewness 1 / sqrt(n).
 #[test]
 fn shot_noise_is_poisson_distributed() {
     for mean in [0.02, 0.5, 3.0, 9.9, 10.1, 30.0, 1000.0, 30_000.0] {
@@ -213,7 +217,8 @@ fn response_differs_in_proportion_to_light() {
     assert_eq!(doubled, lit(200.0));
 }
 
-/// The deviation is the same in the dark and in light, after any exposure, under metal and on dummies, and stays from row to row.
+/// The deviation is the same in the dark and in light, after any exposure, under metal and on dummies, and
+/// stays from row to row.
 #[test]
 fn a_fixed_pattern_is_there_in_the_dark() {
     let scene = Scene {
@@ -333,7 +338,8 @@ fn a_full_pixel_is_full() {
     assert_eq!(rows(lit(5000.0), 1), [1200.0; 4096]);
 }
 
-/// One pixel of n and a half wells, between empty ones: half of what is too much to either side, a well in each pixel.
+/// One pixel of n and a half wells, between empty ones: half of what is too much to either side, a well in
+/// each pixel.
 #[test]
 fn charge_flows_over_as_far_as_it_has_to() {
     let saturation = Saturation {
@@ -371,7 +377,8 @@ fn charge_flows_over_as_far_as_it_has_to() {
     assert_eq!(light, expected);
 }
 
-/// A gaussian spot five times as high as a well: charge is kept, and the flat top reaches as far as the charge above it fills the flanks. Its
+/// A gaussian spot five times as high as a well: charge is kept, and the flat top reaches as far as the
+/// charge above it fills the flanks. Its
 /// half-length h solves, to a pixel, h = int of the spot from 0 to h, over the well.
 #[test]
 fn a_bloomed_spot_has_a_flat_top() {
@@ -448,7 +455,8 @@ fn blooming_favours_no_side() {
     }
 }
 
-/// All outputs have it, and it rises with time: from row to row of a line sensor, from frame to frame of a camera.
+/// All outputs have it, and it rises with time: from row to row of a line sensor, from frame to frame of a
+/// camera.
 #[test]
 fn the_black_level_drifts() {
     for sensor in [Sensor::Tcd1304dg, Sensor::Camera] {
@@ -472,7 +480,8 @@ fn the_black_level_drifts() {
     }
 }
 
-/// As high as it is said in the middle, rising by the slope from pixel to pixel, in proportion to the exposure, never below zero; not under
+/// As high as it is said in the middle, rising by the slope from pixel to pixel, in proportion to the
+/// exposure, never below zero; not under
 /// metal.
 #[test]
 fn ambient_light_has_a_slope() {
@@ -598,7 +607,8 @@ fn listing(scene: Scene, effect: Effect) -> Scene {
     scene.with(effect, &every)
 }
 
-/// Each effect has a stream for each row, each line of the sensor and each seed, and what is made of them is not the same either.
+/// Each effect has a stream for each row, each line of the sensor and each seed, and what is made of them is
+/// not the same either.
 #[test]
 fn every_stream_is_another() {
     let mut first = vec![];
@@ -642,7 +652,8 @@ fn spot_behind_a_lens() -> Scene {
     scene
 }
 
-/// A row, put together by hand: light that is free of noise, and then what the sensor's effects make of it, each with the random numbers
+/// A row, put together by hand: light that is free of noise, and then what the sensor's effects make of it,
+/// each with the random numbers
 /// that are its own by its name, the seed and the row - and by nothing else that the scene lists.
 fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
     let of_the_sensor = [
@@ -695,7 +706,8 @@ fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
     counts
 }
 
-/// Whichever effect is added to a scene of all kinds of noise, or taken away, the others keep their random numbers, to the bit.
+/// Whichever effect is added to a scene of all kinds of noise, or taken away, the others keep their random
+/// numbers, to the bit.
 #[test]
 fn no_effect_changes_the_random_numbers_of_another() {
     let noises = [
@@ -757,7 +769,8 @@ fn listing_in_vain(scene: Scene, effect: Effect) -> Option<Scene> {
     Some(scene)
 }
 
-/// An effect that is listed, and by its parameters does nothing, changes no bit of a row in which all others are at work, whether it draws random
+/// An effect that is listed, and by its parameters does nothing, changes no bit of a row in which all others
+/// are at work, whether it draws random
 /// numbers or not.
 #[test]
 fn an_effect_that_does_nothing_changes_nothing() {
@@ -822,7 +835,8 @@ fn rows_do_not_depend_on_who_makes_them() {
     }
 }
 
-/// A change of any random number, or of any light by some millionths, shows here. FNV-1a of the counts' bytes.
+/// A change of any random number, or of any light by some millionths, shows here. FNV-1a of the counts'
+/// bytes.
 #[test]
 fn rows_stay_what_they_were() {
     let mut table = String::new();
@@ -911,7 +925,8 @@ fn centre(simulation: &Simulation, row: u64) -> Result<RowCentre, Fault> {
     centre::centre(Estimator::default(), &row, &spot, None, &geometry)
 }
 
-/// The core finds the spot of each scene's rows, within a width of where it should be, or the fault that the file announces.
+/// The core finds the spot of each scene's rows, within a width of where it should be, or the fault that the
+/// file announces.
 #[test]
 fn scenes_give_what_they_announce() {
     for name in file::names().expect("the folder of scenes") {
@@ -1066,7 +1081,8 @@ fn scenes_that_mean_nothing_are_refused() {
     assert!(error.contains("no-such.toml; there are black-tape"));
 }
 
-/// With speckle the surface is made for a beam up to 1.5 times as far away as the scene's target: at that end it still can be
+/// With speckle the surface is made for a beam up to 1.5 times as far away as the scene's target: at that end
+/// it still can be
 /// seen, and beyond it is refused.
 #[test]
 fn speckle_has_an_end() {

@@ -1,4 +1,5 @@
-//! The coarse search on seeded rows: that it finds the spot, tells it from a second one, and takes nothing else for one.
+//! The coarse search on seeded rows: that it finds the spot, tells it from a second one, and takes nothing
+//! else for one.
 //! Every figure asserted is printed.
 
 use host_tests::accuracy::{Cell, centre_of};
@@ -34,9 +35,12 @@ fn misleads(light: &[u16], spot: &Spot, geometry: &Geometry, truth: Truth) -> bo
     })
 }
 
-/// Fewer than one row in a thousand fails at a peak signal-to-noise ratio of 5, from a width of 1.5: no spot, or one that is off by
-/// more than a width and a half and a pixel. For a width of 1 the best filter has a response of 6.66 standard deviations there, which
-/// noise in one of 3600 positions beats in 0.4 % of the rows; the kernel has 6.45 on average, which is below the threshold of 4.5 in
+/// Fewer than one row in a thousand fails at a peak signal-to-noise ratio of 5, from a width of 1.5: no spot,
+/// or one that is off by
+/// more than a width and a half and a pixel. For a width of 1 the best filter has a response of 6.66 standard
+/// deviations there, which
+/// noise in one of 3600 positions beats in 0.4 % of the rows; the kernel has 6.45 on average, which is below
+/// the threshold of 4.5 in
 /// 2.6 % of them. Where noise was taken for the spot, no rung makes a centre of it, at any ratio.
 #[test]
 fn dim_spots_are_found_or_no_centre_is() {
@@ -94,7 +98,8 @@ fn dim_spots_are_found_or_no_centre_is() {
     }
 }
 
-/// Noise alone passes for a spot in one row of forty, for a centre in none, and the default estimator alone finds none either.
+/// Noise alone passes for a spot in one row of forty, for a centre in none, and the default estimator alone
+/// finds none either.
 #[test]
 fn noise_has_no_centre() {
     const ROWS: u64 = 20_000;
@@ -122,7 +127,8 @@ fn noise_has_no_centre() {
     assert!(passed as u64 * 33 < ROWS && misleading == 0);
 }
 
-/// A row with a second spot of so much of the first one's height, so many widths off to either side, and the higher one's centre.
+/// A row with a second spot of so much of the first one's height, so many widths off to either side, and the
+/// higher one's centre.
 fn pair(number: u64, width: f64, strength: f64, apart: f64) -> (Vec<u16>, f64) {
     let random = &mut ChaCha8Rng::seed_from_u64(number);
     let cell = Cell {
@@ -146,8 +152,10 @@ fn pair(number: u64, width: f64, strength: f64, apart: f64) -> (Vec<u16>, f64) {
     (light, truth + if strength > 1.0 { offset } else { 0.0 })
 }
 
-/// A second spot of half the height leads the search no further astray than half a width, or half a block and a tenth of one for the noise that
-/// decides between two, as a spot alone. One of 80 to 120 % is a fault, in the first row and where it turns up in a later one.
+/// A second spot of half the height leads the search no further astray than half a width, or half a block and
+/// a tenth of one for the noise that
+/// decides between two, as a spot alone. One of 80 to 120 % is a fault, in the first row and where it turns
+/// up in a later one.
 #[test]
 fn two_spots_are_told_apart() {
     const ROWS: u64 = 4000;
@@ -256,7 +264,8 @@ fn one_spot_is_one() {
     }
 }
 
-/// Speckle of full contrast that breaks a spot into lumps is two spots in less than one row in seven: where two lumps have nearly all the
+/// Speckle of full contrast that breaks a spot into lumps is two spots in less than one row in seven: where
+/// two lumps have nearly all the
 /// light, and are as far apart as two spots.
 #[test]
 fn lumps_are_mostly_one_spot() {
@@ -298,7 +307,8 @@ fn lumps_are_mostly_one_spot() {
     }
 }
 
-/// A background that rises by up to 5 counts a pixel, over all that a converter holds, hides no spot; and its level is that under the spot.
+/// A background that rises by up to 5 counts a pixel, over all that a converter holds, hides no spot; and its
+/// level is that under the spot.
 #[test]
 fn a_rising_background_hides_no_spot() {
     let mut furthest = 0.0f64;
@@ -315,7 +325,8 @@ fn a_rising_background_hides_no_spot() {
                     let spot = find(&light).expect("a spot");
                     furthest = furthest.max((place(&spot) - truth).abs() / (1.5 * width + 1.0));
                     if slope >= 1.0 {
-                        // What it is above the row's dark end, to a tenth of what it drifts and a tenth of the spot.
+                        // What it is above the row's dark end, to a tenth of what it drifts and a tenth of
+                        // the spot.
                         let from_dark = if light[..32] < light[pixels - 32..] {
                             truth
                         } else {
@@ -353,7 +364,8 @@ fn senseless_rows_have_no_spot() {
     }
 }
 
-/// A converter of one bit, of two, or with a bit that is stuck, still shows where a spot is; and a spot may fill a third of a short
+/// A converter of one bit, of two, or with a bit that is stuck, still shows where a spot is; and a spot may
+/// fill a third of a short
 /// row.
 #[test]
 fn crude_rows_have_their_spot() {

@@ -1,4 +1,5 @@
-//! What a row's centre must not depend on, and how it must follow what it depends on, for every rung of the ladder, on rows
+//! What a row's centre must not depend on, and how it must follow what it depends on, for every rung of the
+//! ladder, on rows
 //! that proptest draws around a spot. Draws are the same in every run; each figure asserted is printed.
 
 use std::cell::RefCell;
@@ -157,7 +158,8 @@ enum Way {
 
 const WAYS: [Way; 2] = [Way::Alone, Way::Pipeline];
 
-/// The way in which a rung's figures go on from row to row. The check of the centroid repairs a centre that does not look right, which
+/// The way in which a rung's figures go on from row to row. The check of the centroid repairs a centre that
+/// does not look right, which
 /// for the centroid is often and makes a step.
 fn steady(rung: Estimator) -> Way {
     match rung {
@@ -218,7 +220,8 @@ impl Spreads {
     }
 }
 
-/// A constant on all pixels, none of them clipped, changes no bit of what is found, nor of a fault that names no counts.
+/// A constant on all pixels, none of them clipped, changes no bit of what is found, nor of a fault that names
+/// no counts.
 #[test]
 fn the_black_level_changes_no_bit() {
     const CASES: u32 = 1000;
@@ -248,8 +251,10 @@ fn turned(light: &[u16], pixels: usize) -> Vec<u16> {
     [leaves, stays].concat()
 }
 
-/// Where the coarse search names the pixel that belongs to it, a spot that is shifted by any number of whole pixels has its
-/// centre shifted by that, and every other bit is as it was. The windows move with the spot by pixels, and f32 sees only places
+/// Where the coarse search names the pixel that belongs to it, a spot that is shifted by any number of whole
+/// pixels has its
+/// centre shifted by that, and every other bit is as it was. The windows move with the spot by pixels, and
+/// f32 sees only places
 /// within a window.
 #[test]
 fn a_shifted_spot_is_the_same_spot() {
@@ -303,10 +308,14 @@ fn shifted_back(centre: RowCentre, pixels: usize) -> RowCentre {
     }
 }
 
-/// With the coarse search: the same holds for shifts by its largest block. For others the search may name another pixel or another
-/// width to start from, and measures the noise on other pixels, so that another table or window serves. On clean rows that moves
-/// the centre by a tenth of its uncertainty root mean square, which adds half a per cent to an error, and by two of them at
-/// most. A gaussian is not the pattern of a slit: what the slit's tables make of it depends more on the table.
+/// With the coarse search: the same holds for shifts by its largest block. For others the search may name
+/// another pixel or another
+/// width to start from, and measures the noise on other pixels, so that another table or window serves. On
+/// clean rows that moves
+/// the centre by a tenth of its uncertainty root mean square, which adds half a per cent to an error, and by
+/// two of them at
+/// most. A gaussian is not the pattern of a slit: what the slit's tables make of it depends more on the
+/// table.
 #[test]
 fn a_shifted_row_is_the_same_row() {
     let (spreads, whole) = (Spreads::default(), RefCell::new(0));
@@ -367,11 +376,16 @@ fn a_shifted_row_is_the_same_row() {
 
 /// The row in a mirror has its centre in the mirror: no rung leans to a side.
 ///
-/// Exactly, but for what sums that are taken in another order round, for the centroid. The others may look at the spot from a window
-/// half a sample or a phase beside the one they took, which sees other noise. Two unbiased estimates of k times the bound differ by at
-/// most 2 sqrt(1 - 1/k^2) of their uncertainty root mean square: by 0.8 for the phase tables (1.09). What is asserted is a tenth,
-/// which adds half a per cent to an error. The check makes a second fit in one of a hundred rows, be it in the mirror only. A gaussian
-/// is not the pattern of a slit: one of the slit's tables may find it some uncertainties from where the next one does. So do all with
+/// Exactly, but for what sums that are taken in another order round, for the centroid. The others may look at
+/// the spot from a window
+/// half a sample or a phase beside the one they took, which sees other noise. Two unbiased estimates of k
+/// times the bound differ by at
+/// most 2 sqrt(1 - 1/k^2) of their uncertainty root mean square: by 0.8 for the phase tables (1.09). What is
+/// asserted is a tenth,
+/// which adds half a per cent to an error. The check makes a second fit in one of a hundred rows, be it in
+/// the mirror only. A gaussian
+/// is not the pattern of a slit: one of the slit's tables may find it some uncertainties from where the next
+/// one does. So do all with
 /// spots narrower than they have tables for.
 #[test]
 fn a_mirror_mirrors() {
@@ -431,13 +445,17 @@ const NARROWEST: f64 = 0.79;
 /// Steps of a centre in a pixel.
 const STEPS: f64 = 65536.0;
 
-/// Twice the counts above the lowest, with twice the shot noise's variance in a count: the centre stays, and so does its
+/// Twice the counts above the lowest, with twice the shot noise's variance in a count: the centre stays, and
+/// so does its
 /// uncertainty.
 ///
-/// To the bit where only sums and ratios are taken, because a float doubles exactly: but for blocks of 16 pixels, which are
+/// To the bit where only sums and ratios are taken, because a float doubles exactly: but for blocks of 16
+/// pixels, which are
 /// halved, so that half a count of a sample is cut off. A half maximum is rounded to 2^-8 count.
-/// A tilt is taken off in whole counts before the search: none is drawn here. The noise is measured to 2^-8 count, one and a half
-/// of them after the roundings on its way; what it decides, a set of tables or an outlier, may tip. Where it does, the centre
+/// A tilt is taken off in whole counts before the search: none is drawn here. The noise is measured to 2^-8
+/// count, one and a half
+/// of them after the roundings on its way; what it decides, a set of tables or an outlier, may tip. Where it
+/// does, the centre
 /// moves by a small part of its uncertainty.
 #[test]
 fn twice_the_light_is_the_same_spot() {
@@ -515,9 +533,11 @@ fn twice_the_light_is_the_same_spot() {
     }
 }
 
-/// The same noise under a spot of one to four times the height: the claimed uncertainty does not grow, and no centre is lost.
+/// The same noise under a spot of one to four times the height: the claimed uncertainty does not grow, and no
+/// centre is lost.
 ///
-/// Not either where another table serves the brighter spot. A wide one's flanks pass for a little noise, and the centroid's claim goes
+/// Not either where another table serves the brighter spot. A wide one's flanks pass for a little noise, and
+/// the centroid's claim goes
 /// with a width from the half maximum: together for 5 % of a claim in one of some thousand rows.
 #[test]
 fn more_light_is_never_more_uncertain() {

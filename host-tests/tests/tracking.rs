@@ -1,4 +1,5 @@
-//! Rows that follow one another: what the first row of a frame says spares the next ones work, and must not lead them astray.
+//! Rows that follow one another: what the first row of a frame says spares the next ones work, and must not
+//! lead them astray.
 //! Every figure asserted is printed.
 
 use proptest::prelude::*;
@@ -144,7 +145,8 @@ impl After {
     }
 }
 
-/// Of some 6000 centres, how many may be further off. The errors of the centroid are not normal, but largest where a window was chosen
+/// Of some 6000 centres, how many may be further off. The errors of the centroid are not normal, but largest
+/// where a window was chosen
 /// the wrong way: from seed to seed the largest of 6000 was 6.9 to 9.1 claims.
 fn left_out(estimator: Estimator) -> usize {
     if estimator == Estimator::Centroid {
@@ -229,8 +231,10 @@ fn the_rows_here_are_those_of_a_measurement() {
     }
 }
 
-/// A spot at rest: what the row before says changes the centre by no more than 0.3 of its uncertainty (root mean square over
-/// the rows), and makes it no worse. The tables of [`Estimator::Fraunhofer`] are for another shape than this spot's, so that each
+/// A spot at rest: what the row before says changes the centre by no more than 0.3 of its uncertainty (root
+/// mean square over
+/// the rows), and makes it no worse. The tables of [`Estimator::Fraunhofer`] are for another shape than this
+/// spot's, so that each
 /// table finds another centre in the same noise: 0.4 there.
 #[test]
 fn at_rest_the_row_before_changes_little() {
@@ -314,10 +318,13 @@ fn a_spot_that_jumps_is_where_it_went() {
     }
 }
 
-/// A spot that becomes twice or half as wide (one of less than two pixels: twice) while its target moves a little.
+/// A spot that becomes twice or half as wide (one of less than two pixels: twice) while its target moves a
+/// little.
 ///
-/// The rungs that look at the width in each row stay honest. The phase tables take it over from the row before, so until the frame
-/// ends a table of the wrong width serves: a wider spot is then less certain than they claim, by up to 1.6. The centroid's window
+/// The rungs that look at the width in each row stay honest. The phase tables take it over from the row
+/// before, so until the frame
+/// ends a table of the wrong width serves: a wider spot is then less certain than they claim, by up to 1.6.
+/// The centroid's window
 /// follows over some rows. To [`Estimator::Fraunhofer`] the spot has the wrong shape in any table.
 #[test]
 fn a_spot_that_changes_its_width_is_not_lost() {
@@ -375,7 +382,8 @@ fn a_spot_that_saturates_is_a_fault_or_right() {
     }
 }
 
-/// A lamp that flickers: the black level is another in each row. No centre is wrong for it; the centroid, which needs the
+/// A lamp that flickers: the black level is another in each row. No centre is wrong for it; the centroid,
+/// which needs the
 /// level itself, may find no spot by the level of the row before.
 #[test]
 fn a_lamp_that_flickers_moves_no_centre() {
@@ -395,8 +403,10 @@ fn a_lamp_that_flickers_moves_no_centre() {
     }
 }
 
-/// The laser goes off, and with it, or not, a lamp goes on: the noise is then twice what the first row told. What is left is noise,
-/// and has no centre. The rungs that do not fit a gaussian take one row in some thousands for a spot, with a row before or
+/// The laser goes off, and with it, or not, a lamp goes on: the noise is then twice what the first row told.
+/// What is left is noise,
+/// and has no centre. The rungs that do not fit a gaussian take one row in some thousands for a spot, with a
+/// row before or
 /// without.
 #[test]
 fn a_spot_that_went_away_has_no_centre() {
@@ -418,7 +428,8 @@ fn a_spot_that_went_away_has_no_centre() {
     }
 }
 
-/// Wherever [`spot::find`] finds a spot of 6 pixels' width or more, [`spot::find_again`] does, as near: to half a block, and
+/// Wherever [`spot::find`] finds a spot of 6 pixels' width or more, [`spot::find_again`] does, as near: to
+/// half a block, and
 /// but for one row in a thousand a tenth for the noise that decides between two blocks.
 #[test]
 fn a_spot_is_found_again_as_well_as_at_first() {
@@ -602,7 +613,8 @@ fn black_levels() -> impl Strategy<Value = BlackLevel> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2500))]
 
-    /// No sequence of rows stops the measurement; a distance comes from within the calibration only, with an uncertainty.
+    /// No sequence of rows stops the measurement; a distance comes from within the calibration only, with an
+    /// uncertainty.
     #[test]
     fn any_rows_give_readings_or_faults(
         rows in any_rows(),

@@ -22,7 +22,8 @@ fn the_nominal_calibration_is_that_of_the_nominal_optics() {
     println!("largest difference {worst:.4} um, of the slope {worst_slope:.1e}");
     // Half a step of Q24.8 is 0.002 um, and so is half a step of xp (7.6e-6 px) times 570 um a pixel.
     assert!(worst <= 0.01, "{worst}");
-    // The reference's slope is a difference over a pixel: off by (1 px / (x - xp))^2 / 4 = 1e-7; ours by eight roundings of 6e-8.
+    // The reference's slope is a difference over a pixel: off by (1 px / (x - xp))^2 / 4 = 1e-7; ours by
+    // eight roundings of 6e-8.
     assert!(worst_slope <= 6e-7, "{worst_slope}");
     let (from, to) = nominal.valid();
     for outside in [from.to_bits() - 1, to.to_bits() + 1, i32::MIN, i32::MAX] {
@@ -74,7 +75,8 @@ fn what_is_no_curve_is_refused() {
     assert_eq!(new(0, i64::MIN, -1000, 0, 3000), Some(Eq1Error::K));
 }
 
-/// The pole nearer than a pixel is refused to the last bit, and at a pixel the curve is what f64 says, up to the largest
+/// The pole nearer than a pixel is refused to the last bit, and at a pixel the curve is what f64 says, up to
+/// the largest
 /// distance that can be held.
 #[test]
 fn beside_the_pole() {
@@ -151,7 +153,8 @@ fn errors_say_what_is_wrong_and_what_to_do() {
     insta::assert_snapshot!(text.join("\n"));
 }
 
-/// D + K/(x - xp) in steps of Q24.8, rounded to the nearest, and half-way away from D; `from_pole` is x - xp in Q16.16.
+/// D + K/(x - xp) in steps of Q24.8, rounded to the nearest, and half-way away from D; `from_pole` is x - xp
+/// in Q16.16.
 fn exact(d: i32, k: i64, from_pole: i64) -> i128 {
     let (k, from_pole) = (i128::from(k) * 256, i128::from(from_pole));
     let size = (2 * k.abs() + from_pole.abs()) / (2 * from_pole.abs());
@@ -161,7 +164,8 @@ fn exact(d: i32, k: i64, from_pole: i64) -> i128 {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 4000, rng_seed: RngSeed::Fixed(6), failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever curve is accepted, every centre of its range has the distance that a division of integers gives, and a monotone one.
+    /// Whatever curve is accepted, every centre of its range has the distance that a division of integers
+    /// gives, and a monotone one.
     #[test]
     fn every_accepted_curve_is_right_and_monotone(
         d in any::<i32>(),

@@ -1,14 +1,21 @@
-//! The error budget of a scene: how far the core's centres lie from the truth, and how much of that each effect is to blame for.
+//! The error budget of a scene: how far the core's centres lie from the truth, and how much of that each
+//! effect is to blame for.
 //!
-//! What an effect is to blame for is found by leaving it out: its share is 1 - (RMS error without it)^2 / (RMS error)^2,
+//! What an effect is to blame for is found by leaving it out: its share is 1 - (RMS error without it)^2 /
+//! (RMS error)^2,
 //! of the readings that have a centre with it and without it. Effects that
-//! add independent errors have shares that add up to one; others have not, and an effect without which the error would be
+//! add independent errors have shares that add up to one; others have not, and an effect without which the
+//! error would be
 //! larger has a negative one.
 //!
-//! Some effects change from row to row (noise), others stay for as long as the target does (speckle, texture) or the sensor (fixed
-//! pattern, response). One row in many draws of the latter says as much as many rows of one draw do of the former, so readings
-//! are taken of many realisations of the scene: each has another seed, and the target up to half a pixel nearer or farther, and
-//! gives a few readings that lie apart in time. With an effect and without, all else is the same, down to the noise.
+//! Some effects change from row to row (noise), others stay for as long as the target does (speckle, texture)
+//! or the sensor (fixed
+//! pattern, response). One row in many draws of the latter says as much as many rows of one draw do of the
+//! former, so readings
+//! are taken of many realisations of the scene: each has another seed, and the target up to half a pixel
+//! nearer or farther, and
+//! gives a few readings that lie apart in time. With an effect and without, all else is the same, down to the
+//! noise.
 
 use anyhow::{Context as _, Result, ensure};
 use rayon::prelude::*;
@@ -39,7 +46,8 @@ const MOST: u64 = 100_000;
 const LONGEST: f64 = 1e6;
 
 impl Plan {
-    /// 400 rows, or 24 frames, over ten minutes, in which a sensor warms up; or over as much of them as it takes the target to move by a
+    /// 400 rows, or 24 frames, over ten minutes, in which a sensor warms up; or over as much of them as it
+    /// takes the target to move by a
     /// centimetre.
     pub fn of(scene: &Scene) -> Self {
         let (realisations, readings) = match scene.sensor {
@@ -115,7 +123,8 @@ pub struct Without {
     pub share: Option<Share>,
 }
 
-/// 1 - (RMS error without)^2 / (RMS error)^2, of the readings that have a centre with the effect and without it.
+/// 1 - (RMS error without)^2 / (RMS error)^2, of the readings that have a centre with the effect and without
+/// it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Share {
     /// The share.
@@ -142,13 +151,15 @@ fn by_name<S: Serializer>(effect: &Effect, serializer: S) -> Result<S::Ok, S::Er
 }
 
 impl Budget {
-    /// How many realisations it takes: those of the scene, and of the scene without each effect that can be left out.
+    /// How many realisations it takes: those of the scene, and of the scene without each effect that can be
+    /// left out.
     pub fn runs(scene: &Scene, plan: &Plan) -> u64 {
         let without = effects(scene).filter(|&effect| without(scene, effect).is_some());
         (1 + without.count() as u64) * plan.realisations
     }
 
-    /// Runs the core over the scene, and over the scene without each of its effects in turn. `ran` is called after each of
+    /// Runs the core over the scene, and over the scene without each of its effects in turn. `ran` is called
+    /// after each of
     /// [`Budget::runs`].
     ///
     /// # Errors
@@ -248,7 +259,8 @@ fn realisation(
         .collect()
 }
 
-/// Rows of a frame count that are at least this share of the highest one's height: what a lens's flare lights is no spot.
+/// Rows of a frame count that are at least this share of the highest one's height: what a lens's flare lights
+/// is no spot.
 const HIGH: f64 = 0.1;
 
 /// The centre of a row in pixels; of a frame the mean over its rows, as in the paper.
@@ -332,8 +344,10 @@ fn errors(realisations: &[Vec<Found>]) -> Errors {
     }
 }
 
-/// The share of the squares, in pixels, of the readings that have a centre with the effect and without it: those that one of them
-/// makes faults of would tell which rows are left, and not what became of them. None where there are no such readings.
+/// The share of the squares, in pixels, of the readings that have a centre with the effect and without it:
+/// those that one of them
+/// makes faults of would tell which rows are left, and not what became of them. None where there are no such
+/// readings.
 fn share(whole: &[Vec<Found>], without: &[Vec<Found>]) -> Option<Share> {
     // Of each realisation the sums of squares with and without.
     let sums: Vec<(f64, f64)> = (whole.iter().zip(without))
@@ -393,7 +407,8 @@ mod tests {
         budget.whole.rms_px.expect("readings")
     }
 
-    /// The errors of independent noises add as squares: all of the error is theirs, but for rounding's 1/12 of a count squared. And a
+    /// The errors of independent noises add as squares: all of the error is theirs, but for rounding's 1/12
+    /// of a count squared. And a
     /// black level that does not drift costs nothing at all: the weights sum to zero.
     #[test]
     fn shares_of_independent_noises_add_up_to_one() {
@@ -403,7 +418,8 @@ mod tests {
         println!("{} of {uncertainty}", shot.value + read.value);
         assert!(uncertainty < 0.15);
         assert!((shot.value + read.value - 1.0).abs() < 3.0 * uncertainty);
-        // What either leaves is near the Cramér-Rao bound for it: 1.10 and 1.095 of it for the default rung, +-0.035 for 400 rows.
+        // What either leaves is near the Cramér-Rao bound for it: 1.10 and 1.095 of it for the default rung, +-0.035
+        // for 400 rows.
         let spot = bound::Spot {
             width: 8.6,
             amplitude: 1750.0,
@@ -428,7 +444,8 @@ mod tests {
         assert!(budget.whole.faults.is_empty());
     }
 
-    /// Steps of q err by q/sqrt(12), where noise moves the counts over more than a step: they err the centre as that much read noise does.
+    /// Steps of q err by q/sqrt(12), where noise moves the counts over more than a step: they err the centre
+    /// as that much read noise does.
     #[test]
     fn coarse_steps_cost_what_noise_of_their_size_costs() {
         let paper = Scene::white_paper();
@@ -455,7 +472,8 @@ mod tests {
         assert!(uncertainty_of(share) < 0.1 && expected > 0.1);
     }
 
-    /// A geometry that grows by a factor g draws the spot g times as far from the axis. It does so evenly over ten minutes.
+    /// A geometry that grows by a factor g draws the spot g times as far from the axis. It does so evenly
+    /// over ten minutes.
     #[test]
     fn a_warm_sensor_errs_as_its_geometry_says() {
         let scene = Scene {

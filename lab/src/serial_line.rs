@@ -1,4 +1,5 @@
-//! The reference in docs/serial-line.md: commands, settings, estimators and faults, from the core's own declarations.
+//! The reference in docs/serial-line.md: commands, settings, estimators and faults, from the core's own
+//! declarations.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

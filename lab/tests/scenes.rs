@@ -5,7 +5,8 @@ use lab::paper::apparatus::{LASER, WANDER};
 use lab::paper::materials::MATERIALS;
 use simulator::scene::{LaserSpot, Scene, Sensor, Speckle};
 
-/// The scenes of the paper's materials show the surfaces that the paper's experiment is simulated with, lit by the same laser.
+/// The scenes of the paper's materials show the surfaces that the paper's experiment is simulated with, lit
+/// by the same laser.
 #[test]
 fn materials_are_those_of_the_experiment() {
     let names = [

@@ -13,8 +13,10 @@ use slitrange::centre::{self, Estimator};
 use slitrange::row::Row;
 use slitrange::spot;
 
-/// For each material the slit's mean absolute error is within a factor of 1.5 of the paper's, with either fit; the fits differ by less
-/// than 15 %; and rows that weigh for speckle beat the paper's plain mean. 210 positions, 2 mm apart, which is about a speckle.
+/// For each material the slit's mean absolute error is within a factor of 1.5 of the paper's, with either
+/// fit; the fits differ by less
+/// than 15 %; and rows that weigh for speckle beat the paper's plain mean. 210 positions, 2 mm apart, which
+/// is about a speckle.
 #[test]
 fn the_slit_errs_as_the_papers_does_and_ours_errs_less() {
     let experiment = Experiment {
@@ -55,7 +57,8 @@ fn the_slit_errs_as_the_papers_does_and_ours_errs_less() {
     }
 }
 
-/// For laser spots of 1 and 2 mm a frame's error is the same within 15 % with a gaussian as with sinc^2: 120 surfaces at 0.8 m, every 20th row.
+/// For laser spots of 1 and 2 mm a frame's error is the same within 15 % with a gaussian as with sinc^2: 120
+/// surfaces at 0.8 m, every 20th row.
 #[test]
 fn gaussian_and_fraunhofer_are_alike_for_wide_spots() {
     const COLUMNS: usize = 320;

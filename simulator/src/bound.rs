@@ -1,4 +1,5 @@
-//! The Cramér-Rao bound: the smallest standard deviation that any unbiased estimate of a spot's centre can have, when its
+//! The Cramér-Rao bound: the smallest standard deviation that any unbiased estimate of a spot's centre can
+//! have, when its
 //! amplitude, width and black level are unknown too.
 
 use std::ops::RangeInclusive;
@@ -22,14 +23,16 @@ pub struct Spot {
 }
 
 impl Spot {
-    /// The bound in pixels for a spot whose centre is `phase` pixels off a pixel's centre, from pixels as far as six
+    /// The bound in pixels for a spot whose centre is `phase` pixels off a pixel's centre, from pixels as far
+    /// as six
     /// sigma: the inverse of the Fisher information of four parameters.
     pub fn bound_at(&self, phase: f64) -> f64 {
         let reach = self.reach();
         self.bound_from(phase, -reach..=reach)
     }
 
-    /// The same for a spot that the sensor's edge cuts, `centre` pixels from the middle of its first pixel: from the pixels that there are.
+    /// The same for a spot that the sensor's edge cuts, `centre` pixels from the middle of its first pixel:
+    /// from the pixels that there are.
     pub fn bound_cut(&self, centre: f64) -> f64 {
         let last = centre.ceil() as i32 + self.reach();
         self.bound_from(centre, 0..=last)
@@ -82,9 +85,11 @@ impl Spot {
     }
 }
 
-/// The bound in pixels for a row of a scene, with the target at a distance in metres, after an exposure in seconds.
+/// The bound in pixels for a row of a scene, with the target at a distance in metres, after an exposure in
+/// seconds.
 ///
-/// It is that of a gaussian with read noise and its own shot noise. `None` where the scene lists an effect besides these that
+/// It is that of a gaussian with read noise and its own shot noise. `None` where the scene lists an effect
+/// besides these that
 /// moves the spot, shapes it or adds noise; with speckle, say, the error is not bounded by noise.
 pub fn of_row(simulation: &Simulation, distance: f64, exposure: f64) -> Option<f64> {
     let scene = simulation.scene();
@@ -117,7 +122,8 @@ mod tests {
     use super::*;
     use crate::scene::{Ambient, LaserSpot, Saturation, Scene};
 
-    /// White paper has the bound of its gaussian; a laser spot of 1 mm widens it by its image, 0.25 mm cos(theta) z / R (0.854 m,
+    /// White paper has the bound of its gaussian; a laser spot of 1 mm widens it by its image, 0.25 mm
+    /// cos(theta) z / R (0.854 m,
     /// cos 0.936): 13.7 um or 1.71 pixels in quadrature. What the bound does not know leaves none.
     #[test]
     fn a_scene_has_a_bound_where_it_is_noise_alone() {
@@ -187,7 +193,8 @@ mod tests {
         }
     }
 
-    /// A spot far from the edge is whole; nearer, the figures of an independent computation (2000 counts, 5 electrons a count, noise of 2, at
+    /// A spot far from the edge is whole; nearer, the figures of an independent computation (2000 counts, 5
+    /// electrons a count, noise of 2, at
     /// a width of 10.5: 0.0214 whole, and 0.0229, 0.0393 and 0.141 at two, one and no widths).
     #[test]
     fn a_cut_spot_is_less_certain() {
@@ -205,7 +212,8 @@ mod tests {
         }
     }
 
-    /// In white noise the bound is sqrt(2/sqrt(pi)) sqrt(sigma) noise/amplitude; in pure shot noise sigma/sqrt(electrons).
+    /// In white noise the bound is sqrt(2/sqrt(pi)) sqrt(sigma) noise/amplitude; in pure shot noise
+    /// sigma/sqrt(electrons).
     #[test]
     fn closed_forms() {
         for width in [3.0, 10.5] {

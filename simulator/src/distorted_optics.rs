@@ -1,4 +1,5 @@
-//! A geometry that eq. (1) does not describe: what lies between slit and sensor displaces the light as a lens does. A calibration
+//! A geometry that eq. (1) does not describe: what lies between slit and sensor displaces the light as a lens
+//! does. A calibration
 //! has to find it from readings.
 
 use std::ops::RangeInclusive;
@@ -31,8 +32,10 @@ pub struct DistortedOptics {
 }
 
 impl DistortedOptics {
-    /// A geometry near the nominal one that nobody has been told, another one for each seed: baseline and focal length are up to 1 %
-    /// off, the offset up to 5 mm, the angle a quarter to half a degree. It departs from the eq. (1) that fits it best by `departure` metres
+    /// A geometry near the nominal one that nobody has been told, another one for each seed: baseline and
+    /// focal length are up to 1 %
+    /// off, the offset up to 5 mm, the angle a quarter to half a degree. It departs from the eq. (1) that
+    /// fits it best by `departure` metres
     /// at most within [`RANGE`].
     ///
     /// # Errors
@@ -57,7 +60,8 @@ impl DistortedOptics {
             third,
             fifth: fifth_of_third * third,
         };
-        // A pixel or so. The departure is nearly proportional to it, so each step leaves a small part of the error.
+        // A pixel or so. The departure is nearly proportional to it, so each step leaves a small part of the
+        // error.
         let mut third = bends_outwards;
         for _ in 0..8 {
             third *= departure / displaced(third).departure()?;
@@ -88,7 +92,8 @@ impl DistortedOptics {
         ((self.distance(centre + step) - self.distance(centre - step)) / (2.0 * step)).abs()
     }
 
-    /// How far the distance is from the eq. (1) that fits it best, in metres, where it is farthest within [`RANGE`].
+    /// How far the distance is from the eq. (1) that fits it best, in metres, where it is farthest within
+    /// [`RANGE`].
     ///
     /// # Errors
     /// No eq. (1) fits.
@@ -101,7 +106,8 @@ impl DistortedOptics {
         largest_residual_of_eq1(&points).context("no eq. (1) fits the distorted geometry")
     }
 
-    /// Pixels by which light is displaced that would fall on `centre`. Beyond the sensor's ends it is what it is there.
+    /// Pixels by which light is displaced that would fall on `centre`. Beyond the sensor's ends it is what it
+    /// is there.
     fn displacement(&self, centre: f64) -> f64 {
         let from_axis = centre - self.optics.axis;
         let field = from_axis.clamp(-self.optics.axis, self.optics.axis) / FIELD;
@@ -119,7 +125,8 @@ impl DistortedOptics {
     }
 }
 
-/// The largest residual in metres of the eq. (1) that fits points of centre and distance best: d = D + K / (x - xp), by the Gauss-Newton
+/// The largest residual in metres of the eq. (1) that fits points of centre and distance best: d = D + K / (x -
+/// xp), by the Gauss-Newton
 /// method on all three parameters.
 fn largest_residual_of_eq1(points: &[(f64, f64)]) -> Option<f64> {
     // d x = D x + xp d + C with C = K - D xp is linear, which gives the start.
@@ -229,7 +236,8 @@ mod tests {
         }
     }
 
-    /// The largest residual of the eq. (1) that fits points best, found in another way: for a given pole d = D + K / (x - xp) is a straight
+    /// The largest residual of the eq. (1) that fits points best, found in another way: for a given pole d =
+    /// D + K / (x - xp) is a straight
     /// line, and the pole with the least sum of squares is found by golden section.
     fn largest_residual_of_best(points: &[(f64, f64)]) -> f64 {
         let n = points.len() as f64;
@@ -284,7 +292,8 @@ mod tests {
         assert!((10..=30).contains(&outwards), "{outwards} of 40");
     }
 
-    /// The nominal calibration is off by what a ruler shows; the spot is on the sensor with the whole window (128 pixels) that is
+    /// The nominal calibration is off by what a ruler shows; the spot is on the sensor with the whole window
+    /// (128 pixels) that is
     /// fitted, and nowhere on it do two distances share a centre.
     #[test]
     fn an_unknown_geometry_is_not_the_nominal_one_and_within_sight() {

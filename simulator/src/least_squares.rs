@@ -1,4 +1,5 @@
-//! The reference: an unweighted four-parameter least-squares fit of a gaussian in f64 (the paper's eq. (5) with the black
+//! The reference: an unweighted four-parameter least-squares fit of a gaussian in f64 (the paper's eq. (5)
+//! with the black
 //! level), by the Levenberg-Marquardt method.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
@@ -34,8 +35,10 @@ impl Gaussian {
 /// The fit takes the pixels within this many sigma.
 const HALF_WINDOW: f64 = 4.0;
 
-/// Fits a gaussian to the spot of `row` that is highest near pixel `near`: first to what is within the half width at half
-/// maximum, and then to what lies within four sigma of the centre until that window rests. `None` where no fit is found.
+/// Fits a gaussian to the spot of `row` that is highest near pixel `near`: first to what is within the half
+/// width at half
+/// maximum, and then to what lies within four sigma of the centre until that window rests. `None` where no
+/// fit is found.
 pub fn fit_near(row: &[f64], near: f64) -> Option<Gaussian> {
     // Spots of a pixel or of a hundred: the smoothed top's half height gives the start.
     let mut sorted = row.to_vec();
@@ -81,8 +84,10 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Fits the pixels given, the first of which has number `first`, each with the weight that `weight` gives a pixel of a number under
-/// the gaussian that was found last: until the centre rests to a millionth of a pixel. `None` where no fit is found.
+/// Fits the pixels given, the first of which has number `first`, each with the weight that `weight` gives a
+/// pixel of a number under
+/// the gaussian that was found last: until the centre rests to a millionth of a pixel. `None` where no fit is
+/// found.
 pub fn fit_weighted(
     pixels: &[f64],
     first: usize,
@@ -129,7 +134,8 @@ fn fit(pixels: &[f64], first: usize, start: Gaussian, root_weights: Vec<f64>) ->
     })
 }
 
-/// A spot of some shape on a level. The shape is of height 1, and gives its value and derivative so many extents from its centre.
+/// A spot of some shape on a level. The shape is of height 1, and gives its value and derivative so many
+/// extents from its centre.
 #[derive(Clone, Copy)]
 pub(crate) struct Spot {
     pub(crate) centre: f64,
@@ -164,7 +170,8 @@ struct Problem<'a, S> {
     first: f64,
     root_weights: Vec<f64>,
     start: Spot,
-    /// Parameters in units of the start: (centre - start)/extent, extent/extent, amplitude and level/amplitude.
+    /// Parameters in units of the start: (centre - start)/extent, extent/extent, amplitude and
+    /// level/amplitude.
     scaled: Vector4<f64>,
 }
 

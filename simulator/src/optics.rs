@@ -1,4 +1,5 @@
-//! Eq. (1) of the paper as it stands there, with its trigonometry, in metres: the simulation's truth. Functions are libm's, which are
+//! Eq. (1) of the paper as it stands there, with its trigonometry, in metres: the simulation's truth.
+//! Functions are libm's, which are
 //! the same on any machine.
 
 use serde::{Deserialize, Serialize};
@@ -58,7 +59,8 @@ pub struct Optics {
 }
 
 impl Optics {
-    /// The geometry for which the firmware carries its nominal calibration: 300 mm, 50 mm, tan u = 2.6, 8 um pixels.
+    /// The geometry for which the firmware carries its nominal calibration: 300 mm, 50 mm, tan u = 2.6, 8 um
+    /// pixels.
     pub fn nominal() -> Self {
         Self::nominal_on(Sensor::Tcd1304dg)
     }
@@ -89,7 +91,8 @@ impl Optics {
         self.axis + self.focal_length * libm::tan(alpha) / self.pitch
     }
 
-    /// The angle between the laser's beam and the light that reaches the sensor, in radians, for a target at a distance in metres.
+    /// The angle between the laser's beam and the light that reaches the sensor, in radians, for a target at
+    /// a distance in metres.
     pub fn viewing_angle(&self, distance: f64) -> f64 {
         libm::atan(self.baseline / (distance - self.offset))
     }

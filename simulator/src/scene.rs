@@ -1,11 +1,16 @@
-//! What the sensor is shown: a target at a distance, the spot's light on the rows, and the effects that matter.
+//! What the sensor is shown: a target at a distance, the spot's light on the rows, and the effects that
+//! matter.
 //!
-//! A scene is a value that lists its effects. An effect that is not listed is not computed: it costs no time and no memory,
-//! draws no random number, and changes no other (see [`random`]). The same scene gives the same rows in any order and on any
-//! number of threads, and on any machine: angles and exponentials are libm's, not the machine's. [`texture`] alone draws normal numbers
+//! A scene is a value that lists its effects. An effect that is not listed is not computed: it costs no time
+//! and no memory,
+//! draws no random number, and changes no other (see [`random`]). The same scene gives the same rows in any
+//! order and on any
+//! number of threads, and on any machine: angles and exponentials are libm's, not the machine's. [`texture`]
+//! alone draws normal numbers
 //! whose rare far tails are made with the standard library's exp and ln.
 //!
-//! Light is in counts of the converter, before noise and rounding; lengths are in metres unless they are said to be in pixels.
+//! Light is in counts of the converter, before noise and rounding; lengths are in metres unless they are said
+//! to be in pixels.
 
 pub mod ambient;
 pub mod black_level;
@@ -130,10 +135,12 @@ pub struct Scene {
     pub quantisation: Option<Quantisation>,
 }
 
-/// Declares the effects that a scene can list: the number of each one's random stream, and its field of [`Scene`].
+/// Declares the effects that a scene can list: the number of each one's random stream, and its field of
+/// [`Scene`].
 macro_rules! effects {
     ($($effect:ident = $number:literal in $field:ident,)+) => {
-        /// The effects that a scene can list, in the order in which they are computed. The number is that of the random stream.
+        /// The effects that a scene can list, in the order in which they are computed. The number is that of
+        /// the random stream.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub enum Effect {
             $(#[doc = concat!("[`", stringify!($effect), "`].")] $effect = $number,)+
@@ -210,15 +217,18 @@ effects! {
 }
 
 impl Scene {
-    /// Time from row to row, or from frame to frame of a camera, in seconds: the sensor's, or the exposure where that is longer.
+    /// Time from row to row, or from frame to frame of a camera, in seconds: the sensor's, or the exposure
+    /// where that is longer.
     pub fn period(&self) -> f64 {
         self.sensor.period().max(self.exposure)
     }
 
     /// White paper in a dim room, on the TCD1304DG: no ambient light, no speckle.
     ///
-    /// The spot is that of a 2 mm laser spot through a 200 um slit 50 mm from the sensor: sigma 69 um, 8.6 pixels of 8 um. Ten
-    /// electrons a count and four counts of noise are a TCD1304DG's 40 ke- full well and 0.6 mV noise of 0.6 V on 12 bits.
+    /// The spot is that of a 2 mm laser spot through a 200 um slit 50 mm from the sensor: sigma 69 um, 8.6
+    /// pixels of 8 um. Ten
+    /// electrons a count and four counts of noise are a TCD1304DG's 40 ke- full well and 0.6 mV noise of 0.6
+    /// V on 12 bits.
     pub fn white_paper() -> Self {
         Self {
             black_level: Some(BlackLevel::steady(300.0)),
@@ -247,8 +257,10 @@ impl Scene {
         }
     }
 
-    /// The pixels' outputs, light positive, in counts before rounding, for a target at `distance` metres, after
-    /// `exposure` seconds: `geometry().words` values, in the order in which the words of the geometry are read. `row`
+    /// The pixels' outputs, light positive, in counts before rounding, for a target at `distance` metres,
+    /// after
+    /// `exposure` seconds: `geometry().words` values, in the order in which the words of the geometry are
+    /// read. `row`
     /// counts the rows and selects the random numbers.
     ///
     /// A scene of which many rows are wanted is prepared once: [`Simulation`].

@@ -1,4 +1,5 @@
-//! The reference for the diffraction pattern of a slit: an unweighted four-parameter least-squares fit of eq. (6), sinc^2 on a level,
+//! The reference for the diffraction pattern of a slit: an unweighted four-parameter least-squares fit of eq.
+//! (6), sinc^2 on a level,
 //! in f64, by the Levenberg-Marquardt method.
 
 use crate::least_squares::{Spot, fit_shape};
@@ -19,7 +20,8 @@ pub struct Sinc {
 /// The fit takes the pixels within this many zeros of the start.
 const HALF_WINDOW: f64 = 3.0;
 
-/// Fits the pixels around a start that is good to a fraction of the spot's width. `None` where no fit is found.
+/// Fits the pixels around a start that is good to a fraction of the spot's width. `None` where no fit is
+/// found.
 pub fn fit_from(row: &[f64], start: Sinc) -> Option<Sinc> {
     let reach = HALF_WINDOW * start.zero;
     let first = (start.centre - reach).round().max(0.0) as usize;

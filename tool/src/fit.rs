@@ -117,7 +117,8 @@ impl Wanted {
 /// `slitrange calibrate fit`.
 ///
 /// # Errors
-/// No calibration fits the points, or a file cannot be read or written. The error names the line of the file and the reason.
+/// No calibration fits the points, or a file cannot be read or written. The error names the line of the file
+/// and the reason.
 pub fn run(options: &Options) -> anyhow::Result<()> {
     let physical = match options.physical {
         true => Some(physical::constraint(

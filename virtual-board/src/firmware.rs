@@ -9,7 +9,8 @@ use anyhow::{Context, Result, bail};
 use rigless::image::Image;
 use rigless::symbols::Symbols;
 
-/// Variables that cargo sets for us, or that hold compiler flags meant for the PC (coverage, `target-cpu=native`).
+/// Variables that cargo sets for us, or that hold compiler flags meant for the PC (coverage,
+/// `target-cpu=native`).
 /// Inherited by the nested build they would rebuild the firmware, or break it.
 const NOT_FOR_THE_CHIP: [&str; 6] = [
     "RUSTFLAGS",
@@ -30,7 +31,8 @@ pub struct Firmware {
 }
 
 impl Firmware {
-    /// Builds slitrange's firmware as it is flashed (`cargo fw`) and loads it. An unchanged one costs a moment.
+    /// Builds slitrange's firmware as it is flashed (`cargo fw`) and loads it. An unchanged one costs a
+    /// moment.
     ///
     /// # Errors
     ///

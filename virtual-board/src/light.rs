@@ -46,7 +46,8 @@ impl Target {
         place.put = None;
     }
 
-    /// Where it was in the mean over the middles of so many exposures of which the last is given, in metres, if all of them are
+    /// Where it was in the mean over the middles of so many exposures of which the last is given, in metres,
+    /// if all of them are
     /// remembered: the last 256 are.
     pub fn mean_distance(&self, last: &Exposure, exposures: usize) -> Option<f64> {
         let place = self.place();
@@ -73,13 +74,15 @@ impl Target {
     }
 }
 
-/// A scene's rows. A target that the caller moves stands still during an exposure, where it was found at the end; one that the scene
+/// A scene's rows. A target that the caller moves stands still during an exposure, where it was found at the
+/// end; one that the scene
 /// moves ([`simulator::scene::Motion`]) does so from row to row and during exposures.
 pub fn of_scene(scene: Scene, target: Target) -> LightSource {
     seen(scene, target, |distance| distance)
 }
 
-/// The rows of a scene whose light falls where another geometry has it: through `optics`, in place of the scene's own. For scenes in
+/// The rows of a scene whose light falls where another geometry has it: through `optics`, in place of the
+/// scene's own. For scenes in
 /// which the distance moves the spot and does nothing else, and whose target does not move by itself.
 pub fn of_scene_through(optics: DistortedOptics, scene: Scene, target: Target) -> LightSource {
     let own = scene.optics;
@@ -155,7 +158,8 @@ mod tests {
         }
     }
 
-    /// 0.1 m/s at 175.4 rows a second: n rows after the target was put somewhere it is n / 1754 m farther away. Of 20 rows the last four are
+    /// 0.1 m/s at 175.4 rows a second: n rows after the target was put somewhere it is n / 1754 m farther
+    /// away. Of 20 rows the last four are
     /// on average 17.5 rows after the first.
     #[test]
     fn a_frame_sees_the_target_where_it_was_on_average() {

@@ -1,5 +1,7 @@
-//! The chip and a PC answer the same, bit for bit, to every row of the catalogue of hard cases: each rung alone, with the look that
-//! follows it, and the reading that the measurement makes of the rows. The program of `answers-on-chip` runs on the emulated
+//! The chip and a PC answer the same, bit for bit, to every row of the catalogue of hard cases: each rung
+//! alone, with the look that
+//! follows it, and the reading that the measurement makes of the rows. The program of `answers-on-chip` runs
+//! on the emulated
 //! board; its rows are put into its memory, and its answers are taken out of it.
 
 use std::time::Duration;

@@ -1,4 +1,5 @@
-//! The portable twins against sums in 64 bits. What runs on the chip is compared with them there, by `cost-on-chip`.
+//! The portable twins against sums in 64 bits. What runs on the chip is compared with them there, by
+//! `cost-on-chip`.
 
 use dual_mac::portable::{dot, dot2, square_root};
 use dual_mac::{LARGEST_SAMPLE, Pair, Pairs};
@@ -90,7 +91,8 @@ proptest! {
     }
 }
 
-/// Each length by itself, with fewer weights, as many, and more: a sample or a pair too many or too few is seen, since all are one.
+/// Each length by itself, with fewer weights, as many, and more: a sample or a pair too many or too few is
+/// seen, since all are one.
 #[test]
 fn every_length_takes_the_samples_that_have_a_weight() {
     let ones = [Pairs(Pair(1, 1), Pair(-2, -2)); LONGEST / 2 + 1];

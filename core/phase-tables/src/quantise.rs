@@ -7,10 +7,12 @@ use nalgebra::DVector;
 
 use crate::design::{Shape, Table};
 
-/// The largest sample that a table is proven for: eight pixels of a 12-bit converter, 8 * 4095. Sums of more are halved.
+/// The largest sample that a table is proven for: eight pixels of a 12-bit converter, 8 * 4095. Sums of more
+/// are halved.
 pub const LARGEST_SAMPLE: i64 = 32_760;
 
-/// A table in 16-bit integers. Weights are stored phase after phase, `2 * half_width + 1` a phase and a zero to make them
+/// A table in 16-bit integers. Weights are stored phase after phase, `2 * half_width + 1` a phase and a zero
+/// to make them
 /// pairs.
 #[derive(Clone, Debug)]
 pub struct IntegerTable {
@@ -28,7 +30,8 @@ pub struct IntegerTable {
     pub stretch_per_ratio: f64,
     /// Height of the spot in counts that slope = 1 stands for.
     pub height_per_slope: f64,
-    /// Variance of the centre in samples squared, times slope squared, for noise of one count squared in every sample.
+    /// Variance of the centre in samples squared, times slope squared, for noise of one count squared in
+    /// every sample.
     pub variance_per_noise: f64,
     /// The same for a spot one electron high whose samples have its shot noise, in counts of one electron.
     pub variance_per_height: f64,
@@ -137,7 +140,8 @@ fn integers(rows: &[DVector<f64>], profiles: &[DVector<f64>]) -> (Vec<i16>, f64)
     (weights, scale)
 }
 
-/// Takes the rounding's sum away where it costs least: at the weights whose rounding went furthest the other way.
+/// Takes the rounding's sum away where it costs least: at the weights whose rounding went furthest the other
+/// way.
 fn make_sum_zero(rounded: &mut [i64], exact: &[f64]) {
     let excess: i64 = rounded.iter().sum();
     let step = excess.signum();
@@ -149,8 +153,10 @@ fn make_sum_zero(rounded: &mut [i64], exact: &[f64]) {
     }
 }
 
-/// Brings the response to a spot at the phase itself back to what it was, or there would be a bias in the score and a wrong scale
-/// in the slope: one unit is moved from a weight to another, which keeps the sum, as long as that helps. No weight is moved
+/// Brings the response to a spot at the phase itself back to what it was, or there would be a bias in the
+/// score and a wrong scale
+/// in the slope: one unit is moved from a weight to another, which keeps the sum, as long as that helps. No
+/// weight is moved
 /// twice.
 fn restore_response(rounded: &mut [i64], exact: &[f64], profile: &DVector<f64>) {
     let mut free = vec![true; rounded.len()];
@@ -279,7 +285,8 @@ mod tests {
         }
     }
 
-    /// On a noiseless spot of the table's width, and of widths as far off as a table serves, the bent ratio is the distance.
+    /// On a noiseless spot of the table's width, and of widths as far off as a table serves, the bent ratio
+    /// is the distance.
     #[test]
     fn ratio_is_the_distance() {
         for table in set(&gaussian, DEFAULT) {

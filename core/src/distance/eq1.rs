@@ -1,7 +1,8 @@
 //! Eq. (1): from the centre of the spot to the distance of the target.
 //!
 //! With t = tan u, d0 + b tan(u - atan(x/f)) = D + K/(x - xp), where D = d0 - b/t, xp = -f/t and
-//! K = b f (1 + t^2)/t^2: no trigonometry, and three parameters rather than four, because (d0, u, b, f) give the same
+//! K = b f (1 + t^2)/t^2: no trigonometry, and three parameters rather than four, because (d0, u, b, f) give
+//! the same
 //! curve along a line of values and cannot be told apart by data.
 
 use core::fmt;
@@ -72,12 +73,15 @@ impl fmt::Display for Eq1Error {
 
 impl core::error::Error for Eq1Error {}
 
-/// The least slope of a calibration, as halvings of a micrometre a pixel: a sixteenth. A curve that is flatter would claim to
+/// The least slope of a calibration, as halvings of a micrometre a pixel: a sixteenth. A curve that is
+/// flatter would claim to
 /// know the distance better than it can be held, wherever the spot is.
 pub const FLATTEST_SHIFT: u32 = 4;
 
-/// The calibration of the paper's geometry on a TCD1304DG, used until a sensor has its own: slit 50 mm from the
-/// sensor (f), baseline 300 mm (b), tan u = 2.6, d0 = 0, optical axis through the middle of the 3648 pixels of 8 um.
+/// The calibration of the paper's geometry on a TCD1304DG, used until a sensor has its own: slit 50 mm from
+/// the
+/// sensor (f), baseline 300 mm (b), tan u = 2.6, d0 = 0, optical axis through the middle of the 3648 pixels
+/// of 8 um.
 /// Valid from 0.55 m to 1.10 m.
 ///
 /// D = -b/t, xp = 1823.5 px - f/t, K = b f (1 + t^2)/t^2.
@@ -88,7 +92,8 @@ pub const NOMINAL: Result<Eq1, Eq1Error> = Eq1::new(
     Pixels::from_int(1191)..=Pixels::from_int(2654),
 );
 
-/// What makes a slope in micrometres a pixel of the product of a quotient's estimate, |d - D| in Q24.8, and reciprocal, 2^12 over
+/// What makes a slope in micrometres a pixel of the product of a quotient's estimate, |d - D| in Q24.8, and
+/// reciprocal, 2^12 over
 /// |x - xp| in Q16.16; and makes up for what those two lack, 8 times 2^-24 each.
 const SLOPE: f32 = 1.0 / 16.0 * (1.0 + 16.0 / (1u32 << 24) as f32);
 
@@ -142,7 +147,8 @@ impl Eq1 {
         Ok(curve)
     }
 
-    /// Whether |K|/(x - xp)^2 is below the least slope where it is least: at the end of the range that is further from xp.
+    /// Whether |K|/(x - xp)^2 is below the least slope where it is least: at the end of the range that is
+    /// further from xp.
     const fn is_flat(&self) -> bool {
         let (from, to) = (self.off_pole(self.valid.0), self.off_pole(self.valid.1));
         let span = (if from > to { from } else { to }) as u128;
@@ -150,7 +156,8 @@ impl Eq1 {
         (self.k.unsigned_abs() as u128) * (1 << (Pixels::FRACTION + FLATTEST_SHIFT)) < span * span
     }
 
-    /// Whether the distance at a centre can be held: |K/(x - xp)|, rounded, is not more than there is room for beside D.
+    /// Whether the distance at a centre can be held: |K/(x - xp)|, rounded, is not more than there is room
+    /// for beside D.
     const fn holds(&self, centre: Pixels) -> bool {
         let end = if self.above_d > 0 { i32::MAX } else { i32::MIN };
         let room = end.abs_diff(self.d.to_bits()) as u64;
@@ -165,11 +172,14 @@ impl Eq1 {
         beyond.wrapping_mul(self.beyond_pole) as u32
     }
 
-    /// The distance at a centre, and the curve's slope there in micrometres a pixel (negative where the distance
+    /// The distance at a centre, and the curve's slope there in micrometres a pixel (negative where the
+    /// distance
     /// falls as the centre grows).
     ///
-    /// The distance is D + K/(x - xp) rounded to Q24.8, right to the last bit (where it lies in the middle between two, the one
-    /// that is further from D), and so it never turns back. The slope is off by at most 5e-7 of it: eight roundings of 2^-24.
+    /// The distance is D + K/(x - xp) rounded to Q24.8, right to the last bit (where it lies in the middle
+    /// between two, the one
+    /// that is further from D), and so it never turns back. The slope is off by at most 5e-7 of it: eight
+    /// roundings of 2^-24.
     ///
     /// # Errors
     /// [`Fault::OutOfRange`] where the curve is not valid.

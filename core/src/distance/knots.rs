@@ -26,7 +26,8 @@ pub const CLOSEST: Pixels = Pixels::from_bits(1 << (Pixels::FRACTION - 4));
 pub struct Knots {
     /// The first centre and the last.
     valid: (Pixels, Pixels),
-    /// The knots' centres, and beyond the last knot the largest centre that there is: the search needs no length.
+    /// The knots' centres, and beyond the last knot the largest centre that there is: the search needs no
+    /// length.
     centres: [Pixels; MAX_KNOTS],
     pieces: Vec<Piece, MAX_KNOTS>,
 }
@@ -117,7 +118,8 @@ impl Knots {
 
     /// The interval that a centre is in: the last knot before the centre, or the first knot where none is.
     ///
-    /// Bit by bit, from the highest: if knot `index` lies before the centre, so do all knots before it. This takes a third fewer
+    /// Bit by bit, from the highest: if knot `index` lies before the centre, so do all knots before it. This
+    /// takes a third fewer
     /// instructions than `partition_point`.
     #[inline(always)]
     fn interval(&self, centre: Pixels) -> usize {

@@ -1,8 +1,11 @@
-//! A constant of 63 bits over a variable of 32, rounded, right to the last bit, in 25 instructions rather than the 250 of a
+//! A constant of 63 bits over a variable of 32, rounded, right to the last bit, in 25 instructions rather
+//! than the 250 of a
 //! division in software.
 //!
-//! It is a division by hand, of two digits: f32 estimates a digit, integers take it away and leave an exact rest, from which
-//! f32 estimates the next digit. No estimate is too large, as the reciprocal is made too small by more than roundings make up
+//! It is a division by hand, of two digits: f32 estimates a digit, integers take it away and leave an exact
+//! rest, from which
+//! f32 estimates the next digit. No estimate is too large, as the reciprocal is made too small by more than
+//! roundings make up
 //! for. What the second digit lacks is one or nothing, and the last rest says which.
 
 use crate::numeric;

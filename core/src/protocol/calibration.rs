@@ -23,8 +23,10 @@ pub enum FlashStatus {
     Older(u32),
 }
 
-/// The answer to `calibration`, lines parted by CR LF. The first is `calibration on`, `calibration off` or, where there is
-/// none, `calibration none`; the others are `calibration`, a name and a value, and the last of them is `stored`.
+/// The answer to `calibration`, lines parted by CR LF. The first is `calibration on`, `calibration off` or,
+/// where there is
+/// none, `calibration none`; the others are `calibration`, a name and a value, and the last of them is
+/// `stored`.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a> {
     /// The calibration in use, where there is one.

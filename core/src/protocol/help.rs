@@ -83,7 +83,8 @@ impl fmt::Display for Help {
     }
 }
 
-/// The answer to `help estimator`: a line an estimator, parted by CR LF. It begins as the line of a reading ends, and so cannot be
+/// The answer to `help estimator`: a line an estimator, parted by CR LF. It begins as the line of a reading
+/// ends, and so cannot be
 /// taken for a fault as `f fraunhofer` could. docs/accuracy.md says what each costs and gives.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimators;

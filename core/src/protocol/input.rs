@@ -24,7 +24,8 @@ impl Input {
     /// Takes a byte. Gives the command, or the error, that it completes.
     ///
     /// A line ends with CR, LF or both; of both, the second ends an empty line, which is
-    /// [`Command::Nothing`]. A line longer than [`MAX_LINE`] is an error once, as soon as it is too long, and skipped to
+    /// [`Command::Nothing`]. A line longer than [`MAX_LINE`] is an error once, as soon as it is too long, and
+    /// skipped to
     /// its end.
     pub fn take(&mut self, byte: u8) -> Option<Result<Command, Error>> {
         if matches!(byte, b'\r' | b'\n') {

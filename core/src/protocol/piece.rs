@@ -1,6 +1,7 @@
 //! Pieces of a record, which is more than a line: each a line with a checksum of its own.
 //!
-//! `calibration data 32 00112233445566778899aabbccddeeff a23c` is the record's bytes from the 32nd on, up to [`PIECE`] of them in
+//! `calibration data 32 00112233445566778899aabbccddeeff a23c` is the record's bytes from the 32nd on, up to
+//! [`PIECE`] of them in
 //! hexadecimal digits, and the CRC-16 (IBM-3740) of the offset, two bytes little endian, and of the bytes.
 
 use core::fmt;
@@ -137,7 +138,8 @@ mod tests {
             piece.to_string(),
             "calibration data 32 00112233445566778899aabbccddeeff a23c"
         );
-        // The sum's check value, as its catalogue has it: of "123456789", of which the first two are the offset.
+        // The sum's check value, as its catalogue has it: of "123456789", of which the first two are the
+        // offset.
         let check = Piece::new(u16::from_le_bytes(*b"12"), b"3456789").expect("a piece");
         assert_eq!(
             check.to_string(),
@@ -187,7 +189,8 @@ mod tests {
         }
     }
 
-    /// Any character in the place of any other: a sum of 16 bits tells all that differ within 16 bits in a row, as the offset and
+    /// Any character in the place of any other: a sum of 16 bits tells all that differ within 16 bits in a
+    /// row, as the offset and
     /// a digit do.
     #[test]
     fn a_character_that_is_garbled_is_noticed() {

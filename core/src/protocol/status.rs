@@ -28,7 +28,8 @@ impl fmt::Display for StartCause {
     }
 }
 
-/// What the firmware counts since the start. Counts wrap at 2^32, which 175 rows a second reach after 284 days.
+/// What the firmware counts since the start. Counts wrap at 2^32, which 175 rows a second reach after 284
+/// days.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Vitals {
     /// Time since the start.
@@ -43,7 +44,8 @@ pub struct Vitals {
     pub row_cycles: u32,
     /// Lines of readings and faults that the serial line was too slow for.
     pub lines_dropped: u32,
-    /// Bytes received with noise, with a wrong stop bit, and lost because an earlier one was not fetched in time.
+    /// Bytes received with noise, with a wrong stop bit, and lost because an earlier one was not fetched in
+    /// time.
     pub serial_errors: SerialErrors,
 }
 

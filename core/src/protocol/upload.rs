@@ -1,4 +1,5 @@
-//! A calibration's record comes over the serial line in pieces, and is used when all of it has come, or not at all.
+//! A calibration's record comes over the serial line in pieces, and is used when all of it has come, or not
+//! at all.
 //!
 //! ```text
 //! calibration begin 47
@@ -70,7 +71,8 @@ impl Upload {
     /// Takes a step. Gives the record that it completes.
     ///
     /// # Errors
-    /// [`Refusal`] says why the step cannot be taken. An upload that lacks pieces or got a wrong one goes on as if that step had
+    /// [`Refusal`] says why the step cannot be taken. An upload that lacks pieces or got a wrong one goes on
+    /// as if that step had
     /// not been; one whose record is refused is over.
     pub fn take(&mut self, step: Step, sensor: &Geometry) -> Result<Option<Record>, Refusal> {
         match step {

@@ -5,7 +5,8 @@
 //! 1 byte: 2      | 2, little endian    | up to 512                    | up to record::MAX_ENCODED
 //! ```
 //!
-//! The lines are those that a person would type, each with a line feed behind it: `rows 16`. So a setting has one text form, and a firmware that
+//! The lines are those that a person would type, each with a line feed behind it: `rows 16`. So a setting has
+//! one text form, and a firmware that
 //! knows more or fewer settings reads the ones that it knows. The store adds a CRC-32.
 //!
 //! Version 1, which earlier firmware wrote, is read too.
@@ -20,7 +21,8 @@ use crate::settings::{Affects, Setting, Settings, Value, split_words};
 use crate::text::Text;
 use crate::units::Counts;
 
-/// What `save` writes to flash: the settings, and the calibration's record where the sensor has one of its own.
+/// What `save` writes to flash: the settings, and the calibration's record where the sensor has one of its
+/// own.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Configuration {
     /// The settings. Those that affect the session only are not written.
@@ -32,7 +34,8 @@ pub struct Configuration {
 /// The format that is written.
 pub const VERSION: u8 = 2;
 
-/// The format of earlier firmware: rows (2 bytes), letters of mean, estimator and black level, and the black level's value (4 bytes).
+/// The format of earlier firmware: rows (2 bytes), letters of mean, estimator and black level, and the black
+/// level's value (4 bytes).
 const VERSION_1: u8 = 1;
 
 /// Bytes of the settings in [`VERSION_1`], version included.
@@ -44,7 +47,8 @@ const MAX_LINES: usize = 512;
 /// The most bytes there can be.
 pub const MAX_ENCODED: usize = 3 + MAX_LINES + record::MAX_ENCODED;
 
-/// Writes to the front of a buffer, which [`MAX_ENCODED`] bytes are always enough for, and gives what was written.
+/// Writes to the front of a buffer, which [`MAX_ENCODED`] bytes are always enough for, and gives what was
+/// written.
 ///
 /// # Errors
 /// [`ConfigurationError::NoRoom`], or the record's error.

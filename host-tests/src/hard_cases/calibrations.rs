@@ -26,7 +26,8 @@ pub struct CalibrationCase {
 pub enum CalibrationDue {
     /// It is refused, with the error of this name.
     Refused(&'static str),
-    /// It is taken, and over its whole range its distance is that of eq. (1), or of the knots, within so many micrometres.
+    /// It is taken, and over its whole range its distance is that of eq. (1), or of the knots, within so many
+    /// micrometres.
     Exact(f64),
 }
 
@@ -105,7 +106,8 @@ impl CalibrationCase {
         }
     }
 
-    /// Distances at 2001 centres over the range and at the knots, against what they should be where that is known; beyond the range a
+    /// Distances at 2001 centres over the range and at the knots, against what they should be where that is
+    /// known; beyond the range a
     /// fault. The distance goes one way, but for steps of Q24.8 back.
     fn taken(
         &self,
@@ -160,7 +162,8 @@ impl CalibrationCase {
     }
 }
 
-/// Steps of Q24.8 that eq. (1) with residuals may go back: both parts are rounded each for itself (see [`Corrected`]).
+/// Steps of Q24.8 that eq. (1) with residuals may go back: both parts are rounded each for itself (see
+/// [`Corrected`]).
 const STEP_BACK: i32 = 4;
 
 /// A knot's value, where there is one at a centre.

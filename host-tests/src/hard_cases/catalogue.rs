@@ -89,7 +89,8 @@ fn as_the_bound(recipe: &Recipe) -> Due {
     Due::Centre(5.0 * bound + 0.05)
 }
 
-/// The same for the bound of a spot of which only what is on the row is seen, with its centre so many widths from the row's end. A fit
+/// The same for the bound of a spot of which only what is on the row is seen, with its centre so many widths
+/// from the row's end. A fit
 /// in whose pixels the tail is missing leaves 1.4 times that.
 fn as_the_cut_bound(recipe: &Recipe, widths: f64) -> Due {
     let spot = clean_spot(recipe);
@@ -214,7 +215,8 @@ fn saturation() -> Vec<RowCase> {
         }
     }
     for top in [2.0f64, 5.0, 10.0, 30.0, 60.0] {
-        // A gaussian is at full scale over `top` pixels where it is exp((top / 2)^2 / (2 sigma^2)) times as high.
+        // A gaussian is at full scale over `top` pixels where it is exp((top / 2)^2 / (2 sigma^2)) times as
+        // high.
         let width = (top / 3.0).max(1.0);
         let times = (0.5 * (0.5 * top / width).powi(2)).exp();
         cases.honest(

@@ -24,7 +24,8 @@ pub enum Stage {
     Words,
 }
 
-/// One thing that is wrong with a row. Lengths are in widths of the spot or in pixels, as said; heights in shares of the spot's or in
+/// One thing that is wrong with a row. Lengths are in widths of the spot or in pixels, as said; heights in
+/// shares of the spot's or in
 /// counts, as said.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Flaw {
@@ -58,11 +59,13 @@ pub enum Flaw {
         /// The share that flows over.
         blooming: f64,
     },
-    /// What is beyond full scale drags behind the spot to its right: this share of each pixel's overflow goes to the next.
+    /// What is beyond full scale drags behind the spot to its right: this share of each pixel's overflow goes
+    /// to the next.
     Smear(f64),
     /// Unlit pixels differ by this standard deviation in counts.
     FixedPattern(f64),
-    /// The black level changes by so many counts at a place so many widths from the spot, for the rest of the row.
+    /// The black level changes by so many counts at a place so many widths from the spot, for the rest of the
+    /// row.
     Step {
         /// Counts.
         counts: f64,
@@ -116,8 +119,10 @@ pub struct Bad {
 }
 
 impl Second {
-    /// Of two spots the higher is the laser's where it is higher by a quarter or more, as far as both are on the row: a reflection is
-    /// dimmer than what it reflects. Where they are more alike nobody can tell. Where their light has one peak it is one spot that is
+    /// Of two spots the higher is the laser's where it is higher by a quarter or more, as far as both are on
+    /// the row: a reflection is
+    /// dimmer than what it reflects. Where they are more alike nobody can tell. Where their light has one
+    /// peak it is one spot that is
     /// not symmetric, and its centre is anywhere from that of the higher to the centroid of both.
     pub fn truth(&self, truth: Truth, centre: f64, width: f64, pixels: usize) -> Truth {
         let other = centre + self.offset * width;

@@ -29,7 +29,8 @@ pub struct FrameCase {
     pub name: &'static str,
     /// Why it is hard.
     pub why: &'static str,
-    /// What must come out. A reading counts as flagged where most of the rows used are misfits, or where it says that its rows hang
+    /// What must come out. A reading counts as flagged where most of the rows used are misfits, or where it
+    /// says that its rows hang
     /// together.
     pub due: Due,
     make: fn(u64) -> HardFrame,
@@ -158,7 +159,8 @@ fn middle(number: u64) -> f64 {
     240.0 + 32.0 * ((number as f64 + 0.5) * GOLDEN).fract()
 }
 
-/// A frame of so many rows, of recipes for the row of a number; the shielded pixels read what the black level is.
+/// A frame of so many rows, of recipes for the row of a number; the shielded pixels read what the black level
+/// is.
 fn frame(number: u64, rows: usize, truth: Truth, recipe: impl Fn(u64) -> Recipe) -> HardFrame {
     let recipes: Vec<Recipe> = (0..rows as u64).map(recipe).collect();
     let rows = recipes.iter().zip(0..).map(|(recipe, row)| {
@@ -604,7 +606,8 @@ fn hanging_together() -> Vec<FrameCase> {
     ]
 }
 
-/// A frame whose rows are off by 0.3 pixels root mean square, and forget where they were over so many rows (an autoregressive series of
+/// A frame whose rows are off by 0.3 pixels root mean square, and forget where they were over so many rows
+/// (an autoregressive series of
 /// first order).
 fn jittering(number: u64, rows: f64) -> HardFrame {
     let (mut random, deviation) = (numbers(number), 0.3);
@@ -623,7 +626,8 @@ fn jittering(number: u64, rows: f64) -> HardFrame {
     })
 }
 
-/// White paper and a laser spot of 1 mm (a surface of speckle repeats after 8 mm, further than any of these goes), moving away at so many metres a second, and sliding so many metres for each.
+/// White paper and a laser spot of 1 mm (a surface of speckle repeats after 8 mm, further than any of these
+/// goes), moving away at so many metres a second, and sliding so many metres for each.
 fn speckled(number: u64, speed: f64, wander: f64) -> HardFrame {
     let sensor = Sensor::Row(1024);
     let scene = Scene {

@@ -237,7 +237,8 @@ impl Site {
         self.spot.map_or(1000.0, |spot| spot.amplitude)
     }
 
-    /// A pixel between so many widths from the spot, on either side; the row's nearest where that is off the row.
+    /// A pixel between so many widths from the spot, on either side; the row's nearest where that is off the
+    /// row.
     pub fn pixel(&self, widths: (f64, f64), random: &mut ChaCha8Rng) -> usize {
         let off = self.width() * random.random_range(widths.0..=widths.1);
         let side = if random.random::<bool>() { 1.0 } else { -1.0 };

@@ -102,7 +102,8 @@ impl Catalogue {
         self.len() == 0
     }
 
-    /// The cases of which something else came than was due with a rung, and what. A calibration that fails does so with every rung.
+    /// The cases of which something else came than was due with a rung, and what. A calibration that fails
+    /// does so with every rung.
     pub fn failures(&self, rung: Estimator) -> Vec<Failure<'_>> {
         let rows = self.rows.iter().flat_map(|(case, outcomes)| {
             let of_rung = outcomes.iter().filter(move |outcome| outcome.rung == rung);
@@ -209,7 +210,8 @@ fn words(due: Due) -> String {
     }
 }
 
-/// What a rung says of a case: the root mean square error of its centres without a flag, how many have one, and faults.
+/// What a rung says of a case: the root mean square error of its centres without a flag, how many have one,
+/// and faults.
 fn cell(said: &[Said], failed: bool) -> String {
     let mut parts = vec![];
     let errors: Vec<f64> = said.iter().filter_map(Said::unflagged).collect();

@@ -18,7 +18,8 @@ pub enum Shape {
     Fresnel,
     /// The same of a laser spot of 1 mm.
     LaserSpot,
-    /// A gaussian whose right half is wider than its left one by this share of its width; the mean of both is the width. Negative:
+    /// A gaussian whose right half is wider than its left one by this share of its width; the mean of both is
+    /// the width. Negative:
     /// narrower.
     Lopsided(f64),
 }
@@ -28,7 +29,8 @@ static FRESNEL: LazyLock<Curve> = LazyLock::new(|| Slit::nominal(0.0).curve());
 static LASER_SPOT: LazyLock<Curve> = LazyLock::new(|| Slit::nominal(1e-3).curve());
 
 impl Shape {
-    /// What a pixel gathers whose centre is `offset` pixels from the spot's, of a spot of height 1 and `width` pixels.
+    /// What a pixel gathers whose centre is `offset` pixels from the spot's, of a spot of height 1 and
+    /// `width` pixels.
     pub fn at(self, offset: f64, width: f64) -> f64 {
         match self {
             Self::Gaussian => gaussian(offset, width),
@@ -45,7 +47,8 @@ impl Shape {
         }
     }
 
-    /// From the peak to the centroid, in widths: of two half gaussians sqrt(2/pi) times the difference of their widths.
+    /// From the peak to the centroid, in widths: of two half gaussians sqrt(2/pi) times the difference of
+    /// their widths.
     pub fn centroid(self) -> f64 {
         match self {
             Self::Lopsided(share) => (2.0 / PI).sqrt() * share,
@@ -53,7 +56,8 @@ impl Shape {
         }
     }
 
-    /// From the peak to the middle between both flanks at a share of the height, in widths. Where the top is cut off, the flanks are
+    /// From the peak to the middle between both flanks at a share of the height, in widths. Where the top is
+    /// cut off, the flanks are
     /// all that is seen: half of sqrt(2 ln(1/share)) times the difference of the half gaussians' widths.
     pub fn middle_at(self, share: f64) -> f64 {
         match self {

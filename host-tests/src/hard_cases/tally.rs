@@ -65,7 +65,8 @@ pub struct Tally {
     pub alone: [Counts; RUNGS],
     /// Of each kind of flaw: the rows that have it, and the default rung's errors in them.
     pub kinds: [OfKind; Kind::ALL.len()],
-    /// Seeds of rows in which the default rung, as the measurement takes it, was confidently wrong: the first of them.
+    /// Seeds of rows in which the default rung, as the measurement takes it, was confidently wrong: the first
+    /// of them.
     pub seeds: Vec<u64>,
 }
 

@@ -27,7 +27,8 @@ fn settings_bytes(configuration: &Configuration) -> usize {
     .len()
 }
 
-/// Later firmware reads what is in flash, unless the version changes. The core's own tests hold the settings' lines.
+/// Later firmware reads what is in flash, unless the version changes. The core's own tests hold the settings'
+/// lines.
 #[test]
 fn the_records_own_bytes_follow_the_settings() {
     let configuration = sample(Size::Middle, 5);
@@ -102,7 +103,8 @@ fn settings() -> impl Strategy<Value = Settings> {
     })
 }
 
-/// Settings and records of every kind, without a record whose centres reach beyond its sensor, which `encode` refuses.
+/// Settings and records of every kind, without a record whose centres reach beyond its sensor, which `encode`
+/// refuses.
 fn all() -> impl Strategy<Value = Configuration> {
     let records = prop::option::weighted(0.9, records()).prop_map(Option::flatten);
     let fits = |record: &Record| record::encode(record, &mut [0; record::MAX_ENCODED]).is_ok();

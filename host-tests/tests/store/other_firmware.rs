@@ -86,7 +86,8 @@ fn an_item_that_is_too_long_is_passed_over() {
     save_and_check(&mut flash, &third);
 }
 
-/// What the first firmware left in flash after two saves: `rows 7`, `mean plain`, `black fixed 300` and `estimator robust`, each with the nominal
+/// What the first firmware left in flash after two saves: `rows 7`, `mean plain`, `black fixed 300` and
+/// `estimator robust`, each with the nominal
 /// calibration under another serial number.
 const VERSION_1: &str = "\
 00000000a89de3de45006dfa01000000010700707278002c010001ffffffff0fea0f0b15ee1c121f22e21c010c9a3374\

@@ -43,7 +43,8 @@ pub const POSITIONS: usize = 16_800;
 /// Captures at each position.
 pub const CAPTURES: usize = 5;
 
-/// The laser: 650 nm as in the paper. Chosen: a linewidth of a cheap multimode diode; a waist in the middle of the table, of the size that
+/// The laser: 650 nm as in the paper. Chosen: a linewidth of a cheap multimode diode; a waist in the middle
+/// of the table, of the size that
 /// keeps the beam narrowest over it (0.42 to 0.59 mm between the 1/e^2 points).
 pub const LASER: Laser = Laser {
     wavelength: 650e-9,
@@ -53,7 +54,8 @@ pub const LASER: Laser = Laser {
     waist_distance: 0.81,
 };
 
-/// Chosen: the angle between the laser's beam and the table, in radians, by which the spot wanders over the target.
+/// Chosen: the angle between the laser's beam and the table, in radians, by which the spot wanders over the
+/// target.
 pub const WANDER: f64 = 2e-3;
 
 /// The slit, 50 mm in front of the sensor.
@@ -63,7 +65,8 @@ pub const SLIT: SlitAperture = SlitAperture {
     to_sensor: 0.05,
 };
 
-/// The lens. It is focused in the middle of the table (chosen), and its coma is chosen: a quarter of a wave at the edge of the pupil and
+/// The lens. It is focused in the middle of the table (chosen), and its coma is chosen: a quarter of a wave
+/// at the edge of the pupil and
 /// of the field, where a lens is still called diffraction-limited.
 pub fn lens() -> LensAperture {
     LensAperture {
@@ -77,7 +80,8 @@ pub fn lens() -> LensAperture {
     }
 }
 
-/// Tangent of u, the angle between the laser's beam and the camera's axis. Chosen: it puts the table's range in the middle of the
+/// Tangent of u, the angle between the laser's beam and the camera's axis. Chosen: it puts the table's range
+/// in the middle of the
 /// sensor to within 66 pixels.
 pub const TAN_ANGLE: f64 = 2.6;
 

@@ -1,4 +1,5 @@
-//! A data set: one material, one aperture, all positions of the table, and the centres that every method finds.
+//! A data set: one material, one aperture, all positions of the table, and the centres that every method
+//! finds.
 
 use rayon::prelude::*;
 
@@ -29,7 +30,8 @@ pub struct DataSet {
 /// The piece of material that methods are judged on.
 pub const JUDGED: u64 = 0;
 
-/// What every method found: for each capture its distance in metres, and for each method and capture the centre in pixels, which is
+/// What every method found: for each capture its distance in metres, and for each method and capture the
+/// centre in pixels, which is
 /// not a number where there is none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Centres {
@@ -157,7 +159,8 @@ impl<'a> Target<'a> {
 }
 
 impl DataSet {
-    /// Acquires and measures, on all cores. `tables` are those of the slit's rows. `done` is called after each position.
+    /// Acquires and measures, on all cores. `tables` are those of the slit's rows. `done` is called after
+    /// each position.
     ///
     /// # Errors
     /// The surface cannot be made, or is smaller than the spot.

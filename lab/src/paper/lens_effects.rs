@@ -1,10 +1,12 @@
-//! What a lens does to the spot's image beside diffraction, defocus and coma, which are in its field: distortion and flare.
+//! What a lens does to the spot's image beside diffraction, defocus and coma, which are in its field:
+//! distortion and flare.
 
 use crate::paper::apparatus::AXIS;
 use crate::paper::camera::{COLUMNS, PITCH};
 use simulator::scene::Distortion;
 
-/// Chosen: 0.2 % of barrel at the sensor's edge. Makers of 50 mm C-mount lenses give 0.1 to 0.5 % for their largest image.
+/// Chosen: 0.2 % of barrel at the sensor's edge. Makers of 50 mm C-mount lenses give 0.1 to 0.5 % for their
+/// largest image.
 pub const DISTORTION: Distortion = Distortion {
     share: -0.002,
     field: 0.5 * COLUMNS as f64 * PITCH,
@@ -12,8 +14,10 @@ pub const DISTORTION: Distortion = Distortion {
 
 /// A reflection sensor - lens - sensor: a disc of light that is out of focus and moves against the spot.
 ///
-/// Light that the sensor throws back leaves through the lens and comes back from a surface of it, or from the filter in front.
-/// Its path is longer than the laser's coherence length by far, so it adds to the spot's light without interference.
+/// Light that the sensor throws back leaves through the lens and comes back from a surface of it, or from the
+/// filter in front.
+/// Its path is longer than the laser's coherence length by far, so it adds to the spot's light without
+/// interference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ghost {
     /// Its light over the spot's.
@@ -43,9 +47,12 @@ pub struct Flare {
 }
 
 impl Flare {
-    /// Chosen. A bare sensor reflects some 30 %, the flat band-pass filter in front of the lens some per cent: 2 % of the light comes back.
-    /// A flat mirror in front of the lens sends it to the other side of the axis, magnification 1, and it would be in focus
-    /// if the lens were focused at infinity. Focused at 0.86 m, the lens has an image distance of 47.2 mm for light that comes back
+    /// Chosen. A bare sensor reflects some 30 %, the flat band-pass filter in front of the lens some per
+    /// cent: 2 % of the light comes back.
+    /// A flat mirror in front of the lens sends it to the other side of the axis, magnification 1, and it
+    /// would be in focus
+    /// if the lens were focused at infinity. Focused at 0.86 m, the lens has an image distance of 47.2 mm for
+    /// light that comes back
     /// (1/f + 1/R) in place of 53.1 mm: at f/12, a disc of 6 mm/12.7, 0.24 mm in radius.
     pub const CHOSEN: Self = Self {
         ghost: Ghost {
@@ -59,7 +66,8 @@ impl Flare {
         },
     };
 
-    /// Adds flare to the image of a spot, whose first pixel is at `column` and `row`, and whose centre is at `centre`, pixels all.
+    /// Adds flare to the image of a spot, whose first pixel is at `column` and `row`, and whose centre is at
+    /// `centre`, pixels all.
     /// The sensor's axis is at ([`AXIS`], `axis_row`).
     pub fn add(
         &self,
@@ -106,7 +114,8 @@ pub struct Place {
 mod tests {
     use super::*;
 
-    /// A ghost and a veil that are wholly on the image hold their shares of the light, and the ghost is on the other side of the axis.
+    /// A ghost and a veil that are wholly on the image hold their shares of the light, and the ghost is on
+    /// the other side of the axis.
     #[test]
     fn flare_holds_its_share() {
         const SIZE: usize = 600;

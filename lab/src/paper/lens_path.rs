@@ -8,7 +8,8 @@ use crate::paper::lens_effects::{Flare, Place};
 use crate::paper::plane_gaussian::PlaneGaussian;
 use simulator::field::{Image, Scattering, Surface, View, lens_image, lens_mean};
 
-/// Pixels to either side of the image that is simulated, around the spot. The spot is 5 to 15 pixels wide; what lies further
+/// Pixels to either side of the image that is simulated, around the spot. The spot is 5 to 15 pixels wide;
+/// what lies further
 /// out is too dark to move a fit of its core. The ghost and the veil reach beyond, and are cut.
 pub const SIZE: usize = 64;
 
@@ -70,7 +71,8 @@ pub fn image(surface: &Surface, view: &View) -> anyhow::Result<(Image, usize)> {
     Ok((image, window.first[0]))
 }
 
-/// The centre of the gaussian that fits the mean image of all surfaces best, in pixels: what defocus, coma, distortion and flare
+/// The centre of the gaussian that fits the mean image of all surfaces best, in pixels: what defocus, coma,
+/// distortion and flare
 /// leave where there is neither speckle nor noise. `None` where no gaussian fits.
 pub fn centre_without_speckle(distance: f64, flare: Option<&Flare>) -> Option<f64> {
     let window = Window::around(distance);
@@ -103,7 +105,8 @@ pub fn density(surface: &Surface, view: &View) -> anyhow::Result<f64> {
     Ok(lens_image(surface, view, &apparatus::lens(), field, &[0.0], &[0.0])?.density)
 }
 
-/// The centre of a capture, by the one method, in pixels from the image's first column; not a number where there is none.
+/// The centre of a capture, by the one method, in pixels from the image's first column; not a number where
+/// there is none.
 pub fn centres(counts: &[u16]) -> Vec<f64> {
     let light = without_black(counts);
     let fit = PlaneGaussian::of_moments(&light, SIZE)
@@ -111,7 +114,8 @@ pub fn centres(counts: &[u16]) -> Vec<f64> {
     vec![fit.map_or(f64::NAN, |fit| fit.x)]
 }
 
-/// The paper's way: the black level is taken off, and what is below is zero. From the 960,000 pixels beside the spot, the level is
+/// The paper's way: the black level is taken off, and what is below is zero. From the 960,000 pixels beside
+/// the spot, the level is
 /// known to a thousandth of a count.
 fn without_black(counts: &[u16]) -> Vec<f32> {
     counts
@@ -123,8 +127,10 @@ fn without_black(counts: &[u16]) -> Vec<f32> {
 /// Columns of the region around the spot in which the paper takes centroids (section 3).
 const REGION: f64 = 320.0;
 
-/// The centroid, eq. (2), of the mean light of all surfaces in the paper's region, in pixels: what flare makes of it. The region reaches
-/// so far that the ghost and the veil count with all their light and all their distance, where a fit of the spot's core hardly sees
+/// The centroid, eq. (2), of the mean light of all surfaces in the paper's region, in pixels: what flare
+/// makes of it. The region reaches
+/// so far that the ghost and the veil count with all their light and all their distance, where a fit of the
+/// spot's core hardly sees
 /// them.
 pub fn centroid_without_speckle(distance: f64, flare: &Flare) -> f64 {
     let spot = apparatus::centre(Aperture::Lens, distance);
@@ -156,7 +162,8 @@ mod tests {
     use crate::paper::lens_effects::{Ghost, Veil};
     use rayon::prelude::*;
 
-    /// A ghost that is wholly in the region draws the centroid towards itself by its share: share / (1 + share) of the way. One that is
+    /// A ghost that is wholly in the region draws the centroid towards itself by its share: share / (1 +
+    /// share) of the way. One that is
     /// outside does nothing.
     #[test]
     fn a_ghost_draws_the_centroid_while_it_is_in_the_region() {
@@ -190,7 +197,8 @@ mod tests {
         assert!(inside > 20);
     }
 
-    /// Where there is no speckle, distortion, defocus and coma leave what eq. (1) cannot follow: a cubic, which is largest at the ends of the
+    /// Where there is no speckle, distortion, defocus and coma leave what eq. (1) cannot follow: a cubic,
+    /// which is largest at the ends of the
     /// table. Flare moves a least-squares fit by less than a hundredth of that.
     #[test]
     fn the_lens_errs_at_the_ends() {
@@ -215,7 +223,8 @@ mod tests {
             most.max((with.0 - without.0).abs())
         });
         println!("errors in um: {errors:.0?}; flare moves fits by {moved:.5} px");
-        // The distortion alone: 0.2 % of 759 pixels at one end, of 669 at the other, is 1.0 and 0.7 px, of which eq. (1) leaves a quarter.
+        // The distortion alone: 0.2 % of 759 pixels at one end, of 669 at the other, is 1.0 and 0.7 px, of
+        // which eq. (1) leaves a quarter.
         assert!(errors[0].abs().min(errors[6].abs()) > 30.0);
         assert!(moved < 0.01);
     }

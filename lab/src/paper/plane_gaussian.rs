@@ -1,8 +1,12 @@
-//! The paper's eqs. (3) and (4): a gaussian in the plane fitted to the image of a spot, by least squares, in f64.
+//! The paper's eqs. (3) and (4): a gaussian in the plane fitted to the image of a spot, by least squares, in
+//! f64.
 //!
-//! A exp(-|r|^2) with r = S^-1 (x - mu, y - mu'). Only S^-T S^-1 can be told from an image, which is symmetric: of the paper's four
-//! terms of S three are independent. So |r|^2 = a u^2 + 2 b u v + c v^2 with u = x - mu and v = y - mu' is fitted in a, b and c, whose
-//! derivatives are the simplest. The paper's method (L-BFGS-B) and this one (Levenberg-Marquardt) end in the same minimum.
+//! A exp(-|r|^2) with r = S^-1 (x - mu, y - mu'). Only S^-T S^-1 can be told from an image, which is
+//! symmetric: of the paper's four
+//! terms of S three are independent. So |r|^2 = a u^2 + 2 b u v + c v^2 with u = x - mu and v = y - mu' is
+//! fitted in a, b and c, whose
+//! derivatives are the simplest. The paper's method (L-BFGS-B) and this one (Levenberg-Marquardt) end in the
+//! same minimum.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -28,7 +32,8 @@ type Vector = SVector<f64, UNKNOWNS>;
 /// Steps at most.
 const MAX_STEPS: usize = 60;
 
-/// The fit rests where a step promises less than this share of the sum of squares. By then the centre is within 1e-4 of its
+/// The fit rests where a step promises less than this share of the sum of squares. By then the centre is
+/// within 1e-4 of its
 /// standard uncertainty over the square root of the pixels.
 const RESTS: f64 = 1e-9;
 
@@ -52,7 +57,8 @@ impl PlaneGaussian {
         self.amplitude > 0.0 && a > 0.0 && a * c > b * b
     }
 
-    /// The gaussian with the image's moments: centroid (eq. (2)), covariance, and the height that its sum and covariance give.
+    /// The gaussian with the image's moments: centroid (eq. (2)), covariance, and the height that its sum and
+    /// covariance give.
     /// `None` where the image has no light.
     pub fn of_moments(image: &[f32], columns: usize) -> Option<Self> {
         let (mut sum, mut moments, mut squares) = (0.0, [0.0; 2], [0.0; 3]);
@@ -271,8 +277,10 @@ mod tests {
         assert!((found.x - truth.x).abs() < 0.1 && (found.y - truth.y).abs() < 0.1);
     }
 
-    /// The scatter in white noise is that of the Cramér-Rao bound: the covariance of x alone, because the centre's derivatives are
-    /// odd and all others even, (sum of (dg/dx)^2)^-1 noise^2 with A^2 pi/2 for that sum where a = c = 1/(2 s^2) and b = 0.
+    /// The scatter in white noise is that of the Cramér-Rao bound: the covariance of x alone, because the
+    /// centre's derivatives are
+    /// odd and all others even, (sum of (dg/dx)^2)^-1 noise^2 with A^2 pi/2 for that sum where a = c = 1/(2
+    /// s^2) and b = 0.
     #[test]
     fn reaches_the_bound() {
         const FITS: usize = 600;

@@ -1,4 +1,5 @@
-//! The paper's fits in f64 beside the core's, on the same rows: whether what the core makes of a frame is what the paper's method makes.
+//! The paper's fits in f64 beside the core's, on the same rows: whether what the core makes of a frame is
+//! what the paper's method makes.
 
 use anyhow::Context as _;
 use rayon::prelude::*;
@@ -15,7 +16,8 @@ use simulator::sinc_fit::{self, Sinc};
 pub struct Difference {
     /// The rung `gauss-newton` with equal weights, less [`least_squares::fit_near`].
     pub gaussian: f64,
-    /// The rung `fraunhofer`, less [`sinc_fit::fit_from`]. The rung's weights are made for a mix of read and shot noise, the reference
+    /// The rung `fraunhofer`, less [`sinc_fit::fit_from`]. The rung's weights are made for a mix of read and
+    /// shot noise, the reference
     /// weighs all pixels alike: in noise they are both right, in speckle they differ.
     pub fraunhofer: f64,
     /// Frames compared.
@@ -68,7 +70,8 @@ fn reference(counts: &[u16]) -> (Vec<RowFit>, Vec<RowFit>) {
     let (mut gaussians, mut sincs) = (vec![], vec![]);
     for row in counts.as_chunks::<COLUMNS>().0 {
         let row: Vec<f64> = row.iter().map(|&count| f64::from(count)).collect();
-        // Rows that the core calls too dim have a centre that is uncertain by an eighth of the width. For the reference: a height of
+        // Rows that the core calls too dim have a centre that is uncertain by an eighth of the width. For the
+        // reference: a height of
         // ten times the noise.
         let Some(top) = brightest(&row) else { continue };
         let Some(fit) = least_squares::fit_near(&row, top) else {

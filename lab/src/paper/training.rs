@@ -1,4 +1,5 @@
-//! What a sensor's maker measures before: the profile of its rows, and the residuals of eq. (1). On other pieces of the material than the
+//! What a sensor's maker measures before: the profile of its rows, and the residuals of eq. (1). On other
+//! pieces of the material than the
 //! one that is judged.
 
 use anyhow::Context as _;
@@ -87,7 +88,8 @@ const POSITIONS_APART: usize = 4;
 /// Of their rows, every so many: neighbours share their speckle.
 const ROWS_APART: usize = 8;
 
-/// Tables of the profile that the rows of a data set have. Rows that are brighter than the mean, because the others are noisier.
+/// Tables of the profile that the rows of a data set have. Rows that are brighter than the mean, because the
+/// others are noisier.
 ///
 /// # Errors
 /// No row has a centre.
@@ -121,7 +123,8 @@ pub fn measured_tables(set: &DataSet) -> anyhow::Result<Vec<IntegerTable>> {
     rows.retain(|(_, row)| row.amplitude.to_f64() > mean);
     anyhow::ensure!(!rows.is_empty(), "no row of a training set has a centre");
     let profile = MeasuredProfile::of(&rows);
-    // The default's widths, from a third below the measured one to a third above, in samples of two pixels: the core's windows
+    // The default's widths, from a third below the measured one to a third above, in samples of two pixels:
+    // the core's windows
     // have no room for as many pixels.
     let steps = 4;
     let plan = Plan {

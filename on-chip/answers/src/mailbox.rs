@@ -6,7 +6,8 @@ use slitrange::row::MAX_PIXELS;
 
 use crate::answers::Rungs;
 
-/// Words of the rows: each as two words of its [`Header`] and a word for two pixels; and a word of 0 after the last one.
+/// Words of the rows: each as two words of its [`Header`] and a word for two pixels; and a word of 0 after
+/// the last one.
 pub const ROWS: usize = 12 * 1024;
 
 /// Words of the answers, one after the other, the first being how many there are.

@@ -1,4 +1,5 @@
-//! Answers the rows that a test puts into its memory, on the emulated board: see `virtual-board/tests/answers.rs`.
+//! Answers the rows that a test puts into its memory, on the emulated board: see
+//! `virtual-board/tests/answers.rs`.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

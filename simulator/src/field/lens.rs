@@ -10,7 +10,8 @@ use super::source::{Lit, RowSums};
 use super::surface::{REACH, Surface};
 use super::{Image, View};
 
-/// A lens before a sensor. It has defocus and, where asked for, coma; a distorted image is one whose centre is moved, which the
+/// A lens before a sensor. It has defocus and, where asked for, coma; a distorted image is one whose centre
+/// is moved, which the
 /// caller does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensAperture {
@@ -32,7 +33,8 @@ pub struct LensAperture {
 }
 
 impl LensAperture {
-    /// The paper's 50 mm lens at f/12, in focus at a range in metres, without coma; half of a row of 1920 pixels of 5.86 um.
+    /// The paper's 50 mm lens at f/12, in focus at a range in metres, without coma; half of a row of 1920
+    /// pixels of 5.86 um.
     pub fn nominal(focus_distance: f64) -> Self {
         Self {
             diameter: 50e-3 / 12.0,
@@ -81,7 +83,8 @@ pub(super) struct Pupil<'a> {
 }
 
 impl<'a> Pupil<'a> {
-    /// A pupil for light to `reach` metres from the geometric centre of the image, which is `field` metres from the axis.
+    /// A pupil for light to `reach` metres from the geometric centre of the image, which is `field` metres
+    /// from the axis.
     pub fn new(
         lit: &'a Lit,
         laser: &Laser,
@@ -91,8 +94,10 @@ impl<'a> Pupil<'a> {
     ) -> Self {
         let z = lens.to_sensor();
         let coma = lens.coma_at(field);
-        // A grid of n places repeats the image after n lambda z / diameter, which must be farther than from the window's edge to
-        // the light's edge on the other side: the spot's image with its defocus, coma (whose tail is 6 waves of it long) and some
+        // A grid of n places repeats the image after n lambda z / diameter, which must be farther than from
+        // the window's edge to
+        // the light's edge on the other side: the spot's image with its defocus, coma (whose tail is 6 waves
+        // of it long) and some
         // diffraction.
         let airy = laser.wavelength * z / lens.diameter;
         let defocus = 0.5 * lens.diameter * z * (1.0 / lit.range - 1.0 / lens.focus_distance).abs();
@@ -111,8 +116,10 @@ impl<'a> Pupil<'a> {
             let (u, v) = (places[column], places[row]);
             let covered = covered(u, v, step, 0.5 * lens.diameter) * step * step;
             let square = u * u + v * v;
-            // Against the wave from R, which is in `along` and `of_place`, the lens sets that from where it is in focus: the
-            // difference is the defocus r^2/2 (1/R - 1/R_focus). Seidel's coma is W131 (field / full field) (r/a)^3 cos(angle to
+            // Against the wave from R, which is in `along` and `of_place`, the lens sets that from where it
+            // is in focus: the
+            // difference is the defocus r^2/2 (1/R - 1/R_focus). Seidel's coma is W131 (field / full field)
+            // (r/a)^3 cos(angle to
             // the row).
             let focus = -0.5 * square / (lens.focus_distance * laser.wavelength);
             let coma = coma * square * u / (0.5 * lens.diameter).powi(3);
@@ -171,10 +178,12 @@ impl<'a> Pupil<'a> {
     }
 }
 
-/// The light that a lens lets onto the sensor, in pixels whose middles are at columns X and rows Y in metres from the geometric
+/// The light that a lens lets onto the sensor, in pixels whose middles are at columns X and rows Y in metres
+/// from the geometric
 /// centre, which is `field` metres along the row from the axis of the lens.
 ///
-/// A pixel's light is the mean of `samples` x `samples` places in it: the finest detail is lambda z / diameter, 8.3 um at f/12, no
+/// A pixel's light is the mean of `samples` x `samples` places in it: the finest detail is lambda z /
+/// diameter, 8.3 um at f/12, no
 /// more than a pixel and a half.
 ///
 /// # Errors
@@ -239,7 +248,8 @@ fn pixels(values: &[f32], columns: usize, samples: usize) -> Vec<f32> {
         .collect()
 }
 
-/// The share of a square about (u, v) with a side that lies within a circle about the origin, by 8 by 8 points.
+/// The share of a square about (u, v) with a side that lies within a circle about the origin, by 8 by 8
+/// points.
 fn covered(u: f64, v: f64, side: f64, radius: f64) -> f64 {
     const POINTS: i32 = 8;
     let (middle, diagonal) = ((u * u + v * v).sqrt(), 0.5f64.sqrt() * side);

@@ -2,7 +2,8 @@
 
 use std::f64::consts::PI;
 
-/// The positive nodes on [-1, 1] and their weights, for an even number of nodes: the others are their negatives.
+/// The positive nodes on [-1, 1] and their weights, for an even number of nodes: the others are their
+/// negatives.
 pub fn gauss_legendre(nodes: usize) -> Vec<(f64, f64)> {
     assert!(nodes.is_multiple_of(2), "an even number of nodes");
     let n = nodes as f64;

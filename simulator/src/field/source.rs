@@ -65,7 +65,8 @@ impl Lit {
         Ok(())
     }
 
-    /// The field's amplitude at y, and its phase in turns at the place v of the aperture: what does not depend on x and u.
+    /// The field's amplitude at y, and its phase in turns at the place v of the aperture: what does not
+    /// depend on x and u.
     pub fn of_row(&self, y: f64, v: f64) -> (f32, f64) {
         let amplitude = libm::exp(-(y / self.beam.radius).powi(2));
         let path = 0.5 * (y * y * self.beam.curvature + (v - y).powi(2) / self.range);
@@ -77,15 +78,18 @@ impl Lit {
         u * (0.5 * u - self.shift * self.angle.1) / (self.range * self.wavelength)
     }
 
-    /// Turns of phase that a scatterer at x, apart from the shift, has at u more than at the aperture's middle.
+    /// Turns of phase that a scatterer at x, apart from the shift, has at u more than at the aperture's
+    /// middle.
     fn tilt(&self, u: f64, x: f64) -> f64 {
         -u * x * self.angle.1 / (self.range * self.wavelength)
     }
 
-    /// Places x over the beam, close enough for the mean through an aperture so many metres wide, and the light from each, in
+    /// Places x over the beam, close enough for the mean through an aperture so many metres wide, and the
+    /// light from each, in
     /// units of one scatterer of amplitude 1.
     pub fn mean_places(&self, aperture: f64) -> Vec<(f64, f64)> {
-        // The trapezoidal rule. It is exact to 1e-9 for a gaussian at five steps to a radius, and for the aperture's diffraction
+        // The trapezoidal rule. It is exact to 1e-9 for a gaussian at five steps to a radius, and for the
+        // aperture's diffraction
         // at one step to lambda R / aperture / cos(theta).
         let detail = 0.9 * self.wavelength * self.range / aperture;
         let step = (0.2 * self.beam.radius).min(detail);
@@ -111,7 +115,8 @@ impl Lit {
                 .sum::<f64>()
     }
 
-    /// The fields at places `u` of the aperture (columns) that light from each of the places x (rows) makes, without what
+    /// The fields at places `u` of the aperture (columns) that light from each of the places x (rows) makes,
+    /// without what
     /// [`Lit::of_place`] gives.
     pub fn mean_fields(&self, from: &[(f64, f64)], u: &[f64]) -> Matrix {
         Matrix::from_fn(from.len(), u.len(), |x, column| {
@@ -175,7 +180,8 @@ impl<'a> RowSums<'a> {
         Matrix::zeros(self.lit.y.len(), 2 * self.pairs)
     }
 
-    /// The fields of one polarisation and wavelength, without what [`Lit::of_row`] and [`Lit::of_place`] give.
+    /// The fields of one polarisation and wavelength, without what [`Lit::of_row`] and [`Lit::of_place`]
+    /// give.
     pub fn set_fields(&mut self, term: &Term, fields: &mut Matrix) {
         let [columns, rows] = self.surface.scatterers;
         for row in 0..self.lit.y.len() {
@@ -215,7 +221,8 @@ impl<'a> RowSums<'a> {
         }
     }
 
-    /// As cos(tilt) is even in x and sin(tilt) odd, only sums and differences of the waves left and right of the axis are needed:
+    /// As cos(tilt) is even in x and sin(tilt) odd, only sums and differences of the waves left and right of
+    /// the axis are needed:
     /// half the products, and both places of a pair at once another half.
     fn fold(&mut self) {
         let half = self.lit.half;

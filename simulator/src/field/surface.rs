@@ -1,4 +1,5 @@
-//! The rough surface: scatterers on a lattice, each with a random amplitude and phase, and an extra path in the material.
+//! The rough surface: scatterers on a lattice, each with a random amplitude and phase, and an extra path in
+//! the material.
 
 use anyhow::{Result, ensure};
 use rand::{Rng as _, SeedableRng as _};
@@ -10,15 +11,19 @@ use super::laser::Laser;
 /// How a surface scatters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scattering {
-    /// 1, or 2 where the surface depolarises: then two independent speckle patterns of half the light each add up.
+    /// 1, or 2 where the surface depolarises: then two independent speckle patterns of half the light each
+    /// add up.
     pub polarisations: usize,
-    /// Mean of the extra optical path in the material, in metres, which is distributed exponentially; 0 for a surface that light does
+    /// Mean of the extra optical path in the material, in metres, which is distributed exponentially; 0 for a
+    /// surface that light does
     /// not enter. It is the whole path, there and back, times the refractive index.
     pub path_spread: f64,
     /// From scatterer to scatterer along x and y, in metres.
     ///
-    /// Along x the field repeats when sin(theta) changes by lambda / pitch. The table's 0.6 to 1.02 m are 0.166 of sin(theta), an
-    /// aperture adds 0.006: below 3.8 um. Along y it repeats within the aperture at lambda R / pitch; R is 0.67 m and more, the
+    /// Along x the field repeats when sin(theta) changes by lambda / pitch. The table's 0.6 to 1.02 m are 0.166
+    /// of sin(theta), an
+    /// aperture adds 0.006: below 3.8 um. Along y it repeats within the aperture at lambda R / pitch; R is 0.67
+    /// m and more, the
     /// aperture 4.2 mm at most: below 104 um, less a speckle's size.
     pub pitch: [f64; 2],
     /// Size of the surface in metres, beyond which it repeats. A beam larger than that is refused.
@@ -67,7 +72,8 @@ pub(super) struct Term {
 }
 
 impl Surface {
-    /// A surface of circular complex gaussian scatterers. The random numbers of a polarisation's row of scatterers are a stream
+    /// A surface of circular complex gaussian scatterers. The random numbers of a polarisation's row of
+    /// scatterers are a stream
     /// of their own.
     ///
     /// # Errors
@@ -134,7 +140,8 @@ impl Surface {
         })
     }
 
-    /// The same with a texture: the reflectance at each place (x, y) in metres from the surface's middle, within half its size.
+    /// The same with a texture: the reflectance at each place (x, y) in metres from the surface's middle,
+    /// within half its size.
     /// Its mean should be 1, as the unit of light is that of a surface without texture.
     #[must_use]
     pub fn with_reflectance(mut self, reflectance: impl Fn(f64, f64) -> f64) -> Self {
@@ -162,7 +169,8 @@ impl Surface {
 mod tests {
     use super::*;
 
-    /// Circular complex gaussian: mean |a|^2 1, mean |a|^4 2, no mean, no mean square; within five standard errors of 200,000.
+    /// Circular complex gaussian: mean |a|^2 1, mean |a|^4 2, no mean, no mean square; within five standard
+    /// errors of 200,000.
     #[test]
     fn amplitudes_are_circular_complex_gaussian() {
         let surface = Surface::new(&Laser::focused(1e-3, 0.8), &Scattering::surface(), 3).unwrap();

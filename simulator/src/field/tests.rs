@@ -80,7 +80,8 @@ fn a_tiny_spot_makes_the_pattern_of_a_point() {
     assert!(worst < 1e-4 * exact.light(0.0));
 }
 
-/// Across the rows the pattern of a point is Fresnel's integral over the slit's height, here by Simpson's rule.
+/// Across the rows the pattern of a point is Fresnel's integral over the slit's height, here by Simpson's
+/// rule.
 #[test]
 fn along_the_slit_the_pattern_of_a_point_is_that_of_quadrature() {
     let laser = Laser::focused(0.2e-3, 0.8);
@@ -127,7 +128,8 @@ fn along_the_slit_the_pattern_of_a_point_is_that_of_quadrature() {
     assert!(amplitude > 0.5 && worst < 1e-5);
 }
 
-/// The mean along the row is the exact pattern of `profiles`, blurred by the spot as it is seen from the slit, foreshortened by
+/// The mean along the row is the exact pattern of `profiles`, blurred by the spot as it is seen from the
+/// slit, foreshortened by
 /// cos(theta).
 #[test]
 fn the_mean_through_a_slit_is_the_incoherent_pattern() {
@@ -155,7 +157,8 @@ fn the_mean_through_a_slit_is_the_incoherent_pattern() {
     }
 }
 
-/// The mean over 500 surfaces lies about the incoherent mean as the speckle's contrast of 1 says: deviations over mean /
+/// The mean over 500 surfaces lies about the incoherent mean as the speckle's contrast of 1 says: deviations
+/// over mean /
 /// sqrt(500) have a mean square of 1, and none is larger than 4.5, at pixels some speckles apart.
 #[test]
 fn the_mean_over_surfaces_is_the_incoherent_one() {
@@ -221,7 +224,8 @@ fn the_mean_over_surfaces_is_the_incoherent_one() {
     );
 }
 
-/// Light at three places some speckles apart on the sensor behind the slit, in units of its mean, for many surfaces.
+/// Light at three places some speckles apart on the sensor behind the slit, in units of its mean, for many
+/// surfaces.
 fn speckle(laser: &Laser, scattering: &Scattering, surfaces: u64) -> Vec<f64> {
     let view = View::at(0.8);
     let slit = SlitAperture::nominal();
@@ -239,7 +243,8 @@ fn speckle(laser: &Laser, scattering: &Scattering, surfaces: u64) -> Vec<f64> {
         .collect()
 }
 
-/// Fully developed speckle: light is distributed exponentially, so that its contrast is 1 and a share 1/e lies above the mean; two
+/// Fully developed speckle: light is distributed exponentially, so that its contrast is 1 and a share 1/e
+/// lies above the mean; two
 /// polarisations add up to a contrast of 1/sqrt 2.
 #[test]
 fn speckle_is_fully_developed() {
@@ -267,9 +272,12 @@ fn speckle_is_fully_developed() {
     }
 }
 
-/// Light of a broad line from paths of different lengths: C^2 = mean over pairs of paths of |coherence|^2 = exp(-(s path
-/// difference)^2) with s the wavenumber's deviation. Paths differ by the depth of the material (exponential, mean l: the
-/// difference is Laplacian) and, as the surface is seen from the side, by the place in the spot (gaussian with w/2 sin(theta)).
+/// Light of a broad line from paths of different lengths: C^2 = mean over pairs of paths of |coherence|^2 =
+/// exp(-(s path
+/// difference)^2) with s the wavenumber's deviation. Paths differ by the depth of the material (exponential,
+/// mean l: the
+/// difference is Laplacian) and, as the surface is seen from the side, by the place in the spot (gaussian
+/// with w/2 sin(theta)).
 /// The mean over both is
 ///
 /// ```text
@@ -313,7 +321,8 @@ fn contrast_falls_with_linewidth_and_path_spread() {
     }
 }
 
-/// The field in the middle of the aperture's width at places v, in a surface's only polarisation and wavelength.
+/// The field in the middle of the aperture's width at places v, in a surface's only polarisation and
+/// wavelength.
 fn field_at(surface: &Surface, view: &View, v: &[f64]) -> Vec<(f64, f64)> {
     let lit = Lit::new(&surface.laser, &surface.scattering, view);
     let mut sums = RowSums::new(&lit, surface, &[0.0]);
@@ -347,11 +356,14 @@ fn correlation(pairs: &[[(f64, f64); 2]]) -> f64 {
     (re * re + im * im) / (first * second)
 }
 
-/// Van Cittert and Zernike: the correlation of the light at two directions is the squared Fourier transform of the spot, for a
-/// gaussian one exp(-(pi D / 2 lambda * difference of the direction's sine)^2): along the slit dv / R, with the table's travel
+/// Van Cittert and Zernike: the correlation of the light at two directions is the squared Fourier transform
+/// of the spot, for a
+/// gaussian one exp(-(pi D / 2 lambda * difference of the direction's sine)^2): along the slit dv / R, with
+/// the table's travel
 /// that of sin(theta).
 ///
-/// As the beam wanders by s over the surface, exp(-(s / w)^2 (1 + (k w^2 c / 2 R)^2)): its amplitudes overlap less, and the
+/// As the beam wanders by s over the surface, exp(-(s / w)^2 (1 + (k w^2 c / 2 R)^2)): its amplitudes overlap
+/// less, and the
 /// speckle moves along with the surface, with c = cos^2(theta) in x and 1 in y.
 #[test]
 fn correlation_is_that_of_van_cittert_and_zernike() {
@@ -427,13 +439,17 @@ fn centroids(laser: &Laser, frames: u64, reflectance: Option<&dyn Fn(f64, f64) -
             centroid(&image, &places)
         })
         .collect();
-    // Symmetrical about 0 but for half a pixel, as `pixels` has its middle a place off the centre of the window.
+    // Symmetrical about 0 but for half a pixel, as `pixels` has its middle a place off the centre of the
+    // window.
     root_mean_square(&centroids)
 }
 
-/// The speckle limit of Dorsch, Haeusler and Herrmann, Appl. Opt. 33, 1306 (1994): sigma = lambda / (2 pi sin u), for a disc; a
-/// gaussian spot has 1/sqrt 2 of it. Both follow from var = S int x^2 I^2 / (int I)^2 with the speckle's area S = (lambda z)^2 /
-/// (pi a^2), for spots much larger than a speckle. Seen under theta a round spot is an ellipse, which makes sqrt(cos(theta)).
+/// The speckle limit of Dorsch, Haeusler and Herrmann, Appl. Opt. 33, 1306 (1994): sigma = lambda / (2 pi sin
+/// u), for a disc; a
+/// gaussian spot has 1/sqrt 2 of it. Both follow from var = S int x^2 I^2 / (int I)^2 with the speckle's area
+/// S = (lambda z)^2 /
+/// (pi a^2), for spots much larger than a speckle. Seen under theta a round spot is an ellipse, which makes
+/// sqrt(cos(theta)).
 #[test]
 fn centroids_scatter_by_the_speckle_limit() {
     let view = View::at(0.8);
@@ -465,7 +481,8 @@ fn centroids_scatter_by_the_speckle_limit() {
     assert!((uniform / limit - 1.0).abs() < 0.15);
 }
 
-/// A point in focus makes Airy's pattern (2 J1(q) / q)^2, q = pi D r / lambda z, whose density in its middle is the pupil's area over
+/// A point in focus makes Airy's pattern (2 J1(q) / q)^2, q = pi D r / lambda z, whose density in its middle
+/// is the pupil's area over
 /// (lambda z)^2; out of focus by W waves at the pupil's edge the middle falls to (sin(pi W) / pi W)^2.
 #[test]
 fn a_point_through_a_lens_makes_the_pattern_of_airy() {
@@ -509,7 +526,8 @@ fn a_point_through_a_lens_makes_the_pattern_of_airy() {
     assert!((found - expected).abs() < 5e-3);
 }
 
-/// The centroid of a point's image with coma lies where the mean ray goes: lambda z W131 / a from the chief ray, by the mean of
+/// The centroid of a point's image with coma lies where the mean ray goes: lambda z W131 / a from the chief
+/// ray, by the mean of
 /// W's slope over the pupil.
 #[test]
 fn coma_moves_the_centroid() {
@@ -584,8 +602,10 @@ fn a_surface_too_small_is_an_error() {
     assert!(error.to_string().contains("needs a surface"));
 }
 
-/// Rows between every fourth: by linear interpolation, against those computed. What it loses are the fringes of the slit's ends,
-/// whose period in the middle is lambda z / 1.5 mm, 4 rows; the frame's centre, which speckle scatters by a pixel, hardly
+/// Rows between every fourth: by linear interpolation, against those computed. What it loses are the fringes
+/// of the slit's ends,
+/// whose period in the middle is lambda z / 1.5 mm, 4 rows; the frame's centre, which speckle scatters by a
+/// pixel, hardly
 /// notices.
 #[test]
 fn rows_between_are_close() {
@@ -621,7 +641,8 @@ fn rows_between_are_close() {
     }
 }
 
-/// Mean over the bright rows of where a window of a gaussian of 11 pixels is balanced: the score of a gaussian fit whose width is
+/// Mean over the bright rows of where a window of a gaussian of 11 pixels is balanced: the score of a
+/// gaussian fit whose width is
 /// given.
 fn frame_centre(image: &Image, columns: &[f64]) -> f64 {
     let width = 11.0 * PIXEL;
@@ -665,7 +686,8 @@ fn frame_centre(image: &Image, columns: &[f64]) -> f64 {
     mean(&centres)
 }
 
-/// The aperture's diffraction is that of the middle of the spectrum for all wavelengths: how far is an image from one that was
+/// The aperture's diffraction is that of the middle of the spectrum for all wavelengths: how far is an image
+/// from one that was
 /// made all with its own wavelength? A line of 1 nm, whose farther wavelengths are 0.6 nm away.
 #[test]
 fn diffraction_hardly_depends_on_the_wavelength() {

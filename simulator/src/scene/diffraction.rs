@@ -8,13 +8,16 @@ use crate::scene::pattern::Pattern;
 
 /// By which theory the light of a point is spread along the row.
 ///
-/// A scene without this effect has the gaussian of its [`crate::scene::Spot`]. All patterns are as high as that gaussian: 1 at the
-/// geometric centre, in units of the spot's height. A lens in focus makes the same pattern by both, which is Airy's (J. W. Goodman,
+/// A scene without this effect has the gaussian of its [`crate::scene::Spot`]. All patterns are as high as
+/// that gaussian: 1 at the
+/// geometric centre, in units of the spot's height. A lens in focus makes the same pattern by both, which is
+/// Airy's (J. W. Goodman,
 /// Introduction to Fourier Optics, section 4.4); out of focus Fresnel's counts ([`crate::scene::Defocus`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Diffraction {
-    /// The far field of the aperture: sinc^2 for a slit, eq. (6) of the paper, with its first zero at lambda z / a.
+    /// The far field of the aperture: sinc^2 for a slit, eq. (6) of the paper, with its first zero at lambda
+    /// z / a.
     Fraunhofer,
     /// Fresnel's integral over the aperture, exact at the distances of a slit and a sensor.
     Fresnel,
@@ -34,7 +37,8 @@ pub struct Gap {
 }
 
 impl Gap {
-    /// lambda z / a in metres: the first zero of sinc^2; no detail of any pattern is finer than a wave of this length.
+    /// lambda z / a in metres: the first zero of sinc^2; no detail of any pattern is finer than a wave of
+    /// this length.
     pub fn detail(&self) -> f64 {
         self.wavelength * self.to_sensor / self.width
     }
@@ -54,13 +58,15 @@ impl Gap {
     /// Fresnel's integral, squared: the light at 0, `step`, 2 `step` ... up to `reach`, over that at 0.
     ///
     /// |int exp(i pi (u^2 (1/R + 1/z) - 2 u x/z) / lambda) du|^2, u from -a/2 to a/2, is the cosine transform of the autocorrelation of
-    /// exp(i b u^2), b = pi (1/R + 1/z) / lambda, over the slit, which has a closed form (the optical transfer function, Goodman, section 6.4):
+    /// exp(i b u^2), b = pi (1/R + 1/z) / lambda, over the slit, which has a closed form (the optical
+    /// transfer function, Goodman, section 6.4):
     ///
     /// ```text
     /// I(x) = int cos(2 pi x s / (lambda z)) H(s) ds,  H(s) = sin(b s (a - |s|)) / (b s),  s from -a to a
     /// ```
     ///
-    /// By the trapezoidal rule with N intervals it repeats every N lambda z / a, and is right but for the tails of its repetitions.
+    /// By the trapezoidal rule with N intervals it repeats every N lambda z / a, and is right but for the
+    /// tails of its repetitions.
     fn fresnel(&self, step: f64, reach: f64) -> Vec<f64> {
         let details = reach / self.detail();
         // The first repetition is seven times as far as the last knot; the tails fall with the square.

@@ -4,11 +4,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::spot::Spot;
 
-/// A ghost of the spot, which the sensor's surface and the lens reflect: it moves against the spot, mirrored about the optical axis. And a veil over the
+/// A ghost of the spot, which the sensor's surface and the lens reflect: it moves against the spot, mirrored
+/// about the optical axis. And a veil over the
 /// whole row.
 ///
-/// The ghost is gaussian, and round on a sensor of many rows. Where it passes under the spot, near the axis, it pulls the centre
-/// to its side; further out it does not (paper, section 4: the variation near the middle of fig. 10a). The veil is a level, which an estimator takes for
+/// The ghost is gaussian, and round on a sensor of many rows. Where it passes under the spot, near the axis,
+/// it pulls the centre
+/// to its side; further out it does not (paper, section 4: the variation near the middle of fig. 10a). The
+/// veil is a level, which an estimator takes for
 /// the black level. W. J. Smith, Modern Optical Engineering, "stray light and baffles".
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -30,7 +33,8 @@ impl Flare {
         axis - self.magnification * (centre - axis)
     }
 
-    /// Adds ghost and veil to a row of light `rows_off` rows from the middle one, of a spot `amplitude` counts high at pixel `centre`.
+    /// Adds ghost and veil to a row of light `rows_off` rows from the middle one, of a spot `amplitude`
+    /// counts high at pixel `centre`.
     pub fn add(&self, light: &mut [f32], rows_off: f64, centre: f64, axis: f64, amplitude: f64) {
         let off = rows_off / self.width;
         let height = amplitude * self.strength * libm::exp(-0.5 * off * off);

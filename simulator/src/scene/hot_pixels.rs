@@ -5,9 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::{Effect, random};
 
-/// Pixels with a large dark current, at random places that stay: each pixel is hot with the same probability, whatever the others are.
+/// Pixels with a large dark current, at random places that stay: each pixel is hot with the same probability,
+/// whatever the others are.
 ///
-/// Dark current is charge like light's, and doubles it in twice the exposure; it has shot noise and fills the well. It is not light: a
+/// Dark current is charge like light's, and doubles it in twice the exposure; it has shot noise and fills the
+/// well. It is not light: a
 /// pixel's response does not change it (EMVA standard 1288; J. R. Janesick, "Photon Transfer", SPIE 2007).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -121,7 +121,8 @@ impl LaserLight {
         }
     }
 
-    /// The shape at a distance: the last one, if it has not changed. Nobody waits while another thread computes another distance's.
+    /// The shape at a distance: the last one, if it has not changed. Nobody waits while another thread
+    /// computes another distance's.
     fn shape(&self, scene: &Scene, distance: f64) -> Arc<Shape> {
         let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((at, shape)) = &*last()
@@ -138,7 +139,8 @@ impl LaserLight {
     }
 }
 
-/// The spot's centres during an exposure, in each of which it stays for an even part of it: one for a target at rest. `width`
+/// The spot's centres during an exposure, in each of which it stays for an even part of it: one for a target
+/// at rest. `width`
 /// is the spot's sigma in pixels.
 fn centres(
     scene: &Scene,

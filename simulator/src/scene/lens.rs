@@ -2,9 +2,12 @@
 //!
 //! They belong to a lens ([`crate::optics::Aperture::Lens`]); a slit has neither focus nor pupil to speak of.
 //!
-//! Defocus and coma are errors of the wavefront in the pupil, W(u, v) in metres. With [`crate::scene::Diffraction`] the light of
-//! a point is the pupil's Fourier transform, squared; without, it is spread as rays are, each of which meets the sensor
-//! z grad(W) beside the geometric centre, on the gaussian of the scene's spot. Both conserve the light and have the same centre of
+//! Defocus and coma are errors of the wavefront in the pupil, W(u, v) in metres. With
+//! [`crate::scene::Diffraction`] the light of
+//! a point is the pupil's Fourier transform, squared; without, it is spread as rays are, each of which meets
+//! the sensor
+//! z grad(W) beside the geometric centre, on the gaussian of the scene's spot. Both conserve the light and
+//! have the same centre of
 //! mass, z <dW/du>.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -16,8 +19,10 @@ use crate::optics::Optics;
 
 /// The lens is focused on one distance, and the target is at another. The sensor stays where it is.
 ///
-/// W = D^2/8 (1/d - 1/focus_distance) at the pupil's edge, for a pupil of diameter D and a target at d along the optical axis: a
-/// disc of diameter D z |1/d - 1/focus_distance| by geometrical optics (Goodman, Introduction to Fourier Optics, section 6.4.4).
+/// W = D^2/8 (1/d - 1/focus_distance) at the pupil's edge, for a pupil of diameter D and a target at d along
+/// the optical axis: a
+/// disc of diameter D z |1/d - 1/focus_distance| by geometrical optics (Goodman, Introduction to Fourier
+/// Optics, section 6.4.4).
 /// A scene that does not list it is in focus wherever the target is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -26,9 +31,11 @@ pub struct Defocus {
     pub focus_distance: f64,
 }
 
-/// Third-order coma: points off the axis have a tail, away from the axis where `waves` is positive (W131 in Hopkins's notation).
+/// Third-order coma: points off the axis have a tail, away from the axis where `waves` is positive (W131 in
+/// Hopkins's notation).
 ///
-/// W = W131 rho^2 (u/a), rho being the distance from the pupil's middle over its radius a; W131 grows with the distance from the axis.
+/// W = W131 rho^2 (u/a), rho being the distance from the pupil's middle over its radius a; W131 grows with
+/// the distance from the axis.
 /// The centre of mass moves by z W131 / a: two thirds of the tail's length, 3 z W131 / a, lie beyond it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -39,7 +46,8 @@ pub struct Coma {
     pub field: f64,
 }
 
-/// Third-order distortion: a point at x is drawn at x (1 + share (x / field)^2), both from the axis (pincushion where `share` is
+/// Third-order distortion: a point at x is drawn at x (1 + share (x / field)^2), both from the axis
+/// (pincushion where `share` is
 /// positive, barrel where it is negative).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -79,7 +87,8 @@ pub struct Pupil {
 pub enum Across {
     /// All of it: a pixel that is much taller than the spot.
     All,
-    /// That of a pixel `height` high, `place` from the geometric centre, where a point's light is spread by a gaussian of sigma
+    /// That of a pixel `height` high, `place` from the geometric centre, where a point's light is spread by a
+    /// gaussian of sigma
     /// `blur` besides; in metres.
     Pixel {
         /// From the geometric centre.
@@ -91,7 +100,8 @@ pub enum Across {
     },
 }
 
-/// A ray: where it meets the sensor, from the geometric centre in metres, along and across the rows, and its share of the light.
+/// A ray: where it meets the sensor, from the geometric centre in metres, along and across the rows, and its
+/// share of the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Along the rows.
@@ -112,7 +122,8 @@ impl Ray {
 }
 
 impl Pupil {
-    /// The pupil of a lens of a diameter in metres for light that falls `centre` metres from the axis, from a target `range`
+    /// The pupil of a lens of a diameter in metres for light that falls `centre` metres from the axis, from a
+    /// target `range`
     /// metres away.
     pub fn new(
         optics: &Optics,
@@ -159,7 +170,8 @@ impl Pupil {
         (u * u + v * v) * (self.defocus + self.coma * u)
     }
 
-    /// Rays through evenly weighted parts of the pupil, close enough together for a gaussian of this sigma on the sensor.
+    /// Rays through evenly weighted parts of the pupil, close enough together for a gaussian of this sigma on
+    /// the sensor.
     pub fn rays(&self, sigma: f64) -> Vec<Ray> {
         // At most pi farthest_ray / nodes apart, which is 1.3 sigma.
         let nodes = 2 * (4.0 + 1.25 * self.farthest_ray() / sigma).ceil() as usize;
@@ -184,13 +196,15 @@ impl Pupil {
     pub fn chords(&self, step: f64, reach: f64, farthest_across: f64) -> Chords {
         let k = TAU / self.wavelength;
         let knots = (reach / step).ceil() as i64;
-        // Radians from the pupil's middle to its edge, of the wave to the farthest place and of the error of the wavefront: half
+        // Radians from the pupil's middle to its edge, of the wave to the farthest place and of the error of
+        // the wavefront: half
         // as many places as radians, and some more, integrate such a wave.
         let error = k * (2.0 * self.defocus.abs() + 3.0 * self.coma.abs());
         let tilt = |place: f64| k * place * self.radius / self.to_sensor;
         let even = |radians: f64| 2 * (0.25 * radians + 6.0).ceil() as usize;
         let along = both_sides(even(tilt(reach) + error));
-        // The chord at v = a sin(t) has the half length a cos(t), which takes a wave along it through pi/2 times as many
+        // The chord at v = a sin(t) has the half length a cos(t), which takes a wave along it through pi/2
+        // times as many
         // radians over t; its field squared has twice as many.
         let chords = gauss_legendre(even(PI * tilt(reach.max(farthest_across)) + error));
         let chords = chords.into_iter().map(|(t, weight)| {
@@ -252,11 +266,14 @@ struct Chord {
 }
 
 impl Chords {
-    /// The light along a row: its mean over a pixel's height, or, for all of it, its integral in metres; in a unit that depends on the
+    /// The light along a row: its mean over a pixel's height, or, for all of it, its integral in metres; in a
+    /// unit that depends on the
     /// pupil's size only.
     ///
-    /// The field at (x, y) is the sum of the chords' fields times exp(-i k v y / z). Its square, weighted over y, is the sum over pairs of
-    /// chords of the product of their fields times the transform of the weight at the difference of their v; all of y
+    /// The field at (x, y) is the sum of the chords' fields times exp(-i k v y / z). Its square, weighted
+    /// over y, is the sum over pairs of
+    /// chords of the product of their fields times the transform of the weight at the difference of their v;
+    /// all of y
     /// leaves each chord with itself (Parseval: 2 pi z / k times the integral over v).
     pub fn row(&self, across: Across) -> Vec<f64> {
         let knots = self.chords.first().map_or(0, |chord| chord.field.len());

@@ -2,11 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Diffraction is symmetric in the sine of the angle, and the sensor is flat: off the axis the pattern is wider on its outer side, and dimmer.
+/// Diffraction is symmetric in the sine of the angle, and the sensor is flat: off the axis the pattern is
+/// wider on its outer side, and dimmer.
 ///
-/// Light at an angle a to the axis falls at x = f tan(a), where f is from the slit to the sensor. The pattern is a function of
-/// q = f (sin(a) - sin(a0)), a0 being the angle of the geometric centre, instead of x - x0; and the irradiance falls with cos^4(a):
-/// the sensor's and the slit's slant, and the distance squared (W. J. Smith, Modern Optical Engineering, "cosine fourth"). For a
+/// Light at an angle a to the axis falls at x = f tan(a), where f is from the slit to the sensor. The pattern
+/// is a function of
+/// q = f (sin(a) - sin(a0)), a0 being the angle of the geometric centre, instead of x - x0; and the
+/// irradiance falls with cos^4(a):
+/// the sensor's and the slit's slant, and the distance squared (W. J. Smith, Modern Optical Engineering,
+/// "cosine fourth"). For a
 /// gaussian of sigma s on the axis the centre of mass moves outwards by
 ///
 /// ```text
@@ -34,7 +38,8 @@ impl Oblique {
         }
     }
 
-    /// Cosine of the centre's angle to the axis, by which a small angle in the plane of the row changes the sine.
+    /// Cosine of the centre's angle to the axis, by which a small angle in the plane of the row changes the
+    /// sine.
     pub fn cosine(&self) -> f64 {
         (1.0 - self.sin_centre * self.sin_centre).sqrt()
     }

@@ -1,6 +1,7 @@
 //! Light along a row about the spot's geometric centre.
 //!
-//! All that spreads a spot - diffraction, the size of the laser's spot, its texture, aberrations, a pixel's width - is a sum of
+//! All that spreads a spot - diffraction, the size of the laser's spot, its texture, aberrations, a pixel's
+//! width - is a sum of
 //! shifted patterns, each with its weight: a convolution.
 
 /// A part of the light, and how far it is shifted along the row.
@@ -83,11 +84,13 @@ impl Pattern {
         let more = (farthest / self.step).ceil() as usize + 2;
         let mut light = vec![0.0; self.light.len() + 2 * more];
         for part in parts {
-            // The knot at i - shift lies between two knots of the table, for all i at the same place between them.
+            // The knot at i - shift lies between two knots of the table, for all i at the same place between
+            // them.
             let knots = more as f64 + part.shift / self.step;
             let above = knots.ceil();
             let weights = cubic(above - knots).map(|weight| weight * part.weight);
-            // The light of knot k goes to the places from which k is one of the four next: k + 1, k, k - 1 and k - 2 knots on.
+            // The light of knot k goes to the places from which k is one of the four next: k + 1, k, k - 1
+            // and k - 2 knots on.
             let first = above as usize - 2;
             for (k, weight) in weights.into_iter().rev().enumerate() {
                 let targets = &mut light[first + k..];

@@ -1,8 +1,11 @@
 //! Random numbers: a stream for each effect and row, and a number in it for each pixel.
 //!
-//! No function of the machine's own is used, whose last bit differs from one to the next: the generator works on integers, and what
-//! is made of its numbers needs additions, multiplications and square roots of IEEE 754, which are the same everywhere. The one exception is
-//! [`crate::scene::Texture`], whose normal numbers (`rand_distr`) use the standard library's exp and ln at the edges of its ziggurat.
+//! No function of the machine's own is used, whose last bit differs from one to the next: the generator works
+//! on integers, and what
+//! is made of its numbers needs additions, multiplications and square roots of IEEE 754, which are the same
+//! everywhere. The one exception is
+//! [`crate::scene::Texture`], whose normal numbers (`rand_distr`) use the standard library's exp and ln at
+//! the edges of its ziggurat.
 
 use std::f32::consts::{FRAC_1_SQRT_2, FRAC_PI_4, LN_2};
 
@@ -11,7 +14,8 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::scene::Effect;
 
-/// The stream of an effect in a row. Streams of one key that differ in their number are independent (ChaCha: D. J. Bernstein,
+/// The stream of an effect in a row. Streams of one key that differ in their number are independent (ChaCha:
+/// D. J. Bernstein,
 /// 2008), so that an effect more or less changes no other's numbers, and rows can be made in any order.
 pub fn of_row(seed: u64, effect: Effect, row: u64) -> ChaCha8Rng {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -25,7 +29,8 @@ pub fn of_scene(seed: u64, effect: Effect) -> ChaCha8Rng {
     of_line(seed, effect, 0)
 }
 
-/// The stream of what an effect draws once for a line of the sensor's pixels: rows of a camera that are read from the same line
+/// The stream of what an effect draws once for a line of the sensor's pixels: rows of a camera that are read
+/// from the same line
 /// share it.
 pub fn of_line(seed: u64, effect: Effect, line: u64) -> ChaCha8Rng {
     of_row(seed, effect, (1 << 56) - 1 - line)
@@ -39,10 +44,12 @@ pub fn words(random: &mut ChaCha8Rng) -> [u32; BLOCK] {
     std::array::from_fn(|_| random.next_u32())
 }
 
-/// The next [`BLOCK`] numbers of a stream, normal with mean 0 and variance 1: a radius and an angle make two (G. E. P. Box and
+/// The next [`BLOCK`] numbers of a stream, normal with mean 0 and variance 1: a radius and an angle make two
+/// (G. E. P. Box and
 /// M. E. Muller, "A note on the generation of random normal deviates", Annals of Mathematical Statistics 29, 1958).
 ///
-/// None is beyond 6.7, where one in 2e10 would be. There is no branch, so that the compiler computes several at a time.
+/// None is beyond 6.7, where one in 2e10 would be. There is no branch, so that the compiler computes several
+/// at a time.
 pub fn normals(random: &mut ChaCha8Rng) -> [f32; BLOCK] {
     let words = words(random);
     let (radii, angles) = words.split_at(BLOCK / 2);
@@ -75,7 +82,8 @@ const SHARES: f32 = (1u32 << 31) as f32;
 /// Steps of an eighth of a turn: half of what 30 bits tell apart.
 const ANGLES: i32 = 1 << 29;
 
-/// ln x of a number above zero, to 1e-7 of it or of 1, whichever is more: the polynomial of `logf` in S. L. Moshier's Cephes library.
+/// ln x of a number above zero, to 1e-7 of it or of 1, whichever is more: the polynomial of `logf` in S. L.
+/// Moshier's Cephes library.
 #[inline]
 fn natural_logarithm(x: f32) -> f32 {
     let bits = x.to_bits() as i32;

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::random;
 
-/// White and normal: temporal dark noise that light does not change (EMVA standard 1288; J. R. Janesick, "Photon Transfer", SPIE 2007).
+/// White and normal: temporal dark noise that light does not change (EMVA standard 1288; J. R. Janesick,
+/// "Photon Transfer", SPIE 2007).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReadNoise {

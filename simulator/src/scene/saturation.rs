@@ -2,10 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Full well, and what becomes of the charge beyond it (blooming: J. R. Janesick, "Scientific Charge-Coupled Devices", SPIE 2001).
+/// Full well, and what becomes of the charge beyond it (blooming: J. R. Janesick, "Scientific Charge-Coupled
+/// Devices", SPIE 2001).
 ///
-/// A drain beside the pixels takes the charge that a full one cannot hold. Where the drain takes only a part, or there is none, the
-/// rest flows over into the neighbours, half to each side; a neighbour takes what it has room for, and what is left flows on in the
+/// A drain beside the pixels takes the charge that a full one cannot hold. Where the drain takes only a part,
+/// or there is none, the
+/// rest flows over into the neighbours, half to each side; a neighbour takes what it has room for, and what
+/// is left flows on in the
 /// same direction. Charge is kept, but for what leaves over the row's ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -34,7 +37,8 @@ impl Saturation {
             *overflow = to_a_side * (*light - full).max(0.0);
             *light = light.min(full);
         }
-        // Where a stream from the left meets one from the right, the first takes the room. The mean of both orders favours no side.
+        // Where a stream from the left meets one from the right, the first takes the room. The mean of both
+        // orders favours no side.
         let mut left_first = light.to_vec();
         flow(left_first.iter_mut().zip(&overflow).rev(), full);
         flow(left_first.iter_mut().zip(&overflow), full);
@@ -46,7 +50,8 @@ impl Saturation {
     }
 }
 
-/// Lets the overflow of full pixels run along the row, in the order in which the pixels come, into those that have room.
+/// Lets the overflow of full pixels run along the row, in the order in which the pixels come, into those that
+/// have room.
 fn flow<'a>(pixels: impl Iterator<Item = (&'a mut f32, &'a f32)>, full: f32) {
     // Twice the precision of a pixel: many pixels' overflow comes together here.
     let mut flowing = 0.0f64;

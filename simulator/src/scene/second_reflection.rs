@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::spot::Spot;
 
-/// Light that reaches the sensor by way of a shiny surface beside the target, or from a second layer of a clear one: a gaussian beside the spot.
+/// Light that reaches the sensor by way of a shiny surface beside the target, or from a second layer of a
+/// clear one: a gaussian beside the spot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SecondReflection {

@@ -10,7 +10,8 @@ use slitrange::sensor_heads;
 pub enum Sensor {
     /// Toshiba TCD1304DG: one row of 3648 pixels of 8 um x 200 um.
     Tcd1304dg,
-    /// The paper's camera (Sony IMX249), its middle 600 rows: 1920 x 600 pixels of 5.86 um x 5.86 um, 12 bits.
+    /// The paper's camera (Sony IMX249), its middle 600 rows: 1920 x 600 pixels of 5.86 um x 5.86 um, 12
+    /// bits.
     Camera,
     /// One row of so many pixels of 8 um x 200 um, all lit, 12 bits.
     Row(usize),
@@ -41,7 +42,8 @@ impl Sensor {
         }
     }
 
-    /// Time from row to row, or from frame to frame of a camera, in seconds: 175.4 rows a second, 41.6 frames a second (paper, section 3).
+    /// Time from row to row, or from frame to frame of a camera, in seconds: 175.4 rows a second, 41.6 frames
+    /// a second (paper, section 3).
     pub const fn period(self) -> f64 {
         match self {
             Self::Tcd1304dg | Self::Row(_) => 1.0 / 175.4,

@@ -250,7 +250,8 @@ pub fn gaussian_width(scene: &Scene, distance: f64) -> f64 {
     libm::hypot(width, blur / scene.optics.pitch)
 }
 
-/// Light in a row of the sensor, over that in the middle, of a gaussian whose sigma is `width` pixels for a point: one row of a line
+/// Light in a row of the sensor, over that in the middle, of a gaussian whose sigma is `width` pixels for a
+/// point: one row of a line
 /// sensor sees all of it.
 pub fn gaussian_height(scene: &Scene, width: f64, distance: f64, row: usize) -> f64 {
     if scene.sensor.rows() == 1 {
@@ -398,7 +399,8 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// A gaussian in parts `step` apart, up to five sigma (the trapezoidal rule, which is exact for a gaussian but for e^-(2 pi^2 / step^2) with the step
+/// A gaussian in parts `step` apart, up to five sigma (the trapezoidal rule, which is exact for a gaussian
+/// but for e^-(2 pi^2 / step^2) with the step
 /// in sigma). One part for a point.
 fn gaussian_parts(sigma: f64, step: f64) -> Vec<Part> {
     if sigma == 0.0 {

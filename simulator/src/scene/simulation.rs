@@ -1,6 +1,7 @@
 //! From a scene to its rows: the order in which the effects are computed.
 //!
-//! Each effect that is listed is one pass over the row, or over the few pixels that it touches; one that is not listed is one test a row.
+//! Each effect that is listed is one pass over the row, or over the few pixels that it touches; one that is
+//! not listed is one test a row.
 
 use crate::least_squares;
 use crate::scene::laser_light::LaserLight;
@@ -30,7 +31,8 @@ impl Simulation {
         self::row(&self.scene, &self.prepared, row, distance, exposure)
     }
 
-    /// The target's distance in metres in the middle of a row's exposure, where it is at `distance` in that of the first row: what an
+    /// The target's distance in metres in the middle of a row's exposure, where it is at `distance` in that
+    /// of the first row: what an
     /// estimate is to be compared with.
     pub fn true_distance(&self, row: u64, distance: f64) -> f64 {
         match &self.scene.motion {
@@ -39,14 +41,17 @@ impl Simulation {
         }
     }
 
-    /// The centre in pixels that a perfect sensor has for that distance, by eq. (1) as it was calibrated: what moves the spot besides the target -
+    /// The centre in pixels that a perfect sensor has for that distance, by eq. (1) as it was calibrated:
+    /// what moves the spot besides the target -
     /// temperature, distortion, obliquity, aberrations, texture, speckle - is an error.
     pub fn true_centre(&self, row: u64, distance: f64) -> f64 {
         self.scene.optics.centre(self.true_distance(row, distance))
     }
 
-    /// Sigma in pixels of the gaussian that fits the spot best, of a target at rest at a distance in metres: what an estimator can
-    /// expect. Speckle and texture are left out. NaN where no gaussian fits, as for a spot beyond the row's ends.
+    /// Sigma in pixels of the gaussian that fits the spot best, of a target at rest at a distance in metres:
+    /// what an estimator can
+    /// expect. Speckle and texture are left out. NaN where no gaussian fits, as for a spot beyond the row's
+    /// ends.
     pub fn spot_width(&self, distance: f64) -> f64 {
         let sensor = self.scene.sensor;
         let spot = Scene {
@@ -99,7 +104,8 @@ impl Prepared {
     }
 }
 
-/// Seconds from the middle of the first row's exposure to that of another. Rows of one frame are exposed at once.
+/// Seconds from the middle of the first row's exposure to that of another. Rows of one frame are exposed at
+/// once.
 fn time(scene: &Scene, row: u64) -> f64 {
     (row / scene.sensor.rows()) as f64 * scene.period()
 }

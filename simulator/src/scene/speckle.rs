@@ -19,19 +19,25 @@ use crate::scene::{Effect, LaserSpot, Scene, random, texture};
 
 /// Coherent light from a rough surface, summed as a field through the aperture ([`crate::field`]).
 ///
-/// It takes the place of the scene's other ways to spread a point's light: the pattern is that of Fresnel's integrals whatever
-/// [`crate::scene::Diffraction`] says, and the mean over all surfaces is that of the scene without speckle. It needs a
+/// It takes the place of the scene's other ways to spread a point's light: the pattern is that of Fresnel's
+/// integrals whatever
+/// [`crate::scene::Diffraction`] says, and the mean over all surfaces is that of the scene without speckle.
+/// It needs a
 /// [`LaserSpot`]: a point of light does not interfere with itself.
 ///
-/// Speckle belongs to the surface, and so to the seed: it is the same in all rows and frames for a target at rest, and changes as the
-/// target moves, over some millimetres, or slides ([`LaserSpot::wander`]). The rows of a frame see different parts of it; a line
+/// Speckle belongs to the surface, and so to the seed: it is the same in all rows and frames for a target at
+/// rest, and changes as the
+/// target moves, over some millimetres, or slides ([`LaserSpot::wander`]). The rows of a frame see different
+/// parts of it; a line
 /// sensor's tall pixel sees the mean over its height.
 ///
-/// Where the distance is less than 0.4 m the lattice on which the surface's scatterers lie begins to show ([`Scattering::pitch`]).
+/// Where the distance is less than 0.4 m the lattice on which the surface's scatterers lie begins to show
+/// ([`Scattering::pitch`]).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Speckle {
-    /// 1 for a surface that keeps the laser's polarisation (metal, gloss), 2 for one that does not (paper, wood).
+    /// 1 for a surface that keeps the laser's polarisation (metal, gloss), 2 for one that does not (paper,
+    /// wood).
     pub polarisations: u8,
     /// Full width at half maximum of the laser's spectrum, in metres.
     #[serde(default)]
@@ -62,7 +68,8 @@ pub(super) const NEAREST: f64 = 0.3;
 /// ... to so many times the scene's distance.
 pub(super) const FARTHEST: f64 = 1.5;
 
-/// Patterns are computed to so many details (lambda z / a) from the geometric centre, with so many columns in a detail.
+/// Patterns are computed to so many details (lambda z / a) from the geometric centre, with so many columns in
+/// a detail.
 const DETAILS: f64 = 24.0;
 const COLUMNS: f64 = 16.0;
 
@@ -85,10 +92,12 @@ impl Speckle {
             waist_diameter: spot.waist,
             waist_distance: spot.waist_distance,
         };
-        // Wavelengths for the coherence of paths that differ by 2.5 times their mean, which 92 % do not exceed (Laser::spectrum).
+        // Wavelengths for the coherence of paths that differ by 2.5 times their mean, which 92 % do not
+        // exceed (Laser::spectrum).
         let phase = 2.5 * self.path_spread * laser.wavenumber_deviation();
         laser.wavelengths = ((2.0 / PI * phase * phase).ceil() as usize).clamp(5, 15);
-        // The beam reaches to 2.25 times its radius; half as far again is what a target may come to (Scene::check_distance).
+        // The beam reaches to 2.25 times its radius; half as far again is what a target may come to
+        // (Scene::check_distance).
         let diameter = [NEAREST, scene.distance, FARTHEST * scene.distance]
             .map(|distance| spot.diameter(distance, wavelength))
             .into_iter()
@@ -159,7 +168,8 @@ impl RoughSurface {
             let image = image(&field::every(&places, EVERY)).with_rows_between(EVERY, rows);
             (0..rows).map(|row| mean(&image, row..row + 1)).collect()
         } else {
-            // Along the slit light varies over a tenth of a millimetre: the slit's fringes, or a spot of some millimetres.
+            // Along the slit light varies over a tenth of a millimetre: the slit's fringes, or a spot of some
+            // millimetres.
             let places = within(scene.sensor.pixel_height(), 25e-6);
             let image = image(&places);
             vec![mean(&image, 0..places.len())]
@@ -238,7 +248,8 @@ impl RoughSurface {
                 light[row].iter_mut().for_each(|light| *light *= factor);
             }
         } else {
-            // All of the light that the pixel's height holds, over that which the spot in focus has in its middle column.
+            // All of the light that the pixel's height holds, over that which the spot in focus has in its
+            // middle column.
             let places = within(pixel.min(2.0 * reach), detail / 3.0);
             let image = image(&places);
             let across = pixel.min(2.0 * reach);
@@ -254,7 +265,8 @@ impl RoughSurface {
 const TOO_WIDE: &str = "the surface was made for the laser's spot between 0.3 m and 1.5 times the scene's distance, where the beam is wider: \
                         move the scene's distance or the beam's waist";
 
-/// Height in metres of the spot's image through a lens in focus, in its middle column: its light there over that in its middle.
+/// Height in metres of the spot's image through a lens in focus, in its middle column: its light there over
+/// that in its middle.
 fn height_in_focus(scene: &Scene, pupil: &Pupil, distance: f64) -> f64 {
     let parts = Parts::new(scene, None, distance, AIRY_WIDTH * pupil.detail());
     let step = pupil.detail() / COLUMNS;

@@ -6,7 +6,8 @@ use crate::optics::Optics;
 
 /// Casing, slit mount and sensor grow with temperature.
 ///
-/// Baseline b and focal length f grow by 1 + e, e = expansion times the rise in temperature; angles stay. For a target at
+/// Baseline b and focal length f grow by 1 + e, e = expansion times the rise in temperature; angles stay. For
+/// a target at
 /// rest the centre, f tan(u - atan(d/b)) from the axis at an angle a, then moves in first order by
 ///
 /// ```text

@@ -24,7 +24,8 @@ pub struct Made<'a> {
     pub curve: &'a Curve,
     /// How many knots its table has.
     pub knots: Option<usize>,
-    /// How far the sensor's distances are from the curve, in micrometres, at most over the range: by rounding and tabulation.
+    /// How far the sensor's distances are from the curve, in micrometres, at most over the range: by rounding
+    /// and tabulation.
     pub error_um: f64,
 }
 

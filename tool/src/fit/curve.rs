@@ -42,7 +42,8 @@ impl Curve {
             .map_or(3.0, |correction| correction.freedoms)
     }
 
-    /// The variance of the curve's distance at a centre, as the variances of the points tell it. The spline's covers eq. (1)'s,
+    /// The variance of the curve's distance at a centre, as the variances of the points tell it. The spline's
+    /// covers eq. (1)'s,
     /// whose part it leaves free.
     pub fn unit_variance_at(&self, centre: f64) -> f64 {
         match &self.correction {
@@ -51,7 +52,8 @@ impl Curve {
         }
     }
 
-    /// How much the curve at a point hangs on that point: the part of an error of it that the curve takes over.
+    /// How much the curve at a point hangs on that point: the part of an error of it that the curve takes
+    /// over.
     pub fn leverage(&self, point: &Observed) -> f64 {
         let variance = point.sigma(&self.eq1.curve).powi(2);
         (self.unit_variance_at(point.centre) / variance).min(1.0)
@@ -77,15 +79,19 @@ pub struct Quality {
     pub rms: f64,
     /// The largest residual, without sign.
     pub largest: f64,
-    /// Root mean square of the points' distances from curves that were fitted without them. `None` where a point alone holds the curve.
+    /// Root mean square of the points' distances from curves that were fitted without them. `None` where a
+    /// point alone holds the curve.
     pub cross_validated: Option<f64>,
-    /// The factor from the points' uncertainties, as they were given, to those that the residuals tell. `None` where there are no
+    /// The factor from the points' uncertainties, as they were given, to those that the residuals tell.
+    /// `None` where there are no
     /// more points than freedoms.
     pub scatter: Option<f64>,
-    /// The factor by which the uncertainties here are larger than the points' own, as they were given, make them: the scatter, but see
+    /// The factor by which the uncertainties here are larger than the points' own, as they were given, make
+    /// them: the scatter, but see
     /// [`FEW_FREEDOMS`].
     pub factor: Option<f64>,
-    /// Root mean square of the curve's own standard uncertainty over the range, at even steps of the distance.
+    /// Root mean square of the curve's own standard uncertainty over the range, at even steps of the
+    /// distance.
     pub uncertainty: Option<f64>,
     /// The largest of it.
     pub largest_uncertainty: Option<f64>,
@@ -96,13 +102,16 @@ pub struct Quality {
 /// A point that all but determines the curve where it is: without it there is none to compare it with.
 const ALONE: f64 = 1.0 - 1e-6;
 
-/// Points beyond the freedoms, below which known uncertainties are not taken to be smaller because the residuals are: those may be by
-/// chance. The scatter squared is a chi-square over its freedoms: with ten it is below half of the truth in 1 of 100 calibrations
+/// Points beyond the freedoms, below which known uncertainties are not taken to be smaller because the
+/// residuals are: those may be by
+/// chance. The scatter squared is a chi-square over its freedoms: with ten it is below half of the truth in 1
+/// of 100 calibrations
 /// (P(chi-square < 2.5) = 0.9 %), with one in 38.
 pub const FEW_FREEDOMS: f64 = 10.0;
 
 impl Quality {
-    /// That of a curve. `known` says whether the points' uncertainties were: then they stand in where residuals tell nothing.
+    /// That of a curve. `known` says whether the points' uncertainties were: then they stand in where
+    /// residuals tell nothing.
     pub fn of(curve: &Curve, points: &[Observed], known: bool) -> Self {
         let count = points.len() as f64;
         let residuals = || {
@@ -149,7 +158,8 @@ impl Quality {
     }
 }
 
-/// How far each point is, in metres, from the curve that would be fitted without it. `None` where a point alone holds the curve.
+/// How far each point is, in metres, from the curve that would be fitted without it. `None` where a point
+/// alone holds the curve.
 pub fn without_each(curve: &Curve, points: &[Observed]) -> Option<Vec<f64>> {
     points
         .iter()

@@ -3,11 +3,14 @@
 //! d0 + b tan(u - atan(x/f)) = D + K/(x - xp): the paper's four parameters make a curve that has three (see
 //! [`slitrange::distance::eq1`]), so three are fitted. (d0, u, b, f) cannot be told from data.
 //!
-//! **Scaling.** With z = (x - xc)/h, which goes from -1 to 1 over the data, the same curve is d = (p + q z)/(1 + r z). The condition
-//! number of its derivatives is 19 over the paper's range, that of the derivatives by (D, K, xp) 271. It is fitted in that
+//! **Scaling.** With z = (x - xc)/h, which goes from -1 to 1 over the data, the same curve is d = (p + q
+//! z)/(1 + r z). The condition
+//! number of its derivatives is 19 over the paper's range, that of the derivatives by (D, K, xp) 271. It is
+//! fitted in that
 //! form, and D = q/r, xp = xc - h/r, K = (p - q/r) h/r come out of it.
 //!
-//! **Start.** d = p + q z - r z d is linear in p, q and r. Its least squares weigh the errors of the distance by 1 + r z, which is
+//! **Start.** d = p + q z - r z d is linear in p, q and r. Its least squares weigh the errors of the distance
+//! by 1 + r z, which is
 //! within some per cent of the best already; Gauss-Newton steps do the rest.
 
 use anyhow::{Context as _, ensure};
@@ -84,7 +87,8 @@ pub struct Fit {
     pub largest: f64,
     /// The first and the last centre in pixels. The curve is known between them.
     pub valid: (f64, f64),
-    /// Covariance of (D, K, xp) as the variances of the points tell it, in the squares and products of their units.
+    /// Covariance of (D, K, xp) as the variances of the points tell it, in the squares and products of their
+    /// units.
     pub unit_covariance: Matrix3<f64>,
     scale: Scale,
     scaled: Vector3<f64>,
@@ -93,13 +97,16 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// The variance of a point whose variance was given as 1, as the residuals tell it: with the points' variances in square
-    /// metres, the factor by which the truth differs from them. `None` where there are as many parameters as points.
+    /// The variance of a point whose variance was given as 1, as the residuals tell it: with the points'
+    /// variances in square
+    /// metres, the factor by which the truth differs from them. `None` where there are as many parameters as
+    /// points.
     pub fn variance(&self) -> Option<f64> {
         (self.freedom > 0).then(|| self.squares / self.freedom as f64)
     }
 
-    /// Covariance of (D, K, xp), in the squares and products of their units, as the residuals tell it: for errors that are
+    /// Covariance of (D, K, xp), in the squares and products of their units, as the residuals tell it: for
+    /// errors that are
     /// independent. Errors that neighbours share, as speckle makes them, leave the parameters less certain.
     pub fn covariance(&self) -> Option<Matrix3<f64>> {
         Some(self.unit_covariance * self.variance()?)
@@ -111,7 +118,8 @@ impl Fit {
         (gradient * self.unit_scaled * gradient.transpose())[0]
     }
 
-    /// r over its standard uncertainty, as the variances of the points tell it: where it is not well above 1, a straight line does
+    /// r over its standard uncertainty, as the variances of the points tell it: where it is not well above 1,
+    /// a straight line does
     /// as well.
     pub fn unit_bend(&self) -> f64 {
         self.scaled[2].abs() / self.unit_scaled[(2, 2)].sqrt()
@@ -136,7 +144,8 @@ pub fn fit(points: &[(f64, f64)]) -> anyhow::Result<Fit> {
 /// Fits the curve.
 ///
 /// # Errors
-/// There are fewer than three points or centres; a number is not finite; the points lie on a straight line, whose
+/// There are fewer than three points or centres; a number is not finite; the points lie on a straight line,
+/// whose
 /// pole is at infinity; or the curve that fits best has its pole among the points.
 pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
     ensure!(
@@ -388,7 +397,8 @@ mod tests {
         let points: Vec<Observation> = points.into_iter().map(Observation::from).collect();
         let scale = Scale::of(&points).expect("a scale");
         let scaled = scale.start(&points).expect("a start");
-        // The singular values of the derivatives with columns of unit length are the roots of the eigenvalues of N.
+        // The singular values of the derivatives with columns of unit length are the roots of the eigenvalues
+        // of N.
         let condition = |normal: Matrix3<f64>| {
             let unit = Matrix3::from_diagonal(&normal.diagonal().map(|value| 1.0 / value.sqrt()));
             let eigenvalues = (unit * normal * unit).symmetric_eigenvalues();

@@ -19,7 +19,8 @@ const REJECTED: RGBColor = RGBColor(0xc6, 0x20, 0x20);
 const UPPER: u32 = 520;
 const LOWER: u32 = 330;
 
-/// Draws the points and the curve above, what eq. (1) leaves below, and where it is corrected what that leaves, too.
+/// Draws the points and the curve above, what eq. (1) leaves below, and where it is corrected what that
+/// leaves, too.
 ///
 /// # Errors
 /// The file cannot be written.

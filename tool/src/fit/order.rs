@@ -1,11 +1,16 @@
-//! What makes points no calibration, whatever curve is sought: too few, repeated, out of order, or centres that go back while
+//! What makes points no calibration, whatever curve is sought: too few, repeated, out of order, or centres
+//! that go back while
 //! distances go on.
 //!
-//! **Order of the lines.** Distances are what a person or a stage sets: they rise or fall from line to line. A line out of order is
-//! a slip in the file, except where it turns out to be an outlier, a distance that was mistyped: then it is rejected like any other.
+//! **Order of the lines.** Distances are what a person or a stage sets: they rise or fall from line to line.
+//! A line out of order is
+//! a slip in the file, except where it turns out to be an outlier, a distance that was mistyped: then it is
+//! rejected like any other.
 //!
-//! **Centres along the distances** rise or fall as well. Here noise and outliers do not count, and a fold does: that the centre turns
-//! and comes back, so that two distances have one centre. A fold is found where medians of groups of points go back, or five
+//! **Centres along the distances** rise or fall as well. Here noise and outliers do not count, and a fold
+//! does: that the centre turns
+//! and comes back, so that two distances have one centre. A fold is found where medians of groups of points
+//! go back, or five
 //! points in a row by more than their scatter. (A lesser one than that is outliers, which are named.)
 //!
 //! With fewer than ten points nothing can be rejected: any step back counts.
@@ -184,7 +189,8 @@ fn out_of_order(points: &[Point]) -> Vec<OutOfOrder> {
 
 /// The places of the longest run of numbers that rise; of several the one that takes the earliest.
 fn longest_rise(numbers: &[f64]) -> Vec<usize> {
-    // From the end: the largest number that a run of each length may begin with, and how long that from each place is.
+    // From the end: the largest number that a run of each length may begin with, and how long that from each
+    // place is.
     let mut heads: Vec<f64> = Vec::new();
     let mut lengths = vec![0; numbers.len()];
     for (place, &number) in numbers.iter().enumerate().rev() {

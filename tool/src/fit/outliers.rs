@@ -1,12 +1,15 @@
-//! Which points do not belong: judged against eq. (1) and a smooth curve on top of it, so that no good point of a sensor is lost that
+//! Which points do not belong: judged against eq. (1) and a smooth curve on top of it, so that no good point
+//! of a sensor is lost that
 //! departs from eq. (1) smoothly.
 //!
 //! ```text
 //! start (3 points) -> smooth curve by least absolute residuals -> Tukey's biweight, penalty by cross-validation -> verdicts
 //! ```
 //!
-//! None of the steps lets a point that is far off have more weight than one that is not: however far off outliers are, they move
-//! nothing. A point whose weight by the biweight is zero is rejected; all others count in full in the fit that follows, which
+//! None of the steps lets a point that is far off have more weight than one that is not: however far off
+//! outliers are, they move
+//! nothing. A point whose weight by the biweight is zero is rejected; all others count in full in the fit
+//! that follows, which
 //! loses nothing against a fit that knew beforehand which points are good.
 
 use super::eq1::Eq1;
@@ -20,11 +23,14 @@ const REACH: f64 = 4.685;
 /// The standard deviation of a gaussian over its median absolute deviation.
 const BY_MEDIAN: f64 = 1.4826;
 
-/// Scatter is never taken to be below the last digit of a centre, in pixels: rounding is no reason to reject a point.
+/// Scatter is never taken to be below the last digit of a centre, in pixels: rounding is no reason to reject
+/// a point.
 const LEAST_SCATTER: f64 = 1e-5;
 
-/// A curve is less certain where it is continued beyond its points than its own variance says, which takes it to bend there as
-/// it does elsewhere: that counts so many times. Chosen: with 1, 6 of 9000 good points were rejected (60 a row, distorted by 100 to 490
+/// A curve is less certain where it is continued beyond its points than its own variance says, which takes it
+/// to bend there as
+/// it does elsewhere: that counts so many times. Chosen: with 1, 6 of 9000 good points were rejected (60 a
+/// row, distorted by 100 to 490
 /// um), all at the ends; with 2 none.
 const EXTRAPOLATED: f64 = 2.0;
 
@@ -45,7 +51,8 @@ pub struct Verdict {
 
 /// Judges points against curves near a start. `None` where there is no smooth curve through them.
 ///
-/// Where the points' uncertainties are known, their scatter is not taken to be less, however well a curve goes through most of them: of
+/// Where the points' uncertainties are known, their scatter is not taken to be less, however well a curve
+/// goes through most of them: of
 /// a dozen points it does so by chance.
 pub fn judge(points: &[Observed], weights: Weights, start: &Eq1) -> Option<Vec<Verdict>> {
     let least_scatter = match weights {
@@ -99,8 +106,10 @@ fn judge_with(
     Some(judge_by(residuals, weights, &spline, least_scatter))
 }
 
-/// The stiffest curve with the least absolute residuals from which the points are hardly further than from any other, each
-/// from the curve that the others make, and an outlier however far: a curve that bends more than it must could follow an
+/// The stiffest curve with the least absolute residuals from which the points are hardly further than from
+/// any other, each
+/// from the curve that the others make, and an outlier however far: a curve that bends more than it must
+/// could follow an
 /// outlier at its end. With the weights that belong to it.
 fn stiffest(grid: Grid, residuals: &[Judged]) -> Option<(Vec<f64>, Spline)> {
     let curves: Vec<(Vec<f64>, Vec<f64>, Spline)> = penalties()
@@ -137,7 +146,8 @@ fn off_others(residuals: &[Judged], weights: &[f64], spline: &Spline) -> Vec<f64
         .collect()
 }
 
-/// The curve with the least sum of absolute residuals and of the penalty, and the weights by which least squares gives it.
+/// The curve with the least sum of absolute residuals and of the penalty, and the weights by which least
+/// squares gives it.
 fn least_absolute(grid: Grid, residuals: &[Judged], penalty: f64) -> Option<(Vec<f64>, Spline)> {
     let mut weights = Vec::new();
     // Beginning with the start's own residuals, which no outlier has moved.
@@ -151,7 +161,8 @@ fn least_absolute(grid: Grid, residuals: &[Judged], penalty: f64) -> Option<(Vec
         let middle = median(&mut off.clone());
         // Where half of the points lie on the curve, the others do not count.
         let middle = middle.max(f64::MIN_POSITIVE);
-        // Down to a hundredth of the median: without a floor a point that is met by chance would count without end.
+        // Down to a hundredth of the median: without a floor a point that is met by chance would count
+        // without end.
         weights = off
             .iter()
             .map(|off| 1.0 / (off / middle).max(0.01))
@@ -170,7 +181,8 @@ struct Judged {
     value: f64,
     /// Its standard uncertainty for its weight.
     sigma: f64,
-    /// The same to judge it by, and what it is at least. The lesser of those with the slope at its centre and with that at its
+    /// The same to judge it by, and what it is at least. The lesser of those with the slope at its centre and
+    /// with that at its
     /// distance: a centre that is off towards the pole must not pass for uncertain.
     strict: f64,
     least: f64,
@@ -200,7 +212,8 @@ impl Judged {
     }
 }
 
-/// Over the distances of the points: those far beyond the others, which only an outlier makes, must not stretch it.
+/// Over the distances of the points: those far beyond the others, which only an outlier makes, must not
+/// stretch it.
 fn grid(residuals: &[Judged]) -> Option<Grid> {
     let mut places: Vec<f64> = residuals
         .iter()
@@ -230,7 +243,8 @@ fn equations(grid: Grid, residuals: &[Judged], weights: &[f64]) -> Equations {
     Equations::new(grid, weighted, points)
 }
 
-/// How far each point is from the curve without it, and that curve's variance there: the point's share in its own value goes.
+/// How far each point is from the curve without it, and that curve's variance there: the point's share in its
+/// own value goes.
 fn without_each(residuals: &[Judged], weights: &[f64], spline: &Spline) -> Vec<(f64, f64)> {
     residuals
         .iter()
@@ -246,7 +260,8 @@ fn without_each(residuals: &[Judged], weights: &[f64], spline: &Spline) -> Vec<(
         .collect()
 }
 
-/// How far each point is from the curve through the others, over its own scatter and that curve's uncertainty together.
+/// How far each point is from the curve through the others, over its own scatter and that curve's uncertainty
+/// together.
 fn judge_by(
     residuals: &[Judged],
     weights: &[f64],

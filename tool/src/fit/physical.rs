@@ -1,10 +1,13 @@
 //! The paper's four parameters, d0, u, b and f, from the three that data give and one that is known.
 //!
-//! For any t = tan u, f = -xp t, b = -K t/(xp (1 + t^2)) and d0 = D + b/t are the same curve (xp from the pixel on the optical
-//! axis). So one of the four must be given. Where it is the baseline b, t and 1/t do as well as one another, and which it is must be
+//! For any t = tan u, f = -xp t, b = -K t/(xp (1 + t^2)) and d0 = D + b/t are the same curve (xp from the
+//! pixel on the optical
+//! axis). So one of the four must be given. Where it is the baseline b, t and 1/t do as well as one another,
+//! and which it is must be
 //! said, too.
 //!
-//! The optical axis is taken to meet the middle of the row: where it does not, xp is off by as much, and all four with it.
+//! The optical axis is taken to meet the middle of the row: where it does not, xp is off by as much, and all
+//! four with it.
 
 use anyhow::{bail, ensure};
 use nalgebra::{Matrix3, Vector3};
@@ -98,13 +101,15 @@ pub fn constraint(
 }
 
 impl Physical {
-    /// The four parameters. `variance` is what the fit's covariance is to be multiplied with, where that is known.
+    /// The four parameters. `variance` is what the fit's covariance is to be multiplied with, where that is
+    /// known.
     ///
     /// # Errors
     /// No sensor with what is given has that curve.
     pub fn of(fit: &Fit, constraint: Constraint, variance: Option<f64>) -> anyhow::Result<Self> {
         let curve = fit.curve;
-        // In millimetres. Turned over where the distance rises with the pixels, so that K > 0 as in the paper.
+        // In millimetres. Turned over where the distance rises with the pixels, so that K > 0 as in the
+        // paper.
         let mirrored = curve.k < 0.0;
         let sign = if mirrored { -1.0 } else { 1.0 };
         let axis = (tcd1304dg().light.len() as f64 - 1.0) / 2.0;
@@ -120,7 +125,8 @@ impl Physical {
                 * fit.unit_covariance
                 * Matrix3::from_diagonal(&units)
                 * variance?;
-            // Central differences over a hundredth of each parameter's uncertainty, to which the four are straight.
+            // Central differences over a hundredth of each parameter's uncertainty, to which the four are
+            // straight.
             let mut gradient = Vector3::zeros();
             for i in 0..3 {
                 let step = 0.01 * covariance[(i, i)].sqrt();

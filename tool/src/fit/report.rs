@@ -42,7 +42,8 @@ pub struct Report {
     pub held_within_um: f64,
     /// What was known of the points' errors.
     pub weights: String,
-    /// How much the points scatter over what was given of their errors; where nothing was, their centres' scatter in pixels.
+    /// How much the points scatter over what was given of their errors; where nothing was, their centres'
+    /// scatter in pixels.
     pub scatter: Option<f64>,
     /// The paper's four parameters, where they were asked for.
     pub physical: Option<Physical>,
@@ -470,8 +471,10 @@ impl fmt::Display for Measured<'_> {
 }
 
 impl Solved {
-    /// What the covariance of eq. (1), as the points' variances give it, is to be multiplied with: the square of the scatter about eq. (1)
-    /// alone, or at least 1 where uncertainties were given and few points tell more. A departure from eq. (1) counts as scatter: the
+    /// What the covariance of eq. (1), as the points' variances give it, is to be multiplied with: the square
+    /// of the scatter about eq. (1)
+    /// alone, or at least 1 where uncertainties were given and few points tell more. A departure from eq. (1)
+    /// counts as scatter: the
     /// parameters are no better known than that.
     pub fn variance(&self) -> Option<f64> {
         self.plain_quality.factor.map(|factor| factor * factor)

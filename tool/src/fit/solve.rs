@@ -1,4 +1,5 @@
-//! From points to curves: order, outliers, eq. (1), the smooth curve of what it leaves, and which of the two to take.
+//! From points to curves: order, outliers, eq. (1), the smooth curve of what it leaves, and which of the two
+//! to take.
 
 use anyhow::{Context as _, bail, ensure};
 
@@ -190,7 +191,8 @@ fn correct(plain: &Curve, points: &[Observed]) -> Option<Curve> {
     })
 }
 
-/// By how many of its standard errors the corrected curve's cross-validated error lies below that of eq. (1) alone. `None` where a
+/// By how many of its standard errors the corrected curve's cross-validated error lies below that of eq. (1)
+/// alone. `None` where a
 /// point alone holds one of the curves, or both are the same.
 fn gain(plain: &Curve, corrected: &Curve, points: &[Observed]) -> Option<f64> {
     let (before, after) = (
@@ -211,7 +213,8 @@ fn gain(plain: &Curve, corrected: &Curve, points: &[Observed]) -> Option<f64> {
 }
 
 impl Solved {
-    /// The form to take: the corrected one where its cross-validated error is clearly lower, by [`CLEARLY`] times its standard error.
+    /// The form to take: the corrected one where its cross-validated error is clearly lower, by [`CLEARLY`]
+    /// times its standard error.
     pub fn better(&self) -> Form {
         match self.gain {
             Some(gain) if gain > CLEARLY => Form::Corrected,

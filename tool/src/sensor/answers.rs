@@ -88,7 +88,8 @@ fn reading(line: &str) -> Option<Centre> {
     })
 }
 
-/// A number with as many decimals as the sensor sends: one more or one less is a line with a byte too many or too few.
+/// A number with as many decimals as the sensor sends: one more or one less is a line with a byte too many or
+/// too few.
 fn five_decimals(word: &str) -> Option<f64> {
     let (whole, decimals) = word.split_once('.')?;
     let digits = whole.strip_prefix('-').unwrap_or(whole);

@@ -1,7 +1,9 @@
 //! The serial line as lines: a command goes out, its answer is told from what the sensor says on its own.
 //!
-//! Answers come in the order of the commands; lines of the stream may come in between. A line that noise made unreadable is
-//! not an answer, nor is silence: a command is asked again where neither can be told from a loss, which harms with no command
+//! Answers come in the order of the commands; lines of the stream may come in between. A line that noise made
+//! unreadable is
+//! not an answer, nor is silence: a command is asked again where neither can be told from a loss, which harms
+//! with no command
 //! that is asked here.
 
 use std::fmt;
@@ -40,7 +42,8 @@ pub struct Waits {
 }
 
 impl Default for Waits {
-    /// Many times what a board takes (some 0.1 s for the longest answer, 0.4 s for a frame of 64 rows, 1 s for a sector of
+    /// Many times what a board takes (some 0.1 s for the longest answer, 0.4 s for a frame of 64 rows, 1 s
+    /// for a sector of
     /// flash that is erased), for an emulated one, which can be slower than the clock on the wall.
     fn default() -> Self {
         Self {
@@ -263,7 +266,8 @@ impl Line {
         let question = Command::Show(Setting::Stream).to_string();
         let mut heard = None;
         for _ in 0..TRIES {
-            // Ctrl-U is not text: a line that somebody left half typed, or that lost its end, is an error and no command.
+            // Ctrl-U is not text: a line that somebody left half typed, or that lost its end, is an error and
+            // no command.
             self.say(format!("\x15\r{question}\r").as_bytes(), &question)?;
             let until = Instant::now() + self.waits.answer;
             while let Some(line) = self.line(until)? {
@@ -360,8 +364,10 @@ fn open(name: &str) -> serialport::Result<Port> {
     #[cfg(unix)]
     let port = {
         let mut port = port;
-        // The mark of exclusive use outlives a program that is killed, where another end of a pseudo-terminal stays open, and
-        // would keep everybody out. The lock does not, and the next who wants the port for himself fails at it.
+        // The mark of exclusive use outlives a program that is killed, where another end of a pseudo-terminal
+        // stays open, and
+        // would keep everybody out. The lock does not, and the next who wants the port for himself fails at
+        // it.
         port.set_exclusive(false)?;
         port
     };
@@ -380,7 +386,8 @@ fn is_error(line: &str) -> bool {
     bytes.next() == Some(b'E') && bytes.next().is_some_and(|byte| byte.is_ascii_digit())
 }
 
-/// Whether an error is about what was asked, and not about words that noise may have changed: those are the errors up to E7, of
+/// Whether an error is about what was asked, and not about words that noise may have changed: those are the
+/// errors up to E7, of
 /// [`Error`](slitrange::protocol::command::Error).
 fn is_understood(error: &str) -> bool {
     let digits = error

@@ -22,8 +22,10 @@ const TRIES: usize = 3;
 
 /// Write a record to the sensor: upload it, read it back, compare, and save it
 ///
-/// FILE is what `calibrate fit` or `calibrate read` wrote. The sensor uses the record when all of it has come and is sound, or goes on
-/// with the one it had. Its estimator and black level are set as when it was calibrated. `save` keeps them over a power cycle,
+/// FILE is what `calibrate fit` or `calibrate read` wrote. The sensor uses the record when all of it has come
+/// and is sound, or goes on
+/// with the one it had. Its estimator and black level are set as when it was calibrated. `save` keeps them
+/// over a power cycle,
 /// and with them the rows in a frame and their mean, as they are set.
 #[derive(Clone, Debug, clap::Args)]
 pub struct WriteOptions {
@@ -53,7 +55,8 @@ pub struct ReadOptions {
 
 /// Show a record, of a file or of a sensor, or how two of them differ
 ///
-/// With two files, or a file and a port: what they say otherwise than each other, and by how much their distances differ. The exit
+/// With two files, or a file and a port: what they say otherwise than each other, and by how much their
+/// distances differ. The exit
 /// code is then 0 if they are the same bit for bit, 1 if they differ, and 2 if one of them cannot be read.
 #[derive(Clone, Debug, clap::Args)]
 #[command(override_usage = "\
@@ -125,7 +128,8 @@ pub fn write_with(options: &WriteOptions, waits: Waits, output: &mut dyn Write) 
     Ok(())
 }
 
-/// Uploads a record, checks it and has it saved, if it is to be; again from the beginning if the sensor goes away meanwhile.
+/// Uploads a record, checks it and has it saved, if it is to be; again from the beginning if the sensor goes
+/// away meanwhile.
 fn transfer(mut session: Session, written: &EncodedRecord, and_save: bool) -> Result<()> {
     let mut tries = 1;
     loop {
@@ -207,7 +211,8 @@ fn commit(session: &mut Session, written: &EncodedRecord) -> Result<()> {
     }
 }
 
-/// Has the sensor keep what is in use. A sensor that starts anew meanwhile uses what its flash holds: it is not asked to save that.
+/// Has the sensor keep what is in use. A sensor that starts anew meanwhile uses what its flash holds: it is
+/// not asked to save that.
 fn save(session: &mut Session, written: &EncodedRecord) -> Result<()> {
     const UNKNOWN: &str = "uploaded; whether it is saved, `calibration` on the sensor's line tells";
     let wait = session.line().waits.save;

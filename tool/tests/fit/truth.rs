@@ -129,7 +129,8 @@ pub fn seeded(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
-/// Moves that many of the points off, each by up to so many pixels: at least half of it, to either side or to one.
+/// Moves that many of the points off, each by up to so many pixels: at least half of it, to either side or to
+/// one.
 pub fn throw_off(
     points: &mut [Point],
     count: usize,

@@ -1,4 +1,5 @@
-//! The PC's side of the serial line, against a sensor that loses, garbles and delays lines, starts anew and goes away.
+//! The PC's side of the serial line, against a sensor that loses, garbles and delays lines, starts anew and
+//! goes away.
 #![cfg(unix)]
 
 mod line;

@@ -159,7 +159,8 @@ fn a_person_is_asked_and_asked_again() {
     let positions = list(&sensor, &[600.0, 700.0, 800.0]);
     let stand = sensor.path("stage");
     std::fs::write(&stand, "800").expect("written");
-    // The target stays at 800 mm. The first is skipped, the second said to be where it is, and the third left for later.
+    // The target stays at 800 mm. The first is skipped, the second said to be where it is, and the third left
+    // for later.
     let typed = "s\n799.5\nq\n";
     let (result, output) = run(
         &sensor,
@@ -468,7 +469,8 @@ fn a_bad_line_loses_no_point() {
             assert!(runs < 10, "{result:?}");
         }
         println!("seed {seed}: {runs} runs");
-        // A digit that noise changed counts if that moves the centre by less than ten times its scatter, which the median of four
+        // A digit that noise changed counts if that moves the centre by less than ten times its scatter,
+        // which the median of four
         // deviations may put at twice the noise: by 20 of 0.002 px, over four frames.
         check(
             &sensor,
@@ -521,7 +523,8 @@ fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
     assert_eq!(set(&sensor), (32, true));
 }
 
-/// The program is killed after each point, at whatever it is about; what was in the file then is in it in the end.
+/// The program is killed after each point, at whatever it is about; what was in the file then is in it in the
+/// end.
 #[test]
 fn a_run_that_is_killed_goes_on_where_it_was() {
     let sensor = StandIn::new(17, Trouble::default());

@@ -1,4 +1,5 @@
-//! A sensor in a thread behind a pseudo-terminal: it speaks the core's own protocol, sees a target at the distance that a file
+//! A sensor in a thread behind a pseudo-terminal: it speaks the core's own protocol, sees a target at the
+//! distance that a file
 //! says, and has whatever trouble it is given.
 
 use std::fs::File;
@@ -81,7 +82,8 @@ pub struct State {
     pub off_until: Option<Instant>,
     /// The port is not there until then.
     pub unplugged_until: Option<Instant>,
-    /// The one line of an upload, here or there, that arrives spoilt: how many come before it, and whether it is lost.
+    /// The one line of an upload, here or there, that arrives spoilt: how many come before it, and whether it
+    /// is lost.
     pub spoil: Option<(usize, bool)>,
     /// It hears nothing any more, once a piece of a record has come.
     pub deaf_after_piece: bool,

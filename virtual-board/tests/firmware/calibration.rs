@@ -1,4 +1,5 @@
-//! Calibrations that come over the serial line: what was sent is used as the core uses it, or nothing changes.
+//! Calibrations that come over the serial line: what was sent is used as the core uses it, or nothing
+//! changes.
 
 use slitrange::measurement::Measurement;
 use slitrange::protocol::calibration::FlashStatus;
@@ -34,7 +35,8 @@ fn a_sensor_without_its_own_has_the_nominal_calibration() {
     board.finish().expect("a clean run");
 }
 
-/// Each kind is sent while readings stream, and read back; then each frame's line is the one that the core makes on this PC from the
+/// Each kind is sent while readings stream, and read back; then each frame's line is the one that the core
+/// makes on this PC from the
 /// words that the sensor head sent.
 #[test]
 fn what_was_sent_is_what_readings_are_made_with() {
@@ -201,7 +203,8 @@ fn what_is_refused_changes_nothing() {
     board.finish().expect("a clean run");
 }
 
-/// A byte in fifty comes garbled. Whoever sends each line until it is answered by itself gets the record across.
+/// A byte in fifty comes garbled. Whoever sends each line until it is answered by itself gets the record
+/// across.
 #[test]
 fn an_upload_over_a_line_that_garbles_arrives_whole() {
     let mut board = measuring(4);

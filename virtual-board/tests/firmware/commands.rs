@@ -233,7 +233,8 @@ fn the_mean_is_the_one_that_is_set() {
 
 #[test]
 fn rows_that_err_alike_are_said_to() {
-    // A tenth of a pixel to either side, in waves of 32 rows: ten times the noise, and no wave is a straight line.
+    // A tenth of a pixel to either side, in waves of 32 rows: ten times the noise, and no wave is a straight
+    // line.
     let (mut board, _) = boot(spot_that_moves(|row| {
         1800.0 + 0.1 * (std::f64::consts::TAU * row as f64 / 32.0).sin()
     }));

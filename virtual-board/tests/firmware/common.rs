@@ -47,7 +47,8 @@ pub fn paper() -> LightSource {
 
 /// White paper whose spot is `height` counts high and lies at pixel `centre`.
 pub fn spot_at(centre: f64, height: f64) -> LightSource {
-    // The scene counts light a second: over an exposure of one second it is the height, whatever the firmware exposes.
+    // The scene counts light a second: over an exposure of one second it is the height, whatever the firmware
+    // exposes.
     let scene = Scene {
         spot: Some(Spot {
             width: 8.6,
@@ -124,7 +125,8 @@ pub fn results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
         .collect()
 }
 
-/// The next `count` results of frames that began after this call: of those under way, one waits for the serial line
+/// The next `count` results of frames that began after this call: of those under way, one waits for the
+/// serial line
 /// and one is not complete.
 pub fn fresh_results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
     results(board, 2);

@@ -16,7 +16,8 @@ use crate::common::{
 /// A spot that is neither dim nor saturated, counts.
 const BRIGHT: f64 = 2000.0;
 
-/// Shows the firmware nothing but `light` from its first row on, makes sure that no line it says is anything but
+/// Shows the firmware nothing but `light` from its first row on, makes sure that no line it says is anything
+/// but
 /// the fault of that name, with `distance` and without, and gives one.
 fn only_fault(name: &str, light: LightSource) -> String {
     let (mut board, _) = boot(light);
@@ -143,7 +144,8 @@ fn two_spots_of_like_height_are_said_to_be_two() {
 
 #[test]
 fn rows_that_do_not_agree_are_unsteady() {
-    // Every other row of the frame shows the spot elsewhere: 50 px to either side of the mean, with a width of 8.6 px.
+    // Every other row of the frame shows the spot elsewhere: 50 px to either side of the mean, with a width
+    // of 8.6 px.
     let (mut here, mut there) = (spot_at(1750.0, BRIGHT), spot_at(1850.0, BRIGHT));
     let mut rows = 0;
     let line = only_fault(
@@ -314,7 +316,8 @@ fn a_word_that_no_converter_makes_spoils_its_row_and_no_other() {
 fn a_read_out_that_stops_half_way_is_given_up_and_measuring_goes_on() {
     let mut board = measuring(4);
     assert_all_measure(&fresh_results(&mut board, 2));
-    // Its row has too few words, which the sensor head calls a violated limit; the firmware could not help it.
+    // Its row has too few words, which the sensor head calls a violated limit; the firmware could not help
+    // it.
     board.expect_violations();
     run_into_a_row(&mut board);
     let moment = board.now();

@@ -16,7 +16,8 @@ use crate::common::{PATIENCE, firmware, set, spot_at};
 use crate::kept;
 use crate::records::{CENTRE, longest, upload};
 
-/// Virtual time that a save takes at most: an erase of 800 ms (DS9405 table 48), and the words of the longest record.
+/// Virtual time that a save takes at most: an erase of 800 ms (DS9405 table 48), and the words of the longest
+/// record.
 const SAVE: Duration = Duration::from_secs(2);
 
 /// What a sensor with the longest record has saved that was set to `rows` rows.
@@ -147,7 +148,8 @@ fn assert_board_starts_with(contents: &Contents) {
     board.finish().expect("a clean run");
 }
 
-/// After each operation of a save, and torn in the middle of each, what was saved before is there or what is being saved, whole; and once
+/// After each operation of a save, and torn in the middle of each, what was saved before is there or what is
+/// being saved, whole; and once
 /// the new is there, it stays.
 #[test]
 fn a_power_cut_at_any_operation_leaves_the_old_or_the_new() {
@@ -193,7 +195,8 @@ fn a_power_cut_at_any_operation_leaves_the_old_or_the_new() {
     }
 }
 
-/// Before anything was ever saved there is no old one: the nominal calibration holds, or none, until the new one is whole.
+/// Before anything was ever saved there is no old one: the nominal calibration holds, or none, until the new
+/// one is whole.
 #[test]
 fn a_power_cut_in_the_first_save_of_all_leaves_the_nominal_calibration_or_none() {
     let history = &Saves::of_the_firmware().first_ever;
@@ -236,7 +239,8 @@ fn a_board_starts_with_what_a_power_cut_left() {
     }
 }
 
-/// A start after every so many operations of a save: the board says that it uses what the store finds on this PC, the old one or the new.
+/// A start after every so many operations of a save: the board says that it uses what the store finds on this
+/// PC, the old one or the new.
 /// A start takes three seconds of computation, so that each operation would take an hour.
 fn assert_board_starts_all_along(history: &History) {
     const EVERY: usize = 47;
@@ -265,7 +269,8 @@ fn a_board_starts_all_along_a_save_with_an_erase() {
     assert_board_starts_all_along(&Saves::of_the_firmware().with_erase);
 }
 
-/// The board's own power fails in the middle of a save. The next board, with the same flash, has the old one in use, and saves.
+/// The board's own power fails in the middle of a save. The next board, with the same flash, has the old one
+/// in use, and saves.
 #[test]
 fn a_board_without_power_saves_no_further() {
     let flash = with_saves(3);
@@ -306,7 +311,8 @@ fn a_reset_during_an_erase_leaves_what_was_saved() {
     board.finish().expect("a clean run");
 }
 
-/// A bit in what was saved last: what was saved before is used, or where that was all, there are no distances. A bit in what was saved
+/// A bit in what was saved last: what was saved before is used, or where that was all, there are no
+/// distances. A bit in what was saved
 /// before: nothing changes.
 #[test]
 fn a_flipped_bit_is_found() {

@@ -1,4 +1,5 @@
-//! The chip and a PC find the same: the words that the sensor head sent go through the core on the PC with the
+//! The chip and a PC find the same: the words that the sensor head sent go through the core on the PC with
+//! the
 //! chip's settings, and every line must be the same text.
 
 use std::collections::BTreeMap;
@@ -22,7 +23,8 @@ use crate::common::{PATIENCE, Status, boot, is_reading, is_result, set};
 /// Pixels that the estimator may put into a sample.
 const BLOCKS: [u8; 5] = slitrange::centre::tables::BLOCKS;
 
-/// A spot of any kind on each row: anywhere and beyond the edges, of every width that is served and more, from lost in
+/// A spot of any kind on each row: anywhere and beyond the edges, of every width that is served and more,
+/// from lost in
 /// the noise to three times full scale. One row in six has a second one.
 fn any_spots(seed: u64) -> LightSource {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -49,7 +51,8 @@ fn any_spots(seed: u64) -> LightSource {
     })
 }
 
-/// Spots that stay within a pixel or two of each other, so that frames agree more or less; the rows between those swing.
+/// Spots that stay within a pixel or two of each other, so that frames agree more or less; the rows between
+/// those swing.
 fn spots_nearby(seed: u64) -> LightSource {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut row = 0;

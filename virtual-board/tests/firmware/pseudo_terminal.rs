@@ -134,7 +134,8 @@ fn the_target_is_where_the_stages_file_says() {
     drop(demo);
 }
 
-/// The centre is where the hidden geometry has it, and the distance is what the nominal calibration makes of that.
+/// The centre is where the hidden geometry has it, and the distance is what the nominal calibration makes of
+/// that.
 #[test]
 fn an_unknown_geometry_is_one_that_the_sensor_is_not_calibrated_for() {
     const SEED: u64 = 7;

@@ -75,7 +75,8 @@ fn knots(count: i32, value: impl Fn(Pixels) -> Micrometres) -> Vec<Knot> {
         .collect()
 }
 
-/// As many knots as there may be; centres beyond 2048 pixels, residuals beyond 0.52 m and a K of 55 bits take all the bytes that they
+/// As many knots as there may be; centres beyond 2048 pixels, residuals beyond 0.52 m and a K of 55 bits take
+/// all the bytes that they
 /// can.
 pub fn longest() -> EncodedRecord {
     let knots: Vec<Knot> = (0..MAX_KNOTS as i32)

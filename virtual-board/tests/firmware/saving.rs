@@ -1,4 +1,5 @@
-//! What is in use outlives a power cycle once it is saved; what cannot be read again is not replaced by what might be wrong.
+//! What is in use outlives a power cycle once it is saved; what cannot be read again is not replaced by what
+//! might be wrong.
 
 use std::time::Duration;
 
@@ -114,7 +115,8 @@ fn what_was_saved_is_in_use_after_a_power_cycle() {
     board.finish().expect("a clean run");
 }
 
-/// The longest record, again and again: the first sector is full after six of them, and the other one is erased. The target goes
+/// The longest record, again and again: the first sector is full after six of them, and the other one is
+/// erased. The target goes
 /// elsewhere in each pause.
 #[test]
 fn saving_pauses_the_stream_and_nothing_else() {
@@ -194,7 +196,8 @@ fn the_watchdog_waits_for_an_erase() {
     board.finish().expect("a clean run");
 }
 
-/// The core's register by which interrupts are switched off (NVIC_ICER0), and the flash's one there (RM0090 table 62).
+/// The core's register by which interrupts are switched off (NVIC_ICER0), and the flash's one there (RM0090
+/// table 62).
 const FLASH_INTERRUPT_OFF: (u64, u32) = (0xE000_E180, 1 << 4);
 
 /// An upset of a register, after which nobody hears of the end of the erase.

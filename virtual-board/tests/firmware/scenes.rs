@@ -1,4 +1,5 @@
-//! Every scene that the board's sensor can see, shown to the firmware: it gives readings, or the fault that the scene is made for.
+//! Every scene that the board's sensor can see, shown to the firmware: it gives readings, or the fault that
+//! the scene is made for.
 
 use simulator::scene::{Scene, Sensor, file};
 use virtual_board::light::{Target, of_scene};
@@ -16,7 +17,8 @@ enum Expected {
     Fault(String),
 }
 
-/// The file of a scene says which fault it is for, if it is. The calibration adds one: it is nominal, and valid from 0.55 to 1.10 m.
+/// The file of a scene says which fault it is for, if it is. The calibration adds one: it is nominal, and
+/// valid from 0.55 to 1.10 m.
 fn expected(name: &str, scene: &Scene) -> Expected {
     let path = file::folder().join(format!("{name}.toml"));
     let text = std::fs::read_to_string(path).expect("a scene's file");
@@ -30,7 +32,8 @@ fn expected(name: &str, scene: &Scene) -> Expected {
     }
 }
 
-/// A result of a row that was exposed after this call: those before are being read, computed, or wait for the serial line.
+/// A result of a row that was exposed after this call: those before are being read, computed, or wait for the
+/// serial line.
 fn result(board: &mut VirtualBoard) -> Line {
     for _ in 0..5 {
         board.run_until_line(is_result, PATIENCE).expect("a result");

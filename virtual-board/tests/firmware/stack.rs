@@ -12,7 +12,8 @@ use crate::records::{longest, upload};
 /// What untouched stack holds.
 const PATTERN: u32 = 0xA5C3_5A3C;
 
-/// The stack grows down from the end of RAM towards the statics, and nothing stops it there: it must never get near. Interrupts
+/// The stack grows down from the end of RAM towards the statics, and nothing stops it there: it must never
+/// get near. Interrupts
 /// that come at the deepest moment of all may not have come in this test; they take a few hundred bytes.
 #[test]
 fn the_stack_stays_far_from_the_statics() {
@@ -57,7 +58,8 @@ fn the_stack_stays_far_from_the_statics() {
         board.run_for(Duration::from_millis(200)).expect("a run");
     }
     board.take_lines();
-    // Records are the largest things that are moved: one comes, is kept, and is found again at the next start.
+    // Records are the largest things that are moved: one comes, is kept, and is found again at the next
+    // start.
     upload(&mut board, &longest());
     for _ in 0..2 {
         board.send("save\r\n");
@@ -81,14 +83,17 @@ fn the_stack_stays_far_from_the_statics() {
         .expect("a stack that is used");
     let (used, room) = (start - deepest, start - end);
     println!("stack: {used} bytes at most of {room}");
-    // It was watched: rows alone take more than this, and not so much that the interrupts that did not come could matter.
+    // It was watched: rows alone take more than this, and not so much that the interrupts that did not come
+    // could matter.
     assert!(used > 4 * 1024, "{used} of {room}");
-    // A save that reads the longest record again takes most: every function on the way down holds a record or two, of 2 KB each.
+    // A save that reads the longest record again takes most: every function on the way down holds a record or
+    // two, of 2 KB each.
     assert!(used < room / 3, "{used} of {room}");
     board.finish().expect("a clean run");
 }
 
-/// Rows whose spots take the estimators' longest ways: a good one, one that is cut off at full scale, one at the sensor's edge, and
+/// Rows whose spots take the estimators' longest ways: a good one, one that is cut off at full scale, one at
+/// the sensor's edge, and
 /// one with a hot pixel.
 fn hard_rows() -> [LightSource; 4] {
     let mut good = spot_at(1800.3, 2000.0);

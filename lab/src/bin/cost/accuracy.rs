@@ -9,7 +9,8 @@ pub const WIDTHS: [f64; 12] = [
     0.8, 1.2, 1.6, 2.0, 3.0, 4.6, 6.7, 8.0, 10.5, 13.4, 18.0, 30.0,
 ];
 
-/// The widths in pixels that the estimators are made for, over which their worst figures are taken. A narrower spot is
+/// The widths in pixels that the estimators are made for, over which their worst figures are taken. A
+/// narrower spot is
 /// hardly wider than a pixel, and a wider one is beyond the optics.
 pub const MEANT_FOR: std::ops::RangeInclusive<f64> = 1.2..=18.0;
 
@@ -55,7 +56,8 @@ pub const NOISES: [Noise; 10] = [
 ];
 
 impl Noise {
-    /// A cell of the grid. White noise is on a spot of 2400 counts, which leaves room for its peaks at any SNR.
+    /// A cell of the grid. White noise is on a spot of 2400 counts, which leaves room for its peaks at any
+    /// SNR.
     fn cell(self, width: f64, rows: u64) -> Cell {
         let (amplitude, read_noise, electrons_per_count) = match self {
             Self::White { snr } => (2400.0, 2400.0 / snr, None),
@@ -143,7 +145,8 @@ pub const SITUATIONS: [Situation; 4] = [
     },
 ];
 
-/// Where more of the rows than this have no centre, the error of the others is not the method's: those are the easy ones.
+/// Where more of the rows than this have no centre, the error of the others is not the method's: those are
+/// the easy ones.
 pub const MOST_FAULTS: f64 = 0.1;
 
 /// A method in a situation.

@@ -1,4 +1,5 @@
-//! What each rung costs on the chip: the program of `cost-on-chip`, built, run on the emulated board and read.
+//! What each rung costs on the chip: the program of `cost-on-chip`, built, run on the emulated board and
+//! read.
 //!
 //! - **Instructions** of a rung are exact: those that the emulated core executed from the rung's first one to its return.
 //!   The program's own count is checked against them: its cycle counter, which there counts one for each instruction.
@@ -44,7 +45,8 @@ const GAUSS_NEWTON_ITERATION: &str = "slitrange::centre::gauss_newton::normal_eq
 /// The function that makes a distance of a centre, as Rust names it.
 const DISTANCE_AT: &str = "<slitrange::distance::Calibration>::distance_at";
 
-/// The emulator makes its cycle counter from whole nanoseconds, of which a cycle has six: a difference is off by up to this.
+/// The emulator makes its cycle counter from whole nanoseconds, of which a cycle has six: a difference is off
+/// by up to this.
 const CLOCK_ROUNDS: u64 = 2;
 
 /// What was counted on the chip.
@@ -66,11 +68,13 @@ pub struct Chip {
     pub forms: Vec<FormOnChip>,
     /// What one would use instead.
     pub peers: Vec<PeerOnChip>,
-    /// Times that an inner product or a square root in assembly was compared with its portable twin, and was the same.
+    /// Times that an inner product or a square root in assembly was compared with its portable twin, and was
+    /// the same.
     pub kernels_compared: u64,
 }
 
-/// One rung at one width, over several rows: the spot is known, and so is what the rung found in the row before.
+/// One rung at one width, over several rows: the spot is known, and so is what the rung found in the row
+/// before.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RungOnChip {
     /// The method's name.

@@ -12,7 +12,8 @@ use slitrange::spot;
 const ROWS: u64 = 256;
 const REPETITIONS: usize = 101;
 
-/// Nanoseconds per row, the median of repetitions, for a spot of 10.5 pixels' width whose place is known from the row before.
+/// Nanoseconds per row, the median of repetitions, for a spot of 10.5 pixels' width whose place is known from
+/// the row before.
 /// The search for the spot is not in it. `None` where a row has no centre.
 pub fn nanoseconds(method: Method) -> Option<f64> {
     let cell = Cell {

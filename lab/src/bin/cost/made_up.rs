@@ -10,7 +10,8 @@ use crate::distances::Distance;
 use crate::reading_time::{self, Light, Point};
 use crate::report::Measured;
 
-/// Name, RMSE over the bound in white and shot noise, bias at a width of a pixel, instructions, code and tables in bytes.
+/// Name, RMSE over the bound in white and shot noise, bias at a width of a pixel, instructions, code and
+/// tables in bytes.
 const RUNGS: [(f64, f64, f64, u64, u64, u64); 10] = [
     (1.9, 1.3, 0.02, 520, 420, 0),
     (1.06, 1.09, 0.0003, 354, 1100, 9400),

@@ -1,9 +1,13 @@
 //! What one would use instead, on the same rows in one run: time as ratios, errors over the bound.
 //!
-//! Everyone gets the same 128 pixels around the spot, and knows what the row before told: the centre to half a pixel, the width
-//! to 5 %, the height to 10 %, the level to its noise. The search for the spot is in nobody's time. The rungs get
-//! the row as it is, 16-bit counts; turning them into its floats is in a peer's time, because it has to. A peer fits eq. (5) on a
-//! level, all pixels weighted alike, with its defaults and analytic derivatives where it wants them. Time is of one thread; in Rust the
+//! Everyone gets the same 128 pixels around the spot, and knows what the row before told: the centre to half
+//! a pixel, the width
+//! to 5 %, the height to 10 %, the level to its noise. The search for the spot is in nobody's time. The rungs
+//! get
+//! the row as it is, 16-bit counts; turning them into its floats is in a peer's time, because it has to. A
+//! peer fits eq. (5) on a
+//! level, all pixels weighted alike, with its defaults and analytic derivatives where it wants them. Time is
+//! of one thread; in Rust the
 //! median over turns that all take, in scipy the median over fits.
 
 use std::fmt;
@@ -273,7 +277,8 @@ impl<'a> Given<'a> {
 /// Runs rungs and peers.
 ///
 /// # Errors
-/// A scene without a spot, or scipy is there and its script fails. Where scipy cannot be had its figures are left out,
+/// A scene without a spot, or scipy is there and its script fails. Where scipy cannot be had its figures are
+/// left out,
 /// and [`Peers::scipy_skipped`] says why.
 pub fn run(options: &Options) -> anyhow::Result<Peers> {
     let (scipy, scipy_skipped) = match scipy::Environment::make() {
@@ -319,12 +324,14 @@ pub fn run(options: &Options) -> anyhow::Result<Peers> {
     Ok(Peers::new(options, timings, scenes, scipy_skipped))
 }
 
-/// Names with nanoseconds a row: the median over short turns that all take on the same few rows, so that a neighbour's load on the
+/// Names with nanoseconds a row: the median over short turns that all take on the same few rows, so that a
+/// neighbour's load on the
 /// PC falls on all alike.
 fn time(given: &Given<'_>, options: &Options) -> Vec<(&'static str, f64)> {
     /// So few that they stay in the cache, where a row is that has just come in.
     const ROWS_OF_A_TURN: usize = 128;
-    /// A rung is through in some microseconds: more passes, the first of which fetches the rows and is not counted.
+    /// A rung is through in some microseconds: more passes, the first of which fetches the rows and is not
+    /// counted.
     const PASSES_OF_A_RUNG: usize = 8;
     let methods: Vec<Method> = RUNGS
         .into_iter()
@@ -512,7 +519,8 @@ impl fmt::Display for Peers {
 mod tests {
     use super::*;
 
-    /// An unweighted fit of the reference scene has 1.201 times the bound: J^T J inverse times J^T V J times J^T J inverse. The standard error over
+    /// An unweighted fit of the reference scene has 1.201 times the bound: J^T J inverse times J^T V J times
+    /// J^T J inverse. The standard error over
     /// 1000 rows is 2.2 %, of which four are allowed to either side of 1 and 1.201.
     #[test]
     fn every_method_is_near_the_bound() {

@@ -1,11 +1,13 @@
-//! The whole sensor: how the uncertainty of a distance falls with the time that a reading takes, and where it stops falling.
+//! The whole sensor: how the uncertainty of a distance falls with the time that a reading takes, and where it
+//! stops falling.
 //!
 //! White paper at 0.8 m, seen by the TCD1304DG with its nominal geometry:
 //! * noise alone: no speckle, the rows are independent;
 //! * speckle on a target at rest: all rows of a reading share its error;
 //! * speckle on a target that moves away from the sensor, and on one that slides past under the laser.
 //!
-//! They are the scenes `speckle-*` of `scenes/`; speckle is summed as a field ([`simulator::field`]). Each reading sees a surface of
+//! They are the scenes `speckle-*` of `scenes/`; speckle is summed as a field ([`simulator::field`]). Each
+//! reading sees a surface of
 //! its own. Its truth is the target's mean distance over its rows.
 
 use anyhow::Result;
@@ -199,9 +201,11 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::StandardNormal;
 
-    /// Errors of the first row and of the mean of so many rows in micrometres, for each of `surfaces` surfaces, where the slit is so narrow that all that speckle
+    /// Errors of the first row and of the mean of so many rows in micrometres, for each of `surfaces`
+    /// surfaces, where the slit is so narrow that all that speckle
     /// does is to tilt the wave: the light moves by z times the gradient of its phase over k, which is
-    /// Im(sum E* dE/du) / sum |E|^2 over the polarisations. The field is summed over scatterers on a line, with exact paths: the beam's
+    /// Im(sum E* dE/du) / sum |E|^2 over the polarisations. The field is summed over scatterers on a line,
+    /// with exact paths: the beam's
     /// extent across the baseline changes nothing for a slit that is short, too.
     fn behind_a_narrow_slit(scene: &Scene, rows: u64, surfaces: u64) -> Vec<[f64; 2]> {
         const PITCH: f64 = 4e-6;
@@ -290,7 +294,8 @@ mod tests {
         let rest = gain(Light::SpeckleAtRest);
         println!("speckle at rest: 64 rows gain {rest}");
         assert!((rest - 1.0).abs() < 0.03);
-        // Behind a narrow slit it is s / sqrt 2: see below. A slit of 200 um, and pixels as tall as that, see a mean over a part of a speckle.
+        // Behind a narrow slit it is s / sqrt 2: see below. A slit of 200 um, and pixels as tall as that, see
+        // a mean over a part of a speckle.
         let image = image_of_the_spot(&Light::SpeckleAtRest.scene().expect("a scene"));
         let row = at(&points, Light::SpeckleAtRest, 1) / (image / 2f64.sqrt());
         println!("speckle at rest: {row} of a row behind a narrow slit");
@@ -305,8 +310,10 @@ mod tests {
         }
     }
 
-    /// Given sum |E|^2 over two polarisations of mean light 1, the shift is normal with a variance of s^2 / (2 sum |E|^2), s being the
-    /// standard deviation of the spot's image: 2 / s times it is distributed as Student's t with 4 degrees of freedom, whose median
+    /// Given sum |E|^2 over two polarisations of mean light 1, the shift is normal with a variance of s^2 /
+    /// (2 sum |E|^2), s being the
+    /// standard deviation of the spot's image: 2 / s times it is distributed as Student's t with 4 degrees of
+    /// freedom, whose median
     /// without sign is 0.7407 and whose standard deviation is sqrt 2. The median of 3000 is good to 2 %.
     #[test]
     fn a_narrow_slit_has_a_closed_form() {

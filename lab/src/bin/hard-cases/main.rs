@@ -17,14 +17,16 @@ use slitrange::centre::Estimator;
 /// The random rows of each kind that docs/ shows.
 const ROWS: u64 = 1_000_000;
 
-/// Runs the catalogue of hard cases and random mixtures of them through every rung, and rewrites docs/hard-cases.md.
+/// Runs the catalogue of hard cases and random mixtures of them through every rung, and rewrites
+/// docs/hard-cases.md.
 #[derive(Parser)]
 #[command(name = "cargo hard-cases")]
 struct Options {
     /// Print one JSON object and nothing else; docs/ stays as it is
     #[arg(long)]
     json: bool,
-    /// Random rows with flaws, and as many clean ones. With fewer than a million, docs/ keeps the rates that it has
+    /// Random rows with flaws, and as many clean ones. With fewer than a million, docs/ keeps the rates that
+    /// it has
     #[arg(long, value_name = "N", default_value_t = ROWS,
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     rows: u64,

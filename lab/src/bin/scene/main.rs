@@ -1,4 +1,5 @@
-//! `cargo scene`: what a scene shows, what each of its effects does to the error, and what it costs to simulate.
+//! `cargo scene`: what a scene shows, what each of its effects does to the error, and what it costs to
+//! simulate.
 
 mod embedded;
 mod picture;
@@ -20,19 +21,27 @@ use crate::timing::Timing;
 /// The scenes whose pictures docs/physics.md shows.
 const SHOWN: [&str; 4] = ["quiet-paper", "brushed-metal", "paper-on-camera", "lens"];
 
-/// Shows a scene: its rows, its error budget, and what each effect costs in time. Without a name: lists the scenes.
+/// Shows a scene: its rows, its error budget, and what each effect costs in time. Without a name: lists the
+/// scenes.
 ///
-/// The error is that of the core's centres against the truth; a reading is a row of a line sensor, or the mean over the rows of
+/// The error is that of the core's centres against the truth; a reading is a row of a line sensor, or the
+/// mean over the rows of
 /// a camera's frame that are at least a tenth as high as its highest. An effect's share of it is
-/// 1 - (RMS error without the effect)^2 / (RMS error)^2, of the readings that have a centre with it and without it: shares of
-/// effects that interact do not add up to 1, and one without which the error would be larger has a negative one.
+/// 1 - (RMS error without the effect)^2 / (RMS error)^2, of the readings that have a centre with it and
+/// without it: shares of
+/// effects that interact do not add up to 1, and one without which the error would be larger has a negative
+/// one.
 ///
-/// Readings are taken of many realisations of the scene, because some effects (speckle, texture, fixed pattern, response) stay as
-/// long as target or sensor do: each has a seed of its own, and the spot elsewhere on its pixel. Within a realisation they are
+/// Readings are taken of many realisations of the scene, because some effects (speckle, texture, fixed
+/// pattern, response) stay as
+/// long as target or sensor do: each has a seed of its own, and the spot elsewhere on its pixel. Within a
+/// realisation they are
 /// spread over a time, because others (temperature, drift) take their time.
 ///
-/// Times are those of a row as the core gets it, and of the first one of a scene, in which all is computed that stays; those of an
-/// effect are by how much a row takes longer with it than without. One that takes light away spares the shot noise work.
+/// Times are those of a row as the core gets it, and of the first one of a scene, in which all is computed
+/// that stays; those of an
+/// effect are by how much a row takes longer with it than without. One that takes light away spares the shot
+/// noise work.
 #[derive(Parser)]
 #[command(name = "cargo scene", bin_name = "cargo scene")]
 struct Options {
@@ -47,7 +56,8 @@ struct Options {
     /// Readings of each [default: 4; with speckle 10; for a camera 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     readings: Option<u64>,
-    /// Time over which a realisation's readings are spread [default: 600, or what it takes the target to move by a centimetre]
+    /// Time over which a realisation's readings are spread [default: 600, or what it takes the target to move
+    /// by a centimetre]
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
     /// Folder of the picture, NAME.svg

@@ -1,4 +1,5 @@
-//! A scene's picture: its rows as the sensor sees them, one of them with the fit over it, and what the fit leaves.
+//! A scene's picture: its rows as the sensor sees them, one of them with the fit over it, and what the fit
+//! leaves.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -82,7 +83,8 @@ impl<'a> Seen<'a> {
     fn of(scene: &'a Scene, estimator: Estimator) -> Self {
         let simulation = Simulation::new(scene.clone());
         let geometry = scene.geometry();
-        // A camera's frame, or a line sensor's first rows; of the former the middle one is fitted, of the latter the first.
+        // A camera's frame, or a line sensor's first rows; of the former the middle one is fitted, of the
+        // latter the first.
         let (rows, row) = match scene.sensor.rows() {
             1 => (ROWS, 0),
             rows => (rows, rows / 2),
@@ -335,7 +337,8 @@ impl<'a> Seen<'a> {
             .collect()
     }
 
-    /// The fit, and the level on which its gaussian lies: the median of what it leaves. The core has no need to know it.
+    /// The fit, and the level on which its gaussian lies: the median of what it leaves. The core has no need
+    /// to know it.
     fn fit_and_level(&self) -> Option<(&RowCentre, f64)> {
         let fit = self.fit.as_ref().ok()?;
         let counts = self.counts().into_iter();

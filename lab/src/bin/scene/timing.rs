@@ -40,7 +40,8 @@ pub struct Difference {
     pub uncertainty: f64,
 }
 
-/// Time for a repetition of a scene, but two rows or frames at least: so short that most of them nothing interrupts.
+/// Time for a repetition of a scene, but two rows or frames at least: so short that most of them nothing
+/// interrupts.
 const REPETITION: Duration = Duration::from_micros(250);
 
 /// Repetitions, in which the scenes take turns so that all meet the same disturbances.
@@ -105,7 +106,8 @@ impl Difference {
         let mut off: Vec<f64> = (repetitions.iter())
             .map(|difference| (difference - nanoseconds).abs())
             .collect();
-        // Of normal values the standard deviation is 1.483 medians, and that of a median of n of them 1.253/sqrt(n) of it.
+        // Of normal values the standard deviation is 1.483 medians, and that of a median of n of them 1.253/sqrt(n)
+        // of it.
         let deviation = 1.483 * median(&mut off);
         Some(Self {
             nanoseconds,

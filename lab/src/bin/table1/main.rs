@@ -19,7 +19,8 @@ use crate::report::Report;
 /// The seed of what docs/ shows.
 const SEED: u64 = 1;
 
-/// Simulates the paper's experiment: six materials, lens against slit, 16,800 positions of five captures each.
+/// Simulates the paper's experiment: six materials, lens against slit, 16,800 positions of five captures
+/// each.
 #[derive(Parser)]
 #[command(name = "cargo table1")]
 struct Options {
@@ -39,7 +40,8 @@ struct Options {
     /// Only the lens or only the slit
     #[arg(long, value_name = "NAME", value_parser = aperture)]
     optics: Option<Aperture>,
-    /// Rewrite docs/ whatever the number of positions. Without it, docs/ is rewritten only by a full run with the default seed
+    /// Rewrite docs/ whatever the number of positions. Without it, docs/ is rewritten only by a full run with
+    /// the default seed
     #[arg(long, conflicts_with_all = ["material", "optics", "json"])]
     write: bool,
     /// Seed of surfaces and noise

@@ -1,4 +1,5 @@
-//! The board as the firmware sets it up, as far as it decides how fast the core is: clocks and flash. `embassy-stm32` gives the
+//! The board as the firmware sets it up, as far as it decides how fast the core is: clocks and flash.
+//! `embassy-stm32` gives the
 //! flash its five wait states and leaves its caches off, in the firmware and here.
 
 use cortex_m::peripheral::DCB;

@@ -40,7 +40,8 @@ const WATCHED: usize = 12 * 1024;
 /// What untouched stack holds.
 const PATTERN: u32 = 0xA5C3_5A3C;
 
-/// A function that can be counted: it takes all it needs behind one pointer and puts what it finds behind another, so
+/// A function that can be counted: it takes all it needs behind one pointer and puts what it finds behind
+/// another, so
 /// that a call is the same instructions whatever the function.
 pub type Counted<I, O> = extern "C" fn(&I, &mut O);
 
@@ -68,7 +69,8 @@ extern "C" fn empty(_: *const (), _: *mut ()) {
     naked_asm!("bx lr")
 }
 
-/// Calls a function between two looks at the cycle counter. Gives their difference, and the bytes of stack that were
+/// Calls a function between two looks at the cycle counter. Gives their difference, and the bytes of stack
+/// that were
 /// written to below this function's own.
 ///
 /// # Safety
@@ -79,7 +81,8 @@ unsafe fn call(function: *const (), input: *const (), output: *mut ()) -> (u32, 
     // SAFETY: reads the stack pointer.
     unsafe { asm!("mov {}, sp", out(reg) top, options(nomem, nostack, preserves_flags)) };
     for depth in 1..=WATCHED {
-        // SAFETY: nobody uses the memory below the stack pointer while interrupts are off and nothing is called. It is
+        // SAFETY: nobody uses the memory below the stack pointer while interrupts are off and nothing is
+        // called. It is
         // stack: RAM has 192 KB, and this program's statics take less than half of that.
         unsafe { top.sub(depth).write_volatile(PATTERN) };
     }

@@ -4,7 +4,8 @@ use dual_mac::{Pair, Pairs, portable};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore as _, SeedableRng as _};
 
-/// The longest inner product in samples, one more than a window's so that a last one without a partner is among them.
+/// The longest inner product in samples, one more than a window's so that a last one without a partner is
+/// among them.
 const LONGEST: usize = 100;
 
 /// Times that each length is tried.
@@ -13,7 +14,8 @@ const ROUNDS: usize = 20;
 /// Square roots that are tried.
 const ROOTS: usize = 5000;
 
-/// Compares on seeded random numbers: inner products of all lengths, from even and from odd pixels on, with weights as many
+/// Compares on seeded random numbers: inner products of all lengths, from even and from odd pixels on, with
+/// weights as many
 /// and fewer; a quarter of all numbers is extreme. Square roots of any 32 bits.
 pub fn compare() {
     let mut random = ChaCha8Rng::seed_from_u64(1);

@@ -39,7 +39,8 @@ struct Found {
 /// Where a fit starts.
 #[derive(Clone, Copy)]
 enum Start {
-    /// What the default estimator found in the row before, the target on the move: as the peers on a PC start.
+    /// What the default estimator found in the row before, the target on the move: as the peers on a PC
+    /// start.
     Moved,
     /// The same of a target at rest: as the methods on this chip start.
     AtRest,

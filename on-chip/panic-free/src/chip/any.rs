@@ -21,7 +21,8 @@ use slitrange::units::{Counts, Micrometres, Pixels};
 /// What might be any value of its type, though it is the one given.
 pub fn any<T: Copy>(value: T) -> T {
     let place = &raw const value;
-    // SAFETY: reads a value that is there, and whose type is free to copy. Volatile: the optimiser may not go by what was
+    // SAFETY: reads a value that is there, and whose type is free to copy. Volatile: the optimiser may not go
+    // by what was
     // written there.
     unsafe { place.read_volatile() }
 }

@@ -97,7 +97,8 @@ pub fn find_centres() {
     any(black_level::centroid(row.light(), spot.background));
 }
 
-/// From centres to distances, with whatever calibration is accepted; and its record, written and read, alone and with what is saved.
+/// From centres to distances, with whatever calibration is accepted; and its record, written and read, alone
+/// and with what is saved.
 pub fn find_distances() {
     let Some(calibration) = any::calibration() else {
         return;
@@ -145,7 +146,8 @@ pub fn make_numbers() {
     any(Micrometres::from_f32(any(0.0)));
 }
 
-/// The serial line: bytes and frames in, text out, with whatever flash holds; and what the other end may show.
+/// The serial line: bytes and frames in, text out, with whatever flash holds; and what the other end may
+/// show.
 pub fn talk() {
     let hardware = any(Hardware {
         board: "",

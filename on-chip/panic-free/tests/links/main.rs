@@ -1,4 +1,5 @@
-//! The program links, as the firmware is built and with checks for overflow on; and does not where there is a panic in it.
+//! The program links, as the firmware is built and with checks for overflow on; and does not where there is a
+//! panic in it.
 
 mod places;
 
@@ -38,7 +39,8 @@ fn check(profile: &str) {
     );
 }
 
-/// The check is worth something only if it finds what there is: in each part of the program, behind what the part computed.
+/// The check is worth something only if it finds what there is: in each part of the program, behind what the
+/// part computed.
 #[test]
 fn a_panic_that_is_put_in_is_found() {
     let feature = ["--features", "put-panics-in"];

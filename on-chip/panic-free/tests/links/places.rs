@@ -1,6 +1,7 @@
 //! Where a program can panic.
 //!
-//! The handler passes on the `core::panic::Location` that it is given, so the program holds those that can get there and no other:
+//! The handler passes on the `core::panic::Location` that it is given, so the program holds those that can
+//! get there and no other:
 //! in memory, on 32 bits, the address and length of the file's name, the line and the column.
 
 use std::collections::BTreeSet;

@@ -29,7 +29,8 @@ const RESULTS_A_STEP: usize = 4;
 pub struct Summary {
     /// Root mean square error of the readings; none without readings.
     rms_error_um: Option<f64>,
-    /// What the Cramér-Rao bound gives for the scene, root mean square over the readings; none where the scene has more
+    /// What the Cramér-Rao bound gives for the scene, root mean square over the readings; none where the
+    /// scene has more
     /// to it than a gaussian and noise.
     bound_um: Option<f64>,
     max_error_um: Option<f64>,
@@ -134,7 +135,8 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
             true => target.move_to(start),
             false => target.move_to(NEAREST + share * (FARTHEST - NEAREST)),
         }
-        // The row that is under way, and the one that is being computed, still show the old place: two frames at most
+        // The row that is under way, and the one that is being computed, still show the old place: two frames
+        // at most
         // end with such a row.
         for result in 0..2 + RESULTS_A_STEP {
             let line = board

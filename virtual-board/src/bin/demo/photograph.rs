@@ -1,4 +1,5 @@
-//! The rows of a photograph, shown to the sensor one after the other, and how far the firmware's centres lie from a
+//! The rows of a photograph, shown to the sensor one after the other, and how far the firmware's centres lie
+//! from a
 //! least-squares fit in f64.
 
 use std::collections::BTreeMap;
@@ -17,11 +18,13 @@ use crate::lines::{Reading, Report};
 use crate::moving_target::rms;
 use crate::say;
 
-/// Rows whose spot is at least this high are compared: a twentieth of full scale. The noise of dimmer ones is a good part of
+/// Rows whose spot is at least this high are compared: a twentieth of full scale. The noise of dimmer ones is
+/// a good part of
 /// what would be compared.
 const BRIGHT: f64 = FULL_SCALE as f64 / 20.0;
 
-/// Ahead of the photograph three rows show a spot where no picture has one, so that lines and rows can be matched.
+/// Ahead of the photograph three rows show a spot where no picture has one, so that lines and rows can be
+/// matched.
 const MARKER: f64 = 1250.0;
 const MARKERS: usize = 3;
 
@@ -138,7 +141,8 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
     board
         .run_until_line(|line| line == "rows 1", patience)
         .context("the firmware did not take the command `rows`")?;
-    // After power-up the firmware clears the sensor with pulses that read no row; a result means that it is past that.
+    // After power-up the firmware clears the sensor with pulses that read no row; a result means that it is
+    // past that.
     let result = |line: &str| !matches!(Report::parse(line), Ok(None));
     board
         .run_until_line(result, patience)
@@ -171,7 +175,8 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
     Ok(reports)
 }
 
-/// The least-squares fit of a row of counts, started where the firmware found the spot, and the pixel on which the picture
+/// The least-squares fit of a row of counts, started where the firmware found the spot, and the pixel on
+/// which the picture
 /// begins. `None` where there is no fit, or the spot is not whole within the photograph.
 fn fit(photograph: &Photograph, y: usize, reading: &Reading) -> Option<(Gaussian, i64)> {
     let (light, first) = photograph.on_sensor(y)?;

@@ -1,4 +1,5 @@
-//! The board's serial line as a pseudo-terminal, with what stands around a sensor on a bench: a target on a stage, and the flash
+//! The board's serial line as a pseudo-terminal, with what stands around a sensor on a bench: a target on a
+//! stage, and the flash
 //! that a power switch leaves alone.
 
 use anyhow::Result;

@@ -1,6 +1,7 @@
 //! An estimate of the cycles that a call takes on a Cortex-M4, from the instructions that it executed.
 //!
-//! The timings are those of the *Cortex-M4 Technical Reference Manual* (ARM DDI 0439, table 3-1 and section 3.3.3, and
+//! The timings are those of the *Cortex-M4 Technical Reference Manual* (ARM DDI 0439, table 3-1 and section 3.3.3,
+//! and
 //! table 7-1 for the floating-point unit):
 //!
 //! | instruction | cycles |
@@ -17,8 +18,10 @@
 //! | VDIV, VSQRT | 14 |
 //! | VLDR, VSTR | 2 |
 //!
-//! Not modelled: flash wait states that the chip's caches do not hide, waits for the bus, a cycle or two for loads of words at
-//! odd addresses, a cycle more for using a floating-point result at once, IT instructions that fold into others.
+//! Not modelled: flash wait states that the chip's caches do not hide, waits for the bus, a cycle or two for
+//! loads of words at
+//! odd addresses, a cycle more for using a floating-point result at once, IT instructions that fold into
+//! others.
 
 use virtual_board::trace::Call;
 
@@ -87,7 +90,8 @@ fn cycles(instruction: &Instruction, taken: bool) -> u64 {
     base + refill
 }
 
-/// The registers of an instruction that moves several; of VLDM and the like the words, which a double register has two of.
+/// The registers of an instruction that moves several; of VLDM and the like the words, which a double
+/// register has two of.
 fn registers_moved(instruction: &Instruction) -> Option<u64> {
     let name = instruction.mnemonic.split('.').next().unwrap_or_default();
     if name.starts_with("ldrd") || name.starts_with("strd") {
@@ -170,7 +174,8 @@ mod tests {
             function: 0x100,
             steps,
         };
-        // LDRD 3, LDR 2 less 1 for the LDR behind it, which has 2, SMLAD, SMLAD, SUBS, BNE 1 and 3 times 2 more; VSQRT; POP.
+        // LDRD 3, LDR 2 less 1 for the LDR behind it, which has 2, SMLAD, SMLAD, SUBS, BNE 1 and 3 times 2
+        // more; VSQRT; POP.
         let expected = 4 * (3 + 1 + 2 + 1 + 1 + 1 + 1) + 3 * 2 + 14 + (1 + 4 + 2);
         assert_eq!(Model::of(&program).cycles(&call), expected);
         assert_eq!(call.instructions(), 4 * 7 + 2);

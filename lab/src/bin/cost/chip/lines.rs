@@ -1,4 +1,5 @@
-//! The lines that the program on the chip prints: a kind, a name, then names of values and values. A fault is last.
+//! The lines that the program on the chip prints: a kind, a name, then names of values and values. A fault is
+//! last.
 //!
 //! `rung phase-table width 10.5 cycles 358 most 371 stack 120`
 //!

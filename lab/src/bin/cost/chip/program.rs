@@ -99,8 +99,10 @@ impl Program {
         self.instructions.get(&address)
     }
 
-    /// The bytes of all functions that can be reached from `symbol` by a call or a jump, its own and their constants among
-    /// the code included. What is called through a pointer is not seen; constants elsewhere (tables of jumps and of
+    /// The bytes of all functions that can be reached from `symbol` by a call or a jump, its own and their
+    /// constants among
+    /// the code included. What is called through a pointer is not seen; constants elsewhere (tables of jumps
+    /// and of
     /// weights) are not counted.
     pub fn reachable_bytes(&self, symbol: &str) -> Result<u64> {
         let start = self
@@ -208,7 +210,8 @@ fn objdump() -> Result<PathBuf> {
 }
 
 /// A line of address, halfwords, name, operands and remarks, the latter three after tabs:
-/// ` 80001b0: f00f fc4e bl 0x800fa50 <__pre_init> @ imm = #0xf89c`. Data among the code have a name that begins with a dot,
+/// ` 80001b0: f00f fc4e bl 0x800fa50 <__pre_init> @ imm = #0xf89c`. Data among the code have a name that
+/// begins with a dot,
 /// and are left out.
 fn parse(line: &str) -> Option<(u64, Instruction)> {
     let (address, rest) = line.split_once(':')?;

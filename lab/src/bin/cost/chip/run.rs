@@ -18,7 +18,8 @@ pub struct Run {
     pub firmware: Firmware,
     /// What it printed.
     pub lines: Vec<Line>,
-    /// Every call of a rung, of one iteration of the Gauss-Newton one, and of a calibration: the instructions that were
+    /// Every call of a rung, of one iteration of the Gauss-Newton one, and of a calibration: the instructions
+    /// that were
     /// executed.
     pub calls: Vec<Call>,
 }

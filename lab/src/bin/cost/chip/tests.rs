@@ -63,7 +63,8 @@ fn on_this_pc(method: Method, width: f32, row: usize) -> Result<(i32, i32), Stri
     }
 }
 
-/// The chip's inner products are assembly, and its floating point is the core's own or the compiler's library.
+/// The chip's inner products are assembly, and its floating point is the core's own or the compiler's
+/// library.
 #[test]
 fn the_chip_and_a_pc_find_the_same_bits() {
     let mut found = on_the_chip().into_iter();
@@ -97,7 +98,8 @@ fn the_assembly_and_its_twin_agree() {
     assert!(CHIP.kernels_compared >= 9000);
 }
 
-/// The peers fit the spot that the rungs fit: the same noise moves both, so that they lie within three standard uncertainties.
+/// The peers fit the spot that the rungs fit: the same noise moves both, so that they lie within three
+/// standard uncertainties.
 #[test]
 fn the_peers_fit_the_same_spot() {
     let default = Method::default().name();

@@ -15,7 +15,8 @@ use crate::report::Measured;
 /// Ratios above are drawn at the top, with their number.
 const WORST: f64 = 60.0;
 
-/// A difference of ratios that chance explains: 20,000 rows give each to 0.5 %, and two on the same rows to less.
+/// A difference of ratios that chance explains: 20,000 rows give each to 0.5 %, and two on the same rows to
+/// less.
 const CHANCE: f64 = 0.005;
 
 const TIMES: [f64; 10] = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];

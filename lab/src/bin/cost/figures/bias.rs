@@ -56,7 +56,8 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The bound in pixels for a row of the brightest spot: 3800 counts, 10 electrons each, a count of read noise.
+/// The bound in pixels for a row of the brightest spot: 3800 counts, 10 electrons each, a count of read
+/// noise.
 fn bright(width: f64) -> f64 {
     bound::Spot {
         width,

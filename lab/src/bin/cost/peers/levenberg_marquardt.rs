@@ -22,7 +22,8 @@ pub fn fit_loosely(pixels: &[f64; WINDOW], start: Parameters) -> Option<Paramete
     fit(solver, pixels, [1.0; WINDOW], start)
 }
 
-/// Fits in f64 with each pixel weighted by one over its noise, that of the start's gaussian: what a user would ask for who knows the
+/// Fits in f64 with each pixel weighted by one over its noise, that of the start's gaussian: what a user
+/// would ask for who knows the
 /// read noise in counts and the shot noise's variance per count.
 pub fn fit_weighted(
     pixels: &[f64; WINDOW],
@@ -152,8 +153,10 @@ mod tests {
         assert!(f32.abs() < 1e-3);
     }
 
-    /// The project's reference takes four sigma where the peers take 128 pixels. What lies beyond four sigma holds the part
-    /// 2 exp(-16) 4/sqrt(pi) = 5e-7 of the information on the centre, so the two agree to 7e-4 of the bound, standard deviation.
+    /// The project's reference takes four sigma where the peers take 128 pixels. What lies beyond four sigma
+    /// holds the part
+    /// 2 exp(-16) 4/sqrt(pi) = 5e-7 of the information on the centre, so the two agree to 7e-4 of the bound,
+    /// standard deviation.
     #[test]
     fn agrees_with_the_reference_fit() {
         for (window, bound) in examples::noisy(100) {

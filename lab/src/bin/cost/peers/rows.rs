@@ -96,7 +96,8 @@ impl Scene {
         }
     }
 
-    /// The Cramér-Rao bound of a row's centre, in pixels, from pixels within 6 sigma: the window has 6.1 to either side.
+    /// The Cramér-Rao bound of a row's centre, in pixels, from pixels within 6 sigma: the window has 6.1 to
+    /// either side.
     pub fn bound(&self) -> f64 {
         let cell = self.cell();
         bound::Spot {
@@ -126,7 +127,8 @@ fn even(row: u64, irrational: f64) -> f64 {
     2.0 * (row as f64 * irrational).fract() - 1.0
 }
 
-/// The row before has the spot up to half a pixel away, up to 5 % narrower or wider, and up to 10 % lower or higher.
+/// The row before has the spot up to half a pixel away, up to 5 % narrower or wider, and up to 10 % lower or
+/// higher.
 fn window(scene: &scene::Scene, row: u64) -> anyhow::Result<Window> {
     const GOLDEN: f64 = 0.618_033_988_749_895;
     let truth = PIXELS as f64 / 2.0 + 10.0 * even(row, GOLDEN);
@@ -183,7 +185,8 @@ mod tests {
     #[test]
     fn the_row_before_tells_what_it_should() {
         for scene in [REFERENCE, WHITE[0], WHITE[1]] {
-            // What the row before did not measure better, five standard deviations: the width's bound is about that of the centre.
+            // What the row before did not measure better, five standard deviations: the width's bound is
+            // about that of the centre.
             let noise = 5.0 * scene.bound();
             for window in scene.windows(300).expect("a spot in each row") {
                 let (start, truth) = (window.start, window.truth);

@@ -1,4 +1,5 @@
-//! scipy's `curve_fit` and its L-BFGS-B, the method of the paper, through a script in a virtual environment of its own.
+//! scipy's `curve_fit` and its L-BFGS-B, the method of the paper, through a script in a virtual environment
+//! of its own.
 
 use std::collections::HashMap;
 use std::fs;
@@ -30,7 +31,8 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// The virtual environment; it is made where there is none with the pinned versions yet, which takes a minute and the network.
+    /// The virtual environment; it is made where there is none with the pinned versions yet, which takes a
+    /// minute and the network.
     ///
     /// # Errors
     /// Why scipy cannot be had: no Python, or no network.
@@ -147,7 +149,8 @@ mod tests {
     use crate::peers::gaussian::examples;
     use crate::peers::levenberg_marquardt;
 
-    /// All of them minimise the same sum of squares. L-BFGS-B stops where the sum's gradient is below 1e-5, and its curvature along the
+    /// All of them minimise the same sum of squares. L-BFGS-B stops where the sum's gradient is below 1e-5,
+    /// and its curvature along the
     /// centre is about sqrt(pi/2) (A = 1, 10.5 pixels a sigma): 1e-4 px.
     #[test]
     fn agrees_with_levenberg_marquardt() {

@@ -1,6 +1,8 @@
-//! The crate `varpro`: variable projection, which solves for A and b exactly at each step and searches for x0 and s only.
+//! The crate `varpro`: variable projection, which solves for A and b exactly at each step and searches for x0
+//! and s only.
 //!
-//! The model is written out and remembers its gaussian, as the crate's documentation advises "for maximum performance".
+//! The model is written out and remembers its gaussian, as the crate's documentation advises "for maximum
+//! performance".
 
 use std::convert::Infallible;
 

@@ -1,4 +1,5 @@
-//! The paper's fig. 12: eq. (1) fitted to the centres of white printer paper through the slit, and what it leaves.
+//! The paper's fig. 12: eq. (1) fitted to the centres of white printer paper through the slit, and what it
+//! leaves.
 
 use std::path::Path;
 
@@ -53,7 +54,8 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     let all = outcome.centres.iter().zip(&outcome.distances);
     let dots = all.step_by((outcome.centres.len() / DOTS).max(1));
     upper.draw_series(dots.map(|(&x, &d)| Circle::new((x, d), 5, colour.filled())))?;
-    // Without uncertainties: those of the fit are for errors that are independent, and neighbours share their speckle.
+    // Without uncertainties: those of the fit are for errors that are independent, and neighbours share their
+    // speckle.
     for (line, words) in [
         "d = D + K/(x − xp)".into(),
         format!("D = {:.1} mm", curve.d * 1e3),

@@ -1,4 +1,5 @@
-//! The paper's fig. 13: how the errors of each material are distributed, through the lens and through the slit.
+//! The paper's fig. 13: how the errors of each material are distributed, through the lens and through the
+//! slit.
 
 use std::path::Path;
 
@@ -116,7 +117,8 @@ fn draw_material(
     Ok(())
 }
 
-/// The errors' distribution, smoothed: places in micrometres and densities in any unit, where there are errors.
+/// The errors' distribution, smoothed: places in micrometres and densities in any unit, where there are
+/// errors.
 fn density(errors: &[f32]) -> Vec<(f64, f64)> {
     let bin = 2.0 * RANGE / BINS as f64;
     let mut counts = [0.0f64; BINS];
