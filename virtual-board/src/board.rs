@@ -52,10 +52,11 @@ impl Nucleo {
         line: Arc<Mutex<SerialLine>>,
         watched: Watched,
     ) -> Result<Self> {
-        let mut processor = Stm32f429::new().context("putting the emulated STM32F427 together")?;
+        let mut processor =
+            Stm32f429::new(head).context("putting the emulated STM32F427 together")?;
         processor.part.rcc.attach_crystals(HSE_HZ, LSE_HZ);
         processor.part.set_supply(SUPPLY_MILLIVOLTS);
-        pins::attach(&mut processor.part, head);
+        pins::attach(&mut processor, head);
         processor.part.usart[SERIAL_PORT].attach(FarEnd { line });
         Ok(Self { processor, watched })
     }

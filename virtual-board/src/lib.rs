@@ -26,6 +26,7 @@
 //! not the silicon's), bus arbitration, SPI mode, and analogue effects.
 
 pub mod board;
+mod burst;
 pub mod firmware;
 pub mod flash;
 pub mod hang;

@@ -19,7 +19,7 @@ use crate::firmware::Firmware;
 use crate::flash::{self, SharedFlash};
 use crate::hang::{self, Detours};
 use crate::rtt::{self, Message};
-use crate::sensor_head::pins::{CONVERTER, CONVERTER_BUS, SharedHead};
+use crate::sensor_head::pins::{CONVERTER, SharedHead};
 use crate::sensor_head::{LightSource, SensorHead};
 use crate::serial_line::{Line, SerialLine};
 use crate::trace::{self, Call};
@@ -295,7 +295,7 @@ impl VirtualBoard {
     /// The emulator failed.
     pub fn silence_sensor(&mut self, silent: bool) -> Result<()> {
         let hangs_there = self.on_emulator(move |session, _, _| {
-            session.board_mut().processor.part.spi[CONVERTER_BUS].silence(CONVERTER, silent)
+            session.board_mut().processor.silence(CONVERTER, silent)
         })?;
         ensure!(
             hangs_there,
@@ -469,7 +469,7 @@ impl VirtualBoard {
         let emulator = self.emulator.take().context("the run has ended already")?;
         let finished = joined(emulator)?;
         let mut faults = gaps(&finished.session);
-        let contentions = finished.session.board().processor.part.spi[CONVERTER_BUS].contentions();
+        let contentions = finished.session.board().processor.contentions();
         if contentions > 0 {
             faults.push(format!(
                 "{contentions} words on SPI1 had two chips selected"

@@ -451,6 +451,14 @@ impl SensorHead {
         word
     }
 
+    /// As [`SensorHead::word`], from a converter that answers only while chip select is low.
+    pub(crate) fn converted(&mut self, bits: u8, now: Nanos) -> u16 {
+        match self.chip_select.level {
+            Level::Low => self.word(bits, now),
+            Level::High => 0,
+        }
+    }
+
     /// What the clocks are now. To be told after each edge of ICG and of chip select.
     pub fn clocks(&mut self, clocks: Clocks, now: Nanos) {
         self.clocks = Some(clocks);

@@ -1,9 +1,12 @@
-//! The processor: rigless's STM32F427, with a TIM1 that sleeps while nobody would notice.
+//! The processor: rigless's STM32F427, with a TIM1 that sleeps while nobody would notice, and with SPI1 and DMA2 that move a
+//! read-out's words in batches ([`crate::burst`]).
 //!
 //! TIM1 makes the sensor's master clock, and rigless wakes a timer at each of its counter's events: five million times
 //! a virtual second here, which made the emulation eight times slower than all else together. No pin of the model
 //! carries the clock, so nobody hears these events. `LazyTimer` skips them. An access catches up with all of them
 //! first, so the firmware sees what it would; reading the counter, which a firmware may do for each row, is arithmetic.
+
+use std::sync::Arc;
 
 use rigless::device::{
     Device, DeviceContext, ErasedDevice, RegisterFile, RequestChange, ResetCause,
@@ -13,32 +16,68 @@ use rigless::mcu::Mcu;
 use rigless::snapshot::{self, Reader, Store, Writer};
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::tim1::{Register, cr1, cr2, smcr};
+use rigless::soc::stm32f427::peripherals::dma::Dma;
 use rigless::soc::stm32f427::peripherals::rcc;
+use rigless::soc::stm32f427::peripherals::spi::Spi;
 use rigless::soc::stm32f427::peripherals::tim::{Advanced, Channel, Counter, Tim};
 use rigless::soc::{Bus, Error, RegisterSpec};
 use rigless::time::{EventId, VirtualNanos};
 
+use crate::burst::{self, BurstDma, BurstSpi};
+use crate::sensor_head::pins::{DMA2, SharedHead};
+
 /// The board's processor.
 #[derive(Debug)]
 pub struct Stm32f429 {
-    /// rigless's model, whose own TIM1 (`advanced[0]`) nothing reaches.
+    /// rigless's model. Nothing reaches its own TIM1 (`advanced[0]`), SPI1 (`spi[0]`) and DMA2 (`dma[1]`).
     pub part: Stm32f427,
+    head: Arc<SharedHead>,
+    spi1: BurstSpi,
+    spi1_slot: usize,
+    dma2: BurstDma,
+    dma2_slot: usize,
     tim1: LazyTimer,
     tim1_slot: usize,
     flash_slot: usize,
 }
 
 impl Stm32f429 {
-    pub(crate) fn new() -> Result<Self, Error> {
-        let part = Stm32f427::new()?;
-        let tim1_slot = part.bus().slot("TIM1")?;
-        let flash_slot = part.bus().slot("FLASH")?;
+    pub(crate) fn new(head: &Arc<SharedHead>) -> Result<Self, Error> {
+        let mut part = Stm32f427::new()?;
+        let bus = part.bus();
+        let [spi1_slot, dma2_slot, tim1_slot, flash_slot] = [
+            bus.slot("SPI1")?,
+            bus.slot("DMA2")?,
+            bus.slot("TIM1")?,
+            bus.slot("FLASH")?,
+        ];
+        let (spi1, dma2) = burst::pair(take_dma2(&mut part), head);
         Ok(Self {
             part,
+            head: Arc::clone(head),
+            spi1,
+            spi1_slot,
+            dma2,
+            dma2_slot,
             tim1: LazyTimer::new(),
             tim1_slot,
             flash_slot,
         })
+    }
+
+    /// SPI1, which the converter hangs on.
+    pub fn converter_bus(&mut self) -> &mut Spi {
+        &mut self.spi1.spi
+    }
+
+    /// Words on SPI1 that two chips answered.
+    pub(crate) fn contentions(&self) -> u32 {
+        self.spi1.spi.contentions()
+    }
+
+    /// Cuts the nth chip of SPI1 off from the next chip select on, or connects it again. Whether there is one.
+    pub(crate) fn silence(&mut self, nth: usize, silent: bool) -> bool {
+        self.spi1.silence(nth, silent)
     }
 
     /// The registers of the flash interface.
@@ -53,6 +92,11 @@ impl Stm32f429 {
         let Pulse { width, period } = pulse?;
         (width.0 > 0 && width < period).then(|| period_clocks(registers))
     }
+}
+
+/// DMA2's model as rigless wires it.
+fn take_dma2(part: &mut Stm32f427) -> Dma {
+    std::mem::replace(&mut part.dma[DMA2], Dma::new(&[], &[], true))
 }
 
 /// The timer clocks of TIM1's period.
@@ -70,15 +114,25 @@ impl Mcu for Stm32f429 {
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
-        if slot == self.tim1_slot {
-            return (self.part.bus_mut(), Some(&mut self.tim1));
-        }
-        self.part.split(slot)
+        let model: &mut dyn ErasedDevice = if slot == self.spi1_slot {
+            &mut self.spi1
+        } else if slot == self.dma2_slot {
+            self.dma2.shortens = self.spi1.has_only_the_converter();
+            &mut self.dma2
+        } else if slot == self.tim1_slot {
+            &mut self.tim1
+        } else {
+            return self.part.split(slot);
+        };
+        (self.part.bus_mut(), Some(model))
     }
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
         self.tim1 = LazyTimer::new();
+        let (mut spi1, dma2) = burst::pair(take_dma2(&mut self.part), &self.head);
+        spi1.inherit(&mut self.spi1);
+        (self.spi1, self.dma2) = (spi1, dma2);
     }
 
     fn poll(&mut self, now: VirtualNanos) {

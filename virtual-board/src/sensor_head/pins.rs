@@ -27,10 +27,10 @@ pub(crate) const CONVERTER: usize = 0;
 /// SPI2, which hears ICG and SH. The firmware does not use it.
 const EDGE_BUS: usize = 1;
 /// DMA2, which serves SPI1.
-const DMA2: usize = 1;
+pub(crate) const DMA2: usize = 1;
 
 /// SPI1's data register, where the DMA streams that serve the converter read and write.
-const SPI1_DATA: u64 = 0x4001_300C;
+pub(crate) const SPI1_DATA: u64 = 0x4001_300C;
 
 /// The head, shared between its pins and whoever runs the board.
 #[derive(Debug)]
@@ -69,7 +69,7 @@ impl SharedHead {
 }
 
 /// Hangs `head` on `processor`'s pins.
-pub(crate) fn attach(processor: &mut Stm32f427, head: &Arc<SharedHead>) {
+pub(crate) fn attach(processor: &mut Stm32f429, head: &Arc<SharedHead>) {
     let chip = |pin| HeadPin {
         pin,
         head: Arc::clone(head),
@@ -79,13 +79,13 @@ pub(crate) fn attach(processor: &mut Stm32f427, head: &Arc<SharedHead>) {
         pin: PortPin::new(number).expect("a port has sixteen pins"),
         active,
     };
-    processor.spi[CONVERTER_BUS].attach_selected(
+    processor.converter_bus().attach_selected(
         chip(HeadPinName::ChipSelect),
         select("GPIOD", 14, WireLevel::Low),
     );
-    processor.spi[EDGE_BUS]
+    processor.part.spi[EDGE_BUS]
         .attach_selected(chip(HeadPinName::Icg), select("GPIOF", 12, WireLevel::High));
-    processor.spi[EDGE_BUS]
+    processor.part.spi[EDGE_BUS]
         .attach_selected(chip(HeadPinName::Sh), select("GPIOF", 13, WireLevel::High));
 }
 

@@ -284,7 +284,11 @@ fn a_data_line_stuck_high_is_a_silent_sensor() {
     board.run_for(Duration::from_millis(12)).expect("a run");
     board
         .on_emulator(|session, _, _| {
-            session.board_mut().processor.part.spi[CONVERTER_BUS].drive_miso([0xFFFF]);
+            session
+                .board_mut()
+                .processor
+                .converter_bus()
+                .drive_miso([0xFFFF]);
         })
         .expect("the emulator");
     let lines = fresh_results(&mut board, 6);
@@ -299,7 +303,10 @@ fn a_word_that_no_converter_makes_spoils_its_row_and_no_other() {
     // A bit above the converter's twelve.
     board
         .on_emulator(|session, _, _| {
-            session.board_mut().processor.part.spi[CONVERTER_BUS]
+            session
+                .board_mut()
+                .processor
+                .converter_bus()
                 .place_mut(CONVERTER)
                 .expect("a converter")
                 .flip(1 << 15);
