@@ -209,11 +209,11 @@ impl Measured {
         let mut rows = vec![strings(&["figure", "value", "measured on"])];
         let default = Method::default();
         let accurate = Method::Estimator(Estimator::Adaptive);
-        for method in [default, accurate] {
+        for (method, mark) in [(default, " (default)"), (accurate, "")] {
             let worst = self.accuracy.worst(method);
             rows.push(vec![
                 format!(
-                    "RMS error of a row's centre over the bound, `{}`",
+                    "RMS error of a row's centre over the bound, `{}`{mark}",
                     method.name()
                 ),
                 ratio(worst.white.max(worst.shot)),
@@ -224,7 +224,7 @@ impl Measured {
             format!("time to find a row's centre, `{}`", default.name()),
             self.microseconds(default, WINDOW_OF_96)
                 .map_or("-".into(), |us| format!("{us:.1} us")),
-            "virtual board".into(),
+            "virtual board, estimated".into(),
         ]);
         for (surface, light) in [
             ("no speckle", reading_time::Light::NoiseAlone),
@@ -244,7 +244,7 @@ impl Measured {
         }
         format!(
             "{}\nThe bound (Cramér-Rao) is the smallest error that any unbiased method can have with this noise. Ratios: the \
-             worst over spot widths (sigma) from 1.2 to 18 px. Time: estimated from the instructions at 168 MHz.\n",
+             worst over spot widths (sigma) from 1.2 to 18 px. Time: from counted instructions, at 168 MHz.\n",
             markdown(&rows),
         )
     }
