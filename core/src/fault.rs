@@ -103,10 +103,10 @@ impl Fault {
             Self::SpotAtEdge { .. } | Self::OutOfRange { .. } => {
                 "move the target into the range that `info` names"
             }
-            Self::TwoSpots { .. } => "cover what reflects the laser or shines beside it",
+            Self::TwoSpots { .. } => "cover other lights, and surfaces that reflect the laser",
             Self::Unsteady { .. } => "hold the target still, or take fewer rows in a frame",
             Self::NotCalibrated { .. } => {
-                "`calibration on`; where there is none, upload one or `defaults`"
+                "`calibration on`; without a calibration, upload one or send `defaults`"
             }
         }
     }

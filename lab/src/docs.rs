@@ -1,10 +1,21 @@
-//! The block of a Markdown file that a tool of ours writes: what stands between two marks.
+//! The blocks of Markdown files that our tools write: what stands between two marks.
+
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 
 const TO: &str = "<!-- end -->";
 
-/// The text with the block of a tool replaced: `<!-- TOOL -->` and `<!-- end -->` are its marks.
+/// The longest line of a page in characters. Only rows of tables may be longer.
+const COLUMNS: usize = 110;
+
+/// A file of the workspace, named from the workspace's root.
+pub fn path(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name)
+}
+
+/// The text with the block of a tool replaced: `<!-- TOOL -->` and `<!-- end -->` are its marks. Long lines
+/// of the block are wrapped.
 ///
 /// # Errors
 /// The marks are not there.
@@ -16,7 +27,51 @@ pub fn with_block(text: &str, tool: &str, block: &str) -> anyhow::Result<String>
     let (_, after) = rest
         .split_once(TO)
         .with_context(|| format!("no {TO} after {}", from.trim()))?;
-    Ok(format!("{before}{from}\n{block}\n{TO}{after}"))
+    Ok(format!("{before}{from}\n{}\n{TO}{after}", wrapped(block)))
+}
+
+/// Rewrites the block of a tool in a page. The page is named from the workspace's root.
+///
+/// # Errors
+/// There is no such page, it has no such block, or it cannot be written.
+pub fn write_block(page: &str, tool: &str, block: &str) -> anyhow::Result<()> {
+    let text = std::fs::read_to_string(path(page)).with_context(|| page.to_owned())?;
+    std::fs::write(path(page), with_block(&text, tool, block)?).with_context(|| page.to_owned())
+}
+
+/// Prints the last line of a run without `--write`: which files `--write` updates.
+pub fn print_hint(command: &str, files: &str) {
+    println!("\nNo file of the repository has changed. `{command} --write` updates {files}.");
+}
+
+/// Breaks the long lines of a Markdown text between words. Tables, headings and code stay as they are.
+fn wrapped(text: &str) -> String {
+    let mut out = String::new();
+    for line in text.split_inclusive('\n') {
+        if line.trim_end().chars().count() <= COLUMNS || line.starts_with(['|', '#', ' ']) {
+            out += line;
+            continue;
+        }
+        let indent = if line.starts_with("- ") { "  " } else { "" };
+        let mut column = 0;
+        for word in line.split_whitespace() {
+            let length = word.chars().count();
+            if column > 0 && column + 1 + length > COLUMNS {
+                out += "\n";
+                out += indent;
+                column = indent.len();
+            } else if column > 0 {
+                out.push(' ');
+                column += 1;
+            }
+            out += word;
+            column += length;
+        }
+        if line.ends_with('\n') {
+            out.push('\n');
+        }
+    }
+    out
 }
 
 #[cfg(test)]
@@ -38,5 +93,46 @@ mod tests {
         assert!(with_block("a", "cargo cost", "new").is_err());
         assert!(with_block("<!-- cargo cost -->\n", "cargo cost", "new").is_err());
         assert!(with_block(text, "cargo y", "new").is_err());
+    }
+
+    #[test]
+    fn paragraphs_and_lists_are_wrapped_and_tables_are_not() {
+        let long = "word ".repeat(30).trim_end().to_owned();
+        let first = "word ".repeat(22).trim_end().to_owned();
+        let rest = "word ".repeat(8).trim_end().to_owned();
+        assert_eq!(first.len(), 109);
+        assert_eq!(
+            wrapped(&format!("{long}\nb")),
+            format!("{first}\n{rest}\nb")
+        );
+        let item = wrapped(&format!("- {long}\n"));
+        assert!(
+            item.starts_with("- word") && item.contains("\n  word") && item.ends_with("word\n")
+        );
+        assert!(item.lines().all(|line| line.chars().count() <= COLUMNS));
+        for line in [format!("| {long} |\n"), format!("# {long}\n"), first] {
+            assert_eq!(wrapped(&line), line);
+        }
+    }
+
+    #[test]
+    fn the_readme_and_the_pages_have_short_lines() {
+        let docs = std::fs::read_dir(path("docs")).expect("docs/");
+        let pages = docs.map(|entry| entry.expect("an entry").path());
+        let pages = pages.filter(|page| page.extension().is_some_and(|it| it == "md"));
+        for page in pages.chain([path("README.md")]) {
+            let text = std::fs::read_to_string(&page).expect("a page");
+            // Rows of tables and what programs print cannot be wrapped, except in the README.
+            let must_fit =
+                |line: &str| page.ends_with("README.md") || !line.starts_with(['|', ' ']);
+            for (number, line) in text.lines().enumerate() {
+                assert!(
+                    !must_fit(line) || line.chars().count() <= COLUMNS,
+                    "{}:{}: {line}",
+                    page.display(),
+                    number + 1
+                );
+            }
+        }
     }
 }

@@ -1,8 +1,5 @@
 //! The reference in docs/serial-line.md: commands, settings, estimators and faults, from the core's own
-//! declarations.
-
-use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+//! declarations. And a session, for that page and README.md.
 
 use anyhow::Context as _;
 use slitrange::centre::Estimator;
@@ -10,35 +7,85 @@ use slitrange::fault::Fault;
 use slitrange::protocol::help::{AFTER_SETTINGS, BEFORE_SETTINGS, purpose};
 use slitrange::settings::{Affects, Setting, Settings};
 use slitrange::units::{Counts, Pixels};
+use std::fmt::Write as _;
 
 use crate::docs;
 
-/// The name of the program that writes the page.
-const TOOL: &str = "cargo serial-line";
+/// The files that [`write()`] updates.
+pub const FILES: &str = "docs/serial-line.md and README.md";
 
-/// The page.
-pub fn page() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/serial-line.md")
-}
+const PAGE: &str = "docs/serial-line.md";
+const README: &str = "README.md";
 
-/// The page as it is, and as it should be.
+/// The marks of the reference and of the session.
+const REFERENCE_MARK: &str = "cargo serial-line";
+const SESSION_MARK: &str = "cargo serial-line, a session";
+
+/// A session on the virtual board. `> ` marks what a person types.
+const SESSION: [&str; 19] = [
+    "slitrange 0.1.0 NUCLEO-F429ZI TCD1304DG, started by power-on",
+    "d 800.0009 mm u 0.0016 x 1770.9768 a 1992 n 16/16 b 300 e t",
+    "> stream off",
+    "stream off",
+    "> rows 64",
+    "rows 64",
+    "> distance",
+    "d 799.9994 mm u 0.0008 x 1770.9806 a 1994 n 64/64 b 300 e t",
+    "> black fixed 5000",
+    "E3 out of range, expected black fixed 0..4095|shielded|frame",
+    "> estimator adaptive",
+    "estimator adaptive",
+    "> distance",
+    "d 799.9997 mm u 0.0008 x 1770.9797 a 1949 n 64/64 b 300 e a",
+    "> calibration off",
+    "calibration off",
+    "> distance",
+    "f not calibrated: x 1770.97591 u 0.00198",
+    "(`calibration on`; without a calibration, upload one or send `defaults`)",
+];
+
+/// The first lines of the session, which README.md shows.
+const SHORT_SESSION: usize = 10;
+
+/// Rewrites the reference and the session.
 ///
 /// # Errors
-/// There is no such page, or it has no place for the reference.
-pub fn found_and_expected() -> anyhow::Result<(String, String)> {
-    let page = page();
-    let found = std::fs::read_to_string(&page).with_context(|| page.display().to_string())?;
-    let expected = docs::with_block(&found, TOOL, &reference())?;
-    Ok((found, expected))
+/// A file or a mark is missing, or a file cannot be written.
+pub fn write() -> anyhow::Result<()> {
+    for (name, _, expected) in found_and_expected()? {
+        std::fs::write(docs::path(name), expected).context(name)?;
+    }
+    Ok(())
+}
+
+/// Lines as a Markdown block of code.
+fn code(lines: &[&str]) -> String {
+    lines.iter().map(|line| format!("    {line}\n")).collect()
+}
+
+/// Each file that has a block of the serial line: its name, its text, and the text that it should have.
+fn found_and_expected() -> anyhow::Result<[(&'static str, String, String); 2]> {
+    let page = std::fs::read_to_string(docs::path(PAGE)).context(PAGE)?;
+    let expected_page = docs::with_block(&page, REFERENCE_MARK, &reference())?;
+    let expected_page = docs::with_block(&expected_page, SESSION_MARK, &code(&SESSION))?;
+    let readme = std::fs::read_to_string(docs::path(README)).context(README)?;
+    let short = code(&SESSION[..SHORT_SESSION]);
+    let expected_readme = docs::with_block(&readme, SESSION_MARK, &short)?;
+    Ok([
+        (PAGE, page, expected_page),
+        (README, readme, expected_readme),
+    ])
 }
 
 /// The reference as Markdown.
 pub fn reference() -> String {
-    let mut text = String::from("| command | |\n|---|---|\n");
+    let mut text = String::from("| command | what it does |\n|---|---|\n");
     for (typed, help) in BEFORE_SETTINGS.iter().chain(&AFTER_SETTINGS) {
         row(&mut text, &[typed, help]);
     }
-    text.push_str("\n| setting | values | default | | saved |\n|---|---|---|---|---|\n");
+    text.push_str(
+        "\n| setting | values | default | what it sets | saved |\n|---|---|---|---|---|\n",
+    );
     for &setting in Setting::ALL {
         let default = Settings::default().get(setting).to_string();
         let default = default.split_once(' ').map_or("", |(_, value)| value);
@@ -52,12 +99,12 @@ pub fn reference() -> String {
             &[setting.name(), &form, default, setting.help(), saved],
         );
     }
-    text.push_str("\n| estimator | letter | |\n|---|---|---|\n");
+    text.push_str("\n| estimator | letter | what it is for |\n|---|---|---|\n");
     for estimator in Estimator::ALL {
         let letter = estimator.letter().to_string();
         row(&mut text, &[estimator.name(), &letter, purpose(estimator)]);
     }
-    text.push_str("\n| fault, for instance | what to do |\n|---|---|\n");
+    text.push_str("\n| fault, an example | what to do |\n|---|---|\n");
     for fault in faults() {
         row(&mut text, &[&fault.to_string(), fault.advice()]);
     }
@@ -116,11 +163,12 @@ mod tests {
     }
 
     #[test]
-    fn the_page_is_up_to_date() {
-        let (found, expected) = found_and_expected().expect("the page");
-        assert!(
-            found == expected,
-            "run `{TOOL}`: docs/serial-line.md is not what the core declares"
-        );
+    fn the_pages_are_up_to_date() {
+        for (name, found, expected) in found_and_expected().expect("the pages") {
+            assert!(
+                found == expected,
+                "{name} is not what the core declares: run `cargo serial-line --write`"
+            );
+        }
     }
 }

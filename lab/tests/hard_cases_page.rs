@@ -14,6 +14,6 @@ fn the_page_is_what_the_catalogue_says() {
     let differing = text.lines().zip(due.lines()).find(|(is, due)| is != due);
     assert!(
         text == due,
-        "docs/hard-cases.md is not what `cargo hard-cases` writes. (is, due): {differing:#?}"
+        "docs/hard-cases.md is not what `cargo hard-cases --write` writes. (is, due): {differing:#?}"
     );
 }

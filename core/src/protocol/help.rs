@@ -34,19 +34,19 @@ pub const BEFORE_SETTINGS: [Line; 5] = [
 pub const AFTER_SETTINGS: [Line; 6] = [
     (
         "calibration [on|off]",
-        "what centres mean; distances, or centres only",
+        "show the calibration; on: give distances, off: centres only",
     ),
     (
         "calibration begin BYTES",
-        "start to send another calibration's record, for now only in RAM",
+        "start the upload of a record of so many bytes, to RAM only",
     ),
     (
         "calibration data OFFSET [HEX CRC16]",
-        "a piece of the record in use, or of the one that is sent",
+        "read a piece of the record in use, or send a piece of a new one",
     ),
     (
         "calibration commit|abort",
-        "use the record that was sent, or drop it",
+        "use the uploaded record, or drop it",
     ),
     (
         "save",
@@ -54,7 +54,7 @@ pub const AFTER_SETTINGS: [Line; 6] = [
     ),
     (
         "defaults",
-        "settings and calibration as they left the factory, until save",
+        "go back to the factory's settings and calibration; save keeps them",
     ),
 ];
 
@@ -104,7 +104,7 @@ impl fmt::Display for Estimators {
 /// What an estimator is for.
 pub const fn purpose(estimator: Estimator) -> &'static str {
     match estimator {
-        Estimator::Centroid => "eq. (2), to compare with; takes off the black level",
+        Estimator::Centroid => "eq. (2), for comparison; subtracts the black level",
         Estimator::PhaseTable => "the default: one set of weights for every row",
         Estimator::Adaptive => "weights that follow width, noise and tilt: more accurate",
         Estimator::GaussNewton => "the paper's fit, eq. (5); reads spots that are cut off",

@@ -170,7 +170,7 @@ impl Catalogue {
                 line(case.name, case.why, &words(case.due), cells)
             );
         }
-        text += "\n### Calibrations\n\n| case | why it is hard | due | what came out |\n|---|---|---|---|\n";
+        text += "\n### Calibrations\n\n| case | why it is hard | expected | result |\n|---|---|---|---|\n";
         for (case, found) in &self.calibrations {
             let due = match case.due {
                 CalibrationDue::Refused(_) => "refused".into(),
@@ -188,7 +188,7 @@ fn head() -> String {
     let letters = Estimator::ALL.map(|rung| format!(" {} |", rung.letter()));
     let rules = Estimator::ALL.map(|_| "---|");
     format!(
-        "| case | why it is hard | due |{}\n|---|---|---|{}\n",
+        "| case | why it is hard | expected |{}\n|---|---|---|{}\n",
         letters.concat(),
         rules.concat()
     )
@@ -256,8 +256,8 @@ const FAULTS: [&str; Fault::KINDS] = [
 /// The random rows' rates, as docs/hard-cases.md shows them.
 pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
     let mut text = format!(
-        "{} clean rows and {} rows with one to three flaws. Confident errors in a million rows (with the check, and without it), and what share of the rows is flagged or a fault, in per cent.\n\n\
-         | estimator | clean: errors | alone | flagged | fault | flawed: errors | alone | flagged | of those good | fault |\n\
+        "On a PC: {} clean rows, and {} rows with one to three flaws. *errors*: confident errors in a million rows. *unchecked*: the same without the check. *flagged*, *flagged though good* and *fault*: per cent of the rows.\n\n\
+         | estimator | clean: errors | unchecked | flagged | fault | flawed: errors | unchecked | flagged | flagged though good | fault |\n\
          |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
         clean.rows, mixtures.rows
     );
@@ -281,8 +281,8 @@ pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
         ];
         _ = writeln!(text, "| {} |", cells.join(" | "));
     }
-    text += "\nWhich flaws the rows had in which the default estimator was confidently wrong, the most frequent first (a row with two flaws counts \
-             for both), in a million rows with that flaw:\n\n| flaw | rows | checked | alone |\n|---|---:|---:|---:|\n";
+    text += "\nConfident errors of the default estimator in a million rows that have this flaw. A row with two flaws counts for both.\n\n\
+             | flaw | rows | errors | unchecked |\n|---|---:|---:|---:|\n";
     let mut kinds = Kind::ALL.to_vec();
     kinds.sort_by_key(|(kind, _)| std::cmp::Reverse(mixtures.kinds[*kind as usize].checked));
     for (kind, name) in kinds {

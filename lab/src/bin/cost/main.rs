@@ -1,10 +1,9 @@
 //! `cargo cost`: what accuracy costs in time.
 //!
 //! Every estimator, and baselines that the firmware does not have, on the same seeded rows against the
-//! Cramér-Rao bound; its instructions on the emulated chip; its time on this
-//! computer; and on demand the programs that one would use instead. Prints tables, and writes them with their
-//! figures
-//! under `docs/`.
+//! Cramér-Rao bound; its instructions on the emulated chip; its time on this computer; and on demand the
+//! programs that one would use instead. Prints tables. With `--write` it also rewrites the tables and figures
+//! of README.md and docs/.
 
 mod accuracy;
 mod chip;
@@ -17,8 +16,6 @@ mod pareto;
 mod peers;
 mod reading_time;
 mod report;
-
-use std::path::Path;
 
 use anyhow::Context as _;
 use clap::Parser;
@@ -34,7 +31,7 @@ const FULL: u64 = 20_000;
 #[derive(Parser)]
 #[command(name = "cargo cost")]
 struct Options {
-    /// Print one JSON object and no tables; docs/ stays as it is
+    /// Print one JSON object and no tables
     #[arg(long)]
     json: bool,
     /// Also run the programs that one would use instead, on the same rows
@@ -43,17 +40,18 @@ struct Options {
     /// Measure on a NUCLEO-F429ZI that is connected, and nothing else
     #[arg(long)]
     board: bool,
-    /// Rows in a cell. docs/ is rewritten only where it is the full number, or with --write
+    /// Rows in a cell. Fewer are faster, and the ratios are less exact
     #[arg(long, value_name = "N", default_value_t = FULL, value_parser = clap::value_parser!(u64).range(1..))]
     rows: u64,
-    /// Only what a distance costs by every form of a calibration, and its table in docs/
+    /// Only what a distance costs by every form of a calibration
     #[arg(long)]
     distances: bool,
     /// Only this estimator or baseline
     #[arg(long = "estimator", value_name = "NAME", value_parser = method)]
     method: Option<Method>,
-    /// Rewrite docs/ whatever the number of rows
-    #[arg(long, conflicts_with_all = ["method", "json"])]
+    /// Also rewrite the tables and figures that show these results. With --distances: only the table of
+    /// distances
+    #[arg(long, conflicts_with_all = ["method", "json", "board"])]
     write: bool,
 }
 
@@ -73,22 +71,25 @@ fn main() -> anyhow::Result<()> {
         let chip = chip::measure().context("on the emulated chip")?;
         let distances = distances::measure(&chip)?;
         print!("{}", report::distances(&distances));
-        return write_block(
-            "docs/accuracy.md",
-            DISTANCES,
-            &report::distances_markdown(&distances),
-        );
+        if options.write {
+            return write_distances(&distances);
+        }
+        docs::print_hint("cargo cost --distances", ACCURACY);
+        return Ok(());
     }
     let measured = measure(&options)?;
     if options.json {
         println!("{}", serde_json::to_string_pretty(&measured.json())?);
-    } else {
-        print!("{}", measured.tables());
+        return Ok(());
     }
-    let complete = options.rows >= FULL && options.method.is_none() && !options.json;
-    if options.write || complete {
-        write(&measured)?;
+    print!("{}", measured.tables());
+    if options.write {
+        return write(&measured);
     }
+    docs::print_hint(
+        "cargo cost",
+        "README.md, docs/accuracy.md, docs/cost/ and four figures",
+    );
     Ok(())
 }
 
@@ -131,31 +132,24 @@ fn peers_beside(chip: &chip::Chip) -> anyhow::Result<peers::Peers> {
     Ok(peers)
 }
 
-/// Rewrites the tables and figures under `docs/`.
-fn write(measured: &Measured) -> anyhow::Result<()> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .context("the workspace")?;
-    measured.write_csv(&root.join("docs/cost"))?;
-    figures::draw(measured, &root.join("docs/figures"))?;
-    write_block("docs/accuracy.md", ALL, &measured.markdown())?;
-    write_block("README.md", ALL, &measured.short_markdown())?;
-    let distances = report::distances_markdown(&measured.distances);
-    write_block("docs/accuracy.md", DISTANCES, &distances)
-}
+/// The page of the tables.
+const ACCURACY: &str = "docs/accuracy.md";
 
-/// The blocks that this writes.
+/// The marks of the blocks that this program writes.
 const ALL: &str = "cargo cost";
 const DISTANCES: &str = "cargo cost --distances";
 
-/// Rewrites a block of a page, which is named from the workspace's root.
-fn write_block(page: &str, name: &str, block: &str) -> anyhow::Result<()> {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(page);
-    let text = std::fs::read_to_string(&page).with_context(|| page.display().to_string())?;
-    Ok(std::fs::write(
-        &page,
-        docs::with_block(&text, name, block)?,
-    )?)
+/// Rewrites the tables and figures of README.md and docs/.
+fn write(measured: &Measured) -> anyhow::Result<()> {
+    measured.write_csv(&docs::path("docs/cost"))?;
+    figures::draw(measured, &docs::path("docs/figures"))?;
+    docs::write_block(ACCURACY, ALL, &measured.markdown())?;
+    docs::write_block("README.md", ALL, &measured.short_markdown())?;
+    write_distances(&measured.distances)
+}
+
+fn write_distances(distances: &[distances::Distance]) -> anyhow::Result<()> {
+    docs::write_block(ACCURACY, DISTANCES, &report::distances_markdown(distances))
 }
 
 #[cfg(test)]

@@ -1,11 +1,9 @@
-//! `cargo hard-cases`: hard cases through every rung, and how often a centre is wrong without saying so.
+//! `cargo hard-cases`: hard cases through every estimator, and how often a centre is wrong without a flag.
 
 mod story;
 
-use std::path::Path;
 use std::time::Instant;
 
-use anyhow::Context as _;
 use clap::Parser;
 use host_tests::hard_cases::mixtures::{self, RandomRow};
 use host_tests::hard_cases::report::{self, Catalogue};
@@ -14,28 +12,30 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lab::docs;
 use slitrange::centre::Estimator;
 
-/// The random rows of each kind that docs/ shows.
+/// The random rows of each kind that docs/hard-cases.md shows.
 const ROWS: u64 = 1_000_000;
 
-/// Runs the catalogue of hard cases and random mixtures of them through every rung, and rewrites
-/// docs/hard-cases.md.
+/// Runs the catalogue of hard cases and random mixtures of them through every estimator.
 #[derive(Parser)]
 #[command(name = "cargo hard-cases")]
 struct Options {
-    /// Print one JSON object and nothing else; docs/ stays as it is
+    /// Print one JSON object and nothing else
     #[arg(long)]
     json: bool,
-    /// Random rows with flaws, and as many clean ones. With fewer than a million, docs/ keeps the rates that
-    /// it has
+    /// Random rows with flaws, and as many clean ones
     #[arg(long, value_name = "N", default_value_t = ROWS,
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     rows: u64,
-    /// Tell the story of one random row with flaws, and what every rung says of it
+    /// Tell the story of one random row with flaws, and what every estimator makes of it
     #[arg(long, value_name = "SEED", conflicts_with_all = ["json", "rows"])]
     row: Option<u64>,
     /// The row of that seed without flaws
     #[arg(long, requires = "row")]
     clean: bool,
+    /// Also rewrite the tables of docs/hard-cases.md. With fewer than a million rows the table of random
+    /// rows stays as it is
+    #[arg(long, conflicts_with_all = ["json", "row"])]
+    write: bool,
 }
 
 fn main() -> anyhow::Result<()> {
@@ -61,10 +61,14 @@ fn main() -> anyhow::Result<()> {
     print_summary(&catalogue, &clean, &mixtures);
     let (rows, seconds) = (2 * options.rows, start.elapsed().as_secs_f64());
     println!("\n{rows} random rows in {seconds:.0} s");
-    write(
-        &catalogue,
-        (options.rows >= ROWS).then_some((&clean, &mixtures)),
-    )
+    if options.write {
+        return write(
+            &catalogue,
+            (options.rows >= ROWS).then_some((&clean, &mixtures)),
+        );
+    }
+    docs::print_hint("cargo hard-cases", PAGE);
+    Ok(())
 }
 
 fn tally(name: &'static str, rows: u64, draw: fn(u64) -> RandomRow) -> anyhow::Result<Tally> {
@@ -82,7 +86,7 @@ fn print_summary(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) {
     println!("{}", report::random_rows_markdown(clean, mixtures));
     if !mixtures.seeds.is_empty() {
         println!(
-            "the default rung was confidently wrong with seeds {:?} (--row SEED tells their story)",
+            "the default estimator was confidently wrong with seeds {:?} (--row SEED tells their story)",
             mixtures.seeds
         );
     }
@@ -99,18 +103,15 @@ fn print_summary(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) {
     }
 }
 
-/// Rewrites the catalogue's table in docs/hard-cases.md, and the rates where there are new ones.
+/// The page of the tables.
+const PAGE: &str = "docs/hard-cases.md";
+
+/// Rewrites the catalogue's tables, and the rates of random rows if there are any.
 fn write(catalogue: &Catalogue, rates: Option<(&Tally, &Tally)>) -> anyhow::Result<()> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .context("the workspace")?;
-    let page = root.join("docs/hard-cases.md");
-    let mut text = std::fs::read_to_string(&page).with_context(|| page.display().to_string())?;
-    text = docs::with_block(&text, report::CATALOGUE, &catalogue.markdown())?;
+    docs::write_block(PAGE, report::CATALOGUE, &catalogue.markdown())?;
     if let Some((clean, mixtures)) = rates {
         let block = report::random_rows_markdown(clean, mixtures);
-        text = docs::with_block(&text, report::RANDOM_ROWS, &block)?;
+        docs::write_block(PAGE, report::RANDOM_ROWS, &block)?;
     }
-    std::fs::write(&page, text)?;
     Ok(())
 }

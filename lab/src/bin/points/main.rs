@@ -2,8 +2,6 @@
 
 mod figure;
 
-use std::path::Path;
-
 use anyhow::{Context as _, Result};
 use clap::Parser;
 use lab::docs;
@@ -21,7 +19,7 @@ use slitrange_tool::sensor::positions::{Spacing, Which};
 #[derive(Parser)]
 #[command(name = "cargo points", bin_name = "cargo points")]
 struct Options {
-    /// Rewrite the block and the figure of docs/calibration.md.
+    /// Also rewrite the table and the figures of docs/calibration.md
     #[arg(long)]
     write: bool,
 }
@@ -88,21 +86,25 @@ fn main() -> Result<()> {
         })
         .collect();
     let block = table(&cells);
-    println!("{block}");
+    print!("{block}");
     if options.write {
-        let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
-        let page = docs.join("calibration.md");
-        let text = std::fs::read_to_string(&page).context("docs/calibration.md")?;
-        std::fs::write(&page, docs::with_block(&text, "cargo points", &block)?)?;
-        let figures = docs.join("figures");
-        figure::draw(&cells, &figures.join("calibration-points.svg"))?;
-        let (_, example) = solved(DEPARTURES[1], &MEANS[0], 60, EXAMPLE).context("no fit")?;
-        draw_fit(
-            &example,
-            example.better(),
-            &figures.join("calibration-fit.svg"),
-        )?;
+        return write(&cells, &block);
     }
+    docs::print_hint("cargo points", "docs/calibration.md and two figures");
+    Ok(())
+}
+
+/// Rewrites the table and the figures of docs/calibration.md.
+fn write(cells: &[Vec<Vec<Cell>>], block: &str) -> Result<()> {
+    docs::write_block("docs/calibration.md", "cargo points", block)?;
+    let figures = docs::path("docs/figures");
+    figure::draw(cells, &figures.join("calibration-points.svg"))?;
+    let (_, example) = solved(DEPARTURES[1], &MEANS[0], 60, EXAMPLE).context("no fit")?;
+    draw_fit(
+        &example,
+        example.better(),
+        &figures.join("calibration-fit.svg"),
+    )?;
     Ok(())
 }
 
@@ -180,9 +182,9 @@ fn sensor(departure: f64, seed: u64) -> DistortedOptics {
 
 fn table(cells: &[Vec<Vec<Cell>>]) -> String {
     let mut text = format!(
-        "RMS error of the curve over 0.60 to 1.02 m in micrometres, by the number of points and how well the distance of each is \
-         known; {SENSORS} simulated sensors a cell, each of its own geometry, fitted as `fit` does without options. In brackets how \
-         many of them, in per cent, it gave a table of residuals.\n"
+        "RMS error of the fitted curve in micrometres, over 0.60 to 1.02 m. Each cell is {SENSORS} simulated sensors on a PC, each \
+         with a geometry of its own, fitted as `fit` does without options. The columns are the standard uncertainty of each \
+         point's distance. In brackets: the per cent of the sensors to which `fit` gave a table of residuals.\n"
     );
     for (departure, cells) in DEPARTURES.iter().zip(cells) {
         text += &if *departure > 0.0 {
@@ -213,7 +215,7 @@ fn table(cells: &[Vec<Vec<Cell>>]) -> String {
             text += "\n";
         }
     }
-    text.trim_end().to_owned()
+    text
 }
 
 /// Two digits at least.

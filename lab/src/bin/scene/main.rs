@@ -12,6 +12,7 @@ use anyhow::{Context as _, Result};
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lab::budget::{Budget, Plan};
+use lab::docs;
 use serde::Serialize;
 use simulator::scene::{Scene, file};
 use slitrange::centre::Estimator;
@@ -126,6 +127,7 @@ fn main() -> Result<()> {
         println!("{}", serde_json::to_string_pretty(&shown)?);
     } else {
         print!("{}", words::of(&shown)?);
+        hint();
     }
     Ok(())
 }
@@ -171,12 +173,17 @@ fn list(json: bool) -> Result<()> {
         for (about, name) in scenes {
             println!("{name:width$}  {about}");
         }
+        hint();
     }
     Ok(())
 }
 
+fn hint() {
+    docs::print_hint("cargo scene", "the figures scene-*.svg of docs/physics.md");
+}
+
 fn redraw(estimator: Estimator) -> Result<()> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/figures");
+    let folder = docs::path("docs/figures");
     for name in SHOWN {
         let figure = format!("scene-{name}");
         picture::write_as(&figure, name, &Scene::load(name)?, estimator, &folder)?;

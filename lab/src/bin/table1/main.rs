@@ -3,9 +3,6 @@
 mod figures;
 mod report;
 
-use std::path::Path;
-
-use anyhow::Context as _;
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lab::docs;
@@ -16,7 +13,7 @@ use lab::paper::training::PIECES;
 
 use crate::report::Report;
 
-/// The seed of what docs/ shows.
+/// The seed of what docs/physics.md shows.
 const SEED: u64 = 1;
 
 /// Simulates the paper's experiment: six materials, lens against slit, 16,800 positions of five captures
@@ -24,7 +21,7 @@ const SEED: u64 = 1;
 #[derive(Parser)]
 #[command(name = "cargo table1")]
 struct Options {
-    /// Print one JSON object and no tables; docs/ stays as it is
+    /// Print one JSON object and no tables
     #[arg(long)]
     json: bool,
     /// Every tenth position
@@ -40,8 +37,7 @@ struct Options {
     /// Only the lens or only the slit
     #[arg(long, value_name = "NAME", value_parser = aperture)]
     optics: Option<Aperture>,
-    /// Rewrite docs/ whatever the number of positions. Without it, docs/ is rewritten only by a full run with
-    /// the default seed
+    /// Also rewrite the table and the figures of docs/physics.md with these results
     #[arg(long, conflicts_with_all = ["material", "optics", "json"])]
     write: bool,
     /// Seed of surfaces and noise
@@ -91,36 +87,26 @@ fn main() -> anyhow::Result<()> {
     let report = Report::new(run(&options, &experiment)?, &experiment);
     if options.json {
         println!("{}", serde_json::to_string_pretty(&report.json())?);
-    } else {
-        print!("{}", report.text());
+        return Ok(());
     }
-    let complete = experiment.stride == 1
-        && options.seed == SEED
-        && options.material.is_none()
-        && options.optics.is_none()
-        && !options.json;
-    if options.write || complete {
-        write(&report)?;
+    print!("{}", report.text());
+    if options.write {
+        return write(&report);
     }
+    docs::print_hint(
+        "cargo table1",
+        "docs/physics.md, docs/physics/table1.csv and the figures paper-*.svg",
+    );
     Ok(())
 }
 
-/// Rewrites the tables and figures under `docs/`.
+/// Rewrites the table and the figures of docs/physics.md.
 fn write(report: &Report) -> anyhow::Result<()> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .context("the workspace")?;
-    figures::draw(report, &root.join("docs/figures"))?;
-    let directory = root.join("docs/physics");
+    figures::draw(report, &docs::path("docs/figures"))?;
+    let directory = docs::path("docs/physics");
     std::fs::create_dir_all(&directory)?;
     std::fs::write(directory.join("table1.csv"), report.csv())?;
-    let page = root.join("docs/physics.md");
-    let text = std::fs::read_to_string(&page).with_context(|| page.display().to_string())?;
-    std::fs::write(
-        &page,
-        docs::with_block(&text, "cargo table1", &report.markdown())?,
-    )?;
-    Ok(())
+    docs::write_block("docs/physics.md", "cargo table1", &report.markdown())
 }
 
 fn run(options: &Options, experiment: &Experiment) -> anyhow::Result<Vec<Outcome>> {

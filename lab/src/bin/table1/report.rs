@@ -111,7 +111,7 @@ impl Report {
     /// The block of `docs/physics.md`.
     pub fn markdown(&self) -> String {
         let mut text = format!(
-            "Errors in µm, simulated (and the paper's); {}.\n\n\
+            "Errors in µm, simulated on a PC, with the paper's in brackets; {}.\n\n\
              | Material | Lens MAX | MAE | Slit, gaussian MAX | MAE | Slit, Fraunhofer MAX | MAE | Slit, ours MAX | MAE |\n\
              |:--|--:|--:|--:|--:|--:|--:|--:|--:|\n",
             self.extent()
@@ -139,14 +139,14 @@ impl Report {
             let gains = self.gains(&best);
             let gains = || gains.iter().map(|gain| gain.gain_percent);
             text += &format!(
-                "\nOurs is `{}`: its MAE is {:.0} to {:.0} % below that of the paper's gaussian, give or take 3 %: \
-                 the table is as long as a hundred speckles.\n",
+                "\nOurs is `{}`. Its MAE is {:.0} to {:.0} % below that of the paper's gaussian. This gain is known to 3 %, \
+                 because the travel covers only about 100 independent speckles.\n",
                 best.name(),
                 gains().fold(f64::INFINITY, f64::min),
                 gains().fold(f64::NEG_INFINITY, f64::max)
             );
         }
-        text + "\nThe paper leaves these open; they were chosen, the same for the lens and the slit:\n\n"
+        text + "\nThe paper does not give the following values. We chose them, the same for the lens and the slit:\n\n"
             + &chosen()
     }
 
