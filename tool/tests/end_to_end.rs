@@ -3,16 +3,19 @@
 //! board, with a power cycle in between.
 #![cfg(unix)]
 
+use std::cell::RefCell;
+use std::io;
 use std::path::Path;
-use std::process::Command;
 use std::time::Duration;
 
+use clap::Parser;
 use simulator::bound;
 use simulator::distorted_optics::DistortedOptics;
 use simulator::optics::Optics;
 use simulator::scene::{Scene, Simulation};
+use slitrange_tool::Command;
+use slitrange_tool::pc::{Pc, Port};
 use virtual_board::light::{Target, of_scene_through};
-use virtual_board::pty::{Pace, PseudoTerminal};
 use virtual_board::stage::Stage;
 use virtual_board::{Firmware, SharedFlash, VirtualBoard};
 
@@ -47,41 +50,84 @@ impl Bench {
             .expect("the board starts")
     }
 
-    /// Powers the sensor on, works with it at a serial port, and cuts its power.
-    fn work(&self, stage: &Path, work: impl FnOnce(&str) + Send) {
-        let mut board = self.power_on();
-        let mut terminal = PseudoTerminal::open().expect("a pseudo-terminal");
-        let port = terminal.path().display().to_string();
-        let mut stage = Stage::new(stage, self.target.clone());
-        std::thread::scope(|scope| {
-            let worker = scope.spawn(|| work(&port));
-            terminal
-                .serve(&mut board, Pace::Unbound, |_| {
-                    stage.look();
-                    !worker.is_finished()
-                })
-                .expect("a clean run");
-        });
+    /// Powers the sensor on, works with it at a PC, and cuts its power.
+    fn work(&self, stage: &Path, work: impl FnOnce(&Desk)) {
+        let stage = Stage::new(stage, self.target.clone());
+        let desk = Desk(RefCell::new((self.power_on(), stage)));
+        work(&desk);
+        let (board, _) = desk.0.into_inner();
         board.finish().expect("a clean run");
     }
 }
 
-/// A command of the tool, and what it says.
-fn slitrange(folder: &Path, arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_slitrange"))
-        .arg("calibrate")
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .expect("the tool starts");
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    let complained = String::from_utf8_lossy(&output.stderr);
-    println!(
-        "$ slitrange calibrate {}\n{said}{complained}",
-        arguments.join(" ")
-    );
-    assert!(output.status.success(), "{complained}");
-    said
+/// A PC whose clock is the board's, with the board at its only serial port, and the stage.
+struct Desk(RefCell<(VirtualBoard, Stage)>);
+
+impl Desk {
+    /// Runs the board until `until`, or until it has said something for a port.
+    fn wait(&self, until: Duration, for_port: bool) -> Vec<u8> {
+        let (board, stage) = &mut *self.0.borrow_mut();
+        loop {
+            let said: Vec<u8> = board
+                .take_bytes()
+                .into_iter()
+                .map(|(_, byte)| byte)
+                .collect();
+            // The lines would pile up.
+            board.take_lines();
+            let left = until.saturating_sub(Duration::from_nanos(board.now()));
+            if left.is_zero() || (for_port && !said.is_empty()) {
+                return said;
+            }
+            stage.look();
+            let step = left.min(Duration::from_millis(5));
+            board.run_for(step).expect("a clean run");
+        }
+    }
+
+    /// A command of the tool, and what it says.
+    fn slitrange(&self, arguments: &[&str]) {
+        println!("$ slitrange calibrate {}", arguments.join(" "));
+        let all = ["slitrange", "calibrate"].iter().chain(arguments);
+        let command = Command::try_parse_from(all).unwrap_or_else(|error| panic!("{error}"));
+        let mut output = Vec::new();
+        let result = command.run(self, &mut io::empty(), &mut output);
+        println!("{}", String::from_utf8_lossy(&output));
+        result.unwrap_or_else(|error| panic!("{error:#}"));
+    }
+}
+
+impl Pc for Desk {
+    fn open(&self, _: &str) -> serialport::Result<Box<dyn Port + '_>> {
+        self.0.borrow_mut().0.take_bytes();
+        Ok(Box::new(self))
+    }
+
+    fn now(&self) -> Duration {
+        Duration::from_nanos(self.0.borrow().0.now())
+    }
+
+    fn sleep(&self, time: Duration) {
+        self.wait(self.now() + time, false);
+    }
+}
+
+impl Port for &Desk {
+    fn read(&mut self, bytes: &mut [u8], wait: Duration) -> io::Result<usize> {
+        let said = self.wait(self.now() + wait, true);
+        bytes[..said.len()].copy_from_slice(&said);
+        if said.is_empty() {
+            return Err(io::ErrorKind::TimedOut.into());
+        }
+        Ok(said.len())
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let (board, stage) = &mut *self.0.borrow_mut();
+        stage.look();
+        board.send_at(board.now(), bytes);
+        Ok(())
+    }
 }
 
 /// An error beside the bound, in micrometres.
@@ -162,35 +208,18 @@ fn a_sensor_of_unknown_geometry_is_calibrated() {
     println!("nominal at {NEAREST} m: {nominal:.4} m");
     assert!((nominal - NEAREST).abs() > 1e-3);
 
-    bench.work(&stage, |port| {
+    let [points, record, figure] = ["points.csv", "sensor.record", "fit.svg"]
+        .map(|name| folder.join(name).display().to_string());
+    bench.work(&stage, |desk| {
         let command = format!("echo {{}} > {}", stage.display());
         // A little more than the range in which it is used: a calibration ends with its points.
-        let run = [
-            "run", "--port", port, "--from", "598", "--to", "1022", "--points", "60",
-        ];
-        let how = [
-            "--frames",
-            "2",
-            "--settle",
-            "0.05",
-            "--stage-command",
-            &command,
-            "points.csv",
-        ];
-        slitrange(folder, &[&run[..], &how].concat());
-        slitrange(
-            folder,
-            &[
-                "fit",
-                "points.csv",
-                "-o",
-                "sensor.record",
-                "--figure",
-                "fit.svg",
-            ],
-        );
-        slitrange(folder, &["write", "--port", port, "sensor.record"]);
-        slitrange(folder, &["show", "sensor.record", "--port", port]);
+        let run = ["run", "--port", "board", "--from", "598", "--to", "1022"];
+        let how = ["--points", "60", "--frames", "2", "--settle", "0.05"];
+        let stage = ["--stage-command", &command, &points];
+        desk.slitrange(&[&run[..], &how, &stage].concat());
+        desk.slitrange(&["fit", &points, "-o", &record, "--figure", &figure]);
+        desk.slitrange(&["write", "--port", "board", &record]);
+        desk.slitrange(&["show", &record, "--port", "board"]);
     });
 
     let errors = errors(&bench);

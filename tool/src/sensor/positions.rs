@@ -3,7 +3,6 @@
 use std::io::{BufRead, Write};
 use std::path::PathBuf;
 use std::process::Command;
-use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 
@@ -169,13 +168,8 @@ pub enum Mover<'a> {
         /// What the person types.
         input: &'a mut dyn BufRead,
     },
-    /// A program.
-    Stage {
-        /// The command line, with `{}` for the distance in millimetres.
-        command: String,
-        /// How long the target swings after it.
-        settle: Duration,
-    },
+    /// A program: its command line, with `{}` for the distance in millimetres.
+    Stage(&'a str),
 }
 
 /// What came of moving the target.
@@ -197,9 +191,8 @@ impl Mover<'_> {
     pub fn to(&mut self, mm: f64, output: &mut dyn Write) -> Result<Moved> {
         match self {
             Self::Person { input } => ask(mm, *input, output),
-            Self::Stage { command, settle } => {
+            Self::Stage(command) => {
                 move_stage(command, mm)?;
-                std::thread::sleep(*settle);
                 Ok(Moved::To(mm))
             }
         }
@@ -433,21 +426,17 @@ mod tests {
         assert!(check_command("stage --to").is_err());
         let directory = tempfile::tempdir().expect("a directory");
         let at = directory.path().join("at");
-        let mut mover = Mover::Stage {
-            command: format!("echo {{}} > '{}'", at.display()),
-            settle: Duration::ZERO,
-        };
+        let command = format!("echo {{}} > '{}'", at.display());
+        let mut mover = Mover::Stage(&command);
         let mut output = Vec::new();
         assert_eq!(
             mover.to(610.0, &mut output).expect("moved"),
             Moved::To(610.0)
         );
         assert_eq!(std::fs::read_to_string(at).expect("written"), "610.000\n");
-        let mut broken = Mover::Stage {
-            command: "exit 3 # {}".to_owned(),
-            settle: Duration::ZERO,
-        };
-        let error = broken.to(610.0, &mut output).expect_err("fails");
+        let error = Mover::Stage("exit 3 # {}")
+            .to(610.0, &mut output)
+            .expect_err("fails");
         assert_eq!(
             error.to_string(),
             "the stage's command `exit 3 # 610.000` failed: exit status: 3"
