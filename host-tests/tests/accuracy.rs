@@ -1,6 +1,5 @@
 //! The estimators against the Cramér-Rao bound, their own claims and, without noise, the truth, on seeded
-//! rows. Every figure asserted
-//! is printed.
+//! rows. Every figure asserted is printed.
 
 use host_tests::accuracy::{
     Before, Cell, Outcome, PIXELS, Phases, Rows, centre_after, centre_of, centre_with, largest,
@@ -69,8 +68,7 @@ impl Table {
     }
 
     /// A line of outcomes, each with the most that it may be of the bound, and how far the standard deviation
-    /// of error over claim may
-    /// be from one. Each row of pixels must have a centre, and none a gross error.
+    /// of error over claim may be from one. Each row of pixels must have a centre, and none a gross error.
     fn line(&mut self, name: &str, outcomes: impl IntoIterator<Item = (Outcome, f64, f64)>) {
         self.text += name;
         for (outcome, limit, tolerance) in outcomes {
@@ -94,10 +92,9 @@ impl Table {
     }
 }
 
-/// The default estimator: at most 1.11 of the bound. The worst cases of 139 widths are among these: 1.58, 6.72, 11.03
-/// and 13.44 in white
-/// noise, where a table serves the narrowest spots that it does, and 4.61 in shot noise, where it serves the
-/// widest.
+/// The default estimator: at most 1.11 of the bound. The worst cases of 139 widths are among these: 1.58,
+/// 6.72, 11.03 and 13.44 in white noise, where a table serves the narrowest spots that it does, and 4.61 in
+/// shot noise, where it serves the widest.
 fn check_the_default(title: &str, left: &str, noises: &[Noise], name: &str) {
     const WIDTHS: [f64; 10] = [1.2, 1.58, 2.0, 4.61, 6.72, 8.0, 10.5, 11.03, 13.44, 18.0];
     const ROWS: u64 = 40_000;
@@ -117,8 +114,8 @@ fn check_the_default(title: &str, left: &str, noises: &[Noise], name: &str) {
 }
 
 /// r = 0.23 costs 1.077 where the spot is as wide as the table and 1.10 where it is 4.2 % narrower, which is
-/// half-way to the next
-/// table; blocks of pixels cost 1.004. The standard error of a ratio over 40,000 rows is 0.35 %.
+/// half-way to the next table; blocks of pixels cost 1.004. The standard error of a ratio over 40,000 rows is
+/// 0.35 %.
 #[test]
 fn white_noise_is_within_a_ninth_of_the_bound() {
     let noises = [25.0, 100.0, 300.0, 1000.0].map(|snr| white(snr, 1));
@@ -126,8 +123,7 @@ fn white_noise_is_within_a_ninth_of_the_bound() {
 }
 
 /// In pure shot noise r = 0.23 costs 1.089 at the table's width and 1.105 where the spot is 4.2 % wider,
-/// which is half-way to the next
-/// table.
+/// which is half-way to the next table.
 #[test]
 fn shot_noise_is_within_a_ninth_of_the_bound() {
     let noises = [
@@ -144,7 +140,8 @@ fn shot_noise_is_within_a_ninth_of_the_bound() {
 fn check_adaptive(title: &str, left: &str, limit: f64, noises: &[Noise], name: &str) {
     const WIDTHS: [f64; 10] = [1.2, 1.58, 2.0, 3.0, 4.61, 6.72, 8.0, 10.5, 13.4, 18.0];
     const ROWS: u64 = 20_000;
-    let title = format!("RMSE / bound (pull) of the adaptive rung in {title}, {ROWS} rows a cell");
+    let title =
+        format!("RMSE / bound (pull) of the adaptive estimator in {title}, {ROWS} rows a cell");
     let mut table = Table::new(&title, &format!("{left:>22}{:>11}", ""), &WIDTHS);
     for noise in noises {
         let outcomes = WIDTHS.map(|width| {
@@ -188,12 +185,10 @@ fn adaptive_is_within_four_per_cent_of_the_bound_in_shot_noise() {
 }
 
 /// The estimators that are no phase tables: their distance from the bound, which for the fit is none, and
-/// their claims, which hold to a
-/// tenth, and for the fit to a twentieth. The centroid is 1.6 of the bound by the formula of its uncertainty,
-/// and has an interpolation
-/// error of 0.003 pixel at a width of 1.2, where the bound is 0.0025, that its claim leaves out. Standard
-/// errors are 1 % of a ratio over
-/// 5000 rows, 0.5 % over 20,000.
+/// their claims, which hold to a tenth, and for the fit to a twentieth. The centroid is 1.6 of the bound by
+/// the formula of its uncertainty, and has an interpolation error of 0.003 pixel at a width of 1.2, where the
+/// bound is 0.0025, that its claim leaves out. Standard errors are 1 % of a ratio over 5000 rows, 0.5 % over
+/// 20,000.
 #[test]
 fn centroid_and_fit_keep_their_distance_from_the_bound_and_their_claims() {
     const WIDTHS: [f64; 4] = [1.2, 2.0, 4.0, 10.5];
@@ -242,8 +237,7 @@ fn bias_alone(estimator: Estimator, width: f64) -> f64 {
 }
 
 /// What is left of the largest bias when rounding to counts is averaged away is the estimator's: of the
-/// centroid its window's ends, of
-/// the fit, as in f64, a pixel's own width.
+/// centroid its window's ends, of the fit, as in f64, a pixel's own width.
 #[test]
 fn bias_over_the_phase_is_the_methods_own() {
     const WIDTHS: [f64; 7] = [0.8, 1.0, 1.2, 1.5, 2.0, 4.0, 10.5];

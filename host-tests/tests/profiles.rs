@@ -44,17 +44,15 @@ fn standard_deviations<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
 }
 
 /// Without noise, as [`bias`] looks for it: at most 0.0005 px for widths from 1 px on the gaussian, and 0.001
-/// px for widths from
-/// 1.5 px on the patterns of a slit. The tables of sinc^2 are not for the gaussian and are off by 0.0025 px
-/// on narrow ones.
+/// px for widths from 1.5 px on the patterns of a slit. The tables of sinc^2 are not for the gaussian and are
+/// off by 0.0025 px on narrow ones.
 #[test]
 fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     const WIDTHS: [f64; 12] = [
         1.0, 1.2, 1.5, 1.75, 2.0, 2.6, 3.0, 4.0, 6.5, 8.0, 10.5, 18.0,
     ];
     /// Variance of the shot noise for each count, Q0.16, with which a row without noise of its own asks for
-    /// each of
-    /// the adaptive rung's mixes.
+    /// each of the adaptive estimator's mixes.
     const EVERY_MIX: [u16; 5] = [0, 6, 30, 90, 6554];
 
     let mut text = format!(
@@ -64,13 +62,13 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     );
     let mut failures = vec![];
     for (name, curve) in symmetric() {
-        for rung in [
+        for estimator in [
             Estimator::PhaseTable,
             Estimator::Adaptive,
             Estimator::Fraunhofer,
         ] {
-            text += &format!("{name:>14}{:>14}", rung.name());
-            let mixes = match rung {
+            text += &format!("{name:>14}{:>14}", estimator.name());
+            let mixes = match estimator {
                 Estimator::Adaptive => &EVERY_MIX[..],
                 _ => &[0],
             };
@@ -88,20 +86,20 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
                             shot_variance_per_count_q16,
                         };
                         let errors = bias(&curve, width, |light, before| {
-                            centre_after(before, &geometry, light, rung)
+                            centre_after(before, &geometry, light, estimator)
                         });
                         largest(&errors.expect("centres").concat())
                     })
                     .fold(0.0, f64::max);
                 text += &format!("{:>6.0}", worst * 1e4);
-                let limit = match (name, rung) {
+                let limit = match (name, estimator) {
                     ("gaussian", Estimator::Fraunhofer) => 0.0026,
                     ("gaussian", _) => 0.0005,
                     _ if width < 1.5 => f64::INFINITY,
                     _ => 0.001,
                 };
                 if worst > limit {
-                    failures.push(format!("{name}, {rung:?}, sigma {width}: {worst}"));
+                    failures.push(format!("{name}, {estimator:?}, sigma {width}: {worst}"));
                 }
             }
             text += "\n";
@@ -112,19 +110,17 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     insta::assert_snapshot!("bias", text);
 }
 
-/// On sinc^2, over the bound from the pixels within eight widths: the rung with its tables, the default with
-/// the gaussian's, and the
-/// fit of sinc^2 in f64, which weighs all pixels alike. That fit reaches the bound in white noise. In shot
-/// noise, where it
-/// is 1.2 to 1.4 of the bound, both rungs beat it, and the rung's own tables gain 5 % or more from the side
-/// lobes; in white noise
-/// they lose as much, because they weigh side lobes that are dimmer than the noise.
+/// On sinc^2, over the bound from the pixels within eight widths: the estimator with its tables, the default
+/// with the gaussian's, and the fit of sinc^2 in f64, which weighs all pixels alike. That fit reaches the
+/// bound in white noise. In shot noise, where it is 1.2 to 1.4 of the bound, both estimators beat it, and the
+/// estimator's own tables gain 5 % or more from the side lobes; in white noise they lose as much, because
+/// they weigh side lobes that are dimmer than the noise.
 #[test]
 fn fraunhofer_against_the_fit_of_its_own_profile() {
     const WIDTHS: [f64; 3] = [2.0, 8.0, 10.5];
     let curve = profiles::slit();
     let mut text = format!(
-        "RMSE / bound on sinc^2 of the rung fraunhofer, the rung phase-table, and the fit in f64, 10000 rows a cell; sigma in pixels\n\
+        "RMSE / bound on sinc^2 of the estimator fraunhofer, the estimator phase-table, and the fit in f64, 10000 rows a cell; sigma in pixels\n\
          counts, e/count, read{}\n",
         WIDTHS.map(|width| format!("{width:>19}")).concat()
     );
@@ -150,10 +146,10 @@ fn fraunhofer_against_the_fit_of_its_own_profile() {
             };
             let geometry = rows.geometry();
             let errors = rows.errors(|light| {
-                let rung = |rung| centre_of(&geometry, light, rung);
-                let default = rung(Estimator::PhaseTable)?;
+                let found_by = |estimator| centre_of(&geometry, light, estimator);
+                let default = found_by(Estimator::PhaseTable)?;
                 Ok([
-                    rung(Estimator::Fraunhofer)?.centre.to_f64(),
+                    found_by(Estimator::Fraunhofer)?.centre.to_f64(),
                     default.centre.to_f64(),
                     sinc_fit(light, &default),
                 ])
@@ -181,7 +177,7 @@ fn fraunhofer_against_the_fit_of_its_own_profile() {
     insta::assert_snapshot!("fraunhofer", text);
 }
 
-/// The fit in f64, from where the default rung found the spot.
+/// The fit in f64, from where the default estimator found the spot.
 fn sinc_fit(light: &[u16], start: &RowCentre) -> f64 {
     let row: Vec<f64> = light.iter().map(|&count| f64::from(count)).collect();
     let start = Sinc {
@@ -196,14 +192,11 @@ fn sinc_fit(light: &[u16], start: &RowCentre) -> f64 {
 /// Rows from which a profile is made.
 const MEASURED_ROWS: u64 = 400;
 
-/// Tables made of 400 rows that the sensor itself read, by which the default rung knew where and how wide the
-/// spot is, against tables
-/// of the true profile: at most 1.03 of their RMSE. Both with the weights of the default set and with those
-/// for the noise, and both
-/// with the same widths and windows. An asymmetric spot's centre is a convention, which the measured tables
-/// take from the
-/// default rung: there it is the scatter that counts, and the bias over the phase about its mean is at most 0.001
-/// px.
+/// Tables made of 400 rows that the sensor itself read, by which the default estimator knew where and how
+/// wide the spot is, against tables of the true profile: at most 1.03 of their RMSE. Both with the weights of
+/// the default set and with those for the noise, and both with the same widths and windows. An asymmetric
+/// spot's centre is a convention, which the measured tables take from the default estimator: there it is the
+/// scatter that counts, and the bias over the phase about its mean is at most 0.001 px.
 #[test]
 fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
     let mut text = format!(
@@ -319,8 +312,7 @@ fn errors_with(curve: &Curve, cell: Cell, tables: &[Vec<IntegerTable>; 3]) -> Ve
 }
 
 /// Bias over the phase of tables of a measured asymmetric profile, about the mean, which is a convention: at
-/// most 0.001 px. With the
-/// gaussian's tables it is up to 0.05 px, as one table or its neighbour serves.
+/// most 0.001 px. With the gaussian's tables it is up to 0.05 px, as one table or its neighbour serves.
 #[test]
 fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
     let curve = profiles::tailed();
@@ -366,15 +358,12 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
     insta::assert_snapshot!("asymmetric_bias", text);
 }
 
-/// A table 9.5 % too narrow or too wide, with the weights that the adaptive rung takes for the noise: at most 1.05
-/// of the bound. The
-/// bound is stood for by the table of the right width with weights for exactly this noise, which reaches it,
-/// on the same rows:
-/// that leaves out what chance does to all. By the weights' own formula the worst, 1.048, are those that are
-/// for r = 0.23
-/// where r is 0.8. What chance leaves of the ratio of two errors that differ by 5 % is 0.16 % over 40,000
-/// rows, and half of that
-/// for the mean over the widths. (Spots of 11.6 px and more are summed to narrower ones.)
+/// A table 9.5 % too narrow or too wide, with the weights that the adaptive estimator takes for the noise: at
+/// most 1.05 of the bound. The bound is stood for by the table of the right width with weights for exactly
+/// this noise, which reaches it, on the same rows: that leaves out what chance does to all. By the weights'
+/// own formula the worst, 1.048, are those that are for r = 0.23 where r is 0.8. What chance leaves of the
+/// ratio of two errors that differ by 5 % is 0.16 % over 40,000 rows, and half of that for the mean over the
+/// widths. (Spots of 11.6 px and more are summed to narrower ones.)
 #[test]
 fn a_wrong_width_costs_a_twentieth_at_most() {
     const WIDTHS: [f64; 5] = [1.2, 2.0, 4.0, 8.0, 10.5];
@@ -470,7 +459,7 @@ fn a_wrong_width_costs_a_twentieth_at_most() {
     insta::assert_snapshot!("wrong_width", text);
 }
 
-/// The ratio for which the weights are designed that the adaptive rung takes for noise of this ratio.
+/// The ratio for which the weights are designed that the adaptive estimator takes for noise of this ratio.
 fn noise_ratio_of_mix(noise_ratio: f64) -> f64 {
     const DESIGNED_FOR: [f64; 5] = [f64::INFINITY, DEFAULT.noise_ratio, 0.07, 0.02, 0.006];
     MIXES

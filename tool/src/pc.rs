@@ -1,4 +1,5 @@
-//! What the tool needs of the PC: serial ports and a clock. Tests put a simulated sensor with its own clock here.
+//! What the tool needs of the PC: serial ports and a clock. Tests put a simulated sensor with its own clock
+//! here.
 
 use std::io::{self, Write as _};
 use std::time::{Duration, Instant};

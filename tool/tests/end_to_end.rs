@@ -1,6 +1,5 @@
 //! From a sensor whose geometry nobody knows to distances: each command as its user gives it, against the
-//! firmware on the emulated
-//! board, with a power cycle in between.
+//! firmware on the emulated board, with a power cycle in between.
 #![cfg(unix)]
 
 use std::cell::RefCell;
@@ -189,8 +188,8 @@ fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 }
 
 /// RMS error of at most 1.2 of the bound and a micrometre: the bound is what the light's noise leaves, the
-/// default estimator takes up to 1.1 of
-/// it, and 60 points of two frames of 64 rows have an eighth of a reading's variance each.
+/// default estimator takes up to 1.1 of it, and 60 points of two frames of 64 rows have an eighth of a
+/// reading's variance each.
 #[test]
 fn a_sensor_of_unknown_geometry_is_calibrated() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -19,8 +19,8 @@ pub const TRIES: usize = 4;
 /// The longest line that is kept: three times as long as any that a sensor sends. Beyond it is noise.
 const LONGEST: usize = 256;
 
-// Waits are many times what a board takes: some 0.1 s for the longest answer, 0.4 s for a frame of 64 rows, 1 s
-// for a sector of flash that is erased. An emulated board can be slower than the clock on the wall.
+// Waits are many times what a board takes: some 0.1 s for the longest answer, 0.4 s for a frame of 64 rows, 1
+// s for a sector of flash that is erased. An emulated board can be slower than the clock on the wall.
 
 /// How long to wait for the answer to a command.
 pub const ANSWER: Duration = Duration::from_secs(2);
@@ -353,8 +353,7 @@ fn is_error(line: &str) -> bool {
 }
 
 /// Whether an error is about what was asked, and not about words that noise may have changed: those are the
-/// errors up to E7, of
-/// [`Error`](slitrange::protocol::command::Error).
+/// errors up to E7, of [`Error`](slitrange::protocol::command::Error).
 fn is_understood(error: &str) -> bool {
     let digits = error
         .strip_prefix('E')

@@ -9,22 +9,19 @@ use anyhow::{Context, Result, bail, ensure};
 use super::taken::Millimetres;
 
 /// What is as far from eq. (1)'s pole in pixels as the next, as near as can be said before it is known: that
-/// of the nominal
-/// geometry, D of [`slitrange::distance::eq1::NOMINAL`] in millimetres.
+/// of the nominal geometry, D of [`slitrange::distance::eq1::NOMINAL`] in millimetres.
 const D_MM: f64 = -115.4;
 
 /// The least and the largest distance that a record can hold, in millimetres, with a little to spare. The
-/// stage's zero may be
-/// anywhere: where it is, eq. (1)'s D takes in.
+/// stage's zero may be anywhere: where it is, eq. (1)'s D takes in.
 const SENSIBLE_MM: std::ops::RangeInclusive<f64> = -8380.0..=8380.0;
 
 /// How positions lie between the first and the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Spacing {
     /// Centres, in pixels: closer together where the target is near. Best for a fit, because every part of
-    /// the sensor counts alike.
-    /// That is even in 1/(d - D), here with D = -115.4 mm of the nominal sensor: it assumes distances from
-    /// the laser's origin.
+    /// the sensor counts alike. That is even in 1/(d - D), here with D = -115.4 mm of the nominal sensor: it
+    /// assumes distances from the laser's origin.
     Pixels,
     /// Distances, in millimetres: for a stage whose zero is elsewhere, or that counts the other way.
     Distance,
@@ -56,8 +53,7 @@ pub struct Which {
     #[arg(long, value_name = "N", default_value_t = 30)]
     pub points: usize,
     /// What is even between them: `pixels` assumes distances from the laser's origin; if the stage's zero is
-    /// elsewhere, take
-    /// `distance`
+    /// elsewhere, take `distance`
     #[arg(long, value_enum, default_value_t = Spacing::Pixels)]
     pub spacing: Spacing,
 }
@@ -267,8 +263,8 @@ pub fn check_command(command: &str) -> Result<()> {
 const MISSED_MM: f64 = 5.0;
 
 /// The positions, of those wanted, at which there is no point yet. A point stands for a position if it lies
-/// less than half of
-/// the way to that one's neighbour from it, and no further than a person may have missed it.
+/// less than half of the way to that one's neighbour from it, and no further than a person may have missed
+/// it.
 pub fn missing(wanted: &[f64], taken: &[f64]) -> Vec<f64> {
     wanted
         .iter()

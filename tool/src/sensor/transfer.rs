@@ -24,10 +24,9 @@ const TRIES: usize = 3;
 /// Write a record to the sensor: upload it, read it back, compare, and save it
 ///
 /// FILE is what `calibrate fit` or `calibrate read` wrote. The sensor uses the record when all of it has come
-/// and is sound, or goes on
-/// with the one it had. Its estimator and black level are set as when it was calibrated. `save` keeps them
-/// over a power cycle,
-/// and with them the rows in a frame and their mean, as they are set.
+/// and is sound, or goes on with the one it had. Its estimator and black level are set as when it was
+/// calibrated. `save` keeps them over a power cycle, and with them the rows in a frame and their mean, as
+/// they are set.
 #[derive(Clone, Debug, clap::Args)]
 pub struct WriteOptions {
     /// The record
@@ -57,8 +56,8 @@ pub struct ReadOptions {
 /// Show a record, of a file or of a sensor, or how two of them differ
 ///
 /// With two files, or a file and a port: what they say otherwise than each other, and by how much their
-/// distances differ. The exit
-/// code is then 0 if they are the same bit for bit, 1 if they differ, and 2 if one of them cannot be read.
+/// distances differ. The exit code is then 0 if they are the same bit for bit, 1 if they differ, and 2 if one
+/// of them cannot be read.
 #[derive(Clone, Debug, clap::Args)]
 #[command(override_usage = "\
 slitrange calibrate show FILE

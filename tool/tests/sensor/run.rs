@@ -442,8 +442,8 @@ fn a_bad_line_loses_no_point() {
         }
         println!("seed {seed}: {runs} runs");
         // A digit that noise changed counts if that moves the centre by less than ten times its scatter,
-        // which the median of four
-        // deviations may put at twice the noise: by 20 of 0.002 px, over four frames.
+        // which the median of four deviations may put at twice the noise: by 20 of 0.002 px, over four
+        // frames.
         check(
             &sensor,
             &TEN,

@@ -1,5 +1,6 @@
-//! A sensor in virtual time: it speaks the core's own protocol, sees a target at the distance that a file says,
-//! and has whatever trouble it is given. It is the tool's PC as well: time goes on only while the tool waits.
+//! A sensor in virtual time: it speaks the core's own protocol, sees a target at the distance that a file
+//! says, and has whatever trouble it is given. It is the tool's PC as well: time goes on only while the tool
+//! waits.
 
 use std::any::Any;
 use std::cell::{RefCell, RefMut};

@@ -372,10 +372,9 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
         println!("to seed {seed}: {done} written");
     }
     // A try takes at most some 60 commands (20 pieces each way, and as many again for what noise cost), of
-    // which each cuts the power
-    // with 0.5 %: a quarter of the tries fail, three in a row 2 % of the time. The few questions before the
-    // first are not asked again:
-    // 3 %. Of 20 records more than 5 fail with 5 % each 3 times in 10000.
+    // which each cuts the power with 0.5 %: a quarter of the tries fail, three in a row 2 % of the time. The
+    // few questions before the first are not asked again: 3 %. Of 20 records more than 5 fail with 5 % each 3
+    // times in 10000.
     assert!(done >= 15, "{done} of 20");
 }
 
