@@ -23,6 +23,12 @@ fn symmetric() -> [(&'static str, Curve); 4] {
     ]
 }
 
+/// The head of columns of a table.
+fn columns(widths: &[f64], characters: usize) -> String {
+    let heads = widths.iter().map(|width| format!("{width:>characters$}"));
+    heads.collect()
+}
+
 /// Root mean square of each column.
 fn root_mean_squares<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
     std::array::from_fn(|i| {
@@ -58,7 +64,7 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     let mut text = format!(
         "largest bias over 40 phases in 1e-4 px, with the row before and without; sigma in pixels\n{:>28}{}\n",
         "",
-        WIDTHS.map(|width| format!("{width:>6}")).concat()
+        columns(&WIDTHS, 6)
     );
     let mut failures = vec![];
     for (name, curve) in symmetric() {
@@ -115,24 +121,17 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
 /// bound in white noise. In shot noise, where it is 1.2 to 1.4 of the bound, both estimators beat it, and the
 /// estimator's own tables gain 5 % or more from the side lobes; in white noise they lose as much, because
 /// they weigh side lobes that are dimmer than the noise.
-#[test]
-fn fraunhofer_against_the_fit_of_its_own_profile() {
-    const WIDTHS: [f64; 3] = [2.0, 8.0, 10.5];
+fn of_fraunhofer(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
     let curve = profiles::slit();
     let mut text = format!(
         "RMSE / bound on sinc^2 of the estimator fraunhofer, the estimator phase-table, and the fit in f64, 10000 rows a cell; sigma in pixels\n\
          counts, e/count, read{}\n",
-        WIDTHS.map(|width| format!("{width:>19}")).concat()
+        columns(widths, 19)
     );
-    for (amplitude, electrons_per_count, noise) in [
-        (2400.0, None, 24.0),
-        (2400.0, None, 2.4),
-        (1000.0, Some(5.0), 2.0),
-        (3800.0, Some(10.0), 4.0),
-    ] {
+    for &(amplitude, electrons_per_count, noise) in noises {
         let electrons = electrons_per_count.map_or("none".into(), |e| f64::to_string(&e));
         text += &format!("{:>21}", format!("{amplitude}, {electrons}, {noise}"));
-        for width in WIDTHS {
+        for &width in widths {
             let rows = Rows {
                 curve: &curve,
                 cell: Cell {
@@ -174,6 +173,24 @@ fn fraunhofer_against_the_fit_of_its_own_profile() {
         text += "\n";
     }
     println!("{text}");
+    text
+}
+
+#[test]
+fn fraunhofer_beats_the_default_in_shot_noise_and_costs_little_in_white_noise() {
+    of_fraunhofer(&[(2400.0, None, 24.0), (1000.0, Some(5.0), 2.0)], &[8.0]);
+}
+
+#[test]
+#[ignore = "the whole grid; takes 9 CPU s; run by .ci/run"]
+fn fraunhofer_against_the_fit_of_its_own_profile_on_the_whole_grid() {
+    let noises = [
+        (2400.0, None, 24.0),
+        (2400.0, None, 2.4),
+        (1000.0, Some(5.0), 2.0),
+        (3800.0, Some(10.0), 4.0),
+    ];
+    let text = of_fraunhofer(&noises, &[2.0, 8.0, 10.5]);
     insta::assert_snapshot!("fraunhofer", text);
 }
 
@@ -197,8 +214,7 @@ const MEASURED_ROWS: u64 = 400;
 /// the default set and with those for the noise, and both with the same widths and windows. An asymmetric
 /// spot's centre is a convention, which the measured tables take from the default estimator: there it is the
 /// scatter that counts, and the bias over the phase about its mean is at most 0.001 px.
-#[test]
-fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
+fn of_measured_profiles(profiles: &[(&str, Curve)], widths: &[f64]) -> String {
     let mut text = format!(
         "RMSE of tables of a profile measured on {MEASURED_ROWS} rows, and of the gaussian's, over that of tables of the true profile,\n\
          and of these over the bound; 20000 rows a cell; for the asymmetric spot without the mean\n\
@@ -206,11 +222,8 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
         "", "sigma", "counts, e/count, read", "default r", "r for the noise"
     );
     let mut failures = vec![];
-    let profiles = symmetric()
-        .into_iter()
-        .chain([("tailed", profiles::tailed())]);
     for (name, curve) in profiles {
-        for width in [2.0, 8.0] {
+        for &width in widths {
             for (amplitude, electrons_per_count, noise, noise_ratio) in [
                 (2400.0, None, 24.0, f64::INFINITY),
                 (2000.0, Some(5.0), 2.0, 0.02),
@@ -223,7 +236,7 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
                     rows: 20_000,
                     seed: 51 + width as u64,
                 };
-                let measured = measure(&curve, cell);
+                let measured = measure(curve, cell);
                 let electrons = electrons_per_count.map_or("none".into(), |e| f64::to_string(&e));
                 text += &format!(
                     "{name:>14}{width:>7}{:>22}",
@@ -238,12 +251,12 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
                         set(&|offset, width| measured.at(offset, width), plan),
                         set(&phase_tables::gaussian, plan),
                     ];
-                    let errors = errors_with(&curve, cell, &tables);
-                    let [truth, measured, gaussian] = match name {
+                    let errors = errors_with(curve, cell, &tables);
+                    let [truth, measured, gaussian] = match *name {
                         "tailed" => standard_deviations(&errors),
                         _ => root_mean_squares(&errors),
                     };
-                    let bound = profiles::bound(&curve, &cell.spot(), 8.0);
+                    let bound = profiles::bound(curve, &cell.spot(), 8.0);
                     text += &format!(
                         "{:>10.2}{:>8.2}{:>8.2}",
                         measured / truth,
@@ -260,6 +273,20 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
     }
     println!("{text}");
     assert!(failures.is_empty(), "{}", failures.join("\n"));
+    text
+}
+
+#[test]
+fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
+    of_measured_profiles(&[("sinc^2", profiles::slit())], &[8.0]);
+}
+
+#[test]
+#[ignore = "all profiles; takes 12 CPU s; run by .ci/run"]
+fn tables_of_every_measured_profile_are_as_good_as_those_of_the_true_one() {
+    let tailed = [("tailed", profiles::tailed())];
+    let profiles: Vec<_> = symmetric().into_iter().chain(tailed).collect();
+    let text = of_measured_profiles(&profiles, &[2.0, 8.0]);
     insta::assert_snapshot!("measured", text);
 }
 
@@ -364,27 +391,15 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
 /// own formula the worst, 1.048, are those that are for r = 0.23 where r is 0.8. What chance leaves of the
 /// ratio of two errors that differ by 5 % is 0.16 % over 40,000 rows, and half of that for the mean over the
 /// widths. (Spots of 11.6 px and more are summed to narrower ones.)
-#[test]
-fn a_wrong_width_costs_a_twentieth_at_most() {
-    const WIDTHS: [f64; 5] = [1.2, 2.0, 4.0, 8.0, 10.5];
+fn of_wrong_widths(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
     let curve = profiles::gaussian();
     let mut text = format!(
         "RMSE / bound with a table 9.5 % too narrow, right, 9.5 % too wide; 40000 rows a cell; sigma in pixels\n\
          counts, e/count, read     r  of table{}\n",
-        WIDTHS.map(|width| format!("{width:>19}")).concat()
+        columns(widths, 19)
     );
     let mut failures = vec![];
-    for (amplitude, electrons_per_count, noise) in [
-        (200.0, None, 8.0),
-        (1000.0, None, 2.0),
-        (3600.0, None, 2.0),
-        (100.0, Some(5.0), 4.0),
-        (1000.0, Some(5.0), 2.0),
-        (3800.0, Some(5.0), 2.0),
-        (3800.0, Some(2.0), 2.0),
-        (3800.0, Some(10.0), 1.0),
-        (3800.0, Some(10.0), 8.0),
-    ] {
+    for &(amplitude, electrons_per_count, noise) in noises {
         let exact = electrons_per_count.map_or(f64::INFINITY, |electrons: f64| {
             (noise * noise + 1.0 / 12.0) * electrons / amplitude
         });
@@ -393,7 +408,7 @@ fn a_wrong_width_costs_a_twentieth_at_most() {
         let name = format!("{amplitude}, {electrons}, {noise}");
         text += &format!("{name:>21}{exact:>6.3}{taken:>10}");
         let mut means = [0.0; 3];
-        for width in WIDTHS {
+        for &width in widths {
             let rows = Rows {
                 curve: &curve,
                 cell: Cell {
@@ -441,7 +456,7 @@ fn a_wrong_width_costs_a_twentieth_at_most() {
             let ratios = [narrow, right, wide].map(|error| error / best);
             text += &format!("{:>7.2}{:>6.2}{:>6.2}", ratios[0], ratios[1], ratios[2]);
             for (mean, ratio) in means.iter_mut().zip(ratios) {
-                *mean += ratio / WIDTHS.len() as f64;
+                *mean += ratio / widths.len() as f64;
             }
             // Four standard errors of a ratio over 40,000 rows.
             let is_bound = (best / bound - 1.0).abs() <= 0.014;
@@ -456,6 +471,29 @@ fn a_wrong_width_costs_a_twentieth_at_most() {
     }
     println!("{text}");
     assert!(failures.is_empty(), "{}", failures.join("\n"));
+    text
+}
+
+#[test]
+fn a_wrong_width_costs_a_twentieth_at_most() {
+    of_wrong_widths(&[(200.0, None, 8.0)], &[2.0, 8.0]);
+}
+
+#[test]
+#[ignore = "the whole grid; takes 25 CPU s; run by .ci/run"]
+fn a_wrong_width_costs_a_twentieth_at_most_on_the_whole_grid() {
+    let noises = [
+        (200.0, None, 8.0),
+        (1000.0, None, 2.0),
+        (3600.0, None, 2.0),
+        (100.0, Some(5.0), 4.0),
+        (1000.0, Some(5.0), 2.0),
+        (3800.0, Some(5.0), 2.0),
+        (3800.0, Some(2.0), 2.0),
+        (3800.0, Some(10.0), 1.0),
+        (3800.0, Some(10.0), 8.0),
+    ];
+    let text = of_wrong_widths(&noises, &[1.2, 2.0, 4.0, 8.0, 10.5]);
     insta::assert_snapshot!("wrong_width", text);
 }
 

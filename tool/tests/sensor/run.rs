@@ -24,12 +24,22 @@ fn run(sensor: &StandIn, arguments: &[&str], typed: &str) -> (Result<ExitCode, S
     )
 }
 
-/// The same, killed a number of uses of the port after the file has `count` points. Gives whether the run
-/// ended before that.
-fn run_killed(sensor: &StandIn, arguments: &[&str], count: usize, uses: usize) -> bool {
-    let (port, file) = (sensor.port(), points(sensor));
+/// The same with a stage that goes to these positions.
+fn run_stage(
+    sensor: &StandIn,
+    positions: &[f64],
+    more: &[&str],
+) -> (Result<ExitCode, String>, String) {
+    let (positions, stage) = (list(sensor, positions), sensor.stage_command());
+    let arguments = ["--positions", &positions, "--stage-command", &stage];
+    run(sensor, &[&arguments, more].concat(), "")
+}
+
+/// The same with ten positions and three frames each, killed a number of uses of the port after the file has
+/// `count` points. Gives whether the run ended before that.
+fn run_killed(sensor: &StandIn, count: usize, uses: usize) -> bool {
     once_there_are(sensor, count, move |state| state.kill_after = Some(uses));
-    sensor.slitrange_killed(&[&["run", "--port", &port, &file], arguments].concat())
+    sensor.ends_before_it_is_killed(|| run_stage(sensor, &TEN, &["--frames", "3"]).0.is_ok())
 }
 
 /// Does something to the sensor as soon as the file has `count` points.
@@ -219,14 +229,7 @@ fn a_stage_that_fails_stops_the_run_and_loses_nothing() {
     assert!(error.ends_with("failed: exit status: 1"), "{error}");
     let before = lines(&sensor);
     assert_eq!(before.len(), 2);
-    let stage = sensor.stage_command();
-    run(
-        &sensor,
-        &["--positions", &positions, "--stage-command", &stage],
-        "",
-    )
-    .0
-    .expect("taken");
+    run_stage(&sensor, &TEN, &[]).0.expect("taken");
     check(&sensor, &TEN, noise(8));
     assert!(before.iter().all(|line| lines(&sensor).contains(line)));
 }
@@ -240,10 +243,7 @@ fn a_position_without_a_centre_is_remarked_and_taken_later() {
             ..Trouble::default()
         },
     );
-    let positions = list(&sensor, &[600.0, 700.0]);
-    let stage = sensor.stage_command();
-    let arguments = ["--positions", &positions, "--stage-command", &stage];
-    let (result, output) = run(&sensor, &arguments, "");
+    let (result, output) = run_stage(&sensor, &[600.0, 700.0], &[]);
     result.expect("gone through");
     assert_eq!(
         output.matches("600.000 mm  too dim: ").count(),
@@ -257,28 +257,19 @@ fn a_position_without_a_centre_is_remarked_and_taken_later() {
     );
     assert!(lines(&sensor).is_empty());
     sensor.state().trouble.fault = 0.0;
-    run(&sensor, &arguments, "").0.expect("taken");
+    run_stage(&sensor, &[600.0, 700.0], &[]).0.expect("taken");
     check(&sensor, &[600.0, 700.0], noise(8));
 }
 
 #[test]
 fn another_sensor_another_setting_or_another_file_is_refused() {
     let sensor = StandIn::new(14, Trouble::default());
-    let positions = list(&sensor, &[600.0, 700.0]);
-    let stage = sensor.stage_command();
-    let arguments = [
-        "--positions",
-        &positions,
-        "--stage-command",
-        &stage,
-        "--frames",
-        "1",
-    ];
-    run(&sensor, &arguments, "").0.expect("taken");
+    let run = || run_stage(&sensor, &[600.0, 700.0], &["--frames", "1"]).0;
+    run().expect("taken");
     let text = std::fs::read_to_string(points(&sensor)).expect("a file");
     let refused = |text: &str| {
         std::fs::write(points(&sensor), text).expect("written");
-        let error = run(&sensor, &arguments, "").0.expect_err("refused");
+        let error = run().expect_err("refused");
         assert_eq!(
             std::fs::read_to_string(points(&sensor)).expect("a file"),
             text
@@ -326,19 +317,14 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
         "{error}"
     );
     std::fs::write(points(&sensor), &text).expect("written");
-    run(&sensor, &arguments, "").0.expect("nothing to do");
+    run().expect("nothing to do");
 }
 
 /// Points are added after the first record was written, with which the sensor got its number.
 #[test]
 fn points_are_added_once_the_sensor_has_a_number() {
     let sensor = StandIn::new(18, Trouble::default());
-    let stage = sensor.stage_command();
-    let more = |positions: &[f64]| {
-        let positions = list(&sensor, positions);
-        let arguments = ["--positions", &positions, "--stage-command", &stage];
-        run(&sensor, &arguments, "").0
-    };
+    let more = |positions: &[f64]| run_stage(&sensor, positions, &[]).0;
     more(&[600.0, 700.0]).expect("taken");
     let mut record = EncodedRecord::nominal().expect("a record").record().clone();
     record.serial_number = 42;
@@ -353,8 +339,6 @@ fn a_cable_that_falls_out_and_power_that_fails_are_waited_for() {
     let sensor = StandIn::new(15, Trouble::default());
     // What was set, and not saved, is set again.
     sensor.state().type_line("estimator adaptive");
-    let positions = list(&sensor, &TEN);
-    let stage = sensor.stage_command();
     let file = points(&sensor);
     let mut next = 2;
     sensor.each_step(move |state| {
@@ -368,15 +352,7 @@ fn a_cable_that_falls_out_and_power_that_fails_are_waited_for() {
             next = if next < 6 { next + 2 } else { usize::MAX };
         }
     });
-    let arguments = [
-        "--positions",
-        &positions,
-        "--stage-command",
-        &stage,
-        "--settle",
-        "0.01",
-    ];
-    let (result, output) = run(&sensor, &arguments, "");
+    let (result, output) = run_stage(&sensor, &TEN, &["--settle", "0.01"]);
     result.expect("taken");
     let back = output.matches("the sensor is back, and set as it was");
     assert_eq!(back.count(), 3, "{output}");
@@ -389,11 +365,8 @@ fn a_cable_that_falls_out_and_power_that_fails_are_waited_for() {
 #[test]
 fn a_sensor_that_stays_away_stops_the_run_and_loses_nothing() {
     let sensor = StandIn::new(16, Trouble::default());
-    let positions = list(&sensor, &TEN);
-    let stage = sensor.stage_command();
-    let arguments = ["--positions", &positions, "--stage-command", &stage];
     once_there_are(&sensor, 3, |state| state.unplug(2 * RECONNECT));
-    let error = run(&sensor, &arguments, "").0.expect_err("away");
+    let error = run_stage(&sensor, &TEN, &[]).0.expect_err("away");
     assert!(
         error.starts_with("stopped; run the same command again to go on: there is no serial port"),
         "{error}"
@@ -401,7 +374,7 @@ fn a_sensor_that_stays_away_stops_the_run_and_loses_nothing() {
     let before = lines(&sensor);
     assert!(before.len() >= 3);
     sensor.sleep(RECONNECT);
-    run(&sensor, &arguments, "").0.expect("taken");
+    run_stage(&sensor, &TEN, &[]).0.expect("taken");
     check(&sensor, &TEN, noise(8));
     assert!(before.iter().all(|line| lines(&sensor).contains(line)));
 }
@@ -419,21 +392,11 @@ fn a_bad_line_loses_no_point() {
             fault: 0.01,
         };
         let sensor = StandIn::new(seed, trouble);
-        let positions = list(&sensor, &TEN);
-        let stage = sensor.stage_command();
         let frames = FRAMES.to_string();
-        let arguments = [
-            "--positions",
-            &positions,
-            "--stage-command",
-            &stage,
-            "--frames",
-            &frames,
-        ];
         let mut before = BTreeSet::new();
         let mut runs = 0;
         while before.len() < TEN.len() {
-            let result = run(&sensor, &arguments, "").0;
+            let result = run_stage(&sensor, &TEN, &["--frames", &frames]).0;
             let there: BTreeSet<String> = lines(&sensor).into_iter().collect();
             assert!(there.is_superset(&before));
             before = there;
@@ -456,20 +419,17 @@ fn a_bad_line_loses_no_point() {
 #[test]
 fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
     let sensor = StandIn::new(19, Trouble::default());
-    let positions = list(&sensor, &TEN);
-    let stage = sensor.stage_command();
-    let arguments = ["--positions", &positions, "--stage-command", &stage];
-    assert!(!run_killed(&sensor, &arguments, 1, 0));
+    assert!(!run_killed(&sensor, 1, 0));
     let set = || {
         let settings = sensor.state().settings();
         (settings.rows, settings.stream)
     };
     assert_eq!(set(), (64, false));
-    run(&sensor, &arguments, "").0.expect("taken");
+    run_stage(&sensor, &TEN, &[]).0.expect("taken");
     assert_eq!(set(), (16, true));
     // What somebody set after that is not of a run that was killed.
     sensor.state().type_line("rows 32");
-    run(&sensor, &arguments, "").0.expect("nothing to do");
+    run_stage(&sensor, &TEN, &[]).0.expect("nothing to do");
     assert_eq!(set(), (32, true));
 }
 
@@ -478,21 +438,11 @@ fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
 #[test]
 fn a_run_that_is_killed_goes_on_where_it_was() {
     let sensor = StandIn::new(17, Trouble::default());
-    let positions = list(&sensor, &TEN);
-    let stage = sensor.stage_command();
-    let arguments = [
-        "--positions",
-        &positions,
-        "--stage-command",
-        &stage,
-        "--frames",
-        "3",
-    ];
     let mut random = ChaCha8Rng::seed_from_u64(17);
     let mut before = BTreeSet::new();
     for count in 0..=TEN.len() {
         // A point takes about 12 uses.
-        let ended = run_killed(&sensor, &arguments, count, random.random_range(0..16));
+        let ended = run_killed(&sensor, count, random.random_range(0..16));
         let there: BTreeSet<String> = lines(&sensor).into_iter().collect();
         println!("with {} points: ended {ended}", there.len());
         assert!(
@@ -501,7 +451,9 @@ fn a_run_that_is_killed_goes_on_where_it_was() {
         );
         before = there;
     }
-    run(&sensor, &arguments, "").0.expect("taken");
+    run_stage(&sensor, &TEN, &["--frames", "3"])
+        .0
+        .expect("taken");
     check(&sensor, &TEN, noise(3));
     let there: BTreeSet<String> = lines(&sensor).into_iter().collect();
     assert_eq!(there, before);

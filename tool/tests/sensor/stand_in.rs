@@ -260,15 +260,14 @@ impl StandIn {
         (result, output)
     }
 
-    /// The same, killed after a number of uses of the port that [`State::kill_after`] says. Gives whether the
-    /// command ended before that.
-    pub fn slitrange_killed(&self, arguments: &[&str]) -> bool {
-        let ended = catch_unwind(AssertUnwindSafe(|| self.slitrange(arguments, "")));
+    /// Does something that may be killed by [`State::kill_after`]. Gives what it gives, or false if killed.
+    pub fn ends_before_it_is_killed(&self, call: impl FnOnce() -> bool) -> bool {
+        let ended = catch_unwind(AssertUnwindSafe(call));
         let mut state = self.state();
         state.kill_after = None;
         state.killed = false;
         match ended {
-            Ok((result, _)) => result.is_ok(),
+            Ok(ended) => ended,
             Err(reason) if reason.is::<Killed>() => false,
             Err(reason) => resume_unwind(reason),
         }
