@@ -18,16 +18,9 @@ use virtual_board::light::{Target, of_scene_through};
 use virtual_board::stage::Stage;
 use virtual_board::{Firmware, SharedFlash, VirtualBoard};
 
-/// How far the sensor is from eq. (1), in metres.
-const DEPARTURE: f64 = 300e-6;
-
 /// Where it is used, in metres.
 const NEAREST: f64 = 0.60;
 const FARTHEST: f64 = 1.02;
-
-/// Distances at which it is tried, and readings at each.
-const STEPS: u32 = 22;
-const READINGS: usize = 4;
 
 const ROWS: u16 = 16;
 
@@ -136,8 +129,8 @@ struct Compared {
 }
 
 /// The first frames may still have rows of the place before.
-fn readings(board: &mut VirtualBoard) -> Vec<f64> {
-    let results = (0..2 + READINGS).map(|_| {
+fn readings(board: &mut VirtualBoard, count: usize) -> Vec<f64> {
+    let results = (0..2 + count).map(|_| {
         let line = board.run_until_line(
             |line| line.starts_with("d ") || line.starts_with("f "),
             PATIENCE,
@@ -153,8 +146,9 @@ fn readings(board: &mut VirtualBoard) -> Vec<f64> {
     distances.collect()
 }
 
-/// The errors of readings over the sensor's range, with the calibration that its flash holds.
-fn errors(bench: &Bench) -> Vec<Compared> {
+/// The errors of readings at even distances over the sensor's range, with the calibration that its flash
+/// holds.
+fn errors(bench: &Bench, steps: u32, count: usize) -> Vec<Compared> {
     let mut board = bench.power_on();
     board.send(&format!("rows {ROWS}\r\n"));
     board
@@ -162,11 +156,11 @@ fn errors(bench: &Bench) -> Vec<Compared> {
         .expect("an answer");
     let simulation = Simulation::new(Scene::white_paper());
     let mut errors = vec![];
-    for step in 0..STEPS {
-        let share = f64::from(step) / f64::from(STEPS - 1);
+    for step in 0..steps {
+        let share = f64::from(step) / f64::from(steps - 1);
         let distance = NEAREST + share * (FARTHEST - NEAREST);
         bench.target.move_to(distance);
-        let found = readings(&mut board);
+        let found = readings(&mut board, count);
         let exposure = board.head(|head| head.last_row().map(|row| row.exposure.duration()));
         let centre = bench.optics.centre(distance);
         let seen_at = simulation.scene().optics.distance(centre);
@@ -187,17 +181,15 @@ fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     (values.map(|value| value * value).sum::<f64>() / count).sqrt()
 }
 
-/// RMS error of at most 1.2 of the bound and a micrometre: the bound is what the light's noise leaves, the
-/// default estimator takes up to 1.1 of it, and 60 points of two frames of 64 rows have an eighth of a
-/// reading's variance each.
-#[test]
-fn a_sensor_of_unknown_geometry_is_calibrated() {
+/// Calibrates a sensor that is `departure` metres from eq. (1), cuts its power, and holds that the RMS error
+/// of its readings is at most `most` of the bound and a micrometre.
+fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize), most: f64) {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let stage = folder.join("stage");
     let bench = Bench {
         firmware: Firmware::build().expect("the firmware builds"),
-        optics: DistortedOptics::unknown(6, DEPARTURE).expect("a geometry"),
+        optics: DistortedOptics::unknown(6, departure).expect("a geometry"),
         target: Target::at(NEAREST),
         flash: SharedFlash::default(),
     };
@@ -207,21 +199,21 @@ fn a_sensor_of_unknown_geometry_is_calibrated() {
     println!("nominal at {NEAREST} m: {nominal:.4} m");
     assert!((nominal - NEAREST).abs() > 1e-3);
 
-    let [points, record, figure] = ["points.csv", "sensor.record", "fit.svg"]
+    let [file, record, figure] = ["points.csv", "sensor.record", "fit.svg"]
         .map(|name| folder.join(name).display().to_string());
     bench.work(&stage, |desk| {
         let command = format!("echo {{}} > {}", stage.display());
         // A little more than the range in which it is used: a calibration ends with its points.
         let run = ["run", "--port", "board", "--from", "598", "--to", "1022"];
-        let how = ["--points", "60", "--frames", "2", "--settle", "0.05"];
-        let stage = ["--stage-command", &command, &points];
+        let how = ["--points", points, "--frames", frames, "--settle", "0.05"];
+        let stage = ["--stage-command", &command, &file];
         desk.slitrange(&[&run[..], &how, &stage].concat());
-        desk.slitrange(&["fit", &points, "-o", &record, "--figure", &figure]);
+        desk.slitrange(&["fit", &file, "-o", &record, "--figure", &figure]);
         desk.slitrange(&["write", "--port", "board", &record]);
         desk.slitrange(&["show", &record, "--port", "board"]);
     });
 
-    let errors = errors(&bench);
+    let errors = errors(&bench, steps, count);
     let rms_error = rms(errors.iter().map(|compared| compared.error));
     let bound = rms(errors.iter().map(|compared| compared.bound));
     let largest = errors.iter().fold(0.0, |largest: f64, compared| {
@@ -231,5 +223,20 @@ fn a_sensor_of_unknown_geometry_is_calibrated() {
         "{} readings after a power cycle: RMS error {rms_error:.2} um, bound {bound:.2} um, largest {largest:.2} um",
         errors.len()
     );
-    assert!(rms_error <= 1.2 * bound + 1.0);
+    assert!(rms_error <= most * bound + 1.0);
+}
+
+/// The bound is what the light's noise leaves, and the default estimator takes up to 1.1 of it. Nine points of
+/// a frame of 64 rows have a quarter of a reading's variance each, and eq. (1) three parameters: a twelfth
+/// more variance. Twelve readings give an RMS to 20 %, of which three: 1.1 * 1.04 * 1.61.
+#[test]
+fn a_sensor_of_unknown_geometry_is_calibrated() {
+    check(0.0, "9", "1", (6, 2), 1.84);
+}
+
+/// With 60 points of two frames, each of an eighth of a reading's variance.
+#[test]
+#[ignore = "78 s of an emulated board; takes 180 CPU s; run by .ci/run"]
+fn a_sensor_that_departs_from_eq1_is_calibrated() {
+    check(300e-6, "60", "2", (22, 4), 1.2);
 }
