@@ -1,10 +1,9 @@
 //! Many seeded rows through the core: how far its centres lie from the truth, and from what it claims.
 //!
 //! [`Cell::run`] takes each row by itself. [`Rows`] come as the firmware reads them: in series of [`SERIES`]
-//! rows of one spot, with
-//! independent noise, in which the spot drifts; each estimator is given what itself found in the row before,
-//! except in a series'
-//! first row, and all estimators see the same rows. [`Phases::bias`] is what is left without noise.
+//! rows of one spot, with independent noise, in which the spot drifts; each estimator is given what itself
+//! found in the row before, except in a series' first row, and all estimators see the same rows.
+//! [`Phases::bias`] is what is left without noise.
 
 use phase_tables::gaussian;
 use rayon::prelude::*;
@@ -258,8 +257,7 @@ impl Rows {
     }
 
     /// The true centre in pixels. Series start evenly over 128 pixels and their phases, so that blocks of
-    /// every size
-    /// are met everywhere; their drifts are even too.
+    /// every size are met everywhere; their drifts are even too.
     pub fn true_centre(&self, row: u64) -> f64 {
         let series = row / SERIES;
         let [place, drift] = EVEN.map(|step| (series as f64 * step).fract());
@@ -389,8 +387,7 @@ impl Sums {
 }
 
 /// Where the bias is looked for. Rounding to counts makes an error of its own, which is averaged away over
-/// black levels that
-/// differ by fractions of a count: of it 1 / `black_levels` is left.
+/// black levels that differ by fractions of a count: of it 1 / `black_levels` is left.
 #[derive(Clone, Copy, Debug)]
 pub struct Phases {
     /// Of a row.
@@ -412,9 +409,8 @@ impl Phases {
     }
 
     /// The mean errors over the sub-pixel phases, in pixels, of the centres that a function finds on
-    /// noiseless spots of 3800 counts
-    /// whose profile is given over the offset from their centre: without knowledge of the row before, and
-    /// with it.
+    /// noiseless spots of 3800 counts whose profile is given over the offset from their centre: without
+    /// knowledge of the row before, and with it.
     ///
     /// # Errors
     /// That of a row without a centre.
@@ -470,10 +466,8 @@ pub fn largest(errors: &[f64]) -> f64 {
 }
 
 /// The estimator's largest bias in pixels over the sub-pixel phases, on noiseless gaussian spots, with and
-/// without knowledge of the row
-/// before, for a sensor with shot noise (10 electrons a count) and for one without. `None` where a row has no
-/// centre. What is left of
-/// rounding is 3e-5 pixel for the widest spots.
+/// without knowledge of the row before, for a sensor with shot noise (10 electrons a count) and for one
+/// without. `None` where a row has no centre. What is left of rounding is 3e-5 pixel for the widest spots.
 pub fn largest_bias<M: Copy + Sync>(method: M, find: impl Find<M>, width: f64) -> Option<f64> {
     let of_sensor = |electrons_per_count| {
         let cell = Cell {
@@ -512,8 +506,7 @@ mod tests {
     }
 
     /// The same spot through `Cell::run`, whose spots stand elsewhere and have no row before: 4000 rows give
-    /// the
-    /// ratio to 1.1 %, so the difference of two is within 5 % with three standard deviations to spare.
+    /// the ratio to 1.1 %, so the difference of two is within 5 % with three standard deviations to spare.
     #[test]
     fn agrees_with_the_cell_on_its_own() {
         let cell = rows().cell;
@@ -547,8 +540,7 @@ mod tests {
     }
 
     /// A hot pixel is there, and hurts an estimator that does not look for it: 1000 counts at one width from
-    /// the centre of a spot
-    /// of 2000 move a matched fit by about 0.3 pixel, where the bound is 0.023.
+    /// the centre of a spot of 2000 move a matched fit by about 0.3 pixel, where the bound is 0.023.
     #[test]
     fn a_hot_pixel_is_seen() {
         let spoiled = Rows {

@@ -2,10 +2,9 @@
 //! must come out then.
 //!
 //! A [`RowCase`] makes seeded rows from a [`Recipe`], a spot with flaws, or from a pattern of counts. Its
-//! [`Truth`] is where a perfect
-//! reader would say that the spot is; its [`Due`] is what the measurement owes for it, whichever rung is
-//! chosen.
-//! [`rows`] is the catalogue. [`mixtures`] draws flaws at random, and [`tally`] counts what comes of them.
+//! [`Truth`] is where a perfect reader would say that the spot is; its [`Due`] is what the measurement owes
+//! for it, whichever estimator is chosen. [`rows`] is the catalogue. [`mixtures`] draws flaws at random, and
+//! [`tally`] counts what comes of them.
 
 pub mod calibrations;
 mod catalogue;
@@ -77,12 +76,11 @@ impl Group {
     ];
 }
 
-/// What the measurement owes for a row, whichever rung is chosen.
+/// What the measurement owes for a row, whichever estimator is chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Due {
-    /// A centre, mostly without a flag, that is off by no more than this many pixels. The rungs whose error
-    /// is larger by their nature owe
-    /// [`Due::Honest`].
+    /// A centre, mostly without a flag, that is off by no more than this many pixels. The estimators whose
+    /// error is larger by their nature owe [`Due::Honest`].
     Centre(f64),
     /// A centre as good as it claims, or a flag, or a fault: no confident error.
     Honest,

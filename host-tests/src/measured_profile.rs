@@ -1,8 +1,7 @@
 //! The profile of a sensor's own spot, from rows that it read: what phase tables for that sensor are made of.
 //!
 //! The rows lie at many sub-pixel phases, so together they sample the profile finely. Each is moved to its
-//! centre and scaled
-//! to the same height and level; a smoothing spline goes through all of their pixels.
+//! centre and scaled to the same height and level; a smoothing spline goes through all of their pixels.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix2, Vector2};
 use slitrange::centre::RowCentre;
@@ -25,8 +24,7 @@ const KNOT: f64 = 0.36;
 const SPLINES: usize = (2.0 * REACH / KNOT) as usize + 4;
 
 /// Weight of the squared third differences of the coefficients (P. Eilers and B. Marx, 1996) over that of the
-/// samples of a spline: too
-/// small to bend the profile, enough to hold splines that few samples reach.
+/// samples of a spline: too small to bend the profile, enough to hold splines that few samples reach.
 const SMOOTHNESS: f64 = 1e-4;
 
 impl MeasuredProfile {
@@ -64,8 +62,7 @@ impl MeasuredProfile {
 
     /// What a pixel gathers whose centre is `offset` pixels from the spot's, of a spot `width` pixels wide: a
     /// [`phase_tables::Profile`]. The pixels are scaled with the spot, which is right for the width that was
-    /// measured and
-    /// good for those next to it.
+    /// measured and good for those next to it.
     pub fn at(&self, offset: f64, width: f64) -> f64 {
         self.value(offset / width)
     }

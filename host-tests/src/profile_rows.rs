@@ -12,8 +12,7 @@ use slitrange::row::Geometry;
 use crate::accuracy::{Cell, Phases};
 
 /// Pixels of a row that is long enough for the spot and as much background: the noise is not known well on
-/// it, but the centre does
-/// not depend on that where the tables are given.
+/// it, but the centre does not depend on that where the tables are given.
 pub fn pixels(width: f64) -> usize {
     (64.0 + 24.0 * width) as usize
 }

@@ -1,6 +1,5 @@
-//! The core against other ways to compute the same: its fixed-point rungs against models of them in f64, and
-//! its least-squares fit
-//! against a reference.
+//! The core against other ways to compute the same: its fixed-point estimators against models of them in f64,
+//! and its least-squares fit against a reference.
 
 use host_tests::accuracy::{Cell, PIXELS};
 use host_tests::model;
@@ -60,31 +59,31 @@ fn drawn(seed: u64, number: u64) -> Option<Drawn> {
 }
 
 impl Drawn {
-    fn centre(&self, rung: Estimator) -> Option<RowCentre> {
+    fn centre(&self, estimator: Estimator) -> Option<RowCentre> {
         let row = Row::new(&self.light, &[], 4095).ok()?;
-        centre::centre(rung, &row, &self.spot, None, &self.geometry).ok()
+        centre::centre(estimator, &row, &self.spot, None, &self.geometry).ok()
     }
 }
 
-/// What a rung and its model say of the same row.
+/// What an estimator and its model say of the same row.
 struct Pair {
     found: RowCentre,
     noise: f64,
     model: Found,
-    /// The rung's centre less the model's, in steps of 2^-16 pixel.
+    /// The estimator's centre less the model's, in steps of 2^-16 pixel.
     steps: f64,
 }
 
 /// Rows that are drawn: of every width, height and noise.
 const ROWS: u64 = 21_000;
 
-/// Every row for which the rung finds a centre, with the model's. It finds one too.
-fn pairs(rung: Estimator, weights: &[Weights], sampling: Sampling) -> Vec<Pair> {
+/// Every row for which the estimator finds a centre, with the model's. It finds one too.
+fn pairs(estimator: Estimator, weights: &[Weights], sampling: Sampling) -> Vec<Pair> {
     (0..ROWS)
         .into_par_iter()
         .filter_map(|number| {
             let drawn = drawn(3, number)?;
-            let found = drawn.centre(rung)?;
+            let found = drawn.centre(estimator)?;
             let model = model::phase_table::centre(&drawn.light, &drawn.spot, weights, sampling);
             let model = model
                 .unwrap_or_else(|| panic!("{:?}: {found:?}, and none by the model", drawn.cell));
@@ -116,29 +115,27 @@ fn worst(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// The phase tables in fixed point and f32 against the same integer tables in f64. A centre is rounded to
-/// 2^-16 pixel, which leaves
-/// 1/sqrt(12) = 0.289 of a step root mean square and half a step at most; the place of one of three phases is
-/// cut off by up to a third
-/// of a step more. f32 adds a few parts in 2^24 of a distance of a pixel or some from the phase.
+/// 2^-16 pixel, which leaves 1/sqrt(12) = 0.289 of a step root mean square and half a step at most; the place
+/// of one of three phases is cut off by up to a third of a step more. f32 adds a few parts in 2^24 of a
+/// distance of a pixel or some from the phase.
 ///
-/// Where a place is within a step of the border between two windows the rung and its model may take one each,
-/// and differ by
-/// what that makes: a small part of the uncertainty, in a few rows of 20,000.
+/// Where a place is within a step of the border between two windows the estimator and its model may take one
+/// each, and differ by what that makes: a small part of the uncertainty, in a few rows of 20,000.
 ///
 /// Samples of 16 pixels are the halves of their sums, without the half count that may be left. That is a
-/// noise of 1/4 count
-/// in samples of which four times a pixel's variance is noise: 1/8 over the pixel's noise of an uncertainty.
+/// noise of 1/4 count in samples of which four times a pixel's variance is noise: 1/8 over the pixel's noise
+/// of an uncertainty.
 #[test]
 fn fixed_point_is_its_model_to_a_step() {
     let gaussian = model::phase_table::integer(tables::GAUSSIAN.tables());
     let slit = model::phase_table::integer(tables::SLIT.tables());
     println!("off by, in steps of 2^-16 pixel:");
-    for (rung, weights, sampling) in [
+    for (estimator, weights, sampling) in [
         (Estimator::PhaseTable, &gaussian, Sampling::Fine),
         (Estimator::Fraunhofer, &slit, Sampling::Fine),
     ] {
         let is_halved = |pair: &Pair| pair.model.block == 16 || pair.found.class.block == 16;
-        let (halved, whole): (Vec<Pair>, Vec<Pair>) = pairs(rung, weights, sampling)
+        let (halved, whole): (Vec<Pair>, Vec<Pair>) = pairs(estimator, weights, sampling)
             .into_iter()
             .partition(is_halved);
         let (same, other): (Vec<&Pair>, Vec<&Pair>) =
@@ -151,34 +148,33 @@ fn fixed_point_is_its_model_to_a_step() {
         println!(
             "{:>12}: {rms_same:.3} rms, {worst_same:.3} at most, of {} rows; {} more took another window: {worst_other:.3} of the \
              uncertainty at most, {all:.1e} px rms with them; halved sums: {cut_off:.2} of 1/8 over the noise, of {} rows",
-            rung.name(),
+            estimator.name(),
             same.len(),
             other.len(),
             halved.len(),
         );
         assert!(
             rms_same <= 0.31 && worst_same <= 0.84 && all <= 5e-5,
-            "{rung:?}"
+            "{estimator:?}"
         );
-        assert!(other.len() <= 5 && worst_other <= 0.1, "{rung:?}");
-        assert!(halved.len() >= 100 && cut_off <= 1.1, "{rung:?}");
+        assert!(other.len() <= 5 && worst_other <= 0.1, "{estimator:?}");
+        assert!(halved.len() >= 100 && cut_off <= 1.1, "{estimator:?}");
         for Pair { found, model, .. } in same {
             let class = (found.class.block, usize::from(found.class.table));
             assert_eq!(
                 class,
                 (model.block, model.table),
-                "{rung:?}: {found:?}, {model:?}"
+                "{estimator:?}: {found:?}, {model:?}"
             );
         }
     }
 }
 
 /// The tables of 16 bits against those of 64, on the rows where both lead to the same window: the weights'
-/// roundings let in
-/// noise of their own, of a few thousandths of what there is.
+/// roundings let in noise of their own, of a few thousandths of what there is.
 #[test]
 fn integer_tables_are_the_designed_ones() {
-    for (rung, profile, set) in [
+    for (estimator, profile, set) in [
         (
             Estimator::PhaseTable,
             &gaussian as Profile<'_>,
@@ -192,7 +188,7 @@ fn integer_tables_are_the_designed_ones() {
             .into_par_iter()
             .filter_map(|number| {
                 let drawn = drawn(3, number)?;
-                let found = drawn.centre(rung)?;
+                let found = drawn.centre(estimator)?;
                 let [integer, exact] = [&integer, &exact].map(|weights| {
                     model::phase_table::centre(&drawn.light, &drawn.spot, weights, Sampling::Fine)
                 });
@@ -208,18 +204,17 @@ fn integer_tables_are_the_designed_ones() {
         let of_claim = rms(same.iter().map(|[_, of_claim]| *of_claim));
         println!(
             "{:>12}: {of_claim:.4} of the uncertainty rms, {pixels:.1e} px, of {} rows of {}",
-            rung.name(),
+            estimator.name(),
             same.len(),
             both.len()
         );
-        assert!(of_claim <= 0.003, "{rung:?}: {of_claim}");
-        assert!(100 * same.len() >= 98 * both.len(), "{rung:?}");
+        assert!(of_claim <= 0.003, "{estimator:?}: {of_claim}");
+        assert!(100 * same.len() >= 98 * both.len(), "{estimator:?}");
     }
 }
 
 /// The centroid's sums in fixed point against eq. (2) in f64. The window comes to rest at a step of 2^-8
-/// pixel: where a step
-/// was nearly that, one of the two makes another, of about 3 % of that and some noise.
+/// pixel: where a step was nearly that, one of the two makes another, of about 3 % of that and some noise.
 #[test]
 fn the_centroid_is_its_model() {
     let steps: Vec<f64> = (0..ROWS)
@@ -246,8 +241,7 @@ fn the_centroid_is_its_model() {
 }
 
 /// Eq. (1) in 64-bit integers against f64: a distance is rounded to 2^-8 um. And from the row on, where the
-/// centre's own steps, in
-/// which the curve rises by several of the distance's, come to that.
+/// centre's own steps, in which the curve rises by several of the distance's, come to that.
 #[test]
 fn distances_are_those_of_the_model() {
     // The default's curve, over all centres of the rows.
@@ -283,15 +277,13 @@ fn distances_are_those_of_the_model() {
     assert!(whole.len() >= 20_000 && alone_rms <= 0.30 && alone_most <= 0.501);
 }
 
-/// The least-squares rung in f32 against a Levenberg-Marquardt fit in f64 of the same pixels with the same
-/// weights: it ends within a
-/// hundredth of its uncertainty.
+/// The least-squares estimator in f32 against a Levenberg-Marquardt fit in f64 of the same pixels with the
+/// same weights: it ends within a hundredth of its uncertainty.
 ///
-/// And the default rung against that reference. An estimate at the bound is not correlated with how far
-/// another unbiased one
-/// is from it (C. R. Rao, 1952): so the correlation of their errors is the ratio of these, which for the
-/// default is the bound over what
-/// its tables leave of it. The standard error of that difference over 4000 rows is 0.006.
+/// And the default estimator against that reference. An estimate at the bound is not correlated with how far
+/// another unbiased one is from it (C. R. Rao, 1952): so the correlation of their errors is the ratio of
+/// these, which for the default is the bound over what its tables leave of it. The standard error of that
+/// difference over 4000 rows is 0.006.
 #[test]
 fn the_fit_is_the_reference_and_the_tables_follow_it() {
     for (width, amplitude, read_noise, electrons_per_count) in [
@@ -357,7 +349,7 @@ impl Fits {
     fn of(light: &[u16], truth: f64, geometry: &Geometry) -> Option<Self> {
         let row = Row::new(light, &[], 4095).ok()?;
         let spot = spot::find(&row).ok()?;
-        let centre = |rung| centre::centre(rung, &row, &spot, None, geometry).ok();
+        let centre = |estimator| centre::centre(estimator, &row, &spot, None, geometry).ok();
         let (fit, table) = (
             centre(Estimator::GaussNewton)?,
             centre(Estimator::PhaseTable)?,

@@ -21,8 +21,7 @@ fn cell(width: f64, amplitude: f64, read_noise: f64, electrons_per_count: Option
 }
 
 /// On a background that rises by 0.3 or 2 counts a pixel the mean error is at most 0.002 px. Telling a tilt
-/// from a shift costs 5 % in
-/// white noise, and weights that are not for the noise cost up to 9 %.
+/// from a shift costs 5 % in white noise, and weights that are not for the noise cost up to 9 %.
 #[test]
 fn a_tilted_background_does_not_move_the_centre() {
     let curve = profiles::gaussian();
@@ -36,7 +35,7 @@ fn a_tilted_background_does_not_move_the_centre() {
             let [adaptive, default] = errors(&curve, cell, |i| (slope * i as f64).round() as u16);
             let ratio = adaptive.root_mean_square / cell.spot().bound();
             println!(
-                "{slope} counts a pixel, sigma {width:>4}: mean error {:+.5} px, of the default rung {:+.5} px; RMSE / bound {ratio:.2}",
+                "{slope} counts a pixel, sigma {width:>4}: mean error {:+.5} px, of the default estimator {:+.5} px; RMSE / bound {ratio:.2}",
                 adaptive.mean, default.mean
             );
             assert!(
@@ -44,15 +43,15 @@ fn a_tilted_background_does_not_move_the_centre() {
                 "{slope} {width}: {adaptive:?}"
             );
             assert!(ratio <= 1.14, "{slope} {width}: {ratio}");
-            // The default rung does not know of tilts, or there would be no tilt.
+            // The default estimator does not know of tilts, or there would be no tilt.
             assert!(default.mean.abs() > 0.002, "{slope} {width}: {default:?}");
         }
     }
 }
 
-/// The side lobes of a slit's diffraction pattern are no tilt: with the weights for the noise the rung is at
-/// least as good as the
-/// default, which is for no noise in particular. Where they were taken for one it was 4 % worse.
+/// The side lobes of a slit's diffraction pattern are no tilt: with the weights for the noise the estimator
+/// is at least as good as the default, which is for no noise in particular. Where they were taken for one it
+/// was 4 % worse.
 #[test]
 fn side_lobes_are_no_tilt() {
     let curves = [
@@ -74,7 +73,7 @@ fn side_lobes_are_no_tilt() {
                 let [adaptive, default] = errors(curve, cell, |_| 0);
                 let ratio = adaptive.root_mean_square / default.root_mean_square;
                 println!(
-                    "{name:>14}, {amplitude} counts, read noise {read_noise}, sigma {width}: {ratio:.3} of the default rung's error"
+                    "{name:>14}, {amplitude} counts, read noise {read_noise}, sigma {width}: {ratio:.3} of the default estimator's error"
                 );
                 assert!(ratio <= 1.01, "{name}, {cell:?}: {ratio}");
             }
@@ -89,7 +88,7 @@ struct Errors {
     root_mean_square: f64,
 }
 
-/// The errors of the adaptive rung and the default on a profile's rows, with a background added to each
+/// The errors of the adaptive estimator and the default on a profile's rows, with a background added to each
 /// pixel.
 fn errors(curve: &Curve, cell: Cell, background: impl Fn(usize) -> u16 + Sync) -> [Errors; 2] {
     let rows = profile_rows::Rows { curve, cell };
@@ -100,7 +99,7 @@ fn errors(curve: &Curve, cell: Cell, background: impl Fn(usize) -> u16 + Sync) -
             .enumerate()
             .map(|(i, &count)| count + background(i))
             .collect();
-        let centre = |rung| Ok(centre_of(&geometry, &light, rung)?.centre.to_f64());
+        let centre = |estimator| Ok(centre_of(&geometry, &light, estimator)?.centre.to_f64());
         Ok([centre(Estimator::Adaptive)?, centre(Estimator::PhaseTable)?])
     });
     let errors = errors.expect("centres");
@@ -116,8 +115,7 @@ fn errors(curve: &Curve, cell: Cell, background: impl Fn(usize) -> u16 + Sync) -
 }
 
 /// Heights of 1.5 and 4 times the full scale: full scale is masked. At a width of 10.5 within 0.016 and 0.020
-/// pixel, and at every width
-/// as uncertain as claimed. The other rungs refuse.
+/// pixel, and at every width as uncertain as claimed. The other estimators refuse.
 #[test]
 fn a_saturated_spot_is_fitted_by_its_flanks() {
     println!("least-squares fit of a spot beyond full scale, 5 e/count, read noise 2");
@@ -149,23 +147,22 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
         );
         let geometry = cell.scene_of(PIXELS).geometry();
         let (light, _) = cell.light(PIXELS, 0);
-        for rung in Estimator::ALL {
-            let found = centre_of(&geometry, &light, rung);
+        for estimator in Estimator::ALL {
+            let found = centre_of(&geometry, &light, estimator);
             assert!(
-                rung == Estimator::GaussNewton || matches!(found, Err(Fault::Saturated { .. })),
-                "{rung:?}: {found:?}"
+                estimator == Estimator::GaussNewton
+                    || matches!(found, Err(Fault::Saturated { .. })),
+                "{estimator:?}: {found:?}"
             );
         }
     }
 }
 
 /// A gaussian spot is a misfit in no more than one row in 500; with a pixel that is 300 counts off within two
-/// widths, or a second spot
-/// of a tenth at three widths, always. Except where the pixel is at the top of the widest spot, which has the
-/// most noise and
-/// samples of three pixels: 300 counts are 12 standard deviations there, 139 of a sum of squares of which 85
-/// are allowed, and that
-/// sum itself scatters by 28. The fit misses such a pixel in one row in 30, and one of these in one of 50.
+/// widths, or a second spot of a tenth at three widths, always. Except where the pixel is at the top of the
+/// widest spot, which has the most noise and samples of three pixels: 300 counts are 12 standard deviations
+/// there, 139 of a sum of squares of which 85 are allowed, and that sum itself scatters by 28. The fit misses
+/// such a pixel in one row in 30, and one of these in one of 50.
 #[test]
 fn what_is_no_gaussian_is_a_misfit() {
     for width in [2.0, 10.5, 30.0] {
@@ -205,10 +202,9 @@ fn what_is_no_gaussian_is_a_misfit() {
 }
 
 /// A mirrored row, searched anew, has its centre mirrored: no estimator leans to a side. To a tenth of its
-/// uncertainty; with the default to
-/// 0.35, sqrt(1.06^2 - 1), because phases and blocks then lie otherwise and weigh the noise a little
-/// otherwise. (Between two tables'
-/// widths, which are left out here, it may be 0.9: either table may serve.)
+/// uncertainty; with the default to 0.35, sqrt(1.06^2 - 1), because phases and blocks then lie otherwise and
+/// weigh the noise a little otherwise. (Between two tables' widths, which are left out here, it may be 0.9:
+/// either table may serve.)
 #[test]
 fn mirrors_mirror() {
     for (estimator, limit, widths) in [
@@ -261,8 +257,7 @@ fn the_row_before_is_followed() {
         let (name, off) = (estimator.name(), 100.0 * width);
         println!("{name:>14}: width off by {off:.1} %, pull {pull:.2}");
         // The width changes by 0.04 pixel a row and is followed four rows behind: by 0.16 pixel, 2 % at
-        // first. The standard
-        // error of a pull over 100 rows is 7 %.
+        // first. The standard error of a pull over 100 rows is 7 %.
         let good = width <= 0.03 && (0.8..=1.2).contains(&pull);
         assert!(good, "{name}: {width} {pull}");
     }
@@ -292,8 +287,8 @@ fn rows_of_any_length_are_searched() {
 }
 
 /// From the edge inwards a spot is cut, and from some place on it is whole: no hole between. The window
-/// reaches at most 4.5 widths and
-/// four pixels; the coarse search, which may take the spot for twice as wide, does not make it longer.
+/// reaches at most 4.5 widths and four pixels; the coarse search, which may take the spot for twice as wide,
+/// does not make it longer.
 #[test]
 fn whole_spots_are_not_called_cut() {
     for width in [

@@ -1,4 +1,4 @@
-//! The catalogue of hard cases through every rung, and random mixtures of them.
+//! The catalogue of hard cases through every estimator, and random mixtures of them.
 
 use std::collections::HashSet;
 use std::sync::LazyLock;
@@ -34,32 +34,32 @@ fn the_catalogue_is_large_and_tells_its_cases_apart() {
     }
 }
 
-/// No rung, alone or as the measurement takes it, gives what cannot be; and no calibration is other than it
-/// must be.
+/// No estimator, alone or as the measurement takes it, gives what cannot be; and no calibration is other than
+/// it must be.
 #[test]
 fn no_answer_is_nonsense() {
-    for rung in Estimator::ALL {
-        let failures = CATALOGUE.failures(rung);
+    for estimator in Estimator::ALL {
+        let failures = CATALOGUE.failures(estimator);
         let nonsense: Vec<_> = (failures.iter())
             .filter(|failure| failure.what.starts_with("nonsense"))
             .collect();
-        assert!(nonsense.is_empty(), "{}: {nonsense:#?}", rung.name());
+        assert!(nonsense.is_empty(), "{}: {nonsense:#?}", estimator.name());
     }
     for (case, found) in &CATALOGUE.calibrations {
         assert!(found.is_due, "{}: {}", case.name, found.answer);
     }
 }
 
-/// The rungs that people use.
+/// The estimators that people use.
 const USED: [Estimator; 2] = [Estimator::PhaseTable, Estimator::Adaptive];
 
 /// Each gives what is due in every case.
 #[test]
-fn the_rungs_that_people_use_give_what_is_due() {
-    for rung in USED {
-        let failures = CATALOGUE.failures(rung);
+fn the_estimators_that_people_use_give_what_is_due() {
+    for estimator in USED {
+        let failures = CATALOGUE.failures(estimator);
         let failures: Vec<String> = failures.iter().map(ToString::to_string).collect();
-        assert!(failures.is_empty(), "{}: {failures:#?}", rung.name());
+        assert!(failures.is_empty(), "{}: {failures:#?}", estimator.name());
     }
 }
 
@@ -76,13 +76,13 @@ fn the_repair_gives_what_is_due() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// Which rung fails at what: a change shows as a difference.
+/// Which estimator fails at what: a change shows as a difference.
 #[test]
-fn what_rungs_fail_at() {
+fn estimators_fail_at_what_the_snapshot_lists() {
     let mut text = String::new();
-    for rung in Estimator::ALL {
-        let failures = CATALOGUE.failures(rung);
-        text += &format!("{}: {}\n", rung.name(), failures.len());
+    for estimator in Estimator::ALL {
+        let failures = CATALOGUE.failures(estimator);
+        text += &format!("{}: {}\n", estimator.name(), failures.len());
         for failure in failures {
             text += &format!("    {failure}\n");
         }
@@ -100,8 +100,8 @@ fn most(rate: f64) -> u64 {
     (mean + 3.0 * mean.sqrt()) as u64
 }
 
-/// Of clean rows one in 100,000 may be confidently wrong with the rungs that people use, and of rows with
-/// flaws this share.
+/// Of clean rows one in 100,000 may be confidently wrong with the estimators that people use, and of rows
+/// with flaws this share.
 const OF_CLEAN: f64 = 1e-5;
 const OF_FLAWED: f64 = 1e-3;
 
@@ -110,12 +110,20 @@ fn confident_errors_are_rare() {
     let clean = Tally::over(SEEDS, mixtures::clean, &|| {});
     let flawed = Tally::over(SEEDS, mixtures::mixture, &|| {});
     println!("{}", report::random_rows_markdown(&clean, &flawed));
-    for (i, rung) in Estimator::ALL.iter().enumerate() {
-        if USED.contains(rung) {
+    for (i, estimator) in Estimator::ALL.iter().enumerate() {
+        if USED.contains(estimator) {
             let [of_clean, of_flawed] =
                 [&clean, &flawed].map(|tally| tally.looked_at[i].confident_errors);
-            assert!(of_clean <= most(OF_CLEAN), "{}: {of_clean}", rung.name());
-            assert!(of_flawed <= most(OF_FLAWED), "{}: {of_flawed}", rung.name());
+            assert!(
+                of_clean <= most(OF_CLEAN),
+                "{}: {of_clean}",
+                estimator.name()
+            );
+            assert!(
+                of_flawed <= most(OF_FLAWED),
+                "{}: {of_flawed}",
+                estimator.name()
+            );
         }
     }
 }

@@ -63,8 +63,7 @@ fn centres_lie_near_the_least_squares_fit() {
 }
 
 /// How far the centres of a row by the default and by other tables lie from the fit, in sigma; `None` for a
-/// row without a bright
-/// spot, or with one that the picture's edge cuts.
+/// row without a bright spot, or with one that the picture's edge cuts.
 fn off(photograph: &Photograph, y: usize, other: &TableSet<'_>) -> Option<(f64, f64)> {
     let geometry = sensor_heads::tcd1304dg();
     let (light, first) = photograph.on_sensor(y)?;

@@ -23,6 +23,12 @@ fn symmetric() -> [(&'static str, Curve); 4] {
     ]
 }
 
+/// The head of columns of a table.
+fn columns(widths: &[f64], characters: usize) -> String {
+    let heads = widths.iter().map(|width| format!("{width:>characters$}"));
+    heads.collect()
+}
+
 /// Root mean square of each column.
 fn root_mean_squares<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
     std::array::from_fn(|i| {
@@ -44,33 +50,31 @@ fn standard_deviations<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
 }
 
 /// Without noise, as [`bias`] looks for it: at most 0.0005 px for widths from 1 px on the gaussian, and 0.001
-/// px for widths from
-/// 1.5 px on the patterns of a slit. The tables of sinc^2 are not for the gaussian and are off by 0.0025 px
-/// on narrow ones.
+/// px for widths from 1.5 px on the patterns of a slit. The tables of sinc^2 are not for the gaussian and are
+/// off by 0.0025 px on narrow ones.
 #[test]
 fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     const WIDTHS: [f64; 12] = [
         1.0, 1.2, 1.5, 1.75, 2.0, 2.6, 3.0, 4.0, 6.5, 8.0, 10.5, 18.0,
     ];
     /// Variance of the shot noise for each count, Q0.16, with which a row without noise of its own asks for
-    /// each of
-    /// the adaptive rung's mixes.
+    /// each of the adaptive estimator's mixes.
     const EVERY_MIX: [u16; 5] = [0, 6, 30, 90, 6554];
 
     let mut text = format!(
         "largest bias over 40 phases in 1e-4 px, with the row before and without; sigma in pixels\n{:>28}{}\n",
         "",
-        WIDTHS.map(|width| format!("{width:>6}")).concat()
+        columns(&WIDTHS, 6)
     );
     let mut failures = vec![];
     for (name, curve) in symmetric() {
-        for rung in [
+        for estimator in [
             Estimator::PhaseTable,
             Estimator::Adaptive,
             Estimator::Fraunhofer,
         ] {
-            text += &format!("{name:>14}{:>14}", rung.name());
-            let mixes = match rung {
+            text += &format!("{name:>14}{:>14}", estimator.name());
+            let mixes = match estimator {
                 Estimator::Adaptive => &EVERY_MIX[..],
                 _ => &[0],
             };
@@ -88,20 +92,20 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
                             shot_variance_per_count_q16,
                         };
                         let errors = bias(&curve, width, |light, before| {
-                            centre_after(before, &geometry, light, rung)
+                            centre_after(before, &geometry, light, estimator)
                         });
                         largest(&errors.expect("centres").concat())
                     })
                     .fold(0.0, f64::max);
                 text += &format!("{:>6.0}", worst * 1e4);
-                let limit = match (name, rung) {
+                let limit = match (name, estimator) {
                     ("gaussian", Estimator::Fraunhofer) => 0.0026,
                     ("gaussian", _) => 0.0005,
                     _ if width < 1.5 => f64::INFINITY,
                     _ => 0.001,
                 };
                 if worst > limit {
-                    failures.push(format!("{name}, {rung:?}, sigma {width}: {worst}"));
+                    failures.push(format!("{name}, {estimator:?}, sigma {width}: {worst}"));
                 }
             }
             text += "\n";
@@ -112,31 +116,22 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     insta::assert_snapshot!("bias", text);
 }
 
-/// On sinc^2, over the bound from the pixels within eight widths: the rung with its tables, the default with
-/// the gaussian's, and the
-/// fit of sinc^2 in f64, which weighs all pixels alike. That fit reaches the bound in white noise. In shot
-/// noise, where it
-/// is 1.2 to 1.4 of the bound, both rungs beat it, and the rung's own tables gain 5 % or more from the side
-/// lobes; in white noise
-/// they lose as much, because they weigh side lobes that are dimmer than the noise.
-#[test]
-fn fraunhofer_against_the_fit_of_its_own_profile() {
-    const WIDTHS: [f64; 3] = [2.0, 8.0, 10.5];
+/// On sinc^2, over the bound from the pixels within eight widths: the estimator with its tables, the default
+/// with the gaussian's, and the fit of sinc^2 in f64, which weighs all pixels alike. That fit reaches the
+/// bound in white noise. In shot noise, where it is 1.2 to 1.4 of the bound, both estimators beat it, and the
+/// estimator's own tables gain 5 % or more from the side lobes; in white noise they lose as much, because
+/// they weigh side lobes that are dimmer than the noise.
+fn of_fraunhofer(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
     let curve = profiles::slit();
     let mut text = format!(
-        "RMSE / bound on sinc^2 of the rung fraunhofer, the rung phase-table, and the fit in f64, 10000 rows a cell; sigma in pixels\n\
+        "RMSE / bound on sinc^2 of the estimator fraunhofer, the estimator phase-table, and the fit in f64, 10000 rows a cell; sigma in pixels\n\
          counts, e/count, read{}\n",
-        WIDTHS.map(|width| format!("{width:>19}")).concat()
+        columns(widths, 19)
     );
-    for (amplitude, electrons_per_count, noise) in [
-        (2400.0, None, 24.0),
-        (2400.0, None, 2.4),
-        (1000.0, Some(5.0), 2.0),
-        (3800.0, Some(10.0), 4.0),
-    ] {
+    for &(amplitude, electrons_per_count, noise) in noises {
         let electrons = electrons_per_count.map_or("none".into(), |e| f64::to_string(&e));
         text += &format!("{:>21}", format!("{amplitude}, {electrons}, {noise}"));
-        for width in WIDTHS {
+        for &width in widths {
             let rows = Rows {
                 curve: &curve,
                 cell: Cell {
@@ -150,10 +145,10 @@ fn fraunhofer_against_the_fit_of_its_own_profile() {
             };
             let geometry = rows.geometry();
             let errors = rows.errors(|light| {
-                let rung = |rung| centre_of(&geometry, light, rung);
-                let default = rung(Estimator::PhaseTable)?;
+                let found_by = |estimator| centre_of(&geometry, light, estimator);
+                let default = found_by(Estimator::PhaseTable)?;
                 Ok([
-                    rung(Estimator::Fraunhofer)?.centre.to_f64(),
+                    found_by(Estimator::Fraunhofer)?.centre.to_f64(),
                     default.centre.to_f64(),
                     sinc_fit(light, &default),
                 ])
@@ -178,10 +173,28 @@ fn fraunhofer_against_the_fit_of_its_own_profile() {
         text += "\n";
     }
     println!("{text}");
+    text
+}
+
+#[test]
+fn fraunhofer_beats_the_default_in_shot_noise_and_costs_little_in_white_noise() {
+    of_fraunhofer(&[(2400.0, None, 24.0), (1000.0, Some(5.0), 2.0)], &[8.0]);
+}
+
+#[test]
+#[ignore = "the whole grid; takes 9 CPU s; run by .ci/run"]
+fn fraunhofer_against_the_fit_of_its_own_profile_on_the_whole_grid() {
+    let noises = [
+        (2400.0, None, 24.0),
+        (2400.0, None, 2.4),
+        (1000.0, Some(5.0), 2.0),
+        (3800.0, Some(10.0), 4.0),
+    ];
+    let text = of_fraunhofer(&noises, &[2.0, 8.0, 10.5]);
     insta::assert_snapshot!("fraunhofer", text);
 }
 
-/// The fit in f64, from where the default rung found the spot.
+/// The fit in f64, from where the default estimator found the spot.
 fn sinc_fit(light: &[u16], start: &RowCentre) -> f64 {
     let row: Vec<f64> = light.iter().map(|&count| f64::from(count)).collect();
     let start = Sinc {
@@ -196,16 +209,12 @@ fn sinc_fit(light: &[u16], start: &RowCentre) -> f64 {
 /// Rows from which a profile is made.
 const MEASURED_ROWS: u64 = 400;
 
-/// Tables made of 400 rows that the sensor itself read, by which the default rung knew where and how wide the
-/// spot is, against tables
-/// of the true profile: at most 1.03 of their RMSE. Both with the weights of the default set and with those
-/// for the noise, and both
-/// with the same widths and windows. An asymmetric spot's centre is a convention, which the measured tables
-/// take from the
-/// default rung: there it is the scatter that counts, and the bias over the phase about its mean is at most 0.001
-/// px.
-#[test]
-fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
+/// Tables made of 400 rows that the sensor itself read, by which the default estimator knew where and how
+/// wide the spot is, against tables of the true profile: at most 1.03 of their RMSE. Both with the weights of
+/// the default set and with those for the noise, and both with the same widths and windows. An asymmetric
+/// spot's centre is a convention, which the measured tables take from the default estimator: there it is the
+/// scatter that counts, and the bias over the phase about its mean is at most 0.001 px.
+fn of_measured_profiles(profiles: &[(&str, Curve)], widths: &[f64]) -> String {
     let mut text = format!(
         "RMSE of tables of a profile measured on {MEASURED_ROWS} rows, and of the gaussian's, over that of tables of the true profile,\n\
          and of these over the bound; 20000 rows a cell; for the asymmetric spot without the mean\n\
@@ -213,11 +222,8 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
         "", "sigma", "counts, e/count, read", "default r", "r for the noise"
     );
     let mut failures = vec![];
-    let profiles = symmetric()
-        .into_iter()
-        .chain([("tailed", profiles::tailed())]);
     for (name, curve) in profiles {
-        for width in [2.0, 8.0] {
+        for &width in widths {
             for (amplitude, electrons_per_count, noise, noise_ratio) in [
                 (2400.0, None, 24.0, f64::INFINITY),
                 (2000.0, Some(5.0), 2.0, 0.02),
@@ -230,7 +236,7 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
                     rows: 20_000,
                     seed: 51 + width as u64,
                 };
-                let measured = measure(&curve, cell);
+                let measured = measure(curve, cell);
                 let electrons = electrons_per_count.map_or("none".into(), |e| f64::to_string(&e));
                 text += &format!(
                     "{name:>14}{width:>7}{:>22}",
@@ -245,12 +251,12 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
                         set(&|offset, width| measured.at(offset, width), plan),
                         set(&phase_tables::gaussian, plan),
                     ];
-                    let errors = errors_with(&curve, cell, &tables);
-                    let [truth, measured, gaussian] = match name {
+                    let errors = errors_with(curve, cell, &tables);
+                    let [truth, measured, gaussian] = match *name {
                         "tailed" => standard_deviations(&errors),
                         _ => root_mean_squares(&errors),
                     };
-                    let bound = profiles::bound(&curve, &cell.spot(), 8.0);
+                    let bound = profiles::bound(curve, &cell.spot(), 8.0);
                     text += &format!(
                         "{:>10.2}{:>8.2}{:>8.2}",
                         measured / truth,
@@ -267,6 +273,20 @@ fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
     }
     println!("{text}");
     assert!(failures.is_empty(), "{}", failures.join("\n"));
+    text
+}
+
+#[test]
+fn tables_of_a_measured_profile_are_as_good_as_those_of_the_true_one() {
+    of_measured_profiles(&[("sinc^2", profiles::slit())], &[8.0]);
+}
+
+#[test]
+#[ignore = "all profiles; takes 12 CPU s; run by .ci/run"]
+fn tables_of_every_measured_profile_are_as_good_as_those_of_the_true_one() {
+    let tailed = [("tailed", profiles::tailed())];
+    let profiles: Vec<_> = symmetric().into_iter().chain(tailed).collect();
+    let text = of_measured_profiles(&profiles, &[2.0, 8.0]);
     insta::assert_snapshot!("measured", text);
 }
 
@@ -319,8 +339,7 @@ fn errors_with(curve: &Curve, cell: Cell, tables: &[Vec<IntegerTable>; 3]) -> Ve
 }
 
 /// Bias over the phase of tables of a measured asymmetric profile, about the mean, which is a convention: at
-/// most 0.001 px. With the
-/// gaussian's tables it is up to 0.05 px, as one table or its neighbour serves.
+/// most 0.001 px. With the gaussian's tables it is up to 0.05 px, as one table or its neighbour serves.
 #[test]
 fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
     let curve = profiles::tailed();
@@ -366,36 +385,21 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
     insta::assert_snapshot!("asymmetric_bias", text);
 }
 
-/// A table 9.5 % too narrow or too wide, with the weights that the adaptive rung takes for the noise: at most 1.05
-/// of the bound. The
-/// bound is stood for by the table of the right width with weights for exactly this noise, which reaches it,
-/// on the same rows:
-/// that leaves out what chance does to all. By the weights' own formula the worst, 1.048, are those that are
-/// for r = 0.23
-/// where r is 0.8. What chance leaves of the ratio of two errors that differ by 5 % is 0.16 % over 40,000
-/// rows, and half of that
-/// for the mean over the widths. (Spots of 11.6 px and more are summed to narrower ones.)
-#[test]
-fn a_wrong_width_costs_a_twentieth_at_most() {
-    const WIDTHS: [f64; 5] = [1.2, 2.0, 4.0, 8.0, 10.5];
+/// A table 9.5 % too narrow or too wide, with the weights that the adaptive estimator takes for the noise: at
+/// most 1.05 of the bound. The bound is stood for by the table of the right width with weights for exactly
+/// this noise, which reaches it, on the same rows: that leaves out what chance does to all. By the weights'
+/// own formula the worst, 1.048, are those that are for r = 0.23 where r is 0.8. What chance leaves of the
+/// ratio of two errors that differ by 5 % is 0.16 % over 40,000 rows, and half of that for the mean over the
+/// widths. (Spots of 11.6 px and more are summed to narrower ones.)
+fn of_wrong_widths(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
     let curve = profiles::gaussian();
     let mut text = format!(
         "RMSE / bound with a table 9.5 % too narrow, right, 9.5 % too wide; 40000 rows a cell; sigma in pixels\n\
          counts, e/count, read     r  of table{}\n",
-        WIDTHS.map(|width| format!("{width:>19}")).concat()
+        columns(widths, 19)
     );
     let mut failures = vec![];
-    for (amplitude, electrons_per_count, noise) in [
-        (200.0, None, 8.0),
-        (1000.0, None, 2.0),
-        (3600.0, None, 2.0),
-        (100.0, Some(5.0), 4.0),
-        (1000.0, Some(5.0), 2.0),
-        (3800.0, Some(5.0), 2.0),
-        (3800.0, Some(2.0), 2.0),
-        (3800.0, Some(10.0), 1.0),
-        (3800.0, Some(10.0), 8.0),
-    ] {
+    for &(amplitude, electrons_per_count, noise) in noises {
         let exact = electrons_per_count.map_or(f64::INFINITY, |electrons: f64| {
             (noise * noise + 1.0 / 12.0) * electrons / amplitude
         });
@@ -404,7 +408,7 @@ fn a_wrong_width_costs_a_twentieth_at_most() {
         let name = format!("{amplitude}, {electrons}, {noise}");
         text += &format!("{name:>21}{exact:>6.3}{taken:>10}");
         let mut means = [0.0; 3];
-        for width in WIDTHS {
+        for &width in widths {
             let rows = Rows {
                 curve: &curve,
                 cell: Cell {
@@ -452,7 +456,7 @@ fn a_wrong_width_costs_a_twentieth_at_most() {
             let ratios = [narrow, right, wide].map(|error| error / best);
             text += &format!("{:>7.2}{:>6.2}{:>6.2}", ratios[0], ratios[1], ratios[2]);
             for (mean, ratio) in means.iter_mut().zip(ratios) {
-                *mean += ratio / WIDTHS.len() as f64;
+                *mean += ratio / widths.len() as f64;
             }
             // Four standard errors of a ratio over 40,000 rows.
             let is_bound = (best / bound - 1.0).abs() <= 0.014;
@@ -467,10 +471,33 @@ fn a_wrong_width_costs_a_twentieth_at_most() {
     }
     println!("{text}");
     assert!(failures.is_empty(), "{}", failures.join("\n"));
+    text
+}
+
+#[test]
+fn a_wrong_width_costs_a_twentieth_at_most() {
+    of_wrong_widths(&[(200.0, None, 8.0)], &[2.0, 8.0]);
+}
+
+#[test]
+#[ignore = "the whole grid; takes 25 CPU s; run by .ci/run"]
+fn a_wrong_width_costs_a_twentieth_at_most_on_the_whole_grid() {
+    let noises = [
+        (200.0, None, 8.0),
+        (1000.0, None, 2.0),
+        (3600.0, None, 2.0),
+        (100.0, Some(5.0), 4.0),
+        (1000.0, Some(5.0), 2.0),
+        (3800.0, Some(5.0), 2.0),
+        (3800.0, Some(2.0), 2.0),
+        (3800.0, Some(10.0), 1.0),
+        (3800.0, Some(10.0), 8.0),
+    ];
+    let text = of_wrong_widths(&noises, &[1.2, 2.0, 4.0, 8.0, 10.5]);
     insta::assert_snapshot!("wrong_width", text);
 }
 
-/// The ratio for which the weights are designed that the adaptive rung takes for noise of this ratio.
+/// The ratio for which the weights are designed that the adaptive estimator takes for noise of this ratio.
 fn noise_ratio_of_mix(noise_ratio: f64) -> f64 {
     const DESIGNED_FOR: [f64; 5] = [f64::INFINITY, DEFAULT.noise_ratio, 0.07, 0.02, 0.006];
     MIXES

@@ -112,14 +112,13 @@ fn rows() -> impl Strategy<Value = Vec<u16>> {
     ]
 }
 
-/// Whether a rung may find that width.
+/// Whether an estimator may find that width.
 fn is_width(width: Pixels) -> bool {
     (0.45..=171.0).contains(&width.to_f64())
 }
 
-/// What a rung may let out: a place on the row that is certain to an eighth of the width (which some then
-/// correct by up to an
-/// eighth, for the next row), of a spot that has a height.
+/// What an estimator may let out: a place on the row that is certain to an eighth of the width (which some
+/// then correct by up to an eighth, for the next row), of a spot that has a height.
 fn is_sane(found: &RowCentre, pixels: usize) -> bool {
     let place = found.centre.to_f64();
     let (width, uncertainty) = (found.width.to_f64(), found.uncertainty.to_f64());
@@ -133,8 +132,8 @@ fn is_sane(found: &RowCentre, pixels: usize) -> bool {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// No row, no spot and no row before stops a rung or the look that follows it, and what they let out is
-    /// within the rules.
+    /// No row, no spot and no row before stops an estimator or the look that follows it, and what they let
+    /// out is within the rules.
     #[test]
     fn any_row_gives_a_centre_or_a_fault(
         light in rows(),
@@ -159,11 +158,11 @@ proptest! {
         };
         // Of a spot and a row before that cannot be, anything may come but a panic.
         let can_be = found && before.is_none_or(|before| is_width(before.width));
-        for rung in Estimator::ALL {
-            let alone = centre::centre(rung, &row, &spot, before.as_ref(), &geometry);
-            let looked_at = check::centre(rung, &row, &spot, before.as_ref(), &geometry);
+        for estimator in Estimator::ALL {
+            let alone = centre::centre(estimator, &row, &spot, before.as_ref(), &geometry);
+            let looked_at = check::centre(estimator, &row, &spot, before.as_ref(), &geometry);
             for found in [alone, looked_at].iter().flatten() {
-                prop_assert!(!can_be || is_sane(found, light.len()), "{rung:?}: {found:?}");
+                prop_assert!(!can_be || is_sane(found, light.len()), "{estimator:?}: {found:?}");
             }
         }
     }
@@ -274,7 +273,7 @@ fn words_of(spots: &[(f64, f64, f64)]) -> Vec<u16> {
         .collect()
 }
 
-/// Every kind of fault comes of rows that a sensor can deliver, whichever rung is asked; and so does a
+/// Every kind of fault comes of rows that a sensor can deliver, whichever estimator is asked; and so does a
 /// reading.
 #[test]
 fn every_fault_is_reachable() {

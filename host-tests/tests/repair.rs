@@ -117,12 +117,9 @@ fn run(centre: fn(&Geometry, &[u16]) -> Answer, width: f64, flaw: Flaw) -> Outco
 }
 
 /// The limits in pixels. With a pixel less the bound is up to a third higher at sigma 10.5, and up to several
-/// times where a narrow
-/// spot loses the pixel that tells most. A second spot of half the height so near that it merges with the
-/// first in the coarse
-/// search has no limit: such rows are far off, but they must say so. (The rows that the search does tell
-/// apart are off by 0.3 pixel, or
-/// flagged.)
+/// times where a narrow spot loses the pixel that tells most. A second spot of half the height so near that
+/// it merges with the first in the coarse search has no limit: such rows are far off, but they must say so.
+/// (The rows that the search does tell apart are off by 0.3 pixel, or flagged.)
 #[test]
 fn outliers_are_left_out() {
     let bound = |width| cell(width, 2000.0, 0).spot().bound();
@@ -166,8 +163,7 @@ fn outliers_are_left_out() {
         print!("{line}");
         table += &line;
         // Not `>`: no rows at all must not pass either. A bad pixel may hide a narrow spot: one row in fifty
-        // may have no centre.
-        // One in a thousand may be off without saying so.
+        // may have no centre. One in a thousand may be off without saying so.
         let rows = rows(width);
         if !(repair.rmse <= limit && repair.faults * 50 <= rows && repair.silent * 1000 <= rows) {
             failures.push(line);

@@ -185,8 +185,7 @@ fn fresnels_slit_is_its_integral() {
 }
 
 /// Fresnel's pattern of a laser spot, in the row, as `profiles::Slit` has it, which sums over points and
-/// integrates by Simpson's
-/// rule.
+/// integrates by Simpson's rule.
 #[test]
 fn a_row_through_a_slit_is_that_of_the_profiles() {
     for diameter in [0.5e-3, 1e-3, 3e-3] {
@@ -348,8 +347,8 @@ fn texture_shifts_the_centre_by_chance_and_for_good() {
             brightness += sum / SEEDS as f64;
         }
         // For a gaussian window of sigma s on a field of correlation exp(-(x/l)^2), to first order in the
-        // contrast c:
-        // var = c^2 int int x x' g(x) g(x') exp(-(x - x')^2 / l^2) = 2 c^2 s^4 / (l^2 (1 + 4 s^2/l^2)^(3/2)).
+        // contrast c: var = c^2 int int x x' g(x) g(x') exp(-(x - x')^2 / l^2) = 2 c^2 s^4 / (l^2 (1 + 4
+        // s^2/l^2)^(3/2)).
         let s = diameter / 4.0;
         let on_target = 2.0 * contrast.powi(2) * s.powi(4)
             / (length.powi(2) * (1.0 + 4.0 * (s / length).powi(2)).powf(1.5));
@@ -876,8 +875,7 @@ fn camera(aperture: Aperture) -> Scene {
 }
 
 /// Light that adds up without interference, by this module's patterns and by the mean of the field, point by
-/// point: two
-/// computations that share no formula.
+/// point: two computations that share no formula.
 #[test]
 fn rows_of_a_camera_are_the_mean_of_the_field() {
     let laser = Laser::focused(1e-3, 0.8);
@@ -1045,8 +1043,7 @@ fn speckle_keeps_the_mean() {
 }
 
 /// Dorsch, Haeusler, Herrmann, Appl. Opt. 33, 1306 (1994), for a gaussian spot and a round pupil: the centre
-/// of mass of the image
-/// scatters by lambda z / (2 pi a) / sqrt 2 (its derivation: `field::tests`).
+/// of mass of the image scatters by lambda z / (2 pi a) / sqrt 2 (its derivation: `field::tests`).
 #[test]
 fn speckle_scatters_a_lens_as_dorsch_haeusler_and_herrmann_say() {
     const SEEDS: u64 = 120;

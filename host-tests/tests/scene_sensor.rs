@@ -1,6 +1,5 @@
 //! What a sensor makes of light, effect by effect, against closed forms and counts; the random numbers of all
-//! effects; and the scenes in
-//! the folder. Figures that are asserted are printed.
+//! effects; and the scenes in the folder. Figures that are asserted are printed.
 
 use rayon::prelude::*;
 use simulator::optics::Aperture;
@@ -55,8 +54,7 @@ fn rows(scene: Scene, rows: u64) -> Vec<f32> {
 }
 
 /// Sum of the squares of what was counted less what was expected, over what was expected: of so many cells
-/// chi squared, which
-/// is above n + 5 sqrt(2 n) + 10 in less than one in a million.
+/// chi squared, which is above n + 5 sqrt(2 n) + 10 in less than one in a million.
 fn assert_chi_squared(name: &str, counted: &[f64], expected: &[f64]) {
     let cells = || counted.iter().zip(expected).filter(|&(_, &e)| e >= 10.0);
     let squared: f64 = cells().map(|(c, e)| (c - e).powi(2) / e).sum();
@@ -101,8 +99,7 @@ fn read_noise_is_white_and_normal() {
     assert_chi_squared("read noise", &counted, &expected);
 
     // No pixel tells anything of one up to two blocks further, nor its size of the other's size; the
-    // generator makes a block of 64 numbers of
-    // pairs that are 32 apart.
+    // generator makes a block of 64 numbers of pairs that are 32 apart.
     for lag in 1..=128 {
         let pairs = || noise.iter().zip(&noise[lag..]);
         let product = |(a, b): (&f32, &f32)| f64::from(a * b) / 16.0;
@@ -378,8 +375,8 @@ fn charge_flows_over_as_far_as_it_has_to() {
 }
 
 /// A gaussian spot five times as high as a well: charge is kept, and the flat top reaches as far as the
-/// charge above it fills the flanks. Its
-/// half-length h solves, to a pixel, h = int of the spot from 0 to h, over the well.
+/// charge above it fills the flanks. Its half-length h solves, to a pixel, h = int of the spot from 0 to h,
+/// over the well.
 #[test]
 fn a_bloomed_spot_has_a_flat_top() {
     let (full, width, height) = (1000.0, 12.0, 5000.0);
@@ -481,8 +478,7 @@ fn the_black_level_drifts() {
 }
 
 /// As high as it is said in the middle, rising by the slope from pixel to pixel, in proportion to the
-/// exposure, never below zero; not under
-/// metal.
+/// exposure, never below zero; not under metal.
 #[test]
 fn ambient_light_has_a_slope() {
     let scene = |slope| Scene {
@@ -653,8 +649,8 @@ fn spot_behind_a_lens() -> Scene {
 }
 
 /// A row, put together by hand: light that is free of noise, and then what the sensor's effects make of it,
-/// each with the random numbers
-/// that are its own by its name, the seed and the row - and by nothing else that the scene lists.
+/// each with the random numbers that are its own by its name, the seed and the row - and by nothing else that
+/// the scene lists.
 fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
     let of_the_sensor = [
         Effect::Response,
@@ -770,8 +766,7 @@ fn listing_in_vain(scene: Scene, effect: Effect) -> Option<Scene> {
 }
 
 /// An effect that is listed, and by its parameters does nothing, changes no bit of a row in which all others
-/// are at work, whether it draws random
-/// numbers or not.
+/// are at work, whether it draws random numbers or not.
 #[test]
 fn an_effect_that_does_nothing_changes_nothing() {
     let mut effects = 0;
@@ -1082,8 +1077,7 @@ fn scenes_that_mean_nothing_are_refused() {
 }
 
 /// With speckle the surface is made for a beam up to 1.5 times as far away as the scene's target: at that end
-/// it still can be
-/// seen, and beyond it is refused.
+/// it still can be seen, and beyond it is refused.
 #[test]
 fn speckle_has_an_end() {
     let scene = Scene::load("speckle-receding").expect("a scene");

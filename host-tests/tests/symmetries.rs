@@ -1,6 +1,6 @@
-//! What a row's centre must not depend on, and how it must follow what it depends on, for every rung of the
-//! ladder, on rows
-//! that proptest draws around a spot. Draws are the same in every run; each figure asserted is printed.
+//! What a row's centre must not depend on, and how it must follow what it depends on, for every estimator of
+//! the ladder, on rows that proptest draws around a spot. Draws are the same in every run; each figure
+//! asserted is printed.
 
 use std::cell::RefCell;
 
@@ -147,10 +147,10 @@ fn holds<T: std::fmt::Debug>(
     outcome.unwrap_or_else(|error| panic!("{error}"));
 }
 
-/// The ways in which a rung is asked.
+/// The ways in which an estimator is asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Way {
-    /// The rung alone.
+    /// The estimator alone.
     Alone,
     /// With the look that follows it.
     Pipeline,
@@ -158,11 +158,10 @@ enum Way {
 
 const WAYS: [Way; 2] = [Way::Alone, Way::Pipeline];
 
-/// The way in which a rung's figures go on from row to row. The check of the centroid repairs a centre that
-/// does not look right, which
-/// for the centroid is often and makes a step.
-fn steady(rung: Estimator) -> Way {
-    match rung {
+/// The way in which an estimator's figures go on from row to row. The check of the centroid repairs a centre
+/// that does not look right, which for the centroid is often and makes a step.
+fn steady(estimator: Estimator) -> Way {
+    match estimator {
         Estimator::Centroid => Way::Alone,
         _ => Way::Pipeline,
     }
@@ -170,15 +169,15 @@ fn steady(rung: Estimator) -> Way {
 
 fn centre_at(
     way: Way,
-    rung: Estimator,
+    estimator: Estimator,
     light: &[u16],
     spot: &Spot,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
     let row = Row::new(light, &[], geometry.full_scale()).expect("12 bits");
     match way {
-        Way::Alone => centre::centre(rung, &row, spot, None, geometry),
-        Way::Pipeline => check::centre(rung, &row, spot, None, geometry),
+        Way::Alone => centre::centre(estimator, &row, spot, None, geometry),
+        Way::Pipeline => check::centre(estimator, &row, spot, None, geometry),
     }
 }
 
@@ -206,17 +205,17 @@ impl Spread {
     }
 }
 
-/// A spread for each rung.
+/// A spread for each estimator.
 #[derive(Default)]
 struct Spreads(RefCell<[Spread; Estimator::ALL.len()]>);
 
 impl Spreads {
-    fn add(&self, rung: Estimator, value: f64) {
-        self.0.borrow_mut()[rung as usize].add(value);
+    fn add(&self, estimator: Estimator, value: f64) {
+        self.0.borrow_mut()[estimator as usize].add(value);
     }
 
-    fn of(&self, rung: Estimator) -> Spread {
-        self.0.borrow()[rung as usize]
+    fn of(&self, estimator: Estimator) -> Spread {
+        self.0.borrow()[estimator as usize]
     }
 }
 
@@ -230,11 +229,11 @@ fn the_black_level_changes_no_bit() {
         let geometry = drawn.geometry();
         let light = drawn.light(4094 - offset);
         let raised: Vec<u16> = light.iter().map(|count| count + offset).collect();
-        for rung in Estimator::ALL {
+        for estimator in Estimator::ALL {
             for way in WAYS {
-                let of = |light: &[u16]| centre_at(way, rung, light, &find(light)?, &geometry);
+                let of = |light: &[u16]| centre_at(way, estimator, light, &find(light)?, &geometry);
                 let (dark, bright) = (of(&light), of(&raised));
-                prop_assert_eq!(dark, bright, "{:?} {:?}", rung, way);
+                prop_assert_eq!(dark, bright, "{:?} {:?}", estimator, way);
                 *found.borrow_mut() += u32::from(dark.is_ok());
             }
         }
@@ -252,10 +251,8 @@ fn turned(light: &[u16], pixels: usize) -> Vec<u16> {
 }
 
 /// Where the coarse search names the pixel that belongs to it, a spot that is shifted by any number of whole
-/// pixels has its
-/// centre shifted by that, and every other bit is as it was. The windows move with the spot by pixels, and
-/// f32 sees only places
-/// within a window.
+/// pixels has its centre shifted by that, and every other bit is as it was. The windows move with the spot by
+/// pixels, and f32 sees only places within a window.
 #[test]
 fn a_shifted_spot_is_the_same_spot() {
     let found = RefCell::new(0);
@@ -272,22 +269,28 @@ fn a_shifted_spot_is_the_same_spot() {
             centre: spot.centre + pixels,
             ..spot
         };
-        for rung in Estimator::ALL {
+        for estimator in Estimator::ALL {
             for way in WAYS {
-                let here = centre_at(way, rung, &light, &spot, &geometry);
-                let there = centre_at(way, rung, &shifted, &there, &geometry);
+                let here = centre_at(way, estimator, &light, &spot, &geometry);
+                let there = centre_at(way, estimator, &shifted, &there, &geometry);
                 match (here, there) {
                     (Ok(here), Ok(there)) => {
-                        prop_assert_eq!(here, shifted_back(there, pixels), "{:?} {:?}", rung, way);
+                        prop_assert_eq!(
+                            here,
+                            shifted_back(there, pixels),
+                            "{:?} {:?}",
+                            estimator,
+                            way
+                        );
                         *found.borrow_mut() += 1;
                     }
                     // Of the widest windows some reach over one of the edges, the one or the other.
                     (Err(Fault::SpotAtEdge { .. }), Err(_))
                     | (Err(_), Err(Fault::SpotAtEdge { .. })) => {}
                     (Err(here), Err(there)) => {
-                        prop_assert_eq!(here.kind(), there.kind(), "{:?} {:?}", rung, way)
+                        prop_assert_eq!(here.kind(), there.kind(), "{:?} {:?}", estimator, way)
                     }
-                    _ => prop_assert!(false, "{rung:?} {way:?}: {here:?}, {there:?}"),
+                    _ => prop_assert!(false, "{estimator:?} {way:?}: {here:?}, {there:?}"),
                 }
             }
         }
@@ -309,13 +312,10 @@ fn shifted_back(centre: RowCentre, pixels: usize) -> RowCentre {
 }
 
 /// With the coarse search: the same holds for shifts by its largest block. For others the search may name
-/// another pixel or another
-/// width to start from, and measures the noise on other pixels, so that another table or window serves. On
-/// clean rows that moves
-/// the centre by a tenth of its uncertainty root mean square, which adds half a per cent to an error, and by
-/// two of them at
-/// most. A gaussian is not the pattern of a slit: what the slit's tables make of it depends more on the
-/// table.
+/// another pixel or another width to start from, and measures the noise on other pixels, so that another
+/// table or window serves. On clean rows that moves the centre by a tenth of its uncertainty root mean
+/// square, which adds half a per cent to an error, and by two of them at most. A gaussian is not the pattern
+/// of a slit: what the slit's tables make of it depends more on the table.
 #[test]
 fn a_shifted_row_is_the_same_row() {
     let (spreads, whole) = (Spreads::default(), RefCell::new(0));
@@ -332,18 +332,26 @@ fn a_shifted_row_is_the_same_row() {
         let geometry = drawn.geometry();
         let light = drawn.light(4095);
         let shifted = turned(&light, pixels);
-        for rung in Estimator::ALL {
-            let of = |light: &[u16]| centre_at(steady(rung), rung, light, &find(light)?, &geometry);
+        for estimator in Estimator::ALL {
+            let of = |light: &[u16]| {
+                centre_at(
+                    steady(estimator),
+                    estimator,
+                    light,
+                    &find(light)?,
+                    &geometry,
+                )
+            };
             let (Ok(here), Ok(there)) = (of(&light), of(&shifted)) else {
                 continue;
             };
             let there = shifted_back(there, pixels);
             if pixels % 128 == 0 {
-                prop_assert_eq!(here, there, "{:?}", rung);
+                prop_assert_eq!(here, there, "{:?}", estimator);
                 *whole.borrow_mut() += 1;
             } else if drawn.is_bright() {
                 let off = there.centre.to_f64() - here.centre.to_f64();
-                spreads.add(rung, off / here.uncertainty.to_f64());
+                spreads.add(estimator, off / here.uncertainty.to_f64());
             }
         }
         Ok(())
@@ -353,40 +361,36 @@ fn a_shifted_row_is_the_same_row() {
         "{whole} centres move by 128 pixels or a multiple, and in no other bit; by another number, they are off by"
     );
     assert!(whole > 4000, "{whole}");
-    for rung in Estimator::ALL {
-        let off = spreads.of(rung);
+    for estimator in Estimator::ALL {
+        let off = spreads.of(estimator);
         println!(
             "{:>14}: {:.3} of the uncertainty rms, {:.2} at most, of {}",
-            rung.name(),
+            estimator.name(),
             off.rms(),
             off.worst,
             off.count
         );
-        let rms = if rung == Estimator::Fraunhofer {
+        let rms = if estimator == Estimator::Fraunhofer {
             0.15
         } else {
             0.1
         };
         assert!(
             off.count > 150 && off.rms() <= rms && off.worst <= 2.0,
-            "{rung:?}: {off:?}"
+            "{estimator:?}: {off:?}"
         );
     }
 }
 
-/// The row in a mirror has its centre in the mirror: no rung leans to a side.
+/// The row in a mirror has its centre in the mirror: no estimator leans to a side.
 ///
 /// Exactly, but for what sums that are taken in another order round, for the centroid. The others may look at
-/// the spot from a window
-/// half a sample or a phase beside the one they took, which sees other noise. Two unbiased estimates of k
-/// times the bound differ by at
-/// most 2 sqrt(1 - 1/k^2) of their uncertainty root mean square: by 0.8 for the phase tables (1.09). What is
-/// asserted is a tenth,
-/// which adds half a per cent to an error. The check makes a second fit in one of a hundred rows, be it in
-/// the mirror only. A gaussian
-/// is not the pattern of a slit: one of the slit's tables may find it some uncertainties from where the next
-/// one does. So do all with
-/// spots narrower than they have tables for.
+/// the spot from a window half a sample or a phase beside the one they took, which sees other noise. Two
+/// unbiased estimates of k times the bound differ by at most 2 sqrt(1 - 1/k^2) of their uncertainty root mean
+/// square: by 0.8 for the phase tables (1.09). What is asserted is a tenth, which adds half a per cent to an
+/// error. The check makes a second fit in one of a hundred rows, be it in the mirror only. A gaussian is not
+/// the pattern of a slit: one of the slit's tables may find it some uncertainties from where the next one
+/// does. So do all with spots narrower than they have tables for.
 #[test]
 fn a_mirror_mirrors() {
     let spreads = Spreads::default();
@@ -404,37 +408,37 @@ fn a_mirror_mirrors() {
             centre: PIXELS - 1 - spot.centre,
             ..spot
         };
-        for rung in Estimator::ALL {
-            let here = centre_at(steady(rung), rung, &light, &spot, &geometry);
-            let there = centre_at(steady(rung), rung, &mirrored, &there, &geometry);
+        for estimator in Estimator::ALL {
+            let here = centre_at(steady(estimator), estimator, &light, &spot, &geometry);
+            let there = centre_at(steady(estimator), estimator, &mirrored, &there, &geometry);
             if let (Ok(here), Ok(there)) = (here, there) {
                 let off = here.centre.to_f64() + there.centre.to_f64() - (PIXELS - 1) as f64;
-                let unit = match rung {
+                let unit = match estimator {
                     Estimator::Centroid => 1.0 / STEPS,
                     _ => here.uncertainty.to_f64(),
                 };
-                spreads.add(rung, off / unit);
+                spreads.add(estimator, off / unit);
             }
         }
         Ok(())
     });
-    for rung in Estimator::ALL {
-        let off = spreads.of(rung);
-        let (unit, rms, worst) = match rung {
+    for estimator in Estimator::ALL {
+        let off = spreads.of(estimator);
+        let (unit, rms, worst) = match estimator {
             Estimator::Centroid => ("steps of 2^-16 pixel", 0.1, 1.0),
             Estimator::Fraunhofer => ("of the uncertainty", 0.1, 5.0),
             _ => ("of the uncertainty", 0.1, 2.0),
         };
         println!(
             "{:>14}: mirrored off by {:.4} {unit} rms, {:.3} at most, of {}",
-            rung.name(),
+            estimator.name(),
             off.rms(),
             off.worst,
             off.count
         );
         assert!(
             off.count > 100 && off.rms() <= rms && off.worst <= worst,
-            "{rung:?}: {off:?}"
+            "{estimator:?}: {off:?}"
         );
     }
 }
@@ -446,17 +450,13 @@ const NARROWEST: f64 = 0.79;
 const STEPS: f64 = 65536.0;
 
 /// Twice the counts above the lowest, with twice the shot noise's variance in a count: the centre stays, and
-/// so does its
-/// uncertainty.
+/// so does its uncertainty.
 ///
 /// To the bit where only sums and ratios are taken, because a float doubles exactly: but for blocks of 16
-/// pixels, which are
-/// halved, so that half a count of a sample is cut off. A half maximum is rounded to 2^-8 count.
-/// A tilt is taken off in whole counts before the search: none is drawn here. The noise is measured to 2^-8
-/// count, one and a half
-/// of them after the roundings on its way; what it decides, a set of tables or an outlier, may tip. Where it
-/// does, the centre
-/// moves by a small part of its uncertainty.
+/// pixels, which are halved, so that half a count of a sample is cut off. A half maximum is rounded to 2^-8
+/// count. A tilt is taken off in whole counts before the search: none is drawn here. The noise is measured to
+/// 2^-8 count, one and a half of them after the roundings on its way; what it decides, a set of tables or an
+/// outlier, may tip. Where it does, the centre moves by a small part of its uncertainty.
 #[test]
 fn twice_the_light_is_the_same_spot() {
     let (steps, parts, claims) = (Spreads::default(), Spreads::default(), Spreads::default());
@@ -481,16 +481,16 @@ fn twice_the_light_is_the_same_spot() {
             shot_variance_per_count_q16: shot,
             ..geometry.clone()
         };
-        for rung in Estimator::ALL {
-            let here = centre_at(Way::Alone, rung, &single, &one, &geometry);
-            let there = centre_at(Way::Alone, rung, &double, &two, &brighter);
+        for estimator in Estimator::ALL {
+            let here = centre_at(Way::Alone, estimator, &single, &one, &geometry);
+            let there = centre_at(Way::Alone, estimator, &double, &two, &brighter);
             let (Ok(here), Ok(there)) = (here, there) else {
                 continue;
             };
             let off = there.centre.to_f64() - here.centre.to_f64();
             let claim = here.uncertainty.to_f64();
             if drawn.is_clean() {
-                parts.add(rung, off / claim);
+                parts.add(estimator, off / claim);
             }
             // From this width on a look is at samples of 16 pixels, maybe the first one only.
             if one.block_log2.max(two.block_log2) >= 7
@@ -498,38 +498,42 @@ fn twice_the_light_is_the_same_spot() {
             {
                 continue;
             }
-            steps.add(rung, off * STEPS);
+            steps.add(estimator, off * STEPS);
             let rounding = 1.5 / f64::from(one.background.noise.to_bits()) + 1.0 / (claim * STEPS);
             let other = (there.uncertainty.to_f64() / claim - 1.0).abs();
-            claims.add(rung, (other - rounding).max(0.0));
+            claims.add(estimator, (other - rounding).max(0.0));
         }
         Ok(())
     });
-    for rung in Estimator::ALL {
-        let (steps, parts, claims) = (steps.of(rung), parts.of(rung), claims.of(rung));
+    for estimator in Estimator::ALL {
+        let (steps, parts, claims) = (
+            steps.of(estimator),
+            parts.of(estimator),
+            claims.of(estimator),
+        );
         println!(
             "{:>14}: off by {:.0} steps of 2^-16 pixel at most, {:.4} of the uncertainty rms, {:.2} at most; uncertainty by \
              {:.2} % and its rounding at most, of {}",
-            rung.name(),
+            estimator.name(),
             steps.worst,
             parts.rms(),
             parts.worst,
             100.0 * claims.worst,
             steps.count,
         );
-        let most_steps = match rung {
+        let most_steps = match estimator {
             Estimator::Adaptive | Estimator::GaussNewton => f64::INFINITY,
             _ => 0.0,
         };
         assert!(
             steps.count > 500 && steps.worst <= most_steps,
-            "{rung:?}: {steps:?}"
+            "{estimator:?}: {steps:?}"
         );
         assert!(
             parts.count > 500 && parts.rms() <= 0.05 && parts.worst <= 1.0,
-            "{rung:?}: {parts:?}"
+            "{estimator:?}: {parts:?}"
         );
-        assert!(claims.worst <= 0.05, "{rung:?}: {claims:?}");
+        assert!(claims.worst <= 0.05, "{estimator:?}: {claims:?}");
     }
 }
 
@@ -537,8 +541,8 @@ fn twice_the_light_is_the_same_spot() {
 /// centre is lost.
 ///
 /// Not either where another table serves the brighter spot. A wide one's flanks pass for a little noise, and
-/// the centroid's claim goes
-/// with a width from the half maximum: together for 5 % of a claim in one of some thousand rows.
+/// the centroid's claim goes with a width from the half maximum: together for 5 % of a claim in one of some
+/// thousand rows.
 #[test]
 fn more_light_is_never_more_uncertain() {
     let growth = Spreads::default();
@@ -558,32 +562,40 @@ fn more_light_is_never_more_uncertain() {
             Drawn { cell, ..drawn }.light(4095)
         };
         let (dim, bright) = (of(drawn.cell.amplitude), of(amplitude));
-        for rung in Estimator::ALL {
-            let of = |light: &[u16]| centre_at(steady(rung), rung, light, &find(light)?, &geometry);
+        for estimator in Estimator::ALL {
+            let of = |light: &[u16]| {
+                centre_at(
+                    steady(estimator),
+                    estimator,
+                    light,
+                    &find(light)?,
+                    &geometry,
+                )
+            };
             let Ok(dim) = of(&dim) else {
                 continue;
             };
             match of(&bright) {
                 Ok(bright) => {
                     let growth_of_it = bright.uncertainty.to_f64() / dim.uncertainty.to_f64() - 1.0;
-                    growth.add(rung, growth_of_it.max(0.0));
+                    growth.add(estimator, growth_of_it.max(0.0));
                 }
-                Err(fault) => prop_assert!(false, "{:?}: {:?} became {:?}", rung, dim, fault),
+                Err(fault) => prop_assert!(false, "{:?}: {:?} became {:?}", estimator, dim, fault),
             }
         }
         Ok(())
     });
-    for rung in Estimator::ALL {
-        let growth = growth.of(rung);
+    for estimator in Estimator::ALL {
+        let growth = growth.of(estimator);
         println!(
             "{:>14}: grows by {:.2} % at most, of {}",
-            rung.name(),
+            estimator.name(),
             100.0 * growth.worst,
             growth.count
         );
         assert!(
             growth.count > 100 && growth.worst <= 0.05,
-            "{rung:?}: {growth:?}"
+            "{estimator:?}: {growth:?}"
         );
     }
 }

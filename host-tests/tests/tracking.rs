@@ -1,6 +1,5 @@
 //! Rows that follow one another: what the first row of a frame says spares the next ones work, and must not
-//! lead them astray.
-//! Every figure asserted is printed.
+//! lead them astray. Every figure asserted is printed.
 
 use proptest::prelude::*;
 use rand::{Rng as _, SeedableRng as _};
@@ -146,8 +145,7 @@ impl After {
 }
 
 /// Of some 6000 centres, how many may be further off. The errors of the centroid are not normal, but largest
-/// where a window was chosen
-/// the wrong way: from seed to seed the largest of 6000 was 6.9 to 9.1 claims.
+/// where a window was chosen the wrong way: from seed to seed the largest of 6000 was 6.9 to 9.1 claims.
 fn left_out(estimator: Estimator) -> usize {
     if estimator == Estimator::Centroid {
         3
@@ -232,10 +230,8 @@ fn the_rows_here_are_those_of_a_measurement() {
 }
 
 /// A spot at rest: what the row before says changes the centre by no more than 0.3 of its uncertainty (root
-/// mean square over
-/// the rows), and makes it no worse. The tables of [`Estimator::Fraunhofer`] are for another shape than this
-/// spot's, so that each
-/// table finds another centre in the same noise: 0.4 there.
+/// mean square over the rows), and makes it no worse. The tables of [`Estimator::Fraunhofer`] are for another
+/// shape than this spot's, so that each table finds another centre in the same noise: 0.4 there.
 #[test]
 fn at_rest_the_row_before_changes_little() {
     let mut failures = vec![];
@@ -321,11 +317,10 @@ fn a_spot_that_jumps_is_where_it_went() {
 /// A spot that becomes twice or half as wide (one of less than two pixels: twice) while its target moves a
 /// little.
 ///
-/// The rungs that look at the width in each row stay honest. The phase tables take it over from the row
-/// before, so until the frame
-/// ends a table of the wrong width serves: a wider spot is then less certain than they claim, by up to 1.6.
-/// The centroid's window
-/// follows over some rows. To [`Estimator::Fraunhofer`] the spot has the wrong shape in any table.
+/// The estimators that look at the width in each row stay honest. The phase tables take it over from the row
+/// before, so until the frame ends a table of the wrong width serves: a wider spot is then less certain than
+/// they claim, by up to 1.6. The centroid's window follows over some rows. To [`Estimator::Fraunhofer`] the
+/// spot has the wrong shape in any table.
 #[test]
 fn a_spot_that_changes_its_width_is_not_lost() {
     for estimator in Estimator::ALL {
@@ -383,8 +378,7 @@ fn a_spot_that_saturates_is_a_fault_or_right() {
 }
 
 /// A lamp that flickers: the black level is another in each row. No centre is wrong for it; the centroid,
-/// which needs the
-/// level itself, may find no spot by the level of the row before.
+/// which needs the level itself, may find no spot by the level of the row before.
 #[test]
 fn a_lamp_that_flickers_moves_no_centre() {
     for estimator in Estimator::ALL {
@@ -404,10 +398,8 @@ fn a_lamp_that_flickers_moves_no_centre() {
 }
 
 /// The laser goes off, and with it, or not, a lamp goes on: the noise is then twice what the first row told.
-/// What is left is noise,
-/// and has no centre. The rungs that do not fit a gaussian take one row in some thousands for a spot, with a
-/// row before or
-/// without.
+/// What is left is noise, and has no centre. The estimators that do not fit a gaussian take one row in some
+/// thousands for a spot, with a row before or without.
 #[test]
 fn a_spot_that_went_away_has_no_centre() {
     for estimator in Estimator::ALL {
@@ -429,8 +421,7 @@ fn a_spot_that_went_away_has_no_centre() {
 }
 
 /// Wherever [`spot::find`] finds a spot of 6 pixels' width or more, [`spot::find_again`] does, as near: to
-/// half a block, and
-/// but for one row in a thousand a tenth for the noise that decides between two blocks.
+/// half a block, and but for one row in a thousand a tenth for the noise that decides between two blocks.
 #[test]
 fn a_spot_is_found_again_as_well_as_at_first() {
     let random = &mut ChaCha8Rng::seed_from_u64(5);

@@ -76,8 +76,7 @@ fn what_is_no_curve_is_refused() {
 }
 
 /// The pole nearer than a pixel is refused to the last bit, and at a pixel the curve is what f64 says, up to
-/// the largest
-/// distance that can be held.
+/// the largest distance that can be held.
 #[test]
 fn beside_the_pole() {
     let pixel = 1 << Pixels::FRACTION;

@@ -11,14 +11,13 @@ pub mod figure;
 pub mod observed;
 pub mod order;
 pub mod outliers;
-pub mod physical;
 pub mod report;
 pub mod solve;
 pub mod spline;
 pub mod start;
 pub mod tabulate;
 
-use std::io::Write as _;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
@@ -31,7 +30,6 @@ use slitrange::sensor_heads::tcd1304dg;
 
 use crate::points::{self, Points, Setup};
 use crate::record_file::{self, Shown};
-use physical::{Branch, Physical};
 use report::{RecordWritten, Report};
 use solve::Form;
 
@@ -70,24 +68,6 @@ pub struct Options {
     /// Draw points, fit and residuals as an SVG file
     #[arg(long, value_name = "FILE")]
     figure: Option<PathBuf>,
-    /// Also report d0, u, b and f of eq. (1), of which one must be given
-    #[arg(long)]
-    physical: bool,
-    /// The baseline b is known (with --branch)
-    #[arg(long, value_name = "MM", requires = "physical", group = "known", value_parser = positive)]
-    baseline: Option<f64>,
-    /// Which of the two solutions for a baseline
-    #[arg(long, value_enum, requires = "baseline")]
-    branch: Option<Branch>,
-    /// The tangent of the angle u is known
-    #[arg(long, value_name = "T", requires = "physical", group = "known", allow_negative_numbers = true, value_parser = finite)]
-    tan_u: Option<f64>,
-    /// The focal length f is known
-    #[arg(long, value_name = "MM", requires = "physical", group = "known", value_parser = positive)]
-    focal_length: Option<f64>,
-    /// The offset d0 is known
-    #[arg(long, value_name = "MM", requires = "physical", group = "known", allow_negative_numbers = true, value_parser = finite)]
-    d0: Option<f64>,
 }
 
 /// The form that is asked for.
@@ -119,26 +99,13 @@ impl Wanted {
 /// # Errors
 /// No calibration fits the points, or a file cannot be read or written. The error names the line of the file
 /// and the reason.
-pub fn run(options: &Options) -> anyhow::Result<()> {
-    let physical = match options.physical {
-        true => Some(physical::constraint(
-            options.baseline,
-            options.branch,
-            options.tan_u,
-            options.focal_length,
-            options.d0,
-        )?),
-        false => None,
-    };
+pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
     let Points { points, setup } = Points::read(&options.points)?;
     let file = options.points.display().to_string();
     let position = options.position_uncertainty.map(|mm| 1e-3 * mm);
     let solved = solve::solve(&points, position).with_context(|| file.clone())?;
     let made = calibration::make(&solved, options.form.form()).with_context(|| file.clone())?;
-    let physical = physical
-        .map(|constraint| Physical::of(&solved.plain.eq1, constraint, solved.variance()))
-        .transpose()?;
-    let mut report = Report::of(file, &solved, &made, physical);
+    let mut report = Report::of(file, &solved, &made);
     let record = options.record(&setup, made.calibration.clone())?;
     let path = options.record_path();
     ensure!(
@@ -156,7 +123,7 @@ pub fn run(options: &Options) -> anyhow::Result<()> {
         true => serde_json::to_string_pretty(&report)? + "\n",
         false => report.to_string(),
     };
-    std::io::stdout().write_all(text.as_bytes())?;
+    output.write_all(text.as_bytes())?;
     Ok(())
 }
 
@@ -234,15 +201,8 @@ fn black_level(words: &str) -> Result<BlackLevel, String> {
     points::black_level(&words).map_err(|error| error.to_string())
 }
 
-fn finite(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|number: &f64| number.is_finite())
-        .ok_or_else(|| "it must be a number".into())
-}
-
 fn positive(text: &str) -> Result<f64, String> {
-    finite(text)
+    text.parse()
         .ok()
         .filter(|number| (1e-6..1e6).contains(number))
         .ok_or_else(|| "it must be a number of millimetres above 0".into())

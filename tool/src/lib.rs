@@ -9,7 +9,56 @@
 
 pub mod axes;
 pub mod fit;
+pub mod pc;
 pub mod points;
 pub mod record_file;
 pub mod sensor;
 mod whole_file;
+
+use std::io::{BufRead, Write};
+use std::process::ExitCode;
+
+/// What the owner of a slitrange sensor does on a PC
+#[derive(clap::Parser)]
+#[command(name = "slitrange", version)]
+pub enum Command {
+    /// From known distances to a calibration in the sensor's flash
+    #[command(subcommand)]
+    Calibrate(Calibrate),
+}
+
+/// The commands of `slitrange calibrate`.
+// Each command's help is that of its options.
+#[expect(missing_docs)]
+#[derive(clap::Subcommand)]
+pub enum Calibrate {
+    /// Fit a calibration to points that were taken, report on it and write it as a record
+    Fit(fit::Options),
+    Run(sensor::RunOptions),
+    Write(sensor::WriteOptions),
+    Read(sensor::ReadOptions),
+    Show(sensor::ShowOptions),
+}
+
+impl Command {
+    /// Does what the command says. `input` is what a person types.
+    ///
+    /// # Errors
+    /// In sentences, for a person.
+    pub fn run(
+        &self,
+        pc: &dyn pc::Pc,
+        input: &mut dyn BufRead,
+        output: &mut dyn Write,
+    ) -> anyhow::Result<ExitCode> {
+        let Self::Calibrate(command) = self;
+        match command {
+            Calibrate::Fit(options) => fit::run(options, output)?,
+            Calibrate::Run(options) => sensor::run(options, pc, input, output)?,
+            Calibrate::Write(options) => sensor::write(options, pc, output)?,
+            Calibrate::Read(options) => sensor::read(options, pc, output)?,
+            Calibrate::Show(options) => return sensor::show(options, pc, output),
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}

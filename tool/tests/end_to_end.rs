@@ -1,31 +1,26 @@
 //! From a sensor whose geometry nobody knows to distances: each command as its user gives it, against the
-//! firmware on the emulated
-//! board, with a power cycle in between.
+//! firmware on the emulated board, with a power cycle in between.
 #![cfg(unix)]
 
+use std::cell::RefCell;
+use std::io;
 use std::path::Path;
-use std::process::Command;
 use std::time::Duration;
 
+use clap::Parser;
 use simulator::bound;
 use simulator::distorted_optics::DistortedOptics;
 use simulator::optics::Optics;
 use simulator::scene::{Scene, Simulation};
+use slitrange_tool::Command;
+use slitrange_tool::pc::{Pc, Port};
 use virtual_board::light::{Target, of_scene_through};
-use virtual_board::pty::{Pace, PseudoTerminal};
 use virtual_board::stage::Stage;
 use virtual_board::{Firmware, SharedFlash, VirtualBoard};
-
-/// How far the sensor is from eq. (1), in metres.
-const DEPARTURE: f64 = 300e-6;
 
 /// Where it is used, in metres.
 const NEAREST: f64 = 0.60;
 const FARTHEST: f64 = 1.02;
-
-/// Distances at which it is tried, and readings at each.
-const STEPS: u32 = 22;
-const READINGS: usize = 4;
 
 const ROWS: u16 = 16;
 
@@ -47,41 +42,84 @@ impl Bench {
             .expect("the board starts")
     }
 
-    /// Powers the sensor on, works with it at a serial port, and cuts its power.
-    fn work(&self, stage: &Path, work: impl FnOnce(&str) + Send) {
-        let mut board = self.power_on();
-        let mut terminal = PseudoTerminal::open().expect("a pseudo-terminal");
-        let port = terminal.path().display().to_string();
-        let mut stage = Stage::new(stage, self.target.clone());
-        std::thread::scope(|scope| {
-            let worker = scope.spawn(|| work(&port));
-            terminal
-                .serve(&mut board, Pace::Unbound, |_| {
-                    stage.look();
-                    !worker.is_finished()
-                })
-                .expect("a clean run");
-        });
+    /// Powers the sensor on, works with it at a PC, and cuts its power.
+    fn work(&self, stage: &Path, work: impl FnOnce(&Desk)) {
+        let stage = Stage::new(stage, self.target.clone());
+        let desk = Desk(RefCell::new((self.power_on(), stage)));
+        work(&desk);
+        let (board, _) = desk.0.into_inner();
         board.finish().expect("a clean run");
     }
 }
 
-/// A command of the tool, and what it says.
-fn slitrange(folder: &Path, arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_slitrange"))
-        .arg("calibrate")
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .expect("the tool starts");
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    let complained = String::from_utf8_lossy(&output.stderr);
-    println!(
-        "$ slitrange calibrate {}\n{said}{complained}",
-        arguments.join(" ")
-    );
-    assert!(output.status.success(), "{complained}");
-    said
+/// A PC whose clock is the board's, with the board at its only serial port, and the stage.
+struct Desk(RefCell<(VirtualBoard, Stage)>);
+
+impl Desk {
+    /// Runs the board until `until`, or until it has said something for a port.
+    fn wait(&self, until: Duration, for_port: bool) -> Vec<u8> {
+        let (board, stage) = &mut *self.0.borrow_mut();
+        loop {
+            let said: Vec<u8> = board
+                .take_bytes()
+                .into_iter()
+                .map(|(_, byte)| byte)
+                .collect();
+            // The lines would pile up.
+            board.take_lines();
+            let left = until.saturating_sub(Duration::from_nanos(board.now()));
+            if left.is_zero() || (for_port && !said.is_empty()) {
+                return said;
+            }
+            stage.look();
+            let step = left.min(Duration::from_millis(5));
+            board.run_for(step).expect("a clean run");
+        }
+    }
+
+    /// A command of the tool, and what it says.
+    fn slitrange(&self, arguments: &[&str]) {
+        println!("$ slitrange calibrate {}", arguments.join(" "));
+        let all = ["slitrange", "calibrate"].iter().chain(arguments);
+        let command = Command::try_parse_from(all).unwrap_or_else(|error| panic!("{error}"));
+        let mut output = Vec::new();
+        let result = command.run(self, &mut io::empty(), &mut output);
+        println!("{}", String::from_utf8_lossy(&output));
+        result.unwrap_or_else(|error| panic!("{error:#}"));
+    }
+}
+
+impl Pc for Desk {
+    fn open(&self, _: &str) -> serialport::Result<Box<dyn Port + '_>> {
+        self.0.borrow_mut().0.take_bytes();
+        Ok(Box::new(self))
+    }
+
+    fn now(&self) -> Duration {
+        Duration::from_nanos(self.0.borrow().0.now())
+    }
+
+    fn sleep(&self, time: Duration) {
+        self.wait(self.now() + time, false);
+    }
+}
+
+impl Port for &Desk {
+    fn read(&mut self, bytes: &mut [u8], wait: Duration) -> io::Result<usize> {
+        let said = self.wait(self.now() + wait, true);
+        bytes[..said.len()].copy_from_slice(&said);
+        if said.is_empty() {
+            return Err(io::ErrorKind::TimedOut.into());
+        }
+        Ok(said.len())
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let (board, stage) = &mut *self.0.borrow_mut();
+        stage.look();
+        board.send_at(board.now(), bytes);
+        Ok(())
+    }
 }
 
 /// An error beside the bound, in micrometres.
@@ -91,8 +129,8 @@ struct Compared {
 }
 
 /// The first frames may still have rows of the place before.
-fn readings(board: &mut VirtualBoard) -> Vec<f64> {
-    let results = (0..2 + READINGS).map(|_| {
+fn readings(board: &mut VirtualBoard, count: usize) -> Vec<f64> {
+    let results = (0..2 + count).map(|_| {
         let line = board.run_until_line(
             |line| line.starts_with("d ") || line.starts_with("f "),
             PATIENCE,
@@ -108,8 +146,9 @@ fn readings(board: &mut VirtualBoard) -> Vec<f64> {
     distances.collect()
 }
 
-/// The errors of readings over the sensor's range, with the calibration that its flash holds.
-fn errors(bench: &Bench) -> Vec<Compared> {
+/// The errors of readings at even distances over the sensor's range, with the calibration that its flash
+/// holds.
+fn errors(bench: &Bench, steps: u32, count: usize) -> Vec<Compared> {
     let mut board = bench.power_on();
     board.send(&format!("rows {ROWS}\r\n"));
     board
@@ -117,11 +156,11 @@ fn errors(bench: &Bench) -> Vec<Compared> {
         .expect("an answer");
     let simulation = Simulation::new(Scene::white_paper());
     let mut errors = vec![];
-    for step in 0..STEPS {
-        let share = f64::from(step) / f64::from(STEPS - 1);
+    for step in 0..steps {
+        let share = f64::from(step) / f64::from(steps - 1);
         let distance = NEAREST + share * (FARTHEST - NEAREST);
         bench.target.move_to(distance);
-        let found = readings(&mut board);
+        let found = readings(&mut board, count);
         let exposure = board.head(|head| head.last_row().map(|row| row.exposure.duration()));
         let centre = bench.optics.centre(distance);
         let seen_at = simulation.scene().optics.distance(centre);
@@ -142,17 +181,15 @@ fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     (values.map(|value| value * value).sum::<f64>() / count).sqrt()
 }
 
-/// RMS error of at most 1.2 of the bound and a micrometre: the bound is what the light's noise leaves, the
-/// default estimator takes up to 1.1 of
-/// it, and 60 points of two frames of 64 rows have an eighth of a reading's variance each.
-#[test]
-fn a_sensor_of_unknown_geometry_is_calibrated() {
+/// Calibrates a sensor that is `departure` metres from eq. (1), cuts its power, and holds that the RMS error
+/// of its readings is at most `most` of the bound and a micrometre.
+fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize), most: f64) {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let stage = folder.join("stage");
     let bench = Bench {
         firmware: Firmware::build().expect("the firmware builds"),
-        optics: DistortedOptics::unknown(6, DEPARTURE).expect("a geometry"),
+        optics: DistortedOptics::unknown(6, departure).expect("a geometry"),
         target: Target::at(NEAREST),
         flash: SharedFlash::default(),
     };
@@ -162,38 +199,21 @@ fn a_sensor_of_unknown_geometry_is_calibrated() {
     println!("nominal at {NEAREST} m: {nominal:.4} m");
     assert!((nominal - NEAREST).abs() > 1e-3);
 
-    bench.work(&stage, |port| {
+    let [file, record, figure] = ["points.csv", "sensor.record", "fit.svg"]
+        .map(|name| folder.join(name).display().to_string());
+    bench.work(&stage, |desk| {
         let command = format!("echo {{}} > {}", stage.display());
         // A little more than the range in which it is used: a calibration ends with its points.
-        let run = [
-            "run", "--port", port, "--from", "598", "--to", "1022", "--points", "60",
-        ];
-        let how = [
-            "--frames",
-            "2",
-            "--settle",
-            "0.05",
-            "--stage-command",
-            &command,
-            "points.csv",
-        ];
-        slitrange(folder, &[&run[..], &how].concat());
-        slitrange(
-            folder,
-            &[
-                "fit",
-                "points.csv",
-                "-o",
-                "sensor.record",
-                "--figure",
-                "fit.svg",
-            ],
-        );
-        slitrange(folder, &["write", "--port", port, "sensor.record"]);
-        slitrange(folder, &["show", "sensor.record", "--port", port]);
+        let run = ["run", "--port", "board", "--from", "598", "--to", "1022"];
+        let how = ["--points", points, "--frames", frames, "--settle", "0.05"];
+        let stage = ["--stage-command", &command, &file];
+        desk.slitrange(&[&run[..], &how, &stage].concat());
+        desk.slitrange(&["fit", &file, "-o", &record, "--figure", &figure]);
+        desk.slitrange(&["write", "--port", "board", &record]);
+        desk.slitrange(&["show", &record, "--port", "board"]);
     });
 
-    let errors = errors(&bench);
+    let errors = errors(&bench, steps, count);
     let rms_error = rms(errors.iter().map(|compared| compared.error));
     let bound = rms(errors.iter().map(|compared| compared.bound));
     let largest = errors.iter().fold(0.0, |largest: f64, compared| {
@@ -203,5 +223,20 @@ fn a_sensor_of_unknown_geometry_is_calibrated() {
         "{} readings after a power cycle: RMS error {rms_error:.2} um, bound {bound:.2} um, largest {largest:.2} um",
         errors.len()
     );
-    assert!(rms_error <= 1.2 * bound + 1.0);
+    assert!(rms_error <= most * bound + 1.0);
+}
+
+/// The bound is what the light's noise leaves, and the default estimator takes up to 1.1 of it. Nine points of
+/// a frame of 64 rows have a quarter of a reading's variance each, and eq. (1) three parameters: a twelfth
+/// more variance. Twelve readings give an RMS to 20 %, of which three: 1.1 * 1.04 * 1.61.
+#[test]
+fn a_sensor_of_unknown_geometry_is_calibrated() {
+    check(0.0, "9", "1", (6, 2), 1.84);
+}
+
+/// With 60 points of two frames, each of an eighth of a reading's variance.
+#[test]
+#[ignore = "78 s of an emulated board; takes 180 CPU s; run by .ci/run"]
+fn a_sensor_that_departs_from_eq1_is_calibrated() {
+    check(300e-6, "60", "2", (22, 4), 1.2);
 }

@@ -10,7 +10,7 @@ use slitrange::fault::Fault;
 use slitrange::units::{Micrometres, Pixels};
 
 /// A calibration that is hard in one way. No estimator has to do with it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct CalibrationCase {
     /// What it is, in a few words.
     pub name: &'static str,
@@ -18,7 +18,7 @@ pub struct CalibrationCase {
     pub why: &'static str,
     /// What must come out.
     pub due: CalibrationDue,
-    make: fn() -> Made,
+    made: Made,
 }
 
 /// What must come of a calibration.
@@ -32,6 +32,7 @@ pub enum CalibrationDue {
 }
 
 /// What is made of numbers.
+#[derive(Clone, Debug)]
 enum Made {
     /// Eq. (1): a curve with its D and K (um, um px) and xp (px), or why there is none.
     Curve(Result<Eq1, Refusal>, [f64; 3]),
@@ -42,6 +43,7 @@ enum Made {
 }
 
 /// Why numbers are no calibration.
+#[derive(Clone, Debug)]
 struct Refusal {
     /// The error's name, as the code has it.
     name: String,
@@ -70,26 +72,26 @@ pub struct Found {
 impl CalibrationCase {
     /// Makes it, and asks for distances over its range and outside.
     pub fn run(&self) -> Found {
-        match (self.make)() {
+        match &self.made {
             Made::Curve(Err(why), _)
             | Made::Table(Err(why), _)
-            | Made::Corrected(Err(why), _, _) => self.refused(&why),
+            | Made::Corrected(Err(why), _, _) => self.refused(why),
             Made::Curve(Ok(curve), [d, k, pole]) => {
                 let expected = |x: f64| Some(d + k / (x - pole));
                 self.taken(curve.valid(), &[], 0, |x| curve.distance_at(x), expected)
             }
             Made::Table(Ok(table), knots) => {
-                let expected = |x: f64| at_knot(&knots, x);
-                self.taken(table.valid(), &knots, 0, |x| table.distance_at(x), expected)
+                let expected = |x: f64| at_knot(knots, x);
+                self.taken(table.valid(), knots, 0, |x| table.distance_at(x), expected)
             }
             Made::Corrected(Ok(corrected), curve, knots) => {
                 let expected = |x: f64| {
                     let base = curve.distance_at(Pixels::from_bits((x * 65536.0) as i32));
-                    Some(base.ok()?.0.to_f64() + at_knot(&knots, x)?)
+                    Some(base.ok()?.0.to_f64() + at_knot(knots, x)?)
                 };
                 self.taken(
                     corrected.valid(),
-                    &knots,
+                    knots,
                     STEP_BACK,
                     |x| corrected.distance_at(x),
                     expected,
@@ -107,8 +109,7 @@ impl CalibrationCase {
     }
 
     /// Distances at 2001 centres over the range and at the knots, against what they should be where that is
-    /// known; beyond the range a
-    /// fault. The distance goes one way, but for steps of Q24.8 back.
+    /// known; beyond the range a fault. The distance goes one way, but for steps of Q24.8 back.
     fn taken(
         &self,
         (from, to): (Pixels, Pixels),
@@ -218,241 +219,79 @@ const ROUNDED: CalibrationDue = CalibrationDue::Exact(0.01);
 /// A table is exact at its knots.
 const AT_KNOTS: CalibrationDue = CalibrationDue::Exact(0.0);
 
-const fn case(
-    name: &'static str,
-    why: &'static str,
-    due: CalibrationDue,
-    make: fn() -> Made,
-) -> CalibrationCase {
-    CalibrationCase {
-        name,
-        why,
-        due,
-        make,
-    }
-}
-
-/// The cases.
-pub fn calibrations() -> Vec<CalibrationCase> {
-    use CalibrationDue::Refused;
-    vec![
-        case(
-            "eq. (1): nominal",
-            "what a sensor without its own uses",
-            ROUNDED,
-            || {
-                let curve = NOMINAL.expect("a curve");
-                let parameters = [
-                    curve.d().to_f64(),
-                    curve.k() as f64 / 65536.0,
-                    curve.pole().to_f64(),
-                ];
-                Made::Curve(Ok(curve), parameters)
-            },
-        ),
-        case(
-            "eq. (1): xp in the range",
-            "a division by zero",
-            Refused("Pole"),
-            || curve(0.0, 6e8, 500.0, 0.0, 1000.0),
-        ),
-        case(
-            "eq. (1): xp at the first centre",
-            "a division by zero at the end",
-            Refused("Pole"),
-            || curve(0.0, 6e8, 0.0, 0.0, 1000.0),
-        ),
-        case(
-            "eq. (1): xp half a pixel beyond the last",
-            "distances run away",
-            Refused("Pole"),
-            || curve(0.0, 6e8, 1000.5, 0.0, 1000.0),
-        ),
-        case(
-            "eq. (1): xp a pixel before the first",
-            "the steepest that there is",
-            ROUNDED,
-            || curve(0.0, 8e6, -1.0, 0.0, 1000.0),
-        ),
-        case(
-            "eq. (1): xp on the sensor, outside the range",
-            "half of the sensor is beyond the pole",
-            ROUNDED,
-            || curve(0.0, -3e7, 1500.0, 0.0, 1400.0),
-        ),
-        case(
-            "eq. (1): K = 0",
-            "every centre means the same distance",
-            Refused("K"),
-            || curve(5e5, 0.0, -1000.0, 0.0, 1000.0),
-        ),
-        case(
-            "eq. (1): the least K",
-            "the same but for rounding",
-            Refused("Flat"),
-            || curve(5e5, 1.0 / 65536.0, -1000.0, 0.0, 1000.0),
-        ),
-        case(
-            "eq. (1): K below zero",
-            "distance rises with the centre",
-            ROUNDED,
-            || curve(1e6, -6e8, -1000.0, 0.0, 1000.0),
-        ),
-        case(
-            "eq. (1): the largest K",
-            "its numerator fills 63 bits",
-            ROUNDED,
-            || curve(-8e6, 5.497e11, -32_768.0, 30_000.0, 32_000.0),
-        ),
-        case(
-            "eq. (1): K beyond that",
-            "its numerator would overflow",
-            Refused("K"),
-            || curve(0.0, 5.5e11, -32_768.0, 30_000.0, 32_000.0),
-        ),
-        case(
-            "eq. (1): 10 m at one end",
-            "beyond what 32 bits hold",
-            Refused("Distance"),
-            || curve(0.0, 1e10, -1000.0, 0.0, 1000.0),
-        ),
-        case(
-            "eq. (1): D at the lowest",
-            "the least that 32 bits hold",
-            ROUNDED,
-            || curve(-8_388_608.0, 6e9, -1000.0, 0.0, 1000.0),
-        ),
-        case(
-            "eq. (1): one centre",
-            "an empty range",
-            Refused("Empty"),
-            || curve(0.0, 6e8, -1000.0, 5.0, 5.0),
-        ),
-        case(
-            "eq. (1): range the wrong way round",
-            "an empty range",
-            Refused("Empty"),
-            || curve(0.0, 6e8, -1000.0, 1000.0, 0.0),
-        ),
-        case(
-            "eq. (1): over all centres that there are",
-            "differences of 33 bits",
-            ROUNDED,
-            || {
-                // The curve is steep enough at the far end: K / 65530^2 = 1/8 um a pixel.
-                curve(0.0, 5.37e8, -32_768.0, -32_700.0, 32_767.0)
-            },
-        ),
-        case(
-            "table: two knots",
-            "the least that there can be",
-            AT_KNOTS,
-            || table(&[(100.0, 9e5), (900.0, 6e5)]),
-        ),
-        case(
-            "table: one knot",
-            "no line goes through one point",
-            Refused("TooFew"),
-            || table(&[(100.0, 9e5)]),
-        ),
-        case("table: no knots", "nothing", Refused("TooFew"), || {
-            table(&[])
-        }),
-        case(
-            "table: equal knots",
-            "a division by zero between them",
-            Refused("Order"),
-            || table(&[(100.0, 9e5), (500.0, 8e5), (500.0, 7e5), (900.0, 6e5)]),
-        ),
-        case(
-            "table: knots not sorted",
-            "a search by halves goes astray",
-            Refused("Order"),
-            || table(&[(100.0, 9e5), (700.0, 7e5), (500.0, 8e5), (900.0, 6e5)]),
-        ),
-        case(
-            "table: distances not monotone",
-            "two centres for one distance",
-            Refused("NotMonotone"),
-            || table(&[(100.0, 9e5), (500.0, 7e5), (700.0, 7.5e5), (900.0, 6e5)]),
-        ),
-        case(
-            "table: equal distances",
-            "a slope of zero claims no uncertainty",
-            Refused("NotMonotone"),
-            || table(&[(100.0, 9e5), (500.0, 7e5), (700.0, 7e5), (900.0, 6e5)]),
-        ),
-        case(
-            "table: knots as close as they may be",
-            "the steepest line",
-            AT_KNOTS,
-            || {
-                let close = CLOSEST.to_f64();
-                table(&[(100.0, 9e5), (100.0 + close, 8e5), (900.0, 6e5)])
-            },
-        ),
-        case(
-            "table: knots closer than that",
-            "the slope would be beyond any sensor's",
-            Refused("Order"),
-            || {
-                let close = 0.5 * CLOSEST.to_f64();
-                table(&[(100.0, 9e5), (100.0 + close, 8e5), (900.0, 6e5)])
-            },
-        ),
-        case(
-            "table: spacing from 1/16 to 30,000 pixels",
-            "a cubic whose pieces differ by half a million",
-            AT_KNOTS,
-            || {
-                let close = CLOSEST.to_f64();
-                table(&[(-100.0, 3e6), (0.0, 2e6), (close, 1.9e6), (30_000.0, 1e6)])
-            },
-        ),
-        case(
-            "table: one too many",
-            "more than the memory",
-            Refused("TooMany"),
-            || table(&many(MAX_KNOTS + 1)),
-        ),
-        case(
-            "table: the most knots",
-            "all of the memory",
-            AT_KNOTS,
-            || table(&many(MAX_KNOTS)),
-        ),
-        case(
-            "table: 16 m from one knot to the next",
-            "a difference of 33 bits",
-            Refused("Step"),
-            || table(&[(0.0, 8.3e6), (900.0, -8.3e6)]),
-        ),
-        case(
-            "table: a cliff between slopes",
-            "a cubic that overshoots would turn back",
-            AT_KNOTS,
-            || table(&[(0.0, 1e6), (100.0, 9.999e5), (101.0, 1e5), (900.0, 9.99e4)]),
-        ),
-        case(
-            "residuals: of 100 um",
-            "a mounting that is not eq. (1)'s",
-            AT_RESIDUALS,
-            || corrected(&[(1200.0, 100.0), (1800.0, -100.0), (2600.0, 50.0)]),
-        ),
-        case(
-            "residuals: steeper than the curve",
-            "the sum would turn back",
-            Refused("Steep"),
-            || corrected(&[(1200.0, 0.0), (1300.0, 200_000.0), (2600.0, 0.0)]),
-        ),
-        case(
-            "residuals: beyond the curve's range",
-            "there is no curve to correct",
-            Refused("Beyond"),
-            || corrected(&[(1000.0, 0.0), (2600.0, 10.0)]),
-        ),
-    ]
-}
-
 /// Eq. (1) and the residual are rounded each for itself: two halves of a 256th.
 const AT_RESIDUALS: CalibrationDue = CalibrationDue::Exact(0.01);
+
+/// The cases.
+#[rustfmt::skip] // A case a line.
+pub fn calibrations() -> Vec<CalibrationCase> {
+    use CalibrationDue::Refused;
+    let nominal = NOMINAL.expect("a curve");
+    let parameters = [nominal.d().to_f64(), nominal.k() as f64 / 65536.0, nominal.pole().to_f64()];
+    let close = CLOSEST.to_f64();
+    let case = |name, why, due, made| CalibrationCase { name, why, due, made };
+    vec![
+        case("eq. (1): nominal", "what a sensor without its own uses", ROUNDED,
+            Made::Curve(Ok(nominal), parameters)),
+        case("eq. (1): xp in the range", "a division by zero", Refused("Pole"),
+            curve(0.0, 6e8, 500.0, 0.0, 1000.0)),
+        case("eq. (1): xp at the first centre", "a division by zero at the end", Refused("Pole"),
+            curve(0.0, 6e8, 0.0, 0.0, 1000.0)),
+        case("eq. (1): xp half a pixel beyond the last", "distances run away", Refused("Pole"),
+            curve(0.0, 6e8, 1000.5, 0.0, 1000.0)),
+        case("eq. (1): xp a pixel before the first", "the steepest that there is", ROUNDED,
+            curve(0.0, 8e6, -1.0, 0.0, 1000.0)),
+        case("eq. (1): xp on the sensor, outside the range", "half of the sensor is beyond the pole", ROUNDED,
+            curve(0.0, -3e7, 1500.0, 0.0, 1400.0)),
+        case("eq. (1): K = 0", "every centre means the same distance", Refused("K"),
+            curve(5e5, 0.0, -1000.0, 0.0, 1000.0)),
+        case("eq. (1): the least K", "the same but for rounding", Refused("Flat"),
+            curve(5e5, 1.0 / 65536.0, -1000.0, 0.0, 1000.0)),
+        case("eq. (1): K below zero", "distance rises with the centre", ROUNDED,
+            curve(1e6, -6e8, -1000.0, 0.0, 1000.0)),
+        case("eq. (1): the largest K", "its numerator fills 63 bits", ROUNDED,
+            curve(-8e6, 5.497e11, -32_768.0, 30_000.0, 32_000.0)),
+        case("eq. (1): K beyond that", "its numerator would overflow", Refused("K"),
+            curve(0.0, 5.5e11, -32_768.0, 30_000.0, 32_000.0)),
+        case("eq. (1): 10 m at one end", "beyond what 32 bits hold", Refused("Distance"),
+            curve(0.0, 1e10, -1000.0, 0.0, 1000.0)),
+        case("eq. (1): D at the lowest", "the least that 32 bits hold", ROUNDED,
+            curve(-8_388_608.0, 6e9, -1000.0, 0.0, 1000.0)),
+        case("eq. (1): one centre", "an empty range", Refused("Empty"), curve(0.0, 6e8, -1000.0, 5.0, 5.0)),
+        case("eq. (1): range the wrong way round", "an empty range", Refused("Empty"),
+            curve(0.0, 6e8, -1000.0, 1000.0, 0.0)),
+        // The curve is steep enough at the far end: K / 65530^2 = 1/8 um a pixel.
+        case("eq. (1): over all centres that there are", "differences of 33 bits", ROUNDED,
+            curve(0.0, 5.37e8, -32_768.0, -32_700.0, 32_767.0)),
+        case("table: two knots", "the least that there can be", AT_KNOTS,
+            table(&[(100.0, 9e5), (900.0, 6e5)])),
+        case("table: one knot", "no line goes through one point", Refused("TooFew"), table(&[(100.0, 9e5)])),
+        case("table: no knots", "nothing", Refused("TooFew"), table(&[])),
+        case("table: equal knots", "a division by zero between them", Refused("Order"),
+            table(&[(100.0, 9e5), (500.0, 8e5), (500.0, 7e5), (900.0, 6e5)])),
+        case("table: knots not sorted", "a search by halves goes astray", Refused("Order"),
+            table(&[(100.0, 9e5), (700.0, 7e5), (500.0, 8e5), (900.0, 6e5)])),
+        case("table: distances not monotone", "two centres for one distance", Refused("NotMonotone"),
+            table(&[(100.0, 9e5), (500.0, 7e5), (700.0, 7.5e5), (900.0, 6e5)])),
+        case("table: equal distances", "a slope of zero claims no uncertainty", Refused("NotMonotone"),
+            table(&[(100.0, 9e5), (500.0, 7e5), (700.0, 7e5), (900.0, 6e5)])),
+        case("table: knots as close as they may be", "the steepest line", AT_KNOTS,
+            table(&[(100.0, 9e5), (100.0 + close, 8e5), (900.0, 6e5)])),
+        case("table: knots closer than that", "the slope would be beyond any sensor's", Refused("Order"),
+            table(&[(100.0, 9e5), (100.0 + 0.5 * close, 8e5), (900.0, 6e5)])),
+        case("table: spacing from 1/16 to 30,000 pixels", "a cubic whose pieces differ by half a million",
+            AT_KNOTS, table(&[(-100.0, 3e6), (0.0, 2e6), (close, 1.9e6), (30_000.0, 1e6)])),
+        case("table: one too many", "more than the memory", Refused("TooMany"), table(&many(MAX_KNOTS + 1))),
+        case("table: the most knots", "all of the memory", AT_KNOTS, table(&many(MAX_KNOTS))),
+        case("table: 16 m from one knot to the next", "a difference of 33 bits", Refused("Step"),
+            table(&[(0.0, 8.3e6), (900.0, -8.3e6)])),
+        case("table: a cliff between slopes", "a cubic that overshoots would turn back", AT_KNOTS,
+            table(&[(0.0, 1e6), (100.0, 9.999e5), (101.0, 1e5), (900.0, 9.99e4)])),
+        case("residuals: of 100 um", "a mounting that is not eq. (1)'s", AT_RESIDUALS,
+            corrected(&[(1200.0, 100.0), (1800.0, -100.0), (2600.0, 50.0)])),
+        case("residuals: steeper than the curve", "the sum would turn back", Refused("Steep"),
+            corrected(&[(1200.0, 0.0), (1300.0, 200_000.0), (2600.0, 0.0)])),
+        case("residuals: beyond the curve's range", "there is no curve to correct", Refused("Beyond"),
+            corrected(&[(1000.0, 0.0), (2600.0, 10.0)])),
+    ]
+}

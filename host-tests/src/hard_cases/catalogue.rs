@@ -90,8 +90,7 @@ fn as_the_bound(recipe: &Recipe) -> Due {
 }
 
 /// The same for the bound of a spot of which only what is on the row is seen, with its centre so many widths
-/// from the row's end. A fit
-/// in whose pixels the tail is missing leaves 1.4 times that.
+/// from the row's end. A fit in whose pixels the tail is missing leaves 1.4 times that.
 fn as_the_cut_bound(recipe: &Recipe, widths: f64) -> Due {
     let spot = clean_spot(recipe);
     // Phases differ: that of the least of the spot.
@@ -127,7 +126,8 @@ fn no_spot() -> Vec<RowCase> {
         ("40 pixels at 2000", "a box as wide as a spot", NONE, patterns::half_lit::<40>),
         ("alternating pixels", "every sum of two is the same", NONE, patterns::alternating::<1>),
         ("alternating pairs", "every sum of four is the same", NONE, patterns::alternating::<2>),
-        ("alternating runs of 30", "nine boxes, each as good as the other", NONE, patterns::alternating::<30>),
+        ("alternating runs of 30", "nine boxes, each as good as the other", NONE,
+            patterns::alternating::<30>),
         ("a ramp to full scale", "the highest pixel is the last", NONE, patterns::ramp),
         ("half black, half full", "the highest block is at the edge", NONE, patterns::halves),
         ("any words", "noise as high as the converter", NONE, patterns::any_words),
@@ -467,37 +467,14 @@ fn bad_pixels() -> Vec<RowCase> {
                 pixels,
                 from_spot,
             };
+            #[rustfmt::skip] // A case a line.
             let flaws = [
-                (
-                    "a hot pixel (+200)",
-                    "too weak to stand out",
-                    Flaw::Hot(bad(200.0, 1)),
-                ),
-                (
-                    "a hot pixel (+1000)",
-                    "it outweighs the flank that it is on",
-                    Flaw::Hot(bad(1000.0, 1)),
-                ),
-                (
-                    "a dead pixel",
-                    "it is a hole in the spot",
-                    Flaw::Dead(bad(300.0, 1)),
-                ),
-                (
-                    "a pixel stuck at full scale",
-                    "nothing in the row is higher",
-                    Flaw::Stuck(bad(4095.0, 1)),
-                ),
-                (
-                    "a pixel stuck at zero",
-                    "it is below any background",
-                    Flaw::Stuck(bad(0.0, 1)),
-                ),
-                (
-                    "three hot pixels (+1000)",
-                    "side by side they look like a spot",
-                    Flaw::Hot(bad(1000.0, 3)),
-                ),
+                ("a hot pixel (+200)", "too weak to stand out", Flaw::Hot(bad(200.0, 1))),
+                ("a hot pixel (+1000)", "it outweighs the flank that it is on", Flaw::Hot(bad(1000.0, 1))),
+                ("a dead pixel", "it is a hole in the spot", Flaw::Dead(bad(300.0, 1))),
+                ("a pixel stuck at full scale", "nothing in the row is higher", Flaw::Stuck(bad(4095.0, 1))),
+                ("a pixel stuck at zero", "it is below any background", Flaw::Stuck(bad(0.0, 1))),
+                ("three hot pixels (+1000)", "side by side they look like a spot", Flaw::Hot(bad(1000.0, 3))),
             ];
             for (name, why, flaw) in flaws {
                 let name = format!("{name} {place}, sigma {width}");

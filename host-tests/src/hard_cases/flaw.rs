@@ -25,8 +25,7 @@ pub enum Stage {
 }
 
 /// One thing that is wrong with a row. Lengths are in widths of the spot or in pixels, as said; heights in
-/// shares of the spot's or in
-/// counts, as said.
+/// shares of the spot's or in counts, as said.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Flaw {
     /// A second spot.
@@ -120,10 +119,9 @@ pub struct Bad {
 
 impl Second {
     /// Of two spots the higher is the laser's where it is higher by a quarter or more, as far as both are on
-    /// the row: a reflection is
-    /// dimmer than what it reflects. Where they are more alike nobody can tell. Where their light has one
-    /// peak it is one spot that is
-    /// not symmetric, and its centre is anywhere from that of the higher to the centroid of both.
+    /// the row: a reflection is dimmer than what it reflects. Where they are more alike nobody can tell.
+    /// Where their light has one peak it is one spot that is not symmetric, and its centre is anywhere from
+    /// that of the higher to the centroid of both.
     pub fn truth(&self, truth: Truth, centre: f64, width: f64, pixels: usize) -> Truth {
         let other = centre + self.offset * width;
         let seen = |centre: f64, width: f64| {

@@ -30,8 +30,7 @@ pub struct FrameCase {
     /// Why it is hard.
     pub why: &'static str,
     /// What must come out. A reading counts as flagged where most of the rows used are misfits, or where it
-    /// says that its rows hang
-    /// together.
+    /// says that its rows hang together.
     pub due: Due,
     make: fn(u64) -> HardFrame,
 }
@@ -81,12 +80,12 @@ pub fn calibration() -> Eq1 {
 }
 
 impl HardFrame {
-    /// What the whole measurement makes of it with a rung.
-    pub fn reading(&self, rung: Estimator) -> Result<Reading, Fault> {
+    /// What the whole measurement makes of it with an estimator.
+    pub fn reading(&self, estimator: Estimator) -> Result<Reading, Fault> {
         let settings = Settings {
             rows: self.rows.len() as u16,
             mean: Mean::Weighted,
-            estimator: rung,
+            estimator,
             black_level: BlackLevel::Shielded,
             ..Settings::default()
         };
@@ -102,11 +101,11 @@ impl HardFrame {
     }
 }
 
-/// What came of a case for a rung.
+/// What came of a case for an estimator.
 #[derive(Clone, Debug)]
 pub struct FrameOutcome {
-    /// The rung.
-    pub rung: Estimator,
+    /// The estimator.
+    pub estimator: Estimator,
     /// Truths and readings.
     pub answers: Vec<(Truth, Result<Reading, Fault>)>,
     /// What is not as it must be, in words.
@@ -114,20 +113,20 @@ pub struct FrameOutcome {
 }
 
 impl FrameCase {
-    /// Runs every rung over its frames.
+    /// Runs every estimator over its frames.
     pub fn run(&self) -> Vec<FrameOutcome> {
         let frames: Vec<HardFrame> = (0..FRAMES).map(|number| self.frame(number)).collect();
-        let outcome = |rung| {
+        let outcome = |estimator| {
             let answers: Vec<_> = (frames.iter())
-                .map(|frame| (frame.truth, frame.reading(rung)))
+                .map(|frame| (frame.truth, frame.reading(estimator)))
                 .collect();
             let nonsense = answers.iter().find_map(|(_, answer)| nonsense(answer));
             let said: Vec<Said> = (answers.iter())
                 .map(|(truth, answer)| Said::of_reading(*truth, answer))
                 .collect();
             FrameOutcome {
-                rung,
-                failure: nonsense.or_else(|| self.due.failure(rung, &said)),
+                estimator,
+                failure: nonsense.or_else(|| self.due.failure(estimator, &said)),
                 answers,
             }
         };
@@ -255,200 +254,110 @@ const fn case(
     }
 }
 
+#[rustfmt::skip] // A case a line or two.
 fn alone() -> Vec<FrameCase> {
     vec![
-        case(
-            "one row",
-            "there is no scatter to compare with",
-            Due::Centre(0.15),
-            |number| steady(number, 1, |_, recipe| recipe),
-        ),
-        case(
-            "two rows",
-            "one degree of freedom",
-            Due::Centre(0.15),
-            |number| steady(number, 2, |_, recipe| recipe),
-        ),
-        case(
-            "two rows 5 px apart",
-            "which of them is right?",
-            Due::Honest,
+        case("one row", "there is no scatter to compare with", Due::Centre(0.15),
+            |number| steady(number, 1, |_, recipe| recipe)),
+        case("two rows", "one degree of freedom", Due::Centre(0.15),
+            |number| steady(number, 2, |_, recipe| recipe)),
+        case("two rows 5 px apart", "which of them is right?", Due::Honest,
             |number| {
                 let centre = middle(number);
                 frame(number, 2, Truth::Between(centre, centre + 5.0), |row| {
                     spot_at(centre + 5.0 * row as f64)
                 })
-            },
-        ),
-        case(
-            "one row of noise",
-            "there is nothing in it",
-            Due::Fault(&["no spot", "too dim"]),
-            |number| frame(number, 1, Truth::None, |_| Recipe::dark()),
-        ),
-        case(
-            "64 rows",
-            "the uncertainty falls with the root of their number",
-            Due::Centre(0.07),
-            clean,
-        ),
-        case(
-            "64 rows of noise",
-            "some of them look like a spot",
-            Due::Fault(&["no spot", "too dim"]),
-            |number| frame(number, FULL, Truth::None, |_| Recipe::dark()),
-        ),
-        case(
-            "64 times the same row",
-            "no scatter at all, and yet an error",
-            Due::Honest,
+            }),
+        case("one row of noise", "there is nothing in it", Due::Fault(&["no spot", "too dim"]),
+            |number| frame(number, 1, Truth::None, |_| Recipe::dark())),
+        case("64 rows", "the uncertainty falls with the root of their number", Due::Centre(0.07), clean),
+        case("64 rows of noise", "some of them look like a spot", Due::Fault(&["no spot", "too dim"]),
+            |number| frame(number, FULL, Truth::None, |_| Recipe::dark())),
+        case("64 times the same row", "no scatter at all, and yet an error", Due::Honest,
             |number| {
                 let mut frame = steady(number, 1, |_, recipe| recipe);
                 frame.rows = vec![frame.rows[0].clone(); FULL];
                 frame
-            },
-        ),
-        case(
-            "64 rows without noise",
-            "the uncertainty is that of rounding, and the scatter zero",
-            Due::Honest,
-            |number| {
+            }),
+        case("64 rows without noise", "the uncertainty is that of rounding, and the scatter zero",
+            Due::Honest, |number| {
                 full(number, |_, recipe| Recipe {
                     read_noise: 0.0,
                     electrons_per_count: None,
                     ..recipe
                 })
-            },
-        ),
-        case(
-            "64 rows, all black",
-            "no row has anything",
-            Due::Fault(&["sensor silent"]),
+            }),
+        case("64 rows, all black", "no row has anything", Due::Fault(&["sensor silent"]),
             |number| {
                 frame(number, FULL, Truth::None, |_| Recipe {
                     read_noise: 0.0,
                     black_level: 0.0,
                     ..Recipe::dark()
                 })
-            },
-        ),
+            }),
     ]
 }
 
+#[rustfmt::skip] // A case a line or two.
 fn outliers() -> Vec<FrameCase> {
     vec![
-        case(
-            "6 of 64 rows are off by 3 px",
-            "a plain mean is off by 0.3 px",
-            Due::Centre(0.07),
-            |number| some_off(number, 3.0, &[4]),
-        ),
-        case(
-            "6 of 64 rows are off by 100 px",
-            "a plain mean is off by 9 px, and the scatter beyond the width",
-            Due::Honest,
-            |number| some_off(number, 100.0, &[4]),
-        ),
-        case(
-            "19 of 64 rows are off by 3 px",
-            "nearly a third are wrong",
-            Due::Honest,
-            |number| some_off(number, 3.0, &[1, 4, 7]),
-        ),
-        case(
-            "half of the rows are off by 3 px",
-            "there is no majority",
-            Due::Honest,
+        case("6 of 64 rows are off by 3 px", "a plain mean is off by 0.3 px", Due::Centre(0.07),
+            |number| some_off(number, 3.0, &[4])),
+        case("6 of 64 rows are off by 100 px",
+            "a plain mean is off by 9 px, and the scatter beyond the width", Due::Honest, |number| some_off(number, 100.0, &[4])),
+        case("19 of 64 rows are off by 3 px", "nearly a third are wrong", Due::Honest,
+            |number| some_off(number, 3.0, &[1, 4, 7])),
+        case("half of the rows are off by 3 px", "there is no majority", Due::Honest,
             |number| {
                 let centre = middle(number);
                 moved(number, Truth::Between(centre, centre + 3.0), |row| {
                     3.0 * (row % 2) as f64
                 })
-            },
-        ),
-        case(
-            "half of the rows are off by 100 px",
-            "two spots in turn",
-            Due::Fault(&["unsteady"]),
-            |number| moved(number, Truth::None, |row| 100.0 * (row % 2) as f64),
-        ),
-        case(
-            "every row is elsewhere",
-            "all of them are outliers",
-            Due::Fault(&["unsteady"]),
+            }),
+        case("half of the rows are off by 100 px", "two spots in turn", Due::Fault(&["unsteady"]),
+            |number| moved(number, Truth::None, |row| 100.0 * (row % 2) as f64)),
+        case("every row is elsewhere", "all of them are outliers", Due::Fault(&["unsteady"]),
             |number| {
                 let mut random = numbers(number);
                 let places: Vec<f64> = (0..FULL)
                     .map(|_| random.random_range(-150.0..150.0))
                     .collect();
                 moved(number, Truth::None, |row| places[row as usize])
-            },
-        ),
+            }),
     ]
 }
 
+#[rustfmt::skip] // A case a line or two.
 fn changing() -> Vec<FrameCase> {
     vec![
-        case(
-            "heights differ as speckle's do",
-            "dim rows are less certain, and some have no centre",
-            Due::Honest,
-            |number| {
+        case("heights differ as speckle's do", "dim rows are less certain, and some have no centre",
+            Due::Honest, |number| {
                 let mut random = numbers(number);
                 let heights: Vec<f64> = (0..FULL).map(|_| Exp1.sample(&mut random)).collect();
                 full(number, |row, recipe| {
                     recipe.spot(|spot| spot.amplitude = (600.0 * heights[row as usize]).min(3600.0))
                 })
-            },
-        ),
-        case(
-            "the laser fades away",
-            "the last rows are noise",
-            Due::Honest,
+            }),
+        case("the laser fades away", "the last rows are noise", Due::Honest,
             |number| {
                 full(number, |row, recipe| {
                     recipe.spot(|spot| spot.amplitude *= 1.0 - row as f64 / FULL as f64)
                 })
-            },
-        ),
-        case(
-            "the laser blinks",
-            "half of the rows have no spot",
-            Due::Fault(&["no spot", "too dim"]),
-            |number| {
-                full(number, |row, recipe| match row % 2 {
-                    0 => recipe,
-                    _ => Recipe::dark(),
-                })
-            },
-        ),
-        case(
-            "33 of 64 rows have a spot",
-            "just the majority",
-            Due::Honest,
+            }),
+        case("the laser blinks", "half of the rows have no spot", Due::Fault(&["no spot", "too dim"]),
+            |number| full(number, |row, recipe| match row % 2 { 0 => recipe, _ => Recipe::dark() })),
+        case("33 of 64 rows have a spot", "just the majority", Due::Honest,
             |number| {
                 full(number, |row, recipe| match row % 2 {
                     1 if row > 1 => Recipe::dark(),
                     _ => recipe,
                 })
-            },
-        ),
-        case(
-            "the black level rises by 10 counts a row",
-            "the background of the row before is not this one's",
+            }),
+        case("the black level rises by 10 counts a row", "the background of the row before is not this one's",
             Due::Centre(0.07),
-            |number| {
-                full(number, |row, recipe| Recipe {
-                    black_level: 300.0 + 10.0 * row as f64,
-                    ..recipe
-                })
-            },
-        ),
-        case(
-            "a lamp is switched on",
-            "800 counts more, and their noise, from one row to the next",
-            Due::Honest,
-            |number| {
+            |number| full(number, |row, recipe| Recipe { black_level: 300.0 + 10.0 * row as f64, ..recipe })),
+        case("a lamp is switched on", "800 counts more, and their noise, from one row to the next",
+            Due::Honest, |number| {
                 full(number, |row, recipe| match row {
                     0..30 => recipe,
                     _ => Recipe {
@@ -457,45 +366,25 @@ fn changing() -> Vec<FrameCase> {
                         ..recipe
                     },
                 })
-            },
-        ),
-        case(
-            "the shielded pixels read 50 counts too little",
-            "the black level is wrong by 50 counts",
-            Due::Centre(0.07),
-            |number| spoilt(number, |row| row[..SHIELDED].fill(250)),
-        ),
-        case(
-            "the target moves by a pixel",
-            "the centre drifts through the frame",
-            Due::Honest,
+            }),
+        case("the shielded pixels read 50 counts too little", "the black level is wrong by 50 counts",
+            Due::Centre(0.07), |number| spoilt(number, |row| row[..SHIELDED].fill(250))),
+        case("the target moves by a pixel", "the centre drifts through the frame", Due::Honest,
             |number| {
                 let centre = middle(number);
                 moved(number, Truth::Between(centre, centre + 1.0), |row| {
                     row as f64 / FULL as f64
                 })
-            },
-        ),
-        case(
-            "the target moves by 60 pixels",
-            "by more than the spot is wide",
-            Due::Fault(&["unsteady"]),
-            |number| moved(number, Truth::None, |row| 60.0 * row as f64 / FULL as f64),
-        ),
-        case(
-            "half of the rows saturate",
-            "the light flickers beyond full scale",
-            Due::Honest,
+            }),
+        case("the target moves by 60 pixels", "by more than the spot is wide", Due::Fault(&["unsteady"]),
+            |number| moved(number, Truth::None, |row| 60.0 * row as f64 / FULL as f64)),
+        case("half of the rows saturate", "the light flickers beyond full scale", Due::Honest,
             |number| {
                 full(number, |row, recipe| {
                     recipe.spot(|spot| spot.amplitude = [2000.0, 6000.0][row as usize % 2])
                 })
-            },
-        ),
-        case(
-            "two spots in every row",
-            "rows agree about what no row can tell",
-            Due::NoCentre,
+            }),
+        case("two spots in every row", "rows agree about what no row can tell", Due::NoCentre,
             |number| {
                 let second = Second {
                     share: 1.0,
@@ -506,13 +395,9 @@ fn changing() -> Vec<FrameCase> {
                 frame(number, FULL, Truth::None, |_| {
                     spot_at(centre).with(Flaw::Second(second))
                 })
-            },
-        ),
-        case(
-            "a slope of 2 counts a pixel in every row",
-            "rows agree about what is wrong in all of them",
-            Due::Honest,
-            |number| {
+            }),
+        case("a slope of 2 counts a pixel in every row", "rows agree about what is wrong in all of them",
+            Due::Honest, |number| {
                 full(number, |_, recipe| {
                     Recipe {
                         black_level: 60.0,
@@ -520,95 +405,53 @@ fn changing() -> Vec<FrameCase> {
                     }
                     .with(Flaw::Slope(2.0))
                 })
-            },
-        ),
+            }),
     ]
 }
 
+#[rustfmt::skip] // A case a line or two.
 fn broken() -> Vec<FrameCase> {
     vec![
-        case(
-            "every row is a word short",
-            "the sensor lost a clock",
+        case("every row is a word short", "the sensor lost a clock", Due::Fault(&["sensor silent"]),
+            |number| spoilt(number, |row| row.truncate(SHIELDED + 511))),
+        case("every row is empty", "no words came", Due::Fault(&["sensor silent"]),
+            |number| spoilt(number, Vec::clear)),
+        case("words of 16 bits", "an open wire reads what no converter of 12 bits gives",
             Due::Fault(&["sensor silent"]),
-            |number| spoilt(number, |row| row.truncate(SHIELDED + 511)),
-        ),
-        case(
-            "every row is empty",
-            "no words came",
-            Due::Fault(&["sensor silent"]),
-            |number| spoilt(number, Vec::clear),
-        ),
-        case(
-            "words of 16 bits",
-            "an open wire reads what no converter of 12 bits gives",
-            Due::Fault(&["sensor silent"]),
-            |number| {
-                spoilt(number, |row| {
-                    row.iter_mut().for_each(|word| *word |= 0x8000)
-                })
-            },
-        ),
-        case(
-            "6 of 64 rows are broken",
-            "the others are good",
-            Due::Centre(0.07),
+            |number| spoilt(number, |row| row.iter_mut().for_each(|word| *word |= 0x8000))),
+        case("6 of 64 rows are broken", "the others are good", Due::Centre(0.07),
             |number| {
                 let mut frame = clean(number);
                 for row in frame.rows.iter_mut().skip(3).step_by(10) {
                     row.iter_mut().for_each(|word| *word = 0xffff);
                 }
                 frame
-            },
-        ),
+            }),
     ]
 }
 
 /// Rows whose errors are not independent.
+#[rustfmt::skip] // A case a line or two.
 fn hanging_together() -> Vec<FrameCase> {
     vec![
-        case(
-            "a jitter of 0.3 px that lasts 16 rows",
-            "64 rows are worth two",
-            Due::Honest,
-            |number| jittering(number, 16.0),
-        ),
-        case(
-            "a jitter of 0.3 px that lasts 64 rows",
-            "a frame sees the least part of it",
-            Due::Honest,
-            |number| jittering(number, 64.0),
-        ),
-        case(
-            "speckle, the target moves away at 5 mm/s",
-            "the pattern changes once or twice in a frame",
-            Due::Honest,
-            |number| speckled(number, 0.005, 0.0),
-        ),
-        case(
-            "speckle, the target slides past at 5 mm/s",
-            "it changes once or twice in a frame",
-            Due::Honest,
-            |number| speckled(number, 1e-4, 50.0),
-        ),
-        case(
-            "speckle, the target slides past at 20 mm/s",
-            "it changes every ten rows",
-            Due::Honest,
-            |number| speckled(number, 1e-4, 200.0),
-        ),
-        case(
-            "speckle, the target at rest",
+        case("a jitter of 0.3 px that lasts 16 rows", "64 rows are worth two", Due::Honest,
+            |number| jittering(number, 16.0)),
+        case("a jitter of 0.3 px that lasts 64 rows", "a frame sees the least part of it", Due::Honest,
+            |number| jittering(number, 64.0)),
+        case("speckle, the target moves away at 5 mm/s", "the pattern changes once or twice in a frame",
+            Due::Honest, |number| speckled(number, 0.005, 0.0)),
+        case("speckle, the target slides past at 5 mm/s", "it changes once or twice in a frame", Due::Honest,
+            |number| speckled(number, 1e-4, 50.0)),
+        case("speckle, the target slides past at 20 mm/s", "it changes every ten rows", Due::Honest,
+            |number| speckled(number, 1e-4, 200.0)),
+        case("speckle, the target at rest",
             "all rows see the same pattern: it moves the whole spot, and looks like any other",
-            Due::Unknowable,
-            |number| speckled(number, 0.0, 0.0),
-        ),
+            Due::Unknowable, |number| speckled(number, 0.0, 0.0)),
     ]
 }
 
 /// A frame whose rows are off by 0.3 pixels root mean square, and forget where they were over so many rows
-/// (an autoregressive series of
-/// first order).
+/// (an autoregressive series of first order).
 fn jittering(number: u64, rows: f64) -> HardFrame {
     let (mut random, deviation) = (numbers(number), 0.3);
     let kept = (-1.0 / rows).exp();

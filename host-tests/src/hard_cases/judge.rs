@@ -1,4 +1,4 @@
-//! Every rung's answers to a case, and whether they are what is due.
+//! Every estimator's answers to a case, and whether they are what is due.
 
 use slitrange::centre::{self, Estimator, RowCentre};
 use slitrange::check::{self, repair};
@@ -14,25 +14,26 @@ use crate::hard_cases::{Due, HardRow, ROWS, RowCase, Truth};
 /// What comes of a row.
 pub type Answer = Result<RowCentre, Fault>;
 
-/// A rung's answers to a row.
+/// An estimator's answers to a row.
 #[derive(Clone, Copy, Debug)]
 pub struct Answers {
-    /// Of the rung alone ([`centre::centre`]).
+    /// Of the estimator alone ([`centre::centre`]).
     pub alone: Answer,
     /// As the measurement takes it ([`check::centre`]).
     pub looked_at: Answer,
 }
 
-/// Every rung's answers to a row, in the order of [`Estimator::ALL`].
+/// Every estimator's answers to a row, in the order of [`Estimator::ALL`].
 ///
 /// # Panics
 /// The row has a word of more than 12 bits.
 pub fn answers(row: &HardRow) -> [Answers; Estimator::ALL.len()] {
     let parts = Row::new(&row.light, &[], row.geometry.full_scale()).expect("12 bits");
     let spot = spot::find(&parts);
-    Estimator::ALL.map(|rung| Answers {
-        alone: spot.and_then(|spot| centre::centre(rung, &parts, &spot, None, &row.geometry)),
-        looked_at: spot.and_then(|spot| check::centre(rung, &parts, &spot, None, &row.geometry)),
+    Estimator::ALL.map(|estimator| Answers {
+        alone: spot.and_then(|spot| centre::centre(estimator, &parts, &spot, None, &row.geometry)),
+        looked_at: spot
+            .and_then(|spot| check::centre(estimator, &parts, &spot, None, &row.geometry)),
     })
 }
 
@@ -106,8 +107,8 @@ impl Said {
 }
 
 impl Due {
-    /// What is not as it must be in what a rung says, in words.
-    pub fn failure(self, rung: Estimator, said: &[Said]) -> Option<String> {
+    /// What is not as it must be in what an estimator says, in words.
+    pub fn failure(self, estimator: Estimator, said: &[Said]) -> Option<String> {
         if self == Self::Unknowable {
             return None;
         }
@@ -123,7 +124,7 @@ impl Due {
         match self {
             Self::Honest | Self::Unknowable => None,
             // The centroid makes errors of its own, which it claims.
-            Self::Centre(_) if rung == Estimator::Centroid => None,
+            Self::Centre(_) if estimator == Estimator::Centroid => None,
             Self::Centre(within) => is_missed(within, said),
             Self::NoCentre => (said.iter().any(|said| said.unflagged().is_some()))
                 .then(|| "a centre without a flag".into()),
@@ -147,28 +148,28 @@ fn is_missed(within: f64, said: &[Said]) -> Option<String> {
     off.map(|error| format!("off by {error:.3} px, due {within:.3} px"))
 }
 
-/// What came of a case for a rung.
+/// What came of a case for an estimator.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// The rung.
-    pub rung: Estimator,
+    /// The estimator.
+    pub estimator: Estimator,
     /// The measurement's answers, and the truths.
     pub answers: Vec<(Truth, Answer)>,
-    /// The rung's own.
+    /// The estimator's own.
     pub alone: Vec<(Truth, Answer)>,
     /// What is not as it must be, in words.
     pub failure: Option<String>,
 }
 
 impl RowCase {
-    /// Runs every rung over its rows.
+    /// Runs every estimator over its rows.
     pub fn run(&self) -> Vec<Outcome> {
         let rows: Vec<HardRow> = (0..ROWS).map(|number| self.row(number)).collect();
         let answers: Vec<_> = rows.iter().map(answers).collect();
         Estimator::ALL
             .into_iter()
             .enumerate()
-            .map(|(i, rung)| {
+            .map(|(i, estimator)| {
                 let of = |which: fn(&Answers) -> Answer| -> Vec<(Truth, Answer)> {
                     rows.iter()
                         .zip(&answers)
@@ -184,8 +185,8 @@ impl RowCase {
                     .map(|(truth, answer)| Said::of_row(*truth, answer))
                     .collect();
                 Outcome {
-                    rung,
-                    failure: nonsense.or_else(|| self.due.failure(rung, &said)),
+                    estimator,
+                    failure: nonsense.or_else(|| self.due.failure(estimator, &said)),
                     answers: looked_at,
                     alone,
                 }

@@ -2,10 +2,8 @@
 //! ranges.
 //!
 //! Nothing is left out because an estimator fails at it. One thing is left out because no single row can show
-//! it: speckle on a laser
-//! spot smaller than the slit's resolution moves the whole spot and leaves its shape alone. It is judged in
-//! frames of a moving target,
-//! where rows disagree.
+//! it: speckle on a laser spot smaller than the slit's resolution moves the whole spot and leaves its shape
+//! alone. It is judged in frames of a moving target, where rows disagree.
 
 use rand::seq::index;
 use rand::{Rng as _, SeedableRng as _};
@@ -116,8 +114,8 @@ impl Kind {
 }
 
 /// A spot that nothing is wrong with: any profile but a lopsided one, sigma 0.8 to 30, from the dimmest that
-/// gives a centre to 4000 counts,
-/// with read noise of 0.5 to 8 counts and 2 to 20 electrons a count or no shot noise, whole on the row.
+/// gives a centre to 4000 counts, with read noise of 0.5 to 8 counts and 2 to 20 electrons a count or no shot
+/// noise, whole on the row.
 pub fn clean(seed: u64) -> RandomRow {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     RandomRow {
@@ -198,8 +196,8 @@ fn clean_recipe(random: &mut ChaCha8Rng) -> Recipe {
 }
 
 /// The height in counts at which the bound is an eighth of the width, which is the least certain centre that
-/// is given out: in white noise the
-/// bound is 1.06 sqrt(width) noise / height, in shot noise sqrt(0.4 width / (height electrons)).
+/// is given out: in white noise the bound is 1.06 sqrt(width) noise / height, in shot noise sqrt(0.4 width /
+/// (height electrons)).
 fn dimmest(width: f64, noise: f64, electrons_per_count: Option<f64>) -> f64 {
     let in_white = 8.0 * 1.0622 * (noise * noise + 1.0 / 12.0).sqrt() / width.sqrt();
     let in_shot = electrons_per_count.map_or(0.0, |electrons| 64.0 * 0.3989 / (width * electrons));

@@ -22,11 +22,11 @@ pub const RANDOM_ROWS: &str = "cargo hard-cases, random rows";
 
 /// What came of the whole catalogue.
 pub struct Catalogue {
-    /// Rows, with each rung's outcome in the order of [`Estimator::ALL`].
+    /// Rows, with each estimator's outcome in the order of [`Estimator::ALL`].
     pub rows: Vec<(RowCase, Vec<Outcome>)>,
     /// Frames, likewise.
     pub frames: Vec<(FrameCase, Vec<FrameOutcome>)>,
-    /// Calibrations, with which no rung has to do.
+    /// Calibrations, with which no estimator has to do.
     pub calibrations: Vec<(CalibrationCase, Found)>,
 }
 
@@ -55,18 +55,19 @@ impl fmt::Display for Failure<'_> {
 #[derive(Debug, Serialize)]
 pub struct Json {
     cases: usize,
-    rungs: Vec<JsonRung>,
+    estimators: Vec<JsonEstimator>,
 }
 
 #[derive(Debug, Serialize)]
-struct JsonRung {
+struct JsonEstimator {
     name: &'static str,
-    /// Cases of which something else came than was due. A calibration that fails does so with every rung.
+    /// Cases of which something else came than was due. A calibration that fails does so with every
+    /// estimator.
     failed_cases: usize,
-    /// In the random rows with flaws, as the measurement takes the rung.
+    /// In the random rows with flaws, as the measurement takes the estimator.
     confident_errors: u64,
     random_rows: u64,
-    /// The same of the rung alone.
+    /// The same of the estimator alone.
     confident_errors_alone: u64,
     clean_confident_errors: u64,
     clean_flagged: u64,
@@ -87,7 +88,7 @@ impl Catalogue {
                 .collect(),
             calibrations: calibrations()
                 .into_iter()
-                .map(|case| (case, case.run()))
+                .map(|case| (case.clone(), case.run()))
                 .collect(),
         }
     }
@@ -102,16 +103,22 @@ impl Catalogue {
         self.len() == 0
     }
 
-    /// The cases of which something else came than was due with a rung, and what. A calibration that fails
-    /// does so with every rung.
-    pub fn failures(&self, rung: Estimator) -> Vec<Failure<'_>> {
+    /// The cases of which something else came than was due with an estimator, and what. A calibration that
+    /// fails does so with every estimator.
+    pub fn failures(&self, estimator: Estimator) -> Vec<Failure<'_>> {
         let rows = self.rows.iter().flat_map(|(case, outcomes)| {
-            let of_rung = outcomes.iter().filter(move |outcome| outcome.rung == rung);
-            of_rung.filter_map(|outcome| Some(Failure::of(&case.name, outcome.failure.as_deref()?)))
+            let of_estimator = outcomes
+                .iter()
+                .filter(move |outcome| outcome.estimator == estimator);
+            of_estimator
+                .filter_map(|outcome| Some(Failure::of(&case.name, outcome.failure.as_deref()?)))
         });
         let frames = self.frames.iter().flat_map(|(case, outcomes)| {
-            let of_rung = outcomes.iter().filter(move |outcome| outcome.rung == rung);
-            of_rung.filter_map(|outcome| Some(Failure::of(case.name, outcome.failure.as_deref()?)))
+            let of_estimator = outcomes
+                .iter()
+                .filter(move |outcome| outcome.estimator == estimator);
+            of_estimator
+                .filter_map(|outcome| Some(Failure::of(case.name, outcome.failure.as_deref()?)))
         });
         let calibrations = (self.calibrations.iter())
             .filter(|(_, found)| !found.is_due)
@@ -131,13 +138,13 @@ impl Catalogue {
             self.calibrations.len()
         );
         text += "| estimator | letter | cases that failed |\n|---|---|---:|\n";
-        for rung in Estimator::ALL {
+        for estimator in Estimator::ALL {
             _ = writeln!(
                 text,
                 "| {} | {} | {} |",
-                rung.name(),
-                rung.letter(),
-                self.failures(rung).len()
+                estimator.name(),
+                estimator.letter(),
+                self.failures(estimator).len()
             );
         }
         for (group, heading) in Group::ALL {
@@ -183,9 +190,9 @@ impl Catalogue {
     }
 }
 
-/// The head of a table of rungs.
+/// The head of a table of estimators.
 fn head() -> String {
-    let letters = Estimator::ALL.map(|rung| format!(" {} |", rung.letter()));
+    let letters = Estimator::ALL.map(|estimator| format!(" {} |", estimator.letter()));
     let rules = Estimator::ALL.map(|_| "---|");
     format!(
         "| case | why it is hard | expected |{}\n|---|---|---|{}\n",
@@ -210,8 +217,8 @@ fn words(due: Due) -> String {
     }
 }
 
-/// What a rung says of a case: the root mean square error of its centres without a flag, how many have one,
-/// and faults.
+/// What an estimator says of a case: the root mean square error of its centres without a flag, how many have
+/// one, and faults.
 fn cell(said: &[Said], failed: bool) -> String {
     let mut parts = vec![];
     let errors: Vec<f64> = said.iter().filter_map(Said::unflagged).collect();
@@ -261,14 +268,14 @@ pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
          |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
         clean.rows, mixtures.rows
     );
-    for (i, rung) in Estimator::ALL.iter().enumerate() {
+    for (i, estimator) in Estimator::ALL.iter().enumerate() {
         let errors =
             |tally: &Tally, count: u64| format!("{:.1}", 1e6 * count as f64 / tally.rows as f64);
         let share =
             |tally: &Tally, count: u64| format!("{:.2}", 1e2 * count as f64 / tally.rows as f64);
         let (c, m) = (&clean.looked_at[i], &mixtures.looked_at[i]);
         let cells = [
-            rung.name().into(),
+            estimator.name().into(),
             errors(clean, c.confident_errors),
             errors(clean, clean.alone[i].confident_errors),
             share(clean, c.flagged),
@@ -301,9 +308,9 @@ pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
 
 /// What `--json` prints.
 pub fn json(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) -> Json {
-    let rung = |(i, rung): (usize, Estimator)| JsonRung {
-        name: rung.name(),
-        failed_cases: catalogue.failures(rung).len(),
+    let json = |(i, estimator): (usize, Estimator)| JsonEstimator {
+        name: estimator.name(),
+        failed_cases: catalogue.failures(estimator).len(),
         confident_errors: mixtures.looked_at[i].confident_errors,
         random_rows: mixtures.rows,
         confident_errors_alone: mixtures.alone[i].confident_errors,
@@ -313,6 +320,6 @@ pub fn json(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) -> Json {
     };
     Json {
         cases: catalogue.len(),
-        rungs: Estimator::ALL.into_iter().enumerate().map(rung).collect(),
+        estimators: Estimator::ALL.into_iter().enumerate().map(json).collect(),
     }
 }

@@ -19,8 +19,7 @@ pub enum Shape {
     /// The same of a laser spot of 1 mm.
     LaserSpot,
     /// A gaussian whose right half is wider than its left one by this share of its width; the mean of both is
-    /// the width. Negative:
-    /// narrower.
+    /// the width. Negative: narrower.
     Lopsided(f64),
 }
 
@@ -57,8 +56,8 @@ impl Shape {
     }
 
     /// From the peak to the middle between both flanks at a share of the height, in widths. Where the top is
-    /// cut off, the flanks are
-    /// all that is seen: half of sqrt(2 ln(1/share)) times the difference of the half gaussians' widths.
+    /// cut off, the flanks are all that is seen: half of sqrt(2 ln(1/share)) times the difference of the half
+    /// gaussians' widths.
     pub fn middle_at(self, share: f64) -> f64 {
         match self {
             Self::Lopsided(difference) => 0.5 * difference * (-2.0 * share.ln()).sqrt(),

@@ -7,10 +7,10 @@ use crate::hard_cases::Truth;
 use crate::hard_cases::judge::{Answer, Said, answers};
 use crate::hard_cases::mixtures::{Kind, RandomRow};
 
-/// Number of rungs.
+/// Number of estimators.
 const RUNGS: usize = Estimator::ALL.len();
 
-/// What came of many rows for a rung.
+/// What came of many rows for an estimator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Centres off by more than they claim, without a flag.
@@ -43,14 +43,14 @@ impl Counts {
     }
 }
 
-/// The default rung's confident errors in the rows with a kind of flaw.
+/// The default estimator's confident errors in the rows with a kind of flaw.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct OfKind {
     /// Rows.
     pub rows: u64,
-    /// Errors as the measurement takes the rung.
+    /// Errors as the measurement takes the estimator.
     pub checked: u64,
-    /// Errors of the rung alone.
+    /// Errors of the estimator alone.
     pub alone: u64,
 }
 
@@ -59,14 +59,14 @@ pub struct OfKind {
 pub struct Tally {
     /// Rows.
     pub rows: u64,
-    /// Of each rung as the measurement takes it, in the order of [`Estimator::ALL`].
+    /// Of each estimator as the measurement takes it, in the order of [`Estimator::ALL`].
     pub looked_at: [Counts; RUNGS],
-    /// Of each rung alone.
+    /// Of each estimator alone.
     pub alone: [Counts; RUNGS],
-    /// Of each kind of flaw: the rows that have it, and the default rung's errors in them.
+    /// Of each kind of flaw: the rows that have it, and the default estimator's errors in them.
     pub kinds: [OfKind; Kind::ALL.len()],
-    /// Seeds of rows in which the default rung, as the measurement takes it, was confidently wrong: the first
-    /// of them.
+    /// Seeds of rows in which the default estimator, as the measurement takes it, was confidently wrong: the
+    /// first of them.
     pub seeds: Vec<u64>,
 }
 

@@ -5,8 +5,7 @@ use slitrange::centre::half_width;
 use slitrange::spot::Spot;
 
 /// The centroid of a spot that the core's coarse search found, above its black level. `None` where the window
-/// reaches over the
-/// sensor's edge or does not come to rest.
+/// reaches over the sensor's edge or does not come to rest.
 pub fn centre(light: &[u16], spot: &Spot) -> Option<f64> {
     let width = half_width::width(light, spot, None).ok()?;
     let half_window = 3.0 * f64::from(width);

@@ -87,8 +87,7 @@ fn an_item_that_is_too_long_is_passed_over() {
 }
 
 /// What the first firmware left in flash after two saves: `rows 7`, `mean plain`, `black fixed 300` and
-/// `estimator robust`, each with the nominal
-/// calibration under another serial number.
+/// `estimator robust`, each with the nominal calibration under another serial number.
 const VERSION_1: &str = "\
 00000000a89de3de45006dfa01000000010700707278002c010001ffffffff0fea0f0b15ee1c121f22e21c010c9a3374\
 0080e00300bbe2951c869fffb0d09240bbe2a2248080b84a8080f0a50184da68dd000000\

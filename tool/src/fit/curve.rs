@@ -43,8 +43,7 @@ impl Curve {
     }
 
     /// The variance of the curve's distance at a centre, as the variances of the points tell it. The spline's
-    /// covers eq. (1)'s,
-    /// whose part it leaves free.
+    /// covers eq. (1)'s, whose part it leaves free.
     pub fn unit_variance_at(&self, centre: f64) -> f64 {
         match &self.correction {
             None => self.eq1.unit_variance_at(centre),
@@ -83,12 +82,10 @@ pub struct Quality {
     /// point alone holds the curve.
     pub cross_validated: Option<f64>,
     /// The factor from the points' uncertainties, as they were given, to those that the residuals tell.
-    /// `None` where there are no
-    /// more points than freedoms.
+    /// `None` where there are no more points than freedoms.
     pub scatter: Option<f64>,
     /// The factor by which the uncertainties here are larger than the points' own, as they were given, make
-    /// them: the scatter, but see
-    /// [`FEW_FREEDOMS`].
+    /// them: the scatter, but see [`FEW_FREEDOMS`].
     pub factor: Option<f64>,
     /// Root mean square of the curve's own standard uncertainty over the range, at even steps of the
     /// distance.
@@ -103,10 +100,8 @@ pub struct Quality {
 const ALONE: f64 = 1.0 - 1e-6;
 
 /// Points beyond the freedoms, below which known uncertainties are not taken to be smaller because the
-/// residuals are: those may be by
-/// chance. The scatter squared is a chi-square over its freedoms: with ten it is below half of the truth in 1
-/// of 100 calibrations
-/// (P(chi-square < 2.5) = 0.9 %), with one in 38.
+/// residuals are: those may be by chance. The scatter squared is a chi-square over its freedoms: with ten it
+/// is below half of the truth in 1 of 100 calibrations (P(chi-square < 2.5) = 0.9 %), with one in 38.
 pub const FEW_FREEDOMS: f64 = 10.0;
 
 impl Quality {

@@ -4,14 +4,12 @@
 //! [`slitrange::distance::eq1`]), so three are fitted. (d0, u, b, f) cannot be told from data.
 //!
 //! **Scaling.** With z = (x - xc)/h, which goes from -1 to 1 over the data, the same curve is d = (p + q
-//! z)/(1 + r z). The condition
-//! number of its derivatives is 19 over the paper's range, that of the derivatives by (D, K, xp) 271. It is
-//! fitted in that
-//! form, and D = q/r, xp = xc - h/r, K = (p - q/r) h/r come out of it.
+//! z)/(1 + r z). The condition number of its derivatives is 19 over the paper's range, that of the
+//! derivatives by (D, K, xp) 271. It is fitted in that form, and D = q/r, xp = xc - h/r, K = (p - q/r) h/r
+//! come out of it.
 //!
 //! **Start.** d = p + q z - r z d is linear in p, q and r. Its least squares weigh the errors of the distance
-//! by 1 + r z, which is
-//! within some per cent of the best already; Gauss-Newton steps do the rest.
+//! by 1 + r z, which is within some per cent of the best already; Gauss-Newton steps do the rest.
 
 use anyhow::{Context as _, ensure};
 use nalgebra::{Matrix3, RowVector3, Vector3};
@@ -98,16 +96,15 @@ pub struct Fit {
 
 impl Fit {
     /// The variance of a point whose variance was given as 1, as the residuals tell it: with the points'
-    /// variances in square
-    /// metres, the factor by which the truth differs from them. `None` where there are as many parameters as
-    /// points.
+    /// variances in square metres, the factor by which the truth differs from them. `None` where there are as
+    /// many parameters as points.
     pub fn variance(&self) -> Option<f64> {
         (self.freedom > 0).then(|| self.squares / self.freedom as f64)
     }
 
     /// Covariance of (D, K, xp), in the squares and products of their units, as the residuals tell it: for
-    /// errors that are
-    /// independent. Errors that neighbours share, as speckle makes them, leave the parameters less certain.
+    /// errors that are independent. Errors that neighbours share, as speckle makes them, leave the parameters
+    /// less certain.
     pub fn covariance(&self) -> Option<Matrix3<f64>> {
         Some(self.unit_covariance * self.variance()?)
     }
@@ -119,8 +116,7 @@ impl Fit {
     }
 
     /// r over its standard uncertainty, as the variances of the points tell it: where it is not well above 1,
-    /// a straight line does
-    /// as well.
+    /// a straight line does as well.
     pub fn unit_bend(&self) -> f64 {
         self.scaled[2].abs() / self.unit_scaled[(2, 2)].sqrt()
     }
@@ -145,8 +141,7 @@ pub fn fit(points: &[(f64, f64)]) -> anyhow::Result<Fit> {
 ///
 /// # Errors
 /// There are fewer than three points or centres; a number is not finite; the points lie on a straight line,
-/// whose
-/// pole is at infinity; or the curve that fits best has its pole among the points.
+/// whose pole is at infinity; or the curve that fits best has its pole among the points.
 pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
     ensure!(
         points.len() >= 3,

@@ -1,17 +1,14 @@
 //! What makes points no calibration, whatever curve is sought: too few, repeated, out of order, or centres
-//! that go back while
-//! distances go on.
+//! that go back while distances go on.
 //!
 //! **Order of the lines.** Distances are what a person or a stage sets: they rise or fall from line to line.
-//! A line out of order is
-//! a slip in the file, except where it turns out to be an outlier, a distance that was mistyped: then it is
-//! rejected like any other.
+//! A line out of order is a slip in the file, except where it turns out to be an outlier, a distance that was
+//! mistyped: then it is rejected like any other.
 //!
 //! **Centres along the distances** rise or fall as well. Here noise and outliers do not count, and a fold
-//! does: that the centre turns
-//! and comes back, so that two distances have one centre. A fold is found where medians of groups of points
-//! go back, or five
-//! points in a row by more than their scatter. (A lesser one than that is outliers, which are named.)
+//! does: that the centre turns and comes back, so that two distances have one centre. A fold is found where
+//! medians of groups of points go back, or five points in a row by more than their scatter. (A lesser one
+//! than that is outliers, which are named.)
 //!
 //! With fewer than ten points nothing can be rejected: any step back counts.
 

@@ -1,16 +1,14 @@
 //! Which points do not belong: judged against eq. (1) and a smooth curve on top of it, so that no good point
-//! of a sensor is lost that
-//! departs from eq. (1) smoothly.
+//! of a sensor is lost that departs from eq. (1) smoothly.
 //!
 //! ```text
 //! start (3 points) -> smooth curve by least absolute residuals -> Tukey's biweight, penalty by cross-validation -> verdicts
 //! ```
 //!
 //! None of the steps lets a point that is far off have more weight than one that is not: however far off
-//! outliers are, they move
-//! nothing. A point whose weight by the biweight is zero is rejected; all others count in full in the fit
-//! that follows, which
-//! loses nothing against a fit that knew beforehand which points are good.
+//! outliers are, they move nothing. A point whose weight by the biweight is zero is rejected; all others
+//! count in full in the fit that follows, which loses nothing against a fit that knew beforehand which points
+//! are good.
 
 use super::eq1::Eq1;
 use super::observed::{Observed, Weights};
@@ -28,10 +26,8 @@ const BY_MEDIAN: f64 = 1.4826;
 const LEAST_SCATTER: f64 = 1e-5;
 
 /// A curve is less certain where it is continued beyond its points than its own variance says, which takes it
-/// to bend there as
-/// it does elsewhere: that counts so many times. Chosen: with 1, 6 of 9000 good points were rejected (60 a
-/// row, distorted by 100 to 490
-/// um), all at the ends; with 2 none.
+/// to bend there as it does elsewhere: that counts so many times. Chosen: with 1, 6 of 9000 good points were
+/// rejected (60 a row, distorted by 100 to 490 um), all at the ends; with 2 none.
 const EXTRAPOLATED: f64 = 2.0;
 
 /// Rounds of least absolute residuals.
@@ -52,8 +48,7 @@ pub struct Verdict {
 /// Judges points against curves near a start. `None` where there is no smooth curve through them.
 ///
 /// Where the points' uncertainties are known, their scatter is not taken to be less, however well a curve
-/// goes through most of them: of
-/// a dozen points it does so by chance.
+/// goes through most of them: of a dozen points it does so by chance.
 pub fn judge(points: &[Observed], weights: Weights, start: &Eq1) -> Option<Vec<Verdict>> {
     let least_scatter = match weights {
         Weights::Known => 1.0,
@@ -107,10 +102,8 @@ fn judge_with(
 }
 
 /// The stiffest curve with the least absolute residuals from which the points are hardly further than from
-/// any other, each
-/// from the curve that the others make, and an outlier however far: a curve that bends more than it must
-/// could follow an
-/// outlier at its end. With the weights that belong to it.
+/// any other, each from the curve that the others make, and an outlier however far: a curve that bends more
+/// than it must could follow an outlier at its end. With the weights that belong to it.
 fn stiffest(grid: Grid, residuals: &[Judged]) -> Option<(Vec<f64>, Spline)> {
     let curves: Vec<(Vec<f64>, Vec<f64>, Spline)> = penalties()
         .step_by(2)
@@ -182,8 +175,7 @@ struct Judged {
     /// Its standard uncertainty for its weight.
     sigma: f64,
     /// The same to judge it by, and what it is at least. The lesser of those with the slope at its centre and
-    /// with that at its
-    /// distance: a centre that is off towards the pole must not pass for uncertain.
+    /// with that at its distance: a centre that is off towards the pole must not pass for uncertain.
     strict: f64,
     least: f64,
 }

@@ -8,7 +8,6 @@ use super::calibration::Made;
 use super::curve::{FEW_FREEDOMS, Quality};
 use super::observed::Weights;
 use super::order::FEWEST_TO_REJECT;
-use super::physical::{Physical, Value};
 use super::solve::{Form, Solved};
 
 /// The report. Units stand in the names.
@@ -45,8 +44,6 @@ pub struct Report {
     /// How much the points scatter over what was given of their errors; where nothing was, their centres'
     /// scatter in pixels.
     pub scatter: Option<f64>,
-    /// The paper's four parameters, where they were asked for.
-    pub physical: Option<Physical>,
     /// What the points cannot show.
     pub cannot_show: Vec<String>,
     /// The record that was written.
@@ -66,6 +63,15 @@ pub struct Rejected {
     pub off_mm: f64,
     /// How many times its standard uncertainty that is.
     pub off_deviations: f64,
+}
+
+/// A parameter with its standard uncertainty, where that is known.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Value {
+    /// The parameter.
+    pub value: f64,
+    /// Its standard uncertainty.
+    pub uncertainty: Option<f64>,
 }
 
 /// Eq. (1)'s parameters.
@@ -168,7 +174,7 @@ impl Residuals {
 
 impl Report {
     /// That of a calibration.
-    pub fn of(file: String, solved: &Solved, made: &Made<'_>, physical: Option<Physical>) -> Self {
+    pub fn of(file: String, solved: &Solved, made: &Made<'_>) -> Self {
         let (curve, quality) = match &solved.corrected {
             Some((curve, quality)) if made.form != Form::Eq1 => (curve, quality),
             _ => (&solved.plain, &solved.plain_quality),
@@ -232,7 +238,6 @@ impl Report {
                 Weights::Known => "by what was given of the points' uncertainties".into(),
             },
             scatter: quality.scatter,
-            physical,
             cannot_show: Vec::new(),
             record: None,
         };
@@ -400,27 +405,6 @@ impl fmt::Display for Report {
                 )?;
             }
         }
-        if let Some(physical) = &self.physical {
-            writeln!(f, "\nThe paper's parameters, given {}", physical.constraint)?;
-            writeln!(f, "  d0  {:>14} mm", Measured(&physical.d0_mm))?;
-            writeln!(
-                f,
-                "  u   {:>14} degrees, tan u {}",
-                Measured(&physical.u_degrees),
-                Measured(&physical.tan_u)
-            )?;
-            writeln!(f, "  b   {:>14} mm", Measured(&physical.b_mm))?;
-            writeln!(f, "  f   {:>14} mm", Measured(&physical.f_mm))?;
-            writeln!(
-                f,
-                "  the optical axis taken through the middle of the row{}",
-                if physical.mirrored {
-                    ", whose pixels are counted against the paper's x"
-                } else {
-                    ""
-                }
-            )?;
-        }
         writeln!(f, "\nWhat these points cannot show")?;
         for limit in &self.cannot_show {
             writeln!(f, "  {limit}")?;
@@ -472,10 +456,8 @@ impl fmt::Display for Measured<'_> {
 
 impl Solved {
     /// What the covariance of eq. (1), as the points' variances give it, is to be multiplied with: the square
-    /// of the scatter about eq. (1)
-    /// alone, or at least 1 where uncertainties were given and few points tell more. A departure from eq. (1)
-    /// counts as scatter: the
-    /// parameters are no better known than that.
+    /// of the scatter about eq. (1) alone, or at least 1 where uncertainties were given and few points tell
+    /// more. A departure from eq. (1) counts as scatter: the parameters are no better known than that.
     pub fn variance(&self) -> Option<f64> {
         self.plain_quality.factor.map(|factor| factor * factor)
     }

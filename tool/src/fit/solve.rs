@@ -192,8 +192,7 @@ fn correct(plain: &Curve, points: &[Observed]) -> Option<Curve> {
 }
 
 /// By how many of its standard errors the corrected curve's cross-validated error lies below that of eq. (1)
-/// alone. `None` where a
-/// point alone holds one of the curves, or both are the same.
+/// alone. `None` where a point alone holds one of the curves, or both are the same.
 fn gain(plain: &Curve, corrected: &Curve, points: &[Observed]) -> Option<f64> {
     let (before, after) = (
         without_each(plain, points)?,

@@ -1,18 +1,14 @@
 //! What eq. (1) leaves, as a smooth curve over the distance: a smoothing spline.
 //!
 //! Cubic B-splines on many even intervals, held smooth by a penalty on the third differences of their
-//! coefficients (P. Eilers and
-//! B. Marx, 1996). Curves without third differences are the quadratics, and quadratics of the distance are
-//! just what eq. (1) can
-//! still do: its derivatives by D, K and xp are 1, (d - D) and (d - D)^2, each times a constant. So the two
-//! do not compete: however
-//! large the penalty, what eq. (1) can follow is followed, and all else fades. A penalty without end is eq.
-//! (1) alone, with its three
+//! coefficients (P. Eilers and B. Marx, 1996). Curves without third differences are the quadratics, and
+//! quadratics of the distance are just what eq. (1) can still do: its derivatives by D, K and xp are 1, (d -
+//! D) and (d - D)^2, each times a constant. So the two do not compete: however large the penalty, what eq.
+//! (1) can follow is followed, and all else fades. A penalty without end is eq. (1) alone, with its three
 //! freedoms.
 //!
 //! The penalty is that of the least generalised cross-validation error, with each freedom counted 1.4 times,
-//! which keeps it from
-//! following noise where there are few points (Y.-J. Kim and C. Gu, 2004).
+//! which keeps it from following noise where there are few points (Y.-J. Kim and C. Gu, 2004).
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -41,8 +37,8 @@ pub struct Spline {
     grid: Grid,
     coefficients: DVector<f64>,
     /// The covariance of the coefficients where the variance of a residual of weight 1 is 1. With the penalty
-    /// taken as what was
-    /// known of the curve before (G. Wahba, 1983): it counts what smoothing takes from the curve, too.
+    /// taken as what was known of the curve before (G. Wahba, 1983): it counts what smoothing takes from the
+    /// curve, too.
     unit_covariance: DMatrix<f64>,
     /// How many parameters the curve is worth.
     pub freedoms: f64,
@@ -52,8 +48,7 @@ pub struct Spline {
 const FREEDOM_COUNTS: f64 = 1.4;
 
 /// How many freedoms a curve through points may have: two points for each, and no more than a smooth
-/// departure needs (one of
-/// 300 um over the paper's range, known to 1 um, takes 13).
+/// departure needs (one of 300 um over the paper's range, known to 1 um, takes 13).
 pub fn most_freedoms(points: f64) -> f64 {
     (points / 2.0).clamp(3.01, 25.0)
 }

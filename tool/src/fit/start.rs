@@ -1,6 +1,5 @@
 //! Eq. (1) to begin with, which no outlier can move: of curves through three points each, that with the least
-//! median of residuals
-//! (P. Rousseeuw, 1984). It holds as long as more than half of the points are good.
+//! median of residuals (P. Rousseeuw, 1984). It holds as long as more than half of the points are good.
 
 use super::eq1::Eq1;
 use super::observed::Observed;
@@ -9,8 +8,7 @@ use super::observed::Observed;
 const TRIES: usize = 300;
 
 /// The curve through three points, one from each third of the distances, from which half of the points differ
-/// least. `None` where
-/// no three points give a curve.
+/// least. `None` where no three points give a curve.
 pub fn robust(points: &[Observed]) -> Option<Eq1> {
     let mut by_distance: Vec<&Observed> = points.iter().collect();
     by_distance.sort_by(|a, b| a.distance.total_cmp(&b.distance));

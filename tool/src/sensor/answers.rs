@@ -1,7 +1,7 @@
 //! What a sensor's answers say, where they are more than the command that they answer.
 
-/// The centre of a frame, as `centre` answers it:
-/// `x 1770.98771 u 0.00195 a 1993 n 16/16 b 300 e t`, and ` m 3` and ` c 3` as in a reading.
+/// The centre of a frame, as `centre` answers it: `x 1770.98771 u 0.00195 a 1993 n 16/16 b 300 e t`, and ` m
+/// 3` and ` c 3` as in a reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Centre {
     /// In pixels.

@@ -1,21 +1,17 @@
-//! The serial line as lines: a command goes out, its answer is told from what the sensor says on its own.
+//! The serial line as lines: a command goes out, and its answer is told from what the sensor says on its own.
 //!
-//! Answers come in the order of the commands; lines of the stream may come in between. A line that noise made
-//! unreadable is
-//! not an answer, nor is silence: a command is asked again where neither can be told from a loss, which harms
-//! with no command
-//! that is asked here.
+//! Answers come in the order of the commands; lines of the stream may come in between. Noise can make a line
+//! unreadable or lose it, so a command without an answer is asked again. Each command that is asked here may
+//! come twice without harm.
 
 use std::fmt;
-use std::io::{self, Read as _, Write as _};
-use std::time::{Duration, Instant};
+use std::io;
+use std::time::Duration;
 
-use serialport::{ClearBuffer, SerialPort as _};
 use slitrange::protocol::command::{Command, parse};
 use slitrange::settings::{Setting, Value};
 
-/// Bits a second, as the firmware sets them.
-const BAUD: u32 = 115_200;
+use crate::pc::{Pc, Port};
 
 /// How often a command is said before nobody answers.
 pub const TRIES: usize = 4;
@@ -23,49 +19,31 @@ pub const TRIES: usize = 4;
 /// The longest line that is kept: three times as long as any that a sensor sends. Beyond it is noise.
 const LONGEST: usize = 256;
 
-#[cfg(unix)]
-type Port = serialport::TTYPort;
-#[cfg(windows)]
-type Port = serialport::COMPort;
+// Waits are many times what a board takes: some 0.1 s for the longest answer, 0.4 s for a frame of 64 rows, 1
+// s for a sector of flash that is erased. An emulated board can be slower than the clock on the wall.
 
-/// How long answers may take.
-#[derive(Clone, Copy, Debug)]
-pub struct Waits {
-    /// For the answer to a command.
-    pub answer: Duration,
-    /// For a frame and the answer that says what it gave.
-    pub frame: Duration,
-    /// For the flash to be written.
-    pub save: Duration,
-    /// For a sensor to come back that does not answer any more.
-    pub reconnect: Duration,
-}
+/// How long to wait for the answer to a command.
+pub const ANSWER: Duration = Duration::from_secs(2);
 
-impl Default for Waits {
-    /// Many times what a board takes (some 0.1 s for the longest answer, 0.4 s for a frame of 64 rows, 1 s
-    /// for a sector of
-    /// flash that is erased), for an emulated one, which can be slower than the clock on the wall.
-    fn default() -> Self {
-        Self {
-            answer: Duration::from_secs(2),
-            frame: Duration::from_secs(5),
-            save: Duration::from_secs(20),
-            reconnect: Duration::from_secs(20),
-        }
-    }
-}
+/// How long to wait for a frame and the answer that says what it gave.
+pub const FRAME: Duration = Duration::from_secs(5);
+
+/// How long to wait for the flash to be written.
+pub const SAVE: Duration = Duration::from_secs(20);
+
+/// How long to wait for a sensor to come back that does not answer any more.
+pub const RECONNECT: Duration = Duration::from_secs(20);
 
 /// A sensor's serial line, held for this program alone.
-pub struct Line {
-    port: Port,
+pub struct Line<'a> {
+    pc: &'a dyn Pc,
+    port: Box<dyn Port + 'a>,
     name: String,
-    /// How long answers may take.
-    pub waits: Waits,
     /// What came and is no whole line yet.
     received: Vec<u8>,
 }
 
-impl fmt::Debug for Line {
+impl fmt::Debug for Line<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_tuple("Line").field(&self.name).finish()
     }
@@ -178,18 +156,18 @@ fn cannot_open(f: &mut fmt::Formatter<'_>, name: &str, error: &serialport::Error
     }
 }
 
-impl Line {
+impl<'a> Line<'a> {
     /// Opens a port, unless another program has it open, and forgets what came before.
     ///
     /// # Errors
     /// [`LineError::Port`].
-    pub fn open(name: &str, waits: Waits) -> Result<Self, LineError> {
+    pub fn open(pc: &'a dyn Pc, name: &str) -> Result<Self, LineError> {
         // A program that was killed while it started another leaves the port to that one for a moment.
-        let until = Instant::now() + waits.answer;
+        let until = pc.now() + ANSWER;
         let port = loop {
-            match open(name) {
-                Err(error) if is_in_use(&error) && Instant::now() < until => {
-                    std::thread::sleep(Duration::from_millis(10));
+            match pc.open(name) {
+                Err(error) if is_in_use(&error) && pc.now() < until => {
+                    pc.sleep(Duration::from_millis(10));
                 }
                 opened => break opened,
             }
@@ -199,11 +177,21 @@ impl Line {
             error,
         })?;
         Ok(Self {
+            pc,
             port,
             name: name.to_owned(),
-            waits,
             received: Vec::new(),
         })
+    }
+
+    /// The PC that the port belongs to.
+    pub fn pc(&self) -> &'a dyn Pc {
+        self.pc
+    }
+
+    /// The port's name.
+    pub fn name(&self) -> &str {
+        &self.name
     }
 
     /// Says a command until `answer` makes something of the lines that came since.
@@ -241,7 +229,7 @@ impl Line {
     ) -> Result<T, LineError> {
         self.pass_over()?;
         self.say(format!("{command}\r").as_bytes(), command)?;
-        let until = Instant::now() + wait;
+        let until = self.pc.now() + wait;
         let mut lines = Vec::new();
         while let Some(line) = self.line(until)? {
             if is_error(&line) {
@@ -269,7 +257,7 @@ impl Line {
             // Ctrl-U is not text: a line that somebody left half typed, or that lost its end, is an error and
             // no command.
             self.say(format!("\x15\r{question}\r").as_bytes(), &question)?;
-            let until = Instant::now() + self.waits.answer;
+            let until = self.pc.now() + ANSWER;
             while let Some(line) = self.line(until)? {
                 if let Ok(Command::Set(Value::Stream(on))) = parse(line.as_bytes()) {
                     return Ok(on);
@@ -288,7 +276,7 @@ impl Line {
     /// # Errors
     /// The sensor started anew, or the port stopped working.
     pub fn wait_out(&mut self, time: Duration) -> Result<(), LineError> {
-        let until = Instant::now() + time;
+        let until = self.pc.now() + time;
         while self.line(until)?.is_some() {}
         Ok(())
     }
@@ -299,7 +287,7 @@ impl Line {
     }
 
     fn say(&mut self, bytes: &[u8], command: &str) -> Result<(), LineError> {
-        self.port.write_all(bytes).map_err(|error| {
+        self.port.write(bytes).map_err(|error| {
             if error.kind() == io::ErrorKind::TimedOut {
                 self.silent(command, None)
             } else {
@@ -309,7 +297,7 @@ impl Line {
     }
 
     /// The next line that is not empty, if it comes in time. Once time is up, what has come by then.
-    fn line(&mut self, until: Instant) -> Result<Option<String>, LineError> {
+    fn line(&mut self, until: Duration) -> Result<Option<String>, LineError> {
         let mut bytes = [0; 1024];
         loop {
             while let Some(end) = self.received.iter().position(|byte| b"\r\n".contains(byte)) {
@@ -326,13 +314,8 @@ impl Line {
             if self.received.len() > LONGEST {
                 self.received.clear();
             }
-            let left = until.saturating_duration_since(Instant::now());
-            let read = self
-                .port
-                .set_timeout(left)
-                .map_err(io::Error::from)
-                .and_then(|()| self.port.read(&mut bytes));
-            match read {
+            let left = until.saturating_sub(self.pc.now());
+            match self.port.read(&mut bytes, left) {
                 Ok(0) => return Err(self.gone(io::ErrorKind::UnexpectedEof.into())),
                 Ok(count) => self.received.extend(bytes.iter().take(count)),
                 Err(error) if error.kind() == io::ErrorKind::TimedOut => return Ok(None),
@@ -358,23 +341,6 @@ impl Line {
     }
 }
 
-/// Opens a port if no other program has it open, and keeps others away.
-fn open(name: &str) -> serialport::Result<Port> {
-    let port = serialport::new(name, BAUD).open_native()?;
-    #[cfg(unix)]
-    let port = {
-        let mut port = port;
-        // The mark of exclusive use outlives a program that is killed, where another end of a pseudo-terminal
-        // stays open, and
-        // would keep everybody out. The lock does not, and the next who wants the port for himself fails at
-        // it.
-        port.set_exclusive(false)?;
-        port
-    };
-    port.clear(ClearBuffer::Input)?;
-    Ok(port)
-}
-
 /// So says the library on Unix of a port that another program has locked.
 fn is_in_use(error: &serialport::Error) -> bool {
     cfg!(unix) && error.kind() == serialport::ErrorKind::NoDevice
@@ -387,8 +353,7 @@ fn is_error(line: &str) -> bool {
 }
 
 /// Whether an error is about what was asked, and not about words that noise may have changed: those are the
-/// errors up to E7, of
-/// [`Error`](slitrange::protocol::command::Error).
+/// errors up to E7, of [`Error`](slitrange::protocol::command::Error).
 fn is_understood(error: &str) -> bool {
     let digits = error
         .strip_prefix('E')

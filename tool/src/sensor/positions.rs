@@ -3,29 +3,25 @@
 use std::io::{BufRead, Write};
 use std::path::PathBuf;
 use std::process::Command;
-use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 
 use super::taken::Millimetres;
 
 /// What is as far from eq. (1)'s pole in pixels as the next, as near as can be said before it is known: that
-/// of the nominal
-/// geometry, D of [`slitrange::distance::eq1::NOMINAL`] in millimetres.
+/// of the nominal geometry, D of [`slitrange::distance::eq1::NOMINAL`] in millimetres.
 const D_MM: f64 = -115.4;
 
 /// The least and the largest distance that a record can hold, in millimetres, with a little to spare. The
-/// stage's zero may be
-/// anywhere: where it is, eq. (1)'s D takes in.
+/// stage's zero may be anywhere: where it is, eq. (1)'s D takes in.
 const SENSIBLE_MM: std::ops::RangeInclusive<f64> = -8380.0..=8380.0;
 
 /// How positions lie between the first and the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Spacing {
     /// Centres, in pixels: closer together where the target is near. Best for a fit, because every part of
-    /// the sensor counts alike.
-    /// That is even in 1/(d - D), here with D = -115.4 mm of the nominal sensor: it assumes distances from
-    /// the laser's origin.
+    /// the sensor counts alike. That is even in 1/(d - D), here with D = -115.4 mm of the nominal sensor: it
+    /// assumes distances from the laser's origin.
     Pixels,
     /// Distances, in millimetres: for a stage whose zero is elsewhere, or that counts the other way.
     Distance,
@@ -57,8 +53,7 @@ pub struct Which {
     #[arg(long, value_name = "N", default_value_t = 30)]
     pub points: usize,
     /// What is even between them: `pixels` assumes distances from the laser's origin; if the stage's zero is
-    /// elsewhere, take
-    /// `distance`
+    /// elsewhere, take `distance`
     #[arg(long, value_enum, default_value_t = Spacing::Pixels)]
     pub spacing: Spacing,
 }
@@ -169,13 +164,8 @@ pub enum Mover<'a> {
         /// What the person types.
         input: &'a mut dyn BufRead,
     },
-    /// A program.
-    Stage {
-        /// The command line, with `{}` for the distance in millimetres.
-        command: String,
-        /// How long the target swings after it.
-        settle: Duration,
-    },
+    /// A program: its command line, with `{}` for the distance in millimetres.
+    Stage(&'a str),
 }
 
 /// What came of moving the target.
@@ -197,9 +187,8 @@ impl Mover<'_> {
     pub fn to(&mut self, mm: f64, output: &mut dyn Write) -> Result<Moved> {
         match self {
             Self::Person { input } => ask(mm, *input, output),
-            Self::Stage { command, settle } => {
+            Self::Stage(command) => {
                 move_stage(command, mm)?;
-                std::thread::sleep(*settle);
                 Ok(Moved::To(mm))
             }
         }
@@ -274,8 +263,8 @@ pub fn check_command(command: &str) -> Result<()> {
 const MISSED_MM: f64 = 5.0;
 
 /// The positions, of those wanted, at which there is no point yet. A point stands for a position if it lies
-/// less than half of
-/// the way to that one's neighbour from it, and no further than a person may have missed it.
+/// less than half of the way to that one's neighbour from it, and no further than a person may have missed
+/// it.
 pub fn missing(wanted: &[f64], taken: &[f64]) -> Vec<f64> {
     wanted
         .iter()
@@ -433,21 +422,17 @@ mod tests {
         assert!(check_command("stage --to").is_err());
         let directory = tempfile::tempdir().expect("a directory");
         let at = directory.path().join("at");
-        let mut mover = Mover::Stage {
-            command: format!("echo {{}} > '{}'", at.display()),
-            settle: Duration::ZERO,
-        };
+        let command = format!("echo {{}} > '{}'", at.display());
+        let mut mover = Mover::Stage(&command);
         let mut output = Vec::new();
         assert_eq!(
             mover.to(610.0, &mut output).expect("moved"),
             Moved::To(610.0)
         );
         assert_eq!(std::fs::read_to_string(at).expect("written"), "610.000\n");
-        let mut broken = Mover::Stage {
-            command: "exit 3 # {}".to_owned(),
-            settle: Duration::ZERO,
-        };
-        let error = broken.to(610.0, &mut output).expect_err("fails");
+        let error = Mover::Stage("exit 3 # {}")
+            .to(610.0, &mut output)
+            .expect_err("fails");
         assert_eq!(
             error.to_string(),
             "the stage's command `exit 3 # 610.000` failed: exit status: 3"

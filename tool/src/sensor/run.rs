@@ -1,6 +1,6 @@
 //! Points of known distance, taken from a sensor one by one.
 
-use std::io::{self, BufRead, Write};
+use std::io::{BufRead, Write};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -12,10 +12,11 @@ use slitrange::settings::{Setting, Value};
 use time::OffsetDateTime;
 
 use super::answers::{Centre, NoCentre};
-use super::line::{LineError, Waits};
+use super::line::LineError;
 use super::positions::{self, Moved, Mover, Which, check_command};
 use super::session::{Before, Session};
 use super::taken::{Millimetres, PointsFile, Taken};
+use crate::pc::Pc;
 use crate::points::Setup;
 
 /// How often a position is tried with a stage, which cannot be asked.
@@ -77,26 +78,13 @@ pub struct RunOptions {
     pub frames: u16,
 }
 
-/// `calibrate run`, with the person at the terminal.
+/// `calibrate run`. `input` is what a person types.
 ///
 /// # Errors
 /// In sentences: what stopped the run. The points taken are in the file.
-pub fn run(options: &RunOptions) -> Result<()> {
-    run_with(
-        options,
-        Waits::default(),
-        &mut io::stdin().lock(),
-        &mut io::stdout(),
-    )
-}
-
-/// The same with other times to wait and another person.
-///
-/// # Errors
-/// As [`run`].
-pub fn run_with(
+pub fn run(
     options: &RunOptions,
-    waits: Waits,
+    pc: &dyn Pc,
     input: &mut dyn BufRead,
     output: &mut dyn Write,
 ) -> Result<()> {
@@ -106,14 +94,11 @@ pub fn run_with(
     let mover = match &options.stage_command {
         Some(command) => {
             check_command(command)?;
-            Mover::Stage {
-                command: command.clone(),
-                settle,
-            }
+            Mover::Stage(command)
         }
         None => Mover::Person { input },
     };
-    let mut session = Session::open(&options.port, waits)?;
+    let mut session = Session::open(pc, &options.port)?;
     let setup = ask_setup(&mut session)?;
     let found = session.before()?;
     let mut file = PointsFile::open(&options.file, &setup, found, &now())?;
@@ -151,6 +136,7 @@ pub fn run_with(
         session,
         setup,
         mover,
+        settle,
         frames: usize::from(options.frames),
         output,
     }
@@ -169,7 +155,7 @@ pub fn run_with(
 }
 
 /// Asks a sensor for its setup.
-fn ask_setup(session: &mut Session) -> Result<Setup, LineError> {
+fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
     let record = session.calibration()?.record;
     Ok(Setup {
         head: Some(session.head().to_owned()),
@@ -195,9 +181,11 @@ fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
 
 /// The way through the positions.
 struct Walk<'a> {
-    session: Session,
+    session: Session<'a>,
     setup: Setup,
     mover: Mover<'a>,
+    /// How long the target swings after a move of the stage.
+    settle: Duration,
     frames: usize,
     output: &'a mut dyn Write,
 }
@@ -241,6 +229,7 @@ impl Walk<'_> {
                     Moved::Skip => break,
                     Moved::Quit => return Ok(()),
                 };
+                self.session.line().pc().sleep(self.settle);
                 let no_point = match self.point(d_mm) {
                     Ok(Ok(point)) => {
                         file.add(point)?;
@@ -257,7 +246,7 @@ impl Walk<'_> {
                 };
                 writeln!(self.output, "{place}  {} mm  {no_point}", Millimetres(d_mm))?;
                 tries += 1;
-                if matches!(self.mover, Mover::Stage { .. }) && tries >= TRIES {
+                if matches!(self.mover, Mover::Stage(_)) && tries >= TRIES {
                     file.remark(&format!("failed at {} mm: {no_point}", Millimetres(d_mm)))?;
                     break;
                 }

@@ -1,21 +1,21 @@
 //! A conversation with a sensor, which leaves it as it was found.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use slitrange::protocol::command::{Command, parse};
 use slitrange::settings::{Setting, Value};
 
 use super::answers::{self, Centre, InUse, NoCentre};
-use super::line::{Line, LineError, TRIES, Waits};
+use super::line::{ANSWER, FRAME, Line, LineError, RECONNECT, TRIES};
+use crate::pc::Pc;
 
 /// Between two attempts to reach a sensor that is away.
 const PAUSE: Duration = Duration::from_millis(200);
 
 /// A sensor that answers and does not stream. What was set for the session alone is put back at its end.
 #[derive(Debug)]
-pub struct Session {
-    line: Line,
-    port: String,
+pub struct Session<'a> {
+    line: Line<'a>,
     head: String,
     before: Before,
 }
@@ -29,13 +29,13 @@ pub struct Before {
     pub rows: Option<u16>,
 }
 
-impl Session {
+impl<'a> Session<'a> {
     /// Opens a port and finds out which sensor head answers there.
     ///
     /// # Errors
     /// The port cannot be opened, or what answers there is no sensor.
-    pub fn open(port: &str, waits: Waits) -> Result<Self, LineError> {
-        let mut line = Line::open(port, waits)?;
+    pub fn open(pc: &'a dyn Pc, port: &str) -> Result<Self, LineError> {
+        let mut line = Line::open(pc, port)?;
         let streamed = match line.synchronise() {
             // It may have got its power with the port.
             Err(LineError::Restarted { .. }) => line.synchronise(),
@@ -43,7 +43,6 @@ impl Session {
         }?;
         let mut session = Self {
             line,
-            port: port.to_owned(),
             head: String::new(),
             before: Before {
                 streamed,
@@ -51,18 +50,17 @@ impl Session {
             },
         };
         session.set(Command::Set(Value::Stream(false)))?;
-        let wait = session.line.waits.answer;
         let info = Command::Info.to_string();
-        session.head = session.line.ask(&info, wait, answers::head)?;
+        session.head = session.line.ask(&info, ANSWER, answers::head)?;
         Ok(session)
     }
 
     /// The same sensor once more after it went away or forgot what was set.
     ///
     /// # Errors
-    /// It does not come back within [`Waits::reconnect`].
+    /// It does not come back within [`RECONNECT`].
     pub fn reopen(mut self) -> Result<Self, LineError> {
-        let (port, waits, before) = (self.port.clone(), self.line.waits, self.before);
+        let (pc, port, before) = (self.line.pc(), self.port().to_owned(), self.before);
         // Nothing to say good-bye to.
         self.before = Before {
             streamed: false,
@@ -70,15 +68,15 @@ impl Session {
         };
         // The port must be free to be opened.
         drop(self);
-        let until = Instant::now() + waits.reconnect;
+        let until = pc.now() + RECONNECT;
         loop {
-            match Self::open(&port, waits) {
+            match Self::open(pc, &port) {
                 Ok(mut session) => {
                     session.before = before;
                     return Ok(session);
                 }
-                Err(error) if Instant::now() >= until => return Err(error),
-                Err(_) => std::thread::sleep(PAUSE),
+                Err(error) if pc.now() >= until => return Err(error),
+                Err(_) => pc.sleep(PAUSE),
             }
         }
     }
@@ -90,11 +88,11 @@ impl Session {
 
     /// The port's name.
     pub fn port(&self) -> &str {
-        &self.port
+        self.line.name()
     }
 
     /// The line, for further questions.
-    pub fn line(&mut self) -> &mut Line {
+    pub fn line(&mut self) -> &mut Line<'a> {
         &mut self.line
     }
 
@@ -103,8 +101,7 @@ impl Session {
     /// # Errors
     /// No answer came, or an error.
     pub fn value(&mut self, of: Setting) -> Result<Value, LineError> {
-        let wait = self.line.waits.answer;
-        self.line.ask(of.name(), wait, |lines| {
+        self.line.ask(of.name(), ANSWER, |lines| {
             match parse(lines.last()?.as_bytes()) {
                 Ok(Command::Set(value)) if value.setting() == of => Some(value),
                 _ => None,
@@ -117,8 +114,7 @@ impl Session {
     /// # Errors
     /// No answer came, or an error.
     pub fn set(&mut self, command: Command) -> Result<(), LineError> {
-        let wait = self.line.waits.answer;
-        self.line.ask(&command.to_string(), wait, |lines| {
+        self.line.ask(&command.to_string(), ANSWER, |lines| {
             (parse(lines.last()?.as_bytes()) == Ok(command)).then_some(())
         })
     }
@@ -155,9 +151,8 @@ impl Session {
     /// # Errors
     /// No answer came, or an error.
     pub fn calibration(&mut self) -> Result<InUse, LineError> {
-        let wait = self.line.waits.answer;
         let question = Command::Calibration(None).to_string();
-        self.line.ask(&question, wait, answers::in_use)
+        self.line.ask(&question, ANSWER, answers::in_use)
     }
 
     /// The centre of the next frame that is complete.
@@ -165,17 +160,16 @@ impl Session {
     /// # Errors
     /// No answer came, or an error.
     pub fn centre(&mut self) -> Result<Result<Centre, NoCentre>, LineError> {
-        let wait = self.line.waits.frame;
         let question = Command::Centre.to_string();
         let mut tries = 0;
         loop {
-            let answer = self.line.ask_once(&question, wait, answers::centre);
+            let answer = self.line.ask_once(&question, FRAME, answers::centre);
             tries += 1;
             match answer {
                 Err(LineError::Silent { .. } | LineError::Refused { .. }) if tries < TRIES => {
                     self.line.synchronise()?;
                     // The answer may only be late: it must not become that of another frame.
-                    self.line.wait_out(wait / 4)?;
+                    self.line.wait_out(FRAME / 4)?;
                 }
                 answer => return answer,
             }
@@ -196,7 +190,7 @@ impl Session {
     }
 }
 
-impl Drop for Session {
+impl Drop for Session<'_> {
     fn drop(&mut self) {
         if let Err(error) = self.put_back() {
             eprintln!(

@@ -1,6 +1,6 @@
 //! Records between sensors and files.
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -13,8 +13,9 @@ use slitrange::record::encoded::EncodedRecord;
 use slitrange::settings::Value;
 
 use super::answers::{InUse, RecordInUse};
-use super::line::{LineError, Waits};
+use super::line::{ANSWER, LineError, SAVE};
 use super::session::Session;
+use crate::pc::Pc;
 use crate::record_file::{self, Comparison, Shown};
 
 /// How often a transfer begins anew if the sensor goes away in it, and how often the sensor is asked to save.
@@ -23,10 +24,9 @@ const TRIES: usize = 3;
 /// Write a record to the sensor: upload it, read it back, compare, and save it
 ///
 /// FILE is what `calibrate fit` or `calibrate read` wrote. The sensor uses the record when all of it has come
-/// and is sound, or goes on
-/// with the one it had. Its estimator and black level are set as when it was calibrated. `save` keeps them
-/// over a power cycle,
-/// and with them the rows in a frame and their mean, as they are set.
+/// and is sound, or goes on with the one it had. Its estimator and black level are set as when it was
+/// calibrated. `save` keeps them over a power cycle, and with them the rows in a frame and their mean, as
+/// they are set.
 #[derive(Clone, Debug, clap::Args)]
 pub struct WriteOptions {
     /// The record
@@ -56,8 +56,8 @@ pub struct ReadOptions {
 /// Show a record, of a file or of a sensor, or how two of them differ
 ///
 /// With two files, or a file and a port: what they say otherwise than each other, and by how much their
-/// distances differ. The exit
-/// code is then 0 if they are the same bit for bit, 1 if they differ, and 2 if one of them cannot be read.
+/// distances differ. The exit code is then 0 if they are the same bit for bit, 1 if they differ, and 2 if one
+/// of them cannot be read.
 #[derive(Clone, Debug, clap::Args)]
 #[command(override_usage = "\
 slitrange calibrate show FILE
@@ -80,18 +80,10 @@ pub struct ShowOptions {
 ///
 /// # Errors
 /// In sentences: the sensor uses the record that it had, or the new one, as is said.
-pub fn write(options: &WriteOptions) -> Result<()> {
-    write_with(options, Waits::default(), &mut io::stdout())
-}
-
-/// The same with other times to wait.
-///
-/// # Errors
-/// As [`write()`].
-pub fn write_with(options: &WriteOptions, waits: Waits, output: &mut dyn Write) -> Result<()> {
+pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let written = record_file::read(&options.file)?;
     let record = written.record();
-    let mut session = Session::open(&options.port, waits)?;
+    let mut session = Session::open(pc, &options.port)?;
     let before = session.calibration()?.record;
     writeln!(
         output,
@@ -130,7 +122,7 @@ pub fn write_with(options: &WriteOptions, waits: Waits, output: &mut dyn Write) 
 
 /// Uploads a record, checks it and has it saved, if it is to be; again from the beginning if the sensor goes
 /// away meanwhile.
-fn transfer(mut session: Session, written: &EncodedRecord, and_save: bool) -> Result<()> {
+fn transfer(mut session: Session<'_>, written: &EncodedRecord, and_save: bool) -> Result<()> {
     let mut tries = 1;
     loop {
         // A try before this one may have got as far as the flash.
@@ -157,7 +149,7 @@ fn transfer(mut session: Session, written: &EncodedRecord, and_save: bool) -> Re
 }
 
 fn transfer_once(
-    session: &mut Session,
+    session: &mut Session<'_>,
     written: &EncodedRecord,
     and_save: bool,
     if_not_uploaded: &'static str,
@@ -182,7 +174,7 @@ fn transfer_once(
 }
 
 /// Sends a record; nothing changes yet.
-fn upload(session: &mut Session, written: &EncodedRecord) -> Result<(), LineError> {
+fn upload(session: &mut Session<'_>, written: &EncodedRecord) -> Result<(), LineError> {
     let bytes = written.bytes();
     // A record is at most some thousand bytes long.
     session.set(Command::Upload(Step::Begin(bytes.len() as u16)))?;
@@ -195,7 +187,7 @@ fn upload(session: &mut Session, written: &EncodedRecord) -> Result<(), LineErro
 }
 
 /// Has the sensor use what was sent.
-fn commit(session: &mut Session, written: &EncodedRecord) -> Result<()> {
+fn commit(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
     let Err(error) = session.set(Command::Upload(Step::Commit)) else {
         return Ok(());
     };
@@ -213,13 +205,12 @@ fn commit(session: &mut Session, written: &EncodedRecord) -> Result<()> {
 
 /// Has the sensor keep what is in use. A sensor that starts anew meanwhile uses what its flash holds: it is
 /// not asked to save that.
-fn save(session: &mut Session, written: &EncodedRecord) -> Result<()> {
+fn save(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
     const UNKNOWN: &str = "uploaded; whether it is saved, `calibration` on the sensor's line tells";
-    let wait = session.line().waits.save;
     let question = Command::Save.to_string();
     let mut tries = 1;
     loop {
-        let saved = session.line().ask_once(&question, wait, |lines| {
+        let saved = session.line().ask_once(&question, SAVE, |lines| {
             (*lines.last()? == question).then_some(())
         });
         match saved {
@@ -256,16 +247,8 @@ fn save(session: &mut Session, written: &EncodedRecord) -> Result<()> {
 ///
 /// # Errors
 /// In sentences.
-pub fn read(options: &ReadOptions) -> Result<()> {
-    read_with(options, Waits::default(), &mut io::stdout())
-}
-
-/// The same with other times to wait.
-///
-/// # Errors
-/// As [`read()`].
-pub fn read_with(options: &ReadOptions, waits: Waits, output: &mut dyn Write) -> Result<()> {
-    let mut session = Session::open(&options.port, waits)?;
+pub fn read(options: &ReadOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
+    let mut session = Session::open(pc, &options.port)?;
     let written = record_in_use(&mut session)?;
     writeln!(output, "{}", Shown::of(&written))?;
     if let Some(path) = &options.output {
@@ -276,8 +259,7 @@ pub fn read_with(options: &ReadOptions, waits: Waits, output: &mut dyn Write) ->
 }
 
 /// The record that a sensor uses.
-fn record_in_use(session: &mut Session) -> Result<EncodedRecord> {
-    let wait = session.line().waits.answer;
+fn record_in_use(session: &mut Session<'_>) -> Result<EncodedRecord> {
     let in_use = session.calibration()?;
     let Some(RecordInUse {
         bytes: length, crc, ..
@@ -292,7 +274,7 @@ fn record_in_use(session: &mut Session) -> Result<EncodedRecord> {
     while bytes.len() < length {
         let offset = u16::try_from(bytes.len())?;
         let question = Command::Data(offset).to_string();
-        let piece = session.line().ask(&question, wait, |lines| {
+        let piece = session.line().ask(&question, ANSWER, |lines| {
             match parse(lines.last()?.as_bytes()) {
                 Ok(Command::Upload(Step::Piece(piece))) if piece.offset() == offset => Some(piece),
                 _ => None,
@@ -315,21 +297,13 @@ fn record_in_use(session: &mut Session) -> Result<EncodedRecord> {
 ///
 /// # Errors
 /// In sentences.
-pub fn show(options: &ShowOptions) -> Result<ExitCode> {
-    show_with(options, Waits::default(), &mut io::stdout())
-}
-
-/// The same with other times to wait.
-///
-/// # Errors
-/// As [`show`].
-pub fn show_with(options: &ShowOptions, waits: Waits, output: &mut dyn Write) -> Result<ExitCode> {
+pub fn show(options: &ShowOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<ExitCode> {
     let mut records = Vec::new();
     for path in &options.files {
         records.push(record_file::read(path)?);
     }
     if let Some(port) = &options.port {
-        records.push(record_in_use(&mut Session::open(port, waits)?)?);
+        records.push(record_in_use(&mut Session::open(pc, port)?)?);
     }
     match records.as_slice() {
         [record] => {

@@ -29,11 +29,9 @@ fn rejected(solved: &Solved) -> Vec<u64> {
 }
 
 /// The bound for 200 points with independent errors of 0.02 px, at even distances: over even steps of the
-/// centre 0.690 um with the paper's
-/// geometry on its camera's pixels of 5.86 um, and 0.942 um on the larger ones of a TCD1304DG (over even
-/// steps of the distance, which
-/// give the far end more weight, 0.740 and 1.010 um). 400 fits give the root mean square to 2 % (three
-/// freedoms each).
+/// centre 0.690 um with the paper's geometry on its camera's pixels of 5.86 um, and 0.942 um on the larger
+/// ones of a TCD1304DG (over even steps of the distance, which give the far end more weight, 0.740 and 1.010
+/// um). 400 fits give the root mean square to 2 % (three freedoms each).
 #[test]
 fn two_hundred_points_give_the_curve_to_0_7_um() {
     const SEEDS: u64 = 400;
@@ -140,8 +138,7 @@ fn a_distorted_row_is_corrected() {
 }
 
 /// The parameters' distance from the truth by their covariance: three freedoms, and the scatter from n - 3
-/// residuals, so that its mean
-/// is 3 (n - 3)/(n - 5). 300 sets give it to 5 %.
+/// residuals, so that its mean is 3 (n - 3)/(n - 5). 300 sets give it to 5 %.
 #[test]
 fn covariance_and_uncertainty_are_honest() {
     const SETS: u64 = 300;
@@ -184,11 +181,9 @@ fn covariance_and_uncertainty_are_honest() {
 }
 
 /// Four points with known uncertainties: the one residual's scatter z is often near zero by chance, and the
-/// claim is at least what was given.
-/// For z normal and independent of the error, error over claim squared is on average P(z^2 < 1) + E(1/z^2;
-/// z^2 > 1) = 0.849, the root of
-/// which is 0.92; and the claim's square E(max(1, z^2)) = 1.484 of the error's, whose root is 1.22. 400 sets
-/// give both to 5 %.
+/// claim is at least what was given. For z normal and independent of the error, error over claim squared is
+/// on average P(z^2 < 1) + E(1/z^2; z^2 > 1) = 0.849, the root of which is 0.92; and the claim's square
+/// E(max(1, z^2)) = 1.484 of the error's, whose root is 1.22. 400 sets give both to 5 %.
 #[test]
 fn four_points_claim_no_less_than_was_given() {
     const SETS: u64 = 400;

@@ -49,18 +49,7 @@ fn points_become_a_record_a_report_and_a_figure() {
     file(&directory.path().join("points.csv"), &points);
     let output = slitrange(
         directory.path(),
-        &[
-            "points.csv",
-            "--date",
-            "2026-01-31",
-            "--figure",
-            "fit.svg",
-            "--physical",
-            "--baseline",
-            "300",
-            "--branch",
-            "steep",
-        ],
+        &["points.csv", "--date", "2026-01-31", "--figure", "fit.svg"],
     );
     insta::assert_snapshot!(printed(&output));
 
@@ -182,18 +171,6 @@ fn refusals_leave_what_is_there() {
     for options in [
         &["two.csv"][..],
         &["none.csv"],
-        &["good.csv", "--physical"],
-        &["good.csv", "--physical", "--baseline", "300"],
-        &[
-            "good.csv",
-            "--physical",
-            "--baseline",
-            "900",
-            "--branch",
-            "steep",
-        ],
-        &["good.csv", "--physical", "--d0", "900"],
-        &["good.csv", "--physical", "--tan-u", "-2"],
         &["good.csv", "-o", "good.csv"],
     ] {
         let output = slitrange(directory.path(), options);

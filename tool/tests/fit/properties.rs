@@ -72,7 +72,7 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
                 prop_assert!(off <= rounding, "{off} um at {centre}, {rounding} allowed");
             }
         }
-        let report = Report::of("points".into(), &solved, &made, None);
+        let report = Report::of("points".into(), &solved, &made);
         prop_assert!(!report.to_string().contains("NaN"), "{}", report);
         figure::draw(&solved, made.form, &directory.path().join("a.svg")).expect("a figure");
         any = true;

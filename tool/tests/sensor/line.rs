@@ -1,55 +1,123 @@
 //! A port is opened, a command answered, and what goes wrong is said.
 
+use std::cell::Cell;
+use std::fs::File;
+use std::io::{self, Read as _, Write as _};
+use std::time::Duration;
+
+use nix::pty::openpty;
+use nix::unistd::ttyname;
 use slitrange::protocol::command::Command;
 use slitrange::settings::{Setting, Value};
-use slitrange_tool::sensor::line::{Line, LineError};
+use slitrange_tool::pc::{Pc, Port, RealPc};
+use slitrange_tool::sensor::line::{ANSWER, LineError};
 use slitrange_tool::sensor::session::Session;
 
-use crate::stand_in::{StandIn, Trouble, WAITS};
+use crate::stand_in::{StandIn, Trouble};
 
-fn error(port: &str) -> String {
-    Session::open(port, WAITS)
-        .expect_err("no sensor")
-        .to_string()
+/// The PC's own ports with a clock that stands still while they are read: an answer may take as long as the
+/// machine needs.
+#[derive(Default)]
+struct RealPorts {
+    pc: RealPc,
+    now: Cell<Duration>,
+}
+
+impl Pc for RealPorts {
+    fn open(&self, port: &str) -> serialport::Result<Box<dyn Port + '_>> {
+        Ok(Box::new(Patient(self.pc.open(port)?)))
+    }
+
+    fn now(&self) -> Duration {
+        self.now.get()
+    }
+
+    fn sleep(&self, time: Duration) {
+        self.now.set(self.now.get() + time);
+    }
+}
+
+struct Patient<'a>(Box<dyn Port + 'a>);
+
+impl Port for Patient<'_> {
+    fn read(&mut self, bytes: &mut [u8], wait: Duration) -> io::Result<usize> {
+        // Ends a test that hangs.
+        let minutes = Duration::from_secs(300);
+        self.0
+            .read(bytes, if wait.is_zero() { wait } else { minutes })
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.write(bytes)
+    }
+}
+
+fn error(pc: &dyn Pc, port: &str) -> String {
+    let session = Session::open(pc, port);
+    session.expect_err("no sensor").to_string()
 }
 
 #[test]
 fn a_pseudo_terminal_is_a_port_and_belongs_to_one_program() {
-    let sensor = StandIn::new(1, Trouble::default());
-    let port = sensor.port();
-    let mut session = Session::open(&port, WAITS).expect("a session");
+    let ends = openpty(None, None).expect("a pseudo-terminal");
+    let path = ttyname(&ends.slave).expect("its path");
+    let port = path.to_str().expect("text");
+    let mut sensor_side = File::from(ends.master);
+    let sensor = std::thread::spawn(move || {
+        let sensor = StandIn::new(1, Trouble::default());
+        let mut bytes = [0; 1024];
+        // An error once the other end is closed.
+        while let Ok(count) = sensor_side.read(&mut bytes) {
+            let answer = sensor.exchange(&bytes[..count]);
+            sensor_side.write_all(&answer).expect("written");
+        }
+        let settings = sensor.state().settings();
+        (settings.rows, settings.stream)
+    });
+    let pc = RealPorts::default();
+    let mut session = Session::open(&pc, port).expect("a session");
     assert_eq!(session.head(), "TCD1304DG");
-    assert!(!sensor.state().settings().stream);
+    let stream = session.value(Setting::Stream).expect("an answer");
+    assert_eq!(stream, Value::Stream(false));
     assert_eq!(
-        error(&port),
+        error(&pc, port),
         format!("{port} is in use: end the program that has it open")
     );
     session.borrow_rows(64).expect("set");
-    assert_eq!(sensor.state().settings().rows, 64);
+    assert_eq!(
+        session.value(Setting::Rows).expect("an answer"),
+        Value::Rows(64)
+    );
     // What was set is put back, and the port is free again.
     drop(session);
-    assert!(sensor.state().settings().stream);
-    assert_eq!(sensor.state().settings().rows, 16);
-    drop(Session::open(&port, WAITS).expect("a session"));
+    let mut session = Session::open(&pc, port).expect("a session");
+    assert_eq!(
+        session.value(Setting::Rows).expect("an answer"),
+        Value::Rows(16)
+    );
+    drop(session);
+    drop(ends.slave);
+    assert_eq!(sensor.join().expect("no panic"), (16, true));
 }
 
 #[test]
 fn a_stream_that_was_off_stays_off() {
     let sensor = StandIn::new(2, Trouble::default());
     sensor.state().type_line("stream off");
-    drop(Session::open(&sensor.port(), WAITS).expect("a session"));
+    drop(Session::open(&sensor, &sensor.port()).expect("a session"));
     assert!(!sensor.state().settings().stream);
 }
 
 #[test]
 fn what_stands_in_the_way_is_said() {
-    let none = error("/dev/none");
+    let pc = RealPorts::default();
+    let none = error(&pc, "/dev/none");
     println!("{none}");
     assert!(
         none.starts_with("there is no serial port /dev/none"),
         "{none}"
     );
-    let file = error("/etc/hostname");
+    let file = error(&pc, "/etc/hostname");
     println!("{file}");
     assert!(
         file.starts_with("/etc/hostname cannot be opened as a serial port: "),
@@ -65,23 +133,23 @@ fn what_stands_in_the_way_is_said() {
     );
     let port = sensor.port();
     assert_eq!(
-        error(&port),
+        error(&sensor, &port),
         format!(
             "nobody answers `stream` at {port}: check that this is the sensor's port and that the sensor has power"
         )
     );
     sensor.state().trouble.lost = 0.0;
-    let mut session = Session::open(&port, WAITS).expect("a session");
+    let mut session = Session::open(&sensor, &port).expect("a session");
     let line = session.line();
     let refused = line
-        .ask("rows 65", WAITS.answer, |_| None::<()>)
+        .ask("rows 65", ANSWER, |_| None::<()>)
         .expect_err("too many");
     assert_eq!(
         refused.to_string(),
         "the sensor answers `rows 65` with `E3 out of range, expected rows 1..64`"
     );
     let silent = line
-        .ask("rows", WAITS.answer, |_| None::<()>)
+        .ask("rows", ANSWER, |_| None::<()>)
         .expect_err("no answer");
     assert!(
         silent.to_string().starts_with(&format!(
@@ -94,13 +162,9 @@ fn what_stands_in_the_way_is_said() {
 #[test]
 fn a_sensor_that_starts_anew_is_noticed() {
     let sensor = StandIn::new(4, Trouble::default());
-    let mut session = Session::open(&sensor.port(), WAITS).expect("a session");
-    sensor.state().off_until = Some(std::time::Instant::now());
-    let error = session.value(Setting::Rows).map(|_| ());
-    let error = error.and_then(|()| {
-        std::thread::sleep(WAITS.answer);
-        session.value(Setting::Rows).map(|_| ())
-    });
+    let mut session = Session::open(&sensor, &sensor.port()).expect("a session");
+    sensor.state().cut_power(Duration::ZERO);
+    let error = session.value(Setting::Rows);
     assert!(
         matches!(error, Err(LineError::Restarted { .. })),
         "{error:?}"
@@ -112,7 +176,7 @@ fn a_sensor_that_starts_anew_is_noticed() {
 #[test]
 fn a_bad_line_takes_longer_and_no_more() {
     let sensor = StandIn::new(5, Trouble::default());
-    let mut session = Session::open(&sensor.port(), WAITS).expect("a session");
+    let mut session = Session::open(&sensor, &sensor.port()).expect("a session");
     sensor.state().trouble = Trouble {
         lost: 0.1,
         garbled: 0.1,
@@ -135,6 +199,5 @@ fn a_bad_line_takes_longer_and_no_more() {
     // One in five either way: of 64 commands that are said four times, six fail each time.
     assert!(set >= 30, "{set}");
     sensor.state().trouble = Trouble::default();
-    let line: &mut Line = session.line();
-    line.synchronise().expect("in order again");
+    session.line().synchronise().expect("in order again");
 }

@@ -2,47 +2,57 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::process::{Child, Command as Process, Stdio};
-use std::time::{Duration, Instant};
+use std::process::ExitCode;
+use std::time::Duration;
 
-use clap::Parser;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use slitrange::centre::Estimator;
 use slitrange::record::encoded::EncodedRecord;
+use slitrange_tool::pc::Pc as _;
 use slitrange_tool::points::Points;
-use slitrange_tool::sensor::line::Waits;
-use slitrange_tool::sensor::run::{RunOptions, run_with};
+use slitrange_tool::sensor::line::RECONNECT;
 
-use crate::stand_in::{NOISE_PX, StandIn, Trouble, WAITS, centre_px};
-
-#[derive(Parser)]
-struct Arguments {
-    #[command(flatten)]
-    options: RunOptions,
-}
+use crate::stand_in::{NOISE_PX, StandIn, State, Trouble, centre_px};
 
 /// `slitrange calibrate run` with further arguments, and what a person types.
-fn run(
+fn run(sensor: &StandIn, arguments: &[&str], typed: &str) -> (Result<ExitCode, String>, String) {
+    let (port, file) = (sensor.port(), points(sensor));
+    sensor.slitrange(
+        &[&["run", "--port", &port, &file], arguments].concat(),
+        typed,
+    )
+}
+
+/// The same with a stage that goes to these positions.
+fn run_stage(
     sensor: &StandIn,
-    arguments: &[&str],
-    typed: &str,
-    waits: Waits,
-) -> (Result<(), String>, String) {
-    let port = sensor.port();
-    let file = points(sensor);
-    let all = ["run", "--port", &port, &file].into_iter();
-    let arguments = Arguments::try_parse_from(all.chain(arguments.iter().copied()));
-    let options = arguments.unwrap_or_else(|error| panic!("{error}")).options;
-    let mut output = Vec::new();
-    let result = run_with(&options, waits, &mut typed.as_bytes(), &mut output);
-    let output = String::from_utf8(output).expect("text");
-    println!("{output}");
-    let result = result.map_err(|error| {
-        println!("slitrange: {error:#}");
-        format!("{error:#}")
+    positions: &[f64],
+    more: &[&str],
+) -> (Result<ExitCode, String>, String) {
+    let (positions, stage) = (list(sensor, positions), sensor.stage_command());
+    let arguments = ["--positions", &positions, "--stage-command", &stage];
+    run(sensor, &[&arguments, more].concat(), "")
+}
+
+/// The same with ten positions and three frames each, killed a number of uses of the port after the file has
+/// `count` points. Gives whether the run ended before that.
+fn run_killed(sensor: &StandIn, count: usize, uses: usize) -> bool {
+    once_there_are(sensor, count, move |state| state.kill_after = Some(uses));
+    sensor.ends_before_it_is_killed(|| run_stage(sensor, &TEN, &["--frames", "3"]).0.is_ok())
+}
+
+/// Does something to the sensor as soon as the file has `count` points.
+fn once_there_are(sensor: &StandIn, count: usize, then: impl FnOnce(&mut State) + 'static) {
+    let (file, mut then) = (points(sensor), Some(then));
+    sensor.each_step(move |state| {
+        if then.is_some()
+            && lines_of(&file).len() >= count
+            && let Some(then) = then.take()
+        {
+            then(state);
+        }
     });
-    (result, output)
 }
 
 fn points(sensor: &StandIn) -> String {
@@ -51,7 +61,11 @@ fn points(sensor: &StandIn) -> String {
 
 /// The lines that are points.
 fn lines(sensor: &StandIn) -> Vec<String> {
-    let text = std::fs::read_to_string(points(sensor)).unwrap_or_default();
+    lines_of(&points(sensor))
+}
+
+fn lines_of(file: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
     let whole = text.rfind('\n').map_or("", |end| &text[..end]);
     whole
         .lines()
@@ -108,7 +122,7 @@ fn a_stage_goes_through_all_positions() {
         "--stage-command",
         &stage,
     ];
-    run(&sensor, &arguments, "", WAITS).0.expect("taken");
+    run(&sensor, &arguments, "").0.expect("taken");
     let text = std::fs::read_to_string(points(&sensor)).expect("a file");
     println!("{text}");
     for line in [
@@ -144,7 +158,7 @@ fn a_stage_goes_through_all_positions() {
     );
     drop(state);
     // Once more: nothing is missing, nothing changes.
-    let (result, output) = run(&sensor, &arguments, "", WAITS);
+    let (result, output) = run(&sensor, &arguments, "");
     result.expect("nothing to do");
     assert!(output.contains("0 of 12 positions to go"), "{output}");
     assert_eq!(
@@ -166,7 +180,6 @@ fn a_person_is_asked_and_asked_again() {
         &sensor,
         &["--positions", &positions, "--frames", "2"],
         typed,
-        WAITS,
     );
     result.expect("stopped by the person");
     assert!(
@@ -185,7 +198,6 @@ fn a_person_is_asked_and_asked_again() {
         &sensor,
         &["--positions", &positions, "--frames", "2"],
         "799.5\n\n\ns\n",
-        WAITS,
     );
     result.expect("the input's end");
     assert!(output.contains("2 of 3 positions to go"), "{output}");
@@ -208,7 +220,6 @@ fn a_stage_that_fails_stops_the_run_and_loses_nothing() {
         &sensor,
         &["--positions", &positions, "--stage-command", &fails],
         "",
-        WAITS,
     );
     let error = result.expect_err("the stage fails");
     assert!(
@@ -218,15 +229,7 @@ fn a_stage_that_fails_stops_the_run_and_loses_nothing() {
     assert!(error.ends_with("failed: exit status: 1"), "{error}");
     let before = lines(&sensor);
     assert_eq!(before.len(), 2);
-    let stage = sensor.stage_command();
-    run(
-        &sensor,
-        &["--positions", &positions, "--stage-command", &stage],
-        "",
-        WAITS,
-    )
-    .0
-    .expect("taken");
+    run_stage(&sensor, &TEN, &[]).0.expect("taken");
     check(&sensor, &TEN, noise(8));
     assert!(before.iter().all(|line| lines(&sensor).contains(line)));
 }
@@ -240,10 +243,7 @@ fn a_position_without_a_centre_is_remarked_and_taken_later() {
             ..Trouble::default()
         },
     );
-    let positions = list(&sensor, &[600.0, 700.0]);
-    let stage = sensor.stage_command();
-    let arguments = ["--positions", &positions, "--stage-command", &stage];
-    let (result, output) = run(&sensor, &arguments, "", WAITS);
+    let (result, output) = run_stage(&sensor, &[600.0, 700.0], &[]);
     result.expect("gone through");
     assert_eq!(
         output.matches("600.000 mm  too dim: ").count(),
@@ -257,28 +257,19 @@ fn a_position_without_a_centre_is_remarked_and_taken_later() {
     );
     assert!(lines(&sensor).is_empty());
     sensor.state().trouble.fault = 0.0;
-    run(&sensor, &arguments, "", WAITS).0.expect("taken");
+    run_stage(&sensor, &[600.0, 700.0], &[]).0.expect("taken");
     check(&sensor, &[600.0, 700.0], noise(8));
 }
 
 #[test]
 fn another_sensor_another_setting_or_another_file_is_refused() {
     let sensor = StandIn::new(14, Trouble::default());
-    let positions = list(&sensor, &[600.0, 700.0]);
-    let stage = sensor.stage_command();
-    let arguments = [
-        "--positions",
-        &positions,
-        "--stage-command",
-        &stage,
-        "--frames",
-        "1",
-    ];
-    run(&sensor, &arguments, "", WAITS).0.expect("taken");
+    let run = || run_stage(&sensor, &[600.0, 700.0], &["--frames", "1"]).0;
+    run().expect("taken");
     let text = std::fs::read_to_string(points(&sensor)).expect("a file");
     let refused = |text: &str| {
         std::fs::write(points(&sensor), text).expect("written");
-        let error = run(&sensor, &arguments, "", WAITS).0.expect_err("refused");
+        let error = run().expect_err("refused");
         assert_eq!(
             std::fs::read_to_string(points(&sensor)).expect("a file"),
             text
@@ -326,21 +317,14 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
         "{error}"
     );
     std::fs::write(points(&sensor), &text).expect("written");
-    run(&sensor, &arguments, "", WAITS)
-        .0
-        .expect("nothing to do");
+    run().expect("nothing to do");
 }
 
 /// Points are added after the first record was written, with which the sensor got its number.
 #[test]
 fn points_are_added_once_the_sensor_has_a_number() {
     let sensor = StandIn::new(18, Trouble::default());
-    let stage = sensor.stage_command();
-    let more = |positions: &[f64]| {
-        let positions = list(&sensor, positions);
-        let arguments = ["--positions", &positions, "--stage-command", &stage];
-        run(&sensor, &arguments, "", WAITS).0
-    };
+    let more = |positions: &[f64]| run_stage(&sensor, positions, &[]).0;
     more(&[600.0, 700.0]).expect("taken");
     let mut record = EncodedRecord::nominal().expect("a record").record().clone();
     record.serial_number = 42;
@@ -349,53 +333,29 @@ fn points_are_added_once_the_sensor_has_a_number() {
     check(&sensor, &[600.0, 650.0, 700.0], noise(8));
 }
 
-/// Waits until so many points are there, and then for a moment more.
-fn once_there_are(sensor: &StandIn, count: usize, then: Duration) {
-    let until = Instant::now() + Duration::from_secs(60);
-    while lines(sensor).len() < count {
-        assert!(Instant::now() < until, "{} points", lines(sensor).len());
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    std::thread::sleep(then);
-}
-
 #[test]
 fn a_cable_that_falls_out_and_power_that_fails_are_waited_for() {
+    const MOMENT: Duration = Duration::from_millis(500);
     let sensor = StandIn::new(15, Trouble::default());
     // What was set, and not saved, is set again.
     sensor.state().type_line("estimator adaptive");
-    let positions = list(&sensor, &TEN);
-    let stage = sensor.stage_command();
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            let moment = Duration::from_millis(500);
-            once_there_are(&sensor, 2, Duration::from_millis(2));
-            sensor.state().unplugged_until = Some(Instant::now() + moment);
-            once_there_are(&sensor, 4, Duration::from_millis(2));
-            sensor.state().off_until = Some(Instant::now() + moment);
-            once_there_are(&sensor, 6, Duration::from_millis(2));
-            let mut state = sensor.state();
-            state.off_until = Some(Instant::now() + moment);
-            state.unplugged_until = Some(Instant::now() + moment);
-        });
-        let arguments = [
-            "--positions",
-            &positions,
-            "--stage-command",
-            &stage,
-            "--settle",
-            "0.01",
-        ];
-        let (result, output) = run(&sensor, &arguments, "", WAITS);
-        result.expect("taken");
-        assert_eq!(
-            output
-                .matches("the sensor is back, and set as it was")
-                .count(),
-            3,
-            "{output}"
-        );
+    let file = points(&sensor);
+    let mut next = 2;
+    sensor.each_step(move |state| {
+        if lines_of(&file).len() >= next {
+            if next != 4 {
+                state.unplug(MOMENT);
+            }
+            if next != 2 {
+                state.cut_power(MOMENT);
+            }
+            next = if next < 6 { next + 2 } else { usize::MAX };
+        }
     });
+    let (result, output) = run_stage(&sensor, &TEN, &["--settle", "0.01"]);
+    result.expect("taken");
+    let back = output.matches("the sensor is back, and set as it was");
+    assert_eq!(back.count(), 3, "{output}");
     check(&sensor, &TEN, noise(8));
     let text = std::fs::read_to_string(points(&sensor)).expect("a file");
     assert!(text.contains("\n# estimator adaptive\n"), "{text}");
@@ -405,31 +365,16 @@ fn a_cable_that_falls_out_and_power_that_fails_are_waited_for() {
 #[test]
 fn a_sensor_that_stays_away_stops_the_run_and_loses_nothing() {
     let sensor = StandIn::new(16, Trouble::default());
-    let positions = list(&sensor, &TEN);
-    let stage = sensor.stage_command();
-    let arguments = ["--positions", &positions, "--stage-command", &stage];
-    let waits = Waits {
-        reconnect: Duration::from_millis(100),
-        ..WAITS
-    };
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            once_there_are(&sensor, 3, Duration::ZERO);
-            sensor.state().unplugged_until = Some(Instant::now() + Duration::from_secs(600));
-        });
-        let error = run(&sensor, &arguments, "", waits).0.expect_err("away");
-        assert!(
-            error.starts_with(
-                "stopped; run the same command again to go on: there is no serial port"
-            ),
-            "{error}"
-        );
-    });
+    once_there_are(&sensor, 3, |state| state.unplug(2 * RECONNECT));
+    let error = run_stage(&sensor, &TEN, &[]).0.expect_err("away");
+    assert!(
+        error.starts_with("stopped; run the same command again to go on: there is no serial port"),
+        "{error}"
+    );
     let before = lines(&sensor);
     assert!(before.len() >= 3);
-    sensor.state().unplugged_until = Some(Instant::now());
-    std::thread::sleep(Duration::from_millis(50));
-    run(&sensor, &arguments, "", WAITS).0.expect("taken");
+    sensor.sleep(RECONNECT);
+    run_stage(&sensor, &TEN, &[]).0.expect("taken");
     check(&sensor, &TEN, noise(8));
     assert!(before.iter().all(|line| lines(&sensor).contains(line)));
 }
@@ -447,21 +392,11 @@ fn a_bad_line_loses_no_point() {
             fault: 0.01,
         };
         let sensor = StandIn::new(seed, trouble);
-        let positions = list(&sensor, &TEN);
-        let stage = sensor.stage_command();
         let frames = FRAMES.to_string();
-        let arguments = [
-            "--positions",
-            &positions,
-            "--stage-command",
-            &stage,
-            "--frames",
-            &frames,
-        ];
         let mut before = BTreeSet::new();
         let mut runs = 0;
         while before.len() < TEN.len() {
-            let result = run(&sensor, &arguments, "", WAITS).0;
+            let result = run_stage(&sensor, &TEN, &["--frames", &frames]).0;
             let there: BTreeSet<String> = lines(&sensor).into_iter().collect();
             assert!(there.is_superset(&before));
             before = there;
@@ -470,8 +405,8 @@ fn a_bad_line_loses_no_point() {
         }
         println!("seed {seed}: {runs} runs");
         // A digit that noise changed counts if that moves the centre by less than ten times its scatter,
-        // which the median of four
-        // deviations may put at twice the noise: by 20 of 0.002 px, over four frames.
+        // which the median of four deviations may put at twice the noise: by 20 of 0.002 px, over four
+        // frames.
         check(
             &sensor,
             &TEN,
@@ -480,47 +415,22 @@ fn a_bad_line_loses_no_point() {
     }
 }
 
-fn start(sensor: &StandIn, positions: &str) -> Child {
-    Process::new(env!("CARGO_BIN_EXE_slitrange"))
-        .args([
-            "calibrate",
-            "run",
-            "--port",
-            &sensor.port(),
-            &points(sensor),
-        ])
-        .args([
-            "--positions",
-            positions,
-            "--stage-command",
-            &sensor.stage_command(),
-        ])
-        .args(["--frames", "3"])
-        .stdout(Stdio::null())
-        .spawn()
-        .expect("slitrange runs")
-}
-
 /// What was set before the run that was killed is set after the one that goes on.
 #[test]
 fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
     let sensor = StandIn::new(19, Trouble::default());
-    let positions = list(&sensor, &TEN);
-    let mut program = start(&sensor, &positions);
-    once_there_are(&sensor, 1, Duration::ZERO);
-    program.kill().expect("killed");
-    program.wait().expect("ended");
-    let set = |sensor: &StandIn| {
-        let state = sensor.state();
-        (state.settings().rows, state.settings().stream)
+    assert!(!run_killed(&sensor, 1, 0));
+    let set = || {
+        let settings = sensor.state().settings();
+        (settings.rows, settings.stream)
     };
-    assert_eq!(set(&sensor), (64, false));
-    assert!(start(&sensor, &positions).wait().expect("ended").success());
-    assert_eq!(set(&sensor), (16, true));
+    assert_eq!(set(), (64, false));
+    run_stage(&sensor, &TEN, &[]).0.expect("taken");
+    assert_eq!(set(), (16, true));
     // What somebody set after that is not of a run that was killed.
     sensor.state().type_line("rows 32");
-    assert!(start(&sensor, &positions).wait().expect("ended").success());
-    assert_eq!(set(&sensor), (32, true));
+    run_stage(&sensor, &TEN, &[]).0.expect("nothing to do");
+    assert_eq!(set(), (32, true));
 }
 
 /// The program is killed after each point, at whatever it is about; what was in the file then is in it in the
@@ -528,27 +438,23 @@ fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
 #[test]
 fn a_run_that_is_killed_goes_on_where_it_was() {
     let sensor = StandIn::new(17, Trouble::default());
-    let positions = list(&sensor, &TEN);
     let mut random = ChaCha8Rng::seed_from_u64(17);
     let mut before = BTreeSet::new();
     for count in 0..=TEN.len() {
-        let mut program = start(&sensor, &positions);
-        once_there_are(
-            &sensor,
-            count,
-            Duration::from_micros(random.random_range(0..8000)),
-        );
-        program.kill().expect("killed");
-        program.wait().expect("ended");
+        // A point takes about 12 uses.
+        let ended = run_killed(&sensor, count, random.random_range(0..16));
         let there: BTreeSet<String> = lines(&sensor).into_iter().collect();
-        println!("killed with {} points", there.len());
-        assert!(there.is_superset(&before), "{there:?}");
+        println!("with {} points: ended {ended}", there.len());
+        assert!(
+            there.len() >= count && there.is_superset(&before),
+            "{there:?}"
+        );
         before = there;
     }
-    assert!(start(&sensor, &positions).wait().expect("ended").success());
+    run_stage(&sensor, &TEN, &["--frames", "3"])
+        .0
+        .expect("taken");
     check(&sensor, &TEN, noise(3));
-    assert_eq!(
-        lines(&sensor).into_iter().collect::<BTreeSet<String>>(),
-        before
-    );
+    let there: BTreeSet<String> = lines(&sensor).into_iter().collect();
+    assert_eq!(there, before);
 }

@@ -1,19 +1,17 @@
-//! A sensor in a thread behind a pseudo-terminal: it speaks the core's own protocol, sees a target at the
-//! distance that a file
-//! says, and has whatever trouble it is given.
+//! A sensor in virtual time: it speaks the core's own protocol, sees a target at the distance that a file
+//! says, and has whatever trouble it is given. It is the tool's PC as well: time goes on only while the tool
+//! waits.
 
-use std::fs::File;
-use std::io::{ErrorKind, Read, Write};
-use std::os::fd::OwnedFd;
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::any::Any;
+use std::cell::{RefCell, RefMut};
+use std::collections::VecDeque;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
 
-use nix::fcntl::{FcntlArg, OFlag, fcntl};
-use nix::pty::openpty;
-use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
-use nix::unistd::ttyname;
+use clap::Parser;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -34,7 +32,9 @@ use slitrange::settings::Settings;
 use slitrange::store::configuration::Configuration;
 use slitrange::store::{StoreError, Stored};
 use slitrange::units::{Counts, Pixels};
-use slitrange_tool::sensor::line::Waits;
+use slitrange_tool::Command as Slitrange;
+use slitrange_tool::pc::{Pc, Port};
+use slitrange_tool::sensor::line::FRAME;
 
 const HARDWARE: Hardware = Hardware {
     board: "stand-in",
@@ -45,13 +45,11 @@ const HARDWARE: Hardware = Hardware {
 /// The noise of a frame's centre, in pixels.
 pub const NOISE_PX: f64 = 0.002;
 
-/// Some hundred times what the stand-in takes: a machine that does much else is waited for.
-pub const WAITS: Waits = Waits {
-    answer: Duration::from_millis(200),
-    frame: Duration::from_millis(200),
-    save: Duration::from_millis(200),
-    reconnect: Duration::from_secs(10),
-};
+/// The step of the stand-in's clock. A line takes that long to be sent.
+const STEP: Duration = Duration::from_millis(1);
+
+/// How long the sensor starts after power came.
+const START: Duration = Duration::from_millis(50);
 
 /// What goes wrong, each with its probability a line.
 #[derive(Clone, Copy, Debug, Default)]
@@ -69,7 +67,6 @@ pub struct Trouble {
 }
 
 /// What is known of the sensor while it runs.
-#[derive(Debug)]
 pub struct State {
     pub trouble: Trouble,
     session: Session,
@@ -78,10 +75,12 @@ pub struct State {
     flash: Stored,
     /// Whether its flash takes anything.
     pub flash_works: bool,
-    /// It has no power until then.
-    pub off_until: Option<Instant>,
+    /// The stand-in's clock.
+    now: Duration,
+    /// The sensor has no power until then.
+    off_until: Option<Duration>,
     /// The port is not there until then.
-    pub unplugged_until: Option<Instant>,
+    unplugged_until: Option<Duration>,
     /// The one line of an upload, here or there, that arrives spoilt: how many come before it, and whether it
     /// is lost.
     pub spoil: Option<(usize, bool)>,
@@ -89,6 +88,10 @@ pub struct State {
     pub deaf_after_piece: bool,
     /// Power fails so many times while the flash is written, which then holds what it held.
     pub restarts_on_save: usize,
+    /// The tool is killed after so many uses of its port.
+    pub kill_after: Option<usize>,
+    /// The tool is dead: nothing that its destructors do has any effect.
+    killed: bool,
 }
 
 impl State {
@@ -105,6 +108,16 @@ impl State {
     /// The record in flash. The nominal one is not written there.
     pub fn saved_record(&self) -> Option<EncodedRecord> {
         encoded(self.flash.configuration()?.record.as_ref())
+    }
+
+    /// Cuts the sensor's power for a time.
+    pub fn cut_power(&mut self, time: Duration) {
+        self.off_until = Some(self.now + time);
+    }
+
+    /// Pulls the cable out for a time.
+    pub fn unplug(&mut self, time: Duration) {
+        self.unplugged_until = Some(self.now + time);
     }
 
     /// Somebody else types a line.
@@ -142,7 +155,7 @@ impl State {
         }
         if self.restarts_on_save > 0 {
             self.restarts_on_save -= 1;
-            self.off_until = Some(Instant::now() + Duration::from_millis(50));
+            self.cut_power(START);
             return text;
         }
         let result = match self.session.configuration() {
@@ -165,61 +178,55 @@ fn encoded(record: Option<&Record>) -> Option<EncodedRecord> {
     EncodedRecord::new(record?.clone()).ok()
 }
 
-/// A sensor in a thread.
+/// A sensor, the PC that it is plugged into, and a directory for files.
 pub struct StandIn {
-    pub state: Arc<Mutex<State>>,
-    /// Of a directory that holds the port's name and the target's distance.
+    sensor: RefCell<Sensor>,
+    /// Holds the target's distance, and what a test writes.
     directory: tempfile::TempDir,
-    thread: Option<JoinHandle<()>>,
-    ended: Arc<Mutex<bool>>,
 }
 
 impl StandIn {
     /// A sensor with the nominal calibration.
     pub fn new(seed: u64, trouble: Trouble) -> Self {
-        let state = Arc::new(Mutex::new(State {
+        let state = State {
             trouble,
             session: new_session(),
             actions: Actions::default(),
             flash: Stored::Nothing,
             flash_works: true,
+            now: Duration::ZERO,
             off_until: None,
             unplugged_until: None,
             spoil: None,
             deaf_after_piece: false,
             restarts_on_save: 0,
-        }));
+            kill_after: None,
+            killed: false,
+        };
         let directory = tempfile::tempdir().expect("a directory");
-        let ended = Arc::new(Mutex::new(false));
-        let mut sensor = Sensor {
-            state: state.clone(),
+        let sensor = RefCell::new(Sensor {
+            state,
             random: ChaCha8Rng::seed_from_u64(seed),
-            terminal: Some(Terminal::open(&directory.path().join("port"))),
-            port: directory.path().join("port"),
             stage: directory.path().join("stage"),
+            sent: VecDeque::new(),
+            plugged: 0,
             input: Input::new(),
             line: Vec::new(),
             seen_mm: None,
             centre_due: None,
-            streamed: Instant::now(),
-        };
-        let end = ended.clone();
-        let thread = std::thread::spawn(move || {
-            while !*end.lock().expect("no panic") {
-                sensor.step();
-                std::thread::sleep(Duration::from_micros(100));
-            }
+            streamed: Duration::ZERO,
+            each_step: None,
         });
-        Self {
-            state,
-            directory,
-            thread: Some(thread),
-            ended,
-        }
+        Self { sensor, directory }
     }
 
-    pub fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().expect("no panic")
+    pub fn state(&self) -> RefMut<'_, State> {
+        RefMut::map(self.sensor.borrow_mut(), |sensor| &mut sensor.state)
+    }
+
+    /// Calls a function at each step of the clock.
+    pub fn each_step(&self, call: impl FnMut(&mut State) + 'static) {
+        self.sensor.borrow_mut().each_step = Some(Box::new(call));
     }
 
     /// The serial port's name.
@@ -227,7 +234,7 @@ impl StandIn {
         self.path("port").to_str().expect("text").to_owned()
     }
 
-    /// A file beside it.
+    /// A file's path in the directory.
     pub fn path(&self, name: &str) -> PathBuf {
         self.directory.path().join(name)
     }
@@ -236,20 +243,127 @@ impl StandIn {
     pub fn stage_command(&self) -> String {
         format!("echo {{}} > '{}'", self.path("stage").display())
     }
+
+    /// `slitrange calibrate` with these arguments and what a person types: the exit code or error, and the
+    /// output.
+    pub fn slitrange(&self, arguments: &[&str], typed: &str) -> (Result<ExitCode, String>, String) {
+        let all = ["slitrange", "calibrate"].iter().chain(arguments);
+        let command = Slitrange::try_parse_from(all).unwrap_or_else(|error| panic!("{error}"));
+        let mut output = Vec::new();
+        let result = command.run(self, &mut typed.as_bytes(), &mut output);
+        let output = String::from_utf8(output).expect("text");
+        println!("{output}");
+        let result = result.map_err(|error| {
+            println!("slitrange: {error:#}");
+            format!("{error:#}")
+        });
+        (result, output)
+    }
+
+    /// Does something that may be killed by [`State::kill_after`]. Gives what it gives, or false if killed.
+    pub fn ends_before_it_is_killed(&self, call: impl FnOnce() -> bool) -> bool {
+        let ended = catch_unwind(AssertUnwindSafe(call));
+        let mut state = self.state();
+        state.kill_after = None;
+        state.killed = false;
+        match ended {
+            Ok(ended) => ended,
+            Err(reason) if reason.is::<Killed>() => false,
+            Err(reason) => resume_unwind(reason),
+        }
+    }
+
+    /// Bytes come from the PC, and go back.
+    pub fn exchange(&self, bytes: &[u8]) -> Vec<u8> {
+        let mut sensor = self.sensor.borrow_mut();
+        sensor.receive(bytes);
+        sensor.step();
+        sensor.sent.drain(..).collect()
+    }
+
+    /// Lets time pass until `until`, or bytes are there for a port.
+    fn wait(&self, until: Duration, for_bytes: bool) {
+        let mut sensor = self.sensor.borrow_mut();
+        sensor.step();
+        while sensor.state.now < until && !(for_bytes && !sensor.sent.is_empty()) {
+            sensor.state.now = until.min(sensor.state.now + STEP);
+            sensor.step();
+        }
+    }
 }
 
-impl Drop for StandIn {
-    fn drop(&mut self) {
-        if let Ok(mut ended) = self.ended.lock() {
-            *ended = true;
+impl Pc for StandIn {
+    fn open(&self, port: &str) -> serialport::Result<Box<dyn Port + '_>> {
+        let mut sensor = self.sensor.borrow_mut();
+        sensor.step();
+        if sensor.state.unplugged_until.is_some() || port != self.port() {
+            return Err(io::Error::from(io::ErrorKind::NotFound).into());
         }
-        if let Some(thread) = self.thread.take() {
-            let ended = thread.join();
-            assert!(
-                ended.is_ok() || std::thread::panicking(),
-                "the stand-in panicked"
-            );
+        sensor.sent.clear();
+        Ok(Box::new(Plug {
+            pc: self,
+            plugged: sensor.plugged,
+        }))
+    }
+
+    fn now(&self) -> Duration {
+        self.state().now
+    }
+
+    fn sleep(&self, time: Duration) {
+        self.wait(self.now() + time, false);
+    }
+}
+
+/// Why a panic is none.
+struct Killed;
+
+/// A port that is open.
+struct Plug<'a> {
+    pc: &'a StandIn,
+    /// How often the cable had been pulled out when it was opened.
+    plugged: usize,
+}
+
+impl Plug<'_> {
+    /// Whether the port works, which it does until the cable is pulled out.
+    fn works(&self) -> bool {
+        let mut sensor = self.pc.sensor.borrow_mut();
+        if let Some(0) = sensor.state.kill_after {
+            sensor.state.kill_after = None;
+            sensor.state.killed = true;
+            let killed: Box<dyn Any + Send> = Box::new(Killed);
+            drop(sensor);
+            resume_unwind(killed);
         }
+        if let Some(left) = &mut sensor.state.kill_after {
+            *left -= 1;
+        }
+        let plugged_in = sensor.state.unplugged_until.is_none() && self.plugged == sensor.plugged;
+        plugged_in && !sensor.state.killed
+    }
+}
+
+impl Port for Plug<'_> {
+    fn read(&mut self, bytes: &mut [u8], wait: Duration) -> io::Result<usize> {
+        if !self.works() {
+            return Ok(0);
+        }
+        self.pc.wait(self.pc.now() + wait, true);
+        let mut sensor = self.pc.sensor.borrow_mut();
+        if sensor.sent.is_empty() {
+            return Err(io::ErrorKind::TimedOut.into());
+        }
+        io::Read::read(&mut sensor.sent, bytes)
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        if !self.works() {
+            return Err(io::ErrorKind::BrokenPipe.into());
+        }
+        self.pc.sensor.borrow_mut().receive(bytes);
+        self.pc.sleep(STEP);
+        Ok(())
     }
 }
 
@@ -260,111 +374,96 @@ pub fn centre_px(mm: f64) -> f64 {
     curve.pole().to_f64() + k / (mm * 1e3 - curve.d().to_f64())
 }
 
-/// Both ends of a pseudo-terminal.
-struct Terminal {
-    sensor_side: File,
-    /// Stays open, or reading would fail whenever no program has the terminal open.
-    _program_side: OwnedFd,
-}
+/// What a call at each step does.
+type EachStep = Box<dyn FnMut(&mut State)>;
 
-impl Terminal {
-    /// Opens one, which has that name from then on.
-    fn open(port: &Path) -> Self {
-        let ends = openpty(None, None).expect("a pseudo-terminal");
-        let mut settings = tcgetattr(&ends.slave).expect("its settings");
-        cfmakeraw(&mut settings);
-        tcsetattr(&ends.slave, SetArg::TCSANOW, &settings).expect("raw");
-        fcntl(&ends.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK)).expect("non-blocking");
-        let path = ttyname(&ends.slave).expect("its path");
-        std::os::unix::fs::symlink(path, port).expect("a name for it");
-        Self {
-            sensor_side: File::from(ends.master),
-            _program_side: ends.slave,
-        }
-    }
-}
-
-/// What the thread has for itself.
+/// The sensor itself.
 struct Sensor {
-    state: Arc<Mutex<State>>,
+    state: State,
     random: ChaCha8Rng,
-    terminal: Option<Terminal>,
-    port: PathBuf,
     stage: PathBuf,
+    /// What it said and nobody has read.
+    sent: VecDeque<u8>,
+    /// How often the cable was pulled out.
+    plugged: usize,
     input: Input,
     /// The line that comes in.
     line: Vec<u8>,
     /// Where the target was in the latest frame.
     seen_mm: Option<f64>,
-    centre_due: Option<Instant>,
-    streamed: Instant,
+    centre_due: Option<Duration>,
+    streamed: Duration,
+    each_step: Option<EachStep>,
 }
 
 impl Sensor {
+    /// Does what is due.
     fn step(&mut self) {
-        let state = self.state.clone();
-        let mut state = state.lock().expect("no panic");
-        let now = Instant::now();
-        if let Some(until) = state.unplugged_until {
-            if self.terminal.take().is_some() {
-                std::fs::remove_file(&self.port).expect("its name is gone");
-            }
+        if let Some(call) = &mut self.each_step {
+            call(&mut self.state);
+        }
+        let now = self.state.now;
+        if let Some(until) = self.state.unplugged_until {
+            self.sent.clear();
             if now < until {
                 return;
             }
-            state.unplugged_until = None;
-            self.terminal = Some(Terminal::open(&self.port));
+            self.plugged += 1;
+            self.state.unplugged_until = None;
         }
-        let mut bytes = [0; 1024];
-        let terminal = self.terminal.as_mut().expect("plugged in");
-        let count = match terminal.sensor_side.read(&mut bytes) {
-            Ok(count) => count,
-            Err(error) if error.kind() == ErrorKind::WouldBlock => 0,
-            Err(error) => panic!("{error}"),
-        };
-        if let Some(until) = state.off_until {
+        if let Some(until) = self.state.off_until {
             if now < until {
                 return;
             }
-            self.start(&mut state);
-        }
-        for &byte in &bytes[..count] {
-            self.line.push(byte);
-            if byte == b'\r' {
-                let line = std::mem::take(&mut self.line);
-                self.hear(&mut state, &line);
-            }
+            self.start();
         }
         let is_due = match self.centre_due {
             Some(due) => now >= due,
-            None => state.settings().stream && now >= self.streamed + Duration::from_millis(6),
+            None => {
+                let streams = self.state.settings().stream;
+                streams && now >= self.streamed + Duration::from_millis(6)
+            }
         };
         if is_due {
             self.centre_due = None;
             self.streamed = now;
-            let frame = self.frame(&state);
-            let text = state.take(Event::Frame(frame));
-            self.say(&mut state, &text);
+            let frame = self.frame();
+            let text = self.state.take(Event::Frame(frame));
+            self.say(&text);
         }
     }
 
     /// Power is back.
-    fn start(&mut self, state: &mut State) {
-        state.off_until = None;
+    fn start(&mut self) {
+        self.state.off_until = None;
         self.input = Input::new();
         self.line.clear();
         self.centre_due = None;
-        let banner = state.start();
-        self.say(state, &banner);
+        let banner = self.state.start();
+        self.say(&banner);
+    }
+
+    /// Bytes come in. Without power they are lost.
+    fn receive(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            if self.state.off_until.is_some() {
+                return;
+            }
+            self.line.push(byte);
+            if byte == b'\r' {
+                let line = std::mem::take(&mut self.line);
+                self.hear(&line);
+            }
+        }
     }
 
     /// A line comes in, if it does.
-    fn hear(&mut self, state: &mut State, line: &[u8]) {
-        if self.random.random_bool(state.trouble.restart) {
-            state.off_until = Some(Instant::now() + Duration::from_millis(50));
+    fn hear(&mut self, line: &[u8]) {
+        if self.random.random_bool(self.state.trouble.restart) {
+            self.state.cut_power(START);
             return;
         }
-        let Some(line) = self.noisy(state, line) else {
+        let Some(line) = self.noisy(line) else {
             return;
         };
         for byte in line {
@@ -372,27 +471,27 @@ impl Sensor {
                 continue;
             };
             if command == Ok(Command::Centre) {
-                let late = self.random.random_bool(state.trouble.late);
+                let late = self.random.random_bool(self.state.trouble.late);
                 let wait = if late {
-                    WAITS.frame * 11 / 10
+                    FRAME * 11 / 10
                 } else {
                     Duration::ZERO
                 };
                 // Asked for twice, it is answered once.
-                self.centre_due.get_or_insert(Instant::now() + wait);
+                self.centre_due.get_or_insert(self.state.now + wait);
             }
             let is_piece = matches!(command, Ok(Command::Upload(Step::Piece(_))));
-            let text = state.take(Event::Line(command));
-            self.say(state, &text);
-            if is_piece && state.deaf_after_piece {
-                state.trouble.lost = 1.0;
+            let text = self.state.take(Event::Line(command));
+            self.say(&text);
+            if is_piece && self.state.deaf_after_piece {
+                self.state.trouble.lost = 1.0;
             }
         }
     }
 
     /// The frame that ends now. In the first one after a move, the target moved half of the time.
-    fn frame(&mut self, state: &State) -> Result<Measured, Fault> {
-        if self.random.random_bool(state.trouble.fault) {
+    fn frame(&mut self) -> Result<Measured, Fault> {
+        if self.random.random_bool(self.state.trouble.fault) {
             return Err(Fault::TooDim {
                 amplitude: Counts::from_int(35),
                 needed: Counts::from_int(60),
@@ -405,7 +504,7 @@ impl Sensor {
             .unwrap_or(800.0);
         let before = self.seen_mm.replace(mm).unwrap_or(mm);
         let noise: f64 = StandardNormal.sample(&mut self.random);
-        let settings = state.settings();
+        let settings = self.state.settings();
         let centre = (centre_px(mm) + centre_px(before)) / 2.0 + NOISE_PX * noise;
         Ok(Measured {
             frame: FrameCentre {
@@ -423,23 +522,19 @@ impl Sensor {
         })
     }
 
-    fn say(&mut self, state: &mut State, text: &str) {
+    fn say(&mut self, text: &str) {
         for line in text.split_inclusive("\r\n") {
-            let Some(line) = self.noisy(state, line.as_bytes()) else {
-                continue;
-            };
-            // What nobody reads is lost, as on a real line.
-            let terminal = self.terminal.as_mut().expect("plugged in");
-            match terminal.sensor_side.write(&line) {
-                Ok(_) => {}
-                Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-                Err(error) => panic!("{error}"),
+            if let Some(line) = self.noisy(line.as_bytes()) {
+                self.sent.extend(line);
             }
         }
+        // What nobody reads is lost, as on a real line.
+        let unread = self.sent.len().saturating_sub(4096);
+        self.sent.drain(..unread);
     }
 
     /// What arrives of a line.
-    fn noisy(&mut self, state: &mut State, line: &[u8]) -> Option<Vec<u8>> {
+    fn noisy(&mut self, line: &[u8]) -> Option<Vec<u8>> {
         let of_upload = [
             &b"calibration begin"[..],
             b"calibration data",
@@ -447,7 +542,7 @@ impl Sensor {
         ]
         .iter()
         .any(|start| line.starts_with(start));
-        let spoilt = match &mut state.spoil {
+        let spoilt = match &mut self.state.spoil {
             Some((0, lost)) if of_upload => Some(*lost),
             Some((before, _)) if of_upload => {
                 *before -= 1;
@@ -456,9 +551,9 @@ impl Sensor {
             _ => None,
         };
         if spoilt.is_some() {
-            state.spoil = None;
+            self.state.spoil = None;
         }
-        let trouble = state.trouble;
+        let trouble = self.state.trouble;
         if spoilt == Some(true) || self.random.random_bool(trouble.lost) {
             return None;
         }

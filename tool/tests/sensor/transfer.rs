@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::Duration;
 
-use clap::Parser;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
@@ -19,13 +18,10 @@ use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange_tool::pc::Pc as _;
 use slitrange_tool::record_file;
-use slitrange_tool::sensor::line::Waits;
-use slitrange_tool::sensor::transfer::{
-    ReadOptions, ShowOptions, WriteOptions, read_with, show_with, write_with,
-};
 
-use crate::stand_in::{StandIn, Trouble, WAITS};
+use crate::stand_in::{StandIn, Trouble};
 
 fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
     EncodedRecord::new(Record {
@@ -78,38 +74,9 @@ fn file(sensor: &StandIn, name: &str, written: &EncodedRecord) -> PathBuf {
     path
 }
 
-#[derive(Parser)]
-enum Arguments {
-    Write(WriteOptions),
-    Read(ReadOptions),
-    Show(ShowOptions),
-}
-
-/// A command, what it says, and its exit code or error.
-fn run(arguments: &[&str]) -> (Result<ExitCode, String>, String) {
-    run_waiting(arguments, WAITS)
-}
-
-fn run_waiting(arguments: &[&str], waits: Waits) -> (Result<ExitCode, String>, String) {
-    let mut output = Vec::new();
-    let all = ["slitrange"].into_iter().chain(arguments.iter().copied());
-    let parsed = Arguments::try_parse_from(all).unwrap_or_else(|error| panic!("{error}"));
-    let result = match parsed {
-        Arguments::Write(options) => {
-            write_with(&options, waits, &mut output).map(|()| ExitCode::SUCCESS)
-        }
-        Arguments::Read(options) => {
-            read_with(&options, waits, &mut output).map(|()| ExitCode::SUCCESS)
-        }
-        Arguments::Show(options) => show_with(&options, waits, &mut output),
-    };
-    let output = String::from_utf8(output).expect("text");
-    print!("{output}");
-    let result = result.map_err(|error| {
-        println!("slitrange: {error:#}");
-        format!("{error:#}")
-    });
-    (result, output)
+/// `slitrange calibrate` with these arguments: its exit code or error, and what it says.
+fn run(sensor: &StandIn, arguments: &[&str]) -> (Result<ExitCode, String>, String) {
+    sensor.slitrange(arguments, "")
 }
 
 fn text(path: &std::path::Path) -> &str {
@@ -124,7 +91,7 @@ fn every_kind_is_written_read_and_the_same() {
         println!("{} bytes", written.bytes().len());
         let path = file(&sensor, "record", &written);
         assert_eq!(record_file::read(&path).expect("a record"), written);
-        let (result, output) = run(&["write", text(&path), "--port", &port]);
+        let (result, output) = run(&sensor, &["write", text(&path), "--port", &port]);
         result.expect("written");
         assert!(
             output.ends_with("saved: it is kept over a power cycle\n"),
@@ -137,14 +104,17 @@ fn every_kind_is_written_read_and_the_same() {
         assert!(state.settings().stream, "put back");
         drop(state);
         let back = sensor.path("back");
-        run(&["read", "--port", &port, "-o", text(&back), "--force"])
-            .0
-            .expect("read");
+        run(
+            &sensor,
+            &["read", "--port", &port, "-o", text(&back), "--force"],
+        )
+        .0
+        .expect("read");
         assert_eq!(
             std::fs::read(&back).expect("bytes"),
             std::fs::read(&path).expect("bytes")
         );
-        let same = run(&["show", text(&path), "--port", &port]);
+        let same = run(&sensor, &["show", text(&path), "--port", &port]);
         assert_eq!(same.0, Ok(ExitCode::SUCCESS));
         assert_eq!(same.1, "the same, bit for bit\n");
     }
@@ -157,11 +127,14 @@ fn without_saving_the_flash_stays_as_it_is() {
         panic!("two records")
     };
     let path = file(&sensor, "first", first);
-    run(&["write", text(&path), "--port", &sensor.port()])
+    run(&sensor, &["write", text(&path), "--port", &sensor.port()])
         .0
         .expect("written");
     let path = file(&sensor, "second", second);
-    let (result, output) = run(&["write", text(&path), "--port", &sensor.port(), "--no-save"]);
+    let (result, output) = run(
+        &sensor,
+        &["write", text(&path), "--port", &sensor.port(), "--no-save"],
+    );
     result.expect("written");
     assert!(
         output.contains("mind: the sensor's calibration until now was that of sensor 17"),
@@ -174,7 +147,7 @@ fn without_saving_the_flash_stays_as_it_is() {
     assert_eq!(sensor.state().record().as_ref(), Some(second));
     assert_eq!(sensor.state().saved_record().as_ref(), Some(first));
     sensor.state().flash_works = false;
-    let error = run(&["write", text(&path), "--port", &sensor.port()])
+    let error = run(&sensor, &["write", text(&path), "--port", &sensor.port()])
         .0
         .expect_err("no flash");
     assert!(
@@ -196,7 +169,7 @@ fn power_that_fails_while_it_is_saved_is_made_up_for() {
     for written in [first, second] {
         let path = file(&sensor, "record", written);
         sensor.state().restarts_on_save = 2;
-        let (result, output) = run(&["write", text(&path), "--port", &port]);
+        let (result, output) = run(&sensor, &["write", text(&path), "--port", &port]);
         result.expect("written");
         assert!(
             output.ends_with("saved: it is kept over a power cycle\n"),
@@ -207,7 +180,7 @@ fn power_that_fails_while_it_is_saved_is_made_up_for() {
     }
     let path = file(&sensor, "record", third);
     sensor.state().restarts_on_save = 3;
-    let error = run(&["write", text(&path), "--port", &port])
+    let error = run(&sensor, &["write", text(&path), "--port", &port])
         .0
         .expect_err("no power");
     assert!(
@@ -226,7 +199,7 @@ fn another_record_is_not_replaced_unless_forced() {
     let path = file(&sensor, "record", &kinds()[2]);
     let before = std::fs::read(&path).expect("bytes");
     let read = ["read", "--port", &port, "-o", text(&path)];
-    let error = run(&read).0.expect_err("another record");
+    let error = run(&sensor, &read).0.expect_err("another record");
     assert_eq!(
         error,
         format!(
@@ -236,11 +209,13 @@ fn another_record_is_not_replaced_unless_forced() {
         )
     );
     assert_eq!(std::fs::read(&path).expect("bytes"), before);
-    run(&[&read[..], &["--force"]].concat()).0.expect("read");
+    run(&sensor, &[&read[..], &["--force"]].concat())
+        .0
+        .expect("read");
     let nominal = EncodedRecord::nominal().expect("a record");
     assert_eq!(std::fs::read(&path).expect("bytes"), nominal.bytes());
     // The same once more replaces nothing.
-    run(&read).0.expect("read");
+    run(&sensor, &read).0.expect("read");
 }
 
 #[test]
@@ -276,7 +251,7 @@ fn what_is_no_record_of_the_sensor_is_refused() {
     let mut bytes = written.bytes().to_vec();
     bytes[9] ^= 4;
     std::fs::write(&path, &bytes).expect("written");
-    let error = run(&["write", text(&path), "--port", &port])
+    let error = run(&sensor, &["write", text(&path), "--port", &port])
         .0
         .expect_err("damaged");
     assert!(
@@ -284,12 +259,16 @@ fn what_is_no_record_of_the_sensor_is_refused() {
         "{error}"
     );
     std::fs::write(&path, vec![0; 5000]).expect("written");
-    let error = run(&["show", text(&path)]).0.expect_err("too long");
+    let error = run(&sensor, &["show", text(&path)])
+        .0
+        .expect_err("too long");
     assert!(
         error.contains("it has 5000 bytes, and the longest record 1361"),
         "{error}"
     );
-    let error = run(&["show", "/nowhere/record"]).0.expect_err("none");
+    let error = run(&sensor, &["show", "/nowhere/record"])
+        .0
+        .expect_err("none");
     assert!(
         error.starts_with("/nowhere/record cannot be read: "),
         "{error}"
@@ -304,7 +283,7 @@ fn what_is_no_record_of_the_sensor_is_refused() {
     })
     .expect("a record");
     let path = file(&sensor, "other", &other);
-    let error = run(&["write", text(&path), "--port", &port])
+    let error = run(&sensor, &["write", text(&path), "--port", &port])
         .0
         .expect_err("another head");
     assert!(
@@ -316,7 +295,9 @@ fn what_is_no_record_of_the_sensor_is_refused() {
     );
     assert_eq!(sensor.state().record(), EncodedRecord::nominal());
     sensor.state().start_with(None);
-    let error = run(&["read", "--port", &port]).0.expect_err("none");
+    let error = run(&sensor, &["read", "--port", &port])
+        .0
+        .expect_err("none");
     assert!(
         error.starts_with("the sensor has no calibration (what it saved is unusable): write one"),
         "{error}"
@@ -335,9 +316,12 @@ fn a_bad_line_at_any_step_of_an_upload_is_made_up_for() {
         for lost in [false, true] {
             sensor.state().type_line("defaults");
             sensor.state().spoil = Some((step, lost));
-            run(&["write", text(&path), "--port", &sensor.port(), "--no-save"])
-                .0
-                .expect("written");
+            run(
+                &sensor,
+                &["write", text(&path), "--port", &sensor.port(), "--no-save"],
+            )
+            .0
+            .expect("written");
             assert_eq!(sensor.state().record().as_ref(), Some(&written));
             assert_eq!(sensor.state().spoil, None, "step {step}");
         }
@@ -360,11 +344,9 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
         let (mut used, mut saved) = (EncodedRecord::nominal(), None);
         for written in &kinds[..5] {
             let path = file(&sensor, "record", written);
-            let result = run(&["write", text(&path), "--port", &sensor.port()]).0;
+            let result = run(&sensor, &["write", text(&path), "--port", &sensor.port()]).0;
             // A restart may be under way.
-            while sensor.state().off_until.is_some() {
-                std::thread::yield_now();
-            }
+            sensor.sleep(Duration::from_millis(100));
             let state = sensor.state();
             let new = Some(written.clone());
             let kept = state.saved_record().or_else(EncodedRecord::nominal);
@@ -390,10 +372,9 @@ fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
         println!("to seed {seed}: {done} written");
     }
     // A try takes at most some 60 commands (20 pieces each way, and as many again for what noise cost), of
-    // which each cuts the power
-    // with 0.5 %: a quarter of the tries fail, three in a row 2 % of the time. The few questions before the
-    // first are not asked again:
-    // 3 %. Of 20 records more than 5 fail with 5 % each 3 times in 10000.
+    // which each cuts the power with 0.5 %: a quarter of the tries fail, three in a row 2 % of the time. The
+    // few questions before the first are not asked again: 3 %. Of 20 records more than 5 fail with 5 % each 3
+    // times in 10000.
     assert!(done >= 15, "{done} of 20");
 }
 
@@ -402,13 +383,9 @@ fn an_upload_that_is_interrupted_is_dropped() {
     let sensor = StandIn::new(34, Trouble::default());
     let path = file(&sensor, "record", &kinds().remove(2));
     let port = sensor.port();
-    let waits = Waits {
-        reconnect: std::time::Duration::ZERO,
-        ..WAITS
-    };
     // Deaf from then on: it does not even hear that the upload is over.
     sensor.state().deaf_after_piece = true;
-    let error = run_waiting(&["write", text(&path), "--port", &port], waits).0;
+    let error = run(&sensor, &["write", text(&path), "--port", &port]).0;
     let error = error.expect_err("deaf");
     assert!(
         error.starts_with("nothing has changed, the sensor uses the calibration that it had: nobody answers `stream` at "),
@@ -418,14 +395,11 @@ fn an_upload_that_is_interrupted_is_dropped() {
     assert_eq!(sensor.state().record(), EncodedRecord::nominal());
     sensor.state().trouble.lost = 0.0;
     // Another record goes through all the same.
-    run(&["write", text(&path), "--port", &port])
+    run(&sensor, &["write", text(&path), "--port", &port])
         .0
         .expect("written");
-    sensor.state().off_until = Some(Instant::now());
-    while sensor.state().off_until.is_some() {
-        std::thread::yield_now();
-    }
-    let shown = run(&["show", text(&path), "--port", &port]);
+    sensor.state().cut_power(Duration::ZERO);
+    let shown = run(&sensor, &["show", text(&path), "--port", &port]);
     assert_eq!(shown.0, Ok(ExitCode::SUCCESS));
 }
 
@@ -438,18 +412,24 @@ fn records_are_shown_and_compared() {
         .map(|index| file(&sensor, &index.to_string(), &kinds[index]))
         .collect();
     let [eq1, corrected, table] = [0, 1, 2].map(|index| text(&paths[index]));
-    insta::assert_snapshot!("eq1", run(&["show", eq1]).1);
-    insta::assert_snapshot!("corrected", run(&["show", corrected]).1);
-    let (code, differ) = run(&["show", eq1, corrected]);
+    insta::assert_snapshot!("eq1", run(&sensor, &["show", eq1]).1);
+    insta::assert_snapshot!("corrected", run(&sensor, &["show", corrected]).1);
+    let (code, differ) = run(&sensor, &["show", eq1, corrected]);
     assert_eq!(code, Ok(ExitCode::FAILURE));
     insta::assert_snapshot!("eq1_and_corrected", differ);
-    insta::assert_snapshot!("table_and_corrected", run(&["show", table, corrected]).1);
-    insta::assert_snapshot!("json", run(&["show", corrected, "--json"]).1);
-    let (code, json) = run(&["show", eq1, "--port", &sensor.port(), "--json"]);
+    insta::assert_snapshot!(
+        "table_and_corrected",
+        run(&sensor, &["show", table, corrected]).1
+    );
+    insta::assert_snapshot!("json", run(&sensor, &["show", corrected, "--json"]).1);
+    let (code, json) = run(&sensor, &["show", eq1, "--port", &sensor.port(), "--json"]);
     assert_eq!(code, Ok(ExitCode::FAILURE));
     insta::assert_snapshot!("json_of_two", json);
-    insta::assert_snapshot!("default", run(&["show", "--port", &sensor.port()]).1);
-    let error = run(&["show", eq1, corrected, "--port", &sensor.port()])
+    insta::assert_snapshot!(
+        "default",
+        run(&sensor, &["show", "--port", &sensor.port()]).1
+    );
+    let error = run(&sensor, &["show", eq1, corrected, "--port", &sensor.port()])
         .0
         .expect_err("three");
     assert_eq!(error, "there are 3 records: show one, or compare two");

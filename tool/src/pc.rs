@@ -1,0 +1,98 @@
+//! What the tool needs of the PC: serial ports and a clock. Tests put a simulated sensor with its own clock
+//! here.
+
+use std::io::{self, Write as _};
+use std::time::{Duration, Instant};
+
+use serialport::{ClearBuffer, SerialPort as _};
+
+/// Bits a second, as the firmware sets them.
+const BAUD: u32 = 115_200;
+
+/// Serial ports and a clock.
+pub trait Pc {
+    /// Opens a serial port for this program alone, and drops the bytes that came before.
+    ///
+    /// # Errors
+    /// The system's.
+    fn open(&self, port: &str) -> serialport::Result<Box<dyn Port + '_>>;
+
+    /// The time since a moment that does not change.
+    fn now(&self) -> Duration;
+
+    /// Waits.
+    fn sleep(&self, time: Duration);
+}
+
+/// An open serial port.
+pub trait Port {
+    /// Reads the bytes that are there, or waits for some, and gives their number.
+    ///
+    /// # Errors
+    /// `TimedOut` if none come within `wait`; otherwise the system's.
+    fn read(&mut self, bytes: &mut [u8], wait: Duration) -> io::Result<usize>;
+
+    /// Writes all bytes.
+    ///
+    /// # Errors
+    /// The system's.
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
+}
+
+/// The PC's own ports and clock.
+#[derive(Clone, Copy, Debug)]
+pub struct RealPc(Instant);
+
+impl RealPc {
+    /// Time begins now.
+    pub fn new() -> Self {
+        Self(Instant::now())
+    }
+}
+
+impl Default for RealPc {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Pc for RealPc {
+    fn open(&self, port: &str) -> serialport::Result<Box<dyn Port + '_>> {
+        let port = serialport::new(port, BAUD).open_native()?;
+        #[cfg(unix)]
+        let port = {
+            let mut port = port;
+            // The mark of exclusive use outlives a program that is killed while another end of a
+            // pseudo-terminal stays open, and would keep everybody out. The library's lock ends with the
+            // program, and keeps other programs out that lock the port, too.
+            port.set_exclusive(false)?;
+            port
+        };
+        port.clear(ClearBuffer::Input)?;
+        Ok(Box::new(port))
+    }
+
+    fn now(&self) -> Duration {
+        self.0.elapsed()
+    }
+
+    fn sleep(&self, time: Duration) {
+        std::thread::sleep(time);
+    }
+}
+
+#[cfg(unix)]
+type Native = serialport::TTYPort;
+#[cfg(windows)]
+type Native = serialport::COMPort;
+
+impl Port for Native {
+    fn read(&mut self, bytes: &mut [u8], wait: Duration) -> io::Result<usize> {
+        self.set_timeout(wait)?;
+        io::Read::read(self, bytes)
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.write_all(bytes)
+    }
+}
