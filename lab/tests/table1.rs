@@ -14,9 +14,8 @@ use slitrange::row::Row;
 use slitrange::spot;
 
 /// For each material the slit's mean absolute error is within a factor of 1.5 of the paper's, with either
-/// fit; the fits differ by less
-/// than 15 %; and rows that weigh for speckle beat the paper's plain mean. 210 positions, 2 mm apart, which
-/// is about a speckle.
+/// fit; the fits differ by less than 15 %; and rows that weigh for speckle beat the paper's plain mean. 210
+/// positions, 2 mm apart, which is about a speckle.
 #[test]
 fn the_slit_errs_as_the_papers_does_and_ours_errs_less() {
     let experiment = Experiment {

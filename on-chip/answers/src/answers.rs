@@ -1,6 +1,5 @@
 //! Every rung is asked for a row's centre: alone, with the look that follows it, and as the whole measurement
-//! that turns rows
-//! into readings.
+//! that turns rows into readings.
 
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::{self, Estimator, RowCentre, WidthClass};

@@ -10,8 +10,7 @@ pub const WIDTHS: [f64; 12] = [
 ];
 
 /// The widths in pixels that the estimators are made for, over which their worst figures are taken. A
-/// narrower spot is
-/// hardly wider than a pixel, and a wider one is beyond the optics.
+/// narrower spot is hardly wider than a pixel, and a wider one is beyond the optics.
 pub const MEANT_FOR: std::ops::RangeInclusive<f64> = 1.2..=18.0;
 
 /// The noise of a row.

@@ -1,10 +1,8 @@
 //! `cargo cost`: what accuracy costs in time.
 //!
 //! Every estimator, and baselines that the firmware does not have, on the same seeded rows against the
-//! Cramér-Rao bound; its instructions on the emulated chip; its time on this
-//! computer; and on demand the programs that one would use instead. Prints tables, and writes them with their
-//! figures
-//! under `docs/`.
+//! Cramér-Rao bound; its instructions on the emulated chip; its time on this computer; and on demand the
+//! programs that one would use instead. Prints tables, and writes them with their figures under `docs/`.
 
 mod accuracy;
 mod chip;

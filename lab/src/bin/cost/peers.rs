@@ -1,14 +1,11 @@
 //! What one would use instead, on the same rows in one run: time as ratios, errors over the bound.
 //!
 //! Everyone gets the same 128 pixels around the spot, and knows what the row before told: the centre to half
-//! a pixel, the width
-//! to 5 %, the height to 10 %, the level to its noise. The search for the spot is in nobody's time. The rungs
-//! get
-//! the row as it is, 16-bit counts; turning them into its floats is in a peer's time, because it has to. A
-//! peer fits eq. (5) on a
-//! level, all pixels weighted alike, with its defaults and analytic derivatives where it wants them. Time is
-//! of one thread; in Rust the
-//! median over turns that all take, in scipy the median over fits.
+//! a pixel, the width to 5 %, the height to 10 %, the level to its noise. The search for the spot is in
+//! nobody's time. The rungs get the row as it is, 16-bit counts; turning them into its floats is in a peer's
+//! time, because it has to. A peer fits eq. (5) on a level, all pixels weighted alike, with its defaults and
+//! analytic derivatives where it wants them. Time is of one thread; in Rust the median over turns that all
+//! take, in scipy the median over fits.
 
 use std::fmt;
 use std::hint::black_box;
@@ -278,8 +275,7 @@ impl<'a> Given<'a> {
 ///
 /// # Errors
 /// A scene without a spot, or scipy is there and its script fails. Where scipy cannot be had its figures are
-/// left out,
-/// and [`Peers::scipy_skipped`] says why.
+/// left out, and [`Peers::scipy_skipped`] says why.
 pub fn run(options: &Options) -> anyhow::Result<Peers> {
     let (scipy, scipy_skipped) = match scipy::Environment::make() {
         Ok(environment) => (Some(environment), None),
@@ -325,8 +321,7 @@ pub fn run(options: &Options) -> anyhow::Result<Peers> {
 }
 
 /// Names with nanoseconds a row: the median over short turns that all take on the same few rows, so that a
-/// neighbour's load on the
-/// PC falls on all alike.
+/// neighbour's load on the PC falls on all alike.
 fn time(given: &Given<'_>, options: &Options) -> Vec<(&'static str, f64)> {
     /// So few that they stay in the cache, where a row is that has just come in.
     const ROWS_OF_A_TURN: usize = 128;
@@ -520,8 +515,8 @@ mod tests {
     use super::*;
 
     /// An unweighted fit of the reference scene has 1.201 times the bound: J^T J inverse times J^T V J times
-    /// J^T J inverse. The standard error over
-    /// 1000 rows is 2.2 %, of which four are allowed to either side of 1 and 1.201.
+    /// J^T J inverse. The standard error over 1000 rows is 2.2 %, of which four are allowed to either side of
+    /// 1 and 1.201.
     #[test]
     fn every_method_is_near_the_bound() {
         let scene = rows::REFERENCE;

@@ -7,8 +7,7 @@
 //! * speckle on a target that moves away from the sensor, and on one that slides past under the laser.
 //!
 //! They are the scenes `speckle-*` of `scenes/`; speckle is summed as a field ([`simulator::field`]). Each
-//! reading sees a surface of
-//! its own. Its truth is the target's mean distance over its rows.
+//! reading sees a surface of its own. Its truth is the target's mean distance over its rows.
 
 use anyhow::Result;
 use rayon::prelude::*;
@@ -202,11 +201,10 @@ mod tests {
     use rand_distr::StandardNormal;
 
     /// Errors of the first row and of the mean of so many rows in micrometres, for each of `surfaces`
-    /// surfaces, where the slit is so narrow that all that speckle
-    /// does is to tilt the wave: the light moves by z times the gradient of its phase over k, which is
-    /// Im(sum E* dE/du) / sum |E|^2 over the polarisations. The field is summed over scatterers on a line,
-    /// with exact paths: the beam's
-    /// extent across the baseline changes nothing for a slit that is short, too.
+    /// surfaces, where the slit is so narrow that all that speckle does is to tilt the wave: the light moves
+    /// by z times the gradient of its phase over k, which is Im(sum E* dE/du) / sum |E|^2 over the
+    /// polarisations. The field is summed over scatterers on a line, with exact paths: the beam's extent
+    /// across the baseline changes nothing for a slit that is short, too.
     fn behind_a_narrow_slit(scene: &Scene, rows: u64, surfaces: u64) -> Vec<[f64; 2]> {
         const PITCH: f64 = 4e-6;
         const ALONG_THE_SLIT: f64 = 1e-6;
@@ -311,10 +309,9 @@ mod tests {
     }
 
     /// Given sum |E|^2 over two polarisations of mean light 1, the shift is normal with a variance of s^2 /
-    /// (2 sum |E|^2), s being the
-    /// standard deviation of the spot's image: 2 / s times it is distributed as Student's t with 4 degrees of
-    /// freedom, whose median
-    /// without sign is 0.7407 and whose standard deviation is sqrt 2. The median of 3000 is good to 2 %.
+    /// (2 sum |E|^2), s being the standard deviation of the spot's image: 2 / s times it is distributed as
+    /// Student's t with 4 degrees of freedom, whose median without sign is 0.7407 and whose standard
+    /// deviation is sqrt 2. The median of 3000 is good to 2 %.
     #[test]
     fn a_narrow_slit_has_a_closed_form() {
         let scene = Light::SpeckleAtRest.scene().expect("a scene");

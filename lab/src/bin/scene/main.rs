@@ -25,23 +25,19 @@ const SHOWN: [&str; 4] = ["quiet-paper", "brushed-metal", "paper-on-camera", "le
 /// scenes.
 ///
 /// The error is that of the core's centres against the truth; a reading is a row of a line sensor, or the
-/// mean over the rows of
-/// a camera's frame that are at least a tenth as high as its highest. An effect's share of it is
-/// 1 - (RMS error without the effect)^2 / (RMS error)^2, of the readings that have a centre with it and
-/// without it: shares of
-/// effects that interact do not add up to 1, and one without which the error would be larger has a negative
-/// one.
+/// mean over the rows of a camera's frame that are at least a tenth as high as its highest. An effect's share
+/// of it is 1 - (RMS error without the effect)^2 / (RMS error)^2, of the readings that have a centre with it
+/// and without it: shares of effects that interact do not add up to 1, and one without which the error would
+/// be larger has a negative one.
 ///
 /// Readings are taken of many realisations of the scene, because some effects (speckle, texture, fixed
-/// pattern, response) stay as
-/// long as target or sensor do: each has a seed of its own, and the spot elsewhere on its pixel. Within a
-/// realisation they are
-/// spread over a time, because others (temperature, drift) take their time.
+/// pattern, response) stay as long as target or sensor do: each has a seed of its own, and the spot elsewhere
+/// on its pixel. Within a realisation they are spread over a time, because others (temperature, drift) take
+/// their time.
 ///
 /// Times are those of a row as the core gets it, and of the first one of a scene, in which all is computed
-/// that stays; those of an
-/// effect are by how much a row takes longer with it than without. One that takes light away spares the shot
-/// noise work.
+/// that stays; those of an effect are by how much a row takes longer with it than without. One that takes
+/// light away spares the shot noise work.
 #[derive(Parser)]
 #[command(name = "cargo scene", bin_name = "cargo scene")]
 struct Options {

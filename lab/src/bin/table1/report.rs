@@ -365,8 +365,7 @@ fn of_paper(row: &lab::paper::published::Published, method: &Method) -> Option<E
 }
 
 /// The method for the slit whose MAE over that of the paper's gaussian is the least, as the mean over the
-/// materials, on the pieces that
-/// were trained on.
+/// materials, on the pieces that were trained on.
 fn best(outcomes: &[Outcome]) -> Option<Method> {
     let slits = || {
         outcomes

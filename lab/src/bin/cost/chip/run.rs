@@ -19,8 +19,7 @@ pub struct Run {
     /// What it printed.
     pub lines: Vec<Line>,
     /// Every call of a rung, of one iteration of the Gauss-Newton one, and of a calibration: the instructions
-    /// that were
-    /// executed.
+    /// that were executed.
     pub calls: Vec<Call>,
 }
 

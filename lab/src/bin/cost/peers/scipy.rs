@@ -150,8 +150,7 @@ mod tests {
     use crate::peers::levenberg_marquardt;
 
     /// All of them minimise the same sum of squares. L-BFGS-B stops where the sum's gradient is below 1e-5,
-    /// and its curvature along the
-    /// centre is about sqrt(pi/2) (A = 1, 10.5 pixels a sigma): 1e-4 px.
+    /// and its curvature along the centre is about sqrt(pi/2) (A = 1, 10.5 pixels a sigma): 1e-4 px.
     #[test]
     fn agrees_with_levenberg_marquardt() {
         let Some(environment) = Environment::existing() else {
