@@ -410,7 +410,7 @@ mod tests {
         println!("{} of {uncertainty}", shot.value + read.value);
         assert!(uncertainty < 0.15);
         assert!((shot.value + read.value - 1.0).abs() < 3.0 * uncertainty);
-        // What either leaves is near the Cramér-Rao bound for it: 1.10 and 1.095 of it for the default rung,
+        // What either leaves is near the Cramér-Rao bound for it: 1.10 and 1.095 of it for the default,
         // +-0.035 for 400 rows.
         let spot = bound::Spot {
             width: 8.6,

@@ -7,8 +7,8 @@
 //! ```
 //!
 //! The fit of eq. (1) is that of `slitrange calibrate fit` ([`slitrange_tool::fit::eq1`]). The slit's rows go
-//! through the core itself. Beside the paper's methods, the core's other rungs and other ways to combine rows
-//! run on the same captures ([`methods`]).
+//! through the core itself. Beside the paper's methods, the core's other estimators and other ways to combine
+//! rows run on the same captures ([`methods`]).
 
 pub mod apparatus;
 pub mod camera;

@@ -36,7 +36,10 @@ impl Photograph {
     pub fn parse(file: &[u8]) -> Result<Self> {
         let mut rest = file.strip_prefix(b"P5").with_context(|| {
             let start = String::from_utf8_lossy(&file[..file.len().min(2)]);
-            format!("it begins with {start:?} and a binary PGM with \"P5\": convert it with `magick in.png out.pgm`")
+            format!(
+                "it begins with {start:?} and a binary PGM with \"P5\": convert it with \
+                 `magick in.png out.pgm`"
+            )
         })?;
         let width = header_number(&mut rest, "width")?;
         let height = header_number(&mut rest, "height")?;

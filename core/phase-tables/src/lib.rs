@@ -4,7 +4,8 @@
 //! A table holds, for each of a few sub-pixel phases of the spot, three rows of weights. Their inner products
 //! with the counts around the spot are
 //!
-//! * the **score**, which is zero where the spot is centred on the phase, and otherwise proportional to how far it is;
+//! * the **score**, which is zero where the spot is centred on the phase, and otherwise proportional to how
+//!   far it is;
 //! * the **slope** of the score, so that score / slope is the distance in pixels, whatever the amplitude;
 //! * the **stretch**, so that stretch / slope says how much wider the spot is than the table's width.
 //!

@@ -187,9 +187,9 @@ pub fn rust_source(tables: &[IntegerTable]) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(
             source,
-            "Table {{ width: {:?}, half_width: {}, phases: {}, weights: &{:?}, stretch: &{:?}, nearest: {:?}, \
-             centre_per_ratio: {:?}, bend: {:?}, stretch_per_ratio: {:?}, height_per_slope: {:?}, variance_per_noise: {:?}, \
-             variance_per_height: {:?} }},",
+            "Table {{ width: {:?}, half_width: {}, phases: {}, weights: &{:?}, stretch: &{:?}, \
+             nearest: {:?}, centre_per_ratio: {:?}, bend: {:?}, stretch_per_ratio: {:?}, \
+             height_per_slope: {:?}, variance_per_noise: {:?}, variance_per_height: {:?} }},",
             table.shape.width as f32,
             table.shape.half_width,
             table.shape.phases,

@@ -131,21 +131,14 @@ fn centre_of(
     geometry: &Geometry,
     tables: &RowTables<'_>,
 ) -> Result<RowCentre, Fault> {
-    let rung = |rung| centre(rung, row, spot, before, geometry);
+    let core = |estimator| centre(estimator, row, spot, before, geometry);
     let with = |tables| phase_table::centre(row, spot, before, geometry, tables, Sampling::Fine);
     match estimator {
-        RowEstimator::Gaussian => rung(Estimator::GaussNewton),
-        RowEstimator::Fraunhofer => rung(Estimator::Fraunhofer),
-        RowEstimator::PhaseTable => rung(Estimator::PhaseTable),
-        RowEstimator::Adaptive => rung(Estimator::Adaptive),
-        RowEstimator::MeasuredProfile => tables.measured.map_or_else(
-            || {
-                Err(Fault::NoSpot {
-                    amplitude: spot.height,
-                })
-            },
-            with,
-        ),
+        RowEstimator::Gaussian => core(Estimator::GaussNewton),
+        RowEstimator::Fraunhofer => core(Estimator::Fraunhofer),
+        RowEstimator::PhaseTable => core(Estimator::PhaseTable),
+        RowEstimator::Adaptive => core(Estimator::Adaptive),
+        RowEstimator::MeasuredProfile => tables.measured.map_or(Err(spot.no_spot()), with),
         RowEstimator::Speckle => with(tables.speckle),
     }
 }

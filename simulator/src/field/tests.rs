@@ -260,7 +260,8 @@ fn speckle_is_fully_developed() {
         let mean = mean(&light);
         let share = light.iter().filter(|&&light| light > 1.0).count() as f64 / light.len() as f64;
         println!(
-            "{polarisations} polarisations: mean {mean:.3}, contrast {found:.3} for {expected:.3}, above mean {share:.3} for {above:.3}"
+            "{polarisations} polarisations: mean {mean:.3}, contrast {found:.3} for {expected:.3}, \
+             above mean {share:.3} for {above:.3}"
         );
         // Standard errors over 3000 samples: mean 0.018, contrast 0.026, share 0.009.
         assert!((mean - 1.0).abs() < 0.06);
@@ -308,7 +309,8 @@ fn contrast_falls_with_linewidth_and_path_spread() {
             (PI.sqrt() / (2.0 * path_spread * s) * scaled).sqrt()
         };
         println!(
-            "linewidth {linewidth:.1e} m, path {path_spread:.1e} m, {wavelengths} wavelengths: contrast {found:.3} for {expected:.3}"
+            "linewidth {linewidth:.1e} m, path {path_spread:.1e} m, {wavelengths} wavelengths: \
+             contrast {found:.3} for {expected:.3}"
         );
         // The standard error over 4500 samples is 1.5 %, that of the few wavelengths 1.3 %.
         assert!((found / expected - 1.0).abs() < 0.06);

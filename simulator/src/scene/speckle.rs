@@ -259,8 +259,8 @@ impl RoughSurface {
     }
 }
 
-const TOO_WIDE: &str = "the surface was made for the laser's spot between 0.3 m and 1.5 times the scene's distance, where the beam is wider: \
-                        move the scene's distance or the beam's waist";
+const TOO_WIDE: &str = "the surface was made for the laser's spot between 0.3 m and 1.5 times the scene's \
+                        distance, where the beam is wider: move the scene's distance or the beam's waist";
 
 /// Height in metres of the spot's image through a lens in focus, in its middle column: its light there over
 /// that in its middle.

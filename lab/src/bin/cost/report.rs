@@ -5,10 +5,11 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use cost_on_chip::methods::Method;
+use lab::table::{self, cells};
 use serde::Serialize;
 
 use crate::accuracy::{Accuracy, Noise, SITUATIONS, Worst};
-use crate::chip::{Chip, RungOnChip};
+use crate::chip::{Chip, MethodOnChip};
 use crate::distances::Distance;
 use crate::peers::{Peer, Peers};
 use crate::reading_time;
@@ -41,16 +42,18 @@ pub struct Measured {
 }
 
 /// A method on the chip at a width, where it found a centre there.
-pub fn on_chip(chip: &Chip, method: Method, width: f64) -> Option<&RungOnChip> {
-    chip.rungs.iter().find(|rung| {
-        rung.name == method.name() && (rung.width - width).abs() < 1e-9 && rung.fault.is_none()
+pub fn on_chip(chip: &Chip, method: Method, width: f64) -> Option<&MethodOnChip> {
+    chip.methods.iter().find(|counted| {
+        let at_width = (counted.width - width).abs() < 1e-9;
+        counted.name == method.name() && at_width && counted.fault.is_none()
     })
 }
 
 /// What `--json` prints. A figure that does not apply, or that no row gave, is null.
 #[derive(Serialize)]
 pub struct Json {
-    rungs: Vec<Rung>,
+    #[serde(rename = "rungs")]
+    methods: Vec<Figures>,
     sweep_instructions_per_pixel: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     gauss_newton_instructions_per_iteration: Option<f64>,
@@ -60,7 +63,7 @@ pub struct Json {
 
 /// A method's figures: the worst over the widths it is made for, and its cost with a window of 96 pixels.
 #[derive(Serialize)]
-struct Rung {
+struct Figures {
     name: &'static str,
     rmse_over_bound_max: f64,
     rmse_over_bound_max_white: f64,
@@ -78,23 +81,28 @@ struct Rung {
 
 impl Measured {
     /// A method on the chip at a width, where it found a centre there.
-    pub fn on_chip(&self, method: Method, width: f64) -> Option<&RungOnChip> {
+    pub fn on_chip(&self, method: Method, width: f64) -> Option<&MethodOnChip> {
         on_chip(&self.chip, method, width)
     }
 
     /// A method's time per row on the chip at a width, in microseconds.
     pub fn microseconds(&self, method: Method, width: f64) -> Option<f64> {
-        let rung = self.on_chip(method, width)?;
-        Some(rung.cycles_estimated as f64 / CLOCK_MHZ)
+        let counted = self.on_chip(method, width)?;
+        Some(counted.cycles_estimated as f64 / CLOCK_MHZ)
     }
 
     /// A method on a window of 96 pixels.
-    pub fn nominal(&self, method: Method) -> Option<&RungOnChip> {
+    pub fn nominal(&self, method: Method) -> Option<&MethodOnChip> {
         self.on_chip(method, WINDOW_OF_96)
     }
 
     fn chip_widths(&self) -> Vec<f64> {
-        let mut widths: Vec<f64> = self.chip.rungs.iter().map(|rung| rung.width).collect();
+        let mut widths: Vec<f64> = self
+            .chip
+            .methods
+            .iter()
+            .map(|counted| counted.width)
+            .collect();
         widths.sort_by(f64::total_cmp);
         widths.dedup();
         widths
@@ -103,7 +111,7 @@ impl Measured {
     /// The object that `--json` prints.
     pub fn json(&self) -> Json {
         Json {
-            rungs: self.rungs(),
+            methods: self.figures(),
             sweep_instructions_per_pixel: self.chip.sweep_instructions_per_pixel,
             gauss_newton_instructions_per_iteration: self
                 .chip
@@ -112,14 +120,14 @@ impl Measured {
         }
     }
 
-    fn rungs(&self) -> Vec<Rung> {
+    fn figures(&self) -> Vec<Figures> {
         self.methods
             .iter()
             .zip(&self.host_ns)
             .map(|(&method, &host_ns_per_row)| {
                 let worst = self.accuracy.worst(method);
                 let chip = self.nominal(method);
-                Rung {
+                Figures {
                     name: method.name(),
                     rmse_over_bound_max: round(worst.white.max(worst.shot)),
                     rmse_over_bound_max_white: round(worst.white),
@@ -142,15 +150,17 @@ impl Measured {
     pub fn tables(&self) -> String {
         let rows = self.accuracy.rows;
         let mut out = format!(
-            "Accuracy, {rows} rows a cell: the worst over sigma 1.2 to 18 px (RMSE over the Cramér-Rao bound)\n{LABELS}\n"
+            "Accuracy, {rows} rows a cell: the worst over sigma 1.2 to 18 px (RMSE over the Cramér-Rao \
+             bound)\n{LABELS}\n"
         );
-        out += &table(&self.accuracy_table());
+        out += &table::text(&self.accuracy_table());
         out += "\nCost on the chip, the window known from the row before\n";
-        out += &table(&self.cost_table());
+        out += &table::text(&self.cost_table());
         let _ = writeln!(
             out,
-            "\ninstructions per row are those for sigma in px; cycles, microseconds at 168 MHz, flash and stack for \
-             sigma {WINDOW_OF_96} (96 pixels).\nCoarse search: {:.2} instructions a pixel; of the first row of a frame, at all widths: {:.2}.",
+            "\ninstructions per row are those for sigma in px; cycles, microseconds at 168 MHz, flash and \
+             stack for sigma {WINDOW_OF_96} (96 pixels).\nCoarse search: {:.2} instructions a pixel; of the \
+             first row of a frame, at all widths: {:.2}.",
             self.chip.sweep_instructions_per_pixel, self.chip.search_instructions_per_pixel
         );
         if let Some(iteration) = self.chip.gauss_newton_instructions_per_iteration {
@@ -161,8 +171,8 @@ impl Measured {
         }
         let _ = writeln!(
             out,
-            "From words to the frame, by the default estimator: {} instructions a row, {:.2} a word of them to turn the words \
-             over.",
+            "From words to the frame, by the default estimator: {} instructions a row, {:.2} a word of them \
+             to turn the words over.",
             self.chip.measurement_instructions_per_row, self.chip.geometry_instructions_per_word,
         );
         out += "\nA distance, once a frame, over the paper's range\n";
@@ -173,10 +183,10 @@ impl Measured {
             self.chip.kernels_compared
         );
         out += "\nThe whole sensor, target at 0.8 m, default estimator: error of a reading in um (RMS)\n";
-        out += &table(&self.reading_table());
+        out += &table::text(&self.reading_table());
         if let Some(peers) = &self.peers {
             let _ = writeln!(out, "\n{peers}\nPeers over the default estimator");
-            out += &table(&peer_table(&peers.peers));
+            out += &table::text(&peer_table(&peers.peers));
         }
         out
     }
@@ -184,14 +194,13 @@ impl Measured {
     /// The tables of `docs/accuracy.md`.
     pub fn markdown(&self) -> String {
         format!(
-            "{} rows a cell; the worst over widths from 1.2 to 18 px. {LABELS}\n\n{}\n{}\nThe coarse search takes {:.2} \
-             instructions a pixel, and {:.2} in the first row of a frame, whose spot may be of any width, and for spots narrower than \
-             6 pixels; turning a \
-             read-out into a row takes {:.2} a word. A row takes {} in all, with the default estimator, from the second of a \
-             frame on.\n",
+            "{} rows a cell; the worst over widths from 1.2 to 18 px. {LABELS}\n\n{}\n{}\nThe coarse search \
+             takes {:.2} instructions a pixel, and {:.2} in the first row of a frame, whose spot may be of \
+             any width, and for spots narrower than 6 pixels; turning a read-out into a row takes {:.2} a \
+             word. A row takes {} in all, with the default estimator, from the second of a frame on.\n",
             self.accuracy.rows,
-            markdown(&self.accuracy_table()),
-            markdown(&self.cost_table()),
+            table::markdown(&self.accuracy_table()),
+            table::markdown(&self.cost_table()),
             self.chip.sweep_instructions_per_pixel,
             self.chip.search_instructions_per_pixel,
             self.chip.geometry_instructions_per_word,
@@ -201,7 +210,7 @@ impl Measured {
 
     /// The table of the README.
     pub fn short_markdown(&self) -> String {
-        let mut rows = vec![strings(&[
+        let mut rows = vec![cells(&[
             "estimator",
             "white noise",
             "shot noise",
@@ -216,23 +225,23 @@ impl Measured {
                 ratio(worst.white),
                 ratio(worst.shot),
                 self.nominal(method)
-                    .map_or("-".into(), |rung| rung.instructions.to_string()),
+                    .map_or("-".into(), |counted| counted.instructions.to_string()),
                 self.microseconds(method, WINDOW_OF_96)
                     .map_or("-".into(), |us| format!("{us:.1}")),
             ]
         }));
         format!(
-            "{}\nRMS error over the bound, the worst of {} rows a cell over widths from 1.2 to 18 px; instructions for a window of \
-             96 pixels, microseconds estimated from them. The search for the spot takes {:.1} instructions a \
-             pixel, of spots from 6 pixels on.\n",
-            markdown(&rows),
+            "{}\nRMS error over the bound, the worst of {} rows a cell over widths from 1.2 to 18 px; \
+             instructions for a window of 96 pixels, microseconds estimated from them. The search for the \
+             spot takes {:.1} instructions a pixel, of spots from 6 pixels on.\n",
+            table::markdown(&rows),
             self.accuracy.rows,
             self.chip.sweep_instructions_per_pixel,
         )
     }
 
     fn accuracy_table(&self) -> Vec<Vec<String>> {
-        let mut rows = vec![strings(&[
+        let mut rows = vec![cells(&[
             "estimator",
             "white",
             "shot + read",
@@ -267,7 +276,7 @@ impl Measured {
         let widths = self.chip_widths();
         let mut head = vec!["estimator".to_owned()];
         head.extend(widths.iter().map(|width| format!("σ {width}")));
-        head.extend(strings(&[
+        head.extend(cells(&[
             "cycles", "us", "code B", "tables B", "stack B", "host ns",
         ]));
         let mut rows = vec![head];
@@ -275,20 +284,20 @@ impl Measured {
             let mut row = vec![label(method)];
             row.extend(widths.iter().map(|&width| {
                 self.on_chip(method, width)
-                    .map_or("-".into(), |rung| rung.instructions.to_string())
+                    .map_or("-".into(), |counted| counted.instructions.to_string())
             }));
             let nominal = self.nominal(method);
-            let figure = |of: fn(&RungOnChip) -> u64| {
-                nominal.map_or("-".into(), |rung| of(rung).to_string())
+            let figure = |of: fn(&MethodOnChip) -> u64| {
+                nominal.map_or("-".into(), |counted| of(counted).to_string())
             };
-            row.push(figure(|rung| rung.cycles_estimated));
+            row.push(figure(|counted| counted.cycles_estimated));
             row.push(
                 self.microseconds(method, WINDOW_OF_96)
                     .map_or("-".into(), |us| format!("{us:.1}")),
             );
-            row.push(figure(|rung| rung.code_bytes));
-            row.push(figure(|rung| rung.table_bytes));
-            row.push(figure(|rung| rung.stack_bytes));
+            row.push(figure(|counted| counted.code_bytes));
+            row.push(figure(|counted| counted.table_bytes));
+            row.push(figure(|counted| counted.stack_bytes));
             row.push(ns.map_or("-".into(), |ns| format!("{ns:.0}")));
             rows.push(row);
         }
@@ -296,7 +305,7 @@ impl Measured {
     }
 
     fn reading_table(&self) -> Vec<Vec<String>> {
-        let mut rows = vec![strings(&[
+        let mut rows = vec![cells(&[
             "rows",
             "ms",
             "noise alone",
@@ -337,7 +346,7 @@ impl Measured {
     /// A file cannot be written.
     pub fn write_csv(&self, directory: &Path) -> anyhow::Result<()> {
         std::fs::create_dir_all(directory)?;
-        write_csv(&directory.join("rungs.csv"), self.rungs())?;
+        write_csv(&directory.join("rungs.csv"), self.figures())?;
         write_csv(&directory.join("accuracy.csv"), self.cells())?;
         write_csv(&directory.join("bias.csv"), self.biases())?;
         write_csv(&directory.join("situations.csv"), self.situations())?;
@@ -361,7 +370,7 @@ impl Measured {
                 } => (Some(amplitude), Some(electrons_per_count), read_noise),
             };
             CellRecord {
-                rung: cell.method.name(),
+                method: cell.method.name(),
                 width_px: cell.width,
                 snr: cell.noise.is_white().then_some(read_noise),
                 amplitude,
@@ -379,22 +388,22 @@ impl Measured {
     }
 
     fn on_chips(&self) -> impl Iterator<Item = ChipRecord<'_>> {
-        self.chip.rungs.iter().map(|rung| ChipRecord {
-            rung: &rung.name,
-            width_px: rung.width,
-            instructions: rung.instructions,
-            cycles_estimated: rung.cycles_estimated,
-            microseconds: round(rung.cycles_estimated as f64 / CLOCK_MHZ),
-            code_bytes: rung.code_bytes,
-            table_bytes: rung.table_bytes,
-            stack_bytes: rung.stack_bytes,
-            fault: rung.fault.as_deref(),
+        self.chip.methods.iter().map(|counted| ChipRecord {
+            method: &counted.name,
+            width_px: counted.width,
+            instructions: counted.instructions,
+            cycles_estimated: counted.cycles_estimated,
+            microseconds: round(counted.cycles_estimated as f64 / CLOCK_MHZ),
+            code_bytes: counted.code_bytes,
+            table_bytes: counted.table_bytes,
+            stack_bytes: counted.stack_bytes,
+            fault: counted.fault.as_deref(),
         })
     }
 
     fn biases(&self) -> impl Iterator<Item = BiasRecord> {
         self.accuracy.biases.iter().map(|bias| BiasRecord {
-            rung: bias.method.name(),
+            method: bias.method.name(),
             width_px: bias.width,
             bias_max_px: bias.pixels.map(round),
         })
@@ -405,7 +414,7 @@ impl Measured {
             let situation = &SITUATIONS[of.situation];
             SituationRecord {
                 situation: situation.name,
-                rung: of.method.name(),
+                method: of.method.name(),
                 microseconds: self
                     .microseconds(of.method, situation.chip_width)
                     .map(round),
@@ -419,16 +428,16 @@ impl Measured {
 
 /// The table of a calibration's forms for a terminal.
 pub fn distances(distances: &[Distance]) -> String {
-    table(&distance_table(distances))
+    table::text(&distance_table(distances))
 }
 
 /// The same for `docs/accuracy.md`.
 pub fn distances_markdown(distances: &[Distance]) -> String {
-    markdown(&distance_table(distances))
+    table::markdown(&distance_table(distances))
 }
 
 fn distance_table(distances: &[Distance]) -> Vec<Vec<String>> {
-    let mut rows = vec![strings(&[
+    let mut rows = vec![cells(&[
         "form",
         "knots",
         "error um",
@@ -458,7 +467,8 @@ fn distance_table(distances: &[Distance]) -> Vec<Vec<String>> {
 /// A line of `accuracy.csv`: either `snr`, or the three that follow it.
 #[derive(Serialize)]
 struct CellRecord {
-    rung: &'static str,
+    #[serde(rename = "rung")]
+    method: &'static str,
     width_px: f64,
     snr: Option<f64>,
     amplitude: Option<f64>,
@@ -475,7 +485,8 @@ struct CellRecord {
 
 #[derive(Serialize)]
 struct ChipRecord<'a> {
-    rung: &'a str,
+    #[serde(rename = "rung")]
+    method: &'a str,
     width_px: f64,
     instructions: u64,
     cycles_estimated: u64,
@@ -488,7 +499,8 @@ struct ChipRecord<'a> {
 
 #[derive(Serialize)]
 struct BiasRecord {
-    rung: &'static str,
+    #[serde(rename = "rung")]
+    method: &'static str,
     width_px: f64,
     bias_max_px: Option<f64>,
 }
@@ -496,7 +508,8 @@ struct BiasRecord {
 #[derive(Serialize)]
 struct SituationRecord {
     situation: &'static str,
-    rung: &'static str,
+    #[serde(rename = "rung")]
+    method: &'static str,
     microseconds: Option<f64>,
     rmse_px: f64,
     rmse_over_bound: f64,
@@ -534,7 +547,8 @@ fn label(method: Method) -> String {
 }
 
 /// What the marks of [`label`] mean.
-const LABELS: &str = "The firmware has no baseline. The check runs repair, its robust fit, where a row does not look like its centre.";
+const LABELS: &str = "The firmware has no baseline. The check runs repair, its robust fit, where a row does \
+                      not look like its centre.";
 
 /// A ratio, with fewer digits where it is large.
 fn ratio(value: f64) -> String {
@@ -556,7 +570,7 @@ fn percent(part: f64) -> String {
 
 fn peer_table(peers: &[Peer]) -> Vec<Vec<String>> {
     let figure = |value: Option<f64>| value.map_or("-".into(), ratio);
-    let mut rows = vec![strings(&[
+    let mut rows = vec![cells(&[
         "peer",
         "host time",
         "chip instructions",
@@ -573,44 +587,6 @@ fn peer_table(peers: &[Peer]) -> Vec<Vec<String>> {
     rows
 }
 
-fn strings(cells: &[&str]) -> Vec<String> {
-    cells.iter().map(|&cell| cell.to_owned()).collect()
-}
-
-/// Columns as wide as they need to be, the first to the left and the others to the right.
-fn table(rows: &[Vec<String>]) -> String {
-    let width = |column: usize| {
-        rows.iter()
-            .filter_map(|row| row.get(column))
-            .map(|cell| cell.chars().count())
-            .max()
-            .unwrap_or(0)
-    };
-    let mut out = String::new();
-    for row in rows {
-        for (column, cell) in row.iter().enumerate() {
-            let width = width(column);
-            let _ = match column {
-                0 => write!(out, "{cell:<width$}"),
-                _ => write!(out, "  {cell:>width$}"),
-            };
-        }
-        out.push('\n');
-    }
-    out
-}
-
-fn markdown(rows: &[Vec<String>]) -> String {
-    let mut out = String::new();
-    for (i, row) in rows.iter().enumerate() {
-        let _ = writeln!(out, "| {} |", row.join(" | "));
-        if i == 0 {
-            let _ = writeln!(out, "|---|{}", "---:|".repeat(row.len() - 1));
-        }
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -623,10 +599,10 @@ mod tests {
         let json = serde_json::to_value(measured.json()).expect("JSON");
         assert!(json.get("peers").is_none());
         assert!(json["sweep_instructions_per_pixel"].is_f64());
-        let rungs = json["rungs"].as_array().expect("an array");
-        assert_eq!(rungs.len(), 10);
-        for rung in rungs {
-            assert!(rung["name"].is_string());
+        let methods = json["rungs"].as_array().expect("an array");
+        assert_eq!(methods.len(), 10);
+        for method in methods {
+            assert!(method["name"].is_string());
             for key in [
                 "rmse_over_bound_max",
                 "bias_max_px",
@@ -639,9 +615,9 @@ mod tests {
                 "stack_bytes",
                 "host_ns_per_row",
             ] {
-                assert!(rung[key].is_number(), "{key} of {rung}");
+                assert!(method[key].is_number(), "{key} of {method}");
             }
-            let worst = |key: &str| rung[key].as_f64().expect("a number");
+            let worst = |key: &str| method[key].as_f64().expect("a number");
             assert_eq!(
                 worst("rmse_over_bound_max"),
                 worst("rmse_over_bound_max_white").max(worst("rmse_over_bound_max_shot"))
@@ -664,7 +640,7 @@ mod tests {
     }
 
     #[test]
-    fn the_worst_is_taken_over_the_widths_that_a_rung_is_made_for() {
+    fn the_worst_is_taken_over_the_widths_that_a_method_is_made_for() {
         let mut measured = made_up::measured();
         let method = measured.methods[0];
         for cell in &mut measured.accuracy.cells {
@@ -717,13 +693,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_line_up() {
-        let rows = [strings(&["a", "σ 1"]), strings(&["bcd", "10000"])];
-        assert_eq!(table(&rows), "a      σ 1\nbcd  10000\n");
-        assert_eq!(
-            markdown(&rows),
-            "| a | σ 1 |\n|---|---:|\n| bcd | 10000 |\n"
-        );
+    fn figures_are_rounded_to_five_digits() {
         assert_eq!(
             (round(0.012_345_678), round(123_456.7)),
             (0.012_346, 123_460.0)

@@ -1,4 +1,4 @@
-//! `cargo hard-cases`: hard cases through every rung, and how often a centre is wrong without saying so.
+//! `cargo hard-cases`: hard cases through every estimator, and how often a centre is wrong without saying so.
 
 mod story;
 
@@ -10,14 +10,13 @@ use clap::Parser;
 use host_tests::hard_cases::mixtures::{self, RandomRow};
 use host_tests::hard_cases::report::{self, Catalogue};
 use host_tests::hard_cases::tally::Tally;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use lab::docs;
+use lab::{docs, progress};
 use slitrange::centre::Estimator;
 
 /// The random rows of each kind that docs/ shows.
 const ROWS: u64 = 1_000_000;
 
-/// Runs the catalogue of hard cases and random mixtures of them through every rung, and rewrites
+/// Runs the catalogue of hard cases and random mixtures of them through every estimator, and rewrites
 /// docs/hard-cases.md.
 #[derive(Parser)]
 #[command(name = "cargo hard-cases")]
@@ -30,7 +29,7 @@ struct Options {
     #[arg(long, value_name = "N", default_value_t = ROWS,
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     rows: u64,
-    /// Tell the story of one random row with flaws, and what every rung says of it
+    /// Tell the story of one random row with flaws, and what every estimator says of it
     #[arg(long, value_name = "SEED", conflicts_with_all = ["json", "rows"])]
     row: Option<u64>,
     /// The row of that seed without flaws
@@ -68,10 +67,7 @@ fn main() -> anyhow::Result<()> {
 }
 
 fn tally(name: &'static str, rows: u64, draw: fn(u64) -> RandomRow) -> anyhow::Result<Tally> {
-    let progress = ProgressBar::with_draw_target(Some(rows), ProgressDrawTarget::stderr_with_hz(4));
-    progress.set_style(ProgressStyle::with_template(
-        "{msg:16} {wide_bar} {pos}/{len}, {eta} left",
-    )?);
+    let progress = progress::bar(rows, "{msg:16} {wide_bar} {pos}/{len}, {eta} left")?;
     progress.set_message(name);
     let tally = Tally::over(0..rows, draw, &|| progress.inc(1));
     progress.finish_and_clear();
@@ -82,7 +78,7 @@ fn print_summary(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) {
     println!("{}", report::random_rows_markdown(clean, mixtures));
     if !mixtures.seeds.is_empty() {
         println!(
-            "the default rung was confidently wrong with seeds {:?} (--row SEED tells their story)",
+            "the default estimator was confidently wrong with seeds {:?} (--row SEED tells their story)",
             mixtures.seeds
         );
     }
@@ -90,9 +86,9 @@ fn print_summary(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) {
         println!("and of clean rows with seeds {:?}", clean.seeds);
     }
     println!("\n{} cases", catalogue.len());
-    for rung in Estimator::ALL {
-        let failures = catalogue.failures(rung);
-        println!("{}: {} failed", rung.name(), failures.len());
+    for estimator in Estimator::ALL {
+        let failures = catalogue.failures(estimator);
+        println!("{}: {} failed", estimator.name(), failures.len());
         for failure in failures {
             println!("    {failure}");
         }

@@ -180,9 +180,10 @@ fn sensor(departure: f64, seed: u64) -> DistortedOptics {
 
 fn table(cells: &[Vec<Vec<Cell>>]) -> String {
     let mut text = format!(
-        "RMS error of the curve over 0.60 to 1.02 m in micrometres, by the number of points and how well the distance of each is \
-         known; {SENSORS} simulated sensors a cell, each of its own geometry, fitted as `fit` does without options. In brackets how \
-         many of them, in per cent, it gave a table of residuals.\n"
+        "RMS error of the curve over 0.60 to 1.02 m in micrometres, by the number of points and how well the \
+         distance of each is known; {SENSORS} simulated sensors a cell, each of its own geometry, fitted as \
+         `fit` does without options. In brackets how many of them, in per cent, it gave a table of \
+         residuals.\n"
     );
     for (departure, cells) in DEPARTURES.iter().zip(cells) {
         text += &if *departure > 0.0 {

@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use clap::Parser;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lab::budget::{Budget, Plan};
+use lab::progress;
 use serde::Serialize;
 use simulator::scene::{Scene, file};
 use slitrange::centre::Estimator;
@@ -139,13 +139,8 @@ impl Options {
 
 /// With a bar on the terminal, as speckle takes a while.
 fn budget(scene: &Scene, estimator: Estimator, plan: &Plan) -> Result<Budget> {
-    let progress = ProgressBar::with_draw_target(
-        Some(Budget::runs(scene, plan)),
-        ProgressDrawTarget::stderr_with_hz(4),
-    );
-    progress.set_style(ProgressStyle::with_template(
-        "{wide_bar} {pos}/{len} realisations, {eta} left",
-    )?);
+    let template = "{wide_bar} {pos}/{len} realisations, {eta} left";
+    let progress = progress::bar(Budget::runs(scene, plan), template)?;
     let budget = Budget::of(scene, estimator, plan, &|| progress.inc(1));
     progress.finish_and_clear();
     budget
