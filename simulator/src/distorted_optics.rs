@@ -122,8 +122,8 @@ impl DistortedOptics {
     }
 }
 
-/// The largest residual in metres of the eq. (1) that fits points of centre and distance best: d = D + K / (x
-/// - xp), by the Gauss-Newton method on all three parameters.
+/// The largest residual in metres of the eq. (1) that fits points of centre and distance best, by the
+/// Gauss-Newton method on all three parameters: `d = D + K / (x - xp)`.
 fn largest_residual_of_eq1(points: &[(f64, f64)]) -> Option<f64> {
     // d x = D x + xp d + C with C = K - D xp is linear, which gives the start.
     let mut normal = (Matrix3::zeros(), Vector3::zeros());

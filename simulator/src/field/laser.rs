@@ -126,9 +126,9 @@ mod tests {
         assert_eq!(laser.beam(0.2).curvature, 0.0);
     }
 
-    /// Contrast of light from paths that are distributed exponentially with mean l, C^2 = sum w w' / (1 + (k
-    /// - k')^2 l^2), against that of the whole line, C^2 = sqrt(pi) q exp(q^2) erfc(q) with q = 1 / 2 l s (s
-    /// the wavenumber's deviation).
+    /// Contrast of light from paths that are distributed exponentially with mean l,
+    /// `C^2 = sum w w' / (1 + (k - k')^2 l^2)`, against that of the whole line,
+    /// `C^2 = sqrt(pi) q exp(q^2) erfc(q)` with `q = 1 / 2 l s` (s is the wavenumber's deviation).
     #[test]
     fn the_wavelengths_keep_the_contrast() {
         for (wavelengths, spreads) in [(5, 2.0), (9, 3.0)] {
