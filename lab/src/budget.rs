@@ -2,20 +2,15 @@
 //! effect is to blame for.
 //!
 //! What an effect is to blame for is found by leaving it out: its share is 1 - (RMS error without it)^2 /
-//! (RMS error)^2,
-//! of the readings that have a centre with it and without it. Effects that
-//! add independent errors have shares that add up to one; others have not, and an effect without which the
-//! error would be
+//! (RMS error)^2, of the readings that have a centre with it and without it. Effects that add independent
+//! errors have shares that add up to one; others have not, and an effect without which the error would be
 //! larger has a negative one.
 //!
 //! Some effects change from row to row (noise), others stay for as long as the target does (speckle, texture)
-//! or the sensor (fixed
-//! pattern, response). One row in many draws of the latter says as much as many rows of one draw do of the
-//! former, so readings
-//! are taken of many realisations of the scene: each has another seed, and the target up to half a pixel
-//! nearer or farther, and
-//! gives a few readings that lie apart in time. With an effect and without, all else is the same, down to the
-//! noise.
+//! or the sensor (fixed pattern, response). One row in many draws of the latter says as much as many rows of
+//! one draw do of the former, so readings are taken of many realisations of the scene: each has another seed,
+//! and the target up to half a pixel nearer or farther, and gives a few readings that lie apart in time. With
+//! an effect and without, all else is the same, down to the noise.
 
 use anyhow::{Context as _, Result, ensure};
 use rayon::prelude::*;
@@ -47,8 +42,7 @@ const LONGEST: f64 = 1e6;
 
 impl Plan {
     /// 400 rows, or 24 frames, over ten minutes, in which a sensor warms up; or over as much of them as it
-    /// takes the target to move by a
-    /// centimetre.
+    /// takes the target to move by a centimetre.
     pub fn of(scene: &Scene) -> Self {
         let (realisations, readings) = match scene.sensor {
             // Each realisation of speckle takes a tenth of a second.
@@ -159,8 +153,7 @@ impl Budget {
     }
 
     /// Runs the core over the scene, and over the scene without each of its effects in turn. `ran` is called
-    /// after each of
-    /// [`Budget::runs`].
+    /// after each of [`Budget::runs`].
     ///
     /// # Errors
     /// [`Plan::check`].
@@ -345,9 +338,8 @@ fn errors(realisations: &[Vec<Found>]) -> Errors {
 }
 
 /// The share of the squares, in pixels, of the readings that have a centre with the effect and without it:
-/// those that one of them
-/// makes faults of would tell which rows are left, and not what became of them. None where there are no such
-/// readings.
+/// those that one of them makes faults of would tell which rows are left, and not what became of them. None
+/// where there are no such readings.
 fn share(whole: &[Vec<Found>], without: &[Vec<Found>]) -> Option<Share> {
     // Of each realisation the sums of squares with and without.
     let sums: Vec<(f64, f64)> = (whole.iter().zip(without))
@@ -408,8 +400,8 @@ mod tests {
     }
 
     /// The errors of independent noises add as squares: all of the error is theirs, but for rounding's 1/12
-    /// of a count squared. And a
-    /// black level that does not drift costs nothing at all: the weights sum to zero.
+    /// of a count squared. And a black level that does not drift costs nothing at all: the weights sum to
+    /// zero.
     #[test]
     fn shares_of_independent_noises_add_up_to_one() {
         let budget = budget(&Scene::white_paper());
@@ -418,8 +410,8 @@ mod tests {
         println!("{} of {uncertainty}", shot.value + read.value);
         assert!(uncertainty < 0.15);
         assert!((shot.value + read.value - 1.0).abs() < 3.0 * uncertainty);
-        // What either leaves is near the Cramér-Rao bound for it: 1.10 and 1.095 of it for the default rung, +-0.035
-        // for 400 rows.
+        // What either leaves is near the Cramér-Rao bound for it: 1.10 and 1.095 of it for the default,
+        // +-0.035 for 400 rows.
         let spot = bound::Spot {
             width: 8.6,
             amplitude: 1750.0,

@@ -1,7 +1,9 @@
-//! What the programs of this package share: the paper's experiment, a scene's error budget, the blocks of
-//! Markdown pages that programs write, and the reference of the serial line.
+//! What the programs of this package share: the paper's experiment, a scene's error budget, tables, progress
+//! bars, the blocks of Markdown pages that programs write, and the reference of the serial line.
 
 pub mod budget;
 pub mod docs;
 pub mod paper;
+pub mod progress;
 pub mod serial_line;
+pub mod table;

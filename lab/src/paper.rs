@@ -1,6 +1,5 @@
 //! The paper's experiment (sections 3 and 4), simulated: a position table moves six materials past a laser,
-//! and a camera looks at the
-//! spot through a lens or through a slit.
+//! and a camera looks at the spot through a lens or through a slit.
 //!
 //! ```text
 //! surface, view -> light -> effects of the lens -> noise -> fit -> centre -> eq. (1) -> error
@@ -8,7 +7,7 @@
 //! ```
 //!
 //! The fit of eq. (1) is that of `slitrange calibrate fit` ([`slitrange_tool::fit::eq1`]). The slit's rows go
-//! through the core itself. Beside the paper's methods, the core's other rungs and other ways to combine
+//! through the core itself. Beside the paper's methods, the core's other estimators and other ways to combine
 //! rows run on the same captures ([`methods`]).
 
 pub mod apparatus;

@@ -14,11 +14,24 @@ use slitrange::row::Row;
 use slitrange::spot;
 
 /// For each material the slit's mean absolute error is within a factor of 1.5 of the paper's, with either
-/// fit; the fits differ by less
-/// than 15 %; and rows that weigh for speckle beat the paper's plain mean. 210 positions, 2 mm apart, which
-/// is about a speckle.
+/// fit; the fits differ by less than 15 %; and rows that weigh for speckle beat the paper's plain mean. 210
+/// positions, 2 mm apart, which is about a speckle.
 #[test]
+#[ignore = "all six materials take 54 s of processor time; .ci/run runs it"]
 fn the_slit_errs_as_the_papers_does_and_ours_errs_less() {
+    for material in 0..TABLE_1.len() {
+        check(material);
+    }
+}
+
+/// The same of one material.
+#[test]
+fn the_slit_errs_as_the_papers_does_on_brushed_metal() {
+    check(0);
+}
+
+fn check(material: usize) {
+    let paper = TABLE_1[material];
     let experiment = Experiment {
         stride: 80,
         seed: 1,
@@ -28,33 +41,32 @@ fn the_slit_errs_as_the_papers_does_and_ours_errs_less() {
         centre: CentreMethod::Rows(RowEstimator::Speckle, RowMean::Ends),
         calibration: Calibration::Eq1,
     };
-    for (material, paper) in TABLE_1.iter().enumerate() {
-        let outcome = experiment
-            .run(material, Aperture::Slit, &|| {})
-            .expect("an outcome");
-        let mae = |method: &Method| {
-            let judged = outcome
-                .judged
-                .iter()
-                .find(|judged| judged.method == *method);
-            judged.expect("every method is judged").mae * 1e6
-        };
-        let gaussian = mae(&Method::PAPERS_GAUSSIAN);
-        let fraunhofer = mae(&Method::PAPERS_FRAUNHOFER);
-        let [of_gaussian, of_fraunhofer] = [
-            gaussian / paper.gaussian.mae,
-            fraunhofer / paper.fraunhofer.mae,
-        ];
-        println!(
-            "{}: gaussian {gaussian:.0} um ({of_gaussian:.2} of the paper's), Fraunhofer {fraunhofer:.0} um ({of_fraunhofer:.2}), ours {:.0} um",
-            MATERIALS[material].name,
-            mae(&ours)
-        );
-        let within = 1.0 / 1.5..1.5;
-        assert!(within.contains(&of_gaussian) && within.contains(&of_fraunhofer));
-        assert!((fraunhofer / gaussian - 1.0).abs() < 0.15);
-        assert!(mae(&ours) < gaussian);
-    }
+    let outcome = experiment
+        .run(material, Aperture::Slit, &|| {})
+        .expect("an outcome");
+    let mae = |method: &Method| {
+        let judged = outcome
+            .judged
+            .iter()
+            .find(|judged| judged.method == *method);
+        judged.expect("every method is judged").mae * 1e6
+    };
+    let gaussian = mae(&Method::PAPERS_GAUSSIAN);
+    let fraunhofer = mae(&Method::PAPERS_FRAUNHOFER);
+    let [of_gaussian, of_fraunhofer] = [
+        gaussian / paper.gaussian.mae,
+        fraunhofer / paper.fraunhofer.mae,
+    ];
+    println!(
+        "{}: gaussian {gaussian:.0} um ({of_gaussian:.2} of the paper's), Fraunhofer {fraunhofer:.0} um \
+         ({of_fraunhofer:.2}), ours {:.0} um",
+        MATERIALS[material].name,
+        mae(&ours)
+    );
+    let within = 1.0 / 1.5..1.5;
+    assert!(within.contains(&of_gaussian) && within.contains(&of_fraunhofer));
+    assert!((fraunhofer / gaussian - 1.0).abs() < 0.15);
+    assert!(mae(&ours) < gaussian);
 }
 
 /// For laser spots of 1 and 2 mm a frame's error is the same within 15 % with a gaussian as with sinc^2: 120
@@ -90,9 +102,9 @@ fn gaussian_and_fraunhofer_are_alike_for_wide_spots() {
                         .collect();
                     let counts = quantise(&counts, 4095);
                     let row = Row::new(&counts, &[], 4095).expect("12 bits");
-                    let centre = |rung| {
+                    let centre = |estimator| {
                         let spot = spot::find(&row).ok()?;
-                        centre::centre(rung, &row, &spot, None, &geometry).ok()
+                        centre::centre(estimator, &row, &spot, None, &geometry).ok()
                     };
                     if let (Some(gaussian), Some(fraunhofer)) = (
                         centre(Estimator::GaussNewton),

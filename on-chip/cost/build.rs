@@ -1,4 +1,5 @@
-//! Tells the linker about the chip, as the firmware's build script does.
+//! Tells the linker about the chip, as the firmware's build script does. `answers-on-chip` has this script
+//! too.
 
 fn main() {
     println!("cargo::rerun-if-changed=../../memory.x");

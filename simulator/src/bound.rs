@@ -1,6 +1,5 @@
 //! The Cramér-Rao bound: the smallest standard deviation that any unbiased estimate of a spot's centre can
-//! have, when its
-//! amplitude, width and black level are unknown too.
+//! have, when its amplitude, width and black level are unknown too.
 
 use std::ops::RangeInclusive;
 
@@ -24,8 +23,7 @@ pub struct Spot {
 
 impl Spot {
     /// The bound in pixels for a spot whose centre is `phase` pixels off a pixel's centre, from pixels as far
-    /// as six
-    /// sigma: the inverse of the Fisher information of four parameters.
+    /// as six sigma: the inverse of the Fisher information of four parameters.
     pub fn bound_at(&self, phase: f64) -> f64 {
         let reach = self.reach();
         self.bound_from(phase, -reach..=reach)
@@ -89,8 +87,8 @@ impl Spot {
 /// seconds.
 ///
 /// It is that of a gaussian with read noise and its own shot noise. `None` where the scene lists an effect
-/// besides these that
-/// moves the spot, shapes it or adds noise; with speckle, say, the error is not bounded by noise.
+/// besides these that moves the spot, shapes it or adds noise; with speckle, say, the error is not bounded by
+/// noise.
 pub fn of_row(simulation: &Simulation, distance: f64, exposure: f64) -> Option<f64> {
     let scene = simulation.scene();
     let amplitude = scene.spot?.counts_per_second * exposure;
@@ -123,8 +121,8 @@ mod tests {
     use crate::scene::{Ambient, LaserSpot, Saturation, Scene};
 
     /// White paper has the bound of its gaussian; a laser spot of 1 mm widens it by its image, 0.25 mm
-    /// cos(theta) z / R (0.854 m,
-    /// cos 0.936): 13.7 um or 1.71 pixels in quadrature. What the bound does not know leaves none.
+    /// cos(theta) z / R (0.854 m, cos 0.936): 13.7 um or 1.71 pixels in quadrature. What the bound does not
+    /// know leaves none.
     #[test]
     fn a_scene_has_a_bound_where_it_is_noise_alone() {
         let of = |scene: Scene| of_row(&Simulation::new(scene), 0.8, 0.0057);
@@ -194,8 +192,8 @@ mod tests {
     }
 
     /// A spot far from the edge is whole; nearer, the figures of an independent computation (2000 counts, 5
-    /// electrons a count, noise of 2, at
-    /// a width of 10.5: 0.0214 whole, and 0.0229, 0.0393 and 0.141 at two, one and no widths).
+    /// electrons a count, noise of 2, at a width of 10.5: 0.0214 whole, and 0.0229, 0.0393 and 0.141 at two,
+    /// one and no widths).
     #[test]
     fn a_cut_spot_is_less_certain() {
         let spot = Spot {

@@ -1,6 +1,5 @@
 //! A geometry that eq. (1) does not describe: what lies between slit and sensor displaces the light as a lens
-//! does. A calibration
-//! has to find it from readings.
+//! does. A calibration has to find it from readings.
 
 use std::ops::RangeInclusive;
 
@@ -33,10 +32,8 @@ pub struct DistortedOptics {
 
 impl DistortedOptics {
     /// A geometry near the nominal one that nobody has been told, another one for each seed: baseline and
-    /// focal length are up to 1 %
-    /// off, the offset up to 5 mm, the angle a quarter to half a degree. It departs from the eq. (1) that
-    /// fits it best by `departure` metres
-    /// at most within [`RANGE`].
+    /// focal length are up to 1 % off, the offset up to 5 mm, the angle a quarter to half a degree. It
+    /// departs from the eq. (1) that fits it best by `departure` metres at most within [`RANGE`].
     ///
     /// # Errors
     /// No displacement of centres departs by as much: `departure` is not a small part of the range.
@@ -125,9 +122,8 @@ impl DistortedOptics {
     }
 }
 
-/// The largest residual in metres of the eq. (1) that fits points of centre and distance best: d = D + K / (x -
-/// xp), by the Gauss-Newton
-/// method on all three parameters.
+/// The largest residual in metres of the eq. (1) that fits points of centre and distance best, by the
+/// Gauss-Newton method on all three parameters: `d = D + K / (x - xp)`.
 fn largest_residual_of_eq1(points: &[(f64, f64)]) -> Option<f64> {
     // d x = D x + xp d + C with C = K - D xp is linear, which gives the start.
     let mut normal = (Matrix3::zeros(), Vector3::zeros());
@@ -237,8 +233,8 @@ mod tests {
     }
 
     /// The largest residual of the eq. (1) that fits points best, found in another way: for a given pole d =
-    /// D + K / (x - xp) is a straight
-    /// line, and the pole with the least sum of squares is found by golden section.
+    /// D + K / (x - xp) is a straight line, and the pole with the least sum of squares is found by golden
+    /// section.
     fn largest_residual_of_best(points: &[(f64, f64)]) -> f64 {
         let n = points.len() as f64;
         let mean = |value: &dyn Fn(f64, f64) -> f64| {
@@ -293,8 +289,7 @@ mod tests {
     }
 
     /// The nominal calibration is off by what a ruler shows; the spot is on the sensor with the whole window
-    /// (128 pixels) that is
-    /// fitted, and nowhere on it do two distances share a centre.
+    /// (128 pixels) that is fitted, and nowhere on it do two distances share a centre.
     #[test]
     fn an_unknown_geometry_is_not_the_nominal_one_and_within_sight() {
         let nominal = Optics::nominal();

@@ -2,30 +2,24 @@
 //! field.
 //!
 //! A laser beam falls on a rough surface at normal incidence, and the aperture looks at the spot from the
-//! side. Coordinates in
-//! metres: on the surface x along the baseline, towards the aperture, and y across; in the aperture u and v,
-//! and on the sensor X and
-//! Y, in the directions of x and y as seen along the line of sight; origins where the beam's axis and the
-//! line of sight run. The
-//! sensor is taken as square to the line of sight: that the chief ray leans by up to 6 degrees to the axis is
-//! left out.
+//! side. Coordinates in metres: on the surface x along the baseline, towards the aperture, and y across; in
+//! the aperture u and v, and on the sensor X and Y, in the directions of x and y as seen along the line of
+//! sight; origins where the beam's axis and the line of sight run. The sensor is taken as square to the line
+//! of sight: that the chief ray leans by up to 6 degrees to the axis is left out.
 //!
 //! The path from a scatterer (x, y) to (u, v), to second order (Fresnel's approximation), with the aperture R
-//! away under the angle
-//! theta to the beam:
+//! away under the angle theta to the beam:
 //!
 //! ```text
 //! R - x sin(theta) + ((u - x cos(theta))^2 + (v - y)^2) / 2R
 //! ```
 //!
 //! to which the beam's curved wavefront adds (x^2 + y^2) / 2 rho, and a scatterer in the material its extra
-//! path. As the path splits
-//! into a part with x and a part with y, so do all sums.
+//! path. As the path splits into a part with x and a part with y, so do all sums.
 //!
 //! Spectrum and wavelength: the phases that the roughness and the depth of the material scramble are those of
-//! each wavelength; the
-//! aperture's diffraction is that of the middle of the spectrum, as a line 1 nm wide changes its pattern by 0.15
-//! % of its width.
+//! each wavelength; the aperture's diffraction is that of the middle of the spectrum, as a line 1 nm wide
+//! changes its pattern by 0.15 % of its width.
 
 mod complex;
 mod fresnel;
@@ -92,8 +86,7 @@ pub struct Image {
     /// this view.
     pub light: Vec<f32>,
     /// That unit: the share of all light that passes the aperture, in the mean, that falls on a square metre
-    /// at the geometric
-    /// centre. Light times this is comparable between views through the same aperture.
+    /// at the geometric centre. Light times this is comparable between views through the same aperture.
     pub density: f64,
 }
 
@@ -109,10 +102,9 @@ impl Image {
     }
 
     /// An image of every `step`-th row of `rows` rows becomes one of all rows, by linear interpolation. Along
-    /// the slit the
-    /// pattern varies slowly, but for faint fringes of the slit's ends: with every fourth row the frame's
-    /// centre moves by 0.02
-    /// pixels. Rows after the last computed one repeat it; [`every`] gives the places to compute.
+    /// the slit the pattern varies slowly, but for faint fringes of the slit's ends: with every fourth row
+    /// the frame's centre moves by 0.02 pixels. Rows after the last computed one repeat it; [`every`] gives
+    /// the places to compute.
     pub fn with_rows_between(&self, step: usize, rows: usize) -> Self {
         let mut light = Vec::with_capacity(rows * self.columns);
         let last = self.rows() - 1;

@@ -1,6 +1,5 @@
 //! The reference: an unweighted four-parameter least-squares fit of a gaussian in f64 (the paper's eq. (5)
-//! with the black
-//! level), by the Levenberg-Marquardt method.
+//! with the black level), by the Levenberg-Marquardt method.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{Dyn, Matrix, OMatrix, OVector, Owned, U1, U4, Vector4};
@@ -36,9 +35,8 @@ impl Gaussian {
 const HALF_WINDOW: f64 = 4.0;
 
 /// Fits a gaussian to the spot of `row` that is highest near pixel `near`: first to what is within the half
-/// width at half
-/// maximum, and then to what lies within four sigma of the centre until that window rests. `None` where no
-/// fit is found.
+/// width at half maximum, and then to what lies within four sigma of the centre until that window rests.
+/// `None` where no fit is found.
 pub fn fit_near(row: &[f64], near: f64) -> Option<Gaussian> {
     // Spots of a pixel or of a hundred: the smoothed top's half height gives the start.
     let mut sorted = row.to_vec();
@@ -85,9 +83,8 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// Fits the pixels given, the first of which has number `first`, each with the weight that `weight` gives a
-/// pixel of a number under
-/// the gaussian that was found last: until the centre rests to a millionth of a pixel. `None` where no fit is
-/// found.
+/// pixel of a number under the gaussian that was found last: until the centre rests to a millionth of a
+/// pixel. `None` where no fit is found.
 pub fn fit_weighted(
     pixels: &[f64],
     first: usize,

@@ -1,10 +1,9 @@
 //! The world before the sensor, simulated: laser, slit or lens, surface and line sensor.
 //!
 //! A [`scene`] lists its effects, and each effect is a file with its physics and source. An effect that a
-//! scene does not list costs nothing and
-//! changes nothing. Beside the rows stands what they truly show: the Cramér-Rao [`bound`] (the smallest error
-//! that any unbiased method can have
-//! with the row's noise) and reference fits in f64 ([`least_squares`], [`sinc_fit`]).
+//! scene does not list costs nothing and changes nothing. Beside the rows stands what they truly show: the
+//! Cramér-Rao [`bound`] (the smallest error that any unbiased method can have with the row's noise) and
+//! reference fits in f64 ([`least_squares`], [`sinc_fit`]).
 
 pub mod bound;
 pub mod distorted_optics;

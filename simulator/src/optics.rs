@@ -1,6 +1,5 @@
 //! Eq. (1) of the paper as it stands there, with its trigonometry, in metres: the simulation's truth.
-//! Functions are libm's, which are
-//! the same on any machine.
+//! Functions are libm's, which are the same on any machine.
 
 use serde::{Deserialize, Serialize};
 

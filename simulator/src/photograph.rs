@@ -32,12 +32,14 @@ impl Photograph {
     /// # Errors
     ///
     /// It is no binary PGM, a number of its header is missing or out of range, it ends too early, or a pixel
-    /// is
-    /// brighter than the header allows.
+    /// is brighter than the header allows.
     pub fn parse(file: &[u8]) -> Result<Self> {
         let mut rest = file.strip_prefix(b"P5").with_context(|| {
             let start = String::from_utf8_lossy(&file[..file.len().min(2)]);
-            format!("it begins with {start:?} and a binary PGM with \"P5\": convert it with `magick in.png out.pgm`")
+            format!(
+                "it begins with {start:?} and a binary PGM with \"P5\": convert it with \
+                 `magick in.png out.pgm`"
+            )
         })?;
         let width = header_number(&mut rest, "width")?;
         let height = header_number(&mut rest, "height")?;
@@ -123,10 +125,8 @@ impl Photograph {
     }
 
     /// Row `y` as the TCD1304DG sees it, in counts before rounding: white is full scale, and the picture is
-    /// in the middle of the
-    /// light range. Beside it go on the noise and the level of its outermost 32 pixels. A picture wider than
-    /// the light range
-    /// loses its sides.
+    /// in the middle of the light range. Beside it go on the noise and the level of its outermost 32 pixels.
+    /// A picture wider than the light range loses its sides.
     ///
     /// Gives the light range, and the pixel on which the picture begins (negative where its side is lost).
     #[must_use]

@@ -42,8 +42,8 @@ impl Curve {
     }
 
     /// The same for light whose place is in any unit: the unit of the curve is the sigma, and its origin the
-    /// centre, of the
-    /// gaussian on a level that fits it best within four sigma. `scale` is that sigma, roughly.
+    /// centre, of the gaussian on a level that fits it best within four sigma. `scale` is that sigma,
+    /// roughly.
     pub fn in_widths(light: impl Fn(f64) -> f64, scale: f64) -> Self {
         const SAMPLES: f64 = 50.0;
         let middle = (12.0 * SAMPLES) as usize;
@@ -91,8 +91,7 @@ fn sinc(u: f64) -> f64 {
 }
 
 /// A gaussian with a tail to one side, as veiling glare or a surface that light enters makes: an exponential
-/// that falls to 1/e
-/// within a sigma, convolved with the gaussian. Its skewness is 0.71.
+/// that falls to 1/e within a sigma, convolved with the gaussian. Its skewness is 0.71.
 pub fn tailed() -> Curve {
     // With both lengths 1: exp(1/2 - x) erfc((1 - x)/sqrt 2), up to a factor.
     Curve::in_widths(
@@ -137,8 +136,7 @@ impl Slit {
     }
 
     /// The light at a place on the sensor, from the laser spot as incoherent points: the pattern of a point
-    /// is moved by
-    /// the point's place times to_sensor / to_spot.
+    /// is moved by the point's place times to_sensor / to_spot.
     pub fn light(&self, place: f64) -> f64 {
         // A gaussian beam's intensity has a standard deviation of a quarter of its 1/e^2 diameter.
         let blur = self.spot_diameter / 4.0 * self.to_sensor / self.to_spot;
@@ -157,8 +155,7 @@ impl Slit {
     }
 
     /// Fresnel's diffraction integral over the slit, squared: |int exp(i pi/lambda (u^2 (1/R + 1/z) - 2 u
-    /// x/z)) du|^2, u from
-    /// -w/2 to w/2, over w^2.
+    /// x/z)) du|^2, u from -w/2 to w/2, over w^2.
     fn light_of_point(&self, place: f64) -> f64 {
         let bent = PI / self.wavelength * (1.0 / self.to_spot + 1.0 / self.to_sensor);
         let tilted = TAU / self.wavelength * place / self.to_sensor;
@@ -262,8 +259,7 @@ mod tests {
     }
 
     /// On the axis the integral is C(v) + i S(v) with v = w/2 sqrt(2/lambda (1/R + 1/z)), over v: at v = 1
-    /// they are 0.779893 and
-    /// 0.438259 (Abramowitz and Stegun, table 7.7).
+    /// they are 0.779893 and 0.438259 (Abramowitz and Stegun, table 7.7).
     #[test]
     fn on_the_axis_it_is_the_fresnel_integrals() {
         let nominal = Slit::nominal(0.0);
@@ -281,8 +277,7 @@ mod tests {
     }
 
     /// The nominal geometry is no case for Fraunhofer: the first minimum, which would be zero at lambda z / w
-    /// = 162.5 um, is 4.5 % of
-    /// the peak at 164 um, by an independent integration on a grid of 5.86 um.
+    /// = 162.5 um, is 4.5 % of the peak at 164 um, by an independent integration on a grid of 5.86 um.
     #[test]
     fn the_first_minimum_does_not_reach_zero() {
         let point = Slit::nominal(0.0);

@@ -2,12 +2,10 @@
 //! matter.
 //!
 //! A scene is a value that lists its effects. An effect that is not listed is not computed: it costs no time
-//! and no memory,
-//! draws no random number, and changes no other (see [`random`]). The same scene gives the same rows in any
-//! order and on any
-//! number of threads, and on any machine: angles and exponentials are libm's, not the machine's. [`texture`]
-//! alone draws normal numbers
-//! whose rare far tails are made with the standard library's exp and ln.
+//! and no memory, draws no random number, and changes no other (see [`random`]). The same scene gives the
+//! same rows in any order and on any number of threads, and on any machine: angles and exponentials are
+//! libm's, not the machine's. [`texture`] alone draws normal numbers whose rare far tails are made with the
+//! standard library's exp and ln.
 //!
 //! Light is in counts of the converter, before noise and rounding; lengths are in metres unless they are said
 //! to be in pixels.
@@ -226,9 +224,8 @@ impl Scene {
     /// White paper in a dim room, on the TCD1304DG: no ambient light, no speckle.
     ///
     /// The spot is that of a 2 mm laser spot through a 200 um slit 50 mm from the sensor: sigma 69 um, 8.6
-    /// pixels of 8 um. Ten
-    /// electrons a count and four counts of noise are a TCD1304DG's 40 ke- full well and 0.6 mV noise of 0.6
-    /// V on 12 bits.
+    /// pixels of 8 um. Ten electrons a count and four counts of noise are a TCD1304DG's 40 ke- full well and
+    /// 0.6 mV noise of 0.6 V on 12 bits.
     pub fn white_paper() -> Self {
         Self {
             black_level: Some(BlackLevel::steady(300.0)),
@@ -258,10 +255,8 @@ impl Scene {
     }
 
     /// The pixels' outputs, light positive, in counts before rounding, for a target at `distance` metres,
-    /// after
-    /// `exposure` seconds: `geometry().words` values, in the order in which the words of the geometry are
-    /// read. `row`
-    /// counts the rows and selects the random numbers.
+    /// after `exposure` seconds: `geometry().words` values, in the order in which the words of the geometry
+    /// are read. `row` counts the rows and selects the random numbers.
     ///
     /// A scene of which many rows are wanted is prepared once: [`Simulation`].
     pub fn row(&self, row: u64, distance: f64, exposure: f64) -> Vec<f32> {

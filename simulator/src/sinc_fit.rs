@@ -1,6 +1,5 @@
 //! The reference for the diffraction pattern of a slit: an unweighted four-parameter least-squares fit of eq.
-//! (6), sinc^2 on a level,
-//! in f64, by the Levenberg-Marquardt method.
+//! (6), sinc^2 on a level, in f64, by the Levenberg-Marquardt method.
 
 use crate::least_squares::{Spot, fit_shape};
 

@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use answers_on_chip::answers::{MOST_WORDS, ROWS, Rungs};
+use answers_on_chip::answers::{Estimators, MOST_WORDS, ROWS};
 use answers_on_chip::mailbox::{self, Header};
 use host_tests::hard_cases;
 use rigless::soc::Width;
@@ -61,7 +61,7 @@ fn on_this_pc(questions: &[Question]) -> Vec<Vec<Answer>> {
     let mut rungs = None;
     let answers = questions.iter().map(|Question { header, light, .. }| {
         if header.first {
-            rungs = Some(Rungs::new(
+            rungs = Some(Estimators::new(
                 light.len(),
                 header.bits,
                 header.shot_variance_per_count_q16,

@@ -1,11 +1,12 @@
 //! The assembly.
 //!
 //! What holds for both inner products: LDM loads registers in the order of their numbers, so r2, r4, r5 and
-//! r8 are named, and so is the counter r3; the address that LDM moves on is an operand, which the compiler
-//! puts into none of them. SMLAD multiplies the low halves of two words and their high halves; the first of a
-//! pair is the low one, because this core is little-endian. The options: nothing but the two slices is read,
-//! and nothing written (`pure`, `readonly`), the stack is left alone (`nostack`), and the flags are not
-//! (SUBS, TST, ANDS, and Q where a sum wraps), so `preserves_flags` is not among them.
+//! r8 are named, and so is the counter r3. LDM also moves its address on; the compiler chooses the register
+//! of that address, and takes none of the named ones. SMLAD multiplies the low halves of two words and their
+//! high halves; the first of a pair is the low one, because this core is little-endian. The options: the
+//! assembly reads the two slices and nothing else (`readonly`), writes no memory and has no other effect
+//! (`pure`), and leaves the stack alone (`nostack`). It changes the flags (SUBS, TST, ANDS, and Q where a sum
+//! wraps), so `preserves_flags` is not among the options.
 
 use core::arch::asm;
 
@@ -18,16 +19,46 @@ const _: () = assert!(size_of::<Pair>() == 4 && align_of::<Pair>() == 4);
 #[cfg(has_dsp)]
 const _: () = assert!(size_of::<Pairs>() == 8 && align_of::<Pairs>() == 4);
 
+/// Four pairs of samples in one inner product.
+#[cfg(has_dsp)]
+macro_rules! four_pairs {
+    () => {
+        "ldm {weight}!, {{r2, r4, r5, r8}}
+        ldr {x}, [{sample}], #4
+        ldr {y}, [{sample}], #4
+        smlad {sum}, {x}, r2, {sum}
+        smlad {sum}, {y}, r4, {sum}
+        ldr {x}, [{sample}], #4
+        ldr {y}, [{sample}], #4
+        smlad {sum}, {x}, r5, {sum}
+        smlad {sum}, {y}, r8, {sum}"
+    };
+}
+
+/// Two pairs of samples in two inner products.
+#[cfg(has_dsp)]
+macro_rules! two_pairs {
+    () => {
+        "ldm {weight}!, {{r2, r4, r5, r8}}
+        ldr {x}, [{sample}], #4
+        ldr {y}, [{sample}], #4
+        smlad {first}, {x}, r2, {first}
+        smlad {second}, {x}, r4, {second}
+        smlad {first}, {y}, r5, {first}
+        smlad {second}, {y}, r8, {second}"
+    };
+}
+
 /// See [`crate::portable::dot`].
 #[cfg(has_dsp)]
 #[inline(always)]
 pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
     let pairs = (samples.len() / 2).min(weights.len());
     let sum: i32;
-    // SAFETY: 4 bytes are read `pairs` times from each slice, which both are long enough for; of none of them
-    // where it is empty. LDR takes any address of normal memory, as long as CCR.UNALIGN_TRP is clear, as it
-    // is from reset; samples are aligned to
-    // 2. LDM takes a multiple of 4, which `Pair` is aligned to. Nothing is written.
+    // SAFETY: 4 bytes are read `pairs` times from each slice, and both slices are that long; nothing is read
+    // if `pairs` is 0. LDR takes any address of normal memory, as long as CCR.UNALIGN_TRP is clear, as it is
+    // from reset; samples are aligned to 2 bytes. LDM takes a multiple of 4, which `Pair` is aligned to.
+    // Nothing is written.
     unsafe {
         asm!(
             // Eight pairs at a time, then four, then the rest.
@@ -35,39 +66,15 @@ pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
             "subs r3, #8",
             "blo 3f",
             "2:",
-            "ldm {weight}!, {{r2, r4, r5, r8}}",
-            "ldr {x}, [{sample}], #4",
-            "ldr {y}, [{sample}], #4",
-            "smlad {sum}, {x}, r2, {sum}",
-            "smlad {sum}, {y}, r4, {sum}",
-            "ldr {x}, [{sample}], #4",
-            "ldr {y}, [{sample}], #4",
-            "smlad {sum}, {x}, r5, {sum}",
-            "smlad {sum}, {y}, r8, {sum}",
-            "ldm {weight}!, {{r2, r4, r5, r8}}",
-            "ldr {x}, [{sample}], #4",
-            "ldr {y}, [{sample}], #4",
-            "smlad {sum}, {x}, r2, {sum}",
-            "smlad {sum}, {y}, r4, {sum}",
-            "ldr {x}, [{sample}], #4",
-            "ldr {y}, [{sample}], #4",
-            "smlad {sum}, {x}, r5, {sum}",
-            "smlad {sum}, {y}, r8, {sum}",
+            four_pairs!(),
+            four_pairs!(),
             "subs r3, #8",
             "bhs 2b",
             "3:",
             // What is left, less eight: its low bits are those of what is left.
             "tst r3, #4",
             "beq 4f",
-            "ldm {weight}!, {{r2, r4, r5, r8}}",
-            "ldr {x}, [{sample}], #4",
-            "ldr {y}, [{sample}], #4",
-            "smlad {sum}, {x}, r2, {sum}",
-            "smlad {sum}, {y}, r4, {sum}",
-            "ldr {x}, [{sample}], #4",
-            "ldr {y}, [{sample}], #4",
-            "smlad {sum}, {x}, r5, {sum}",
-            "smlad {sum}, {y}, r8, {sum}",
+            four_pairs!(),
             "4:",
             "ands r3, #3",
             "beq 6f",
@@ -100,8 +107,8 @@ pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
 pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
     let pairs = (samples.len() / 2).min(weights.len());
     let (first, second): (i32, i32);
-    // SAFETY: `pairs` times 4 bytes are read from the samples and 8 from the weights, which both are long
-    // enough for. Addresses are as in `dot`, and `Pairs` is aligned to 4. Nothing is written.
+    // SAFETY: `pairs` times 4 bytes are read from the samples and 8 from the weights, and both slices are
+    // that long. Addresses are as in `dot`, and `Pairs` is aligned to 4 bytes. Nothing is written.
     unsafe {
         asm!(
             // Eight pairs at a time, then four, then the rest.
@@ -110,54 +117,18 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
             "subs r3, #8",
             "blo 3f",
             "2:",
-            "ldm {weight}!, {{r2, r4, r5, r8}}",
-            "ldr {x}, [{sample}], #4",
-            "ldr {y}, [{sample}], #4",
-            "smlad {first}, {x}, r2, {first}",
-            "smlad {second}, {x}, r4, {second}",
-            "smlad {first}, {y}, r5, {first}",
-            "smlad {second}, {y}, r8, {second}",
-            "ldm {weight}!, {{r2, r4, r5, r8}}",
-            "ldr {x}, [{sample}], #4",
-            "ldr {y}, [{sample}], #4",
-            "smlad {first}, {x}, r2, {first}",
-            "smlad {second}, {x}, r4, {second}",
-            "smlad {first}, {y}, r5, {first}",
-            "smlad {second}, {y}, r8, {second}",
-            "ldm {weight}!, {{r2, r4, r5, r8}}",
-            "ldr {x}, [{sample}], #4",
-            "ldr {y}, [{sample}], #4",
-            "smlad {first}, {x}, r2, {first}",
-            "smlad {second}, {x}, r4, {second}",
-            "smlad {first}, {y}, r5, {first}",
-            "smlad {second}, {y}, r8, {second}",
-            "ldm {weight}!, {{r2, r4, r5, r8}}",
-            "ldr {x}, [{sample}], #4",
-            "ldr {y}, [{sample}], #4",
-            "smlad {first}, {x}, r2, {first}",
-            "smlad {second}, {x}, r4, {second}",
-            "smlad {first}, {y}, r5, {first}",
-            "smlad {second}, {y}, r8, {second}",
+            two_pairs!(),
+            two_pairs!(),
+            two_pairs!(),
+            two_pairs!(),
             "subs r3, #8",
             "bhs 2b",
             "3:",
             // What is left, less eight: its low bits are those of what is left.
             "tst r3, #4",
             "beq 4f",
-            "ldm {weight}!, {{r2, r4, r5, r8}}",
-            "ldr {x}, [{sample}], #4",
-            "ldr {y}, [{sample}], #4",
-            "smlad {first}, {x}, r2, {first}",
-            "smlad {second}, {x}, r4, {second}",
-            "smlad {first}, {y}, r5, {first}",
-            "smlad {second}, {y}, r8, {second}",
-            "ldm {weight}!, {{r2, r4, r5, r8}}",
-            "ldr {x}, [{sample}], #4",
-            "ldr {y}, [{sample}], #4",
-            "smlad {first}, {x}, r2, {first}",
-            "smlad {second}, {x}, r4, {second}",
-            "smlad {first}, {y}, r5, {first}",
-            "smlad {second}, {y}, r8, {second}",
+            two_pairs!(),
+            two_pairs!(),
             "4:",
             "ands r3, #3",
             "beq 6f",

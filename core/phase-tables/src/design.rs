@@ -5,8 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::Background;
 
 /// A spot's profile: (offset of a pixel's centre from the spot's, the spot's width), both in pixels, to the
-/// light that the
-/// pixel gathers, where a pixel at the peak of a very wide spot gathers 1.
+/// light that the pixel gathers, where a pixel at the peak of a very wide spot gathers 1.
 pub type Profile<'a> = &'a dyn Fn(f64, f64) -> f64;
 
 /// The gaussian of eq. (5), exp(-x^2 / (2 width^2)), integrated over the pixel.
@@ -18,8 +17,7 @@ pub fn gaussian(offset: f64, width: f64) -> f64 {
 }
 
 /// The diffraction pattern of a slit, eq. (6), sinc^2(x / (zero)), integrated over the pixel. Its first zero
-/// is at 2.66
-/// widths: the width is the sigma of the gaussian that fits the pattern best.
+/// is at 2.66 widths: the width is the sigma of the gaussian that fits the pattern best.
 pub fn slit(offset: f64, width: f64) -> f64 {
     /// First zero over the best gaussian's sigma.
     const ZERO: f64 = 2.66;
@@ -58,8 +56,8 @@ impl Shape {
     }
 
     /// A centre that is fewer pixels from its phase need not be looked at from a nearer one: half a phase,
-    /// and a tenth of that for
-    /// noise, or a tenth of the width, up to which score / slope is straight to 4e-6 of the width.
+    /// and a tenth of that for noise, or a tenth of the width, up to which score / slope is straight to 4e-6
+    /// of the width.
     pub fn nearest(&self) -> f64 {
         (0.55 / self.phases as f64).max(0.1 * self.width)
     }
@@ -98,14 +96,11 @@ pub struct Table {
     /// Response 1 to d(profile)/d(centre), 0 to the profile, to a constant and to d(profile)/d(width).
     pub score: Vec<DVector<f64>>,
     /// -d(score)/d(centre), less a part of the score where the profile is not symmetric. The score's response
-    /// is zero wherever a
-    /// spot is centred, so this one is that of the score to a shift, whatever the profile: score / slope is a
-    /// small distance
-    /// in pixels of any spot that is symmetric.
+    /// is zero wherever a spot is centred, so this one is that of the score to a shift, whatever the profile:
+    /// score / slope is a small distance in pixels of any spot that is symmetric.
     pub slope: Vec<DVector<f64>>,
     /// With q = score / slope, q - bend * q^3 = distance, over three quarters of a phase to either side; in
-    /// 1/pixels^2. The
-    /// score falls behind a larger distance, and its derivative three times as much.
+    /// 1/pixels^2. The score falls behind a larger distance, and its derivative three times as much.
     pub bend: f64,
     /// Response 1 to width * d(profile)/d(width), 0 to the profile, to a constant and to
     /// d(profile)/d(centre).
@@ -159,12 +154,10 @@ pub fn design(
 /// The score's and the stretch's weights for a spot anywhere in the window.
 ///
 /// With the Jacobian J = [d/d(centre), profile, 1, d/d(width)] and the noise's covariance V = diag(profile +
-/// r), they are
-/// rows of (J^T V^-1 J)^-1 J^T V^-1: the best linear unbiased estimates of a small shift and a small stretch,
-/// with amplitude
-/// and black level projected out. They are one Gauss-Newton step of a weighted four-parameter fit, taken in
-/// advance. On a
-/// tilted background the Jacobian has a fifth column, the pixels' places, and the tilt drops out too.
+/// r), they are rows of (J^T V^-1 J)^-1 J^T V^-1: the best linear unbiased estimates of a small shift and a
+/// small stretch, with amplitude and black level projected out. They are one Gauss-Newton step of a weighted
+/// four-parameter fit, taken in advance. On a tilted background the Jacobian has a fifth column, the pixels'
+/// places, and the tilt drops out too.
 fn weights(
     profile: Profile<'_>,
     shape: Shape,
@@ -180,8 +173,8 @@ fn weights(
     let places = DVector::from_fn(shape.taps(), |i, _| i as f64 - half_width - centre);
     let inverse_noise = g.zip_map(&places, |light, place| {
         // The window reaches as far to one side of the centre as to the other: its last pixels count in part.
-        // Otherwise light
-        // that is left there, and that the profile does not know of, would pull at the centre.
+        // Otherwise light that is left there, and that the profile does not know of, would pull at the
+        // centre.
         let inside = (half_width + 0.5 - place.abs()).clamp(0.0, 1.0);
         if noise_ratio.is_finite() {
             inside / (light + noise_ratio)
@@ -199,8 +192,7 @@ fn weights(
 }
 
 /// (J^T V^-1 J)^-1 J^T V^-1 with J's columns given and V^-1 diagonal. Columns are scaled to unit length
-/// first, which keeps
-/// the 4 x 4 system well conditioned.
+/// first, which keeps the 4 x 4 system well conditioned.
 fn best_linear_unbiased(
     columns: &[&DVector<f64>],
     inverse_noise: &DVector<f64>,
@@ -261,8 +253,8 @@ fn served(profile: Profile<'_>, shape: Shape, centre: f64, score: &DVector<f64>)
 }
 
 /// How much of the score is to be taken from its derivative. Where the profile is not symmetric the score is
-/// shift + s shift^2, and its
-/// derivative 1 + 2 s shift: s times the score less, it is score / shift. Least squares.
+/// shift + s shift^2, and its derivative 1 + 2 s shift: s times the score less, it is score / shift. Least
+/// squares.
 fn skew(spots: &[Shifted], score: &DVector<f64>, derivative: &DVector<f64>) -> f64 {
     let (mut product, mut square) = (0.0, 0.0);
     for spot in spots {

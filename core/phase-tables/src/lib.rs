@@ -1,20 +1,18 @@
 //! The design, in f64, of slitrange's phase tables: the integer weights with which the firmware finds the
-//! centre of a
-//! spot to a fraction of a pixel.
+//! centre of a spot to a fraction of a pixel.
 //!
 //! A table holds, for each of a few sub-pixel phases of the spot, three rows of weights. Their inner products
-//! with the
-//! counts around the spot are
+//! with the counts around the spot are
 //!
-//! * the **score**, which is zero where the spot is centred on the phase, and otherwise proportional to how far it is;
+//! * the **score**, which is zero where the spot is centred on the phase, and otherwise proportional to how
+//!   far it is;
 //! * the **slope** of the score, so that score / slope is the distance in pixels, whatever the amplitude;
 //! * the **stretch**, so that stretch / slope says how much wider the spot is than the table's width.
 //!
 //! Every row of weights sums to zero exactly, so the black level drops out bit for bit.
 //!
 //! [`set`] designs a set; [`design`] makes the weights, [`Table::quantise`] makes integers of them, and
-//! [`rust_source`] writes them for the
-//! firmware. The core's `centre::tables` is the reader.
+//! [`rust_source`] writes them for the firmware. The core's `centre::tables` is the reader.
 
 mod design;
 mod quantise;
@@ -32,16 +30,14 @@ pub struct Widths {
     /// Number of widths.
     pub count: usize,
     /// Sub-pixel phases in a width: the narrower the spot, the smaller the range in pixels over which score /
-    /// slope is nearly
-    /// straight.
+    /// slope is nearly straight.
     pub phases: f64,
 }
 
 /// Widths for the weights that serve every kind of noise: 0.79 to 11.66 pixels. Weights that are no kind's
-/// best lose or gain with
-/// the spot's width in first order; 4 % to either side is what 1.11 of the bound leaves, with what chance
-/// adds. Wider spots are summed in blocks of
-/// 2, 4, 8, 16 pixels; with five samples or more a sigma that costs less than half a per cent.
+/// best lose or gain with the spot's width in first order; 4 % to either side is what 1.11 of the bound
+/// leaves, with what chance adds. Wider spots are summed in blocks of 2, 4, 8, 16 pixels; with five samples
+/// or more a sigma that costs less than half a per cent.
 pub const FINE: Widths = Widths {
     narrowest: 0.79,
     ratio: 1.085,
@@ -50,8 +46,7 @@ pub const FINE: Widths = Widths {
 };
 
 /// Widths for weights that are the best for the noise they serve: 0.86 to 11.04 pixels. What they lose with
-/// the spot's width
-/// is of second order: at most 0.8 % within 9.5 % to either side.
+/// the spot's width is of second order: at most 0.8 % within 9.5 % to either side.
 pub const COARSE: Widths = Widths {
     narrowest: 0.86,
     ratio: 1.2,
@@ -80,8 +75,7 @@ pub enum Background {
 }
 
 /// One set for every row: in any mix of read noise and shot noise at most 1.08 and 1.09 of the bound, the
-/// minimax, where the
-/// width is right.
+/// minimax, where the width is right.
 pub const DEFAULT: Plan = Plan {
     noise_ratio: 0.23,
     background: Background::Level,
@@ -96,10 +90,8 @@ pub const LEAST_SQUARES: Plan = Plan {
 
 impl Plan {
     /// Half of the window in pixels for a width, with up to one more pixel for the phase: beyond 4 sigma a
-    /// window gains less
-    /// than 0.1 % in white noise. Where shot noise dominates the flanks weigh more, and a tilt is told apart
-    /// from a spot
-    /// that moved only by what lies beside it.
+    /// window gains less than 0.1 % in white noise. Where shot noise dominates the flanks weigh more, and a
+    /// tilt is told apart from a spot that moved only by what lies beside it.
     pub fn half_width(&self, width: f64) -> usize {
         let reach = match self.background {
             Background::Level if self.noise_ratio > 0.1 => 4.0,

@@ -12,8 +12,7 @@ use crate::design::{Shape, Table};
 pub const LARGEST_SAMPLE: i64 = 32_760;
 
 /// A table in 16-bit integers. Weights are stored phase after phase, `2 * half_width + 1` a phase and a zero
-/// to make them
-/// pairs.
+/// to make them pairs.
 #[derive(Clone, Debug)]
 pub struct IntegerTable {
     /// What the table is for.
@@ -154,10 +153,8 @@ fn make_sum_zero(rounded: &mut [i64], exact: &[f64]) {
 }
 
 /// Brings the response to a spot at the phase itself back to what it was, or there would be a bias in the
-/// score and a wrong scale
-/// in the slope: one unit is moved from a weight to another, which keeps the sum, as long as that helps. No
-/// weight is moved
-/// twice.
+/// score and a wrong scale in the slope: one unit is moved from a weight to another, which keeps the sum, as
+/// long as that helps. No weight is moved twice.
 fn restore_response(rounded: &mut [i64], exact: &[f64], profile: &DVector<f64>) {
     let mut free = vec![true; rounded.len()];
     loop {
@@ -190,9 +187,9 @@ pub fn rust_source(tables: &[IntegerTable]) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(
             source,
-            "Table {{ width: {:?}, half_width: {}, phases: {}, weights: &{:?}, stretch: &{:?}, nearest: {:?}, \
-             centre_per_ratio: {:?}, bend: {:?}, stretch_per_ratio: {:?}, height_per_slope: {:?}, variance_per_noise: {:?}, \
-             variance_per_height: {:?} }},",
+            "Table {{ width: {:?}, half_width: {}, phases: {}, weights: &{:?}, stretch: &{:?}, \
+             nearest: {:?}, centre_per_ratio: {:?}, bend: {:?}, stretch_per_ratio: {:?}, \
+             height_per_slope: {:?}, variance_per_noise: {:?}, variance_per_height: {:?} }},",
             table.shape.width as f32,
             table.shape.half_width,
             table.shape.phases,

@@ -44,8 +44,8 @@ pub const POSITIONS: usize = 16_800;
 pub const CAPTURES: usize = 5;
 
 /// The laser: 650 nm as in the paper. Chosen: a linewidth of a cheap multimode diode; a waist in the middle
-/// of the table, of the size that
-/// keeps the beam narrowest over it (0.42 to 0.59 mm between the 1/e^2 points).
+/// of the table, of the size that keeps the beam narrowest over it (0.42 to 0.59 mm between the 1/e^2
+/// points).
 pub const LASER: Laser = Laser {
     wavelength: 650e-9,
     linewidth: 1e-9,
@@ -66,8 +66,7 @@ pub const SLIT: SlitAperture = SlitAperture {
 };
 
 /// The lens. It is focused in the middle of the table (chosen), and its coma is chosen: a quarter of a wave
-/// at the edge of the pupil and
-/// of the field, where a lens is still called diffraction-limited.
+/// at the edge of the pupil and of the field, where a lens is still called diffraction-limited.
 pub fn lens() -> LensAperture {
     LensAperture {
         diameter: 0.05 / 12.0,
@@ -81,8 +80,7 @@ pub fn lens() -> LensAperture {
 }
 
 /// Tangent of u, the angle between the laser's beam and the camera's axis. Chosen: it puts the table's range
-/// in the middle of the
-/// sensor to within 66 pixels.
+/// in the middle of the sensor to within 66 pixels.
 pub const TAN_ANGLE: f64 = 2.6;
 
 /// Eq. (1) of the apparatus without aberrations.

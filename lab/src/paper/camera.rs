@@ -19,17 +19,15 @@ pub const ROWS: usize = 600;
 pub const FULL_SCALE: u16 = 4095;
 
 /// Electrons that make a count. The pixel is that of the IMX174, for which Point Grey's white paper "Sony
-/// Pregius global shutter CMOS
-/// imaging performance" (2015) gives 32,691 electrons at saturation by EMVA 1288: 8.0 of them a count, where
-/// 12 bits hold them all.
+/// Pregius global shutter CMOS imaging performance" (2015) gives 32,691 electrons at saturation by EMVA 1288:
+/// 8.0 of them a count, where 12 bits hold them all.
 pub const ELECTRONS_PER_COUNT: f64 = 8.0;
 
 /// Read noise in counts: 6.83 electrons, from the same source.
 pub const READ_NOISE: f64 = 6.83 / ELECTRONS_PER_COUNT;
 
 /// What an unlit pixel reads, in counts (the paper's black threshold). Chosen: the value that Sony's 12-bit
-/// sensors come with. No
-/// method depends on it, as long as noise does not reach zero.
+/// sensors come with. No method depends on it, as long as noise does not reach zero.
 pub const BLACK_LEVEL: f64 = 240.0;
 
 /// The mean peak of a data set's images in counts: a quarter of full scale, because the peaks of speckle are
@@ -73,10 +71,9 @@ impl Exposure {
     /// Exposes pixels to light, in counts above the black level.
     ///
     /// A pixel of n electrons has the variance n + read noise^2 and is taken for normal. The skewness of a
-    /// Poisson variable and a
-    /// normal one together is n/(n + 6.83^2)^1.5, which is at most 0.06 (n = 93): no mean of 50 electrons or
-    /// more, where one
-    /// usually takes a Poisson variable for normal, is needed beside such a read noise.
+    /// Poisson variable and a normal one together is n/(n + 6.83^2)^1.5, which is at most 0.06 (n = 93): no
+    /// mean of 50 electrons or more, where one usually takes a Poisson variable for normal, is needed beside
+    /// such a read noise.
     pub fn new(light: impl ExactSizeIterator<Item = f32>) -> Self {
         let mut exposure = Self {
             mean: Vec::with_capacity(light.len()),

@@ -31,8 +31,7 @@ pub struct DataSet {
 pub const JUDGED: u64 = 0;
 
 /// What every method found: for each capture its distance in metres, and for each method and capture the
-/// centre in pixels, which is
-/// not a number where there is none.
+/// centre in pixels, which is not a number where there is none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Centres {
     /// The captures' true distances.

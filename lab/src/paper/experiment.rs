@@ -32,8 +32,7 @@ pub struct Outcome {
     /// What the methods make of them.
     pub judged: Vec<Judged>,
     /// Every method's MAE in metres on the pieces of material that were trained on: by these, and not by the
-    /// piece that they are
-    /// judged on, the best is chosen.
+    /// piece that they are judged on, the best is chosen.
     pub trained: Vec<(Method, f64)>,
     /// The core beside the paper's fits in f64, for the slit.
     pub reference: Option<Difference>,
@@ -97,10 +96,8 @@ mod tests {
     use super::*;
 
     /// A small experiment is the same to the last bit on one thread and on two, and its figures are those of
-    /// a slit and a lens: the errors
-    /// are of speckle, so their mean lies between a tenth and the whole of what a pixel stands for, 176 to
-    /// 442 um, and fits in f64 find
-    /// the same centres.
+    /// a slit and a lens: the errors are of speckle, so their mean lies between a tenth and the whole of what
+    /// a pixel stands for, 176 to 442 um, and fits in f64 find the same centres.
     #[test]
     fn a_small_experiment_is_sane_and_the_same_on_any_number_of_threads() {
         let experiment = Experiment {

@@ -48,12 +48,10 @@ pub struct Flare {
 
 impl Flare {
     /// Chosen. A bare sensor reflects some 30 %, the flat band-pass filter in front of the lens some per
-    /// cent: 2 % of the light comes back.
-    /// A flat mirror in front of the lens sends it to the other side of the axis, magnification 1, and it
-    /// would be in focus
-    /// if the lens were focused at infinity. Focused at 0.86 m, the lens has an image distance of 47.2 mm for
-    /// light that comes back
-    /// (1/f + 1/R) in place of 53.1 mm: at f/12, a disc of 6 mm/12.7, 0.24 mm in radius.
+    /// cent: 2 % of the light comes back. A flat mirror in front of the lens sends it to the other side of
+    /// the axis, magnification 1, and it would be in focus if the lens were focused at infinity. Focused at
+    /// 0.86 m, the lens has an image distance of 47.2 mm for light that comes back (1/f + 1/R) in place of
+    /// 53.1 mm: at f/12, a disc of 6 mm/12.7, 0.24 mm in radius.
     pub const CHOSEN: Self = Self {
         ghost: Ghost {
             share: 0.02,

@@ -9,8 +9,8 @@ use crate::paper::plane_gaussian::PlaneGaussian;
 use simulator::field::{Image, Scattering, Surface, View, lens_image, lens_mean};
 
 /// Pixels to either side of the image that is simulated, around the spot. The spot is 5 to 15 pixels wide;
-/// what lies further
-/// out is too dark to move a fit of its core. The ghost and the veil reach beyond, and are cut.
+/// what lies further out is too dark to move a fit of its core. The ghost and the veil reach beyond, and are
+/// cut.
 pub const SIZE: usize = 64;
 
 /// The row on the optical axis.
@@ -72,8 +72,7 @@ pub fn image(surface: &Surface, view: &View) -> anyhow::Result<(Image, usize)> {
 }
 
 /// The centre of the gaussian that fits the mean image of all surfaces best, in pixels: what defocus, coma,
-/// distortion and flare
-/// leave where there is neither speckle nor noise. `None` where no gaussian fits.
+/// distortion and flare leave where there is neither speckle nor noise. `None` where no gaussian fits.
 pub fn centre_without_speckle(distance: f64, flare: Option<&Flare>) -> Option<f64> {
     let window = Window::around(distance);
     let [columns, rows] = window.places();
@@ -115,8 +114,7 @@ pub fn centres(counts: &[u16]) -> Vec<f64> {
 }
 
 /// The paper's way: the black level is taken off, and what is below is zero. From the 960,000 pixels beside
-/// the spot, the level is
-/// known to a thousandth of a count.
+/// the spot, the level is known to a thousandth of a count.
 fn without_black(counts: &[u16]) -> Vec<f32> {
     counts
         .iter()
@@ -128,10 +126,8 @@ fn without_black(counts: &[u16]) -> Vec<f32> {
 const REGION: f64 = 320.0;
 
 /// The centroid, eq. (2), of the mean light of all surfaces in the paper's region, in pixels: what flare
-/// makes of it. The region reaches
-/// so far that the ghost and the veil count with all their light and all their distance, where a fit of the
-/// spot's core hardly sees
-/// them.
+/// makes of it. The region reaches so far that the ghost and the veil count with all their light and all
+/// their distance, where a fit of the spot's core hardly sees them.
 pub fn centroid_without_speckle(distance: f64, flare: &Flare) -> f64 {
     let spot = apparatus::centre(Aperture::Lens, distance);
     let ghost = AXIS - flare.ghost.magnification * (spot - AXIS);
@@ -163,8 +159,7 @@ mod tests {
     use rayon::prelude::*;
 
     /// A ghost that is wholly in the region draws the centroid towards itself by its share: share / (1 +
-    /// share) of the way. One that is
-    /// outside does nothing.
+    /// share) of the way. One that is outside does nothing.
     #[test]
     fn a_ghost_draws_the_centroid_while_it_is_in_the_region() {
         let flare = Flare {
@@ -198,8 +193,8 @@ mod tests {
     }
 
     /// Where there is no speckle, distortion, defocus and coma leave what eq. (1) cannot follow: a cubic,
-    /// which is largest at the ends of the
-    /// table. Flare moves a least-squares fit by less than a hundredth of that.
+    /// which is largest at the ends of the table. Flare moves a least-squares fit by less than a hundredth of
+    /// that.
     #[test]
     fn the_lens_errs_at_the_ends() {
         let distances = [0.6, 0.68, 0.77, 0.81, 0.9, 0.96, 1.02];

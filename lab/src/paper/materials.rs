@@ -1,6 +1,5 @@
 //! The paper's six materials. Every number here is chosen: the paper names the materials and gives none of
-//! their properties. Each is a
-//! property of the surface alone, the same for the lens and the slit.
+//! their properties. Each is a property of the surface alone, the same for the lens and the slit.
 //!
 //! How much light a material reflects does not matter: each data set is exposed so that its mean peak is a
 //! quarter of full scale.
@@ -14,9 +13,8 @@ pub struct Material {
     /// The paper's name for it.
     pub name: &'static str,
     /// How many independent speckle patterns its light is made of, 1 or 2: a metal or a gloss keeps the
-    /// laser's polarisation,
-    /// light that was in paper, wood or fabric has lost it (J. W. Goodman, Speckle Phenomena in Optics
-    /// (2007), section 4.4).
+    /// laser's polarisation, light that was in paper, wood or fabric has lost it (J. W. Goodman, Speckle
+    /// Phenomena in Optics (2007), section 4.4).
     pub polarisations: usize,
     /// Mean extra path of light in the material, in metres: volume scattering.
     pub path_spread: f64,

@@ -6,16 +6,16 @@ use crate::paper::row_mean::RowMean;
 /// How the centre of a row of the slit's image is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowEstimator {
-    /// The paper's: least squares of a gaussian, all pixels alike. The core's rung `gauss-newton`, told of no
-    /// shot noise.
+    /// The paper's: least squares of a gaussian, all pixels alike. The core's `gauss-newton`, told of no shot
+    /// noise.
     Gaussian,
-    /// The paper's: Fraunhofer's pattern, sinc^2. The core's rung `fraunhofer`.
+    /// The paper's: Fraunhofer's pattern, sinc^2. The core's `fraunhofer`.
     Fraunhofer,
-    /// The core's default rung.
+    /// The core's `phase-table`, the default.
     PhaseTable,
-    /// The core's rung of that name.
+    /// The core's `adaptive`.
     Adaptive,
-    /// The default rung's score with tables of the profile that the sensor's own rows have.
+    /// The score of `phase-table` with tables of the profile that the sensor's own rows have.
     MeasuredProfile,
     /// The score with one table that is made for speckle:
     /// [`slit_path::speckle_table`](crate::paper::slit_path::speckle_table).

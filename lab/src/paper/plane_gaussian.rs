@@ -2,11 +2,9 @@
 //! f64.
 //!
 //! A exp(-|r|^2) with r = S^-1 (x - mu, y - mu'). Only S^-T S^-1 can be told from an image, which is
-//! symmetric: of the paper's four
-//! terms of S three are independent. So |r|^2 = a u^2 + 2 b u v + c v^2 with u = x - mu and v = y - mu' is
-//! fitted in a, b and c, whose
-//! derivatives are the simplest. The paper's method (L-BFGS-B) and this one (Levenberg-Marquardt) end in the
-//! same minimum.
+//! symmetric: of the paper's four terms of S three are independent. So |r|^2 = a u^2 + 2 b u v + c v^2 with u
+//! = x - mu and v = y - mu' is fitted in a, b and c, whose derivatives are the simplest. The paper's method
+//! (L-BFGS-B) and this one (Levenberg-Marquardt) end in the same minimum.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -33,8 +31,7 @@ type Vector = SVector<f64, UNKNOWNS>;
 const MAX_STEPS: usize = 60;
 
 /// The fit rests where a step promises less than this share of the sum of squares. By then the centre is
-/// within 1e-4 of its
-/// standard uncertainty over the square root of the pixels.
+/// within 1e-4 of its standard uncertainty over the square root of the pixels.
 const RESTS: f64 = 1e-9;
 
 /// Beyond exp(-40) a pixel tells nothing: 4e-18 of the height.
@@ -278,9 +275,8 @@ mod tests {
     }
 
     /// The scatter in white noise is that of the Cramér-Rao bound: the covariance of x alone, because the
-    /// centre's derivatives are
-    /// odd and all others even, (sum of (dg/dx)^2)^-1 noise^2 with A^2 pi/2 for that sum where a = c = 1/(2
-    /// s^2) and b = 0.
+    /// centre's derivatives are odd and all others even, (sum of (dg/dx)^2)^-1 noise^2 with A^2 pi/2 for that
+    /// sum where a = c = 1/(2 s^2) and b = 0.
     #[test]
     fn reaches_the_bound() {
         const FITS: usize = 600;

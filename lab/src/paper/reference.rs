@@ -14,11 +14,10 @@ use simulator::sinc_fit::{self, Sinc};
 /// Root mean squares over frames of the plain mean of rows, core less reference, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Difference {
-    /// The rung `gauss-newton` with equal weights, less [`least_squares::fit_near`].
+    /// `gauss-newton` with equal weights, less [`least_squares::fit_near`].
     pub gaussian: f64,
-    /// The rung `fraunhofer`, less [`sinc_fit::fit_from`]. The rung's weights are made for a mix of read and
-    /// shot noise, the reference
-    /// weighs all pixels alike: in noise they are both right, in speckle they differ.
+    /// `fraunhofer`, less [`sinc_fit::fit_from`]. The estimator's weights are made for a mix of read and shot
+    /// noise, the reference weighs all pixels alike: in noise they are both right, in speckle they differ.
     pub fraunhofer: f64,
     /// Frames compared.
     pub frames: usize,
@@ -71,8 +70,7 @@ fn reference(counts: &[u16]) -> (Vec<RowFit>, Vec<RowFit>) {
     for row in counts.as_chunks::<COLUMNS>().0 {
         let row: Vec<f64> = row.iter().map(|&count| f64::from(count)).collect();
         // Rows that the core calls too dim have a centre that is uncertain by an eighth of the width. For the
-        // reference: a height of
-        // ten times the noise.
+        // reference: a height of ten times the noise.
         let Some(top) = brightest(&row) else { continue };
         let Some(fit) = least_squares::fit_near(&row, top) else {
             continue;

@@ -17,8 +17,8 @@ pub enum RowMean {
     /// The plain mean, as in the paper.
     Plain,
     /// Rows weigh by the spot's height. In speckle, a row's centre is off by the gradient of the field's
-    /// phase across the slit, whose
-    /// variance goes as one over the intensity: by the weight's inverse. In shot noise it does too.
+    /// phase across the slit, whose variance goes as one over the intensity: by the weight's inverse. In shot
+    /// noise it does too.
     Weighted,
     /// The same with Tukey's biweight: rows far from the others count less, and beyond 4.7 standard
     /// deviations not at all.
@@ -34,19 +34,17 @@ const MORE_AT_ENDS: f64 = 4.0;
 /// The weight of a place from -1 to 1 along the slit.
 ///
 /// Rows that lie within a speckle of each other have the same error, so a row in the middle says what its
-/// neighbours on both sides
-/// say, and one at the end what those on one side do. The best linear estimate of the mean of such a process,
-/// C^-1 1, gives its
-/// ends several times the weight of its middle (U. Grenander, Ann. Math. Stat. 25, 252 (1954)). With speckles
-/// a third of the slit
-/// long, 1 + 4 y^4 with the root of the height comes as near to it as solving for the weights of each frame
-/// does, to 3 %
-/// (of 1000 simulated frames each of metal, paper and tape, none of them those that are judged).
+/// neighbours on both sides say, and one at the end what those on one side do. The best linear estimate of
+/// the mean of such a process, C^-1 1, gives its ends several times the weight of its middle (U. Grenander,
+/// Ann. Math. Stat. 25, 252 (1954)). With speckles a third of the slit long, 1 + 4 y^4 with the root of the
+/// height comes as near to it as solving for the weights of each frame does, to 3 % (of 1000 simulated frames
+/// each of metal, paper and tape, none of them those that are judged).
 fn towards_the_ends(place: f64) -> f64 {
     1.0 + MORE_AT_ENDS * place.powi(4)
 }
 
-/// Tukey's constant, in standard deviations: 95 % as good as the mean where errors are normal (J. Tukey, 1977).
+/// Tukey's constant, in standard deviations: 95 % as good as the mean where errors are normal (J. Tukey,
+/// 1977).
 const REACH: f64 = 4.685;
 
 /// A standard deviation over the median of absolute deviations, for a normal distribution.

@@ -14,16 +14,13 @@ use crate::paper::row_mean::{RowFit, RowMean};
 use simulator::field::{Image, Surface, View, every, slit_image};
 
 /// Pixels of a row that are simulated, around the spot. The spot's sigma is 10 to 13 pixels and its side
-/// lobes end at some 60: more
-/// than half of them are background, from which the core tells level and noise (medians over blocks), and 10
-/// sigma to
-/// either side are more than any estimator looks at. The other 1664 would only tell the noise better:
-/// with 384 columns the mean errors change by 1 % (`robust`: 2 %).
+/// lobes end at some 60: more than half of them are background, from which the core tells level and noise
+/// (medians over blocks), and 10 sigma to either side are more than any estimator looks at. The other 1664
+/// would only tell the noise better: with 384 columns the mean errors change by 1 % (`robust`: 2 %).
 pub const COLUMNS: usize = 256;
 
 /// The light is computed on every so many rows, and interpolated between them: the speckle of a spot of half
-/// a millimetre is some
-/// 150 rows high. On every row, the mean errors change by 0.4 %.
+/// a millimetre is some 150 rows high. On every row, the mean errors change by 0.4 %.
 const ROW_STEP: usize = 4;
 
 /// Tables that the core does not have.
@@ -38,14 +35,11 @@ pub struct RowTables<'a> {
 /// A table whose score is nearly blind to half of what speckle does to a row.
 ///
 /// Over a slit much narrower than a speckle, the field is E0 + E1 u. The imaginary part of E1 / E0 is a tilt
-/// of the wave; it moves
-/// the pattern as a move of the spot does, and no look at a row tells the two apart. The real part is a
-/// taper: one side of the slit is
-/// brighter. That does not move Fraunhofer's pattern, but it does Fresnel's: with the wave's curvature at a
-/// Fresnel number of a third
-/// it adds a broad odd pattern, which over the spot's core is almost a slope. A least-squares fit of a
-/// gaussian moves by 0.44 of what
-/// the same tilt would move it by; a fit of the core on a background of any slope by 0.19.
+/// of the wave; it moves the pattern as a move of the spot does, and no look at a row tells the two apart.
+/// The real part is a taper: one side of the slit is brighter. That does not move Fraunhofer's pattern, but
+/// it does Fresnel's: with the wave's curvature at a Fresnel number of a third it adds a broad odd pattern,
+/// which over the spot's core is almost a slope. A least-squares fit of a gaussian moves by 0.44 of what the
+/// same tilt would move it by; a fit of the core on a background of any slope by 0.19.
 pub fn speckle_table() -> IntegerTable {
     // Three quarters of the spot's width, and 2.5 of those to either side.
     let shape = Shape {
@@ -83,8 +77,7 @@ pub fn density(surface: &Surface, view: &View) -> anyhow::Result<f64> {
 
 /// The centres of a capture, by every method: a value for each of
 /// [`CentreMethod::all`](crate::paper::methods::CentreMethod::all), in pixels from the image's first column,
-/// not a number where there is
-/// none.
+/// not a number where there is none.
 pub fn centres(counts: &[u16], tables: &RowTables<'_>) -> Vec<f64> {
     fit_rows(counts, tables)
         .iter()
@@ -93,8 +86,7 @@ pub fn centres(counts: &[u16], tables: &RowTables<'_>) -> Vec<f64> {
 }
 
 /// The rows of a capture that have a centre, for each estimator. As the core's pipeline does, a row is
-/// searched near the spot of the
-/// row before; the estimators share that search.
+/// searched near the spot of the row before; the estimators share that search.
 pub fn fit_rows(counts: &[u16], tables: &RowTables<'_>) -> [Vec<RowFit>; RowEstimator::ALL.len()] {
     let known = camera::geometry(COLUMNS, ShotNoise::Known);
     let ignored = camera::geometry(COLUMNS, ShotNoise::Ignored);
@@ -139,21 +131,14 @@ fn centre_of(
     geometry: &Geometry,
     tables: &RowTables<'_>,
 ) -> Result<RowCentre, Fault> {
-    let rung = |rung| centre(rung, row, spot, before, geometry);
+    let core = |estimator| centre(estimator, row, spot, before, geometry);
     let with = |tables| phase_table::centre(row, spot, before, geometry, tables, Sampling::Fine);
     match estimator {
-        RowEstimator::Gaussian => rung(Estimator::GaussNewton),
-        RowEstimator::Fraunhofer => rung(Estimator::Fraunhofer),
-        RowEstimator::PhaseTable => rung(Estimator::PhaseTable),
-        RowEstimator::Adaptive => rung(Estimator::Adaptive),
-        RowEstimator::MeasuredProfile => tables.measured.map_or_else(
-            || {
-                Err(Fault::NoSpot {
-                    amplitude: spot.height,
-                })
-            },
-            with,
-        ),
+        RowEstimator::Gaussian => core(Estimator::GaussNewton),
+        RowEstimator::Fraunhofer => core(Estimator::Fraunhofer),
+        RowEstimator::PhaseTable => core(Estimator::PhaseTable),
+        RowEstimator::Adaptive => core(Estimator::Adaptive),
+        RowEstimator::MeasuredProfile => tables.measured.map_or(Err(spot.no_spot()), with),
         RowEstimator::Speckle => with(tables.speckle),
     }
 }
@@ -165,10 +150,8 @@ mod tests {
     use std::f64::consts::TAU;
 
     /// Derivatives of the pattern of a point, R away, by a taper and by a tilt of the field across the slit:
-    /// at pixels from -`reach` to
-    /// `reach`, in any unit that both share. With S = int exp(i phase) du and S1 = int u exp(i phase) du they
-    /// are 2 Re(S* S1) and
-    /// 2 Re(i S* S1).
+    /// at pixels from -`reach` to `reach`, in any unit that both share. With S = int exp(i phase) du and S1 =
+    /// int u exp(i phase) du they are 2 Re(S* S1) and 2 Re(i S* S1).
     fn by_taper_and_tilt(range: f64, reach: i32) -> Vec<[f64; 2]> {
         const STEPS: i32 = 2000;
         let wave = TAU / LASER.wavelength;

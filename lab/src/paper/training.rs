@@ -1,6 +1,5 @@
 //! What a sensor's maker measures before: the profile of its rows, and the residuals of eq. (1). On other
-//! pieces of the material than the
-//! one that is judged.
+//! pieces of the material than the one that is judged.
 
 use anyhow::Context as _;
 use phase_tables::{DEFAULT, FINE, IntegerTable, Plan, Widths};
@@ -124,8 +123,7 @@ pub fn measured_tables(set: &DataSet) -> anyhow::Result<Vec<IntegerTable>> {
     anyhow::ensure!(!rows.is_empty(), "no row of a training set has a centre");
     let profile = MeasuredProfile::of(&rows);
     // The default's widths, from a third below the measured one to a third above, in samples of two pixels:
-    // the core's windows
-    // have no room for as many pixels.
+    // the core's windows have no room for as many pixels.
     let steps = 4;
     let plan = Plan {
         widths: Widths {

@@ -1,6 +1,5 @@
-//! Every rung is asked for a row's centre: alone, with the look that follows it, and as the whole measurement
-//! that turns rows
-//! into readings.
+//! Every estimator is asked for a row's centre: alone, with the look that follows it, and as the whole
+//! measurement that turns rows into readings.
 
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
@@ -19,16 +18,16 @@ use slitrange::units::{Micrometres, Pixels};
 /// Rows that make a reading.
 pub const ROWS: u16 = 2;
 
-/// The most words that a row is answered with: for each rung two centres or faults, and a reading.
+/// The most words that a row is answered with: for each estimator two centres or faults, and a reading.
 pub const MOST_WORDS: usize = Estimator::ALL.len() * (2 * 8 + 14);
 
-/// A measurement for each rung, with the row before in it.
-pub struct Rungs {
+/// A measurement for each estimator, with the row before in it.
+pub struct Estimators {
     geometry: Geometry,
     measurements: [Measurement; Estimator::ALL.len()],
 }
 
-impl Rungs {
+impl Estimators {
     /// For rows of so many pixels that see light, of a converter of so many bits.
     pub fn new(pixels: usize, bits: u8, shot_variance_per_count_q16: u16) -> Self {
         let geometry = Geometry {
@@ -55,18 +54,20 @@ impl Rungs {
         }
     }
 
-    /// Asks every rung, in the order of [`Estimator::ALL`], and says its words.
+    /// Asks every estimator, in the order of [`Estimator::ALL`], and says its words.
     pub fn ask(&mut self, light: &mut [u16], mut say: impl FnMut(Estimator, u32)) {
         let calibration = every_centre();
-        for (rung, measurement) in Estimator::ALL.into_iter().zip(&mut self.measurements) {
-            let mut say = |word| say(rung, word);
+        for (estimator, measurement) in Estimator::ALL.into_iter().zip(&mut self.measurements) {
+            let mut say = |word| say(estimator, word);
             let found = self.geometry.row(light).map_err(|_| Fault::SensorSilent);
             let found = found.and_then(|row| Ok((row, spot::find(&row)?)));
-            let alone = found
-                .and_then(|(row, spot)| centre::centre(rung, &row, &spot, None, &self.geometry));
+            let alone = found.and_then(|(row, spot)| {
+                centre::centre(estimator, &row, &spot, None, &self.geometry)
+            });
             say_centre(alone, &mut say);
-            let looked_at = found
-                .and_then(|(row, spot)| check::centre(rung, &row, &spot, None, &self.geometry));
+            let looked_at = found.and_then(|(row, spot)| {
+                check::centre(estimator, &row, &spot, None, &self.geometry)
+            });
             say_centre(looked_at, &mut say);
             if let Some(result) = measurement.row(light) {
                 let result = result.and_then(|measured| measured.reading(calibration.as_ref()));

@@ -4,7 +4,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use slitrange::row::MAX_PIXELS;
 
-use crate::answers::Rungs;
+use crate::answers::Estimators;
 
 /// Words of the rows: each as two words of its [`Header`] and a word for two pixels; and a word of 0 after
 /// the last one.
@@ -68,7 +68,7 @@ pub fn answer(rows: &[AtomicU32], answers: &[AtomicU32]) {
             place.store(word, Ordering::Relaxed);
         }
     };
-    let mut rungs = None;
+    let mut estimators = None;
     let mut buffer = [0u16; MAX_PIXELS];
     while let (Some(first @ 1..), Some(second)) = (words.next(), words.next()) {
         let header = Header::from_words([first, second]);
@@ -81,15 +81,15 @@ pub fn answer(rows: &[AtomicU32], answers: &[AtomicU32]) {
                 *pixel = half as u16;
             }
         }
-        let rungs = match &mut rungs {
-            Some(rungs) if !header.first => rungs,
-            rungs => rungs.insert(Rungs::new(
+        let estimators = match &mut estimators {
+            Some(estimators) if !header.first => estimators,
+            estimators => estimators.insert(Estimators::new(
                 light.len(),
                 header.bits,
                 header.shot_variance_per_count_q16,
             )),
         };
-        rungs.ask(light, &mut say);
+        estimators.ask(light, &mut say);
     }
     if let Some(count) = answers.first() {
         count.store(said as u32, Ordering::Relaxed);

@@ -4,8 +4,8 @@ pub mod board;
 pub mod counter;
 pub mod distances;
 pub mod kernels;
+pub mod methods;
 pub mod peers;
-pub mod rungs;
 pub mod steps;
 
 // Linked for what they define: where the log goes, and what a panic does.

@@ -13,7 +13,7 @@ mod chip;
 fn main() -> ! {
     chip::board::init();
     chip::counter::check();
-    chip::rungs::measure();
+    chip::methods::measure();
     chip::steps::measure();
     chip::distances::measure();
     chip::peers::measure();
@@ -25,8 +25,8 @@ fn main() -> ! {
 #[cfg(not(target_os = "none"))]
 fn main() -> std::process::ExitCode {
     eprintln!(
-        "This counts cycles on a NUCLEO-F429ZI: `cargo cost --board` flashes and runs it. `cargo cost` runs it on an"
+        "This counts cycles on a NUCLEO-F429ZI: `cargo cost --board` flashes and runs it.\n\
+         `cargo cost` runs it on an emulated board, without the hardware."
     );
-    eprintln!("emulated board, without the hardware.");
     std::process::ExitCode::FAILURE
 }

@@ -8,7 +8,8 @@ use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::Spot;
 
-use crate::baselines::{parabola, zero_crossing};
+use crate::baselines::parabola::{self, Scale};
+use crate::baselines::zero_crossing;
 
 /// A way to find a row's centre.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,8 +82,8 @@ pub fn centre(
 ) -> Result<RowCentre, Fault> {
     match method {
         Method::Estimator(estimator) => centre::centre(estimator, row, spot, before, geometry),
-        Method::Parabola => parabola::parabola(row, spot, before, geometry),
-        Method::LogParabola => parabola::log_parabola(row, spot, before, geometry),
+        Method::Parabola => parabola::centre(row, spot, before, geometry, Scale::Counts),
+        Method::LogParabola => parabola::centre(row, spot, before, geometry, Scale::Logarithms),
         Method::ZeroCrossing => zero_crossing::centre(row, spot, before, geometry),
         Method::Blocks => {
             phase_table::centre(row, spot, before, geometry, &GAUSSIAN, Sampling::Coarse)

@@ -1,6 +1,6 @@
 //! The whole of the core for the chip, in a program that links only if no panic is reachable: the panic
-//! handler calls a function
-//! that nobody defines. What the optimiser proves unreachable, it leaves out, and the call with it.
+//! handler calls a function that nobody defines. What the optimiser proves unreachable, it leaves out, and
+//! the call with it.
 //!
 //! It is not for running. `cargo test --package panic-free` builds it, as the firmware is built and with
 //! checks for overflow on.

@@ -1,6 +1,6 @@
 //! A shift to the left loses bits without a word, which no check for overflow sees. So the core shifts
-//! nothing to the left but literal
-//! numbers, as in `1 << n`, and multiplies what has a value: the check of products is there.
+//! nothing to the left but literal numbers, as in `1 << n`, and multiplies what has a value: the check of
+//! products is there.
 
 use std::path::Path;
 
@@ -41,8 +41,7 @@ fn look(folder: &Path, found: &mut Vec<String>) -> usize {
 }
 
 /// The lines that shift something else than a literal. Tests come last in a file. Constants are left out: the
-/// compiler computes
-/// them, and assertions beside them say where they must not lose bits.
+/// compiler computes them, and assertions beside them say where they must not lose bits.
 fn shifted_values(source: &str) -> Vec<&str> {
     let code = source.split("#[cfg(test)]").next().unwrap_or_default();
     code.lines()

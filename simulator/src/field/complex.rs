@@ -1,16 +1,14 @@
 //! Phase factors, and products of complex matrices: where the time goes.
 //!
 //! Sums are written out in lanes that the compiler turns into vector instructions. Their order is fixed, no
-//! fused operations are
-//! used, and sine and cosine are our own, so that results are the same on every machine.
+//! fused operations are used, and sine and cosine are our own, so that results are the same on every machine.
 
 use std::f32::consts::PI;
 
 /// exp(2 pi i turns) as (real, imaginary), within 4e-7 for any number of turns below 2^40.
 ///
 /// The whole turns go in f64; then cos and sin of half the angle by Taylor's series up to the thirteenth
-/// power, and the
-/// formulas of the double angle.
+/// power, and the formulas of the double angle.
 #[inline]
 pub fn phasor(turns: f64) -> (f32, f32) {
     // Adding 1.5 * 2^52 leaves no fraction: rounding without a function call, so that it can be vectorised.
@@ -174,8 +172,7 @@ fn two_rows(rows: [(&[f32], &[f32]); 2], panel: &[Lanes]) -> [Lanes; 2] {
 }
 
 /// sum a b for each of two a (real and imaginary parts) and two b: [a0 b0, a1 b0, a2 b1, a3 b1]. All of the
-/// same length, in whole
-/// [`LANES`].
+/// same length, in whole [`LANES`].
 #[inline]
 pub fn four_sums(a: [&[f32]; 4], b: [&[f32]; 2]) -> [f32; 4] {
     let mut sums = [[0.0f32; LANES]; 4];

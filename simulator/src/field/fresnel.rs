@@ -8,9 +8,8 @@ use super::complex::phasor;
 /// C(v) + i S(v) = int_0^v exp(i pi t^2 / 2) dt, as (C, S), for any v.
 ///
 /// Up to |v| = 1.8 the power series; above, (1 + i)/2 - exp(i pi v^2 / 2) (g + i f) with the auxiliary
-/// functions f and g from the
-/// continued fraction of the complementary error function (NIST Digital Library of Mathematical Functions, 7.5.7, 7.6.4, 7.6.6,
-/// 7.9.3).
+/// functions f and g from the continued fraction of the complementary error function (NIST Digital Library of
+/// Mathematical Functions, 7.5.7, 7.6.4, 7.6.6, 7.9.3).
 pub fn fresnel(v: f64) -> (f64, f64) {
     let x = v.abs();
     let (c, s) = if x < 1.8 {

@@ -50,8 +50,7 @@ impl Laser {
     }
 
     /// The beam at a distance in metres: w = w0 sqrt(1 + (z/zR)^2), 1/rho = z / (z^2 + zR^2), zR = pi w0^2 /
-    /// lambda, with z from the
-    /// waist (Siegman, Lasers, 1986, section 17.1).
+    /// lambda, with z from the waist (Siegman, Lasers, 1986, section 17.1).
     pub fn beam(&self, distance: f64) -> Beam {
         let waist = 0.5 * self.waist_diameter;
         let rayleigh = PI * waist * waist / self.wavelength;
@@ -68,13 +67,11 @@ impl Laser {
     }
 
     /// The wavelengths that stand for the line: the medians of as many equal shares of its light, pulled
-    /// apart so that their
-    /// variance is that of the line.
+    /// apart so that their variance is that of the line.
     ///
     /// For light from a material's depth the contrast is then within 1.5 % up to path spreads of 2 /
     /// [`Laser::wavenumber_deviation`] with 5 wavelengths, and of 3 with 9. (With as many evenly spaced ones,
-    /// or those of Gauss and
-    /// Hermite, it is 10 % too high, as most of the light is in a few of them.)
+    /// or those of Gauss and Hermite, it is 10 % too high, as most of the light is in a few of them.)
     pub fn spectrum(&self) -> Vec<SpectralLine> {
         let centre = 1.0 / self.wavelength;
         if self.linewidth == 0.0 || self.wavelengths <= 1 {
@@ -129,10 +126,9 @@ mod tests {
         assert_eq!(laser.beam(0.2).curvature, 0.0);
     }
 
-    /// Contrast of light from paths that are distributed exponentially with mean l, C^2 = sum w w' / (1 + (k -
-    /// k')^2 l^2),
-    /// against that of the whole line, C^2 = sqrt(pi) q exp(q^2) erfc(q) with q = 1 / 2 l s (s the
-    /// wavenumber's deviation).
+    /// Contrast of light from paths that are distributed exponentially with mean l,
+    /// `C^2 = sum w w' / (1 + (k - k')^2 l^2)`, against that of the whole line,
+    /// `C^2 = sqrt(pi) q exp(q^2) erfc(q)` with `q = 1 / 2 l s` (s is the wavenumber's deviation).
     #[test]
     fn the_wavelengths_keep_the_contrast() {
         for (wavelengths, spreads) in [(5, 2.0), (9, 3.0)] {

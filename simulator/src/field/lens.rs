@@ -11,8 +11,7 @@ use super::surface::{REACH, Surface};
 use super::{Image, View};
 
 /// A lens before a sensor. It has defocus and, where asked for, coma; a distorted image is one whose centre
-/// is moved, which the
-/// caller does.
+/// is moved, which the caller does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensAperture {
     /// Diameter of the pupil in metres.
@@ -95,10 +94,8 @@ impl<'a> Pupil<'a> {
         let z = lens.to_sensor();
         let coma = lens.coma_at(field);
         // A grid of n places repeats the image after n lambda z / diameter, which must be farther than from
-        // the window's edge to
-        // the light's edge on the other side: the spot's image with its defocus, coma (whose tail is 6 waves
-        // of it long) and some
-        // diffraction.
+        // the window's edge to the light's edge on the other side: the spot's image with its defocus, coma
+        // (whose tail is 6 waves of it long) and some diffraction.
         let airy = laser.wavelength * z / lens.diameter;
         let defocus = 0.5 * lens.diameter * z * (1.0 / lit.range - 1.0 / lens.focus_distance).abs();
         let light = REACH * lit.beam.radius * z / lit.range + defocus;
@@ -117,10 +114,8 @@ impl<'a> Pupil<'a> {
             let covered = covered(u, v, step, 0.5 * lens.diameter) * step * step;
             let square = u * u + v * v;
             // Against the wave from R, which is in `along` and `of_place`, the lens sets that from where it
-            // is in focus: the
-            // difference is the defocus r^2/2 (1/R - 1/R_focus). Seidel's coma is W131 (field / full field)
-            // (r/a)^3 cos(angle to
-            // the row).
+            // is in focus: the difference is the defocus r^2/2 (1/R - 1/R_focus). Seidel's coma is W131
+            // (field / full field) (r/a)^3 cos(angle to the row).
             let focus = -0.5 * square / (lens.focus_distance * laser.wavelength);
             let coma = coma * square * u / (0.5 * lens.diameter).powi(3);
             let (re, im) = phasor(lit.of_place(u) + focus + coma);
@@ -179,12 +174,10 @@ impl<'a> Pupil<'a> {
 }
 
 /// The light that a lens lets onto the sensor, in pixels whose middles are at columns X and rows Y in metres
-/// from the geometric
-/// centre, which is `field` metres along the row from the axis of the lens.
+/// from the geometric centre, which is `field` metres along the row from the axis of the lens.
 ///
 /// A pixel's light is the mean of `samples` x `samples` places in it: the finest detail is lambda z /
-/// diameter, 8.3 um at f/12, no
-/// more than a pixel and a half.
+/// diameter, 8.3 um at f/12, no more than a pixel and a half.
 ///
 /// # Errors
 /// If the beam is larger than the surface.

@@ -36,8 +36,7 @@ pub fn slit_mean(
 }
 
 /// The mean of [`super::lens_image`] over all surfaces without texture, at the pixels' middles. It takes a
-/// second for 50 x 50 of
-/// them: each is a sum over all light.
+/// second for 50 x 50 of them: each is a sum over all light.
 pub fn lens_mean(
     laser: &Laser,
     scattering: &Scattering,

@@ -32,14 +32,13 @@ impl SlitAperture {
     }
 
     /// Places across the slit's width, all positive ones and then their negatives, and the weights of
-    /// Gauss-Legendre quadrature
-    /// in metres. Enough of them for the waves from the beam's edge to the farthest of the image's columns.
+    /// Gauss-Legendre quadrature in metres. Enough of them for the waves from the beam's edge to the farthest
+    /// of the image's columns.
     pub(super) fn places(&self, lit: &Lit, laser: &Laser, columns: &[f64]) -> Vec<(f64, f64)> {
         let half = 0.5 * self.width;
         let farthest = columns.iter().fold(0.0f64, |far, x| far.max(x.abs()));
         // Turns from the slit's middle to its edge. n nodes integrate a wave of as many turns over their
-        // whole length by 1e-5 from
-        // n = pi turns + 6 on.
+        // whole length by 1e-5 from n = pi turns + 6 on.
         let turns = half / laser.wavelength
             * (farthest / self.to_sensor
                 + REACH * lit.beam.radius / lit.range
@@ -52,8 +51,7 @@ impl SlitAperture {
     }
 
     /// From places in the slit's width (rows) to columns X of the image: Fresnel's kernel exp(i k (X - u)^2 /
-    /// 2z), without the
-    /// phase that a column has in common.
+    /// 2z), without the phase that a column has in common.
     pub(super) fn across(
         &self,
         lit: &Lit,
@@ -146,8 +144,8 @@ impl SlitAperture {
 }
 
 /// The light that a slit lets onto the sensor, at columns X and rows Y in metres from the geometric centre:
-/// at the pixels'
-/// middles, as the pattern's finest detail, lambda z / width, is 28 pixels of the paper's sensor.
+/// at the pixels' middles, as the pattern's finest detail, lambda z / width, is 28 pixels of the paper's
+/// sensor.
 ///
 /// # Errors
 /// If the beam is larger than the surface.

@@ -85,12 +85,10 @@ impl Lit {
     }
 
     /// Places x over the beam, close enough for the mean through an aperture so many metres wide, and the
-    /// light from each, in
-    /// units of one scatterer of amplitude 1.
+    /// light from each, in units of one scatterer of amplitude 1.
     pub fn mean_places(&self, aperture: f64) -> Vec<(f64, f64)> {
         // The trapezoidal rule. It is exact to 1e-9 for a gaussian at five steps to a radius, and for the
-        // aperture's diffraction
-        // at one step to lambda R / aperture / cos(theta).
+        // aperture's diffraction at one step to lambda R / aperture / cos(theta).
         let detail = 0.9 * self.wavelength * self.range / aperture;
         let step = (0.2 * self.beam.radius).min(detail);
         let half = (REACH * self.beam.radius / step).ceil() as i32;
@@ -116,8 +114,7 @@ impl Lit {
     }
 
     /// The fields at places `u` of the aperture (columns) that light from each of the places x (rows) makes,
-    /// without what
-    /// [`Lit::of_place`] gives.
+    /// without what [`Lit::of_place`] gives.
     pub fn mean_fields(&self, from: &[(f64, f64)], u: &[f64]) -> Matrix {
         Matrix::from_fn(from.len(), u.len(), |x, column| {
             phasor(self.tilt(u[column], from[x].0 - self.shift))
@@ -175,7 +172,8 @@ impl<'a> RowSums<'a> {
         }
     }
 
-    /// A matrix for the fields: a row for each lit row of scatterers; the columns are first all +u, then all -u.
+    /// A matrix for the fields: a row for each lit row of scatterers; the columns are first all +u, then all
+    /// -u.
     pub fn fields(&self) -> Matrix {
         Matrix::zeros(self.lit.y.len(), 2 * self.pairs)
     }

@@ -15,16 +15,14 @@ pub struct Scattering {
     /// add up.
     pub polarisations: usize,
     /// Mean of the extra optical path in the material, in metres, which is distributed exponentially; 0 for a
-    /// surface that light does
-    /// not enter. It is the whole path, there and back, times the refractive index.
+    /// surface that light does not enter. It is the whole path, there and back, times the refractive index.
     pub path_spread: f64,
     /// From scatterer to scatterer along x and y, in metres.
     ///
-    /// Along x the field repeats when sin(theta) changes by lambda / pitch. The table's 0.6 to 1.02 m are 0.166
-    /// of sin(theta), an
-    /// aperture adds 0.006: below 3.8 um. Along y it repeats within the aperture at lambda R / pitch; R is 0.67
-    /// m and more, the
-    /// aperture 4.2 mm at most: below 104 um, less a speckle's size.
+    /// Along x the field repeats when sin(theta) changes by lambda / pitch. The table's 0.6 to 1.02 m are
+    /// 0.166 of sin(theta), an aperture adds 0.006: below 3.8 um. Along y it repeats within the aperture at
+    /// lambda R / pitch; R is 0.67 m and more, the aperture 4.2 mm at most: below 104 um, less a speckle's
+    /// size.
     pub pitch: [f64; 2],
     /// Size of the surface in metres, beyond which it repeats. A beam larger than that is refused.
     pub size: [f64; 2],
@@ -73,8 +71,7 @@ pub(super) struct Term {
 
 impl Surface {
     /// A surface of circular complex gaussian scatterers. The random numbers of a polarisation's row of
-    /// scatterers are a stream
-    /// of their own.
+    /// scatterers are a stream of their own.
     ///
     /// # Errors
     /// If polarisations are neither 1 nor 2, or a pitch or size is not positive.

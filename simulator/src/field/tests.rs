@@ -129,8 +129,7 @@ fn along_the_slit_the_pattern_of_a_point_is_that_of_quadrature() {
 }
 
 /// The mean along the row is the exact pattern of `profiles`, blurred by the spot as it is seen from the
-/// slit, foreshortened by
-/// cos(theta).
+/// slit, foreshortened by cos(theta).
 #[test]
 fn the_mean_through_a_slit_is_the_incoherent_pattern() {
     let view = View::at(0.8);
@@ -158,8 +157,7 @@ fn the_mean_through_a_slit_is_the_incoherent_pattern() {
 }
 
 /// The mean over 500 surfaces lies about the incoherent mean as the speckle's contrast of 1 says: deviations
-/// over mean /
-/// sqrt(500) have a mean square of 1, and none is larger than 4.5, at pixels some speckles apart.
+/// over mean / sqrt(500) have a mean square of 1, and none is larger than 4.5, at pixels some speckles apart.
 #[test]
 fn the_mean_over_surfaces_is_the_incoherent_one() {
     const SURFACES: u32 = 500;
@@ -244,8 +242,7 @@ fn speckle(laser: &Laser, scattering: &Scattering, surfaces: u64) -> Vec<f64> {
 }
 
 /// Fully developed speckle: light is distributed exponentially, so that its contrast is 1 and a share 1/e
-/// lies above the mean; two
-/// polarisations add up to a contrast of 1/sqrt 2.
+/// lies above the mean; two polarisations add up to a contrast of 1/sqrt 2.
 #[test]
 fn speckle_is_fully_developed() {
     let laser = Laser::focused(1e-3, 0.8);
@@ -263,7 +260,8 @@ fn speckle_is_fully_developed() {
         let mean = mean(&light);
         let share = light.iter().filter(|&&light| light > 1.0).count() as f64 / light.len() as f64;
         println!(
-            "{polarisations} polarisations: mean {mean:.3}, contrast {found:.3} for {expected:.3}, above mean {share:.3} for {above:.3}"
+            "{polarisations} polarisations: mean {mean:.3}, contrast {found:.3} for {expected:.3}, \
+             above mean {share:.3} for {above:.3}"
         );
         // Standard errors over 3000 samples: mean 0.018, contrast 0.026, share 0.009.
         assert!((mean - 1.0).abs() < 0.06);
@@ -273,12 +271,9 @@ fn speckle_is_fully_developed() {
 }
 
 /// Light of a broad line from paths of different lengths: C^2 = mean over pairs of paths of |coherence|^2 =
-/// exp(-(s path
-/// difference)^2) with s the wavenumber's deviation. Paths differ by the depth of the material (exponential,
-/// mean l: the
-/// difference is Laplacian) and, as the surface is seen from the side, by the place in the spot (gaussian
-/// with w/2 sin(theta)).
-/// The mean over both is
+/// exp(-(s path difference)^2) with s the wavenumber's deviation. Paths differ by the depth of the material
+/// (exponential, mean l: the difference is Laplacian) and, as the surface is seen from the side, by the place
+/// in the spot (gaussian with w/2 sin(theta)). The mean over both is
 ///
 /// ```text
 /// C^2 = sqrt(pi) / 2 l s exp(q^2) erfc(q),  q = sqrt(1 + 4 s^2 g^2) / 2 l s,  g = w/2 sin(theta)
@@ -314,7 +309,8 @@ fn contrast_falls_with_linewidth_and_path_spread() {
             (PI.sqrt() / (2.0 * path_spread * s) * scaled).sqrt()
         };
         println!(
-            "linewidth {linewidth:.1e} m, path {path_spread:.1e} m, {wavelengths} wavelengths: contrast {found:.3} for {expected:.3}"
+            "linewidth {linewidth:.1e} m, path {path_spread:.1e} m, {wavelengths} wavelengths: \
+             contrast {found:.3} for {expected:.3}"
         );
         // The standard error over 4500 samples is 1.5 %, that of the few wavelengths 1.3 %.
         assert!((found / expected - 1.0).abs() < 0.06);
@@ -357,14 +353,11 @@ fn correlation(pairs: &[[(f64, f64); 2]]) -> f64 {
 }
 
 /// Van Cittert and Zernike: the correlation of the light at two directions is the squared Fourier transform
-/// of the spot, for a
-/// gaussian one exp(-(pi D / 2 lambda * difference of the direction's sine)^2): along the slit dv / R, with
-/// the table's travel
-/// that of sin(theta).
+/// of the spot, for a gaussian one exp(-(pi D / 2 lambda * difference of the direction's sine)^2): along the
+/// slit dv / R, with the table's travel that of sin(theta).
 ///
 /// As the beam wanders by s over the surface, exp(-(s / w)^2 (1 + (k w^2 c / 2 R)^2)): its amplitudes overlap
-/// less, and the
-/// speckle moves along with the surface, with c = cos^2(theta) in x and 1 in y.
+/// less, and the speckle moves along with the surface, with c = cos^2(theta) in x and 1 in y.
 #[test]
 fn correlation_is_that_of_van_cittert_and_zernike() {
     const SURFACES: u64 = 800;
@@ -445,11 +438,9 @@ fn centroids(laser: &Laser, frames: u64, reflectance: Option<&dyn Fn(f64, f64) -
 }
 
 /// The speckle limit of Dorsch, Haeusler and Herrmann, Appl. Opt. 33, 1306 (1994): sigma = lambda / (2 pi sin
-/// u), for a disc; a
-/// gaussian spot has 1/sqrt 2 of it. Both follow from var = S int x^2 I^2 / (int I)^2 with the speckle's area
-/// S = (lambda z)^2 /
-/// (pi a^2), for spots much larger than a speckle. Seen under theta a round spot is an ellipse, which makes
-/// sqrt(cos(theta)).
+/// u), for a disc; a gaussian spot has 1/sqrt 2 of it. Both follow from var = S int x^2 I^2 / (int I)^2 with
+/// the speckle's area S = (lambda z)^2 / (pi a^2), for spots much larger than a speckle. Seen under theta a
+/// round spot is an ellipse, which makes sqrt(cos(theta)).
 #[test]
 fn centroids_scatter_by_the_speckle_limit() {
     let view = View::at(0.8);
@@ -482,8 +473,8 @@ fn centroids_scatter_by_the_speckle_limit() {
 }
 
 /// A point in focus makes Airy's pattern (2 J1(q) / q)^2, q = pi D r / lambda z, whose density in its middle
-/// is the pupil's area over
-/// (lambda z)^2; out of focus by W waves at the pupil's edge the middle falls to (sin(pi W) / pi W)^2.
+/// is the pupil's area over (lambda z)^2; out of focus by W waves at the pupil's edge the middle falls to
+/// (sin(pi W) / pi W)^2.
 #[test]
 fn a_point_through_a_lens_makes_the_pattern_of_airy() {
     let (laser, view, surface) = point();
@@ -527,8 +518,7 @@ fn a_point_through_a_lens_makes_the_pattern_of_airy() {
 }
 
 /// The centroid of a point's image with coma lies where the mean ray goes: lambda z W131 / a from the chief
-/// ray, by the mean of
-/// W's slope over the pupil.
+/// ray, by the mean of W's slope over the pupil.
 #[test]
 fn coma_moves_the_centroid() {
     let (laser, view, surface) = point();
@@ -603,10 +593,8 @@ fn a_surface_too_small_is_an_error() {
 }
 
 /// Rows between every fourth: by linear interpolation, against those computed. What it loses are the fringes
-/// of the slit's ends,
-/// whose period in the middle is lambda z / 1.5 mm, 4 rows; the frame's centre, which speckle scatters by a
-/// pixel, hardly
-/// notices.
+/// of the slit's ends, whose period in the middle is lambda z / 1.5 mm, 4 rows; the frame's centre, which
+/// speckle scatters by a pixel, hardly notices.
 #[test]
 fn rows_between_are_close() {
     for diameter in [0.5e-3, 1e-3, 2e-3] {
@@ -642,8 +630,7 @@ fn rows_between_are_close() {
 }
 
 /// Mean over the bright rows of where a window of a gaussian of 11 pixels is balanced: the score of a
-/// gaussian fit whose width is
-/// given.
+/// gaussian fit whose width is given.
 fn frame_centre(image: &Image, columns: &[f64]) -> f64 {
     let width = 11.0 * PIXEL;
     let energies: Vec<f32> = (0..image.rows())
@@ -687,8 +674,8 @@ fn frame_centre(image: &Image, columns: &[f64]) -> f64 {
 }
 
 /// The aperture's diffraction is that of the middle of the spectrum for all wavelengths: how far is an image
-/// from one that was
-/// made all with its own wavelength? A line of 1 nm, whose farther wavelengths are 0.6 nm away.
+/// from one that was made all with its own wavelength? A line of 1 nm, whose farther wavelengths are 0.6 nm
+/// away.
 #[test]
 fn diffraction_hardly_depends_on_the_wavelength() {
     let laser = Laser {

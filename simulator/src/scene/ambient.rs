@@ -5,8 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Daylight or lamps that the filter lets through: evenly over the row, or brighter to one side.
 ///
 /// It is light like the laser's, with shot noise of its own; what pixels under metal see of it is nothing, so
-/// that their black level
-/// is not the background's.
+/// that their black level is not the background's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ambient {

@@ -5,10 +5,8 @@ use serde::{Deserialize, Serialize};
 /// The counts of an unlit pixel (the paper's black threshold t), and how they drift as the sensor warms up.
 ///
 /// It is an offset of the output amplifier and the converter, the same for all outputs, shielded pixels and
-/// dummies among them. The mean
-/// dark current, which shielded pixels have too, is taken to be part of it, and its noise part of the read
-/// noise; pixels of which that would
-/// be untrue are [`crate::scene::HotPixels`].
+/// dummies among them. The mean dark current, which shielded pixels have too, is taken to be part of it, and
+/// its noise part of the read noise; pixels of which that would be untrue are [`crate::scene::HotPixels`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BlackLevel {

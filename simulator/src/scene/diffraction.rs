@@ -9,10 +9,9 @@ use crate::scene::pattern::Pattern;
 /// By which theory the light of a point is spread along the row.
 ///
 /// A scene without this effect has the gaussian of its [`crate::scene::Spot`]. All patterns are as high as
-/// that gaussian: 1 at the
-/// geometric centre, in units of the spot's height. A lens in focus makes the same pattern by both, which is
-/// Airy's (J. W. Goodman,
-/// Introduction to Fourier Optics, section 4.4); out of focus Fresnel's counts ([`crate::scene::Defocus`]).
+/// that gaussian: 1 at the geometric centre, in units of the spot's height. A lens in focus makes the same
+/// pattern by both, which is Airy's (J. W. Goodman, Introduction to Fourier Optics, section 4.4); out of
+/// focus Fresnel's counts ([`crate::scene::Defocus`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Diffraction {

@@ -111,8 +111,8 @@ impl Scene {
             let farthest = speckle::FARTHEST * self.distance;
             ensure!(
                 (nearest..=farthest).contains(&distance),
-                "the target's distance is {distance} m: with [speckle] this scene can be seen from {nearest} to {farthest:.3} m, \
-                 1.5 times its own distance; move that, or leave [speckle] out"
+                "the target's distance is {distance} m: with [speckle] this scene can be seen from {nearest} to \
+                 {farthest:.3} m, 1.5 times its own distance; move that, or leave [speckle] out"
             );
         }
         Ok(())
@@ -141,7 +141,8 @@ impl Scene {
         if let Some(speckle) = &self.speckle {
             ensure!(
                 self.laser_spot.is_some(),
-                "[speckle] is the interference of light from all over the laser's spot, and that is a point: add [laser_spot]"
+                "[speckle] is the interference of light from all over the laser's spot, and that is a \
+                 point: add [laser_spot]"
             );
             ensure!(
                 matches!(speckle.polarisations, 1 | 2),
@@ -154,8 +155,8 @@ impl Scene {
             };
             ensure!(
                 side <= SPECKLE_APERTURE,
-                "optics.aperture.{name} is {side} m: with [speckle] it must be {SPECKLE_APERTURE} m or less, beyond which the field of \
-                 the surface's lattice repeats"
+                "optics.aperture.{name} is {side} m: with [speckle] it must be {SPECKLE_APERTURE} m or less, \
+                 beyond which the field of the surface's lattice repeats"
             );
             not_negative("speckle.linewidth", speckle.linewidth, "m")?;
             not_negative("speckle.path_spread", speckle.path_spread, "m")?;
@@ -250,7 +251,8 @@ impl Scene {
         if let Some(noise) = &self.shot_noise {
             ensure!(
                 noise.electrons_per_count > 1.0 && noise.electrons_per_count.is_finite(),
-                "shot_noise.electrons_per_count is {}: a converter that counts single electrons is beyond what the core can be told of; \
+                "shot_noise.electrons_per_count is {}: a converter that counts single electrons is beyond what \
+                 the core can be told of; \
                  more than 1 are needed",
                 noise.electrons_per_count
             );

@@ -5,8 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::scene::{Effect, random};
 
 /// Each pixel's black level differs from the mean by an offset of its own, which stays (EMVA standard 1288,
-/// DSNU), whatever light and
-/// exposure are. Shielded pixels and dummies have one too.
+/// DSNU), whatever light and exposure are. Shielded pixels and dummies have one too.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FixedPattern {

@@ -5,14 +5,12 @@ use serde::{Deserialize, Serialize};
 use crate::scene::spot::Spot;
 
 /// A ghost of the spot, which the sensor's surface and the lens reflect: it moves against the spot, mirrored
-/// about the optical axis. And a veil over the
-/// whole row.
+/// about the optical axis. And a veil over the whole row.
 ///
 /// The ghost is gaussian, and round on a sensor of many rows. Where it passes under the spot, near the axis,
-/// it pulls the centre
-/// to its side; further out it does not (paper, section 4: the variation near the middle of fig. 10a). The
-/// veil is a level, which an estimator takes for
-/// the black level. W. J. Smith, Modern Optical Engineering, "stray light and baffles".
+/// it pulls the centre to its side; further out it does not (paper, section 4: the variation near the middle
+/// of fig. 10a). The veil is a level, which an estimator takes for the black level. W. J. Smith, Modern
+/// Optical Engineering, "stray light and baffles".
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Flare {

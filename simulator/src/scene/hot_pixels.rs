@@ -9,8 +9,8 @@ use crate::scene::{Effect, random};
 /// whatever the others are.
 ///
 /// Dark current is charge like light's, and doubles it in twice the exposure; it has shot noise and fills the
-/// well. It is not light: a
-/// pixel's response does not change it (EMVA standard 1288; J. R. Janesick, "Photon Transfer", SPIE 2007).
+/// well. It is not light: a pixel's response does not change it (EMVA standard 1288; J. R. Janesick, "Photon
+/// Transfer", SPIE 2007).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HotPixels {

@@ -140,8 +140,7 @@ impl LaserLight {
 }
 
 /// The spot's centres during an exposure, in each of which it stays for an even part of it: one for a target
-/// at rest. `width`
-/// is the spot's sigma in pixels.
+/// at rest. `width` is the spot's sigma in pixels.
 fn centres(
     scene: &Scene,
     distance: f64,

@@ -3,12 +3,9 @@
 //! They belong to a lens ([`crate::optics::Aperture::Lens`]); a slit has neither focus nor pupil to speak of.
 //!
 //! Defocus and coma are errors of the wavefront in the pupil, W(u, v) in metres. With
-//! [`crate::scene::Diffraction`] the light of
-//! a point is the pupil's Fourier transform, squared; without, it is spread as rays are, each of which meets
-//! the sensor
-//! z grad(W) beside the geometric centre, on the gaussian of the scene's spot. Both conserve the light and
-//! have the same centre of
-//! mass, z <dW/du>.
+//! [`crate::scene::Diffraction`] the light of a point is the pupil's Fourier transform, squared; without, it
+//! is spread as rays are, each of which meets the sensor z grad(W) beside the geometric centre, on the
+//! gaussian of the scene's spot. Both conserve the light and have the same centre of mass, z <dW/du>.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -20,10 +17,9 @@ use crate::optics::Optics;
 /// The lens is focused on one distance, and the target is at another. The sensor stays where it is.
 ///
 /// W = D^2/8 (1/d - 1/focus_distance) at the pupil's edge, for a pupil of diameter D and a target at d along
-/// the optical axis: a
-/// disc of diameter D z |1/d - 1/focus_distance| by geometrical optics (Goodman, Introduction to Fourier
-/// Optics, section 6.4.4).
-/// A scene that does not list it is in focus wherever the target is.
+/// the optical axis: a disc of diameter D z |1/d - 1/focus_distance| by geometrical optics (Goodman,
+/// Introduction to Fourier Optics, section 6.4.4). A scene that does not list it is in focus wherever the
+/// target is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Defocus {
@@ -47,8 +43,7 @@ pub struct Coma {
 }
 
 /// Third-order distortion: a point at x is drawn at x (1 + share (x / field)^2), both from the axis
-/// (pincushion where `share` is
-/// positive, barrel where it is negative).
+/// (pincushion where `share` is positive, barrel where it is negative).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Distortion {
@@ -88,8 +83,7 @@ pub enum Across {
     /// All of it: a pixel that is much taller than the spot.
     All,
     /// That of a pixel `height` high, `place` from the geometric centre, where a point's light is spread by a
-    /// gaussian of sigma
-    /// `blur` besides; in metres.
+    /// gaussian of sigma `blur` besides; in metres.
     Pixel {
         /// From the geometric centre.
         place: f64,
@@ -123,8 +117,7 @@ impl Ray {
 
 impl Pupil {
     /// The pupil of a lens of a diameter in metres for light that falls `centre` metres from the axis, from a
-    /// target `range`
-    /// metres away.
+    /// target `range` metres away.
     pub fn new(
         optics: &Optics,
         diameter: f64,
@@ -197,15 +190,13 @@ impl Pupil {
         let k = TAU / self.wavelength;
         let knots = (reach / step).ceil() as i64;
         // Radians from the pupil's middle to its edge, of the wave to the farthest place and of the error of
-        // the wavefront: half
-        // as many places as radians, and some more, integrate such a wave.
+        // the wavefront: half as many places as radians, and some more, integrate such a wave.
         let error = k * (2.0 * self.defocus.abs() + 3.0 * self.coma.abs());
         let tilt = |place: f64| k * place * self.radius / self.to_sensor;
         let even = |radians: f64| 2 * (0.25 * radians + 6.0).ceil() as usize;
         let along = both_sides(even(tilt(reach) + error));
         // The chord at v = a sin(t) has the half length a cos(t), which takes a wave along it through pi/2
-        // times as many
-        // radians over t; its field squared has twice as many.
+        // times as many radians over t; its field squared has twice as many.
         let chords = gauss_legendre(even(PI * tilt(reach.max(farthest_across)) + error));
         let chords = chords.into_iter().map(|(t, weight)| {
             let (v, half_chord) = libm::sincos(FRAC_PI_2 * t);
@@ -267,14 +258,12 @@ struct Chord {
 
 impl Chords {
     /// The light along a row: its mean over a pixel's height, or, for all of it, its integral in metres; in a
-    /// unit that depends on the
-    /// pupil's size only.
+    /// unit that depends on the pupil's size only.
     ///
     /// The field at (x, y) is the sum of the chords' fields times exp(-i k v y / z). Its square, weighted
-    /// over y, is the sum over pairs of
-    /// chords of the product of their fields times the transform of the weight at the difference of their v;
-    /// all of y
-    /// leaves each chord with itself (Parseval: 2 pi z / k times the integral over v).
+    /// over y, is the sum over pairs of chords of the product of their fields times the transform of the
+    /// weight at the difference of their v; all of y leaves each chord with itself (Parseval: 2 pi z / k
+    /// times the integral over v).
     pub fn row(&self, across: Across) -> Vec<f64> {
         let knots = self.chords.first().map_or(0, |chord| chord.field.len());
         let mut light = vec![0.0; knots];

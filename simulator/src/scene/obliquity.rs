@@ -6,12 +6,10 @@ use serde::{Deserialize, Serialize};
 /// wider on its outer side, and dimmer.
 ///
 /// Light at an angle a to the axis falls at x = f tan(a), where f is from the slit to the sensor. The pattern
-/// is a function of
-/// q = f (sin(a) - sin(a0)), a0 being the angle of the geometric centre, instead of x - x0; and the
-/// irradiance falls with cos^4(a):
-/// the sensor's and the slit's slant, and the distance squared (W. J. Smith, Modern Optical Engineering,
-/// "cosine fourth"). For a
-/// gaussian of sigma s on the axis the centre of mass moves outwards by
+/// is a function of q = f (sin(a) - sin(a0)), a0 being the angle of the geometric centre, instead of x - x0;
+/// and the irradiance falls with cos^4(a): the sensor's and the slit's slant, and the distance squared (W. J.
+/// Smith, Modern Optical Engineering, "cosine fourth"). For a gaussian of sigma s on the axis the centre of
+/// mass moves outwards by
 ///
 /// ```text
 /// s^2 sin(a0) / (2 f cos^5(a0))

@@ -1,8 +1,7 @@
 //! Light along a row about the spot's geometric centre.
 //!
 //! All that spreads a spot - diffraction, the size of the laser's spot, its texture, aberrations, a pixel's
-//! width - is a sum of
-//! shifted patterns, each with its weight: a convolution.
+//! width - is a sum of shifted patterns, each with its weight: a convolution.
 
 /// A part of the light, and how far it is shifted along the row.
 #[derive(Clone, Copy, Debug, PartialEq)]

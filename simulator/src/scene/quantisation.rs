@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 /// A converter of fewer bits than the words have. Without it a row is rounded to whole counts, as words are.
 ///
 /// Where noise is larger than half a step, the error of rounding is as good as noise of its own with a
-/// variance of step^2 / 12
-/// (W. R. Bennett, "Spectra of quantized signals", Bell System Technical Journal 27, 1948).
+/// variance of step^2 / 12 (W. R. Bennett, "Spectra of quantized signals", Bell System Technical Journal 27,
+/// 1948).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Quantisation {
@@ -16,8 +16,7 @@ pub struct Quantisation {
 
 impl Quantisation {
     /// Rounds a row's counts to steps, of which the highest is the last one that is not above full scale: a
-    /// converter of 8 bits of 12
-    /// gives 4080 at most, as its 256 codes begin at 0.
+    /// converter of 8 bits of 12 gives 4080 at most, as its 256 codes begin at 0.
     pub fn apply(&self, counts: &mut [f32], full_scale: u16) {
         let step = self.step as f32;
         let highest = (f32::from(full_scale) / step).floor() * step;

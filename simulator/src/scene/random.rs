@@ -1,11 +1,9 @@
 //! Random numbers: a stream for each effect and row, and a number in it for each pixel.
 //!
 //! No function of the machine's own is used, whose last bit differs from one to the next: the generator works
-//! on integers, and what
-//! is made of its numbers needs additions, multiplications and square roots of IEEE 754, which are the same
-//! everywhere. The one exception is
-//! [`crate::scene::Texture`], whose normal numbers (`rand_distr`) use the standard library's exp and ln at
-//! the edges of its ziggurat.
+//! on integers, and what is made of its numbers needs additions, multiplications and square roots of IEEE
+//! 754, which are the same everywhere. The one exception is [`crate::scene::Texture`], whose normal numbers
+//! (`rand_distr`) use the standard library's exp and ln at the edges of its ziggurat.
 
 use std::f32::consts::{FRAC_1_SQRT_2, FRAC_PI_4, LN_2};
 
@@ -15,8 +13,8 @@ use rand_chacha::ChaCha8Rng;
 use crate::scene::Effect;
 
 /// The stream of an effect in a row. Streams of one key that differ in their number are independent (ChaCha:
-/// D. J. Bernstein,
-/// 2008), so that an effect more or less changes no other's numbers, and rows can be made in any order.
+/// D. J. Bernstein, 2008), so that an effect more or less changes no other's numbers, and rows can be made in
+/// any order.
 pub fn of_row(seed: u64, effect: Effect, row: u64) -> ChaCha8Rng {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     // Rows are far fewer than 2^56: two thousand a second for a million years.
@@ -30,8 +28,7 @@ pub fn of_scene(seed: u64, effect: Effect) -> ChaCha8Rng {
 }
 
 /// The stream of what an effect draws once for a line of the sensor's pixels: rows of a camera that are read
-/// from the same line
-/// share it.
+/// from the same line share it.
 pub fn of_line(seed: u64, effect: Effect, line: u64) -> ChaCha8Rng {
     of_row(seed, effect, (1 << 56) - 1 - line)
 }
@@ -45,8 +42,8 @@ pub fn words(random: &mut ChaCha8Rng) -> [u32; BLOCK] {
 }
 
 /// The next [`BLOCK`] numbers of a stream, normal with mean 0 and variance 1: a radius and an angle make two
-/// (G. E. P. Box and
-/// M. E. Muller, "A note on the generation of random normal deviates", Annals of Mathematical Statistics 29, 1958).
+/// (G. E. P. Box and M. E. Muller, "A note on the generation of random normal deviates", Annals of
+/// Mathematical Statistics 29, 1958).
 ///
 /// None is beyond 6.7, where one in 2e10 would be. There is no branch, so that the compiler computes several
 /// at a time.

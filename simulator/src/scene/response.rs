@@ -5,8 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::scene::{Effect, random};
 
 /// Each pixel's response differs from the mean by a factor of its own, which stays (EMVA standard 1288,
-/// PRNU): the deviation from pixel
-/// to pixel grows with the light, and is nothing in the dark.
+/// PRNU): the deviation from pixel to pixel grows with the light, and is nothing in the dark.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Response {

@@ -6,10 +6,9 @@ use serde::{Deserialize, Serialize};
 /// Devices", SPIE 2001).
 ///
 /// A drain beside the pixels takes the charge that a full one cannot hold. Where the drain takes only a part,
-/// or there is none, the
-/// rest flows over into the neighbours, half to each side; a neighbour takes what it has room for, and what
-/// is left flows on in the
-/// same direction. Charge is kept, but for what leaves over the row's ends.
+/// or there is none, the rest flows over into the neighbours, half to each side; a neighbour takes what it
+/// has room for, and what is left flows on in the same direction. Charge is kept, but for what leaves over
+/// the row's ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Saturation {

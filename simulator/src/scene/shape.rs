@@ -251,8 +251,7 @@ pub fn gaussian_width(scene: &Scene, distance: f64) -> f64 {
 }
 
 /// Light in a row of the sensor, over that in the middle, of a gaussian whose sigma is `width` pixels for a
-/// point: one row of a line
-/// sensor sees all of it.
+/// point: one row of a line sensor sees all of it.
 pub fn gaussian_height(scene: &Scene, width: f64, distance: f64, row: usize) -> f64 {
     if scene.sensor.rows() == 1 {
         return 1.0;
@@ -400,8 +399,7 @@ impl<'a> Parts<'a> {
 }
 
 /// A gaussian in parts `step` apart, up to five sigma (the trapezoidal rule, which is exact for a gaussian
-/// but for e^-(2 pi^2 / step^2) with the step
-/// in sigma). One part for a point.
+/// but for e^-(2 pi^2 / step^2) with the step in sigma). One part for a point.
 fn gaussian_parts(sigma: f64, step: f64) -> Vec<Part> {
     if sigma == 0.0 {
         return vec![Part {

@@ -6,8 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::scene::random;
 
 /// A pixel collects a whole number of electrons, which is Poisson distributed: of n on average with a
-/// variance of n
-/// (EMVA standard 1288, section 2; J. R. Janesick, "Photon Transfer", SPIE 2007).
+/// variance of n (EMVA standard 1288, section 2; J. R. Janesick, "Photon Transfer", SPIE 2007).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShotNoise {
@@ -19,8 +18,7 @@ impl ShotNoise {
     /// Scatters the light of a row, in counts.
     ///
     /// A pixel has random numbers of its own, whatever the light of the others: more light in one changes no
-    /// other. Where
-    /// [`random::BLOCK`] pixels side by side are unlit, none are drawn.
+    /// other. Where [`random::BLOCK`] pixels side by side are unlit, none are drawn.
     pub fn apply(&self, light: &mut [f32], random: &mut ChaCha8Rng) {
         let electrons_per_count = self.electrons_per_count as f32;
         let counts_per_electron = (1.0 / self.electrons_per_count) as f32;
@@ -60,18 +58,15 @@ impl ShotNoise {
 const FEW: f32 = 10.0;
 
 /// The Poisson distribution's quantile where the normal distribution's is `normal`: its Cornish-Fisher
-/// expansion to 1 / sqrt(mean)
-/// (M. B. Giles, "Algorithm 955: approximation of the inverse Poisson cumulative distribution function", ACM
-/// Transactions on
-/// Mathematical Software 42, 2016, the normal approximation Q_N2).
+/// expansion to 1 / sqrt(mean) (M. B. Giles, "Algorithm 955: approximation of the inverse Poisson cumulative
+/// distribution function", ACM Transactions on Mathematical Software 42, 2016, the normal approximation
+/// Q_N2).
 ///
 /// For a mean of 10, where it is worst, one number in 400 is one electron off, to either side; mean, variance
-/// and skewness are right to 2e-6,
-/// 6e-5 and 2 % of their value, and better above. A plain normal number of the same mean and variance would
-/// lack the skewness of
-/// 1 / sqrt(mean), 0.3 at a mean of 10 and 0.03 at 1000. A centre would hardly tell: it weighs the flanks
-/// with opposite signs, and
-/// their third moments cancel; a height adds them up.
+/// and skewness are right to 2e-6, 6e-5 and 2 % of their value, and better above. A plain normal number of
+/// the same mean and variance would lack the skewness of 1 / sqrt(mean), 0.3 at a mean of 10 and 0.03 at
+/// 1000. A centre would hardly tell: it weighs the flanks with opposite signs, and their third moments
+/// cancel; a height adds them up.
 fn many_electrons(mean: f32, normal: f32) -> f32 {
     let root = mean.sqrt();
     let squared = normal * normal;

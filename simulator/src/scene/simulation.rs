@@ -32,8 +32,7 @@ impl Simulation {
     }
 
     /// The target's distance in metres in the middle of a row's exposure, where it is at `distance` in that
-    /// of the first row: what an
-    /// estimate is to be compared with.
+    /// of the first row: what an estimate is to be compared with.
     pub fn true_distance(&self, row: u64, distance: f64) -> f64 {
         match &self.scene.motion {
             Some(motion) => motion.distance(distance, time(&self.scene, row)),
@@ -42,16 +41,15 @@ impl Simulation {
     }
 
     /// The centre in pixels that a perfect sensor has for that distance, by eq. (1) as it was calibrated:
-    /// what moves the spot besides the target -
-    /// temperature, distortion, obliquity, aberrations, texture, speckle - is an error.
+    /// what moves the spot besides the target - temperature, distortion, obliquity, aberrations, texture,
+    /// speckle - is an error.
     pub fn true_centre(&self, row: u64, distance: f64) -> f64 {
         self.scene.optics.centre(self.true_distance(row, distance))
     }
 
     /// Sigma in pixels of the gaussian that fits the spot best, of a target at rest at a distance in metres:
-    /// what an estimator can
-    /// expect. Speckle and texture are left out. NaN where no gaussian fits, as for a spot beyond the row's
-    /// ends.
+    /// what an estimator can expect. Speckle and texture are left out. NaN where no gaussian fits, as for a
+    /// spot beyond the row's ends.
     pub fn spot_width(&self, distance: f64) -> f64 {
         let sensor = self.scene.sensor;
         let spot = Scene {

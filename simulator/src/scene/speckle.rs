@@ -20,16 +20,13 @@ use crate::scene::{Effect, LaserSpot, Scene, random, texture};
 /// Coherent light from a rough surface, summed as a field through the aperture ([`crate::field`]).
 ///
 /// It takes the place of the scene's other ways to spread a point's light: the pattern is that of Fresnel's
-/// integrals whatever
-/// [`crate::scene::Diffraction`] says, and the mean over all surfaces is that of the scene without speckle.
-/// It needs a
+/// integrals whatever [`crate::scene::Diffraction`] says, and the mean over all surfaces is that of the scene
+/// without speckle. It needs a
 /// [`LaserSpot`]: a point of light does not interfere with itself.
 ///
 /// Speckle belongs to the surface, and so to the seed: it is the same in all rows and frames for a target at
-/// rest, and changes as the
-/// target moves, over some millimetres, or slides ([`LaserSpot::wander`]). The rows of a frame see different
-/// parts of it; a line
-/// sensor's tall pixel sees the mean over its height.
+/// rest, and changes as the target moves, over some millimetres, or slides ([`LaserSpot::wander`]). The rows
+/// of a frame see different parts of it; a line sensor's tall pixel sees the mean over its height.
 ///
 /// Where the distance is less than 0.4 m the lattice on which the surface's scatterers lie begins to show
 /// ([`Scattering::pitch`]).
@@ -262,8 +259,8 @@ impl RoughSurface {
     }
 }
 
-const TOO_WIDE: &str = "the surface was made for the laser's spot between 0.3 m and 1.5 times the scene's distance, where the beam is wider: \
-                        move the scene's distance or the beam's waist";
+const TOO_WIDE: &str = "the surface was made for the laser's spot between 0.3 m and 1.5 times the scene's \
+                        distance, where the beam is wider: move the scene's distance or the beam's waist";
 
 /// Height in metres of the spot's image through a lens in focus, in its middle column: its light there over
 /// that in its middle.

@@ -3,14 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 /// A glossy surface scatters a share of the light into a lobe about the mirror direction, which is back into
-/// the laser for one that is square to
-/// it: its brightness changes with the angle under which the sensor sees it, and so with the distance.
+/// the laser for one that is square to it: its brightness changes with the angle under which the sensor sees
+/// it, and so with the distance.
 ///
 /// The lobe is gaussian in the angle to the mirror direction, on the even light of a rough surface (S. K.
-/// Nayar, K. Ikeuchi,
-/// T. Kanade, IEEE Trans. Pattern Anal. Mach. Intell. 13, 611 (1991): diffuse and specular lobe). It does not
-/// move the centre, as an
-/// aperture of a few milliradians sees one angle.
+/// Nayar, K. Ikeuchi, T. Kanade, IEEE Trans. Pattern Anal. Mach. Intell. 13, 611 (1991): diffuse and specular
+/// lobe). It does not move the centre, as an aperture of a few milliradians sees one angle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SpecularLobe {

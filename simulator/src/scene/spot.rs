@@ -6,10 +6,9 @@ use serde::{Deserialize, Serialize};
 /// A gaussian along the row (eq. (5) of the paper), where no effect gives it another shape.
 ///
 /// On a sensor of many rows it is as tall as the slit's shadow, or round where a lens makes it. The height is
-/// that of the whole spot, in
-/// focus, as the sensor sees it: neither [`crate::scene::Diffraction`] nor [`crate::scene::LaserSpot`]
-/// changes it. What spreads light
-/// besides - defocus, coma, motion - conserves the light and so lowers the spot.
+/// that of the whole spot, in focus, as the sensor sees it: neither [`crate::scene::Diffraction`] nor
+/// [`crate::scene::LaserSpot`] changes it. What spreads light besides - defocus, coma, motion - conserves the
+/// light and so lowers the spot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spot {

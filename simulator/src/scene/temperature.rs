@@ -7,8 +7,8 @@ use crate::optics::Optics;
 /// Casing, slit mount and sensor grow with temperature.
 ///
 /// Baseline b and focal length f grow by 1 + e, e = expansion times the rise in temperature; angles stay. For
-/// a target at
-/// rest the centre, f tan(u - atan(d/b)) from the axis at an angle a, then moves in first order by
+/// a target at rest the centre, f tan(u - atan(d/b)) from the axis at an angle a, then moves in first order
+/// by
 ///
 /// ```text
 /// e (f tan(a) + f d b / ((b^2 + d^2) cos^2(a)))

@@ -6,20 +6,16 @@ use serde::{Deserialize, Serialize};
 use crate::scene::{Effect, random};
 
 /// Grain, fibres, brush marks or rust: a reflectance that varies along the baseline, and weights one side of
-/// the laser's spot more than the
-/// other.
+/// the laser's spot more than the other.
 ///
 /// The reflectance is log-normal with mean 1: exp(s n - s^2/2), s^2 = ln(1 + contrast^2), of a gaussian
-/// random field n whose
-/// correlation over x is exp(-(x / length)^2). The field is white noise at points a quarter of `length`
-/// apart, smoothed; it repeats
-/// after 1024 lengths. It belongs to the surface, and so to the seed: the spot's centre is off by the same as
-/// long as the laser hits the same
-/// place ([`crate::scene::LaserSpot::wander`]).
+/// random field n whose correlation over x is exp(-(x / length)^2). The field is white noise at points a
+/// quarter of `length` apart, smoothed; it repeats after 1024 lengths. It belongs to the surface, and so to
+/// the seed: the spot's centre is off by the same as long as the laser hits the same place
+/// ([`crate::scene::LaserSpot::wander`]).
 ///
 /// Where the grain is fine across the baseline too, a spot of standard deviation s averages it: `contrast` is
-/// what is left,
-/// (1 + 4 s^2 / length^2)^(-1/4) of the surface's.
+/// what is left, (1 + 4 s^2 / length^2)^(-1/4) of the surface's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Texture {
@@ -63,8 +59,7 @@ impl Surface {
     }
 
     /// The gaussian field of variance 1: white noise smoothed with exp(-2 x^2 / length^2), which convolved
-    /// with itself is
-    /// the correlation.
+    /// with itself is the correlation.
     fn field(&self, place: f64) -> f64 {
         // Beyond two lengths the kernel is below 4e-4 of its peak, of which the square counts.
         const REACH: i64 = (2.0 * POINTS) as i64;

@@ -10,8 +10,7 @@ pub const WIDTHS: [f64; 12] = [
 ];
 
 /// The widths in pixels that the estimators are made for, over which their worst figures are taken. A
-/// narrower spot is
-/// hardly wider than a pixel, and a wider one is beyond the optics.
+/// narrower spot is hardly wider than a pixel, and a wider one is beyond the optics.
 pub const MEANT_FOR: std::ops::RangeInclusive<f64> = 1.2..=18.0;
 
 /// The noise of a row.
@@ -85,7 +84,7 @@ impl Noise {
 
 /// A method on a cell of the grid.
 #[derive(Clone, Copy, Debug)]
-pub struct RungOnCell {
+pub struct MethodOnCell {
     /// The method.
     pub method: Method,
     /// Sigma in pixels.
@@ -165,7 +164,7 @@ pub struct Accuracy {
     /// Rows in a cell.
     pub rows: u64,
     /// The grid.
-    pub cells: Vec<RungOnCell>,
+    pub cells: Vec<MethodOnCell>,
     /// The situations.
     pub situations: Vec<InSituation>,
     /// Biases without noise.
@@ -185,19 +184,14 @@ pub fn measure(methods: &[Method], rows: u64) -> Accuracy {
     for width in WIDTHS {
         for noise in NOISES {
             let outcomes = Rows::of(noise.cell(width, rows)).run_by(methods, methods::centre);
-            accuracy
-                .cells
-                .extend(
-                    methods
-                        .iter()
-                        .zip(outcomes)
-                        .map(|(&method, outcome)| RungOnCell {
-                            method,
-                            width,
-                            noise,
-                            outcome,
-                        }),
-                );
+            let of_method = |(&method, outcome)| MethodOnCell {
+                method,
+                width,
+                noise,
+                outcome,
+            };
+            let outcomes = methods.iter().zip(outcomes);
+            accuracy.cells.extend(outcomes.map(of_method));
             bar.inc(1);
         }
         accuracy.biases.extend(methods.iter().map(|&method| Bias {
@@ -213,18 +207,13 @@ pub fn measure(methods: &[Method], rows: u64) -> Accuracy {
             ..Rows::of(situation.noise.cell(situation.chip_width, rows))
         };
         let outcomes = rows.run_by(methods, methods::centre);
-        accuracy
-            .situations
-            .extend(
-                methods
-                    .iter()
-                    .zip(outcomes)
-                    .map(|(&method, outcome)| InSituation {
-                        situation: i,
-                        method,
-                        outcome,
-                    }),
-            );
+        let of_method = |(&method, outcome)| InSituation {
+            situation: i,
+            method,
+            outcome,
+        };
+        let outcomes = methods.iter().zip(outcomes);
+        accuracy.situations.extend(outcomes.map(of_method));
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -270,6 +259,7 @@ impl Accuracy {
         let part = |rows: fn(&Outcome) -> u64| {
             cells().map(|cell| rows(&cell.outcome)).max().unwrap_or(0) as f64 / self.rows as f64
         };
+        let pulls = || cells().map(|cell| cell.outcome.pull);
         Worst {
             white: ratio(true),
             shot: ratio(false),
@@ -279,12 +269,8 @@ impl Accuracy {
                 .filter(|bias| bias.method == method && MEANT_FOR.contains(&bias.width))
                 .try_fold(0.0f64, |worst, bias| Some(worst.max(bias.pixels?))),
             pull: (
-                cells()
-                    .map(|cell| cell.outcome.pull)
-                    .fold(f64::NAN, f64::min),
-                cells()
-                    .map(|cell| cell.outcome.pull)
-                    .fold(f64::NAN, f64::max),
+                pulls().fold(f64::NAN, f64::min),
+                pulls().fold(f64::NAN, f64::max),
             ),
             faults: part(|outcome| outcome.faults),
             gross: part(|outcome| outcome.gross),

@@ -1,14 +1,15 @@
-//! What each rung costs on the chip: the program of `cost-on-chip`, built, run on the emulated board and
+//! What each method costs on the chip: the program of `cost-on-chip`, built, run on the emulated board and
 //! read.
 //!
-//! - **Instructions** of a rung are exact: those that the emulated core executed from the rung's first one to its return.
-//!   The program's own count is checked against them: its cycle counter, which there counts one for each instruction.
+//! - **Instructions** of a method are exact: those that the emulated core executed from the method's first to
+//!   its return. The program's own count is checked against them: its cycle counter, which there counts one for
+//!   each instruction.
 //! - **Cycles** are an estimate from the instructions that were executed: see [`cycles`].
-//! - **Code** is the size of all functions that can be reached from the rung's own, with what they share with other rungs
-//!   counted for each: see [`program`]. **Tables** are the weights that the rung reads.
+//! - **Code** is the size of all functions that can be reached from the method's own. What methods share is
+//!   counted for each: see [`program`]. **Tables** are the weights that the method reads.
 //! - **Stack** is what the call wrote to below its caller's.
-//! - **Distances** are counted likewise, by every form of a calibration, from the first instruction of the function that
-//!   makes them.
+//! - **Distances** are counted likewise, by every form of a calibration, from the first instruction of the
+//!   function that makes them.
 //!
 //! The program prints the same lines on a board, where its cycles are the silicon's: [`on_board`].
 
@@ -39,7 +40,7 @@ use run::Run;
 /// The package that runs on the chip.
 const PACKAGE: &str = "cost-on-chip";
 
-/// The function that does one iteration of the Gauss-Newton rung, as Rust names it.
+/// The function that does one iteration of `gauss-newton`, as Rust names it.
 const GAUSS_NEWTON_ITERATION: &str = "slitrange::centre::gauss_newton::normal_equations";
 
 /// The function that makes a distance of a centre, as Rust names it.
@@ -52,15 +53,15 @@ const CLOCK_ROUNDS: u64 = 2;
 /// What was counted on the chip.
 #[derive(Clone, Debug, Default)]
 pub struct Chip {
-    /// Every rung at every width, the widths rising for each rung.
-    pub rungs: Vec<RungOnChip>,
+    /// Every method at every width, the widths rising for each method.
+    pub methods: Vec<MethodOnChip>,
     /// The coarse search of a whole row, the spot's width being known from the row before.
     pub sweep_instructions_per_pixel: f64,
     /// The same for a spot of any width: the first row of a frame.
     pub search_instructions_per_pixel: f64,
     /// Turning the words of a read-out into a row.
     pub geometry_instructions_per_word: f64,
-    /// One iteration of the Gauss-Newton rung, the mean over all of its rows, where it iterates.
+    /// One iteration of `gauss-newton`, the mean over all of its rows, where it iterates.
     pub gauss_newton_instructions_per_iteration: Option<f64>,
     /// Words in, centre added to the frame: all that a row takes, with the default settings.
     pub measurement_instructions_per_row: u64,
@@ -73,10 +74,10 @@ pub struct Chip {
     pub kernels_compared: u64,
 }
 
-/// One rung at one width, over several rows: the spot is known, and so is what the rung found in the row
+/// One method at one width, over several rows: the spot is known, and so is what the method found in the row
 /// before.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct RungOnChip {
+pub struct MethodOnChip {
     /// The method's name.
     pub name: String,
     /// Sigma in pixels.
@@ -146,7 +147,8 @@ pub fn on_board() -> Result<()> {
         .context("cargo did not start")?;
     ensure!(
         status.success(),
-        "{PACKAGE} did not run on the board ({status}); it needs probe-rs (cargo install probe-rs-tools) and the board's USB"
+        "{PACKAGE} did not run on the board ({status}); it needs probe-rs (cargo install probe-rs-tools) and \
+         the board's USB"
     );
     Ok(())
 }
@@ -165,7 +167,7 @@ fn chip(run: &Run) -> Result<Chip> {
         "on the chip {different} inner products or square roots in assembly are not what they are elsewhere"
     );
     Ok(Chip {
-        rungs: rungs(run, &program, &model)?,
+        methods: methods(run, &program, &model)?,
         search_instructions_per_pixel: per_item(step("spot-find")?)?,
         sweep_instructions_per_pixel: per_item(step("spot-find-again")?)?,
         geometry_instructions_per_word: per_item(step("geometry-row")?)?,
@@ -190,13 +192,13 @@ fn check_the_counter(run: &Run) -> Result<()> {
     Ok(())
 }
 
-fn rungs(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<RungOnChip>> {
-    let calls = calls_of_rungs(run, program)?;
-    let mut rungs = Vec::new();
+fn methods(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<MethodOnChip>> {
+    let calls = calls_of_methods(run, program)?;
+    let mut counted_methods = Vec::new();
     for method in Method::ALL {
         let name = method.name();
         let code_bytes = program.reachable_bytes(&wrapper(name))?;
-        for line in lines::all(&run.lines, Kind::Rung).filter(|line| line.name == name) {
+        for line in lines::all(&run.lines, Kind::Method).filter(|line| line.name == name) {
             let width = line.number("width")?;
             let rows = || {
                 calls
@@ -213,7 +215,7 @@ fn rungs(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<RungOnCh
                 counted.abs_diff(median) <= CLOCK_ROUNDS,
                 "{name} at width {width} executes {median} instructions, but the cycle counter says {counted}"
             );
-            rungs.push(RungOnChip {
+            counted_methods.push(MethodOnChip {
                 name: name.to_owned(),
                 width,
                 instructions: median,
@@ -226,12 +228,12 @@ fn rungs(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<RungOnCh
             });
         }
     }
-    Ok(rungs)
+    Ok(counted_methods)
 }
 
-/// The program prints a line for each call of a rung, in the order of the calls: each line with its call.
-fn calls_of_rungs<'a>(run: &'a Run, program: &Program) -> Result<Vec<(&'a Line, &'a Call)>> {
-    // Functions of the same instructions are one, so an address may stand for several rungs.
+/// The program prints a line for each call of a method, in the order of the calls: each line with its call.
+fn calls_of_methods<'a>(run: &'a Run, program: &Program) -> Result<Vec<(&'a Line, &'a Call)>> {
+    // Functions of the same instructions are one, so an address may stand for several methods.
     let wrappers: BTreeSet<u64> = Method::ALL
         .into_iter()
         .filter_map(|method| program.address(&wrapper(method.name())))
@@ -244,7 +246,7 @@ fn calls_of_rungs<'a>(run: &'a Run, program: &Program) -> Result<Vec<(&'a Line, 
     let rows: Vec<&Line> = lines::all(&run.lines, Kind::Row).collect();
     ensure!(
         calls.len() == rows.len(),
-        "the chip's program called {} rungs and spoke of {}",
+        "the chip's program called {} methods and spoke of {}",
         calls.len(),
         rows.len()
     );
@@ -297,12 +299,12 @@ fn middle(sorted: &[u64]) -> Option<u64> {
     sorted.get(sorted.len() / 2).copied()
 }
 
-/// The function on the chip that is a rung alone.
+/// The function on the chip that is a method alone.
 fn wrapper(name: &str) -> String {
-    format!("rung_{}", name.replace('-', "_"))
+    format!("method_{}", name.replace('-', "_"))
 }
 
-/// Bytes of the weights that a rung reads.
+/// Bytes of the weights that a method reads.
 fn table_bytes(method: Method) -> u64 {
     match method {
         Method::Estimator(Estimator::Centroid)

@@ -4,15 +4,17 @@ use cost_on_chip::methods::Method;
 use host_tests::accuracy::Outcome;
 use slitrange::centre::Estimator;
 
-use crate::accuracy::{Accuracy, Bias, InSituation, NOISES, Noise, RungOnCell, SITUATIONS, WIDTHS};
-use crate::chip::{Chip, RungOnChip};
+use crate::accuracy::{
+    Accuracy, Bias, InSituation, MethodOnCell, NOISES, Noise, SITUATIONS, WIDTHS,
+};
+use crate::chip::{Chip, MethodOnChip};
 use crate::distances::Distance;
 use crate::reading_time::{self, Light, Point};
 use crate::report::Measured;
 
 /// Name, RMSE over the bound in white and shot noise, bias at a width of a pixel, instructions, code and
 /// tables in bytes.
-const RUNGS: [(f64, f64, f64, u64, u64, u64); 10] = [
+const METHODS: [(f64, f64, f64, u64, u64, u64); 10] = [
     (1.9, 1.3, 0.02, 520, 420, 0),
     (1.06, 1.09, 0.0003, 354, 1100, 9400),
     (1.01, 1.02, 0.0001, 653, 2300, 18_800),
@@ -27,7 +29,7 @@ const RUNGS: [(f64, f64, f64, u64, u64, u64); 10] = [
 
 /// All of it.
 pub fn measured() -> Measured {
-    let rungs = || Method::ALL.into_iter().zip(RUNGS);
+    let methods = || Method::ALL.into_iter().zip(METHODS);
     let outcome = |ratio: f64| Outcome {
         rmse: 0.02 * ratio,
         bound: 0.02,
@@ -41,7 +43,7 @@ pub fn measured() -> Measured {
         situations: vec![],
         biases: vec![],
     };
-    for (method, (white, shot, bias, ..)) in rungs() {
+    for (method, (white, shot, bias, ..)) in methods() {
         for width in WIDTHS {
             for noise in NOISES {
                 let ratio = if noise.is_white() { white } else { shot };
@@ -50,7 +52,7 @@ pub fn measured() -> Measured {
                     Noise::White { snr } => snr,
                     Noise::Shot { amplitude, .. } => amplitude,
                 };
-                accuracy.cells.push(RungOnCell {
+                accuracy.cells.push(MethodOnCell {
                     method,
                     width,
                     noise,
@@ -90,19 +92,20 @@ pub fn measured() -> Measured {
             ram_bytes: 64,
             record_bytes: 50,
         }],
-        host_ns: RUNGS.iter().map(|rung| Some(rung.3 as f64 / 5.0)).collect(),
+        host_ns: METHODS.iter().map(|it| Some(it.3 as f64 / 5.0)).collect(),
         readings: readings(),
         peers: None,
     }
 }
 
 fn chip() -> Chip {
-    let mut rungs = vec![];
-    for (method, (.., instructions, code_bytes, table_bytes)) in Method::ALL.into_iter().zip(RUNGS)
+    let mut methods = vec![];
+    for (method, (.., instructions, code_bytes, table_bytes)) in
+        Method::ALL.into_iter().zip(METHODS)
     {
         for (width, part) in [(1.5, 4), (4.5, 6), (10.5, 10), (11.3, 10), (25.0, 7)] {
             let instructions = instructions * part / 10;
-            rungs.push(RungOnChip {
+            methods.push(MethodOnChip {
                 name: method.name().into(),
                 width,
                 instructions,
@@ -116,7 +119,7 @@ fn chip() -> Chip {
         }
     }
     Chip {
-        rungs,
+        methods,
         sweep_instructions_per_pixel: 2.6,
         gauss_newton_instructions_per_iteration: Some(12_500.0),
         peers: vec![],

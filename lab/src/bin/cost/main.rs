@@ -121,7 +121,7 @@ fn measure(options: &Options) -> anyhow::Result<Measured> {
 
 /// The peers, with their instructions on the chip over the default estimator's on the same rows.
 fn peers_beside(chip: &chip::Chip) -> anyhow::Result<peers::Peers> {
-    let mut peers = peers::run(&peers::Options::default()).context("the peers")?;
+    let mut peers = peers::run().context("the peers")?;
     let default = report::on_chip(chip, Method::default(), report::PEERS_WIDTH)
         .context("the default estimator finds no centre on the chip")?;
     for peer in &chip.peers {

@@ -1,10 +1,8 @@
 //! What is worth its time.
 
 /// The Pareto front: the places of those points (time, error), in order of time, that no other point of at
-/// most the same
-/// time beats or equals in error. An error that is smaller by less than the relative `chance` is taken for
-/// equal.
-/// Points that are not numbers are left out.
+/// most the same time beats or equals in error. An error that is smaller by less than the relative `chance`
+/// is taken for equal. Points that are not numbers are left out.
 pub fn front(points: &[(f64, f64)], chance: f64) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len())
         .filter(|&i| points[i].0.is_finite() && points[i].1.is_finite())

@@ -1,14 +1,11 @@
 //! What one would use instead, on the same rows in one run: time as ratios, errors over the bound.
 //!
 //! Everyone gets the same 128 pixels around the spot, and knows what the row before told: the centre to half
-//! a pixel, the width
-//! to 5 %, the height to 10 %, the level to its noise. The search for the spot is in nobody's time. The rungs
-//! get
-//! the row as it is, 16-bit counts; turning them into its floats is in a peer's time, because it has to. A
-//! peer fits eq. (5) on a
-//! level, all pixels weighted alike, with its defaults and analytic derivatives where it wants them. Time is
-//! of one thread; in Rust the
-//! median over turns that all take, in scipy the median over fits.
+//! a pixel, the width to 5 %, the height to 10 %, the level to its noise. The search for the spot is in
+//! nobody's time. The estimators get the row as it is, 16-bit counts; turning them into its floats is in a
+//! peer's time, because it has to. A peer fits eq. (5) on a level, all pixels weighted alike, with its
+//! defaults and analytic derivatives where it wants them. Time is of one thread; in Rust the median over
+//! turns that all take, in scipy the median over fits.
 
 use std::fmt;
 use std::hint::black_box;
@@ -29,63 +26,35 @@ mod varpro;
 
 use rows::{Scene, Window};
 
-/// How much to run.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// Rows for the errors of the rungs and the Rust peers.
-    pub rows: usize,
-    /// Rows for their time, at most `rows`.
-    pub timed_rows: usize,
-    /// How often each of those rows is timed.
-    pub rounds: usize,
-    /// Rows for scipy's errors and time, at most `rows`.
-    pub scipy_rows: usize,
-    /// Rows for the variants of scipy's fits, some of which are slow, at most `scipy_rows`.
-    pub scipy_variant_rows: usize,
-}
+/// Rows for the errors of each method.
+const ROWS: usize = 20_000;
 
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            rows: 20_000,
-            timed_rows: 4096,
-            rounds: 5,
-            scipy_rows: 20_000,
-            scipy_variant_rows: 400,
-        }
-    }
-}
+/// Rows for the times of what runs in this process.
+const TIMED_ROWS: usize = 4096;
 
-/// A peer beside the default rung, the phase table.
+/// How often each of those rows is timed.
+const ROUNDS: usize = 5;
+
+/// Rows for the variants of scipy's fits, some of which are slow.
+const SCIPY_VARIANT_ROWS: usize = 400;
+
+/// A peer beside the default estimator, `phase-table`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Peer {
     /// The crate or program.
     pub name: String,
-    /// Its time a row over the default rung's on this PC.
+    /// Its time a row over the default estimator's on this PC.
     pub host_time_ratio: Option<f64>,
-    /// Its instructions a row over the default rung's on the chip.
+    /// Its instructions a row over the default estimator's on the chip.
     pub chip_instruction_ratio: Option<f64>,
     /// Its root mean square error over the Cramér-Rao bound in the reference scene.
     pub rmse_over_bound: Option<f64>,
 }
 
-/// Time of a method.
-#[derive(Clone, Debug, Serialize)]
-pub struct Timing {
-    /// The rung or peer.
-    pub name: String,
-    /// Nanoseconds a row.
-    pub ns_per_row: f64,
-    /// Over the default rung's time.
-    pub over_default: f64,
-    /// Over the adaptive rung's time.
-    pub over_adaptive: f64,
-}
-
 /// Errors of a method in a scene.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
 pub struct Accuracy {
-    /// The rung or peer.
+    /// The estimator or peer.
     pub name: String,
     /// Rows that it was given.
     pub rows: usize,
@@ -93,56 +62,40 @@ pub struct Accuracy {
     pub failures: usize,
     /// Root mean square error over the Cramér-Rao bound.
     pub rmse_over_bound: f64,
-    /// That of the default rung on the very same rows.
+    /// That of the default estimator on the very same rows.
     pub default_rmse_over_bound: f64,
 }
 
 /// Errors of all in a scene.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
 pub struct SceneAccuracy {
     /// What is on the row.
     pub scene: String,
     /// The bound in pixels.
     pub bound_px: f64,
-    /// The rungs, the peers and their variants.
+    /// The estimators, the peers and their variants.
     pub methods: Vec<Accuracy>,
 }
 
 /// The comparison.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
 pub struct Peers {
-    /// Rows for the errors of the rungs and the Rust peers.
-    pub rows: usize,
-    /// The default rung's time a row in nanoseconds.
-    pub default_ns_per_row: f64,
-    /// The adaptive rung's.
-    pub adaptive_ns_per_row: f64,
-    /// The default rung's error over the bound in the reference scene.
-    pub default_rmse_over_bound: f64,
-    /// The adaptive rung's.
-    pub adaptive_rmse_over_bound: f64,
     /// The peers as one would use them.
     pub peers: Vec<Peer>,
-    /// The same with other options, for who wonders.
-    pub variants: Vec<Peer>,
     /// Why there are no figures of scipy, where there are none.
     pub scipy_skipped: Option<String>,
-    /// Times of all.
-    pub timings: Vec<Timing>,
+    /// Nanoseconds a row of the estimators, the peers and their variants, by name.
+    pub timings: Vec<(&'static str, f64)>,
     /// The reference scene, then those of white noise.
     pub scenes: Vec<SceneAccuracy>,
 }
 
 impl Peers {
-    /// Notes a peer's instructions a row on the chip, over the default rung's. Whether there is such a peer.
-    pub fn set_chip_instruction_ratio(&mut self, name: &str, ratio: f64) -> bool {
-        let peer = self.peers.iter_mut().find(|peer| peer.name == name);
-        match peer {
-            Some(peer) => {
-                peer.chip_instruction_ratio = Some(ratio);
-                true
-            }
-            None => false,
+    /// Notes a peer's instructions a row on the chip, over the default estimator's. Names of other peers are
+    /// ignored.
+    pub fn set_chip_instruction_ratio(&mut self, name: &str, ratio: f64) {
+        if let Some(peer) = self.peers.iter_mut().find(|peer| peer.name == name) {
+            peer.chip_instruction_ratio = Some(ratio);
         }
     }
 }
@@ -164,7 +117,7 @@ enum Method {
     RmpfitWithDerivatives,
 }
 
-const RUNGS: [Method; 2] = [Method::Default, Method::Adaptive];
+const ESTIMATORS: [Method; 2] = [Method::Default, Method::Adaptive];
 const RUST_PEERS: [Method; 4] = [
     Method::LevenbergMarquardtF64,
     Method::LevenbergMarquardtF32,
@@ -201,15 +154,15 @@ impl Method {
 
     /// The centre of a row's spot on the window.
     fn centre(self, row: &Row<'_>, window: &Window, geometry: &Geometry) -> Option<f64> {
-        let rung = |estimator, before| {
+        let estimate = |estimator, before| {
             centre::centre(estimator, row, &window.spot, Some(before), geometry)
                 .ok()
                 .map(|found| found.centre.to_f64())
         };
         let start = window.start;
         let fit = match self {
-            Self::Default => return rung(Estimator::PhaseTable, &window.before),
-            Self::Adaptive => return rung(Estimator::Adaptive, &window.adaptive_before),
+            Self::Default => return estimate(Estimator::PhaseTable, &window.before),
+            Self::Adaptive => return estimate(Estimator::Adaptive, &window.adaptive_before),
             Self::LevenbergMarquardtF64 => {
                 levenberg_marquardt::fit_f64(&window.pixels.map(f64::from), start)
             }
@@ -274,13 +227,12 @@ impl<'a> Given<'a> {
     }
 }
 
-/// Runs rungs and peers.
+/// Runs the estimators and the peers.
 ///
 /// # Errors
 /// A scene without a spot, or scipy is there and its script fails. Where scipy cannot be had its figures are
-/// left out,
-/// and [`Peers::scipy_skipped`] says why.
-pub fn run(options: &Options) -> anyhow::Result<Peers> {
+/// left out, and [`Peers::scipy_skipped`] says why.
+pub fn run() -> anyhow::Result<Peers> {
     let (scipy, scipy_skipped) = match scipy::Environment::make() {
         Ok(environment) => (Some(environment), None),
         Err(error) => (None, Some(format!("{error:#}"))),
@@ -288,20 +240,24 @@ pub fn run(options: &Options) -> anyhow::Result<Peers> {
     let mut scenes = vec![];
     let mut timings = vec![];
     for scene in [rows::REFERENCE].iter().chain(&rows::WHITE) {
-        let windows = scene.windows(options.rows)?;
+        let windows = scene.windows(ROWS)?;
         let given = Given::new(scene, &windows)?;
         let mut accuracy = Accuracies::new(scene, given.errors(Method::Default));
-        for method in RUNGS.into_iter().chain(RUST_PEERS).chain(RUST_VARIANTS) {
+        for method in ESTIMATORS
+            .into_iter()
+            .chain(RUST_PEERS)
+            .chain(RUST_VARIANTS)
+        {
             accuracy.add(method.name(), &given.errors(method));
         }
         let is_reference = timings.is_empty();
         if is_reference {
-            timings = time(&given, options);
+            timings = time(&given);
         }
         if let Some(scipy) = &scipy {
             let batches = [
-                (&SCIPY_PEERS[..], options.scipy_rows),
-                (&SCIPY_VARIANTS[..], options.scipy_variant_rows),
+                (&SCIPY_PEERS[..], ROWS),
+                (&SCIPY_VARIANTS[..], SCIPY_VARIANT_ROWS),
             ];
             for (names, rows) in batches.into_iter().take(if is_reference { 2 } else { 1 }) {
                 let windows = &windows[..rows.min(windows.len())];
@@ -321,31 +277,30 @@ pub fn run(options: &Options) -> anyhow::Result<Peers> {
         }
         scenes.push(accuracy.scene);
     }
-    Ok(Peers::new(options, timings, scenes, scipy_skipped))
+    Ok(Peers::new(timings, scenes, scipy_skipped))
 }
 
 /// Names with nanoseconds a row: the median over short turns that all take on the same few rows, so that a
-/// neighbour's load on the
-/// PC falls on all alike.
-fn time(given: &Given<'_>, options: &Options) -> Vec<(&'static str, f64)> {
+/// neighbour's load on the PC falls on all alike.
+fn time(given: &Given<'_>) -> Vec<(&'static str, f64)> {
     /// So few that they stay in the cache, where a row is that has just come in.
     const ROWS_OF_A_TURN: usize = 128;
-    /// A rung is through in some microseconds: more passes, the first of which fetches the rows and is not
-    /// counted.
-    const PASSES_OF_A_RUNG: usize = 8;
-    let methods: Vec<Method> = RUNGS
+    /// An estimator is through in some microseconds: more passes, the first of which fetches the rows and is
+    /// not counted.
+    const PASSES_OF_AN_ESTIMATOR: usize = 8;
+    let methods: Vec<Method> = ESTIMATORS
         .into_iter()
         .chain(RUST_PEERS)
         .chain(RUST_VARIANTS)
         .collect();
-    let rows = &given.rows[..options.timed_rows.min(given.rows.len())];
+    let rows = &given.rows[..TIMED_ROWS.min(given.rows.len())];
     let mut times = vec![vec![]; methods.len()];
-    for _ in 0..options.rounds {
+    for _ in 0..ROUNDS {
         for rows in rows.chunks(ROWS_OF_A_TURN) {
             for (times, &method) in times.iter_mut().zip(&methods) {
-                if RUNGS.contains(&method) {
+                if ESTIMATORS.contains(&method) {
                     given.time(method, rows);
-                    times.extend((0..PASSES_OF_A_RUNG).map(|_| given.time(method, rows)));
+                    times.extend((0..PASSES_OF_AN_ESTIMATOR).map(|_| given.time(method, rows)));
                 } else {
                     times.push(given.time(method, rows));
                 }
@@ -409,68 +364,39 @@ fn rmse(errors: &[Option<f64>]) -> (f64, usize) {
 
 impl Peers {
     fn new(
-        options: &Options,
         timings: Vec<(&'static str, f64)>,
         scenes: Vec<SceneAccuracy>,
         scipy_skipped: Option<String>,
     ) -> Self {
-        let ns_per_row = |name: &str| {
-            timings
-                .iter()
-                .find(|(other, _)| *other == name)
-                .map(|&(_, ns_per_row)| ns_per_row)
-        };
         let rmse_over_bound = |name: &str| {
-            let reference = scenes.first()?;
-            let method = reference
-                .methods
-                .iter()
-                .find(|method| method.name == name)?;
-            Some(method.rmse_over_bound)
+            let mut methods = scenes.first()?.methods.iter();
+            Some(methods.find(|method| method.name == name)?.rmse_over_bound)
         };
-        // Both rungs are always run.
-        let rung = |method: Method| {
-            (
-                ns_per_row(method.name()).unwrap_or(f64::NAN),
-                rmse_over_bound(method.name()).unwrap_or(f64::NAN),
-            )
-        };
-        let (default_ns_per_row, default_rmse_over_bound) = rung(Method::Default);
-        let (adaptive_ns_per_row, adaptive_rmse_over_bound) = rung(Method::Adaptive);
-        let peers = |rust: &[Method], scipy: &[&str]| {
-            rust.iter()
-                .map(|method| method.name())
-                .chain(scipy.iter().copied())
-                .map(|name| Peer {
-                    name: name.into(),
-                    host_time_ratio: ns_per_row(name)
-                        .map(|ns_per_row| ns_per_row / default_ns_per_row),
-                    chip_instruction_ratio: None,
-                    rmse_over_bound: rmse_over_bound(name),
-                })
-                .collect()
-        };
+        let default_ns = ns_per_row(&timings, Method::Default.name());
+        let rust = RUST_PEERS.iter().map(|method| method.name());
+        let peers = rust
+            .chain(SCIPY_PEERS)
+            .map(|name| Peer {
+                name: name.into(),
+                host_time_ratio: ns_per_row(&timings, name)
+                    .zip(default_ns)
+                    .map(|(own, default)| own / default),
+                chip_instruction_ratio: None,
+                rmse_over_bound: rmse_over_bound(name),
+            })
+            .collect();
         Self {
-            rows: options.rows,
-            default_ns_per_row,
-            adaptive_ns_per_row,
-            default_rmse_over_bound,
-            adaptive_rmse_over_bound,
-            peers: peers(&RUST_PEERS, &SCIPY_PEERS),
-            variants: peers(&RUST_VARIANTS, &SCIPY_VARIANTS),
+            peers,
             scipy_skipped,
-            timings: timings
-                .iter()
-                .map(|&(name, ns_per_row)| Timing {
-                    name: name.into(),
-                    ns_per_row,
-                    over_default: ns_per_row / default_ns_per_row,
-                    over_adaptive: ns_per_row / adaptive_ns_per_row,
-                })
-                .collect(),
+            timings,
             scenes,
         }
     }
+}
+
+fn ns_per_row(timings: &[(&str, f64)], name: &str) -> Option<f64> {
+    let found = timings.iter().find(|(other, _)| *other == name);
+    found.map(|&(_, ns_per_row)| ns_per_row)
 }
 
 /// The tables that a person reads.
@@ -481,11 +407,14 @@ impl fmt::Display for Peers {
             "{:<52}{:>12}{:>14}{:>14}",
             "time on this PC, one thread", "ns a row", "/ phase-table", "/ adaptive"
         )?;
-        for timing in &self.timings {
+        // Both estimators are always run.
+        let [default, adaptive] =
+            ESTIMATORS.map(|method| ns_per_row(&self.timings, method.name()).unwrap_or(f64::NAN));
+        for (name, ns) in &self.timings {
+            let (over_default, over_adaptive) = (ns / default, ns / adaptive);
             writeln!(
                 f,
-                "{:<52}{:>12.1}{:>14.1}{:>14.1}",
-                timing.name, timing.ns_per_row, timing.over_default, timing.over_adaptive
+                "{name:<52}{ns:>12.1}{over_default:>14.1}{over_adaptive:>14.1}"
             )?;
         }
         for scene in &self.scenes {
@@ -520,14 +449,18 @@ mod tests {
     use super::*;
 
     /// An unweighted fit of the reference scene has 1.201 times the bound: J^T J inverse times J^T V J times
-    /// J^T J inverse. The standard error over
-    /// 1000 rows is 2.2 %, of which four are allowed to either side of 1 and 1.201.
+    /// J^T J inverse. The standard error over 1000 rows is 2.2 %, of which four are allowed to either side of
+    /// 1 and 1.201.
     #[test]
     fn every_method_is_near_the_bound() {
         let scene = rows::REFERENCE;
         let windows = scene.windows(1000).expect("a spot in each row");
         let given = Given::new(&scene, &windows).expect("12 bits");
-        for method in RUNGS.into_iter().chain(RUST_PEERS).chain(RUST_VARIANTS) {
+        for method in ESTIMATORS
+            .into_iter()
+            .chain(RUST_PEERS)
+            .chain(RUST_VARIANTS)
+        {
             let errors = given.errors(method);
             let (rmse, good) = rmse(&errors);
             let ratio = rmse / scene.bound();

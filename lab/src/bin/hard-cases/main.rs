@@ -8,8 +8,7 @@ use clap::Parser;
 use host_tests::hard_cases::mixtures::{self, RandomRow};
 use host_tests::hard_cases::report::{self, Catalogue};
 use host_tests::hard_cases::tally::Tally;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use lab::docs;
+use lab::{docs, progress};
 use slitrange::centre::Estimator;
 
 /// The random rows of each kind that docs/hard-cases.md shows.
@@ -72,10 +71,7 @@ fn main() -> anyhow::Result<()> {
 }
 
 fn tally(name: &'static str, rows: u64, draw: fn(u64) -> RandomRow) -> anyhow::Result<Tally> {
-    let progress = ProgressBar::with_draw_target(Some(rows), ProgressDrawTarget::stderr_with_hz(4));
-    progress.set_style(ProgressStyle::with_template(
-        "{msg:16} {wide_bar} {pos}/{len}, {eta} left",
-    )?);
+    let progress = progress::bar(rows, "{msg:16} {wide_bar} {pos}/{len}, {eta} left")?;
     progress.set_message(name);
     let tally = Tally::over(0..rows, draw, &|| progress.inc(1));
     progress.finish_and_clear();
@@ -94,9 +90,9 @@ fn print_summary(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) {
         println!("and of clean rows with seeds {:?}", clean.seeds);
     }
     println!("\n{} cases", catalogue.len());
-    for rung in Estimator::ALL {
-        let failures = catalogue.failures(rung);
-        println!("{}: {} failed", rung.name(), failures.len());
+    for estimator in Estimator::ALL {
+        let failures = catalogue.failures(estimator);
+        println!("{}: {} failed", estimator.name(), failures.len());
         for failure in failures {
             println!("    {failure}");
         }

@@ -5,15 +5,15 @@ use host_tests::hard_cases::mixtures::RandomRow;
 use host_tests::hard_cases::truth::Truth;
 use slitrange::centre::Estimator;
 
-/// Prints what the row is made of, and what every rung says of it.
+/// Prints what the row is made of, and what every estimator says of it.
 pub fn tell(random_row: &RandomRow) {
     println!("{random_row:#?}");
     let row = random_row.row();
     println!("truth: {:?}", row.truth);
-    for (rung, answers) in Estimator::ALL.iter().zip(answers(&row)) {
+    for (estimator, answers) in Estimator::ALL.iter().zip(answers(&row)) {
         println!(
             "{:>14} alone: {}",
-            rung.name(),
+            estimator.name(),
             words(row.truth, &answers.alone)
         );
         println!("{:>14} taken: {}", "", words(row.truth, &answers.looked_at));

@@ -10,9 +10,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use clap::Parser;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lab::budget::{Budget, Plan};
-use lab::docs;
+use lab::{docs, progress};
 use serde::Serialize;
 use simulator::scene::{Scene, file};
 use slitrange::centre::Estimator;
@@ -26,23 +25,19 @@ const SHOWN: [&str; 4] = ["quiet-paper", "brushed-metal", "paper-on-camera", "le
 /// scenes.
 ///
 /// The error is that of the core's centres against the truth; a reading is a row of a line sensor, or the
-/// mean over the rows of
-/// a camera's frame that are at least a tenth as high as its highest. An effect's share of it is
-/// 1 - (RMS error without the effect)^2 / (RMS error)^2, of the readings that have a centre with it and
-/// without it: shares of
-/// effects that interact do not add up to 1, and one without which the error would be larger has a negative
-/// one.
+/// mean over the rows of a camera's frame that are at least a tenth as high as its highest. An effect's share
+/// of it is 1 - (RMS error without the effect)^2 / (RMS error)^2, of the readings that have a centre with it
+/// and without it: shares of effects that interact do not add up to 1, and one without which the error would
+/// be larger has a negative one.
 ///
 /// Readings are taken of many realisations of the scene, because some effects (speckle, texture, fixed
-/// pattern, response) stay as
-/// long as target or sensor do: each has a seed of its own, and the spot elsewhere on its pixel. Within a
-/// realisation they are
-/// spread over a time, because others (temperature, drift) take their time.
+/// pattern, response) stay as long as target or sensor do: each has a seed of its own, and the spot elsewhere
+/// on its pixel. Within a realisation they are spread over a time, because others (temperature, drift) take
+/// their time.
 ///
 /// Times are those of a row as the core gets it, and of the first one of a scene, in which all is computed
-/// that stays; those of an
-/// effect are by how much a row takes longer with it than without. One that takes light away spares the shot
-/// noise work.
+/// that stays; those of an effect are by how much a row takes longer with it than without. One that takes
+/// light away spares the shot noise work.
 #[derive(Parser)]
 #[command(name = "cargo scene", bin_name = "cargo scene")]
 struct Options {
@@ -145,13 +140,8 @@ impl Options {
 
 /// With a bar on the terminal, as speckle takes a while.
 fn budget(scene: &Scene, estimator: Estimator, plan: &Plan) -> Result<Budget> {
-    let progress = ProgressBar::with_draw_target(
-        Some(Budget::runs(scene, plan)),
-        ProgressDrawTarget::stderr_with_hz(4),
-    );
-    progress.set_style(ProgressStyle::with_template(
-        "{wide_bar} {pos}/{len} realisations, {eta} left",
-    )?);
+    let template = "{wide_bar} {pos}/{len} realisations, {eta} left";
+    let progress = progress::bar(Budget::runs(scene, plan), template)?;
     let budget = Budget::of(scene, estimator, plan, &|| progress.inc(1));
     progress.finish_and_clear();
     budget

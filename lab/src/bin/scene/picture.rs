@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result};
 use lab::budget::row_centre;
 use phase_tables::gaussian;
-use plotters::coord::Shift;
 use plotters::prelude::*;
 use simulator::optics::Aperture;
 use simulator::scene::{Scene, Simulation, quantise};
 use slitrange::centre::{Estimator, RowCentre};
 use slitrange::fault::Fault;
+use slitrange_tool::axes::{self, Area, GRID};
 
 use crate::embedded::Grey;
 use crate::words;
@@ -30,11 +30,8 @@ const SIZE: (u32, u32) = (1000, 900);
 const TEXT: i32 = 17;
 const TITLE: i32 = 20;
 const SMALL: i32 = 15;
-const GRID: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
 const FIT: RGBColor = RGBColor(0xc6, 0x20, 0x20);
 const COUNTS: RGBColor = RGBColor(0x15, 0x55, 0xd0);
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// Draws a scene into `folder`, and gives the file's path.
 ///
@@ -262,7 +259,8 @@ impl<'a> Seen<'a> {
         let counts = self.counts();
         let title = match &self.fit {
             Ok(fit) => format!(
-                "row {}, {}: centre {:.3} px, {:+.4} px off the truth (claimed ± {:.4}); sigma {:.2} px, height {:.0} counts",
+                "row {}, {}: centre {:.3} px, {:+.4} px off the truth (claimed ± {:.4}); sigma {:.2} px, \
+                 height {:.0} counts",
                 self.row,
                 self.estimator.name(),
                 fit.centre.to_f64(),
@@ -407,7 +405,7 @@ type Plane =
     Cartesian2d<plotters::coord::types::RangedCoordf64, plotters::coord::types::RangedCoordf64>;
 
 fn text(size: i32) -> TextStyle<'static> {
-    ("sans-serif", size).into_font().color(&BLACK)
+    axes::text(size, BLACK)
 }
 
 fn whole(value: &f64) -> String {

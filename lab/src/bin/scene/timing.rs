@@ -106,8 +106,8 @@ impl Difference {
         let mut off: Vec<f64> = (repetitions.iter())
             .map(|difference| (difference - nanoseconds).abs())
             .collect();
-        // Of normal values the standard deviation is 1.483 medians, and that of a median of n of them 1.253/sqrt(n)
-        // of it.
+        // Of normal values the standard deviation is 1.483 medians, and that of a median of n of them
+        // 1.253/sqrt(n) of it.
         let deviation = 1.483 * median(&mut off);
         Some(Self {
             nanoseconds,

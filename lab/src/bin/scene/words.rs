@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use anyhow::{Context as _, Result};
 use lab::budget::{self, Errors};
+use lab::table;
 use simulator::optics::Aperture;
 use simulator::scene::{Effect, Scene, Sensor};
 
@@ -47,7 +48,8 @@ pub fn setting(scene: &Scene) -> String {
         Aperture::Lens { diameter } => format!("lens with a pupil of {:.2} mm", diameter * 1e3),
     };
     format!(
-        "{sensor} ({:.2} um a pixel), {aperture}, target at {:.1} mm ({:.1} um a pixel), exposure {:.3} ms",
+        "{sensor} ({:.2} um a pixel), {aperture}, target at {:.1} mm ({:.1} um a pixel), \
+         exposure {:.3} ms",
         optics.pitch * 1e6,
         scene.distance * 1e3,
         optics.metres_per_pixel(optics.centre(scene.distance)) * 1e6,
@@ -79,7 +81,8 @@ fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
     };
     writeln!(
         text,
-        "{} {reading} ({} realisations, {} each over {:.3} s), centres by {}; times to simulate on one core:",
+        "{} {reading} ({} realisations, {} each over {:.3} s), centres by {}; times to simulate on one \
+         core:",
         budget.whole.readings, plan.realisations, plan.readings, plan.seconds, budget.estimator
     )?;
     let mut lines: Vec<Line> = vec![
@@ -119,7 +122,7 @@ fn write_budget(text: &mut String, shown: &Shown) -> Result<()> {
             times,
         ));
     }
-    write_table(text, &lines)?;
+    *text += &table::text(&lines);
     for (name, count) in &budget.whole.faults {
         writeln!(
             text,
@@ -156,22 +159,6 @@ fn line(
         a_row,
         first_row,
     ]
-}
-
-/// The first column to the left, the others to the right.
-fn write_table(text: &mut String, lines: &[Line]) -> std::fmt::Result {
-    let widths: [usize; 9] = std::array::from_fn(|column| {
-        let widths = lines.iter().map(|line| line[column].chars().count());
-        widths.max().unwrap_or(0)
-    });
-    for line in lines {
-        write!(text, "{:1$}", line[0], widths[0])?;
-        for (cell, width) in line.iter().zip(widths).skip(1) {
-            write!(text, "  {cell:>width$}")?;
-        }
-        writeln!(text)?;
-    }
-    Ok(())
 }
 
 /// `name value, name value`.

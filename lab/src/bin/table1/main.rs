@@ -4,12 +4,11 @@ mod figures;
 mod report;
 
 use clap::Parser;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use lab::docs;
 use lab::paper::apparatus::{Aperture, POSITIONS};
 use lab::paper::experiment::{Experiment, Outcome};
 use lab::paper::materials::MATERIALS;
 use lab::paper::training::PIECES;
+use lab::{docs, progress};
 
 use crate::report::Report;
 
@@ -116,13 +115,10 @@ fn run(options: &Options, experiment: &Experiment) -> anyhow::Result<Vec<Outcome
         .flat_map(|material| Aperture::ALL.map(|aperture| (material, aperture)))
         .filter(|&(_, aperture)| options.optics.is_none_or(|only| only == aperture))
         .collect();
-    let progress = ProgressBar::with_draw_target(
-        Some((cells.len() * experiment.positions()) as u64),
-        ProgressDrawTarget::stderr_with_hz(4),
-    );
-    progress.set_style(ProgressStyle::with_template(
+    let progress = progress::bar(
+        (cells.len() * experiment.positions()) as u64,
         "{msg:24} {wide_bar} {pos}/{len} positions, {eta} left",
-    )?);
+    )?;
     let outcomes = cells
         .into_iter()
         .map(|(material, aperture)| {

@@ -9,7 +9,7 @@ use lab::paper::experiment::{Experiment, Outcome};
 use lab::paper::lens_effects::{DISTORTION, Flare};
 use lab::paper::materials::MATERIALS;
 use lab::paper::methods::Method;
-use lab::paper::published::{Errors, TABLE_1};
+use lab::paper::published::{Errors, Published, TABLE_1};
 use serde::Serialize;
 
 /// All that was found.
@@ -77,10 +77,15 @@ impl Report {
         }
     }
 
+    /// What came of the materials through an aperture.
+    fn through(&self, aperture: Aperture) -> impl Iterator<Item = &Outcome> {
+        through(&self.outcomes, aperture)
+    }
+
     /// What came of a material and an aperture.
     pub fn outcome(&self, material: usize, aperture: Aperture) -> Option<&Outcome> {
-        let mut outcomes = self.outcomes.iter();
-        outcomes.find(|outcome| outcome.material == material && outcome.aperture == aperture)
+        self.through(aperture)
+            .find(|outcome| outcome.material == material)
     }
 
     /// Every figure as comma-separated values.
@@ -117,10 +122,10 @@ impl Report {
             self.extent()
         );
         let methods = PAPERS_METHODS.map(|(_, method)| method);
-        for (material, paper) in MATERIALS.iter().zip(&TABLE_1) {
+        for (i, (material, paper)) in MATERIALS.iter().zip(&TABLE_1).enumerate() {
             let mut line = format!("| {} |", material.name);
             for method in methods.into_iter().chain(self.best) {
-                let judged = self.judged(material.name, &method);
+                let judged = self.judged(i, &method);
                 let ours = judged.map(|judged| Errors {
                     max: judged.max * MICROMETRES,
                     mae: judged.mae * MICROMETRES,
@@ -151,19 +156,17 @@ impl Report {
     }
 
     /// What a method makes of a material.
-    fn judged(&self, material: &str, method: &Method) -> Option<&Judged> {
+    fn judged(&self, material: usize, method: &Method) -> Option<&Judged> {
         let outcomes = self.outcomes.iter();
-        let of_material = outcomes.filter(|outcome| MATERIALS[outcome.material].name == material);
-        of_material
-            .flat_map(|outcome| &outcome.judged)
-            .find(|judged| judged.method == *method)
+        let mut of_material = outcomes.filter(|outcome| outcome.material == material);
+        of_material.find_map(|outcome| find(&outcome.judged, method))
     }
 
     /// One object.
     pub fn json(&self) -> Json {
         let cells = self.outcomes.iter().flat_map(|outcome| {
             outcome.judged.iter().map(|judged| {
-                let paper = published(outcome.material, &judged.method);
+                let paper = of_paper(&TABLE_1[outcome.material], &judged.method);
                 Cell {
                     material: MATERIALS[outcome.material].name,
                     optics: outcome.aperture.name(),
@@ -186,11 +189,7 @@ impl Report {
 
     /// What a method gains over the paper's gaussian on each material.
     fn gains(&self, method: &Method) -> Vec<Gain> {
-        let slits = self
-            .outcomes
-            .iter()
-            .filter(|outcome| outcome.aperture == Aperture::Slit);
-        slits
+        self.through(Aperture::Slit)
             .filter_map(|outcome| {
                 let papers = find(&outcome.judged, &Method::PAPERS_GAUSSIAN)?.mae;
                 let mae = find(&outcome.judged, method)?.mae;
@@ -229,11 +228,11 @@ impl Report {
             write!(text, "{:>23}{:>23}", "MAX", "MAE")?;
         }
         writeln!(text)?;
-        for (material, paper) in MATERIALS.iter().zip(&TABLE_1) {
+        for (i, (material, paper)) in MATERIALS.iter().zip(&TABLE_1).enumerate() {
             let mut line = format!("{:<20}", material.name);
             let mut any = false;
             for (_, method) in PAPERS_METHODS {
-                let judged = self.judged(material.name, &method);
+                let judged = self.judged(i, &method);
                 let paper = of_paper(paper, &method);
                 match (judged, paper) {
                     (Some(judged), Some(paper)) => {
@@ -259,11 +258,7 @@ impl Report {
     }
 
     fn write_methods(&self, text: &mut String) -> std::fmt::Result {
-        let slits = || {
-            self.outcomes
-                .iter()
-                .filter(|o| o.aperture == Aperture::Slit)
-        };
+        let slits = || self.through(Aperture::Slit);
         let Some(first) = slits().next() else {
             return Ok(());
         };
@@ -291,13 +286,10 @@ impl Report {
         }
         writeln!(
             text,
-            "\n* the best on other pieces of the materials. A gain is good to some 3 %: the table is as long as a hundred speckles."
+            "\n* the best on other pieces of the materials. A gain is good to some 3 %: the table is as long \
+             as a hundred speckles."
         )?;
-        for outcome in self
-            .outcomes
-            .iter()
-            .filter(|o| o.aperture == Aperture::Lens)
-        {
+        for outcome in self.through(Aperture::Lens) {
             for judged in &outcome.judged {
                 let (name, mae) = (judged.method.name(), judged.mae * MICROMETRES);
                 writeln!(
@@ -345,17 +337,18 @@ const PAPERS_METHODS: [(&str, Method); 3] = [
     ("Slit with Fraunhofer Fit", Method::PAPERS_FRAUNHOFER),
 ];
 
+fn through(outcomes: &[Outcome], aperture: Aperture) -> impl Iterator<Item = &Outcome> {
+    let is_through = move |outcome: &&Outcome| outcome.aperture == aperture;
+    outcomes.iter().filter(is_through)
+}
+
 /// What a method makes of a data set.
 pub fn find<'a>(judged: &'a [Judged], method: &Method) -> Option<&'a Judged> {
     judged.iter().find(|judged| judged.method == *method)
 }
 
 /// The paper's figures for a method, where it has them.
-fn published(material: usize, method: &Method) -> Option<Errors> {
-    of_paper(TABLE_1.get(material)?, method)
-}
-
-fn of_paper(row: &lab::paper::published::Published, method: &Method) -> Option<Errors> {
+fn of_paper(row: &Published, method: &Method) -> Option<Errors> {
     match *method {
         Method::PAPERS_LENS => Some(row.lens),
         Method::PAPERS_GAUSSIAN => Some(row.gaussian),
@@ -365,20 +358,14 @@ fn of_paper(row: &lab::paper::published::Published, method: &Method) -> Option<E
 }
 
 /// The method for the slit whose MAE over that of the paper's gaussian is the least, as the mean over the
-/// materials, on the pieces that
-/// were trained on.
+/// materials, on the pieces that were trained on.
 fn best(outcomes: &[Outcome]) -> Option<Method> {
-    let slits = || {
-        outcomes
-            .iter()
-            .filter(|outcome| outcome.aperture == Aperture::Slit)
-    };
+    let slits = || through(outcomes, Aperture::Slit);
     let mae = |outcome: &Outcome, method: &Method| {
-        let found = outcome
-            .trained
-            .iter()
-            .find(|(trained, _)| trained == method);
-        found.map_or(f64::NAN, |&(_, mae)| mae)
+        let mut trained = outcome.trained.iter();
+        trained
+            .find(|(trained, _)| trained == method)
+            .map_or(f64::NAN, |&(_, mae)| mae)
     };
     let ratio = |method: &Method| -> f64 {
         slits()
@@ -396,8 +383,10 @@ fn chosen() -> String {
     let mut list = format!(
         "- laser: linewidth {:.1} nm, waist {:.2} mm at {:.2} m, {:.1} mrad to the table\n\
          - axis of the camera: tan u = {TAN_ANGLE}\n\
-         - lens: in focus at {:.2} m, distortion {:+.1} % and coma of {:.2} waves at the edge of the field\n\
-         - lens flare: a ghost of {:.1} % of the light, {:.2} mm in radius, at -{:.1} times the spot's place; a veil of {:.1} %, {:.1} mm wide\n\
+         - lens: in focus at {:.2} m, distortion {:+.1} % and coma of {:.2} waves at the edge of the \
+         field\n\
+         - lens flare: a ghost of {:.1} % of the light, {:.2} mm in radius, at -{:.1} times the \
+         spot's place; a veil of {:.1} %, {:.1} mm wide\n\
          - exposure: mean peak {PEAK:.0} of {FULL_SCALE} counts\n",
         LASER.linewidth * 1e9,
         LASER.waist_diameter * 1e3,

@@ -39,40 +39,20 @@ const NO_GAUSSIAN: f32 = 0.033;
 /// The least light of a pixel whose logarithm is taken, over the highest pixel's.
 const LEAST_LIGHT: f32 = 1.0 / 16.0;
 
-/// The vertex of a parabola through the counts.
-///
-/// # Errors
-/// See [`slitrange::centre::centre`].
-pub fn parabola(
-    row: &Row<'_>,
-    spot: &Spot,
-    before: Option<&RowCentre>,
-    geometry: &Geometry,
-) -> Result<RowCentre, Fault> {
-    centre(row, spot, before, geometry, Scale::Counts)
-}
-
-/// The vertex of a parabola through the logarithms of the counts above the black level.
-///
-/// # Errors
-/// See [`slitrange::centre::centre`].
-pub fn log_parabola(
-    row: &Row<'_>,
-    spot: &Spot,
-    before: Option<&RowCentre>,
-    geometry: &Geometry,
-) -> Result<RowCentre, Fault> {
-    centre(row, spot, before, geometry, Scale::Logarithms)
-}
-
 /// What the parabola goes through.
 #[derive(Clone, Copy, PartialEq)]
-enum Scale {
+pub enum Scale {
+    /// The counts.
     Counts,
+    /// The logarithms of the counts above the black level.
     Logarithms,
 }
 
-fn centre(
+/// The vertex of the parabola.
+///
+/// # Errors
+/// See [`slitrange::centre::centre`].
+pub fn centre(
     row: &Row<'_>,
     spot: &Spot,
     before: Option<&RowCentre>,

@@ -1,6 +1,5 @@
 //! The board as the firmware sets it up, as far as it decides how fast the core is: clocks and flash.
-//! `embassy-stm32` gives the
-//! flash its five wait states and leaves its caches off, in the firmware and here.
+//! `embassy-stm32` gives the flash its five wait states and leaves its caches off, in the firmware and here.
 
 use cortex_m::peripheral::DCB;
 use embassy_stm32::time::Hertz;

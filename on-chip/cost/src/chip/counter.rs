@@ -41,8 +41,7 @@ const WATCHED: usize = 12 * 1024;
 const PATTERN: u32 = 0xA5C3_5A3C;
 
 /// A function that can be counted: it takes all it needs behind one pointer and puts what it finds behind
-/// another, so
-/// that a call is the same instructions whatever the function.
+/// another, so that a call is the same instructions whatever the function.
 pub type Counted<I, O> = extern "C" fn(&I, &mut O);
 
 /// Calls `function` and counts. Interrupts must be off.
@@ -70,8 +69,7 @@ extern "C" fn empty(_: *const (), _: *mut ()) {
 }
 
 /// Calls a function between two looks at the cycle counter. Gives their difference, and the bytes of stack
-/// that were
-/// written to below this function's own.
+/// that were written to below this function's own.
 ///
 /// # Safety
 /// `function` is an `extern "C"` function of two pointers for which `input` and `output` are good.
@@ -82,8 +80,7 @@ unsafe fn call(function: *const (), input: *const (), output: *mut ()) -> (u32, 
     unsafe { asm!("mov {}, sp", out(reg) top, options(nomem, nostack, preserves_flags)) };
     for depth in 1..=WATCHED {
         // SAFETY: nobody uses the memory below the stack pointer while interrupts are off and nothing is
-        // called. It is
-        // stack: RAM has 192 KB, and this program's statics take less than half of that.
+        // called. It is stack: RAM has 192 KB, and this program's statics take less than half of that.
         unsafe { top.sub(depth).write_volatile(PATTERN) };
     }
     let (before, after): (u32, u32);

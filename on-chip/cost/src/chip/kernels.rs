@@ -15,8 +15,7 @@ const ROUNDS: usize = 20;
 const ROOTS: usize = 5000;
 
 /// Compares on seeded random numbers: inner products of all lengths, from even and from odd pixels on, with
-/// weights as many
-/// and fewer; a quarter of all numbers is extreme. Square roots of any 32 bits.
+/// weights as many and fewer; a quarter of all numbers is extreme. Square roots of any 32 bits.
 pub fn compare() {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let (mut compared, mut different) = (0u32, 0u32);

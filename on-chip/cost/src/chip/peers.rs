@@ -125,104 +125,62 @@ struct Gaussian<F: nalgebra::Scalar> {
     parameters: OVector<F, U4>,
 }
 
-impl LeastSquaresProblem<f32, Fitted, U4> for Gaussian<f32> {
-    type ParameterStorage = Owned<f32, U4>;
-    type ResidualStorage = Owned<f32, Fitted>;
-    type JacobianStorage = Owned<f32, Fitted, U4>;
+/// Implements the fit and the function that is counted for a type of numbers. Each type has its own code, as
+/// a user of the crate would write it.
+macro_rules! peer {
+    ($function:ident: $number:ident, $exp:path) => {
+        impl LeastSquaresProblem<$number, Fitted, U4> for Gaussian<$number> {
+            type ParameterStorage = Owned<$number, U4>;
+            type ResidualStorage = Owned<$number, Fitted>;
+            type JacobianStorage = Owned<$number, Fitted, U4>;
 
-    fn set_params(&mut self, parameters: &OVector<f32, U4>) {
-        self.parameters = *parameters;
-    }
+            fn set_params(&mut self, parameters: &OVector<$number, U4>) {
+                self.parameters = *parameters;
+            }
 
-    fn params(&self) -> OVector<f32, U4> {
-        self.parameters
-    }
+            fn params(&self) -> OVector<$number, U4> {
+                self.parameters
+            }
 
-    fn residuals(&self) -> Option<OVector<f32, Fitted>> {
-        let [a, centre, s, level] = self.parameters.into();
-        Some(OVector::from_fn(|i, _| {
-            let u = s * (i as f32 - centre);
-            a * libm::expf(-u * u) + level - self.counts[i]
-        }))
-    }
+            fn residuals(&self) -> Option<OVector<$number, Fitted>> {
+                let [a, centre, s, level] = self.parameters.into();
+                Some(OVector::from_fn(|i, _| {
+                    let u = s * (i as $number - centre);
+                    a * $exp(-u * u) + level - self.counts[i]
+                }))
+            }
 
-    fn jacobian(&self) -> Option<OMatrix<f32, Fitted, U4>> {
-        let [a, centre, s, _] = self.parameters.into();
-        let mut jacobian = OMatrix::<f32, Fitted, U4>::zeros();
-        for (i, mut row) in jacobian.row_iter_mut().enumerate() {
-            let d = i as f32 - centre;
-            let u = s * d;
-            let g = libm::expf(-u * u);
-            row[0] = g;
-            row[1] = 2.0 * a * g * s * u;
-            row[2] = -2.0 * a * g * u * d;
-            row[3] = 1.0;
+            fn jacobian(&self) -> Option<OMatrix<$number, Fitted, U4>> {
+                let [a, centre, s, _] = self.parameters.into();
+                let mut jacobian = OMatrix::<$number, Fitted, U4>::zeros();
+                for (i, mut row) in jacobian.row_iter_mut().enumerate() {
+                    let d = i as $number - centre;
+                    let u = s * d;
+                    let g = $exp(-u * u);
+                    row[0] = g;
+                    row[1] = 2.0 * a * g * s * u;
+                    row[2] = -2.0 * a * g * u * d;
+                    row[3] = 1.0;
+                }
+                Some(jacobian)
+            }
         }
-        Some(jacobian)
-    }
-}
 
-impl LeastSquaresProblem<f64, Fitted, U4> for Gaussian<f64> {
-    type ParameterStorage = Owned<f64, U4>;
-    type ResidualStorage = Owned<f64, Fitted>;
-    type JacobianStorage = Owned<f64, Fitted, U4>;
-
-    fn set_params(&mut self, parameters: &OVector<f64, U4>) {
-        self.parameters = *parameters;
-    }
-
-    fn params(&self) -> OVector<f64, U4> {
-        self.parameters
-    }
-
-    fn residuals(&self) -> Option<OVector<f64, Fitted>> {
-        let [a, centre, s, level] = self.parameters.into();
-        Some(OVector::from_fn(|i, _| {
-            let u = s * (i as f64 - centre);
-            a * libm::exp(-u * u) + level - self.counts[i]
-        }))
-    }
-
-    fn jacobian(&self) -> Option<OMatrix<f64, Fitted, U4>> {
-        let [a, centre, s, _] = self.parameters.into();
-        let mut jacobian = OMatrix::<f64, Fitted, U4>::zeros();
-        for (i, mut row) in jacobian.row_iter_mut().enumerate() {
-            let d = i as f64 - centre;
-            let u = s * d;
-            let g = libm::exp(-u * u);
-            row[0] = g;
-            row[1] = 2.0 * a * g * s * u;
-            row[2] = -2.0 * a * g * u * d;
-            row[3] = 1.0;
+        #[inline(never)]
+        #[unsafe(no_mangle)]
+        extern "C" fn $function(input: &Input, found: &mut Found) {
+            let problem = Gaussian {
+                counts: input.pixels.map($number::from),
+                parameters: OVector::from(input.start.map($number::from)),
+            };
+            let (problem, report) = LevenbergMarquardt::new().minimize(problem);
+            *found = Found {
+                centre: f64::from(problem.parameters[1]),
+                evaluations: report.number_of_evaluations,
+            };
         }
-        Some(jacobian)
-    }
-}
-
-#[inline(never)]
-#[unsafe(no_mangle)]
-extern "C" fn peer_levenberg_marquardt_f32(input: &Input, found: &mut Found) {
-    let problem = Gaussian {
-        counts: input.pixels.map(f32::from),
-        parameters: OVector::from(input.start),
-    };
-    let (problem, report) = LevenbergMarquardt::new().minimize(problem);
-    *found = Found {
-        centre: f64::from(problem.parameters[1]),
-        evaluations: report.number_of_evaluations,
     };
 }
 
-#[inline(never)]
-#[unsafe(no_mangle)]
-extern "C" fn peer_levenberg_marquardt_f64(input: &Input, found: &mut Found) {
-    let problem = Gaussian {
-        counts: input.pixels.map(f64::from),
-        parameters: OVector::from(input.start.map(f64::from)),
-    };
-    let (problem, report) = LevenbergMarquardt::new().minimize(problem);
-    *found = Found {
-        centre: problem.parameters[1],
-        evaluations: report.number_of_evaluations,
-    };
-}
+peer!(peer_levenberg_marquardt_f32: f32, libm::expf);
+peer!(peer_levenberg_marquardt_f64: f64, libm::exp);

@@ -22,8 +22,7 @@ use slitrange::units::{Counts, Micrometres, Pixels};
 pub fn any<T: Copy>(value: T) -> T {
     let place = &raw const value;
     // SAFETY: reads a value that is there, and whose type is free to copy. Volatile: the optimiser may not go
-    // by what was
-    // written there.
+    // by what was written there.
     unsafe { place.read_volatile() }
 }
 

@@ -58,15 +58,21 @@ pub fn find_centres() {
     let _ = any(spot::find_again(&row, &any::spot(), any(Pixels::MIN)));
     let spot = any::spot();
     let before = any(true).then(any::row_centre);
-    for rung in Estimator::ALL {
+    for estimator in Estimator::ALL {
         let _ = any(centre::centre(
-            rung,
+            estimator,
             &row,
             &spot,
             before.as_ref(),
             &geometry,
         ));
-        let _ = any(check::centre(rung, &row, &spot, before.as_ref(), &geometry));
+        let _ = any(check::centre(
+            estimator,
+            &row,
+            &spot,
+            before.as_ref(),
+            &geometry,
+        ));
     }
     let _ = any(repair::centre(&row, &spot, before.as_ref(), &geometry));
     let _ = any(phase_table::centre(

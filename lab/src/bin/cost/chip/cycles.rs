@@ -1,8 +1,7 @@
 //! An estimate of the cycles that a call takes on a Cortex-M4, from the instructions that it executed.
 //!
-//! The timings are those of the *Cortex-M4 Technical Reference Manual* (ARM DDI 0439, table 3-1 and section 3.3.3,
-//! and
-//! table 7-1 for the floating-point unit):
+//! The timings are those of the *Cortex-M4 Technical Reference Manual* (ARM DDI 0439, table 3-1 and section
+//! 3.3.3, and table 7-1 for the floating-point unit):
 //!
 //! | instruction | cycles |
 //! |---|---|
@@ -19,9 +18,8 @@
 //! | VLDR, VSTR | 2 |
 //!
 //! Not modelled: flash wait states that the chip's caches do not hide, waits for the bus, a cycle or two for
-//! loads of words at
-//! odd addresses, a cycle more for using a floating-point result at once, IT instructions that fold into
-//! others.
+//! loads of words at odd addresses, a cycle more for using a floating-point result at once, IT instructions
+//! that fold into others.
 
 use virtual_board::trace::Call;
 

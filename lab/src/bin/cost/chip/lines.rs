@@ -1,7 +1,7 @@
 //! The lines that the program on the chip prints: a kind, a name, then names of values and values. A fault is
 //! last.
 //!
-//! `rung phase-table width 10.5 cycles 358 most 371 stack 120`
+//! `method phase-table width 10.5 cycles 358 most 371 stack 120`
 //!
 //! `row phase-table width 10.5 number 3 fault too dim`
 
@@ -14,10 +14,10 @@ use anyhow::{Context, Result, bail, ensure};
 pub enum Kind {
     /// A function of known cost.
     Known,
-    /// A rung on one row.
+    /// A method on one row.
     Row,
-    /// A rung over all rows of a width.
-    Rung,
+    /// A method over all rows of a width.
+    Method,
     /// Another step of the pipeline.
     Step,
     /// A distance at one centre.
@@ -56,7 +56,7 @@ impl Line {
         let kind = match words.next() {
             Some("known") => Kind::Known,
             Some("row") => Kind::Row,
-            Some("rung") => Kind::Rung,
+            Some("method") => Kind::Method,
             Some("step") => Kind::Step,
             Some("distance") => Kind::Distance,
             Some("form") => Kind::Form,
@@ -127,8 +127,11 @@ mod tests {
     #[test]
     fn lines_are_read() {
         let line =
-            Line::parse("rung phase-table width 10.5 cycles 358 most 371 stack 120").unwrap();
-        assert_eq!((line.kind, line.name.as_str()), (Kind::Rung, "phase-table"));
+            Line::parse("method phase-table width 10.5 cycles 358 most 371 stack 120").unwrap();
+        assert_eq!(
+            (line.kind, line.name.as_str()),
+            (Kind::Method, "phase-table")
+        );
         assert_eq!(line.number("width").unwrap(), 10.5);
         assert_eq!(line.whole("cycles").unwrap(), 358);
         assert!(line.whole("width").is_err());
@@ -143,10 +146,10 @@ mod tests {
     fn what_is_no_line_is_refused() {
         for text in [
             "",
-            "rung",
-            "rang x",
-            "rung x width",
-            "rung x width y",
+            "method",
+            "mathod x",
+            "method x width",
+            "method x width y",
             "row x fault",
         ] {
             let error = Line::parse(text).unwrap_err();

@@ -100,10 +100,8 @@ impl Program {
     }
 
     /// The bytes of all functions that can be reached from `symbol` by a call or a jump, its own and their
-    /// constants among
-    /// the code included. What is called through a pointer is not seen; constants elsewhere (tables of jumps
-    /// and of
-    /// weights) are not counted.
+    /// constants among the code included. What is called through a pointer is not seen; constants elsewhere
+    /// (tables of jumps and of weights) are not counted.
     pub fn reachable_bytes(&self, symbol: &str) -> Result<u64> {
         let start = self
             .address(symbol)
@@ -209,9 +207,8 @@ fn objdump() -> Result<PathBuf> {
     Ok(tool)
 }
 
-/// A line of address, halfwords, name, operands and remarks, the latter three after tabs:
-/// ` 80001b0: f00f fc4e bl 0x800fa50 <__pre_init> @ imm = #0xf89c`. Data among the code have a name that
-/// begins with a dot,
+/// A line of address, halfwords, name, operands and remarks, the latter three after tabs: ` 80001b0: f00f
+/// fc4e bl 0x800fa50 <__pre_init> @ imm = #0xf89c`. Data among the code have a name that begins with a dot,
 /// and are left out.
 fn parse(line: &str) -> Option<(u64, Instruction)> {
     let (address, rest) = line.split_once(':')?;

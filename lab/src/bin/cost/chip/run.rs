@@ -18,9 +18,8 @@ pub struct Run {
     pub firmware: Firmware,
     /// What it printed.
     pub lines: Vec<Line>,
-    /// Every call of a rung, of one iteration of the Gauss-Newton one, and of a calibration: the instructions
-    /// that were
-    /// executed.
+    /// Every call of a method, of one iteration of `gauss-newton`, and of a calibration: the instructions
+    /// that were executed.
     pub calls: Vec<Call>,
 }
 

@@ -12,7 +12,7 @@ use super::*;
 static RUN: LazyLock<Run> = LazyLock::new(|| Run::of(PACKAGE).expect("the chip's program runs"));
 static CHIP: LazyLock<Chip> = LazyLock::new(|| chip(&RUN).expect("and says all"));
 
-/// What a rung found in a row.
+/// What a method found in a row.
 #[derive(Clone, Debug, PartialEq)]
 struct Found {
     name: String,
@@ -98,7 +98,7 @@ fn the_assembly_and_its_twin_agree() {
     assert!(CHIP.kernels_compared >= 9000);
 }
 
-/// The peers fit the spot that the rungs fit: the same noise moves both, so that they lie within three
+/// The peers fit the spot that the estimators fit: the same noise moves both, so that they lie within three
 /// standard uncertainties.
 #[test]
 fn the_peers_fit_the_same_spot() {
@@ -110,7 +110,7 @@ fn the_peers_fit_the_same_spot() {
         let found = on_chip
             .iter()
             .find(|found| found.name == default && found.width == 10.5 && found.row == row)
-            .expect("a row of the default rung");
+            .expect("a row of the default estimator");
         let (centre, uncertainty) = *found.found.as_ref().expect("a centre");
         let centre = f64::from(centre) / 65536.0;
         let apart = (peer.number("centre").unwrap() - centre) / (f64::from(uncertainty) / 65536.0);
@@ -125,19 +125,23 @@ fn the_peers_fit_the_same_spot() {
 }
 
 #[test]
-fn every_rung_is_there_at_every_width() {
+fn every_method_is_there_at_every_width() {
     for method in Method::ALL {
         for width in WIDTHS {
-            let rung = CHIP
-                .rungs
+            let counted = CHIP
+                .methods
                 .iter()
-                .find(|rung| rung.name == method.name() && rung.width as f32 == width)
+                .find(|counted| counted.name == method.name() && counted.width as f32 == width)
                 .unwrap_or_else(|| panic!("no {} at {width}", method.name()));
             // One cycle an instruction at least; 14 for a square root at most.
-            let cycles_per_instruction = rung.cycles_estimated as f64 / rung.instructions as f64;
-            assert!((1.0..4.0).contains(&cycles_per_instruction), "{rung:?}");
-            assert!(rung.instructions_most >= rung.instructions, "{rung:?}");
-            assert!(rung.code_bytes > 50, "{rung:?}");
+            let cycles_per_instruction =
+                counted.cycles_estimated as f64 / counted.instructions as f64;
+            assert!((1.0..4.0).contains(&cycles_per_instruction), "{counted:?}");
+            assert!(
+                counted.instructions_most >= counted.instructions,
+                "{counted:?}"
+            );
+            assert!(counted.code_bytes > 50, "{counted:?}");
         }
     }
 }

@@ -6,8 +6,9 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use slitrange_tool::axes::{Area, Axis, Scale, TEXT, TITLE, panel, text};
 
+use super::curves::axis_of_ratios;
 use super::labels::{self, Box, Line, Point};
-use super::style::{BAND, BOUND, RATIOS, bold, colour, is_default};
+use super::style::{BAND, BOUND, bold, colour, is_default};
 use crate::accuracy::{InSituation, MOST_FAULTS, SITUATIONS};
 use crate::pareto;
 use crate::report::Measured;
@@ -72,13 +73,7 @@ fn draw_situation(
         &TIMES,
         |value| value.to_string(),
     );
-    let y = Axis::new(
-        Scale::AboveBound,
-        (0.985, WORST),
-        "RMS error / bound",
-        &RATIOS,
-        |value| value.to_string(),
-    );
+    let y = axis_of_ratios(WORST);
     let mut panel = panel(area, title, 20, &x, &y)?;
     let bound = [(times.0, 1.0), (times.1, 1.0)];
     panel.draw_series([PathElement::new(bound, BAND.stroke_width(9))])?;

@@ -1,12 +1,10 @@
-//! How the rungs' accuracy hangs on the spot's width, in two kinds of noise.
+//! How the methods' accuracy depends on the spot's width, in two kinds of noise.
 
 use std::path::Path;
 
 use plotters::prelude::*;
-use slitrange_tool::axes::{Axis, Scale};
 
-use super::curves::{Curve, draw_curves};
-use super::style::RATIOS;
+use super::curves::{Curve, axis_of_ratios, axis_of_widths, draw_curves};
 use crate::accuracy::{MOST_FAULTS, Noise, WIDTHS};
 use crate::report::Measured;
 
@@ -26,20 +24,8 @@ const PANELS: [(&str, Noise); 2] = [
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     let root = SVGBackend::new(path, (1000, 1120)).into_drawing_area();
     root.fill(&WHITE)?;
-    let x = Axis::new(
-        Scale::Log,
-        (WIDTHS[0] * 0.95, WIDTHS[WIDTHS.len() - 1] * 1.05),
-        "width of the spot (σ), px",
-        &WIDTHS,
-        |value| value.to_string(),
-    );
-    let y = Axis::new(
-        Scale::AboveBound,
-        (0.985, 60.0),
-        "RMS error / bound",
-        &RATIOS,
-        |value| value.to_string(),
-    );
+    let x = axis_of_widths();
+    let y = axis_of_ratios(60.0);
     for (area, (title, noise)) in root.split_evenly((2, 1)).iter().zip(PANELS) {
         let curves: Vec<Curve> = measured
             .methods

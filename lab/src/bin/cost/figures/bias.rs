@@ -1,4 +1,4 @@
-//! The rungs' errors without noise: the largest over the sub-pixel phase, against the spot's width.
+//! The methods' errors without noise: the largest over the sub-pixel phase, against the spot's width.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use plotters::prelude::*;
 use simulator::bound;
 use slitrange_tool::axes::{Axis, Scale};
 
-use super::curves::{Curve, draw_curves};
+use super::curves::{Curve, axis_of_widths, draw_curves};
 use crate::accuracy::WIDTHS;
 use crate::report::Measured;
 
@@ -17,13 +17,7 @@ const SMALLEST: f64 = 1e-5;
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
     let root = SVGBackend::new(path, (1000, 720)).into_drawing_area();
     root.fill(&WHITE)?;
-    let x = Axis::new(
-        Scale::Log,
-        (WIDTHS[0] * 0.95, WIDTHS[WIDTHS.len() - 1] * 1.05),
-        "width of the spot (σ), px",
-        &WIDTHS,
-        |value| value.to_string(),
-    );
+    let x = axis_of_widths();
     let y = Axis::new(
         Scale::Log,
         (SMALLEST, 1.0),

@@ -3,10 +3,11 @@
 use cost_on_chip::methods::Method;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange_tool::axes::{Area, Axis, TEXT, panel, text};
+use slitrange_tool::axes::{Area, Axis, Scale, TEXT, panel, text};
 
 use super::labels::spread;
-use super::style::{self, bold};
+use super::style::{self, RATIOS, bold};
+use crate::accuracy::WIDTHS;
 
 /// What a curve shows.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -55,6 +56,25 @@ impl Curve {
             points: points.filter(|(_, y)| y.is_finite()).collect(),
         }
     }
+}
+
+/// The axis of the spot's width.
+pub fn axis_of_widths() -> Axis<'static> {
+    let range = (WIDTHS[0] * 0.95, WIDTHS[WIDTHS.len() - 1] * 1.05);
+    let name = "width of the spot (σ), px";
+    Axis::new(Scale::Log, range, name, &WIDTHS, |value| value.to_string())
+}
+
+/// The axis of errors over the bound, up to `worst`.
+pub fn axis_of_ratios(worst: f64) -> Axis<'static> {
+    let range = (0.985, worst);
+    Axis::new(
+        Scale::AboveBound,
+        range,
+        "RMS error / bound",
+        &RATIOS,
+        |value| value.to_string(),
+    )
 }
 
 /// Pixels beside the panel, for the names.

@@ -101,10 +101,8 @@ pub struct Placed {
 const POINT: f64 = 9.0;
 
 /// Places a label for each point: within the area, on no other label and on no point, if possible on none of
-/// the lines, and
-/// near. From a number of orders in which they find their places, and then make room for each other, the best
-/// is
-/// taken; always the same one for the same points.
+/// the lines, and near. From a number of orders in which they find their places, and then make room for each
+/// other, the best is taken; always the same one for the same points.
 pub fn place(points: &[(Point, String)], lines: &[Line], area: Box) -> Vec<Placed> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     let mut best: Option<(f64, Vec<Placed>)> = None;
@@ -246,8 +244,7 @@ fn cross((a, b): Line, (c, d): Line) -> bool {
 }
 
 /// Moves labels at these heights, which are in ascending order, apart until they are `apart` from one
-/// another, within the
-/// range, and no further than that takes.
+/// another, within the range, and no further than that takes.
 pub fn spread(heights: &[f64], apart: f64, range: (f64, f64)) -> Vec<f64> {
     // Groups of labels that touch lie about the mean of where they want to be.
     struct Group {

@@ -23,8 +23,7 @@ pub fn fit_loosely(pixels: &[f64; WINDOW], start: Parameters) -> Option<Paramete
 }
 
 /// Fits in f64 with each pixel weighted by one over its noise, that of the start's gaussian: what a user
-/// would ask for who knows the
-/// read noise in counts and the shot noise's variance per count.
+/// would ask for who knows the read noise in counts and the shot noise's variance per count.
 pub fn fit_weighted(
     pixels: &[f64; WINDOW],
     start: Parameters,
@@ -154,9 +153,8 @@ mod tests {
     }
 
     /// The project's reference takes four sigma where the peers take 128 pixels. What lies beyond four sigma
-    /// holds the part
-    /// 2 exp(-16) 4/sqrt(pi) = 5e-7 of the information on the centre, so the two agree to 7e-4 of the bound,
-    /// standard deviation.
+    /// holds the part 2 exp(-16) 4/sqrt(pi) = 5e-7 of the information on the centre, so the two agree to 7e-4
+    /// of the bound, standard deviation.
     #[test]
     fn agrees_with_the_reference_fit() {
         for (window, bound) in examples::noisy(100) {

@@ -61,9 +61,9 @@ pub struct Window {
     pub truth: f64,
     /// The spot as the search found it, on the window.
     pub spot: Spot,
-    /// What the default rung found in the row before, on this window.
+    /// What the default estimator found in the row before, on this window.
     pub before: RowCentre,
-    /// What the adaptive rung found there.
+    /// What `adaptive` found there.
     pub adaptive_before: RowCentre,
     /// The same as `before`, for the peers.
     pub start: Parameters,

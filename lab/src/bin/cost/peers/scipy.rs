@@ -11,8 +11,14 @@ use serde::{Deserialize, Serialize};
 
 use super::rows::Window;
 
-const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/peers/scipy_fits.py");
-const REQUIREMENTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/peers/requirements.txt");
+const SCRIPT: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/src/bin/cost/peers/scipy_fits.py"
+);
+const REQUIREMENTS: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/src/bin/cost/peers/requirements.txt"
+);
 /// Beside cargo's own files, which are not in the repository either.
 const DIRECTORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../target/peers");
 
@@ -150,8 +156,7 @@ mod tests {
     use crate::peers::levenberg_marquardt;
 
     /// All of them minimise the same sum of squares. L-BFGS-B stops where the sum's gradient is below 1e-5,
-    /// and its curvature along the
-    /// centre is about sqrt(pi/2) (A = 1, 10.5 pixels a sigma): 1e-4 px.
+    /// and its curvature along the centre is about sqrt(pi/2) (A = 1, 10.5 pixels a sigma): 1e-4 px.
     #[test]
     fn agrees_with_levenberg_marquardt() {
         let Some(environment) = Environment::existing() else {

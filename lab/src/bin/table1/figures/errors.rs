@@ -1,6 +1,5 @@
 //! The paper's fig. 10: errors along the table through the lens and through the slit, of brushed metal. And
-//! the lens's with neither speckle
-//! nor noise: what its aberrations and its flare are to blame for.
+//! the lens's with neither speckle nor noise: what its aberrations and its flare are to blame for.
 
 use std::path::Path;
 

@@ -17,7 +17,7 @@ pub fn measure() {
     let geometry = rows::geometry();
     let (mut before, mut now) = ([0; PIXELS], [0; PIXELS]);
     for width in WIDTHS {
-        let mut costs = [[Cost::default(); ROWS]; RUNGS.len()];
+        let mut costs = [[Cost::default(); ROWS]; METHODS.len()];
         for row in 0..ROWS {
             rows::light(width, row, Turn::Before, &mut before);
             rows::light(width, row, Turn::Now, &mut now);
@@ -25,17 +25,17 @@ pub fn measure() {
                 defmt::unwrap!(inputs::searched(&before).ok()),
                 defmt::unwrap!(inputs::searched(&now).ok()),
             );
-            for ((method, rung), costs) in RUNGS.into_iter().zip(&mut costs) {
+            for ((method, function), costs) in METHODS.into_iter().zip(&mut costs) {
                 let input = inputs::input(method, &before, now, &geometry);
                 let mut output = None;
-                costs[row] = counter::count(rung, &input, &mut output);
+                costs[row] = counter::count(function, &input, &mut output);
                 print_row(method, width, row, &defmt::unwrap!(output));
             }
         }
-        for ((method, _), costs) in RUNGS.into_iter().zip(costs) {
+        for ((method, _), costs) in METHODS.into_iter().zip(costs) {
             let cost = counter::summary(costs);
             defmt::println!(
-                "rung {} width {} cycles {} most {} stack {}",
+                "method {} width {} cycles {} most {} stack {}",
                 method.name(),
                 width,
                 cost.median,
@@ -69,8 +69,8 @@ fn print_row(method: Method, width: f32, row: usize, output: &Result<RowCentre, 
     let_the_log_out();
 }
 
-/// A method, for an input of any row.
-type Rung = extern "C" fn(&Input<'_>, &mut Output);
+/// A function that runs a method on an input of any row.
+type Function = extern "C" fn(&Input<'_>, &mut Output);
 
 /// Inlined with a constant method, so that none of the other methods' code can be reached from where it is.
 #[inline(always)]
@@ -82,10 +82,10 @@ fn run(method: Method, input: &Input<'_>, output: &mut Output) {
 
 /// Gives each method a function under a name that it keeps in the ELF file: `cargo cost` counts a method's
 /// code from there.
-macro_rules! rungs {
+macro_rules! functions {
     ($($function:ident: $method:expr,)*) => {
         /// The methods in the order of [`Method::ALL`], each with the function that is counted.
-        const RUNGS: [(Method, Rung); Method::ALL.len()] = [$(($method, $function),)*];
+        const METHODS: [(Method, Function); Method::ALL.len()] = [$(($method, $function),)*];
         $(
             #[inline(never)]
             #[unsafe(no_mangle)]
@@ -96,15 +96,15 @@ macro_rules! rungs {
     };
 }
 
-rungs! {
-    rung_centroid: Method::Estimator(Estimator::Centroid),
-    rung_phase_table: Method::Estimator(Estimator::PhaseTable),
-    rung_adaptive: Method::Estimator(Estimator::Adaptive),
-    rung_gauss_newton: Method::Estimator(Estimator::GaussNewton),
-    rung_fraunhofer: Method::Estimator(Estimator::Fraunhofer),
-    rung_parabola: Method::Parabola,
-    rung_log_parabola: Method::LogParabola,
-    rung_zero_crossing: Method::ZeroCrossing,
-    rung_blocks: Method::Blocks,
-    rung_repair: Method::Repair,
+functions! {
+    method_centroid: Method::Estimator(Estimator::Centroid),
+    method_phase_table: Method::Estimator(Estimator::PhaseTable),
+    method_adaptive: Method::Estimator(Estimator::Adaptive),
+    method_gauss_newton: Method::Estimator(Estimator::GaussNewton),
+    method_fraunhofer: Method::Estimator(Estimator::Fraunhofer),
+    method_parabola: Method::Parabola,
+    method_log_parabola: Method::LogParabola,
+    method_zero_crossing: Method::ZeroCrossing,
+    method_blocks: Method::Blocks,
+    method_repair: Method::Repair,
 }

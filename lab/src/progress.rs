@@ -1,0 +1,13 @@
+//! Bars that show on the terminal how far a long run is.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// A bar of `length` steps. `template` is indicatif's, for instance `{wide_bar} {pos}/{len}`.
+///
+/// # Errors
+/// The template is none.
+pub fn bar(length: u64, template: &str) -> anyhow::Result<ProgressBar> {
+    let target = ProgressDrawTarget::stderr_with_hz(4);
+    let style = ProgressStyle::with_template(template)?;
+    Ok(ProgressBar::with_draw_target(Some(length), target).with_style(style))
+}
