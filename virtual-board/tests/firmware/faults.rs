@@ -9,8 +9,8 @@ use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{FULL_SCALE, LightSource, VirtualBoard};
 
 use crate::common::{
-    CONVERTER_BUS, DISTANCE, PATIENCE, Status, boot, fresh_results, is_reading, is_result,
-    measuring, number, results, run_into_a_row, set, spot_at, stop_the_transfer,
+    DISTANCE, PATIENCE, Status, boot, fresh_results, is_reading, is_result, measuring, number,
+    results, run_into_a_row, set, spot_at, stop_the_transfer,
 };
 
 /// A spot that is neither dim nor saturated, counts.
