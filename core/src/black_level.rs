@@ -1,10 +1,10 @@
 //! The black level: the counts of an unlit pixel, found in one of the paper's three ways (section 3).
 //!
-//! The centroid subtracts it, and the height of its spot is the height above it. The other estimators fit the
-//! level under the spot or cancel it exactly, so it changes none of their bits. What it leaves of the
-//! converter's full scale is the greatest height that can be measured:
-//! [`Geometry::height_limit`](crate::row::Geometry::height_limit). It also shows a person stray light and
-//! drift.
+//! The centroid subtracts the black level, and its height counts from there. The other estimators fit the
+//! level under the spot or cancel it exactly: the black level does not change one bit of their results. Full
+//! scale less the black level is the largest height that can be measured:
+//! [`Geometry::height_limit`](crate::row::Geometry::height_limit). The black level also shows stray light and
+//! drift to a person.
 
 use crate::frame::MAX_ROWS;
 use crate::numeric;
@@ -24,11 +24,11 @@ pub enum BlackLevel {
     Frame,
 }
 
-/// Half of the window around the centroid that [`BlackLevel::Frame`] leaves out, in pixels: the paper leaves
-/// out 128.
+/// Half of the window around the centroid that [`BlackLevel::Frame`] leaves out, in pixels. The paper leaves
+/// out 128 pixels in all.
 pub const HALF_WINDOW: usize = 64;
 
-/// Pixels of a row, or of a frame's rows, that count as black, and their sum.
+/// The sum and the number of the black pixels of a row, or of a frame's rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BlackPixels {
     sum: u32,
@@ -36,9 +36,8 @@ pub struct BlackPixels {
 }
 
 impl BlackPixels {
-    /// Adds the row's black pixels for the given way of finding them. `background` is the row's own, where
-    /// the row was searched for a spot. A row without it, or without a centroid, adds nothing to
-    /// [`BlackLevel::Frame`].
+    /// Adds the row's black pixels, found in the given way. `background` is the row's own, from the search
+    /// for a spot. A row without a background or without a centroid adds nothing to [`BlackLevel::Frame`].
     pub fn add(&mut self, how: BlackLevel, row: &Row<'_>, background: Option<Background>) {
         match (how, background) {
             (BlackLevel::Fixed(_), _) | (BlackLevel::Frame, None) => {}
@@ -77,7 +76,7 @@ impl BlackPixels {
         self.pixels = self.pixels.saturating_add(pixels.len() as u32);
     }
 
-    /// The black level. `None` where it is not fixed and no pixel counted.
+    /// The black level. `None` if it is not fixed and no pixel was added.
     pub fn level(&self, how: BlackLevel) -> Option<Counts> {
         match how {
             BlackLevel::Fixed(level) => Some(level),
@@ -94,8 +93,9 @@ impl BlackPixels {
 const _: () =
     assert!(LARGEST_COUNT as u64 * MAX_PIXELS as u64 * MAX_ROWS as u64 <= u32::MAX as u64);
 
-/// The centroid of a row, eq. (2), to a pixel. Of all pixels, black ones outweigh a spot by their number, so
-/// only what stands four standard deviations above the background counts. `None` where nothing does.
+/// Finds the centroid of a row, eq. (2), to a pixel. Black pixels would outweigh a spot by their number, so
+/// only counts more than four standard deviations above the background are summed. `None` if no count is that
+/// high.
 pub fn centroid(light: &[u16], background: Background) -> Option<usize> {
     let threshold = background
         .noise
@@ -105,7 +105,7 @@ pub fn centroid(light: &[u16], background: Background) -> Option<usize> {
         >> Counts::FRACTION;
     let (mut weight, mut moment) = (0u64, 0u64);
     for (place, &count) in (0..MAX_PIXELS as u32).zip(light) {
-        // At most MOST_ABOVE for each, by which the sums are proven.
+        // At most MOST_ABOVE each, for which the sums are proven.
         let above = i32::from(count).saturating_sub(threshold).max(0);
         let above = u64::from(above.unsigned_abs());
         weight = numeric::add_u64(weight, above);
@@ -116,10 +116,10 @@ pub fn centroid(light: &[u16], background: Background) -> Option<usize> {
         .and_then(|centroid| usize::try_from(centroid).ok())
 }
 
-/// What a count may be above a threshold: either is a Q24.8 number's whole part.
+/// The most that a count can be above a threshold: both are the whole part of a Q24.8 number.
 const MOST_ABOVE: u64 = 1 << (32 - Counts::FRACTION);
 
-// Weight and moment fit, places being below MAX_PIXELS.
+// Weight and moment fit, because places are below MAX_PIXELS.
 const _: () =
     assert!(MOST_ABOVE as u128 * MAX_PIXELS as u128 * MAX_PIXELS as u128 <= u64::MAX as u128);
 

@@ -1,7 +1,7 @@
 //! The spot's centre on its row, to a fraction of a pixel: five estimators, from the cheapest to the most
 //! careful.
 //!
-//! All take the same and give the same: see [`centre`].
+//! All take the same arguments and return the same result: see [`centre`].
 
 pub(crate) mod adaptive;
 mod centroid;
@@ -45,7 +45,7 @@ impl Estimator {
         Self::Fraunhofer,
     ];
 
-    /// The name that the serial line knows it by.
+    /// The name on the serial line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Centroid => "centroid",
@@ -61,7 +61,7 @@ impl Estimator {
         Self::ALL.into_iter().find(|it| it.name() == name)
     }
 
-    /// The letter that stands for it in the line of a reading, which has no room for a name.
+    /// The letter in the line of a reading, which has no room for a name.
     pub const fn letter(self) -> char {
         match self {
             Self::Centroid => 'c',
@@ -72,8 +72,8 @@ impl Estimator {
         }
     }
 
-    /// The estimator for a [`letter`](Self::letter) in flash or in a record, which an earlier firmware may
-    /// have written.
+    /// Finds the estimator for a [`letter`](Self::letter) in flash or in a record. An earlier firmware may
+    /// have written that letter.
     ///
     /// Earlier firmware had five more estimators. `robust` was `adaptive` with a check that every estimator
     /// has now. The others looked for the centre of the same spot with more noise or a larger bias than
@@ -94,42 +94,42 @@ impl Estimator {
 pub struct RowCentre {
     /// The spot's centre.
     pub centre: Pixels,
-    /// Its standard uncertainty: the row's noise and the spot's shot noise through the estimator.
+    /// The standard uncertainty of the centre that follows from the row's noise and the spot's shot noise.
     pub uncertainty: Pixels,
     /// The spot's height above the background.
     pub amplitude: Counts,
     /// The spot's width (a gaussian's sigma).
     pub width: Pixels,
-    /// The table that served, where there was one.
+    /// The phase table that was used, if any.
     pub class: WidthClass,
-    /// The row is not symmetric about the centre, or has not the shape of a spot: the centre may be off by
-    /// more than its uncertainty. Of the estimators only [`Estimator::GaussNewton`] sets it;
-    /// [`check::centre`](crate::check::centre) does for all.
+    /// The row is not symmetric about the centre, or does not have the shape of a spot: the centre may be off
+    /// by more than its uncertainty. Of the estimators only [`Estimator::GaussNewton`] sets this flag;
+    /// [`check::centre`](crate::check::centre) sets it for all.
     pub misfit: bool,
 }
 
-/// Which table served: its place in the set, and the pixels in a sample.
+/// Which phase table was used, and the pixels in a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WidthClass {
-    /// Number of the set.
+    /// Number of the table set.
     pub set: u8,
-    /// Index of the table.
+    /// Index of the table in its set.
     pub table: u8,
     /// Pixels in a sample.
     pub block: u8,
 }
 
-/// The centre of a spot that the coarse search found.
+/// Finds the centre of a spot that the coarse search found.
 ///
-/// `before` is what the same estimator found in the row before, where there is one: its width and its place
-/// spare the work of finding them anew, as far as they still fit.
+/// `before` is the result of the same estimator for the row before, if there is one. As far as its width and
+/// its place still fit, they need not be found again.
 ///
 /// # Errors
-/// [`Fault::SpotAtEdge`] where the pixels that the estimator needs reach over the sensor's edge,
-/// [`Fault::Saturated`] where a pixel within two widths of the centre is at full scale, [`Fault::TooDim`]
-/// where the noise leaves the centre uncertain by more than an eighth of the width, [`Fault::NoSpot`] where
+/// [`Fault::SpotAtEdge`] where the pixels that the estimator needs reach over the sensor's edge.
+/// [`Fault::Saturated`] where a pixel within two widths of the centre is at full scale. [`Fault::TooDim`]
+/// where the noise leaves the centre uncertain by more than an eighth of the width. [`Fault::NoSpot`] where
 /// the light there does not have the shape of a spot.
-// Inlined so that an estimator that is fixed at compile time brings no other one's code with it.
+// Inlined, so that a program whose estimator is fixed at compile time does not contain the others.
 #[inline(always)]
 pub fn centre(
     estimator: Estimator,

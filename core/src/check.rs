@@ -1,18 +1,20 @@
 //! Checks a centre against the row's mirror symmetry, and tries the robust fit if the check fails.
 //!
-//! A centre can be wrong in ways that its uncertainty does not cover, because that is noise through the
-//! estimator only: a second spot, a hot pixel, a background that rises, light that blooms to one side. A
-//! sharp test against the spot's shape would see them, and would also reject each profile that is no
+//! A centre can be wrong in ways that its uncertainty does not cover, because the uncertainty is only that of
+//! noise. The causes are a second spot, a hot pixel, a background that rises, or light that blooms to one
+//! side. A sharp test against the spot's shape would see them, but would also reject each profile that is no
 //! gaussian: an exact Fresnel pattern lies 7 % from it.
 //!
-//! But all estimators are unbiased for a symmetric spot, whatever its shape. Only the *antisymmetric* part of
-//! a row moves a centre, and a good spot has no antisymmetric part. So `symmetry` compares the row with its
-//! mirror image about the centre, to the noise, with hardly a tolerance for shape. In orthonormal Hermite
-//! functions of u = (x - c) / sigma a second spot at d widths has the components a^n / sqrt(n!), a = d / sqrt
-//! 2. The first component moves the centre, and vanishes about the centre that it moved. The third remains:
-//! 0.8 of the first at two widths and more beyond. It has a test of its own (*skew*), and so has a straight
-//! slope (*tilt*): a matched component is seen at 4 standard deviations where a chi-square of 60 pixels needs
-//! one of 7. The worst pair shows a bad pixel, and the sum of squares the rest.
+//! All estimators are unbiased for a symmetric spot, whatever its shape. Only the *antisymmetric* part of a
+//! row moves a centre, and a good spot has no antisymmetric part. So `symmetry` compares the row with its
+//! mirror image about the centre, to the noise, with hardly a tolerance for shape.
+//!
+//! In orthonormal Hermite functions of u = (x - c) / sigma, a second spot at d widths has the components a^n
+//! / sqrt(n!), with a = d / sqrt(2). The first component moves the centre, so it is zero about the moved
+//! centre. The third component remains: 0.8 of the first at two widths, and more beyond. It has a test of its
+//! own (*skew*), and so has a straight slope (*tilt*). Such a test sees a component of 4 standard deviations,
+//! where a chi-square of 60 pixels needs one of 7. The worst pair shows a bad pixel, and the sum of squares
+//! the rest.
 //!
 //! | component | statistic | its noise |
 //! |---|---|---|
@@ -23,9 +25,9 @@
 //! with z the difference of a pair and 1 / w = 2 noise^2 + g p its variance: the row's noise and the shot
 //! noise of its own light p.
 //!
-//! A symmetric flaw moves the centre of no single spot. But two equal spots have their centre between them,
-//! and boxes and clusters of bad pixels have one too, so the sums of the pairs are compared with a gaussian,
-//! loosely.
+//! A symmetric flaw moves the centre of no single spot. But two equal spots have a centre between them, and
+//! boxes and clusters of bad pixels have a centre too. So the check also compares the sums of the pairs with
+//! a gaussian, loosely.
 //!
 //! If a row fails the check, [`repair`] leaves samples out and fits the rest. Its centre replaces the first
 //! one if the row, without those samples, passes the check about it. Otherwise the first centre stays,

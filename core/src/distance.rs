@@ -1,4 +1,4 @@
-//! From the centre of the spot to the distance of the target.
+//! Converts the centre of the spot to the distance of the target.
 
 pub mod eq1;
 mod interpolation;
@@ -15,8 +15,8 @@ use crate::units::{Micrometres, Pixels};
 use residuals::Corrected;
 use table::Table;
 
-/// The distance for each centre. The constructors refuse what cannot be used: the distance of every
-/// calibration rises or falls with the centre over the whole of its range, and fits into [`Micrometres`].
+/// The distance for each centre. The constructors refuse what cannot be used: so the distance of every
+/// calibration rises or falls with the centre over its whole range, and fits into [`Micrometres`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Calibration {
     /// Eq. (1).

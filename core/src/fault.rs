@@ -5,14 +5,14 @@ use crate::units::{Counts, Pixels};
 /// Why there is no distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// No rows come, or words that no sensor makes.
+    /// No rows come, or rows that no sensor makes.
     SensorSilent,
-    /// Nothing in the row stands out of its noise, or what does has not the shape of a spot.
+    /// Nothing in the row stands out of its noise, or what stands out does not have the shape of a spot.
     NoSpot {
         /// The height of the highest candidate.
         amplitude: Counts,
     },
-    /// A spot, too dim for a centre that can be trusted.
+    /// There is a spot, but it is too dim for a centre that can be trusted.
     TooDim {
         /// The spot's height.
         amplitude: Counts,
@@ -29,7 +29,7 @@ pub enum Fault {
         /// Where the spot is, roughly.
         centre: Pixels,
     },
-    /// Two spots of like height: which of them is the laser's cannot be told.
+    /// Two spots of similar height: nothing tells which of them is the laser's.
     TwoSpots {
         /// Where the higher one is, roughly.
         centre: Pixels,

@@ -1,13 +1,13 @@
-//! Combines the rows' centres into one.
+//! Combines the centres of a frame's rows into one.
 //!
-//! The frame's centre is the mean of its rows' centres, weighted by how certain each row is of its own and by
-//! how well it agrees with the others (`agreement`); or the plain mean of all, as in the paper. Its
-//! uncertainty is that of the rows propagated. If the rows scatter more than their uncertainties explain, it
-//! grows by the ratio (R. T. Birge, Phys. Rev. 40, 207 (1932)), and if neighbours have similar errors, to
-//! that of fewer independent rows (`correlation`). If no majority of the rows agrees, or they scatter by more
-//! than the spot's width, they are not of one spot, and have no centre.
+//! The frame's centre is the mean of its rows' centres. In the weighted mean a row counts more the more
+//! certain it is and the better it agrees with the others (`agreement`); the plain mean is that of the paper.
+//! The uncertainty is that of the rows, propagated. If the rows scatter more than their uncertainties
+//! explain, it grows by the ratio (R. T. Birge, Phys. Rev. 40, 207 (1932)). If neighbours have similar
+//! errors, it grows to that of fewer independent rows (`correlation`). If no majority of the rows agrees, or
+//! the rows scatter by more than the spot's width, they do not show one spot: the frame has no centre.
 //!
-//! For a target that moves it is the centre in the middle of the frame, whichever rows count most (`motion`).
+//! If the target moves, the centre is that in the middle of the frame, whichever rows count most (`motion`).
 
 mod agreement;
 mod correlation;
@@ -23,21 +23,21 @@ use crate::units::{Counts, Pixels};
 /// The most rows in a frame.
 pub const MAX_ROWS: u32 = 64;
 
-/// How the rows' centres become one.
+/// How the rows' centres are combined into one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mean {
-    /// The mean of all, as in the paper.
+    /// The mean of all rows, as in the paper.
     Plain,
-    /// Weighted by their uncertainties, and by how far they are from the others.
+    /// The mean weighted by the rows' uncertainties, and by how far each row is from the others.
     #[default]
     Weighted,
 }
 
 impl Mean {
-    /// Both.
+    /// All ways.
     pub const ALL: [Self; 2] = [Self::Plain, Self::Weighted];
 
-    /// The name that the serial line knows it by.
+    /// The name on the serial line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Plain => "plain",
@@ -45,7 +45,7 @@ impl Mean {
         }
     }
 
-    /// The mean of that [`name`](Self::name).
+    /// Finds a mean by its [`name`](Self::name).
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|mean| mean.name() == name)
     }
@@ -57,9 +57,9 @@ pub const FEWEST_INDEPENDENT: u16 = 8;
 /// The rows of a frame, so far.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
-    /// With the row's number.
+    /// The centres, each with the number of its row.
     centres: Vec<(u16, RowCentre), { MAX_ROWS as usize }>,
-    /// How often each kind of fault came, and its latest.
+    /// How often each kind of fault came, and the latest one.
     faults: [(u16, Option<Fault>); Fault::KINDS],
     rows: u16,
 }
@@ -79,7 +79,7 @@ pub struct FrameCentre {
     pub rows_used: u16,
     /// Rows in the frame.
     pub rows: u16,
-    /// Of the rows used, those with [`RowCentre::misfit`].
+    /// Rows used that have the flag [`RowCentre::misfit`].
     pub misfits: u16,
     /// See [`Reading::correlated`](crate::reading::Reading::correlated).
     pub correlated: Option<u16>,
@@ -92,7 +92,7 @@ impl Frame {
             return;
         }
         match row {
-            // There is room: rows and faults together are fewer than it holds.
+            // There is room for MAX_ROWS.
             Ok(centre) => {
                 let _ = self.centres.push((self.rows, centre));
             }
@@ -115,9 +115,9 @@ impl Frame {
     /// Combines the rows.
     ///
     /// # Errors
-    /// Half of the rows or more have no centre: the fault that most of those have, as it came last (of two as
-    /// common, the one that [`Fault::kind`] puts last). Or [`Fault::Unsteady`], where no majority of the rows
-    /// agrees, or where those that do scatter by more than the spot's width.
+    /// If half of the rows or more have no centre: the most common fault, as it came last. If two kinds are
+    /// equally common, the one with the higher [`Fault::kind`]. [`Fault::Unsteady`] if no majority of the
+    /// rows agrees, or the rows that agree scatter by more than the spot's width.
     pub fn centre(&self, how: Mean) -> Result<FrameCentre, Fault> {
         if self.centres.len() <= usize::from(self.rows) / 2 {
             let most = self.faults.iter().max_by_key(|(count, _)| *count);
@@ -125,8 +125,8 @@ impl Frame {
                 .and_then(|&(_, fault)| fault)
                 .unwrap_or(Fault::SensorSilent));
         }
-        // Centres are seen from the median one, so that the fractions of a pixel by which they differ keep
-        // all 24 bits of an f32.
+        // Distances are taken from the median centre, so that fractions of a pixel keep all 24 bits of an
+        // f32.
         let keys = self
             .centres
             .iter()
@@ -166,7 +166,7 @@ impl Frame {
         })
     }
 
-    /// How far the centres of all rows scatter.
+    /// The fault of rows that do not agree: how far all of them scatter.
     fn unsteady(&self) -> Fault {
         let origin = mean(self.centres.iter().map(|(_, row)| row.centre.to_bits()));
         Fault::Unsteady {
@@ -174,13 +174,13 @@ impl Frame {
         }
     }
 
-    /// The rows as the mean sees them, from an origin in the bits of [`Pixels`]. Each counts as any other.
+    /// The rows with a centre, from an origin in the bits of [`Pixels`]. All have the same weight.
     fn members(&self, origin: i32) -> Members<'_> {
         let middle = 0.5 * (f32::from(self.rows) - 1.0);
         let mut members = Members::new();
         for (number, row) in &self.centres {
             let offset = Pixels::from_bits(row.centre.to_bits().saturating_sub(origin));
-            // As many as there are centres, and so room.
+            // There is room for all centres.
             let _ = members.push(Member {
                 row,
                 place: f32::from(*number) - middle,
@@ -199,44 +199,45 @@ const RESOLUTION: Pixels = Pixels::from_bits(1);
 /// The rows that have a centre, in the order in which they came.
 type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
 
-/// A row as the mean sees it.
+/// A row as the mean uses it.
 ///
-/// No sum over 64 of them leaves the range of an f32 (2^127), and none divides by zero. Two centres differ by
-/// less than 2^17 px, and less a line through some of them, which is at most so steep, by less than 2^24; an
-/// uncertainty is 2^-16 to 2^15 px. A residual, one over the other, is below 2^40, from another line below
-/// 2^47, and 64 squares below 2^100. A weight is at most 1/u^2 = 2^32: 64 times it, an offset and the square
-/// of a place are below 2^74, and its product with u is at most 2^16. Of rows that agree most have more than
-/// half of their 1/u^2 >= 2^-30, so that sums of weights are above zero.
+/// No sum over 64 members leaves the range of an f32 (2^127), and no division is by zero. Two centres differ
+/// by less than 2^17 px. A line through some of them is at most so steep, so a centre less that line is below
+/// 2^24. An uncertainty is 2^-16 to 2^15 px. A residual, which is centre over uncertainty, is below 2^40,
+/// from another line below 2^47, and 64 squares are below 2^100. A weight is at most 1/u^2 = 2^32. 64
+/// weights, each times an offset and the square of a place, are below 2^74; a weight times u is at most 2^16.
+/// Most of the rows that agree have more than half of their 1/u^2 >= 2^-30, so sums of weights are above
+/// zero.
 #[derive(Clone, Copy)]
 struct Member<'a> {
     row: &'a RowCentre,
-    /// Its number from the middle of the frame, -31.5 to 31.5.
+    /// The row's number from the middle of the frame, -31.5 to 31.5.
     place: f32,
-    /// The centre from the frame's origin, in pixels, less the motion from the middle of the frame to its
-    /// place.
+    /// The row's centre from the frame's origin, in pixels, less the motion since the middle of the frame.
     offset: f32,
     /// The uncertainty in pixels, never zero.
     uncertainty: f32,
-    /// What the row counts for: 1 where all count alike, 0 where it does not count.
+    /// How much the row counts: 1 if all count alike, 0 if it does not count.
     weight: f32,
 }
 
 impl Member<'_> {
-    /// How far it is from `centre`, in its own uncertainties.
+    /// The distance to `centre`, in uncertainties of the row.
     fn residual(&self, centre: f32) -> f32 {
         (self.offset - centre) / self.uncertainty
     }
 }
 
-/// In pixels from the frame's origin. `None` where no row counts.
+/// The weighted mean in pixels from the frame's origin. `None` if no row counts.
 fn weighted_mean(members: &[Member<'_>]) -> Option<f32> {
     let weights: f32 = members.iter().map(|it| it.weight).sum();
     let sum: f32 = members.iter().map(|it| it.weight * it.offset).sum();
     (weights > 0.0).then(|| sum / weights)
 }
 
-/// The uncertainty of the mean in pixels, if each row's own is true and all are independent. The motion's own
-/// counts as far as the rows' mean place is from the middle of the frame.
+/// The uncertainty of the mean in pixels, if the uncertainty of each row is true and all rows are
+/// independent. The uncertainty of the motion adds to it, as far as the rows' mean place is from the middle
+/// of the frame.
 fn propagated(members: &[Member<'_>], motion: f32) -> f32 {
     let weights: f32 = members.iter().map(|it| it.weight).sum();
     let variance: f32 = members
@@ -250,8 +251,8 @@ fn propagated(members: &[Member<'_>], motion: f32) -> f32 {
     libm::sqrtf(variance / square(weights) + of_motion)
 }
 
-/// The scatter over the scatter that the uncertainties explain, where it is more than chance. `fitted` is the
-/// number of parameters that come from the rows themselves: 1 for their mean, 1 more for their motion.
+/// The rows' scatter over the scatter that their uncertainties explain, or 1 if chance explains it. `fitted`
+/// is the number of parameters that come from the rows themselves: 1 for their mean, 1 more for their motion.
 fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
     let chi_square: f32 = members.iter().map(|it| square(it.residual(centre))).sum();
     let degrees = members.len() as f32 - fitted;
@@ -262,8 +263,8 @@ fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
     }
 }
 
-/// Chi square has a mean of its degrees of freedom and a variance of twice that; three standard deviations of
-/// it are granted.
+/// Whether chi square exceeds its mean, the degrees of freedom, by more than three standard deviations. Its
+/// variance is twice the degrees of freedom.
 fn is_more_than_chance(chi_square: f32, degrees: f32) -> bool {
     degrees >= 1.0 && chi_square > degrees + 3.0 * libm::sqrtf(2.0 * degrees)
 }
@@ -277,7 +278,7 @@ fn scatter(members: &[Member<'_>], motion: f32) -> f32 {
     libm::sqrtf(squares / n)
 }
 
-/// How many of them are so.
+/// The number of members for which `is_so` holds.
 fn number(members: &[Member<'_>], is_so: impl Fn(&Member<'_>) -> bool) -> usize {
     numeric::count(members.iter().map(is_so))
 }
@@ -289,9 +290,9 @@ fn square(value: f32) -> f32 {
 // Twice the sum of a frame's values of 32 bits, and their number, fit 64.
 const _: () = assert!(2 * (MAX_ROWS as i128) * (1 << 31) + (MAX_ROWS as i128) <= i64::MAX as i128);
 
-/// The mean, rounded to the nearest; zero of nothing.
+/// The mean, rounded to the nearest. Zero for no values.
 fn mean(values: impl ExactSizeIterator<Item = i32>) -> i32 {
-    // A mean fits where its parts do.
+    // A mean lies between its values, so it fits.
     let count = i64::from(values.len() as u32);
     let sum = values.fold(0, |sum, value| numeric::add_i64(sum, i64::from(value)));
     numeric::add_i64(numeric::mul_i64(2, sum), count)
@@ -299,14 +300,14 @@ fn mean(values: impl ExactSizeIterator<Item = i32>) -> i32 {
         .unwrap_or_default() as i32
 }
 
-/// The median, of an even number the lower one of the middle two; none of nothing.
+/// The median. Of an even number of values, the lower one of the middle two. `None` for no values.
 ///
-/// By bisection: 32 times as many comparisons as there are values, in no memory and without a sort's panic on
+/// By bisection, with 32 comparisons for each value. It takes no memory, and has none of a sort's panic on
 /// keys that it cannot order.
 fn median(values: impl ExactSizeIterator<Item = u32> + Clone) -> Option<u32> {
     let middle = values.len().checked_sub(1)? / 2;
     let (mut low, mut high) = (0u32, u32::MAX);
-    // The distance between them halves each time.
+    // Each pass halves the distance between them.
     while low < high {
         let between = low.midpoint(high);
         let below = numeric::count(values.clone().map(|value| value <= between));
@@ -320,7 +321,7 @@ fn median(values: impl ExactSizeIterator<Item = u32> + Clone) -> Option<u32> {
     Some(low)
 }
 
-/// Integers in the order of a median's keys.
+/// Maps integers to keys for [`median`], in the same order.
 const fn ordered(value: i32) -> u32 {
     value.cast_unsigned() ^ (1 << 31)
 }
@@ -411,14 +412,15 @@ mod tests {
 
     #[test]
     fn a_row_that_is_wrong_is_left_out_where_the_others_agree() {
-        // However certain it is of itself.
+        // However certain the wrong row is of its centre.
         for uncertainty in [0.2, 0.02, 1e-5] {
             let rows = (0..5).map(|i| row(if i == 1 { 103.0 } else { 100.0 }, 0.02));
             let found = weighted(rows.chain([row(103.0, uncertainty)]));
             assert_eq!(found.centre, Pixels::from_int(100), "{uncertainty}");
             assert_eq!(found.rows_used, 4);
         }
-        // Of three nobody can tell: the mean, and an uncertainty that covers them all.
+        // Among three rows nothing tells which is wrong: the result is the mean, with an uncertainty that
+        // covers them all.
         let found = weighted([row(100.0, 0.02), row(103.0, 0.02), row(100.0, 0.02)]);
         assert_eq!(found.rows_used, 3);
         assert!((found.uncertainty.to_f64() - 1.0).abs() < 1e-3, "{found:?}");
@@ -436,7 +438,7 @@ mod tests {
                 "{count}"
             );
         }
-        // Two groups and some between them, all of which the rows' own scatter would grant.
+        // Two groups, and some rows between them. The scatter of the rows would allow all of them.
         let groups = (0..64).map(|i| match i % 16 {
             0 => row(101.5, 0.02),
             odd if odd % 2 == 1 => row(100.0, 0.02),

@@ -2,24 +2,25 @@
 //! out, or the fault that prevented them.
 //!
 //! A laser spot on the target shines through a slit onto the sensor, and the place where it falls says how
-//! far away the target is. The core finds that place to a fraction of a pixel, close to the Cramér-Rao bound
-//! (the smallest error that any unbiased method can have with this noise), in fixed point and for a few
-//! hundred instructions a row. It knows no hardware, no clock and no allocation, cannot panic, and runs the
-//! same on a microcontroller and on a PC.
+//! far away the target is. The core finds that place to a fraction of a pixel, in fixed point and for a few
+//! hundred instructions a row. Its error is close to the Cramér-Rao bound (the smallest error that any
+//! unbiased method can have with this noise). It knows no hardware, no clock and no allocation, cannot panic,
+//! and runs the same on a microcontroller and on a PC.
 //!
 //! ```text
 //! words -> row -> black level -> spot -> centre -> check -> frame -> distance -> reading
 //!          a read-out in counts          of the row         mean     eq. (1)     or fault
 //! ```
 //!
-//! [`Measurement`] does all of it up to the centre of a frame, and [`Measured::reading`] makes a distance of
-//! that:
+//! [`Measurement`] takes rows and gives the centre of a frame. [`Measured::reading`] turns that centre into a
+//! distance:
 //!
 //! ```
 //! use slitrange::{Calibration, Measurement, Settings, sensor_heads};
 //!
 //! let head = sensor_heads::tcd1304dg();
-//! // A row as the converter delivers it: words fall with light. A spot of 2000 counts is on pixel 1800 of the light range.
+//! // A row as the converter delivers it: words fall with light. A spot of 2000 counts is on pixel 1800 of
+//! // the light range.
 //! let spot = |i: usize| {
 //!     let u = (i as f64 - head.light.start as f64 - 1800.0) / 9.0;
 //!     2000.0 * (-0.5 * u * u).exp() + (i * 7 % 5 / 2) as f64
@@ -38,7 +39,8 @@
 //!
 //! # Memory
 //!
-//! Static RAM on a 32-bit chip: what of these a program keeps, and two bytes for each word of a row.
+//! Static RAM on a 32-bit chip: two bytes for each word of a row, and those of these values that the program
+//! keeps.
 //!
 //! | | bytes |
 //! |---|---|

@@ -1,7 +1,8 @@
-//! Rows in, centres of frames out: the whole pipeline up to the calibration, pure.
+//! Measures rows: takes the words of rows and gives the centres of frames. The whole pipeline up to the
+//! calibration, pure.
 //!
 //! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> [`Measured`], the centre of the frame.
-//! What that means is a [`Calibration`](crate::distance::Calibration)'s to say: [`Measured::reading`].
+//! A [`Calibration`](crate::distance::Calibration) turns that into a distance: [`Measured::reading`].
 
 use crate::black_level::BlackPixels;
 use crate::centre::{Estimator, RowCentre};
@@ -21,12 +22,12 @@ pub struct Measurement {
     settings: Settings,
     frame: Frame,
     black: BlackPixels,
-    /// The row before, where it is of the same frame and had a centre.
+    /// The result of the row before, if it is of the same frame and had a centre.
     before: Option<(Spot, RowCentre)>,
 }
 
 impl Measurement {
-    /// A pipeline for a sensor's rows.
+    /// Makes a pipeline for a sensor's rows.
     pub fn new(geometry: Geometry, settings: Settings) -> Self {
         Self {
             geometry,
@@ -42,14 +43,14 @@ impl Measurement {
         &self.settings
     }
 
-    /// Takes other settings; the frame under way starts again.
+    /// Changes the settings, and starts the frame under way again.
     pub fn set(&mut self, settings: Settings) {
         self.settings = settings;
         self.start_frame();
     }
 
-    /// Takes the words of a read-out (and turns them over in place, where the sensor's fall with light).
-    /// Gives what was measured, or a fault, when the frame is complete.
+    /// Takes the words of a read-out. Where words fall with light, subtracts them from full scale in place.
+    /// Returns the measurement, or a fault, when the frame is complete.
     pub fn row(&mut self, words: &mut [u16]) -> Option<Result<Measured, Fault>> {
         let centre = match self.geometry.row(words) {
             Ok(row) => self.centre(&row),
@@ -67,7 +68,7 @@ impl Measurement {
         })
     }
 
-    /// No row came in its time: the frame under way is dropped.
+    /// Drops the frame under way, because no row came in its time.
     pub fn silence(&mut self) -> Fault {
         self.start_frame();
         Fault::SensorSilent
@@ -79,8 +80,8 @@ impl Measurement {
         self.before = None;
     }
 
-    /// The first row of a frame is searched and measured in full; what it says spares the next ones most of
-    /// the work.
+    /// Finds the centre of a row. The first row of a frame is searched and measured in full; its result saves
+    /// most of the work for the next ones.
     fn centre(&mut self, row: &Row<'_>) -> Result<RowCentre, Fault> {
         let before = self.before.take();
         let spot = match &before {
@@ -93,7 +94,7 @@ impl Measurement {
         self.black.add_row(black);
         let spot = spot?;
         let spot = Spot {
-            // A sensor without shielded pixels has no level but the background's.
+            // A sensor without shielded pixels has only the background's level.
             black_level: black.level(how).unwrap_or(spot.background.level),
             ..spot
         };

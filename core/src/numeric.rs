@@ -1,10 +1,10 @@
-//! Sums and products that cannot overflow for a reason that the compiler does not see. The reason stands
+//! Sums and products that cannot overflow, for a reason that the compiler does not see. The reason stands
 //! beside each use.
 //!
 //! Elsewhere the core uses the plain operators, and the program `panic-free` checks that none of them can
-//! overflow: it has the compiler put a panic wherever it cannot exclude it, and links only if none is
-//! reachable. These functions have no such panic. Where debug assertions are on, as in all tests and in
-//! fuzzing, a reason that does not hold is one.
+//! overflow: the compiler adds a panic wherever it cannot exclude an overflow, and the program links only if
+//! no panic is reachable. These functions have no such panic. With debug assertions, as in all tests and in
+//! fuzzing, a reason that does not hold panics.
 
 /// a + b.
 #[inline(always)]
@@ -83,16 +83,16 @@ pub(crate) const fn add_usize(a: usize, b: usize) -> usize {
     a.wrapping_add(b)
 }
 
-/// How many are true: of what is in memory, no more than a `usize` holds. A filter's `count` is a sum that
-/// the compiler cannot prove.
+/// Counts how many are true. They are in memory, so a `usize` holds their number. The sum in a filter's
+/// `count` is one that the compiler cannot prove.
 #[inline(always)]
 pub(crate) fn count(all: impl Iterator<Item = bool>) -> usize {
     all.fold(0, |number, is_so| add_usize(number, usize::from(is_so)))
 }
 
-/// `f32::clamp` without its panic on bounds that are not in order, which brings 20 KB of formatting to the
-/// chip, and without `max` and `min`, whose rules for not-a-number take ten instructions each. Not-a-number
-/// stays what it is.
+/// Limits a value to `low` and `high`; not-a-number stays what it is. `f32::clamp` has a panic on bounds that
+/// are not in order, which brings 20 KB of formatting to the chip. `max` and `min` have rules for
+/// not-a-number that take ten instructions each.
 #[inline(always)]
 pub(crate) fn limited(value: f32, low: f32, high: f32) -> f32 {
     if value > high {

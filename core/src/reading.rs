@@ -1,4 +1,4 @@
-//! What comes out of a frame: the centre as it was measured, and the distance that a calibration makes of it.
+//! The result of a frame: the centre as it was measured, and the distance that a calibration gives for it.
 
 use crate::centre::Estimator;
 use crate::distance::Calibration;
@@ -6,19 +6,19 @@ use crate::fault::Fault;
 use crate::frame::FrameCentre;
 use crate::units::{Counts, Micrometres, Pixels};
 
-/// What a frame says of the spot: what there is to know without a calibration, and what one is made from.
+/// The result of a frame without a calibration. Calibrations are made from such results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Measured {
     /// Where the spot is, and how certain that is.
     pub frame: FrameCentre,
-    /// What an unlit pixel reads.
+    /// The counts of an unlit pixel.
     pub black_level: Counts,
     /// How the rows' centres were found.
     pub estimator: Estimator,
 }
 
 impl Measured {
-    /// The distance that the centre stands for.
+    /// Converts the centre to a distance.
     ///
     /// # Errors
     /// [`Fault::NotCalibrated`] without a calibration, [`Fault::OutOfRange`] where it is not valid.
@@ -35,7 +35,7 @@ impl Measured {
         let (distance, slope) = calibration.distance_at(frame.centre)?;
         Ok(Reading {
             distance,
-            // Never zero: the finest step stands for less.
+            // Never zero: the finest step is larger than the true uncertainty then.
             uncertainty: Micrometres::from_f32(frame.uncertainty.to_f32() * slope.abs())
                 .max(Micrometres::from_bits(1)),
             centre: frame.centre,
@@ -55,9 +55,10 @@ impl Measured {
 /// A distance with its uncertainty and how it came about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading {
-    /// Distance to the target, of one that moves in the middle of the frame.
+    /// Distance to the target; to a moving target, in the middle of the frame.
     pub distance: Micrometres,
-    /// Standard uncertainty of the distance (one sigma): that of the centre through the slope of eq. (1).
+    /// Standard uncertainty of the distance (one sigma): that of the centre times the slope of the
+    /// calibration.
     pub uncertainty: Micrometres,
     /// Centre of the spot on the light range.
     pub centre: Pixels,
@@ -71,21 +72,21 @@ pub struct Reading {
     pub rows_used: u16,
     /// Rows in the frame.
     pub rows: u16,
-    /// What an unlit pixel reads.
+    /// The counts of an unlit pixel.
     pub black_level: Counts,
     /// How the rows' centres were found.
     pub estimator: Estimator,
-    /// Of the rows used, those whose pixels lie further from the fitted spot than their noise explains.
-    /// See [`RowCentre::misfit`](crate::centre::RowCentre::misfit).
+    /// Rows used whose pixels lie further from the fitted spot than their noise explains. See
+    /// [`RowCentre::misfit`](crate::centre::RowCentre::misfit).
     pub misfits: u16,
-    /// As how few independent rows the frame's may count, where neighbouring rows err alike and that is fewer
-    /// than [`FEWEST_INDEPENDENT`](crate::frame::FEWEST_INDEPENDENT): the uncertainty is then an estimate
-    /// from too few, and may be several times too small.
+    /// The number of independent rows that the frame's rows may be worth, if neighbouring rows have similar
+    /// errors and the number is below [`FEWEST_INDEPENDENT`](crate::frame::FEWEST_INDEPENDENT). The
+    /// uncertainty is then an estimate from too few rows, and may be several times too small.
     ///
-    /// `None` does not say that the rows are independent. Few rows say little about it: of 64 that are worth
-    /// fewer than eight 96 % are flagged, of 16 that are worth four 18 %. And what all rows share is in none
-    /// of their differences: speckle of a target at rest, or one that drifts steadily, makes a reading wrong
-    /// by hundreds of times what it claims, and nothing in the frame tells. Only readings of other places on
-    /// the surface do.
+    /// `None` does not say that the rows are independent. Few rows tell little about that: of frames of 64
+    /// rows that are worth fewer than eight 96 % are flagged, of 16 rows that are worth four 18 %. An error
+    /// that all rows share does not show in their differences. Speckle makes a reading of a target at rest,
+    /// or of one that drifts steadily, wrong by hundreds of times its uncertainty, and nothing in the frame
+    /// tells. Only readings of other places on the surface do.
     pub correlated: Option<u16>,
 }

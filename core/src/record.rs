@@ -1,9 +1,11 @@
-//! A calibration with all that belongs to it, as bytes: for flash, for a file, for the serial line.
+//! Encodes a calibration, with all that belongs to it, as bytes: for flash, for a file, for the serial line.
 //!
 //! ```text
-//! format version | the record, by postcard | CRC-32 (ISO-HDLC, as in zip and PNG) of all before it, little endian
+//! format version | the record, by postcard | CRC-32 of all before it, little endian
 //! 1 byte         | up to 1356 bytes        | 4 bytes
 //! ```
+//!
+//! The CRC-32 is ISO-HDLC, as in zip and PNG.
 //!
 //! [`decode`] makes a record with the constructors of its parts, and refuses what they refuse. The range of
 //! distances is not in the bytes: it follows from the calibration and the range of its centres.
@@ -40,7 +42,7 @@ pub struct Record {
     pub geometry: Geometry,
     /// How centres were found. On a spot that is no gaussian, two estimators may find two centres.
     pub estimator: Estimator,
-    /// How the black level was found; where it was fixed, at what.
+    /// How the black level was found; if it was fixed, at which level.
     pub black_level: BlackLevel,
     /// The distance for each centre.
     pub calibration: Calibration,
@@ -370,7 +372,7 @@ impl KnotsFields {
     }
 }
 
-/// Why bytes are no record, or a record cannot be written.
+/// Why bytes are not a record, or why a record cannot be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecordError {
     /// The buffer is too short for the record.
@@ -401,8 +403,8 @@ pub enum RecordError {
     StraightLines,
     /// The calendar has no such day.
     Date,
-    /// A part of the row reaches beyond the row, there are too many pixels or none, or the converter has not
-    /// 1 to 12 bits.
+    /// A part of the row reaches beyond the row, there are too many pixels or none, or the converter does not
+    /// have 1 to 12 bits.
     Geometry,
     /// This firmware has no such estimator.
     Estimator {

@@ -26,16 +26,16 @@ pub struct Geometry {
     pub polarity: Polarity,
     /// Bits of the converter: its words go from 0 to 2^bits - 1. More than 12 count as 12.
     pub bits: u8,
-    /// Variance of the light's shot noise in counts squared for each count of light, Q0.16: one over the
-    /// electrons that make a count, or 0 where it does not matter.
+    /// Variance of the light's shot noise for each count of light, in counts squared, Q0.16. It is one over
+    /// the electrons that make a count. 0 ignores shot noise.
     pub shot_variance_per_count_q16: u16,
 }
 
-/// The largest count that a row may hold, that of a 12-bit converter: what the arithmetic of the core is
-/// proven for.
+/// The largest count of a row: that of a 12-bit converter. The arithmetic of the core is proven for counts up
+/// to this.
 pub const LARGEST_COUNT: u16 = 4095;
 
-/// The longest row, in pixels of its light range, and likewise of its shielded one.
+/// The most pixels in the light range of a row, and the most in its shielded range.
 pub const MAX_PIXELS: usize = 4096;
 
 /// One read-out of the sensor, light positive: at most [`MAX_PIXELS`] counts of at most [`LARGEST_COUNT`].
@@ -47,8 +47,8 @@ pub struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// A row from its parts, light positive, of a converter whose largest word is `full_scale`.
-    /// [`Geometry::row`] makes one from a sensor's words.
+    /// Makes a row from its parts, light positive. `full_scale` is the converter's largest word.
+    /// [`Geometry::row`] makes a row from a sensor's words.
     ///
     /// # Errors
     /// A count is above [`LARGEST_COUNT`], or there are more than [`MAX_PIXELS`].
@@ -91,12 +91,12 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Why words are no row.
+/// Why words do not form a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowError {
-    /// Another number of words than the geometry says, or more pixels than [`MAX_PIXELS`].
+    /// The number of words is not that of the geometry, or there are more pixels than [`MAX_PIXELS`].
     Length {
-        /// The number of words there were.
+        /// The number of words.
         words: usize,
     },
     /// Words that the converter cannot make: a wire is open or shorted.
@@ -107,10 +107,10 @@ pub enum RowError {
 }
 
 impl Geometry {
-    /// Whether the words of two sensors mean the same, so that a calibration of one holds for the other:
-    /// everything but the noise figures, which change a centre's uncertainty and not its meaning.
+    /// Whether a calibration for one geometry holds for the other. All fields must agree but the noise
+    /// figure, which changes a centre's uncertainty and not its meaning.
     pub fn has_same_words(&self, other: &Self) -> bool {
-        // A new field does not compile before it is decided whether it counts.
+        // All fields by name: a new one does not compile until someone decides here whether it counts.
         let Self {
             words,
             shielded,
@@ -136,17 +136,18 @@ impl Geometry {
         }
     }
 
-    /// The greatest height above a black level that can be measured: full scale less that level. A pixel as
-    /// high is saturated.
+    /// The largest height above the black level that can be measured: full scale less the black level. A
+    /// pixel of this height is saturated.
     pub fn height_limit(&self, black_level: Counts) -> Counts {
         let full_scale = Counts::from_int(self.full_scale().into());
         Counts::from_bits(full_scale.to_bits().saturating_sub(black_level.to_bits()))
     }
 
-    /// Turns the words of a read-out over where light makes them fall, in place, and gives its parts.
+    /// Makes a row from the words of a read-out. Where words fall with light, subtracts them from full scale
+    /// in place.
     ///
     /// # Errors
-    /// The words are no row of this sensor. Their values are of no use then.
+    /// The words are not a row of this sensor. Do not use them after this: some may have been changed.
     pub fn row<'a>(&self, words: &'a mut [u16]) -> Result<Row<'a>, RowError> {
         let length = RowError::Length { words: words.len() };
         if words.len() != self.words {
@@ -160,7 +161,7 @@ impl Geometry {
                 (any, words.iter().any(|&word| word >= full_scale))
             }
         };
-        // A full scale is 2^bits - 1: a word beyond it sets a bit that no other does.
+        // Full scale is 2^bits - 1: a larger word sets a bit that no valid word has.
         if any > full_scale {
             return Err(RowError::Impossible { bits: any });
         }
@@ -181,8 +182,9 @@ impl Geometry {
     }
 }
 
-/// Full scale less each word, in place. Gives all bits that were set in any word, and whether one was zero,
-/// which is the full scale of light. Two words at a time: this is done to every word of every row.
+/// Subtracts each word from full scale, in place. Returns all bits that were set in any word, and whether a
+/// word was zero (full scale of light). Takes two words at a time, because it runs on every word of every
+/// row.
 fn turn_over(words: &mut [u16], full_scale: u16) -> (u16, bool) {
     const ONES: u32 = 0x0001_0001;
     let full_scales = u32::from(full_scale) * ONES;
@@ -191,10 +193,10 @@ fn turn_over(words: &mut [u16], full_scale: u16) -> (u16, bool) {
     for pair in pairs {
         let both = u32::from(pair[0]) | (u32::from(pair[1]) * 0x1_0000);
         any |= both;
-        // The high bit of each half is set where one less borrows, which only zero does (A. Mycroft, 1987); a
-        // zero in the low half may show one in the high half too, which changes nothing.
+        // The high bit of a half is set if subtracting one borrows: only zero does (A. Mycroft, 1987). A zero
+        // in the low half may set the bit of the high half too, which does not change the result.
         borrows |= both.wrapping_sub(ONES) & !both;
-        // No half borrows from the other where both words are at most full scale; otherwise the row is an
+        // No half borrows from the other if both words are at most full scale. Any other row ends as an
         // error.
         let turned = full_scales.wrapping_sub(both);
         *pair = [turned as u16, (turned >> 16) as u16];

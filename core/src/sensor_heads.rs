@@ -3,9 +3,9 @@
 
 use crate::row::{Geometry, Polarity};
 
-/// Words of a TCD1304DG's read-out before the one that samples the sensor's first output, D0: the converter
-/// is clocked before the sensor is let go, so that the relation of the two clocks does not hang on the
-/// program's speed. Word `LEAD_IN + k` samples output k.
+/// Words of a TCD1304DG's read-out before the one that samples the sensor's first output, D0. The converter
+/// runs before the sensor is let go, so that the phase between their clocks does not depend on the program's
+/// speed. Word `LEAD_IN + k` samples output k.
 pub const TCD1304DG_LEAD_IN: usize = 2;
 
 /// Toshiba TCD1304DG behind a 12-bit converter.

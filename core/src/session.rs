@@ -6,7 +6,7 @@
 //! result of a frame ┘    (+ what counts)    └─ settings and record for flash
 //! ```
 //!
-//! Whoever owns the serial line brings the events and carries out the actions: the firmware, and tests on a
+//! The owner of the serial line brings the events and carries out the actions: the firmware, or a test on a
 //! PC.
 
 use core::fmt::{self, Write as _};
@@ -42,21 +42,21 @@ pub enum Event {
     Line(Result<Command, Error>),
     /// A frame ended.
     Frame(Result<Measured, Fault>),
-    /// Flash took what [`Actions::save`] asked for, or did not.
+    /// The save that [`Actions::save`] asked for has ended.
     Saved(Result<(), StoreError>),
 }
 
-/// What is to be done, in this order.
+/// What the owner of the serial line must do, in this order.
 #[derive(Debug, Default)]
 pub struct Actions {
     /// Text to send, each line with CR LF. Empty if there is nothing to say.
     pub text: Text<MAX_ANSWER>,
     /// The text is one of a stream: drop it if the line is busy. Any other text must arrive.
     pub may_drop: bool,
-    /// The measurement is to use these settings from now on.
+    /// The settings that the measurement must use from now on.
     pub apply: Option<Settings>,
-    /// [`Session::configuration`] is to be written to flash. Its end is the event [`Event::Saved`]. No frame
-    /// is due before.
+    /// Write [`Session::configuration`] to flash, and then take the event [`Event::Saved`]. No frame is due
+    /// before that.
     pub save: bool,
 }
 
@@ -69,9 +69,8 @@ impl Actions {
 
 /// A sensor's settings and calibration, and what a person asked of it.
 ///
-/// A record has hundreds of bytes, and a function that moves one has as many on the stack. Such functions are
-/// not inlined, so that they use
-/// that stack only while they run.
+/// A record has hundreds of bytes, and a function that moves a record needs as many on the stack. Such
+/// functions are not inlined, so that they use that stack only while they run.
 #[derive(Clone, Debug)]
 pub struct Session {
     hardware: Hardware,
@@ -114,12 +113,13 @@ impl Session {
         &self.settings
     }
 
-    /// The record in use, where there is one.
+    /// The record in use, if there is one.
     pub fn record(&self) -> Option<&Record> {
         self.record.as_ref().map(EncodedRecord::record)
     }
 
-    /// What `save` writes to flash. `None` without a calibration: the next start would take the nominal one.
+    /// What `save` writes to flash. `None` without a calibration, because the next start would then take the
+    /// nominal one.
     #[inline(never)]
     pub fn configuration(&self) -> Option<Configuration> {
         let record = self.record()?;
@@ -129,7 +129,8 @@ impl Session {
         })
     }
 
-    /// Takes an event, and writes what is to be done. `vitals` is what the firmware has counted so far.
+    /// Takes an event, and writes into `actions` what must be done. `vitals` is what the firmware has counted
+    /// so far.
     pub fn take(&mut self, event: Event, vitals: &Vitals, actions: &mut Actions) {
         actions.text.clear();
         (actions.may_drop, actions.apply, actions.save) = (false, None, false);
@@ -155,8 +156,7 @@ impl Session {
     }
 
     /// Loads what flash holds. A saved calibration that cannot be used is not replaced by the nominal one,
-    /// whose distances would be wrong
-    /// without a warning.
+    /// whose distances would be wrong without a warning.
     #[inline(never)]
     fn load(&mut self, stored: Stored) {
         match stored {
@@ -192,7 +192,7 @@ impl Session {
 
     #[inline(never)]
     fn set_record(&mut self, record: Record) {
-        // What was read can be written.
+        // A record that was read can be written.
         self.record = EncodedRecord::new(record).ok();
     }
 
@@ -202,7 +202,7 @@ impl Session {
         }
     }
 
-    /// Counts a result, and says it where it is wanted.
+    /// Counts a result, and reports it if someone asked for it or the stream is on.
     fn report(&mut self, measured: Result<Measured, Fault>, actions: &mut Actions) {
         let calibration = self.calibration();
         let result = measured.and_then(|measured| measured.reading(calibration));
@@ -236,7 +236,7 @@ impl Session {
         }
     }
 
-    /// What centres mean, where that is known and wanted.
+    /// The calibration, if there is one and it is on.
     fn calibration(&self) -> Option<&Calibration> {
         let record = self.record().filter(|_| self.calibration_on)?;
         Some(&record.calibration)
@@ -343,7 +343,7 @@ impl Session {
     }
 }
 
-/// Says a fault and what to do about it.
+/// Answers with a fault and what to do about it.
 fn advise(fault: &Fault, actions: &mut Actions) {
     let advice = fault.advice();
     actions.say(&format_args!("{fault}\r\n({advice})"));

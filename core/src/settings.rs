@@ -1,14 +1,11 @@
 //! All that a person can set. Each setting is declared once, in [the list](#the-list) below.
 //!
 //! The struct [`Settings`], the commands that show and set a value, their answers, `help`, the error
-//! messages, what flash holds and the table in
-//! docs/serial-line.md follow from the declaration. To add a setting, add its lines to the list. A value of a
-//! new type also implements
-//! [`ValueText`].
+//! messages, what flash holds and the table in docs/serial-line.md follow from the declaration. To add a
+//! setting, add its lines to the list. A value of a new type also implements [`ValueText`].
 //!
 //! miniconf and serial-settings declare settings once too. Their lines are JSON paths (`/rows 16`), and they
-//! know no ranges, units or help, so
-//! they would not make this file smaller.
+//! know no ranges, units or help, so they would not make this file smaller.
 
 use core::fmt;
 
@@ -22,8 +19,7 @@ use crate::units::Counts;
 /// # The list
 ///
 /// For each setting: its help, a name for Rust, the name that a person types, the field, its type and
-/// default; then how its value is typed, and
-/// what a change affects.
+/// default; then how its value is typed, and what a change affects.
 macro_rules! list {
     ($declare:ident) => {
         $declare! {
@@ -60,7 +56,7 @@ pub enum Form {
     },
     /// One of these words, separated by `|`.
     Words(&'static str),
-    /// One of some names, which `help` and the setting's name lists.
+    /// One of the names that `help` with the setting's name lists.
     Listed,
 }
 
@@ -70,14 +66,14 @@ pub enum Affects {
     /// The measurement: the frame under way starts again. `save` writes the setting to flash, `defaults` sets
     /// it back.
     Measurement,
-    /// What this session says. It holds until the next start.
+    /// What this session sends. The setting holds until the next start.
     Session,
 }
 
-/// Why words are no value of a setting.
+/// Why words do not give a value of a setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ValueError {
-    /// They are not understood, or are too many.
+    /// The words are not understood, or are too many.
     Form,
     /// The number is too small or too large.
     Range,
@@ -231,14 +227,14 @@ impl fmt::Display for Form {
     }
 }
 
-/// Words of a line that count: those of the longest command, and one more to notice that there are too many.
+/// The most words of a line: those of the longest command, and one more to notice that there are too many.
 const MOST_WORDS: usize = 6;
 
 /// The words of a line, separated by blanks.
 pub fn split_words(line: &str) -> Vec<&str, MOST_WORDS> {
     let mut words = Vec::new();
     for word in line.split_ascii_whitespace() {
-        // Words beyond the last that counts stay out: there is one too many all the same.
+        // Words beyond the last place are dropped: the words before them are already too many.
         let _ = words.push(word);
     }
     words

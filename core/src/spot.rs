@@ -1,14 +1,15 @@
-//! Where the spot is, to a pixel, and how wide, to a factor of two.
+//! Finds the spot on a row: its place to a pixel, its width to a factor of two.
 //!
-//! First come the level and the noise of the row's own background, as medians over blocks of pixels, so that
-//! a spot that fills less than half of the row does not count. Then the kernel [1 2 1] runs over the pixels,
-//! over sums of 2 pixels, of 4, 8 ... 128. For a gaussian whose width is 0.9 of a block that kernel gathers
-//! 89 to 97 % of the signal-to-noise ratio of the best filter, as it lies on the blocks, and 84 % or more for
-//! the widths between. The spot is where the response stands highest above its own noise. A background that
-//! rises along the row and would hide the spot is subtracted first (`tilt`). Last, the search tests whether
-//! the light is two spots (`second_spot`).
+//! First the search takes the level and the noise of the row's own background. Both are medians over blocks
+//! of pixels, so a spot that fills less than half of the row does not change them. Then the kernel [1 2 1]
+//! runs over the pixels, and over sums of 2, 4, 8 ... 128 pixels. A gaussian whose width is 0.9 of a block
+//! gives that kernel 89 to 97 % of the signal-to-noise ratio of the best filter, depending on how it lies on
+//! the blocks. Widths between two block sizes give 84 % or more. The spot is where the response stands
+//! highest above its own noise. A background that rises along the row and would hide the spot is subtracted
+//! first (`tilt`). Last, the search tests whether the light is two spots (`second_spot`).
 //!
-//! All in integers, and all from differences of counts: adding a constant to a row changes nothing.
+//! All sums are integers, and all results come from differences of counts: adding a constant to a row changes
+//! nothing.
 
 mod second_spot;
 mod sweep;
@@ -30,44 +31,44 @@ pub const MIN_PIXELS: usize = 32;
 /// The largest block has 2^7 = 128 pixels, for widths up to 130 pixels.
 const LARGEST_BLOCK_LOG2: u32 = 7;
 
-/// A response this far above its noise is a spot, in halves of a standard deviation. At 4.5 a spot of 1.5
-/// pixels' width and a peak of five times the noise is missed once in some thousand rows, and noise alone
-/// gets there in one row of forty. Those rows end as too dim: see the estimator.
+/// The least response of a spot, in halves of a standard deviation of its noise. At 4.5 standard deviations
+/// the search misses a spot of 1.5 pixels' width with a peak of five times the noise once in some thousand
+/// rows. Noise alone gets there in one row of forty: the estimator rejects those rows as too dim.
 const DETECTION: u16 = 9;
 
 /// A candidate for the estimator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Spot {
-    /// The pixel nearest to the middle, good to half a block.
+    /// The pixel nearest to the spot's middle, to half a block.
     pub centre: usize,
     /// The spot's width is about 2^`block_log2` pixels, within a factor of about two.
     pub block_log2: u32,
-    /// Its height, roughly: the mean over the pixels of the kernel, above the background.
+    /// The spot's rough height above the background: the mean over the kernel's pixels.
     pub height: Counts,
-    /// What the row reads away from the spot.
+    /// Level and noise of the row away from the spot.
     pub background: Background,
-    /// What the centroid subtracts: the background's level, unless the [`measurement`](crate::measurement)
-    /// chooses another.
+    /// The level that the centroid subtracts: that of the background, unless the
+    /// [`measurement`](crate::measurement) chooses another.
     pub black_level: Counts,
 }
 
-/// What the row reads away from the spot.
+/// Level and noise of a row away from the spot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Background {
-    /// Its level.
+    /// The counts of an unlit pixel.
     pub level: Counts,
-    /// Standard deviation of a pixel, at least that of rounding to a count (1/sqrt(12)).
+    /// Standard deviation of an unlit pixel. At least that of rounding to a count, 1/sqrt(12).
     pub noise: Counts,
 }
 
 impl Background {
-    /// The level in the bits of [`Counts`], within what a row can hold: 0 to 4095 * 2^8 < 2^20.
+    /// The level in the bits of [`Counts`], limited to what a row can hold: 0 to 4095 * 2^8 < 2^20.
     pub fn level_bits(&self) -> i32 {
         level_bits(self.level)
     }
 
-    /// The variance of an unlit pixel in counts squared, rounding included, and the shot noise's variance for
-    /// each count of light.
+    /// Two variances in counts squared: of an unlit pixel, rounding included, and of the shot noise for each
+    /// count of light.
     pub fn variances(&self, geometry: &Geometry) -> (f32, f32) {
         let noise = self.noise.to_f32();
         let shot = f32::from(geometry.shot_variance_per_count_q16) / 65536.0;
@@ -75,19 +76,19 @@ impl Background {
     }
 }
 
-/// A level in the bits of [`Counts`], within what a row can hold.
+/// A level in the bits of [`Counts`], limited to what a row can hold.
 fn level_bits(level: Counts) -> i32 {
     const LARGEST: i32 = (LARGEST_COUNT as i32) << Counts::FRACTION;
     level.to_bits().clamp(0, LARGEST)
 }
 
 impl Spot {
-    /// The black level in the bits of [`Counts`], within what a row can hold.
+    /// The black level in the bits of [`Counts`], limited to what a row can hold.
     pub fn black_level_bits(&self) -> i32 {
         level_bits(self.black_level)
     }
 
-    /// A height above the background as one above the black level.
+    /// Converts a height above the background to a height above the black level.
     pub const fn above_black(&self, height: Counts) -> Counts {
         let above = height
             .to_bits()
@@ -106,9 +107,9 @@ impl Spot {
 /// Finds the spot.
 ///
 /// # Errors
-/// [`Fault::NoSpot`] where nothing stands out, or the row is shorter than [`MIN_PIXELS`].
-/// [`Fault::TwoSpots`] where two spots stand out, and their heights do not tell which is the laser's.
-/// [`Fault::SensorSilent`] where all pixels read the same, which no sensor's noise allows.
+/// [`Fault::NoSpot`] if nothing stands out, or the row is shorter than [`MIN_PIXELS`]. [`Fault::TwoSpots`] if
+/// two spots stand out and their heights do not tell which is the laser's. [`Fault::SensorSilent`] if all
+/// pixels read the same, which the noise of a sensor never allows.
 pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
     let light = row.light();
     let no_spot = Fault::NoSpot {
@@ -126,15 +127,16 @@ pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
     }
 }
 
-/// What a search ends with.
+/// The result of a search.
 enum Found {
     Spot(Spot),
-    /// The background rises along the row by so much that the row is to be searched without its tilt.
+    /// The background rises so much along the row that it may hide the spot: search the row again without
+    /// this tilt.
     Tilt(Tilt),
 }
 
-/// Searches a row. `is_level` says that its tilt was subtracted.
-// Not inlined: the stack holds the sums of one search at a time.
+/// Searches a row. `is_level`: its tilt is already subtracted.
+// Not inlined, so that the stack holds the sums of only one search at a time.
 #[inline(never)]
 fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
     let no_spot = Fault::NoSpot {
@@ -147,7 +149,7 @@ fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
     let candidates = || (0..SIZES as u32).filter_map(|log2| Candidate::new(&sums, log2, level));
     let mut best = (candidates().max_by_key(|candidate| candidate.significance)).ok_or(no_spot)?;
     if best.block_log2 == 0 && best.is_one_pixel(&sums, level) {
-        // A hot one. In larger blocks what it hides may stand out.
+        // The highest response is that of a hot pixel. Larger blocks may show the spot that it hides.
         best = candidates()
             .filter(|candidate| !candidate.is_one_pixel(&sums, level))
             .max_by_key(|candidate| candidate.significance)
@@ -177,7 +179,7 @@ fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
 #[inline(never)]
 fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
     let mut level: Vec<u16, MAX_PIXELS> = Vec::new();
-    // A row has no more pixels than that.
+    // Every push succeeds: a row has at most MAX_PIXELS.
     let (lowest, above) = tilt.taken_off(light);
     for count in above {
         let _ = level.push(count);
@@ -198,24 +200,24 @@ fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
                 ..spot
             })
         }
-        // A tilt is taken off once.
+        // A tilt is subtracted only once.
         Found::Tilt(_) => Err(Fault::NoSpot {
             amplitude: Counts::from_int(0),
         }),
     }
 }
 
-/// Finds the spot again in the next row, with a tenth of the work: in blocks of 8 pixels or more, a multiple
-/// that fits the width of the spot before, and above the background and the noise before. [`find`] searches
-/// the row instead if the spot is narrower, has moved by more than its width and a block, or is on another
-/// background. If the light changed all at once, so did the noise, and noise might pass for a spot above the
+/// Finds the spot again in the next row, with a tenth of the work of [`find`]. Uses blocks of 8 pixels or
+/// more that fit the width of the spot before, and the background and the noise of the row before. Calls
+/// [`find`] instead if the spot is narrower, has moved by more than its width and a block, or is on another
+/// background: a sudden change of light changes the noise too, and noise might then pass for a spot above the
 /// old background.
 ///
 /// # Errors
 /// As [`find`].
 pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, Fault> {
     let light = row.light();
-    // The kernel fits a width of 0.9 of its block best, and one of 0.75 or 1.5 nearly as well.
+    // The kernel fits a width of 0.9 of its block best, and widths of 0.75 or 1.5 nearly as well.
     let block_log2 = (BLOCK_LOG2..=LARGEST_BLOCK_LOG2)
         .take_while(|&log2| width >= Pixels::from_int((3 << log2) / 4))
         .last();
@@ -226,7 +228,8 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
     let level = Counts::from_bits(before.background.level_bits());
     let background = under_the_kernel(level, block_log2);
     let above = |response: u32| in_q8(response).saturating_sub(background).max(0);
-    // A response like the peak's has two thirds of it: see `second_spot::is_alike`. Below 2^30 and 2^31.
+    // Another spot has two thirds of the peak's response or more: see `second_spot::is_alike`. Below 2^30 and
+    // 2^31.
     let least_like = |peak: u32| {
         (numeric::add_i32(background, above(peak) / 3 * 2).max(0) >> Counts::FRACTION)
             .unsigned_abs()
@@ -238,10 +241,10 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
     let significance = square(response.unsigned_abs()) >> block_log2;
     let block = 1usize << block_log2;
     let centre = middle(peak.group, block_log2);
-    // At least three quarters of a block, by which the block was chosen, so not negative.
+    // Not negative: the width is at least three quarters of the block that was chosen for it.
     let width = (width.to_bits() >> Pixels::FRACTION) as usize;
-    // What is left of a spot that went away is not looked for in noise; and rows without change tell that no
-    // sensor is there.
+    // [`find`] tells whether a weak response is only noise, because the spot is gone, and whether the sensor
+    // is silent, because no pixel changes.
     if significance < needed(DETECTION, before.background.noise)
         || centre.abs_diff(before.centre) > width + block
         || is_on_another(background, response, background_beside(&sweep, peak.group))
@@ -258,30 +261,32 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
     })
 }
 
-/// Whether the background beside the spot differs from the one it had by more than a quarter of the spot's
-/// response; all as the kernel weighs them, in Q24.8 counts. Less changes no centre of a phase table: a
-/// quarter of a response does not pass for the whole. The centroid, which subtracts the level, is off by
-/// that.
+/// Whether the background beside the spot has changed by more than a quarter of the spot's response. All
+/// three arguments are responses of the kernel, in Q24.8 counts. A smaller change moves no centre of a phase
+/// table, and a quarter of a response does not pass for a whole one. The centroid, which subtracts the level,
+/// then subtracts a level that is off by that change.
 fn is_on_another(background: i32, response: i32, beside: Option<i32>) -> bool {
     beside.is_none_or(|beside| beside.abs_diff(background) > response.unsigned_abs() / 4)
 }
 
-/// Groups of blocks from the spot's to those beside it. A group has 2/3 to 4/3 of the width: their nearest
-/// pixels are 2.7 widths from the centre, where a gaussian has 3 % of its height left.
+/// Groups from the spot's group to the two that show the background beside it. A group has 2/3 to 4/3 of the
+/// width, so the nearest pixels of those two are 2.7 widths from the centre, where a gaussian has 3 % of its
+/// height left.
 const BESIDE: usize = 5;
 
-/// The background to the left and right of a group, as the kernel [1 2 1] weighs it, in Q24.8 counts. `None`
-/// where the row has neither.
+/// The background to the left and right of a group, as a response of the kernel [1 2 1], in Q24.8 counts.
+/// Where the row has one side only, that side counts twice. `None` where the row has neither.
 fn background_beside(sweep: &Sweep<'_>, group: usize) -> Option<i32> {
     let left = (group.checked_sub(BESIDE)).and_then(|group| sweep.sum(group));
     let right = sweep.sum(group.saturating_add(BESIDE));
     let both = numeric::add_u32(left.or(right)?, right.or(left)?);
-    // Twice two groups of at most 128 pixels, like a response.
+    // Twice two groups of at most 128 pixels: as much as a response.
     Some(in_q8(numeric::add_u32(both, both)))
 }
 
-/// The significance of a response so many halves of a standard deviation above the background. The kernel's
-/// noise is (1 + 4 + 1) * 2^block_log2 pixels' variance; Q8 counts squared: noise < 2^20, so below 2^50.
+/// The significance of a response that is `halves` halves of a standard deviation above the background. The
+/// kernel's noise is the variance of (1 + 4 + 1) * 2^block_log2 pixels. Q8 counts squared: noise < 2^20, so
+/// below 2^50.
 fn needed(halves: u16, noise: Counts) -> u64 {
     let halves = u64::from(halves);
     square(noise.to_bits().unsigned_abs()).saturating_mul(6 * halves * halves) / 4
@@ -294,17 +299,16 @@ fn square(value: u32) -> u64 {
 /// Number of block sizes: 1, 2, 4 ... 128 pixels.
 const SIZES: usize = LARGEST_BLOCK_LOG2 as usize + 1;
 
-/// Pairs of blocks in a part. Noting how high the response gets in each part, and not where, halves the
-/// search's cost; [`Sums::highest`] then searches the winner's part alone.
+/// Pairs of blocks in a part. The sweep keeps only the highest response of each part, which halves its cost.
+/// [`Sums::highest`] then searches the best part for the place.
 const PART: usize = 16;
 
-/// Parts of all block sizes: of 2048 pairs of pixels 128, half of that of the pairs of twice the size, and so
-/// on.
+/// Parts of all block sizes together: 128 for the 2048 pairs of pixels, half as many for each further size.
 const PARTS: usize = MAX_PIXELS / PART;
 
-/// What a search keeps of a row.
+/// What a search computes from a row.
 struct Memory {
-    /// Of 4096 pixels: 2048 blocks of two, 1024 of four, and so on.
+    /// For 4096 pixels: 2048 sums of two pixels, 1024 of four, and so on.
     sums: [u32; MAX_PIXELS],
     parts: [u32; PARTS],
 }
@@ -318,7 +322,7 @@ impl Default for Memory {
     }
 }
 
-/// The sums over blocks of all sizes, and how high the kernel's response gets, background included.
+/// The sums over blocks of all sizes, and the highest responses of the kernel, background included.
 struct Sums<'a> {
     light: &'a [u16],
     /// Of blocks of 2 pixels, 4, 8 ... 128.
@@ -347,7 +351,7 @@ impl<'a> Sums<'a> {
         Some(Self { light, sums, parts })
     }
 
-    /// The sum over a block. `None` beside the row.
+    /// The sum over a block. `None` off the row.
     #[inline]
     fn block(&self, block_log2: u32, block: usize) -> Option<u32> {
         match (block_log2 as usize).checked_sub(1) {
@@ -356,8 +360,8 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// The kernel's response about a block: at most 4 * 128 * 4095 < 2^21. `None` where it reaches over the
-    /// row's end.
+    /// The kernel's response with its middle on a block: at most 4 * 128 * 4095 < 2^21. `None` where the
+    /// kernel reaches over the row's end.
     #[inline]
     fn response(&self, block_log2: u32, block: usize) -> Option<u32> {
         let left = self.block(block_log2, block.checked_sub(1)?)?;
@@ -369,27 +373,27 @@ impl<'a> Sums<'a> {
         Some(numeric::add_u32(numeric::add_u32(left, twice), right))
     }
 
-    /// The highest response of each part, and the blocks about which the kernel is in it.
+    /// The highest response of each part, and the blocks on which the kernel's middle lies there.
     fn parts(&self, block_log2: u32) -> impl Iterator<Item = (u32, core::ops::Range<usize>)> {
         let parts = self.parts.get(block_log2 as usize).copied();
-        // A part begins two blocks late, because the first pair starts the first kernel, whose last block is
-        // noted.
+        // A part holds the kernels whose last block is in it. The first pair of blocks only starts the first
+        // kernel, so the first middle is block 1.
         let starts = (0..PARTS).map(|part| 2 * PART * part + 1);
         (parts.unwrap_or_default().iter().copied())
             .zip(starts)
             .map(|(highest, start)| (highest, start..start + 2 * PART))
     }
 
-    /// The first block about which the kernel has its highest response.
+    /// The block on which the kernel's middle has its highest response: the first of several.
     fn highest(&self, block_log2: u32) -> Option<usize> {
-        // Of equal ones the first.
+        // Not `>=`: of equal parts the first.
         let (response, mut blocks) = (self.parts(block_log2))
             .reduce(|highest, part| if part.0 > highest.0 { part } else { highest })?;
         blocks.find(|&block| self.response(block_log2, block) == Some(response))
     }
 
-    /// Whether one pixel has three quarters of the light about a block: no spot has, whose width is 0.5 or
-    /// more.
+    /// Whether one pixel has three quarters of the light about a block. No spot has such a pixel: its width
+    /// is 0.5 or more.
     fn is_one_pixel(&self, block_log2: u32, block: usize, level: Counts) -> bool {
         let size = 1usize << block_log2.min(LARGEST_BLOCK_LOG2);
         let from = block.saturating_sub(2).saturating_mul(size);
@@ -409,7 +413,8 @@ impl<'a> Sums<'a> {
         highest.is_some_and(|highest| highest / 3 > light / 4)
     }
 
-    /// The background's level, and its tilt: medians over the largest blocks of which the row has 16.
+    /// The background's level and tilt: medians over blocks of the largest size of which the row has 16 or
+    /// more.
     fn background(&self) -> Option<(Counts, Tilt)> {
         let (block_log2, sums) = (1..SIZES as u32)
             .zip(self.sums)
@@ -422,7 +427,7 @@ impl<'a> Sums<'a> {
     }
 }
 
-/// Parts of so many pairs: the first pair is in none.
+/// The number of parts for these pairs: the first pair is in no part.
 fn parts_of<T>(pairs: &[[T; 2]]) -> usize {
     pairs.len().saturating_sub(1).div_ceil(PART)
 }
@@ -452,7 +457,7 @@ fn sweep<T: Copy + Into<u32>>(pairs: &[[T; 2]], sums: &mut [u32], parts: &mut [u
     }
 }
 
-/// A peak above the background.
+/// The highest response of one block size, above the background.
 struct Candidate {
     block_log2: u32,
     /// Response above the background, Q24.8 counts.
@@ -478,8 +483,8 @@ impl Candidate {
         block.is_some_and(|block| sums.is_one_pixel(self.block_log2, block, level))
     }
 
-    /// The kernel weighs blocks by 1 + 2 + 1; its response over that is the height of a spot much wider than
-    /// the kernel, and less than that of others.
+    /// The height of the spot: the response over the kernel's weight, 1 + 2 + 1 blocks. True for a spot much
+    /// wider than the kernel, too low for others.
     fn height(&self) -> Counts {
         height(self.response, self.block_log2)
     }
@@ -502,7 +507,7 @@ fn under_the_kernel(level: Counts, block_log2: u32) -> i32 {
         .saturating_mul(4 << block_log2.min(LARGEST_BLOCK_LOG2))
 }
 
-/// A response, or less, in Q24.8 counts.
+/// Converts a response, or a smaller sum, to Q24.8 counts.
 fn in_q8(response: u32) -> i32 {
     numeric::mul_i32(response as i32, 1 << Counts::FRACTION)
 }
@@ -513,11 +518,11 @@ fn middle(block: usize, block_log2: u32) -> usize {
     block.saturating_mul(size).saturating_add(size / 2)
 }
 
-/// Most blocks of a median.
+/// The most values of a median.
 const MEDIAN_BLOCKS: usize = 32;
 
-/// The noise of a pixel, as the median over parts of the row of the mean absolute difference of neighbours,
-/// which is sigma 2/sqrt(pi) for white noise.
+/// Estimates the noise of a pixel from the mean absolute difference of neighbours, which is sigma 2/sqrt(pi)
+/// for white noise. Takes the median of these means over parts of the row.
 fn noise(light: &[u16]) -> Option<Counts> {
     let mut noises: Vec<u32, MEDIAN_BLOCKS> = Vec::new();
     let part = light.len().div_ceil(MEDIAN_BLOCKS).max(8);
@@ -528,7 +533,7 @@ fn noise(light: &[u16]) -> Option<Counts> {
         let steps = fours.iter().fold(0, |sum, [a, b, ..]| {
             numeric::add_u32(sum, u32::from(a.abs_diff(*b)))
         });
-        // There are 32 parts at most, and two steps in each at least.
+        // At most 32 parts, each with at least two steps.
         let mean = (in_q8(steps) as u32).checked_div(fours.len() as u32)?;
         let _ = noises.push(mean);
     }
@@ -539,9 +544,9 @@ fn noise(light: &[u16]) -> Option<Counts> {
     Some(Counts::from_bits((noise as i32).max(ROUNDING)))
 }
 
-/// The median, of an even number the upper one of the middle two.
+/// The median. Of an even number of values, the upper one of the middle two.
 fn median<T: Copy + Ord>(values: &mut [T]) -> Option<T> {
-    // By insertion, which is quick for so few; the library's sorts have a panic for values that they cannot
+    // Insertion sort: quick for so few values. The library's sorts contain a panic, for values without an
     // order.
     for end in 1..values.len() {
         let mut sorted = values.get_mut(..=end)?;
@@ -559,7 +564,7 @@ fn median<T: Copy + Ord>(values: &mut [T]) -> Option<T> {
 // A response, 1 + 2 + 1 of the largest blocks, fits in Q8.
 const _: () =
     assert!((4 * LARGEST_COUNT as u64) << (LARGEST_BLOCK_LOG2 + Counts::FRACTION) < 1 << 31);
-// So do the steps between neighbours in a 32nd of a row, of which every fourth counts, and five of the
+// The steps between neighbours in a 32nd of a row (one step in four pixels) fit too, and so do five of the
 // largest blocks.
 const _: () = assert!(
     LARGEST_COUNT as u64 * (MAX_PIXELS / MEDIAN_BLOCKS / 4) as u64 * (1 << Counts::FRACTION)

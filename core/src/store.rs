@@ -1,4 +1,4 @@
-//! The sensor's configuration in two sectors of flash, from where it comes back after a power cycle.
+//! Keeps the sensor's configuration in two sectors of flash, over a power cycle.
 //!
 //! Each save adds an item to the sector in use. An item is a number, which rises by one with each save, and
 //! the bytes of a [`Configuration`]. When the sector is full, the store erases the other sector and goes on
@@ -68,7 +68,7 @@ struct Item {
     configuration: Configuration,
 }
 
-/// What the items of both sectors come to.
+/// The result of a search through the items of both sectors.
 struct Items {
     /// The highest number of all whole items, usable or not; 0 if there is none.
     last: u32,
@@ -114,7 +114,7 @@ impl<F: NorFlash> Store<F> {
             Ok(_) => Ok(false),
             Err(error) => Err(error),
         };
-        // As the flash holds it: earlier firmware encoded the same configuration in other bytes.
+        // Compare the bytes in flash: earlier firmware encoded the same configuration in other bytes.
         let Ok(Some(length)) = self.read_item(newest).await else {
             return false;
         };
@@ -160,7 +160,8 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// [`StoreError`] says why the save failed.
     pub async fn save(&mut self, configuration: &Configuration) -> Result<(), StoreError> {
-        // As it will be read: flash holds neither the settings of a session nor a part of a count.
+        // Compare what a later read will give: flash holds neither the settings of a session nor a part of a
+        // count.
         let bytes = configuration::encode(configuration, &mut self.item)?;
         let configuration = &configuration::decode(bytes)?;
         let Items { last, newest } = self.items().await?;
@@ -206,7 +207,7 @@ impl<F: NorFlash> Store<F> {
         last: u32,
         configuration: &Configuration,
     ) -> Result<bool, StoreError> {
-        // No flash endures 2^32 saves.
+        // The number ends only after 2^32 saves, which no flash endures.
         let number = last.checked_add(1).ok_or(StoreError::Worn)?;
         let (head, body) = self.item.split_first_chunk_mut().ok_or(StoreError::Worn)?;
         *head = number.to_le_bytes();
@@ -224,7 +225,7 @@ impl<F: NorFlash> Store<F> {
             && self.is_last(&newest).await)
     }
 
-    /// Goes through the items of both sectors.
+    /// Reads the items of both sectors.
     async fn items(&mut self) -> Result<Items, StoreError> {
         let mut items = Items {
             last: 0,
@@ -261,7 +262,7 @@ impl<F: NorFlash> Store<F> {
     }
 }
 
-/// The library's result. None if the contents of the sector make its work impossible.
+/// The library's result. `None` if the library cannot work with the contents of the sector.
 fn done<T>(
     result: Result<T, sequential_storage::Error<PageError>>,
 ) -> Result<Option<T>, StoreError> {

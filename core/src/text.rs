@@ -1,5 +1,5 @@
-//! Text of a bounded length, written without a panic that the compiler cannot exclude: `heapless::String` has
-//! one.
+//! Text of a bounded length. Writing it cannot panic, while `heapless::String` has a panic that the compiler
+//! cannot exclude.
 
 use core::fmt;
 

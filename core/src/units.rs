@@ -23,7 +23,7 @@ macro_rules! quantity {
             /// The largest value that can be held.
             pub const MAX: Self = Self(i32::MAX);
 
-            /// The raw integer: the value times 2^`FRACTION`.
+            /// Makes a value from its raw integer: the value times 2^`FRACTION`.
             #[inline]
             pub const fn from_bits(bits: i32) -> Self {
                 Self(bits)
@@ -57,8 +57,8 @@ macro_rules! quantity {
                 Self((scaled + 0.5f32.copysign(scaled)) as i32)
             }
 
-            /// The same for a value that is not negative, in fewer instructions; a negative one may be a step
-            /// off.
+            /// As [`Self::from_f32`] for a value that is not negative, in fewer instructions. A negative one
+            /// may be a step off.
             #[inline(always)]
             pub fn from_positive_f32(value: f32) -> Self {
                 Self((value * (1u32 << $fraction) as f32 + 0.5) as i32)

@@ -1,19 +1,19 @@
-//! The assembly.
+//! The inner products and the square root in assembly.
 //!
-//! What holds for both inner products: LDM loads registers in the order of their numbers, so r2, r4, r5 and
-//! r8 are named, and so is the counter r3. LDM also moves its address on; the compiler chooses the register
-//! of that address, and takes none of the named ones. SMLAD multiplies the low halves of two words and their
-//! high halves; the first of a pair is the low one, because this core is little-endian. The options: the
-//! assembly reads the two slices and nothing else (`readonly`), writes no memory and has no other effect
-//! (`pure`), and leaves the stack alone (`nostack`). It changes the flags (SUBS, TST, ANDS, and Q where a sum
-//! wraps), so `preserves_flags` is not among the options.
+//! Both inner products: LDM loads registers in the order of their numbers, so r2, r4, r5 and r8 are named,
+//! and so is the counter r3. LDM also moves its address on; the compiler chooses the register of that
+//! address, and takes none of the named ones. SMLAD multiplies the low halves of two words and their high
+//! halves; the first of a pair is the low one, because this core is little-endian. The options: the assembly
+//! reads the two slices and nothing else (`readonly`), writes no memory and has no other effect (`pure`), and
+//! leaves the stack alone (`nostack`). It changes the flags (SUBS, TST, ANDS, and Q where a sum wraps), so
+//! `preserves_flags` is not among the options.
 
 use core::arch::asm;
 
 #[cfg(has_dsp)]
 use crate::{Pair, Pairs};
 
-// What the assembly takes for granted of its weights.
+// The layout of the weights that the assembly relies on.
 #[cfg(has_dsp)]
 const _: () = assert!(size_of::<Pair>() == 4 && align_of::<Pair>() == 4);
 #[cfg(has_dsp)]
@@ -71,7 +71,7 @@ pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
             "subs r3, #8",
             "bhs 2b",
             "3:",
-            // What is left, less eight: its low bits are those of what is left.
+            // r3 is what is left, less eight: both have the same three low bits.
             "tst r3, #4",
             "beq 4f",
             four_pairs!(),
@@ -124,7 +124,7 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
             "subs r3, #8",
             "bhs 2b",
             "3:",
-            // What is left, less eight: its low bits are those of what is left.
+            // r3 is what is left, less eight: both have the same three low bits.
             "tst r3, #4",
             "beq 4f",
             two_pairs!(),

@@ -1,10 +1,10 @@
 //! Inner products of 16-bit samples with 16-bit weights: two products an instruction on a Cortex-M with the
 //! DSP extension.
 //!
-//! Stable Rust emits a multiply-accumulate for one product at a time and never the DSP extension's SMLAD,
-//! which does two; that halves what an estimator costs. This crate is the one place with `asm!` and the only
-//! `unsafe` of the core's arithmetic. Each function has a portable twin in [`portable`], which runs on all
-//! other targets and must agree bit for bit: a program on the emulated board compares the two.
+//! Stable Rust emits a multiply-accumulate for one product at a time. It never emits the DSP extension's
+//! SMLAD, which does two and so halves what an estimator costs. This crate is the one place with `asm!`, and
+//! has the only `unsafe` of the core's arithmetic. Each function has a portable twin in [`portable`], which
+//! runs on all other targets and must agree bit for bit: a program on the emulated board compares the two.
 //!
 //! | target | inner products | square root |
 //! |---|---|---|
@@ -14,8 +14,9 @@
 //! | thumbv8m.main-none-eabi | the same | portable |
 //! | all others | portable | portable |
 //!
-//! Sums wrap in both, as SMLAD does. Who must not wrap proves it of the weights: sum |weight| * largest
-//! sample < 2^31.
+//! Sums wrap in both, as SMLAD does. A caller whose sums must not wrap proves for its weights that the sum of
+//! |weight| * largest sample is below 2^31.
+//! |weight| * largest sample < 2^31.
 #![no_std]
 
 #[cfg(not(target_os = "none"))]
@@ -46,5 +47,5 @@ pub struct Pair(pub i16, pub i16);
 #[repr(C)]
 pub struct Pairs(pub Pair, pub Pair);
 
-/// Samples are taken as signed 16-bit numbers: counts up to this are what they are.
+/// The largest sample. Samples are read as signed 16-bit numbers, so larger ones would be negative.
 pub const LARGEST_SAMPLE: u16 = i16::MAX as u16;

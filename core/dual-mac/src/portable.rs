@@ -1,9 +1,9 @@
-//! What the assembly does, in safe Rust.
+//! The portable twins of the assembly, in safe Rust.
 
 use crate::{Pair, Pairs};
 
-/// Sum of sample * weight over the samples, or over the weights where those are fewer. A last sample without
-/// a partner is left out.
+/// Sum of sample * weight over the samples, or over the weights if those are fewer. A last sample without a
+/// partner is left out.
 pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
     let mut sum = 0i32;
     for (&[even, odd], &weight) in samples.as_chunks::<2>().0.iter().zip(weights) {

@@ -1,14 +1,14 @@
-//! The portable twins against sums in 64 bits. What runs on the chip is compared with them there, by
-//! `cost-on-chip`.
+//! Compares the portable twins with sums in 64 bits. `cost-on-chip` compares them with the assembly, on the
+//! chip.
 
 use dual_mac::portable::{dot, dot2, square_root};
 use dual_mac::{LARGEST_SAMPLE, Pair, Pairs};
 use proptest::prelude::*;
 
-/// Longer than the longest window of the phase tables, which has 116 samples.
+/// The most samples: more than in the longest window of the phase tables, which has 116.
 const LONGEST: usize = 120;
 
-/// The sum in 64 bits, over as many pairs as there are of both. Samples are signed to the instruction.
+/// The sum in 64 bits, over the pairs that both samples and weights have. SMLAD takes samples as signed.
 fn sum(samples: &[u16], weights: impl Iterator<Item = Pair>) -> i64 {
     samples
         .as_chunks::<2>()
@@ -37,7 +37,7 @@ fn samples(largest: u16) -> impl Strategy<Value = Vec<u16>> {
     prop::collection::vec(sample, 0..=LONGEST)
 }
 
-/// Halves weights until their sum with the largest samples fits, as the tables' weights do.
+/// Halves weights until their sum with the largest samples fits, as that of the tables' weights does.
 fn without_overflow(mut weights: Vec<Pairs>) -> Vec<Pairs> {
     let magnitude = |pair: &Pair| i64::from(pair.0).abs() + i64::from(pair.1).abs();
     let fits = |weights: &[Pairs]| {
@@ -58,7 +58,7 @@ fn without_overflow(mut weights: Vec<Pairs>) -> Vec<Pairs> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(5000))]
 
-    /// Where nothing overflows both are the sum itself.
+    /// If nothing overflows, both results are the true sums.
     #[test]
     fn inner_products_are_sums(
         samples in samples(LARGEST_SAMPLE),
@@ -72,7 +72,7 @@ proptest! {
         prop_assert_eq!(i64::from(dot(&samples, &firsts)), first);
     }
 
-    /// Any samples and weights: the sum's low 32 bits, and no panic.
+    /// For any samples and weights the result is the low 32 bits of the sum, without a panic.
     #[test]
     fn inner_products_wrap(samples in samples(u16::MAX), weights in weights()) {
         let seconds: Vec<Pair> = weights.iter().map(|pairs| pairs.1).collect();
@@ -82,7 +82,7 @@ proptest! {
         prop_assert_eq!(dot(&samples, &seconds), second);
     }
 
-    /// As IEEE 754 asks, which is what `std` has.
+    /// Compares with `std`, which rounds as IEEE 754 asks.
     #[test]
     fn square_roots_are_rounded_to_nearest(bits in any::<u32>()) {
         let value = f32::from_bits(bits);
@@ -91,8 +91,8 @@ proptest! {
     }
 }
 
-/// Each length by itself, with fewer weights, as many, and more: a sample or a pair too many or too few is
-/// seen, since all are one.
+/// Tries each length with fewer weights, as many, and more. All samples are one, so a sample too many or too
+/// few shows.
 #[test]
 fn every_length_takes_the_samples_that_have_a_weight() {
     let ones = [Pairs(Pair(1, 1), Pair(-2, -2)); LONGEST / 2 + 1];
@@ -110,7 +110,7 @@ fn every_length_takes_the_samples_that_have_a_weight() {
     }
 }
 
-/// The one sum of two products that does not fit, and the largest that does.
+/// The only sum of two products that does not fit, and the largest one that does.
 #[test]
 fn the_extremes() {
     const LOW: u16 = i16::MIN as u16;

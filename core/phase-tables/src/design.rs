@@ -1,11 +1,11 @@
-//! The weights as real numbers.
+//! Designs the weights of the phase tables, as real numbers.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::Background;
 
-/// A spot's profile: (offset of a pixel's centre from the spot's, the spot's width), both in pixels, to the
-/// light that the pixel gathers, where a pixel at the peak of a very wide spot gathers 1.
+/// A spot's profile. Takes the offset of a pixel's centre from the spot's, and the spot's width, both in
+/// pixels. Returns the light that the pixel gathers; a pixel at the peak of a very wide spot gathers 1.
 pub type Profile<'a> = &'a dyn Fn(f64, f64) -> f64;
 
 /// The gaussian of eq. (5), exp(-x^2 / (2 width^2)), integrated over the pixel.
@@ -50,14 +50,15 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Where phase `k` has its spot, in pixels from the middle pixel's centre: (k - (phases - 1)/2) / phases.
+    /// The place of the spot at phase `k`, in pixels from the middle pixel's centre: (k - (phases - 1)/2) /
+    /// phases.
     pub fn phase(&self, k: usize) -> f64 {
         (k as f64 - (self.phases as f64 - 1.0) / 2.0) / self.phases as f64
     }
 
-    /// A centre that is fewer pixels from its phase need not be looked at from a nearer one: half a phase,
-    /// and a tenth of that for noise, or a tenth of the width, up to which score / slope is straight to 4e-6
-    /// of the width.
+    /// A centre within this many pixels of its phase needs no second measurement from a nearer phase. It is
+    /// half a phase, and a tenth of that for noise; or a tenth of the width, up to which score / slope is
+    /// straight to 4e-6 of the width.
     pub fn nearest(&self) -> f64 {
         (0.55 / self.phases as f64).max(0.1 * self.width)
     }
@@ -96,18 +97,19 @@ pub struct Table {
     /// Response 1 to d(profile)/d(centre), 0 to the profile, to a constant and to d(profile)/d(width).
     pub score: Vec<DVector<f64>>,
     /// -d(score)/d(centre), less a part of the score where the profile is not symmetric. The score's response
-    /// is zero wherever a spot is centred, so this one is that of the score to a shift, whatever the profile:
-    /// score / slope is a small distance in pixels of any spot that is symmetric.
+    /// is zero wherever a spot is centred. So the slope's response is that of the score to a shift, whatever
+    /// the profile: score / slope is a small distance in pixels for any symmetric spot.
     pub slope: Vec<DVector<f64>>,
-    /// With q = score / slope, q - bend * q^3 = distance, over three quarters of a phase to either side; in
-    /// 1/pixels^2. The score falls behind a larger distance, and its derivative three times as much.
+    /// The distance is q - bend * q^3 with q = score / slope, over three quarters of a phase to either side;
+    /// in 1/pixels^2. With a larger distance the score grows too slowly, and its derivative three times as
+    /// much so.
     pub bend: f64,
     /// Response 1 to width * d(profile)/d(width), 0 to the profile, to a constant and to
     /// d(profile)/d(centre).
     pub stretch: Vec<DVector<f64>>,
     /// The profile at each phase.
     pub profile: Vec<DVector<f64>>,
-    /// Its derivative by the centre.
+    /// The derivative of the profile by the centre, at each phase.
     pub gradient: Vec<DVector<f64>>,
 }
 
@@ -151,7 +153,7 @@ pub fn design(
     table
 }
 
-/// The score's and the stretch's weights for a spot anywhere in the window.
+/// Computes the weights of the score and of the stretch for a spot anywhere in the window.
 ///
 /// With the Jacobian J = [d/d(centre), profile, 1, d/d(width)] and the noise's covariance V = diag(profile +
 /// r), they are rows of (J^T V^-1 J)^-1 J^T V^-1: the best linear unbiased estimates of a small shift and a
@@ -172,9 +174,8 @@ fn weights(
     let half_width = shape.half_width as f64;
     let places = DVector::from_fn(shape.taps(), |i, _| i as f64 - half_width - centre);
     let inverse_noise = g.zip_map(&places, |light, place| {
-        // The window reaches as far to one side of the centre as to the other: its last pixels count in part.
-        // Otherwise light that is left there, and that the profile does not know of, would pull at the
-        // centre.
+        // The window reaches as far to one side of the centre as to the other, so its last pixels count in
+        // part. Otherwise light at the ends that the profile does not have would pull at the centre.
         let inside = (half_width + 0.5 - place.abs()).clamp(0.0, 1.0);
         if noise_ratio.is_finite() {
             inside / (light + noise_ratio)
@@ -226,11 +227,11 @@ fn best_linear_unbiased(
 struct Shifted {
     shift: f64,
     light: DVector<f64>,
-    /// The score's response, over the shift.
+    /// The score's response divided by the shift.
     straight: f64,
 }
 
-/// Spots as far off their phase, and as much wider and narrower, as a table serves.
+/// Spots that a table serves: shifted, narrower and wider up to its limits.
 fn served(profile: Profile<'_>, shape: Shape, centre: f64, score: &DVector<f64>) -> Vec<Shifted> {
     const SHIFTS: i32 = 4;
     const WIDTHS: [f64; 3] = [0.9, 1.0, 1.1];
@@ -252,9 +253,9 @@ fn served(profile: Profile<'_>, shape: Shape, centre: f64, score: &DVector<f64>)
     spots
 }
 
-/// How much of the score is to be taken from its derivative. Where the profile is not symmetric the score is
-/// shift + s shift^2, and its derivative 1 + 2 s shift: s times the score less, it is score / shift. Least
-/// squares.
+/// How much of the score to subtract from its derivative, by least squares. If the profile is not symmetric,
+/// the score is shift + s shift^2, and its derivative 1 + 2 s shift. The derivative less s times the score is
+/// score / shift.
 fn skew(spots: &[Shifted], score: &DVector<f64>, derivative: &DVector<f64>) -> f64 {
     let (mut product, mut square) = (0.0, 0.0);
     for spot in spots {

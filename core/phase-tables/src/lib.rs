@@ -23,9 +23,9 @@ pub use quantise::{IntegerTable, LARGEST_SAMPLE, rust_source};
 /// The widths of a set of tables in pixels: a geometric series.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Widths {
-    /// The narrowest table's.
+    /// The narrowest width.
     pub narrowest: f64,
-    /// From one width to the next.
+    /// Ratio of each width to the one before.
     pub ratio: f64,
     /// Number of widths.
     pub count: usize,
@@ -34,10 +34,10 @@ pub struct Widths {
     pub phases: f64,
 }
 
-/// Widths for the weights that serve every kind of noise: 0.79 to 11.66 pixels. Weights that are no kind's
-/// best lose or gain with the spot's width in first order; 4 % to either side is what 1.11 of the bound
-/// leaves, with what chance adds. Wider spots are summed in blocks of 2, 4, 8, 16 pixels; with five samples
-/// or more a sigma that costs less than half a per cent.
+/// Widths for the weights that serve every kind of noise: 0.79 to 11.66 pixels. Such weights are the best for
+/// no kind of noise, so they lose or gain with the spot's width in first order: 4 % to either side is what
+/// 1.11 of the bound leaves, with what chance adds. Wider spots are summed in blocks of 2, 4, 8, 16 pixels;
+/// with five samples or more a sigma that costs less than half a per cent.
 pub const FINE: Widths = Widths {
     narrowest: 0.79,
     ratio: 1.085,
@@ -54,18 +54,18 @@ pub const COARSE: Widths = Widths {
     phases: 4.0,
 };
 
-/// What a set of tables is for.
+/// The purpose of a set of tables.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
     /// r, the read noise's variance over the shot noise's at the peak; infinity gives least squares.
     pub noise_ratio: f64,
-    /// What is under the spot.
+    /// The background under the spot.
     pub background: Background,
-    /// For which widths.
+    /// The widths of the tables.
     pub widths: Widths,
 }
 
-/// What is under the spot.
+/// The background under the spot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Background {
     /// The black level.
@@ -89,9 +89,9 @@ pub const LEAST_SQUARES: Plan = Plan {
 };
 
 impl Plan {
-    /// Half of the window in pixels for a width, with up to one more pixel for the phase: beyond 4 sigma a
-    /// window gains less than 0.1 % in white noise. Where shot noise dominates the flanks weigh more, and a
-    /// tilt is told apart from a spot that moved only by what lies beside it.
+    /// Half of the window in pixels for a width, with up to one more pixel for the phase. Beyond 4 sigma a
+    /// window gains less than 0.1 % in white noise. Where shot noise dominates, the flanks weigh more. Only
+    /// the pixels beside a spot tell a tilt from a spot that moved.
     pub fn half_width(&self, width: f64) -> usize {
         let reach = match self.background {
             Background::Level if self.noise_ratio > 0.1 => 4.0,

@@ -8,7 +8,7 @@ use nalgebra::DVector;
 use crate::design::{Shape, Table};
 
 /// The largest sample that a table is proven for: eight pixels of a 12-bit converter, 8 * 4095. Sums of more
-/// are halved.
+/// pixels are halved.
 pub const LARGEST_SAMPLE: i64 = 32_760;
 
 /// A table in 16-bit integers. Weights are stored phase after phase, `2 * half_width + 1` a phase and a zero
@@ -21,13 +21,14 @@ pub struct IntegerTable {
     pub weights: Vec<Pairs>,
     /// Weights of the stretch.
     pub stretch: Vec<Pair>,
-    /// Samples that (integer) score / slope = 1 stands for.
+    /// Distance in samples where (integer) score / slope = 1.
     pub centre_per_ratio: f64,
-    /// With q samples by that ratio, q - bend * q^3 is the distance; in 1/samples^2.
+    /// Correction of the distance, in 1/samples^2: if the ratio says q samples, the distance is q - bend *
+    /// q^3.
     pub bend: f64,
-    /// Relative excess of width that stretch / slope = 1 stands for.
+    /// Relative excess of the spot's width where stretch / slope = 1.
     pub stretch_per_ratio: f64,
-    /// Height of the spot in counts that slope = 1 stands for.
+    /// Height of the spot in counts where slope = 1.
     pub height_per_slope: f64,
     /// Variance of the centre in samples squared, times slope squared, for noise of one count squared in
     /// every sample.
@@ -46,7 +47,7 @@ impl Table {
         let taps = self.shape.taps();
         let phases = self.shape.phases as f64;
         let (mut per_noise, mut per_height, mut response) = (0.0, 0.0, 0.0);
-        // Rounding changes the gain a little: by how much, for the score against the slope.
+        // Rounding changes the gain of the score against the slope a little: these say by how much.
         let (mut gain, mut rounded_gain) = (Gain::default(), Gain::default());
         for (k, profile) in self.profile.iter().enumerate() {
             for (i, light) in profile.iter().enumerate() {
@@ -108,12 +109,12 @@ fn pairs(weights: &[i16], taps: usize) -> impl Iterator<Item = Pair> {
     })
 }
 
-/// Integer weights and the scale that was used.
+/// Rounds rows of weights to integers, and returns the scale that was used.
 fn integers(rows: &[DVector<f64>], profiles: &[DVector<f64>]) -> (Vec<i16>, f64) {
     let largest_sum = rows.iter().map(|row| row.lp_norm(1)).fold(0.0, f64::max);
     let largest = rows.iter().map(|row| row.amax()).fold(0.0, f64::max);
     let bound = f64::from(i32::MAX) / LARGEST_SAMPLE as f64;
-    // A thousandth is left for the rounding.
+    // A thousandth of the scale is left for the rounding.
     let scale = (bound / largest_sum).min(f64::from(i16::MAX) / largest) * 0.999;
     let mut weights = vec![];
     for (row, profile) in rows.iter().zip(profiles) {
@@ -139,7 +140,7 @@ fn integers(rows: &[DVector<f64>], profiles: &[DVector<f64>]) -> (Vec<i16>, f64)
     (weights, scale)
 }
 
-/// Takes the rounding's sum away where it costs least: at the weights whose rounding went furthest the other
+/// Makes the sum of a row zero where it costs least: at the weights whose rounding went furthest the other
 /// way.
 fn make_sum_zero(rounded: &mut [i64], exact: &[f64]) {
     let excess: i64 = rounded.iter().sum();
@@ -152,9 +153,9 @@ fn make_sum_zero(rounded: &mut [i64], exact: &[f64]) {
     }
 }
 
-/// Brings the response to a spot at the phase itself back to what it was, or there would be a bias in the
-/// score and a wrong scale in the slope: one unit is moved from a weight to another, which keeps the sum, as
-/// long as that helps. No weight is moved twice.
+/// Restores the response to a spot at the phase itself. Otherwise the score would have a bias, and the slope
+/// a wrong scale. Moves one unit from a weight to another, which keeps the sum, as long as that helps. No
+/// weight is moved twice.
 fn restore_response(rounded: &mut [i64], exact: &[f64], profile: &DVector<f64>) {
     let mut free = vec![true; rounded.len()];
     loop {

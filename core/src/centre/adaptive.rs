@@ -1,12 +1,12 @@
-//! The phase-table score with weights that follow the row: for its width, its noise, and the background under
-//! it.
+//! The phase-table score with weights that follow the row: the width of its spot, its noise, and the
+//! background under the spot.
 //!
-//! The tables of [`MIXES`] are each the best for one ratio r of the read noise's variance to the shot noise's
-//! at the peak. The row's own r chooses among them. The width follows the third product, smoothed over the
-//! rows. Where the background beside the spot is tilted, the tables of [`TILTED`] take over, whose score and
-//! slope answer to no tilt: they cost 5 % of accuracy in white noise, where a tilt of one count a pixel would
-//! shift a centre by hundredths of a pixel (narrow spots) to whole ones (wide, dim ones). That takes two
-//! measurements more a row, for as long as the tilt lasts.
+//! Each set in [`MIXES`] is the best for one ratio r, the variance of the read noise over that of the shot
+//! noise at the peak. The row's own r chooses the set. The third product, smoothed over the rows, gives the
+//! width. If the background beside the spot is tilted, the set [`TILTED`] takes over: a tilt changes neither
+//! its score nor its slope. This set costs 5 % of accuracy in white noise. With the other sets, a tilt of one
+//! count a pixel would shift a centre by hundredths of a pixel (narrow spots) to whole ones (wide, dim ones).
+//! As long as the tilt lasts, each row takes two more measurements.
 
 use crate::centre::RowCentre;
 use crate::centre::phase_table::{self, Fit, Width};
@@ -17,7 +17,7 @@ use crate::row::{Geometry, Row};
 use crate::spot::{self, Spot};
 use crate::units::{Counts, Pixels};
 
-/// The centre of a spot.
+/// Finds the centre of a spot.
 ///
 /// # Errors
 /// See [`crate::centre::centre`].
@@ -30,7 +30,7 @@ pub fn centre(
     fit(row, spot, before, geometry)?.with_uncertainty(spot.background.noise, geometry)
 }
 
-/// The table that fits, of the set that serves the row best.
+/// Finds the table that fits, in the set that serves the row best.
 ///
 /// # Errors
 /// See [`crate::centre::centre`].
@@ -54,7 +54,7 @@ pub(super) fn fit(
         Sampling::Fine,
     )?;
     if before.is_none() {
-        // The height that the coarse search knows may be half of the spot's.
+        // The coarse search may know only half of the spot's height.
         let better = for_mix(noise, fit.amplitude(), geometry);
         fit = phase_table::refit(row.light(), &fit, better).unwrap_or(fit);
     }
@@ -76,13 +76,13 @@ fn for_mix(noise: Counts, height: f32, geometry: &Geometry) -> &'static TableSet
         .tables
 }
 
-/// Pixels of either flank that tell a tilt.
+/// Pixels in a flank: the background on one side of the spot, which is tested for a tilt.
 const FLANK: usize = 16;
 
 /// The standard deviation of the flanks' difference, over that of a pixel: sqrt(2 * FLANK).
 const DEVIATION: f32 = 5.657;
 
-/// Standard deviations of the flanks' difference from which on it is a tilt: noise alone gets there in one
+/// The least difference of the flanks that is a tilt, in standard deviations. Noise alone gets there in one
 /// row of 16,000.
 const TILT: f32 = 4.0;
 
@@ -90,7 +90,7 @@ const TILT: f32 = 4.0;
 /// its peak at four widths, are 1 % there.
 const CLEAR: f32 = 6.0;
 
-/// Whether the background beside the spot is higher on one side than on the other. Not where a flank reaches
+/// Whether the background is higher on one side of the spot than on the other. `false` where a flank reaches
 /// over the sensor's edge.
 fn is_tilted(light: &[u16], fit: &Fit<'_>, noise: Counts) -> bool {
     let Some((left, right)) = flanks(light, fit) else {
@@ -101,8 +101,8 @@ fn is_tilted(light: &[u16], fit: &Fit<'_>, noise: Counts) -> bool {
         && is_straight(left, right, difference, fit.width, noise)
 }
 
-/// Whether the flanks rise as the difference between them says. A second spot on one of them makes a
-/// difference too, and does not.
+/// Whether each flank rises as steeply as the difference between the two says. A second spot on one flank
+/// makes a difference too, but not that rise.
 #[cold]
 fn is_straight(
     left: &[u16; FLANK],
@@ -111,7 +111,7 @@ fn is_straight(
     width: f32,
     noise: Counts,
 ) -> bool {
-    // Counts a pixel, from flank to flank, and within a flank from one half of it to the other.
+    // Counts a pixel: `tilt` from flank to flank, `within` from one half of a flank to the other.
     let tilt = difference / FLANK as f32 / (2.0 * CLEAR * width + FLANK as f32);
     const HALF: usize = FLANK / 2;
     let within = |flank: &[u16; FLANK]| {
@@ -124,15 +124,15 @@ fn is_straight(
     (within(left) - tilt).abs() <= allowed && (within(right) - tilt).abs() <= allowed
 }
 
-/// The pixels to the left and to the right, as far from the centre to half a pixel, so that what a spot that
-/// is symmetric leaves there is no tilt.
+/// The flanks to the left and to the right. Both are as far from the centre, to half a pixel, so that the
+/// light of a symmetric spot does not look like a tilt.
 fn flanks<'a>(light: &'a [u16], fit: &Fit<'_>) -> Option<(&'a [u16; FLANK], &'a [u16; FLANK])> {
     const HALF: i32 = 1 << (Pixels::FRACTION - 1);
     // A centre is below 2^13 pixels, a width below 2^8.
     let centre = fit.centre.to_bits();
     let reach = Pixels::from_positive_f32(CLEAR * fit.width).to_bits();
     let right = (numeric::add_i32(centre, reach) >> Pixels::FRACTION) + 1;
-    // The mirror image of the pixel before, which is where the flank ends.
+    // The mirror image of the pixel before `right`: there the left flank ends.
     let left =
         (numeric::add_i32(numeric::mul_i32(2, centre), 3 * HALF) >> Pixels::FRACTION) - right;
     let from = usize::try_from(left).ok()?.checked_sub(FLANK)?;

@@ -3,17 +3,18 @@
 //! The window reaches three widths to either side and moves with the centroid until both rest. Its two end
 //! pixels count by the part of them that it covers, so that it moves smoothly and pixels do not show in the
 //! centre. The paper's black threshold t is the spot's [`black_level`](crate::spot::Spot::black_level). It is
-//! subtracted, and counts below it are negative: the paper's max(0, y - t) turns the noise of unlit pixels
-//! into light that pulls the centroid to the middle of the window, and makes the error in white noise 1.5 to
-//! 2.7 times the bound even if the window is not moved after it.
+//! subtracted, and counts below it are negative. The paper takes max(0, y - t) instead. That turns the noise
+//! of unlit pixels into light, which pulls the centroid to the middle of the window. It makes the error in
+//! white noise 1.5 to 2.7 times the bound, even if the window is not moved after it.
 //!
-//! If the background b of the row is above t, by ambient light or by a t that is set too low, the window
-//! holds 2 h (b - t) of light besides the spot's. It is even about the middle of the window but for the
-//! pixels at the window's ends, so it moves the centroid by (b - t) / 8M at most. Width, height, uncertainty
-//! and the steps of the window are those of the spot's own light: the height is above the background.
+//! The background b of the row may be above t, by ambient light or by a t that is set too low. Then the
+//! window holds 2 h (b - t) of light besides the spot's. This light is even about the middle of the window
+//! but for the pixels at the window's ends, so it moves the centroid by (b - t) / 8M at most. Width, height,
+//! uncertainty and the steps of the window are those of the spot's own light: the height is above the
+//! background.
 //!
 //! Uncertainty: with y' = y - b, M = sum w y' and weights w of the window, the centre c solves sum w (x - c)
-//! y' = 0. Moving the window brings light in at one end and out at the other, so that sum falls by kM a pixel
+//! y' = 0. Moving the window brings light in at one end and out at the other. So that sum falls by kM a pixel
 //! and not by M, with k = 1 - 2 * 3 phi(3) / (2 Phi(3) - 1) = 0.9733 for a gaussian. The sum's variance is
 //! that of its pixels, sum w^2 (x - c)^2 (noise^2 + g y'): with ends that slope over a pixel, noise^2 (2/3
 //! h^3 - h^2/3) for h = 3 sigma, and g M 0.9733 sigma^2 (the second moment of a gaussian cut at three sigma
@@ -54,10 +55,10 @@ const LIGHT: f32 = 2.499_9;
 /// The window is moved at most this often. Each pass leaves 1 - k of the distance, and noise.
 const MAX_PASSES: usize = 6;
 
-/// A window that moves by less rests: 2^-8 pixel, of which the last pass left some 3 %.
+/// A window that moves by less than this rests: 2^-8 pixel. The last pass leaves some 3 % of its step.
 const REST: u32 = 1 << 8;
 
-/// The centre of a spot that [`crate::spot::find`] found.
+/// Finds the centre of a spot that [`crate::spot::find`] found.
 ///
 /// # Errors
 /// As [`crate::centre::centre`].
@@ -139,8 +140,8 @@ struct Moments {
 /// Bits after the binary point of [`Moments`]: 8 of a count, 16 of a weight.
 const LIGHT_FRACTION: u32 = Counts::FRACTION + Pixels::FRACTION;
 
-/// The sums over the pixels within `half_window` of a place. A pixel at distance d weighs half_window + 1/2 -
-/// d, at least nothing and at most 1. `None` where one of those pixels is not on the row.
+/// Sums the pixels within `half_window` of a place. A pixel at distance d has the weight half_window + 1/2 -
+/// d, but at least 0 and at most 1. `None` where one of those pixels is not on the row.
 fn moments(light: &[u16], level: i32, at: Pixels, half_window: Pixels) -> Option<Moments> {
     const HALF: i32 = 1 << (Pixels::FRACTION - 1);
     const ONE: i32 = 1 << Pixels::FRACTION;
@@ -156,7 +157,7 @@ fn moments(light: &[u16], level: i32, at: Pixels, half_window: Pixels) -> Option
     let right_end = usize::try_from(last.checked_add(1)?).ok()?;
     let (&left, pixels) = light.get(left_end..=right_end)?.split_first()?;
     let (&right, pixels) = pixels.split_last()?;
-    // They are at most MOST_PIXELS, by which the sums are proven.
+    // At most MOST_PIXELS, for which the sums are proven.
     let (mut sum, mut sum_of_sums) = (0u32, 0u32);
     for &count in pixels {
         sum = numeric::add_u32(sum, u32::from(count));
@@ -200,10 +201,10 @@ fn moments(light: &[u16], level: i32, at: Pixels, half_window: Pixels) -> Option
 /// A count in Q24.8.
 const COUNT: i64 = 1 << Counts::FRACTION;
 
-/// Pixels in a window at most: three widths to either side, the widest being 170, and what rounding adds.
+/// The most pixels in a window: three widths to either side, the widest being 170, and what rounding adds.
 const MOST_PIXELS: u64 = (2.0 * HALF_WINDOW * *half_width::WIDTHS.end()) as u64 + 2;
 
-// The sum of counts, summed up once more after each pixel, fits its 32 bits.
+// The running sum of counts, summed up once more, fits 32 bits.
 const _: () =
     assert!(LARGEST_COUNT as u64 * MOST_PIXELS * (MOST_PIXELS + 1) / 2 <= u32::MAX as u64);
 // Light and moment fit 63 bits, the moment's factor being a distance from the window's middle.
@@ -214,7 +215,7 @@ const _: () =
 mod tests {
     use super::*;
 
-    /// Sums written down as eq. (2) has them.
+    /// The sums as eq. (2) defines them, in f64.
     #[test]
     fn moments_are_those_of_the_window() {
         let light: std::vec::Vec<u16> = (0..400u32)

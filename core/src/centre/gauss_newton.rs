@@ -1,35 +1,36 @@
-//! A weighted least-squares fit of eq. (5) on a level: centre, width, height and level by the Gauss-Newton
+//! Fits eq. (5) on a level by weighted least squares: centre, width, height and level by the Gauss-Newton
 //! method, in f32.
 //!
-//! The estimator that fits a spot which the sensor's edge cuts, or whose top is at full scale: it takes the
-//! pixels that there are, and its uncertainty is that of the four parameters together, so what those pixels
-//! cannot tell apart makes it larger.
+//! This estimator also fits a spot that the sensor's edge cuts, or whose top is at full scale: it uses the
+//! pixels that are left. Its uncertainty is that of the four parameters together, so it grows where those
+//! pixels cannot tell the parameters apart.
 //!
 //! **Model.** y(x) = b + A e(u), u = (x - c) / s, e = exp(-u^2 / 2). A pixel's own width is in s: s^2 =
 //! sigma^2 + 1/12, which leaves an error of at most 0.0003 pixel for a width of 0.8, and none from 1.2.
 //!
-//! **Weights.** 1 / (noise^2 + g A e), of the model and not of the pixel: pixels that noise makes low must
-//! not weigh more. `noise` is measured on the row, rounding to counts included. Pixels at full scale weigh
-//! nothing. In white noise this is the least-squares fit, in shot noise nearly the maximum-likelihood one.
+//! **Weights.** 1 / (noise^2 + g A e), from the model and not from the pixel: pixels that noise makes low
+//! must not weigh more. `noise` is measured on the row, rounding to counts included. Pixels at full scale
+//! weigh nothing. In white noise this is the least-squares fit, in shot noise nearly the maximum-likelihood
+//! one.
 //!
 //! **Scaling.** The unknowns are b / A, ln A, ln s and c / s: the derivatives by them are A times 1, e, u^2 e
 //! and u e. The condition number of the normal equations is 22 then (10^9 for pixels and counts), and f32
 //! solves them to a thousandth of a step.
 //!
 //! **Exponential.** Outwards from the pixel nearest to the centre e(k + 1) = e(k) r(k), r(k + 1) = r(k) q,
-//! with q = exp(-1 / s^2): two multiplications a pixel. An error of 2^-24 in q makes one of k 2^-24 in r(k)
-//! and of k^2/2 2^-24 in e(k), which itself is exp(-k^2 / 2s^2): at most 2^-24 s^2 / 2.7 of the height is
-//! wrong anywhere. That is 4e-6 for the 13 samples of the widest spot that a window is made for, a sixtieth
-//! of a count of 4095. It is the same on both sides, as if s were another; the roundings of each step, which
-//! are not, add up to less.
+//! with q = exp(-1 / s^2): two multiplications a pixel. A relative error of 2^-24 in q becomes one of k 2^-24
+//! in r(k), and of k^2/2 2^-24 in e(k). As e(k) itself is exp(-k^2 / 2s^2), the error is at most 2^-24 s^2 /
+//! 2.7 of the height. For the widest spot that a window is made for, 13 samples, this is 4e-6: a sixtieth of
+//! a count of 4095. This error is the same on both sides, like an error of s. The roundings of each step
+//! differ between the sides, but add up to less.
 //!
-//! **Window.** 128 samples as in the paper, of one pixel up to a width of 12.8, and then of as many as make
-//! the window five widths to either side. Such a sample is at most a sixth of the width, which costs 0.1 % in
-//! uncertainty. Sums of n pixels have n^2 / 12 in s^2 in place of 1/12.
+//! **Window.** 128 samples, as in the paper. A sample is one pixel up to a width of 12.8. Beyond, it has as
+//! many pixels as make the window five widths to either side: at most a sixth of the width, which costs 0.1 %
+//! in uncertainty. Sums of n pixels have n^2 / 12 in s^2 in place of 1/12.
 //!
-//! **Steps.** A step changes c by at most a width, and s and A by at most a half. They end with one that is
-//! shorter than a tenth of a standard deviation in the metric of the normal equations: what it leaves is far
-//! less, because the method converges quadratically.
+//! **Steps.** A step changes c by at most a width, and s and A by at most a half. The fit ends after a step
+//! that is shorter than a tenth of a standard deviation in the metric of the normal equations. The error that
+//! is left is far smaller, because the method converges quadratically.
 
 use crate::centre::half_width::{self, WIDTHS};
 use crate::centre::plausible::{certain, saturated_pixels};
@@ -47,11 +48,11 @@ pub const SAMPLES: usize = 128;
 /// Half of the window of a spot that needs samples of more than one pixel, in its widths.
 const HALF_WINDOW: f32 = 5.0;
 
-/// Most pixels in a sample, what the widest spot needs (170 * 10 / 128 = 13.3) and more: the sum of their
-/// counts is below 2^16.
+/// The most pixels in a sample. The widest spot needs 170 * 10 / 128 = 13.3. The sum of this many counts is
+/// below 2^16.
 const LARGEST_SAMPLE: usize = 16;
 
-// It fits in Q8, and is exact in an f32.
+// This sum fits in Q8, and is exact in an f32.
 const _: () = assert!(
     LARGEST_COUNT as u64 * LARGEST_SAMPLE as u64 * (1 << Counts::FRACTION)
         <= 1 << f32::MANTISSA_DIGITS
@@ -62,7 +63,7 @@ const SMALLEST_S: f32 = 0.57;
 /// See [`SMALLEST_S`].
 const LARGEST_S: f32 = 64.0;
 
-/// Steps at most. Two or three are usual, and four for a spot that is cut off.
+/// The most steps. Two or three are usual, and four for a spot that is cut off.
 const MAX_STEPS: usize = 8;
 
 /// The last step's square in standard deviations is at most this.
@@ -71,23 +72,24 @@ const LAST_STEP: f32 = 0.01;
 /// A fit whose last step was longer than half a standard deviation has not arrived.
 const ARRIVED: f32 = 0.25;
 
-/// A spot that is cut off at full scale must have this many other samples within three widths: one more than
-/// there are unknowns that only the spot's own pixels tell.
+/// A spot that is cut off at full scale needs this many other samples within three widths: one more than the
+/// unknowns that only the spot's own pixels tell.
 const FEWEST_SAMPLES: usize = 4;
 
-/// The sum of squares may be this many of its standard deviations above its expectation, n for n degrees of
-/// freedom.
+/// The sum of squares may exceed its expectation by this many standard deviations. For n degrees of freedom
+/// the expectation is n.
 const MISFIT: f32 = 5.0;
 
-/// How well the square of the noise is known: [`crate::spot::find`] has the noise to 3 % on a row of 3648
-/// pixels. The sum's variance is 2 n by its own scatter and the square of this times n by that of the noise.
+/// The relative uncertainty of the noise's square: [`crate::spot::find`] knows the noise to 3 % on a row of
+/// 3648 pixels. The variance of the sum of squares is 2 n from its own scatter, and (this times n)^2 from
+/// that of the noise.
 const NOISE_SQUARED: f32 = 0.06;
 
 /// The variance of a sample at full scale, in counts squared: it then weighs nothing beside any other.
 const MASKED: f32 = 1e30;
 
-/// The same for a sample that is left out for another reason. [`Window::row_centre`] counts it among the
-/// degrees of freedom; who leaves samples out looks at the misfit again.
+/// The variance of a sample that is left out for another reason. [`Window::row_centre`] still counts it among
+/// the degrees of freedom, so a caller that leaves samples out must test the misfit again.
 const LEFT_OUT: f32 = 2e30;
 
 /// A sample of the window.
@@ -107,18 +109,18 @@ impl Sample {
         }
     }
 
-    /// Whether [`Self::mask`] left it out.
+    /// Whether [`Self::mask`] left the sample out.
     pub(crate) fn is_left_out(&self) -> bool {
         self.variance >= LEFT_OUT
     }
 
-    /// Whether it weighs nothing.
+    /// Whether the sample weighs nothing.
     pub(crate) fn is_masked(&self) -> bool {
         self.variance >= MASKED
     }
 }
 
-/// What is fitted, in samples and counts above the row's level.
+/// The unknowns of the fit, in samples and counts above the row's level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
     /// c, from the window's first sample.
@@ -132,7 +134,8 @@ pub struct Parameters {
 }
 
 /// The normal equations: the upper triangle of the matrix, the right-hand side and the sum of squares, all
-/// divided by A^2. An element's name has the unknowns b / A, ln A, ln s and c / s.
+/// divided by A^2. The letters of a name stand for the unknowns: b for b / A, a for ln A, s for ln s, c for c
+/// / s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NormalEquations {
     bb: f32,
@@ -140,7 +143,7 @@ pub struct NormalEquations {
     bs: f32,
     bc: f32,
     aa: f32,
-    /// Also that of c / s with itself: both are the sum of u^2 e^2.
+    /// Also the element of c / s with itself: both are the sum of u^2 e^2.
     as_: f32,
     ac: f32,
     ss: f32,
@@ -152,14 +155,14 @@ pub struct NormalEquations {
     squares: f32,
 }
 
-/// The centre of a spot that [`crate::spot::find`] found.
+/// Finds the centre of a spot that [`crate::spot::find`] found.
 ///
-/// The row before is not asked: the half maximum, from which the fit starts, costs a twentieth of a step.
+/// Ignores the row before: the fit starts from the half maximum, which costs only a twentieth of a step.
 ///
 /// # Errors
-/// [`Fault::SpotAtEdge`] where the centre is not on the sensor, [`Fault::Saturated`] where full scale leaves
-/// too few pixels of the spot, [`Fault::TooDim`] where the centre is uncertain by more than an eighth of the
-/// width, [`Fault::NoSpot`] where the fit does not arrive.
+/// [`Fault::SpotAtEdge`] where the centre is not on the sensor. [`Fault::Saturated`] where full scale leaves
+/// too few pixels of the spot. [`Fault::TooDim`] where the centre is uncertain by more than an eighth of the
+/// width. [`Fault::NoSpot`] where the fit does not arrive.
 pub fn centre(
     row: &Row<'_>,
     spot: &Spot,
@@ -189,7 +192,7 @@ pub fn centre(
     }
     let (uncertainty, width) = (found.uncertainty.to_f32(), found.width.to_f32());
     certain(found.amplitude.to_f32(), uncertainty, width).map_err(|too_dim| {
-        // It is not for want of light.
+        // The spot is cut off: the cause is not a lack of light.
         if cut_off == CutOff::No {
             too_dim
         } else {
@@ -203,7 +206,7 @@ pub fn centre(
     }
 }
 
-/// What the fit starts from, in pixels and counts.
+/// The start values of the fit, in pixels and counts.
 pub(crate) struct Start {
     pub(crate) centre: Pixels,
     pub(crate) width: f32,
@@ -211,7 +214,8 @@ pub(crate) struct Start {
 }
 
 impl Start {
-    /// The half maximum. Of a spot that the sensor's edge cuts, one half of it.
+    /// Finds the start values from the half maximum. If the sensor's edge cuts the spot, uses the side that
+    /// is left.
     pub(crate) fn find(light: &[u16], spot: &Spot, geometry: &Geometry) -> Result<Self, Fault> {
         let half = half_width::find(light, spot)?;
         let (offset, half_maximum) = match (half.left, half.right) {
@@ -267,7 +271,7 @@ pub(crate) struct Window {
     length: usize,
     /// How many of them are at full scale.
     masked: usize,
-    /// The variance of a sample that is not.
+    /// The variance of a sample that is not masked.
     variance: f32,
 }
 
@@ -276,7 +280,7 @@ impl Window {
         Self::within(SAMPLES / 2, light, spot, start, geometry)
     }
 
-    /// The same with so many samples to either side.
+    /// As [`Self::around`], with `half` samples to either side.
     pub(crate) fn within(
         half: usize,
         light: &[u16],
@@ -331,7 +335,7 @@ impl Window {
         (-0.5..self.length as f32 - 0.5).contains(&at.centre)
     }
 
-    /// Takes back what was left out. What is at full scale stays masked.
+    /// Takes back the samples that [`Sample::mask`] left out. Samples at full scale stay masked.
     pub(crate) fn unmask(&mut self) {
         for sample in &mut self.samples {
             if sample.variance >= LEFT_OUT {
@@ -353,8 +357,8 @@ impl Window {
         }
     }
 
-    /// The mean of the samples within `reach` of one, above the row's level, which need not be in the window:
-    /// from -2^8 to 2^9. `None` where they are not on the row.
+    /// The mean of the samples within `reach` of a sample, above the row's level: from -2^8 to 2^9. They may
+    /// lie outside the window. `None` where they are not all on the row.
     pub(crate) fn mean(
         &self,
         row: &Row<'_>,
@@ -381,12 +385,12 @@ impl Window {
         self.samples.get(..self.length).unwrap_or_default()
     }
 
-    /// Where a sample's middle lies from its first pixel's.
+    /// The distance from the middle of a sample's first pixel to the middle of the sample, in pixels.
     fn half_sample(&self) -> f32 {
         (self.block as f32 - 1.0) * 0.5
     }
 
-    /// A start in samples.
+    /// Converts start values to samples.
     pub(crate) fn parameters(&self, start: &Start) -> Parameters {
         let block = self.block as f32;
         // Below 2^12 pixels, in Q16.
@@ -422,7 +426,7 @@ impl Window {
         }
     }
 
-    /// A fit in pixels.
+    /// Converts a fit to pixels.
     pub(crate) fn row_centre(&self, fit: &Fit) -> RowCentre {
         let block = self.block as f32;
         let Parameters {
@@ -485,22 +489,22 @@ pub(crate) fn exponentials(at: &Parameters) -> [f32; SAMPLES] {
     light
 }
 
-/// What full scale leaves of a spot.
+/// How much of a spot full scale leaves.
 #[derive(Clone, Copy, PartialEq)]
 enum CutOff {
     /// All of it.
     No,
     /// Flanks that can be fitted: at least [`FEWEST_SAMPLES`] within three widths.
     Top,
-    /// Less.
+    /// Fewer samples than that.
     TooMuch,
 }
 
-/// Where the steps ended.
+/// The result of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fit {
     pub(crate) parameters: Parameters,
-    /// Standard deviation of the centre in samples, the other parameters being unknown too.
+    /// Standard deviation of the centre in samples, with the other parameters unknown too.
     uncertainty: f32,
     /// The sum of squares over the variances.
     squares: f32,
@@ -515,7 +519,7 @@ impl Fit {
     }
 }
 
-/// Steps from a start. `None` where the samples do not tell four parameters apart.
+/// Fits the samples from a start. `None` where they do not tell the four parameters apart.
 pub(crate) fn fit(samples: &[Sample], start: Parameters, shot: f32) -> Option<Fit> {
     let mut at = start;
     let mut last = None;
@@ -585,7 +589,8 @@ pub fn normal_equations(samples: &[Sample], at: &Parameters, shot: f32) -> Norma
     )
 }
 
-/// Adds samples outwards from one at u, in steps of `pitch`, by which the ratio of neighbouring e `falls`.
+/// Adds the samples of one side, outwards from `u` in steps of `pitch`. `falls` is the factor by which the
+/// ratio of neighbouring e changes at each step.
 #[inline(always)]
 fn add_side<'a>(
     mut sums: NormalEquations,
@@ -627,11 +632,11 @@ fn add_side<'a>(
 }
 
 impl NormalEquations {
-    /// Solves by Cholesky's method without square roots (L D L^T), c last, so that its pivot is one over the
-    /// last element of the inverse. `None` where a pivot is lost in rounding: the samples do not tell the
-    /// parameters apart.
+    /// Solves the equations by Cholesky's method without square roots (L D L^T). c comes last, so that its
+    /// pivot is one over the last element of the inverse. `None` where rounding destroys a pivot: the samples
+    /// do not tell the parameters apart.
     fn solve(&self) -> Option<Step> {
-        // What rounding leaves of a pivot, over the element that it was.
+        // A pivot is lost if it is 1e-5 of its element or less.
         let pivot = |pivot: f32, element: f32| (pivot > 1e-5 * element).then_some(pivot);
         let pb = pivot(self.bb, 0.0)?;
         let (lab, lsb, lcb) = (self.ba / pb, self.bs / pb, self.bc / pb);
@@ -662,7 +667,7 @@ impl NormalEquations {
     }
 }
 
-/// Samples of a window that do not count.
+/// Samples of a window that are left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct LeftOut {
     /// The first pixel of the first sample.
@@ -674,7 +679,7 @@ pub(crate) struct LeftOut {
 }
 
 impl LeftOut {
-    /// Whether a pixel of the row is in one of them.
+    /// Whether a pixel of the row is in a sample that is left out.
     pub(crate) fn has(&self, pixel: usize) -> bool {
         let from_first = pixel.checked_sub(self.first);
         let sample = from_first.and_then(|pixels| pixels.checked_div(self.block));
@@ -728,8 +733,8 @@ mod tests {
         (matrix, right, squares)
     }
 
-    /// The recurrence and f32 against that: every sum to 2e-5 of the sum of its terms' magnitudes (that of a
-    /// product is at most the root of the squares' sums).
+    /// Compares the recurrence in f32 with that reference: every sum agrees to 2e-5 of the sum of its terms'
+    /// magnitudes (for a product, at most the root of the product of the sums of squares).
     #[test]
     fn sums_are_those_of_the_definition() {
         let mut worst = 0.0f64;
@@ -798,8 +803,8 @@ mod tests {
                 right[j]
             );
         }
-        // Without its level, height and width to be found too, the centre would be as certain as its own
-        // element says.
+        // If level, height and width were known, the variance of the centre would be one over its own
+        // element. It cannot be smaller.
         assert!(f64::from(step.variance) * m[3][3] > 0.999);
     }
 

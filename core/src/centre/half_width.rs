@@ -1,11 +1,10 @@
-//! The spot's width from its half maximum, by which the centroid chooses its window.
+//! Measures the spot's width at half maximum. The centroid chooses its window by this width.
 //!
-//! From the highest pixels outwards to where the counts fall below half of the height: a gaussian's full
-//! width there is sqrt(8 ln 2) = 2.3548 sigma. The counts are smoothed by sums over a quarter to a half of
-//! the block that the coarse search found, about a quarter of sigma. A sum over n pixels adds n^2/12 to
-//! sigma^2, the pixel's own width included, which is taken off again. The crossings are interpolated
-//! linearly, which for spots of 0.8 to 1.2 pixels finds a width up to a fifth too large, and up to 3 % from 2
-//! pixels.
+//! The search goes outwards from the highest pixels to where the counts fall below half of the height. A
+//! gaussian's full width there is sqrt(8 ln 2) = 2.3548 sigma. Sums over a quarter to a half of the coarse
+//! search's block, about a quarter of sigma, smooth the counts. A sum over n pixels adds n^2/12 to sigma^2,
+//! the pixel's own width included; this is subtracted again. Crossings are interpolated linearly. The width
+//! found is up to a fifth too large for spots of 0.8 to 1.2 pixels, and up to 3 % from 2 pixels.
 
 use crate::centre::RowCentre;
 use crate::centre::plausible::on_the_row;
@@ -19,16 +18,16 @@ use crate::units::{Counts, Pixels};
 /// A gaussian's full width at half maximum over sigma: sqrt(8 ln 2).
 const FULL_WIDTH: f32 = 2.354_82;
 
-/// The narrowest and the widest spot in pixels. A hot pixel alone looks like one of 0.3, and a spot of 0.6,
-/// which is narrower than any optics makes it, like one of at least 0.55. At the other end
+/// The narrowest and the widest spot in pixels. A hot pixel alone looks like a spot of 0.3. A spot of 0.6,
+/// which is narrower than any optics makes it, looks like one of at least 0.55. At the other end
 /// [`crate::spot::find`] gives up.
 pub const WIDTHS: core::ops::RangeInclusive<f32> = 0.5..=170.0;
 
-/// A spot as its half maximum shows it.
+/// The half maximum of a spot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HalfMaximum {
-    /// The highest place, and how far from it the counts fall to half on the left and on the right, in
-    /// pixels. `None` where the row ends first.
+    /// The highest place, on the row. `left` and `right` are the distances from here to where the counts fall
+    /// to half, in pixels: `None` where the row ends first.
     pub top: Pixels,
     /// To the left.
     pub left: Option<f32>,
@@ -40,12 +39,12 @@ pub struct HalfMaximum {
     pub smoothed: u16,
 }
 
-/// The width in pixels by which to choose a window: that of the row before, where its centre is within a
-/// width of this spot, or that of the half maximum.
+/// The width in pixels by which to choose a window. It is the width of the row before, if the centre of that
+/// row is within a width of this spot. Otherwise the half maximum gives it.
 ///
 /// # Errors
 /// [`Fault::SpotAtEdge`] where the row ends before the counts fall to half, [`Fault::NoSpot`] where they
-/// never do, or the width is that of no spot.
+/// never do, or the width is outside [`WIDTHS`].
 pub fn width(light: &[u16], spot: &Spot, before: Option<&RowCentre>) -> Result<f32, Fault> {
     let start = on_the_row(light, spot)?;
     if let Some(before) = before {
@@ -68,7 +67,7 @@ pub fn width(light: &[u16], spot: &Spot, before: Option<&RowCentre>) -> Result<f
 }
 
 impl HalfMaximum {
-    /// Sigma for a full width at half maximum, the smoothing taken off.
+    /// Converts a full width at half maximum to sigma, and subtracts the smoothing.
     pub fn sigma(&self, full_width: f32) -> f32 {
         let smoothed = f32::from(self.smoothed);
         let sigma = full_width / FULL_WIDTH;
@@ -76,11 +75,12 @@ impl HalfMaximum {
     }
 }
 
-/// Walks out from the highest place within a block of the spot's centre.
+/// Finds the half maximum: walks out from the highest place within a block of the spot's centre.
 ///
 /// # Errors
-/// [`Fault::SpotAtEdge`] where the spot's centre is not on the row, [`Fault::NoSpot`] where nothing rises
-/// above the level, or does not fall again within four blocks: the spot's width is at most two of them.
+/// [`Fault::SpotAtEdge`] where the spot's centre is not on the row. [`Fault::NoSpot`] where nothing rises
+/// above the level, or the counts do not fall to half within four blocks: a spot's width is at most two
+/// blocks.
 pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
     let start = on_the_row(light, spot)?;
     let block = 1usize << spot.block_log2.min(7);
@@ -115,7 +115,8 @@ pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
     if left == Walk::NeverHalf || right == Walk::NeverHalf {
         return Err(spot.no_spot());
     }
-    // A place below 4096 pixels; a sum over n pixels stands half of n - 1 to the right of its first.
+    // A place is below 4096 pixels. The middle of a sum over n pixels is (n - 1) / 2 pixels to the right of
+    // its first.
     let half_sum = (smoothed as i32 - 1) * (1 << (Pixels::FRACTION - 1));
     Ok(HalfMaximum {
         top: Pixels::from_bits(
@@ -130,8 +131,8 @@ pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
     })
 }
 
-/// Where the sum over `pixels` neighbours is highest, and that sum: below 64 * 2^12. `None` where there are
-/// fewer.
+/// Finds where the sum over `pixels` neighbours is highest, and that sum: below 64 * 2^12. `None` where there
+/// are fewer pixels.
 fn highest(near: &[u16], pixels: usize) -> Option<(usize, i32)> {
     let (first, entering) = near.split_at_checked(pixels)?;
     let mut sum = first
@@ -147,20 +148,20 @@ fn highest(near: &[u16], pixels: usize) -> Option<(usize, i32)> {
     Some(best)
 }
 
-/// A sum over the next pixel on.
+/// Moves a sum by one pixel.
 fn moved(sum: i32, enters: u16, leaves: u16) -> i32 {
     numeric::add_i32(sum, i32::from(enters) - i32::from(leaves))
 }
 
-/// At most [`MOST_SMOOTHED`] counts in Q8.
+/// Converts a sum of at most [`MOST_SMOOTHED`] counts to Q8.
 fn in_q8(sum: i32) -> i32 {
     numeric::mul_i32(sum, 1 << Counts::FRACTION)
 }
 
-/// Pixels of a sum: half of the largest block.
+/// The most pixels in a sum: half of the largest block.
 const MOST_SMOOTHED: u32 = 64;
 
-// Twice what they add up to fits in Q8.
+// Twice the largest sum fits in Q8.
 const _: () =
     assert!((2 * LARGEST_COUNT as u64 * MOST_SMOOTHED as u64) << Counts::FRACTION < 1 << 31);
 
@@ -182,7 +183,8 @@ impl Walk {
     }
 }
 
-/// Moves the sum a pixel at a time, given what (enters, leaves) it, until it falls below `half` (Q8).
+/// Moves the sum by a pixel at a time until it falls below `half` (Q8). Each step is the count that enters
+/// and the one that leaves.
 fn walk<'a>(
     steps: impl Iterator<Item = (&'a u16, &'a u16)>,
     mut sum: i32,
@@ -208,11 +210,11 @@ fn walk<'a>(
     }
 }
 
-/// The width after this row, for an estimator whose window came from the width before it: a quarter of the
-/// way to what the counts at the two half maxima say, so that it follows the spot over the rows and a row's
-/// noise hardly moves it.
+/// Updates the width after a row, for an estimator whose window came from the old width. The width moves a
+/// quarter of the way to what the counts at the two half maxima say. So it follows the spot over the rows,
+/// and a row's noise hardly moves it.
 ///
-/// A gaussian that is wider than thought by a small part p has there 0.5 + ln(2) p of its height.
+/// If a gaussian is wider than assumed by a small part p, the count there is 0.5 + ln(2) p of the height.
 pub fn follow(light: &[u16], spot: &Spot, centre: Pixels, width: f32) -> f32 {
     const HALF_MAXIMUM: f32 = FULL_WIDTH / 2.0;
     const GAIN: f32 = 0.25;
@@ -237,7 +239,7 @@ pub fn follow(light: &[u16], spot: &Spot, centre: Pixels, width: f32) -> f32 {
     dual_mac::square_root(squared.max(WIDTHS.start() * WIDTHS.start())).min(*WIDTHS.end())
 }
 
-/// The counts at a place between two pixels (Q16.16), Q24.8, below 2^20.
+/// The count at a place between two pixels (Q16.16). Returns Q24.8, below 2^20.
 fn interpolated(light: &[u16], place: i32) -> Option<i32> {
     let pixel = usize::try_from(place >> Pixels::FRACTION).ok()?;
     let &[left, right] = light.get(pixel..)?.first_chunk()?;
@@ -273,8 +275,8 @@ mod tests {
         }
     }
 
-    /// Sampled gaussians: their sigma is sqrt(width^2 + 1/12) of a spot that the pixels integrate. Any block
-    /// that the coarse search may choose serves.
+    /// The rows hold sampled gaussians. A spot of this width that pixels integrate has a sigma of
+    /// sqrt(width^2 + 1/12). Any block that the coarse search may choose gives the width.
     #[test]
     fn the_width_of_a_gaussian() {
         for (width, block_log2, tolerance) in [

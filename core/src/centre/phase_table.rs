@@ -1,8 +1,8 @@
 //! The phase-table score: two integer inner products and one division.
 //!
-//! A gaussian least-squares fit with amplitude, black level and width projected out in advance. The tables
-//! are designed by the crate `phase-tables`, which explains them. Score / slope is the distance of the centre
-//! from a table's phase; a third product, stretch / slope, says how far the spot's width is from the table's,
+//! This is a gaussian least-squares fit with amplitude, black level and width projected out in advance. The
+//! crate `phase-tables` designs the tables, and explains them. Score / slope is the distance of the centre
+//! from a table's phase. A third product, stretch / slope, says how far the spot's width is from the table's,
 //! and so picks the table.
 //!
 //! | | |
@@ -10,7 +10,7 @@
 //! | samples | u16, at most 32760: counts of 12 bits, or sums of up to 8 pixels, or halved sums of more |
 //! | weights | i16, each row summing to zero, so a constant on the samples changes no bit |
 //! | products | i32: no overflow, because sum of abs(weight) * 32760 < 2^31, proven by [`TableSet::new`] |
-//! | division | f32: 24 bits on a quotient of at most a few pixels is 1e-7 pixel; one instruction on the chip |
+//! | division | f32: 24 bits on a quotient of at most a few pixels is 1e-7 pixel; one instruction |
 //! | centre | Q16.16 pixels |
 //!
 //! Every float operation here is a single IEEE 754 operation or `libm`'s, so the chip and a PC agree bit for
@@ -27,12 +27,13 @@ use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
-/// A window is moved and its table changed until both fit, at most this often.
+/// The most passes. A pass moves the window or changes its table, until both fit.
 const MAX_PASSES: usize = 10;
 
-/// How nearly a window and a table must fit: as near as a window gets, and to half a per cent of the width
-/// more than the best. In noise two tables, or two phases, may each hand the spot to the other, so later
-/// passes accept less.
+/// How well a window and a table must fit in a pass. The first number limits the distance to the phase, in
+/// units of `Score::nearest`. The second limits how much worse the table matches the width than the best
+/// table does, as a share of the width. In noise two tables, or two phases, may each prefer the other, so
+/// later passes accept a worse fit.
 const fn slack(pass: usize) -> (f32, f32) {
     match pass {
         0..=3 => (1.0, 0.005),
@@ -41,18 +42,18 @@ const fn slack(pass: usize) -> (f32, f32) {
     }
 }
 
-/// Where a window reaches over the sensor's edge a table this much narrower is tried: the coarse search may
-/// take a spot for twice as wide as it is, and be off by half its width.
+/// Where a window reaches over the sensor's edge, a table this much narrower is tried. The coarse search may
+/// take a spot for twice as wide as it is, and its place may be off by half the width.
 const NARROWER: f32 = 0.7;
 
-/// The sensor's edge excludes the wider tables. If the table that fits has less than so much of the width
-/// that the coarse search found, it fits a ripple on a spot that is cut.
+/// Near the sensor's edge only narrow tables fit on the row. If the table that fits has less than this part
+/// of the coarse search's width, it fits a ripple on a spot that is cut.
 const RIPPLE: f32 = 0.4;
 
-/// The centre of a spot that [`crate::spot::find`] found, with the tables of one set.
+/// Finds the centre of a spot that [`crate::spot::find`] found, with the tables of one set.
 ///
-/// Where the row before had its spot near this one's, its table serves again, without the third product: the
-/// width is taken over from that row.
+/// If the row before had its spot near this one, its table and its width are used again, and the third
+/// product is not computed.
 ///
 /// # Errors
 /// See [`crate::centre::centre`].
@@ -67,7 +68,7 @@ pub fn centre(
 ) -> Result<RowCentre, Fault> {
     if let Some(before) = before {
         if before.class.block == 1 {
-            // Samples of one pixel, which are usual, are a constant in what is inlined here.
+            // Samples of one pixel are usual: here the block size is a constant for what is inlined.
             let class = WidthClass {
                 block: 1,
                 ..before.class
@@ -97,7 +98,7 @@ fn track_blocks(
     Some(finish(row, spot, before, &fit, geometry))
 }
 
-/// A fit whose width is that of the row before becomes a centre.
+/// Makes a centre of a fit, with the width of the row before.
 #[inline(always)]
 fn finish(
     row: &Row<'_>,
@@ -114,10 +115,10 @@ fn finish(
     })
 }
 
-/// Where the width comes from that says which table serves, where there is a row before.
+/// Where the width comes from that chooses the table, if there is a row before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Width {
-    /// From the row before, as it was there.
+    /// From the row before, unchanged.
     TakenOver,
     /// From the third product, smoothed over the rows.
     Measured,
@@ -172,7 +173,7 @@ fn fit_in_full<'a>(
     Ok(fit)
 }
 
-/// A table that fits, and its measurements.
+/// A table that fits, and the measurement with it.
 #[derive(Clone, Copy)]
 pub(super) struct Fit<'a> {
     pub(super) centre: Pixels,
@@ -181,14 +182,14 @@ pub(super) struct Fit<'a> {
     /// The spot's width over the table's.
     pub(super) ratio: f32,
     pub(super) slope: f32,
-    /// One over that.
+    /// 1 / slope.
     pub(super) per_slope: f32,
     pub(super) class: WidthClass,
     pub(super) table: &'a Table<'a>,
 }
 
-/// Measures the spot once, where the row before had it: enough for a target at rest. `None` where it is not.
-/// All of it is inlined into one straight line.
+/// Measures the spot once, at its place in the row before: enough for a target at rest. `None` if the spot is
+/// not there. All of it is inlined into one straight line.
 #[inline(always)]
 fn track_once<'a>(
     row: &Row<'_>,
@@ -214,8 +215,8 @@ fn track_once<'a>(
     .ok()
 }
 
-/// Measures the spot where the row before had it, with its table, and again where it turns out to be. `None`
-/// where the coarse search found the spot elsewhere, or another spot is there.
+/// Measures the spot at its place in the row before, with the table of that row, and then at the place that
+/// this gives. `None` where the coarse search found the spot elsewhere, or another spot is there.
 #[inline(never)]
 fn track<'a>(
     light: &[u16],
@@ -238,8 +239,8 @@ fn track<'a>(
     None
 }
 
-/// Measures a spot of a known width at a place. The error is the spot's place, if that is too far from the
-/// place that was tried. `None` where nothing is, or the table no longer fits the width.
+/// Measures a spot of a known width at a place. `Err` holds the spot's place, if it is too far from the place
+/// that was tried. `None` if no spot is there, or the table no longer fits the width.
 #[inline(always)]
 fn measure_at<'a>(
     light: &[u16],
@@ -276,11 +277,11 @@ fn measure_at<'a>(
     }))
 }
 
-/// The share of a row in the width: what it says is averaged over about seven rows.
+/// The weight of a row in the smoothed width, which averages about seven rows.
 const SMOOTHING: f32 = 0.25;
 
-/// The same spot with the tables of another set, from the place that is known. `None` where that set's window
-/// reaches over the sensor's edge.
+/// Measures the same spot with the tables of another set, from its known place. `None` where that set's
+/// window reaches over the sensor's edge.
 #[inline(never)]
 pub(super) fn refit<'a>(light: &[u16], fit: &Fit<'_>, tables: &TableSet<'a>) -> Option<Fit<'a>> {
     let (class, table) = tables.choose(fit.width, Sampling::Fine)?;
@@ -302,10 +303,12 @@ pub(super) fn refit<'a>(light: &[u16], fit: &Fit<'_>, tables: &TableSet<'a>) -> 
 /// Passes before a spot that moved is measured afresh.
 const MAX_TRACKING: usize = 3;
 
-/// Whether the coarse search, which is good to half a block, found the spot within its width of where it was.
+/// Whether the coarse search found the spot within a width of its place in the row before. The coarse search
+/// may be off by half a block.
 #[inline(always)]
 pub(super) fn is_near(spot: &Spot, before: &RowCentre) -> bool {
-    // Wraps for no spot on a row, and then it only costs time: the spot is looked for in vain, or afresh.
+    // These wrap only for a spot off the row. The cost is time: the spot is looked for in vain, or from the
+    // start.
     let centre = (spot.centre as i32).wrapping_shl(Pixels::FRACTION);
     let block = (1i32 << Pixels::FRACTION).wrapping_shl(spot.block_log2);
     let reach = before.width.to_bits().wrapping_add(block);
@@ -314,7 +317,7 @@ pub(super) fn is_near(spot: &Spot, before: &RowCentre) -> bool {
     apart.wrapping_add(reach) as u32 <= 2 * (reach as u32 & 0x7fff_ffff)
 }
 
-/// Finds place, width and table from what the coarse search says.
+/// Finds place, width and table from the result of the coarse search.
 #[inline(never)]
 fn fit_afresh<'a>(
     row: &Row<'_>,
@@ -331,7 +334,7 @@ fn fit_afresh<'a>(
     settle(light, start, start_width, tables, sampling).map_err(|error| match error {
         Unsettled::Edge(centre) => Fault::SpotAtEdge { centre },
         Unsettled::Shape => spot.no_spot(),
-        // Noise may keep a table from fitting too.
+        // Noise may also keep a table from fitting.
         Unsettled::Never(fit) => match fit.with_uncertainty(spot.background.noise, geometry) {
             Err(too_dim) => too_dim,
             Ok(_) => spot.no_spot(),
@@ -343,9 +346,9 @@ fn fit_afresh<'a>(
 enum Unsettled<'a> {
     /// The window reaches over the sensor's edge.
     Edge(Pixels),
-    /// What is there is no spot.
+    /// The light there is not a spot.
     Shape,
-    /// Neither place nor width came to rest; this was the last of them.
+    /// Place or width did not come to rest; this is the last fit.
     Never(Fit<'a>),
 }
 
@@ -362,8 +365,8 @@ fn settle<'a>(
     let (mut cut, mut was_cut, mut last) = (false, false, None);
     for pass in 0..MAX_PASSES {
         let Some(window) = Window::place(light, at, class, table) else {
-            // The place or the width may still be off: a narrower table mends either, where the spot is
-            // whole.
+            // The place or the width may still be wrong. If the whole spot is on the row, a narrower table
+            // corrects both.
             (cut, was_cut) = (true, true);
             width = table.width * f32::from(class.block) * NARROWER;
             (class, table) = tables.choose(width, sampling).ok_or(Unsettled::Shape)?;
@@ -406,8 +409,8 @@ fn settle<'a>(
         }
         last = Some(fit);
         if fits {
-            // A table of the spot's width has its window on the row: whatever keeps it from resting, no edge
-            // does.
+            // The window of a table of the spot's width lies on the row, so it is not the edge that keeps the
+            // fit from resting.
             cut = false;
         } else {
             (class, table) = (better_class, better);
@@ -421,13 +424,14 @@ fn settle<'a>(
 }
 
 impl Fit<'_> {
-    /// Counts of the spot at its peak.
+    /// The spot's height at its peak, in counts.
     pub(super) fn amplitude(&self) -> f32 {
         let divisor = (1u32 << halvings(self.class.block)) as f32;
         self.slope * self.table.height_per_slope * divisor / f32::from(self.class.block)
     }
 
-    /// Amplitude and uncertainty: the noise of the score through its slope.
+    /// Makes a centre of the fit, with its amplitude and its uncertainty: the noise of the score over its
+    /// slope.
     #[inline(always)]
     pub(super) fn with_uncertainty(
         &self,
@@ -435,13 +439,13 @@ impl Fit<'_> {
         geometry: &Geometry,
     ) -> Result<RowCentre, Fault> {
         let block = f32::from(self.class.block);
-        // A sample is the sum of a block's pixels over this.
+        // A sample is the sum of a block's pixels, divided by this.
         let divisor = (1u32 << halvings(self.class.block)) as f32;
         let height = self.slope * self.table.height_per_slope;
         let read = noise.to_f32() * noise.to_f32() * block / (divisor * divisor);
         let shot_variance_per_count = f32::from(geometry.shot_variance_per_count_q16) / 65536.0;
-        // The table's shot noise is that of a spot of its own width; the variance grows as width^1.5 about it
-        // (1.44 to 1.60 over the tables).
+        // The table's shot noise is that of a spot of the table's width. Near it the variance grows as
+        // width^1.5 (1.44 to 1.60 over the tables).
         let shot = height / divisor * shot_variance_per_count * (1.5 * self.ratio - 0.5);
         let variance = self.table.variance_per_noise * read + self.table.variance_per_height * shot;
         let uncertainty = square_root(variance) * self.per_slope * block;

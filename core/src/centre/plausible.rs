@@ -1,16 +1,15 @@
-//! What every estimator asks of its centre before it returns it: no pixel cut off at full scale, and a
-//! certain place.
+//! Tests that every estimator makes before it returns a centre: no pixel at full scale, and a small enough
+//! uncertainty.
 
 use crate::fault::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
-/// A centre less certain than an eighth of the spot's width is not trusted: noise alone may look like that
-/// spot.
+/// The uncertainty of a centre must be at most the width over this. Noise alone may look like a dimmer spot.
 const DIMMEST: f32 = 8.0;
 
-/// A pixel at full scale within two widths of the centre has lost the spot's top.
+/// Rejects a spot with a pixel at full scale within two widths of the centre: its top is lost.
 ///
 /// # Errors
 /// [`Fault::Saturated`] with the number of such pixels.
@@ -48,11 +47,11 @@ pub fn saturated_pixels(light: &[u16], centre: Pixels, width: f32, geometry: &Ge
     })
 }
 
-/// The place of a spot of this width in pixels and height in counts is known to an eighth of the width. An
-/// uncertainty that is not a number is not certain either.
+/// Rejects a centre whose uncertainty is more than an eighth of the width, or is not a number. `uncertainty`
+/// and `width` are in pixels, `amplitude` in counts.
 ///
 /// # Errors
-/// [`Fault::TooDim`], with the height at which it would be certain in noise that does not grow with the
+/// [`Fault::TooDim`], with the height at which the uncertainty would do, in noise that does not grow with the
 /// light.
 #[inline]
 pub fn certain(amplitude: f32, uncertainty: f32, width: f32) -> Result<(), Fault> {
@@ -70,7 +69,7 @@ fn too_dim(amplitude: f32, uncertainty: f32, width: f32) -> Fault {
     }
 }
 
-/// The spot's pixel as a position.
+/// Converts the spot's pixel to a position.
 ///
 /// # Errors
 /// [`Fault::SpotAtEdge`] where it is not on the row.

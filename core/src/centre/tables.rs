@@ -1,4 +1,5 @@
-//! The weights of the phase tables, proven, and which of them serve a spot.
+//! The weights of the phase tables, the proof that they cannot overflow, and the choice of a table for a
+//! spot.
 //!
 //! The crate `phase-tables` designs the weights and explains them; `build.rs` writes those of the gaussian.
 
@@ -16,35 +17,36 @@ pub struct Table<'a> {
     pub half_width: u8,
     /// Number of sub-pixel phases; phase k is at (k - (phases - 1)/2) / phases samples from the middle.
     pub phases: u8,
-    /// Weights of the score and of its slope, phase after phase: [`Table::pairs`] a phase, the last sample's
-    /// being zero.
+    /// Weights of the score and of its slope: [`Table::pairs`] for each phase, one phase after the other. The
+    /// weights of a phase's last sample are zero.
     pub weights: &'a [Pairs],
-    /// Weights of the stretch, likewise.
+    /// Weights of the stretch, in the same order.
     pub stretch: &'a [Pair],
-    /// A centre that is fewer samples from its phase need not be looked at from a nearer one.
+    /// A centre within this many samples of its phase needs no second measurement from a nearer phase.
     pub nearest: f32,
-    /// Samples that score / slope = 1 stands for.
+    /// Distance in samples where score / slope = 1.
     pub centre_per_ratio: f32,
-    /// With q samples by that ratio, q - bend q^3 is the distance, in 1/samples^2.
+    /// Correction of the distance, in 1/samples^2: if the ratio says q samples, the distance is q - bend q^3.
     pub bend: f32,
-    /// Relative excess of width that stretch / slope = 1 stands for.
+    /// Relative excess of the spot's width where stretch / slope = 1.
     pub stretch_per_ratio: f32,
-    /// Counts of a sample at the peak that slope = 1 stands for.
+    /// Counts of a sample at the peak where slope = 1.
     pub height_per_slope: f32,
     /// Variance of the centre times slope^2 for noise of one count^2 in each sample.
     pub variance_per_noise: f32,
-    /// The same for shot noise of a spot one count high at one electron a count.
+    /// Variance of the centre times slope^2 for the shot noise of a spot one count high, at one electron a
+    /// count.
     pub variance_per_height: f32,
 }
 
-/// Tables for rising widths, proven.
+/// Tables for rising widths, with proven weights.
 #[derive(Clone, Copy, Debug)]
 pub struct TableSet<'a> {
     tables: &'a [Table<'a>],
     /// Tells the sets of the core apart in a [`WidthClass`].
     number: u8,
-    /// How far a spot's width may be from a table's before another serves it better: half a step between the
-    /// widths, and a tenth of a step for noise.
+    /// How far a spot's width may be from a table's, relative. Half a step between the widths, beyond which
+    /// another table serves better, and a tenth of a step for noise.
     reach: f32,
 }
 
@@ -66,8 +68,7 @@ pub enum TableError {
     Scales,
 }
 
-/// The number of a set that is not of the core: what one of those found in a row tells another of them
-/// nothing.
+/// The number of all sets that are not the core's own. A result with one of these tells nothing to another.
 const FOREIGN: u8 = u8::MAX;
 
 /// The largest sample that tables are proven for.
@@ -78,8 +79,8 @@ const _: () = assert!(LARGEST_SAMPLE <= dual_mac::LARGEST_SAMPLE);
 /// The longest window in samples, with the one that makes it even.
 pub const MAX_TAPS: usize = 116;
 
-/// Pixels in a sample. Up to 8 their sum fits [`LARGEST_SAMPLE`]; of 16 half of the sum does, and a constant
-/// on the row still adds a whole number.
+/// Sizes of a sample in pixels. The sum of up to 8 pixels fits [`LARGEST_SAMPLE`], and so does half of the
+/// sum of 16. A constant on the row adds a whole number to each sample.
 pub const BLOCKS: [u8; 5] = [1, 2, 4, 8, 16];
 
 const _: () = {
@@ -98,28 +99,28 @@ mod generated {
     include!(concat!(env!("OUT_DIR"), "/tables.rs"));
 }
 
-/// One set for every row: where the table's width is the spot's, at most 1.08 of the bound in read noise and
-/// 1.09 in shot noise.
+/// One set for every row. If the table's width is the spot's, the uncertainty is at most 1.08 of the bound in
+/// read noise and 1.09 in shot noise.
 pub static GAUSSIAN: TableSet<'static> = proven(0, generated::GAUSSIAN);
 
-/// For the diffraction pattern of a slit, eq. (6).
+/// Tables for the diffraction pattern of a slit, eq. (6).
 pub static SLIT: TableSet<'static> = proven(1, generated::SLIT);
 
-/// For a background that rises or falls along the row.
+/// Tables for a background that rises or falls along the row.
 pub static TILTED: TableSet<'static> = proven(2, generated::TILTED);
 
 /// Tables for a mix of noise.
 #[derive(Clone, Copy, Debug)]
 pub struct Mix {
-    /// The least ratio that they serve: the read noise's variance over the shot noise's at the peak.
+    /// The least ratio for these tables: the read noise's variance over the shot noise's at the peak.
     pub least: f32,
     /// The tables.
     pub tables: &'static TableSet<'static>,
 }
 
 /// The best tables for each mix of noise, from read noise alone (least squares) to shot noise alone. They are
-/// designed for ratios of infinity, 0.23, 0.07, 0.02 and 0.006; in between, at worst (at 0.9), 2.1 % is lost,
-/// and 3.4 % half a step beside a table's width.
+/// designed for ratios of infinity, 0.23, 0.07, 0.02 and 0.006. Between these ratios they lose at most 2.1 %
+/// (at 0.9), and 3.4 % half a step from a table's width.
 pub static MIXES: [Mix; 5] = [
     Mix {
         least: 0.9,
@@ -212,12 +213,12 @@ impl<'a> TableSet<'a> {
         self.tables
     }
 
-    /// Whether a spot of this width in pixels is one.
+    /// Whether a spot may have this width in pixels.
     pub(super) fn serves(&self, width: f32) -> bool {
         (NARROWEST..WIDEST).contains(&width)
     }
 
-    /// The table of the class that the row before had, or where that was of another set, the one for its
+    /// The table of the class that the row before had. If that class is of another set, the table for the
     /// width.
     #[inline]
     pub(super) fn of(&self, class: WidthClass, width: f32) -> Option<(WidthClass, &'a Table<'a>)> {
@@ -227,7 +228,7 @@ impl<'a> TableSet<'a> {
         Some((class, self.get(class)?))
     }
 
-    /// The table of a class. `None` where it is not of this set.
+    /// The table of a class. `None` if the class is of another set.
     #[inline(always)]
     pub(super) fn get(&self, class: WidthClass) -> Option<&'a Table<'a>> {
         let is_block = class.block.is_power_of_two() && class.block <= 16;
@@ -254,7 +255,7 @@ impl<'a> TableSet<'a> {
         sampling: Sampling,
     ) -> Option<(WidthClass, &'a Table<'a>)> {
         let [block, ..] = BLOCKS;
-        // Half a step beyond the widest table it still serves.
+        // The widest table still serves half a step beyond its own width.
         let widest = self.tables.last()?.width * (1.0 + self.reach());
         let block = match sampling {
             Sampling::Fine => BLOCKS
@@ -267,7 +268,7 @@ impl<'a> TableSet<'a> {
         }
         .unwrap_or(block);
         let samples = width / f32::from(block);
-        // The widths are a geometric series: from the geometric mean with the next one on, the next one is
+        // The widths are a geometric series: above the geometric mean of two neighbours the wider one is
         // nearer.
         let index = self
             .tables
@@ -287,17 +288,17 @@ impl<'a> TableSet<'a> {
 /// How many pixels go into a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampling {
-    /// As few as there are tables for.
+    /// As few pixels as the tables allow.
     Fine,
-    /// As many as leave 1.15 of them or more a sigma.
+    /// As many pixels as leave at least 1.15 samples a sigma.
     Coarse,
 }
 
 /// At 1.15 samples a sigma, 4 % of accuracy are lost in white noise.
 const FEWEST_SAMPLES: f32 = 1.15;
 
-/// Each row of weights sums to zero, and its inner product with samples up to [`LARGEST_SAMPLE`] fits an i32
-/// at every step of the sum.
+/// Proves that each row of weights sums to zero, and that its inner product with samples up to
+/// [`LARGEST_SAMPLE`] fits an i32 at every step of the sum.
 const fn prove(table: &Table<'_>, start: usize) -> Result<(), TableError> {
     let (mut score, mut slope, mut stretch) = (Row::new(), Row::new(), Row::new());
     let mut i = start;
@@ -321,7 +322,7 @@ const fn prove(table: &Table<'_>, start: usize) -> Result<(), TableError> {
     Ok(())
 }
 
-/// What a row of weights adds up to.
+/// The sums over a row of weights.
 #[derive(Clone, Copy)]
 struct Row {
     sum: i64,
@@ -356,7 +357,8 @@ impl Table<'_> {
         self.half_width as usize + 1
     }
 
-    /// How far a width in pixels is from this table's, in samples of so many pixels: relative, without sign.
+    /// How far a width in pixels is from this table's, relative and without sign. `block` is the number of
+    /// pixels in a sample.
     pub(super) fn mismatch(&self, width: f32, block: u8) -> f32 {
         (width / (self.width * f32::from(block)) - 1.0).abs()
     }
@@ -411,7 +413,7 @@ mod tests {
             }
         }
         println!("off by {fine} in the fine tables, by {coarse} in the coarse ones");
-        // The square roots of 1.085 and 1.2, and beyond the widest table a tenth of a step more.
+        // Half a step: the square roots of 1.085 and 1.2. Beyond the widest table, a tenth of a step more.
         assert!(fine < 0.052 && coarse < 0.121, "{fine} {coarse}");
     }
 

@@ -1,5 +1,4 @@
-//! The pixels around a place, as a phase table sees them: summed into samples, and weighed by the phase that
-//! is nearest.
+//! A phase table's window on the row: sums pixels into samples, and weighs them by the nearest phase.
 
 use dual_mac::{Pair, Pairs, dot, dot2};
 
@@ -8,8 +7,8 @@ use crate::centre::tables::{MAX_TAPS, Table, halvings};
 use crate::numeric::limited;
 use crate::units::Pixels;
 
-/// Up to so many pixels from a window's phase no other window of blocks is nearer to a centre: half a pixel,
-/// and a tenth of that for noise.
+/// A centre within so many pixels of a window's phase has no nearer window, if samples have several pixels.
+/// Half a pixel, because such a window moves by whole pixels, and 0.05 pixel more for noise.
 const NEAR: f32 = 0.55;
 
 /// A table's window on the row.
@@ -20,22 +19,22 @@ pub(super) struct Window<'r, 't> {
     weights: &'t [Pairs],
     /// The first of the phase's weights.
     start: usize,
-    /// Where the phase lies on the row.
+    /// The place of the phase on the row.
     reference: Pixels,
 }
 
-/// A centre by its score and slope.
+/// A centre from its score and slope.
 pub(super) struct Score {
     pub(super) centre: Pixels,
     /// How far it is from the window's phase, in samples.
     pub(super) distance: f32,
-    /// Beyond that another phase or window would be nearer.
+    /// Beyond this distance, in samples, another phase or window is nearer.
     pub(super) nearest: f32,
-    /// Whether this is the nearest.
+    /// Whether the distance is at most `nearest`.
     pub(super) near: bool,
-    /// Never zero or below.
+    /// Always positive.
     pub(super) slope: f32,
-    /// One over that: one division serves all that is over the slope.
+    /// 1 / slope: one division serves all quotients by the slope.
     pub(super) per_slope: f32,
 }
 
@@ -54,8 +53,8 @@ impl<'r, 't> Window<'r, 't> {
         let half_width = i32::from(table.half_width);
         let pairs = table.pairs();
         let block = i32::from(class.block);
-        // A position saturates at 2^15 pixels in Q16. Phases, half widths and blocks of 8 bits leave all else
-        // below 2^31.
+        // A position saturates at 2^15 pixels in Q16. Phases, half widths and blocks have 8 bits, so
+        // everything else stays below 2^31.
         let (phase, first, reference) = if class.block == 1 {
             let from_its_edge = at.to_bits().saturating_add(HALF);
             let middle = from_its_edge >> Pixels::FRACTION;
@@ -76,7 +75,8 @@ impl<'r, 't> Window<'r, 't> {
             )
         } else {
             let phase = phases / 2;
-            // And half a block less half a pixel more from the middle sample's first pixel.
+            // The offset counts from the middle sample's first pixel, so it has half a block less half a
+            // pixel more.
             let beside = ((2 * phase + 1 - phases) * block * HALF).checked_div(phases)?;
             let offset = (block - 1) * HALF + beside;
             let middle =
@@ -100,7 +100,8 @@ impl<'r, 't> Window<'r, 't> {
         })
     }
 
-    /// Measures the centre. `None` where there is no spot: the slope is that of its height.
+    /// Measures the centre. `None` where the slope is not positive: it is proportional to the height of the
+    /// spot.
     #[inline(always)]
     pub(super) fn score(&self) -> Option<Score> {
         // No step overflows: the tables are proven for the largest samples.
@@ -124,7 +125,7 @@ impl<'r, 't> Window<'r, 't> {
         };
         let near = straight.abs() <= nearest;
         let distance = if near {
-            // `TableSet` holds that this is far below one.
+            // `TableSet::new` has proven that the correction is at most 5 %.
             straight * (1.0 - self.table.bend * (straight * straight))
         } else {
             self.far(straight)
@@ -144,8 +145,8 @@ impl<'r, 't> Window<'r, 't> {
         })
     }
 
-    /// Limited to one and a half widths: further off, the products say the direction and no more, and so does
-    /// the bend.
+    /// The distance of a centre that is not near. Limited to one and a half widths: further off, score and
+    /// bend tell only the direction.
     #[inline(never)]
     fn far(&self, straight: f32) -> f32 {
         let reach = 1.5 * self.table.width;
@@ -157,7 +158,7 @@ impl<'r, 't> Window<'r, 't> {
     /// the distance.
     #[inline(always)]
     pub(super) fn stretch(&self, score: &Score) -> f32 {
-        // The set has as many weights of the stretch as of the others.
+        // `TableSet::new` has proven that there are as many weights of the stretch as of the score.
         let weights = self
             .table
             .stretch
@@ -175,7 +176,7 @@ impl<'r, 't> Window<'r, 't> {
         )
     }
 
-    // Out of line: the sums take room on the stack, and time to clear it, that single pixels do without.
+    // Not inlined: the sums take room on the stack and time to clear it, and single pixels need no sums.
 
     #[inline(never)]
     fn score_of_blocks(&self) -> (i32, i32) {
@@ -199,12 +200,12 @@ impl<'r, 't> Window<'r, 't> {
     }
 }
 
-/// Samples of a spot in coarse samples: up to 2.3 a sigma, and the tables' windows reach four or five sigma
-/// to either side.
+/// The most samples in a window of coarse samples: up to 2.3 samples a sigma, and four or five sigma to
+/// either side.
 const FEW_TAPS: usize = 24;
 
-/// The sums of blocks of pixels, halved to fit. Adding n to every pixel adds a whole number to every sample,
-/// because a block's size is a multiple of what its sum is divided by.
+/// Sums blocks of pixels, and halves the sums to fit. Adding n to every pixel adds a whole number to every
+/// sample, because a block's size is a multiple of what its sum is divided by.
 fn sum_blocks(pixels: &[u16], block: u8, sums: &mut [u16]) {
     match block {
         2 => sum_chunks(pixels.as_chunks::<2>().0, 2, sums),

@@ -1,8 +1,8 @@
-//! Whether another spot on the row is nearly as high.
+//! Tests whether another spot on the row is nearly as high.
 //!
-//! The coarse search compares the light that its kernel gathers; a narrower or a wider spot of equal height
-//! gathers less or more. This check compares heights: the sum over half a width and the sum over the next
-//! half, of which the lower counts, so that a single bad pixel is no spot.
+//! The coarse search compares the light that its kernel gathers, and a narrower or wider spot of equal height
+//! gathers less or more. This check compares heights. It takes the sums over two neighbouring half widths, of
+//! which the lower one counts, so that a single bad pixel is no spot.
 
 use crate::centre::RowCentre;
 use crate::fault::Fault;
@@ -11,18 +11,18 @@ use crate::row::MAX_PIXELS;
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
-/// A spot that is closer than so many widths shows in the row's mirror image.
+/// Widths from the centre to the nearest other spot. A closer one shows in the row's mirror image.
 const APART: f32 = 4.0;
 
-/// The other spot has at least this share of the height, as in the coarse search, which confuses two spots
-/// from 0.8 on. A box of half a width loses up to a tenth more of a spot that is 0.7 times as wide, or that
-/// lies between two boxes.
+/// The least share of the spot's height that another spot has. The coarse search confuses two spots from a
+/// share of 0.8 on. A box of half a width loses up to a tenth more of a spot that is 0.7 times as wide, or
+/// that lies between two boxes.
 const SHARE: f32 = 0.62;
 
 /// Searches all of the row for another spot. Called for a frame's first row only.
 ///
 /// # Errors
-/// [`Fault::TwoSpots`].
+/// [`Fault::TwoSpots`] if there is another spot.
 #[inline(never)]
 pub(super) fn check(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<(), Fault> {
     let width = found.width.to_f32();
@@ -44,8 +44,8 @@ pub(super) fn check(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<(),
         let left = from.checked_sub(apart).and_then(height);
         (left, height(from.saturating_add(apart)))
     };
-    // Above the light to either side, so that a background that rises is no spot, and neither is its start or
-    // end.
+    // The height above the light on both sides. So a background that rises is no spot, and neither is the
+    // start or the end of its rise.
     let above = |from: usize| match beside(from) {
         (Some(left), Some(right)) => Some(height(from)?.saturating_sub(left.max(right))),
         _ => None,
@@ -64,8 +64,8 @@ pub(super) fn check(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<(),
     let own = near.filter_map(own).max().unwrap_or_default();
     let enough = (SHARE * own as f32) as u32;
     let far = |from: usize| from.saturating_add(half).abs_diff(centre) > apart;
-    // Box after box, each summed once. Boxes that do not stand out from the level under the spot are passed
-    // over: nearly all of them.
+    // One box after the other, each summed once. Nearly all boxes do not stand out from the level under the
+    // spot: these are skipped.
     let level = spot.background.level_bits().unsigned_abs();
     let level = level.saturating_mul(half as u32) >> Counts::FRACTION;
     let least = level.saturating_add(enough);

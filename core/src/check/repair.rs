@@ -1,9 +1,9 @@
 //! The robust fit: the adaptive phase-table score, and if the row fails the check about that centre, a fit of
 //! the pixels that belong to the spot.
 //!
-//! The first centre is `adaptive`'s. If the row is its own mirror image about it (see `symmetry`), as is
-//! usual, it stays. If not, three ways find samples that do not belong to the spot, each a series of fits
-//! ([`gauss_newton`]) to the rest:
+//! The first centre is `adaptive`'s. It stays if the row is its own mirror image about it (see `symmetry`),
+//! as is usual. If not, samples that do not belong to the spot are searched in three ways. Each way is a
+//! series of fits ([`gauss_newton`]) to the samples that are left:
 //!
 //! 1. **Pixels.** Hot and dead ones: the worst first, because one outlier bends the fit and makes good pixels
 //!    look bad until it is gone.
@@ -27,38 +27,39 @@ use crate::numeric;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 
-/// Standard deviations from which on a pixel is an outlier: of 128 good ones, one does so in a row of a
-/// hundred.
+/// The least deviation of an outlier, in standard deviations. In one row of a hundred, one of 128 good pixels
+/// gets there.
 const OUTLIER: f32 = 4.0;
 
-/// The share of the spot's height to which its shape is known: an exact Fresnel pattern lies up to 7 % from
-/// the gaussian that fits it best, most of it within a width.
+/// How well the shape of a spot is known, as a share of its height. An exact Fresnel pattern lies up to 7 %
+/// from the gaussian that fits it best, most of it within a width.
 const SHAPE: f32 = 0.02;
 
-/// The share to which the shape is known from pixel to pixel, over the square of the width in pixels: half of
-/// the second difference of lobes that are 2.66 widths apart, (2 pi / 2.66)^2 / 2.
+/// How well the shape is known from pixel to pixel, as a multiple of [`SHAPE`], times the square of the width
+/// in pixels: half of the second difference of lobes that are 2.66 widths apart, (2 pi / 2.66)^2 / 2.
 const CURVED: f32 = 2.8;
 
-/// Narrower spots, in pixels, have too few of them to leave any out.
+/// A narrower spot, in pixels, has too few pixels to leave any out.
 const NARROWEST: f32 = 1.0;
 
 /// A fit without some pixels of a narrower spot, in pixels, is flagged: the few bad pixels that are left may
 /// fit by chance.
 pub(super) const NARROWEST_SURE_REFIT: f32 = 2.5;
 
-/// More samples side by side are no bad pixels but light, which may be the spot.
+/// The most bad pixels side by side, in samples. More samples side by side are light, which may be the spot.
 const BAD_PIXELS: u32 = 3;
 
-/// Half of a window, in widths: a second spot at five with three to either side of it.
+/// Half of a window, in widths: room for a second spot at five widths, with three widths to either side of
+/// it.
 const HALF_WINDOW: f32 = 8.0;
 
-/// Samples to either side at least, which tell the level.
+/// The fewest samples to either side, from which the level is known.
 const FEWEST: usize = 16;
 
-/// Fits at most, each with more pixels left out.
+/// The most fits in a series. Each fit leaves out more pixels than the one before.
 const ROUNDS: usize = 6;
 
-/// The centre of a spot.
+/// Finds the centre of a spot.
 ///
 /// # Errors
 /// See [`crate::centre::centre`]; [`Fault::Saturated`] only where the pixels below full scale are too few.
@@ -74,7 +75,7 @@ pub fn centre(
         found => found?,
     };
     let checked = check_symmetry(row, spot, found, geometry);
-    // The tilt tables ignore a slope. To the fits that follow it would be an outlier.
+    // The tilt tables ignore a slope. The fits below would take it for outliers.
     if !checked.misfit || found.class.set == TILTED.number() {
         return Ok(checked);
     }
@@ -135,7 +136,7 @@ impl Scene<'_> {
         self.without_light(&mut window, start)
     }
 
-    /// A narrow spot has a short window, because it is fitted many times.
+    /// The window of a start. It is short for a narrow spot, because it is fitted many times.
     fn window(&self, start: &Start) -> Window {
         // `as` saturates.
         let half = ((HALF_WINDOW * start.width) as usize).max(FEWEST);
@@ -147,7 +148,7 @@ impl Scene<'_> {
         self.spot.background.variances(self.geometry).1
     }
 
-    /// Makes a centre of a fit, if the samples that were fitted pass the check about it.
+    /// Makes a centre of a fit, if the samples that are left pass the check about it.
     #[inline(never)]
     fn accept(
         &self,
@@ -165,7 +166,7 @@ impl Scene<'_> {
         let freedom = residuals.kept - 4.0;
         let is_noise = residuals.squares <= freedom + gauss_newton::allowed_scatter(freedom);
         let (uncertainty, width) = (found.uncertainty.to_f32(), found.width.to_f32());
-        // A first centre that was far off is a reason to doubt the second.
+        // A first centre that was more than a width off is a reason to doubt the second.
         let moved = self.found.centre.to_bits().abs_diff(found.centre.to_bits())
             > self.found.width.to_bits().unsigned_abs();
         let sound = fit.has_arrived()
@@ -208,7 +209,7 @@ impl Scene<'_> {
                 top = numeric::add_u32(top, of_top.into());
             }
         }
-        // The variance of the whole spot's centre.
+        // The variance of the centre if no sample were left out.
         let found = window.row_centre(fit);
         let (noise, shot) = self.spot.background.variances(self.geometry);
         let per_height = 1.0 / found.amplitude.to_f32();
@@ -251,10 +252,10 @@ impl Scene<'_> {
         None
     }
 
-    /// Leaves out the one sample whose absence leaves the least scatter.
+    /// Leaves out one sample: the one without which the rest scatters least.
     #[inline(never)]
     fn without_one(&self, window: &mut Window, at: Parameters) -> Option<RowCentre> {
-        // `as` saturates: a place beyond the window is at its end.
+        // `as` saturates: a place before the window becomes its first sample.
         let first = (at.centre - 3.0 * at.width) as usize;
         let end = ((at.centre + 3.0 * at.width) as usize).saturating_add(1);
         let mut best: Option<(f32, RowCentre)> = None;
@@ -278,8 +279,7 @@ impl Scene<'_> {
     }
 }
 
-/// Narrower spots than this, in pixels, are tried without each of their pixels in turn: at most twice 3 * 3
-/// and one.
+/// In a narrower spot than this, in pixels, each pixel in turn is left out: at most 2 * 3 * 3 + 1 of them.
 const NARROW: f32 = 3.0;
 
 /// How the samples of a window deviate from a spot.
@@ -311,7 +311,7 @@ impl Residuals {
         } else {
             from_spot
         };
-        // Each sample's deviation from the spot and its variance; the ones before.
+        // (deviation from the spot, variance) of the sample before, and of the one before that.
         let mut last: Option<(f32, f32)> = None;
         let mut middle: Option<(f32, f32)> = None;
         let mut place: Option<&mut f32> = None;
@@ -327,7 +327,7 @@ impl Residuals {
                 residuals.squares += *deviation;
                 residuals.kept += 1.0;
             }
-            // From the mean of its neighbours.
+            // The deviation from the mean of its neighbours.
             if let (Some(a), Some(b), Some(c), Some(place)) = (last, middle, next, place) {
                 let residual = b.0 - 0.5 * (a.0 + c.0);
                 let variance = b.1 + 0.25 * (a.1 + c.1) + from_neighbours;
@@ -348,7 +348,7 @@ impl Residuals {
     }
 }
 
-/// Masks outliers: the neighbours of one deviate from theirs by half as much.
+/// Masks outliers. An outlier makes its good neighbours deviate too, by half as much: these stay.
 fn mask(window: &mut Window, residuals: &Residuals) {
     let least = 0.6 * residuals.worst;
     let least = if least > OUTLIER { least } else { OUTLIER };
@@ -359,7 +359,7 @@ fn mask(window: &mut Window, residuals: &Residuals) {
     }
 }
 
-/// Widths about the centre that make the spot's top.
+/// The spot's top reaches this many widths from the centre.
 const TOP: f32 = 2.0;
 
 /// Masks all samples but the spot's top and the dark.
@@ -375,17 +375,17 @@ fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
     }
 }
 
-/// Masks the second spot that stands out most beside the spot's top, as far as it is more than a thousandth
-/// of the spot. A second spot has the spot's width, so at two widths to either side of it less than half of
-/// it is left (of a gaussian 14 %). `None` where there is none: a flare is wider, and a tail has no top of
-/// its own.
+/// Masks the second spot that stands out most beside the spot's top, wherever it has more than a thousandth
+/// of the spot's height. A second spot has the spot's width, so two widths from its top less than half of it
+/// is left (of a gaussian 14 %). `None` where no light falls like that: a flare is wider, and a tail has no
+/// top of its own.
 fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Option<()> {
     let mut beside = gauss_newton::exponentials(at);
     for (sample, light) in window.samples().iter().zip(&mut beside) {
         *light = sample.counts - at.level - at.amplitude * *light;
     }
     let beside = beside.get(..window.samples().len())?;
-    // Over about a width.
+    // The mean over about a width.
     let reach = (0.5 * at.width) as usize;
     let mean = |place: usize| {
         let from = place.saturating_sub(reach);
@@ -410,7 +410,7 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
     let flank = (2.0 * at.width) as i32;
     let falls = |place: i32| {
         let inside = usize::try_from(place).ok().and_then(mean);
-        // Beyond the window, where nothing of the first spot is left, the row itself.
+        // Beyond the window nothing of the first spot is left: take the row itself.
         let mean =
             inside.or_else(|| Some(window.mean(scene.row, scene.spot, place, reach)? - at.level));
         mean.is_some_and(|mean| mean < 0.5 * top)
@@ -431,11 +431,11 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
 /// A second spot's top is further than this many widths from the first's.
 const AWAY: f32 = 1.5;
 
-/// One over the share of the spot that a second spot may leave where it is not masked.
+/// One over the share of the spot's height that a second spot may have where it is not masked.
 const THOUSAND: f32 = 1000.0;
 
-/// The level under the spot: the mean of the samples less the spot. An outlier shifts the level, but by far
-/// less than it deviates itself.
+/// The level under the spot: the mean of the samples less the spot's light. An outlier shifts the level, but
+/// by far less than its own deviation.
 fn level(window: &Window, at: &Parameters) -> f32 {
     let light = gauss_newton::exponentials(at);
     let (mut sum, mut kept) = (0.0, 0.0);

@@ -3,24 +3,25 @@
 //! A sample is a pixel or the sum of a few. The check takes pairs of samples, one as far to the right of the
 //! centre as the other to the left, up to [`REACH`] widths. The centre lies up to a quarter of a pixel from
 //! the nearest place that mirrors pixels on pixels, so samples are interpolated linearly to equal distances.
-//! The error of interpolation is equal on both sides but for the third and the fifth derivative, which are
-//! subtracted as those of a gaussian.
+//! Interpolation makes the same error on both sides, but for the third and the fifth derivative of the
+//! profile. The check subtracts the errors that these two have for a gaussian.
 //!
 //! **Odd part**: z = right - left. A symmetric spot has none, whatever its shape. The variance of z is 2
-//! noise^2 + g p, with g the shot noise's variance a count and p = right + left the pair's own light. Of two
-//! pixels of equal noise p and z are not correlated, so a weight that depends on p adds no bias. With weights
-//! w = 1/variance, e = exp(-u^2/2) and u the distance in widths, z is projected on
+//! noise^2 + g p, with g the shot noise's variance a count and p = right + left the pair's own light. If two
+//! pixels have equal noise, p and z are not correlated, so a weight that depends on p adds no bias. With
+//! weights w = 1/variance, e = exp(-u^2/2) and u the distance in widths, z is projected on
 //!
 //! * u e, the *shift*: half of it is how far a weighted fit would move the centre. It must lie within the
 //!   uncertainty.
 //! * u, the *tilt*, and u^3 e, the *skew*, each less its part along the shift. A component with the product r
 //!   and the norm s = sum w f^2 has the variance s, so r^2 / s is a chi-square of one degree of freedom.
 //!
-//! In the rest no single pair may stand out, and the sum of squares must be one that noise explains.
+//! In what remains, no single pair may stand out, and the sum of squares must be one that noise explains.
 //!
 //! **Even part**: p is fitted by b + A e (1 + k2 u^2 + k4 u^4), unweighted. Optics make k4 as low as -0.040
-//! (sinc^2; Fresnel -0.017); two equal spots 2 widths apart have -0.077. The rest of an optical shape has a
-//! mean square of at most 0.0031 of that of A e (Fresnel), that of a box 0.04 and more.
+//! (sinc^2; Fresnel -0.017); two equal spots 2 widths apart have -0.077. What this fit leaves of an optical
+//! shape has a mean square of at most 0.0031 of that of A e (Fresnel). What it leaves of a box has 0.04 and
+//! more.
 
 use core::ops::Range;
 
@@ -32,67 +33,68 @@ use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
-/// Widths to either side that are compared.
+/// How far the pairs reach from the centre, in widths.
 const REACH: f32 = 6.0;
 
-/// A sample is as many pixels as make this part of a width, and no fewer than one.
+/// Samples in a width. A sample has at least one pixel, so a narrow spot has fewer samples.
 const SAMPLES_A_WIDTH: f32 = 6.0;
 
-/// How much real profiles differ from a gaussian in their third derivative, as a standard deviation over that
-/// derivative's correction: sinc^2 of a width of 0.8 pixels, where the correction is 5 % of the height,
-/// differs by less than a third of it.
+/// How much the third derivative of real profiles differs from a gaussian's: a standard deviation, as a share
+/// of the correction for that derivative. For sinc^2 of a width of 0.8 pixels, the correction is 5 % of the
+/// height, and the difference is less than a third of the correction.
 const OTHER_PROFILE: f32 = 0.3;
 
-/// With fewer pairs there is no check.
+/// The fewest pairs for a check.
 const FEWEST_PAIRS: f32 = 3.0;
 
-/// The same where samples were left out so that the others fit.
+/// The fewest pairs for a check where samples were left out so that the others fit.
 const FEWEST_OF_A_PART: f32 = 5.0;
 
-/// Standard deviations of tilt and skew: beyond by chance in a row of 7000 and of 5000.
+/// Limits of tilt and skew, in standard deviations. Noise exceeds them in one row of 7000 and in one of 5000.
 const TILT: f32 = 3.8;
 /// See [`TILT`].
 const SKEW: f32 = 3.7;
 
-/// Standard deviations of the worst pair: beyond by chance in a row of 12,000 where there are 32 pairs.
+/// Limit of the worst pair, in standard deviations. Noise exceeds it in one row of 12,000 that have 32 pairs.
 const WORST: f32 = 4.7;
 
-/// The sum of squares of n pairs may be so many standard deviations above n; and a constant more, because a
-/// chi-square is skewed: by (2/3)(3.7^2 - 1) after Cornish and Fisher.
+/// The sum of squares of n pairs may exceed n by so many standard deviations, and by a constant more, because
+/// a chi-square is skewed: (2/3)(3.7^2 - 1), after Cornish and Fisher.
 const SCATTER: f32 = 3.7;
 /// See [`SCATTER`].
 const SCATTER_SKEWED: f32 = 8.5;
 
-/// The square of the relative uncertainty of a noise's square, which is known to 3 % itself: see
-/// [`crate::spot::find`].
+/// The square of the relative uncertainty of the noise's square: 6 %, because the noise is known to 3 % (see
+/// [`crate::spot::find`]).
 const NOISE_SQUARED: f32 = 0.0036;
 
-/// A shift of so many times the uncertainty, and of so many pixels more, is too much.
+/// Limit of the shift: so many times the uncertainty, and [`SHIFTED_PIXELS`] more.
 const SHIFTED: f32 = 4.0;
-/// See [`SHIFTED`]: what profiles other than the gaussian move a table by, and its rounding.
+/// Pixels by which profiles other than the gaussian, and a table's rounding, move a centre.
 const SHIFTED_PIXELS: f32 = 0.02;
 
-/// k4 may be this low: between sinc^2 (-0.040) and two equal spots 1.8 widths apart.
+/// The lowest k4: between that of sinc^2 (-0.040) and that of two equal spots 1.8 widths apart.
 const FLAT: f32 = -0.05;
 
-/// The mean square of what is left of the even part, over that of the spot: twice Fresnel's.
+/// The largest mean square that the fit leaves of the even part, over that of the spot: twice Fresnel's.
 const SHAPE: f32 = 0.006;
 
-/// Standard deviations of both of these.
+/// How many standard deviations k4 and that mean square may be beyond their limits.
 const EVEN: f32 = 4.0;
 
-/// The same for a spot so narrow that it may be bad pixels: they are likelier than that noise.
+/// The same for a spot so narrow that it may be bad pixels: these are likelier than so much noise.
 const EVEN_OF_NARROW: f32 = 2.5;
 
-/// The share of all other limits for such a spot.
+/// Factor of all other limits for such a spot.
 const TRUST_OF_NARROW: f32 = 0.7;
 
-/// The least part of the norm of u^4 e that the other functions leave it: with less, k4 is rounding. Three or
-/// four pairs have too few samples for the four functions of the even part.
+/// The least norm of u^4 e that is left without its parts along the other functions, over its full norm. With
+/// less, k4 is only rounding: three or four pairs have too few samples for the four functions of the even
+/// part.
 const LEAST_NORM: f32 = 1e-5;
 
-/// Whether the row is its own mirror image about a centre, and has the shape of a spot there. `None` where
-/// the sensor's edge or the samples left out leave too few pairs.
+/// Tests whether the row is its own mirror image about a centre, and has the shape of a spot there. `None`
+/// where the sensor's edge or the samples left out leave too few pairs.
 pub(super) fn check(
     row: &Row<'_>,
     spot: &Spot,
@@ -130,7 +132,7 @@ fn fills(light: &[u16], found: &RowCentre) -> bool {
     centre < reach && end - centre < reach
 }
 
-/// Whether the converter's words are coarser than the noise.
+/// Whether the steps of the converter's words are coarser than the noise.
 fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
     let width = found.width.to_f32();
     let (centre, reach) = (found.centre.to_f32(), REACH * width + 4.0);
@@ -189,12 +191,12 @@ fn is_sharp(light: &[u16], spot: &Spot, found: &RowCentre, geometry: &Geometry) 
 /// Only spots this narrow, in pixels, can be bad pixels: three in a row look like one of 0.95.
 const SHARP_WIDTH: f32 = 1.5;
 
-/// The largest rise from pixel to pixel plus the largest fall, over the height of the highest pixel: a width
-/// of 0.8 with a pixel's edge in its middle has 1.5, sinc^2 1.6. Their sum has the noise of about four
-/// pixels.
+/// The largest rise from pixel to pixel plus the largest fall, over the height of the highest pixel. A width
+/// of 0.8 with a pixel's edge in its middle has 1.5, sinc^2 has 1.6. The sum of rise and fall has the noise
+/// of about four pixels.
 const SHARPEST: f32 = 1.6;
 
-/// Standard deviations of that.
+/// How many standard deviations of noise that sum may be beyond its limit.
 const SHARP: f32 = 2.5;
 
 /// How a row differs from its mirror image.
@@ -204,11 +206,11 @@ struct Symmetry {
     shift: f32,
     tilt: f32,
     skew: f32,
-    /// Their norms.
+    /// The norms of these functions.
     shift_norm: f32,
     tilt_norm: f32,
     skew_norm: f32,
-    /// Pixels that z = u e stands for.
+    /// Pixels of shift where z = u e.
     pixels_a_shift: f32,
     /// The square of the worst pair's deviation, in variances.
     worst: f32,
@@ -216,13 +218,13 @@ struct Symmetry {
     squares: f32,
     /// k4 and its standard deviation, if there are enough samples for it.
     flatness: Option<(f32, f32)>,
-    /// The mean square of the rest over that of the spot, and its standard deviation.
+    /// The mean square that the even fit leaves, over that of the spot, and its standard deviation.
     shape: f32,
     shape_deviation: f32,
 }
 
 impl Symmetry {
-    /// Whether noise explains all of the difference. Not-a-number is not clean.
+    /// Whether noise explains all of the difference. `false` if any of the numbers is not a number.
     fn is_clean(&self, found: &RowCentre, left_out: &LeftOut) -> bool {
         // A narrow spot without some of its pixels is flagged anyway.
         let is_wide = found.width.to_f32() > SHARP_WIDTH || left_out.samples != 0;
@@ -271,7 +273,7 @@ impl Symmetry {
         let per_s = 1.0 / s;
         let pitch = block * per_s;
         let mut u = (mirror.to_right + 0.5 * (block - 1.0)) * per_s;
-        // As in the fit of a spot: e from sample to sample by its ratio, and that by its own.
+        // As in the fit of a spot: each step multiplies e by `ratio`, and `ratio` by `falls`.
         let mut e = libm::expf(-0.5 * u * u);
         let mut ratio = libm::expf(-pitch * (u + 0.5 * pitch));
         let falls = libm::expf(-pitch * pitch);
@@ -297,7 +299,7 @@ impl Symmetry {
         {
             even.add(2.0 * interpolated(middle, level, mirror.offset), 0.0, 1.0);
         }
-        // A width of 2^15 pixels at most, and so a pitch of 1/6 or more.
+        // The width is at most 2^15 pixels, and so the pitch 1/6 or more.
         let most = ((REACH / pitch) as usize).saturating_add(1);
         let length = pixels.saturating_add(2);
         let mut from = mirror.right.saturating_sub(1);
@@ -331,7 +333,7 @@ impl Symmetry {
             e *= ratio;
             ratio *= falls;
         }
-        // What interpolation takes from white noise.
+        // Interpolation lowers the variance of white noise. This factor raises it again.
         let white = 1.0 / (1.0 - 2.0 * d * (1.0 - d) / block);
         let shape = even.solve();
         let per_height = 0.5 / height;
@@ -366,17 +368,17 @@ impl Symmetry {
 
 /// The place about which the row is mirrored.
 struct Place {
-    /// The first pixel right of it, at least 1, and one past the last to its left.
+    /// The first pixel to the right of that place, at least 1; and one past the last pixel to its left.
     right: usize,
     left: usize,
-    /// From it to that pixel: half a pixel or one.
+    /// From that place to pixel `right`: half a pixel or one.
     to_right: f32,
-    /// From it to the centre: within a quarter of a pixel.
+    /// From that place to the centre: within a quarter of a pixel.
     offset: f32,
 }
 
 impl Place {
-    /// The pixel's middle or end that is nearest. Left of the row there is nothing to its left.
+    /// Takes the nearest middle or end of a pixel. A place before the row has no pixels to its left.
     fn of(centre: Pixels) -> Self {
         const HALF_LOG2: u32 = Pixels::FRACTION - 1;
         let halves = centre.to_bits().saturating_add(1 << (HALF_LOG2 - 1)) >> HALF_LOG2;
@@ -395,9 +397,9 @@ impl Place {
     }
 }
 
-/// The light above a level (Q24.8 counts) of the pixels but the first and the last, moved by a part of a
-/// pixel towards the last or, if that part is negative, the first. The level is subtracted in whole numbers,
-/// so a constant on the row changes no bit.
+/// The light of a sample above a level (Q24.8 counts), with the sample moved by a part of a pixel. `pixels`
+/// has one more pixel at each end. A positive part moves the sample towards the last pixel, a negative one
+/// towards the first. The level is subtracted in whole numbers, so a constant on the row changes no bit.
 fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
     let [before, block @ .., after] = pixels else {
         return 0.0;
@@ -405,8 +407,8 @@ fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
     let (Some(first), Some(last)) = (block.first(), block.last()) else {
         return 0.0;
     };
-    // Both sides are on a row of at most 2^12 pixels: 2047 at most, of 4095 * 2^8 at most above or below the
-    // level, are below 2^31.
+    // At most 2047 pixels, because both sides are on a row of at most 2^12. Each is at most 4095 * 2^8 above
+    // or below the level: the sum is below 2^31.
     let sum = block.iter().fold(0, |sum, &count| {
         let above = numeric::sub_i32(i32::from(count) * (1 << Counts::FRACTION), level);
         numeric::add_i32(sum, above)
@@ -600,8 +602,7 @@ mod tests {
         }
     }
 
-    /// A symmetric spot of these widths in pixels, with a count of noise, and its comparison with its mirror
-    /// image.
+    /// Compares a symmetric spot with its mirror image: the width is in pixels, the noise is a count.
     fn symmetry(width: f32, centre: f32, seed: u32) -> (Symmetry, RowCentre) {
         let light: [u16; 64] = core::array::from_fn(|i| {
             let u = (i as f32 - centre) / libm::sqrtf(width * width + 1.0 / 12.0);
@@ -634,8 +635,7 @@ mod tests {
         (symmetry, found)
     }
 
-    /// With three or four pairs rounding is often all that is left of the norm of u^4 e, and its root no
-    /// number.
+    /// With three or four pairs the norm of u^4 e is often nothing but rounding, and its root not a number.
     #[test]
     fn flatness_is_a_number_or_is_not_tested() {
         let (mut few, mut without, mut flagged) = (0, 0, 0);

@@ -1,9 +1,8 @@
-//! Eq. (1): from the centre of the spot to the distance of the target.
+//! Eq. (1): converts the centre of the spot to the distance of the target.
 //!
-//! With t = tan u, d0 + b tan(u - atan(x/f)) = D + K/(x - xp), where D = d0 - b/t, xp = -f/t and
-//! K = b f (1 + t^2)/t^2: no trigonometry, and three parameters rather than four, because (d0, u, b, f) give
-//! the same
-//! curve along a line of values and cannot be told apart by data.
+//! With t = tan u, d0 + b tan(u - atan(x/f)) = D + K/(x - xp), where D = d0 - b/t, xp = -f/t and K = b f (1 +
+//! t^2)/t^2. This form needs no trigonometry, and three parameters rather than four: (d0, u, b, f) give the
+//! same curve along a line of values, so data cannot tell the four apart.
 
 use core::fmt;
 use core::ops::RangeInclusive;
@@ -24,23 +23,23 @@ pub struct Eq1 {
     pole: Pixels,
     /// The centres for which the curve holds.
     valid: (Pixels, Pixels),
-    /// |K| in Q40.24: over |x - xp| it is |d - D| in Q24.8.
+    /// |K| in Q40.24. Divided by |x - xp| it gives |d - D| in Q24.8.
     dividend: Dividend,
-    /// 1 where the range lies beyond xp, -1 where before it.
+    /// 1 if the range lies beyond xp, -1 if it lies before xp.
     beyond_pole: i32,
-    /// 1 where the distances lie above D, -1 where below.
+    /// 1 if the distances lie above D, -1 if they lie below.
     above_d: i32,
     /// [`SLOPE`] with the sign of the slope.
     slope: f32,
 }
 
-// Its floats are numbers.
+// Its floats are never not-a-number.
 impl Eq for Eq1 {}
 
-/// Why numbers are no eq. (1).
+/// Why numbers do not give a curve of eq. (1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Eq1Error {
-    /// K is zero, or so large that it leaves what is divided (|K| must be below 2^39 um px).
+    /// K is zero, or |K| is 2^39 um px or more, which is too large for the division.
     K,
     /// The range of centres is empty or a single point.
     Empty,
@@ -73,16 +72,14 @@ impl fmt::Display for Eq1Error {
 
 impl core::error::Error for Eq1Error {}
 
-/// The least slope of a calibration, as halvings of a micrometre a pixel: a sixteenth. A curve that is
-/// flatter would claim to
-/// know the distance better than it can be held, wherever the spot is.
+/// The least slope of a calibration, a sixteenth of a micrometre a pixel, in halvings of one micrometre a
+/// pixel. A flatter curve would claim to know the distance better than [`Micrometres`] can hold it, wherever
+/// the spot is.
 pub const FLATTEST_SHIFT: u32 = 4;
 
-/// The calibration of the paper's geometry on a TCD1304DG, used until a sensor has its own: slit 50 mm from
-/// the
-/// sensor (f), baseline 300 mm (b), tan u = 2.6, d0 = 0, optical axis through the middle of the 3648 pixels
-/// of 8 um.
-/// Valid from 0.55 m to 1.10 m.
+/// The calibration of the paper's geometry on a TCD1304DG, used until a sensor has its own. Slit 50 mm from
+/// the sensor (f), baseline 300 mm (b), tan u = 2.6, d0 = 0, optical axis through the middle of the 3648
+/// pixels of 8 um. Valid from 0.55 m to 1.10 m.
 ///
 /// D = -b/t, xp = 1823.5 px - f/t, K = b f (1 + t^2)/t^2.
 pub const NOMINAL: Result<Eq1, Eq1Error> = Eq1::new(
@@ -92,19 +89,19 @@ pub const NOMINAL: Result<Eq1, Eq1Error> = Eq1::new(
     Pixels::from_int(1191)..=Pixels::from_int(2654),
 );
 
-/// What makes a slope in micrometres a pixel of the product of a quotient's estimate, |d - D| in Q24.8, and
-/// reciprocal, 2^12 over
-/// |x - xp| in Q16.16; and makes up for what those two lack, 8 times 2^-24 each.
+/// Converts a product to a slope in micrometres a pixel. The product is that of a quotient's estimate (|d -
+/// D| in Q24.8) and its reciprocal (2^12 over |x - xp| in Q16.16). The factor also makes up for what those
+/// two lack, 8 times 2^-24 each.
 const SLOPE: f32 = 1.0 / 16.0 * (1.0 + 16.0 / (1u32 << 24) as f32);
 
 /// tan u of [`NOMINAL`].
 const T: f64 = 2.6;
 
 impl Eq1 {
-    /// Eq. (1) from D, K (um px, Q48.16), xp, and the centres for which it holds.
+    /// Makes eq. (1) from D, K (um px, Q48.16), xp, and the centres for which it holds.
     ///
     /// # Errors
-    /// The numbers give no curve over that range; [`Eq1Error`] says why.
+    /// The numbers give no usable curve over that range; [`Eq1Error`] says why.
     pub const fn new(
         d: Micrometres,
         k: i64,
@@ -137,7 +134,8 @@ impl Eq1 {
             above_d: if is_above_d { 1 } else { -1 },
             slope: if k > 0 { -SLOPE } else { SLOPE },
         };
-        // The curve is monotone on one side of its pole: if both ends can be held, so can all between.
+        // The curve is monotone on one side of its pole: if the distances at both ends fit, so do all
+        // between.
         if !curve.holds(first) || !curve.holds(last) {
             return Err(Eq1Error::Distance);
         }
@@ -156,8 +154,8 @@ impl Eq1 {
         (self.k.unsigned_abs() as u128) * (1 << (Pixels::FRACTION + FLATTEST_SHIFT)) < span * span
     }
 
-    /// Whether the distance at a centre can be held: |K/(x - xp)|, rounded, is not more than there is room
-    /// for beside D.
+    /// Whether the distance at a centre fits into [`Micrometres`]: |K/(x - xp)|, rounded, must not exceed the
+    /// room beside D.
     const fn holds(&self, centre: Pixels) -> bool {
         let end = if self.above_d > 0 { i32::MAX } else { i32::MIN };
         let room = end.abs_diff(self.d.to_bits()) as u64;
@@ -166,20 +164,18 @@ impl Eq1 {
         numeric::add_u64(self.dividend.value(), off_pole / 2) < numeric::mul_u64(room + 1, off_pole)
     }
 
-    /// |x - xp| in Q16.16 pixels, for a centre on the range's side of xp: a difference of two i32 fits an u32.
+    /// |x - xp| in Q16.16 pixels, for a centre on the range's side of xp. A difference of two i32 fits a u32.
     const fn off_pole(&self, centre: Pixels) -> u32 {
         let beyond = centre.to_bits().wrapping_sub(self.pole.to_bits());
         beyond.wrapping_mul(self.beyond_pole) as u32
     }
 
-    /// The distance at a centre, and the curve's slope there in micrometres a pixel (negative where the
-    /// distance
-    /// falls as the centre grows).
+    /// The distance at a centre, and the curve's slope there in micrometres a pixel. The slope is negative
+    /// where the distance falls as the centre grows.
     ///
-    /// The distance is D + K/(x - xp) rounded to Q24.8, right to the last bit (where it lies in the middle
-    /// between two, the one
-    /// that is further from D), and so it never turns back. The slope is off by at most 5e-7 of it: eight
-    /// roundings of 2^-24.
+    /// The distance is D + K/(x - xp) rounded to Q24.8, right to the last bit, and so it never turns back.
+    /// Half-way between two steps it is the one further from D. The slope is off by at most 5e-7 of itself:
+    /// eight roundings of 2^-24.
     ///
     /// # Errors
     /// [`Fault::OutOfRange`] where the curve is not valid.
@@ -188,9 +184,10 @@ impl Eq1 {
         if centre < self.valid.0 || centre > self.valid.1 {
             return Err(Fault::OutOfRange { centre });
         }
-        // A pixel from the pole or more, and the quotient is less than 2^32: `new` has refused all else.
+        // `new` has ensured that the centre is a pixel or more from the pole, and that the quotient is less
+        // than 2^32.
         let quotient = self.dividend.over(self.off_pole(centre));
-        // An i32 (`holds`), whatever of it the sum passes through.
+        // The sum fits an i32 (`holds`), even if a part of it wraps.
         let above_d = (quotient.rounded as i32).wrapping_mul(self.above_d);
         let distance = Micrometres::from_bits(self.d.to_bits().wrapping_add(above_d));
         Ok((

@@ -41,7 +41,7 @@ impl Interval {
         self.way(self.to.centre)
     }
 
-    /// From the first knot to a centre that does not lie before it, in steps of Q16.16 pixels.
+    /// The distance from the first knot to a centre that does not lie before it, in steps of Q16.16 pixels.
     const fn way(&self, centre: Pixels) -> u32 {
         centre.to_bits().wrapping_sub(self.from.centre.to_bits()) as u32
     }
@@ -68,18 +68,19 @@ impl Interval {
 
     /// The largest slope of the interval's cubic, without sign, in micrometres a pixel.
     pub fn steepest(&self, controls: Controls) -> f32 {
-        // The slope is a parabola, which lies between the largest and the least of its control points: the
-        // differences of the curve's. They lie between the knots: no difference exceeds the rise.
+        // The slope is a parabola. It lies between the largest and the least of its control points, which are
+        // the differences of the curve's control points. Those lie between the knots, so no difference
+        // exceeds the rise.
         let step = |from: Micrometres, to: Micrometres| from.to_bits().abs_diff(to.to_bits());
         let most = step(self.from.value, controls.0)
             .max(step(controls.0, controls.1))
             .max(step(controls.1, self.to.value));
-        // Below 2^30, as the rise.
+        // Below 2^30, as the rise is.
         self.per_third(most as i32)
     }
 
-    /// Steps of Q24.8 micrometres over a third of the interval, as micrometres a pixel. There are less than
-    /// 2^30, and an interval has at least a sixteenth of a pixel: below 3 * 2^26.
+    /// Converts a rise over a third of the interval (steps of Q24.8 micrometres) to micrometres a pixel. The
+    /// rise is less than 2^30 steps, and an interval has at least a sixteenth of a pixel: below 3 * 2^26.
     #[inline(always)]
     fn per_third(&self, rise: i32) -> f32 {
         const UNITS: f32 = (1u32 << (Pixels::FRACTION - Micrometres::FRACTION)) as f32;
@@ -94,8 +95,8 @@ pub type Controls = (Micrometres, Micrometres);
 /// the intervals to either side, where there are any.
 pub fn controls(before: Option<Interval>, this: Interval, after: Option<Interval>) -> Controls {
     let (from, to) = (this.from.value, this.to.value);
-    // A slope of at most 1.5 goes at most half of the way from either end, and half-way the roundings from
-    // both ends give the same: they do not pass each other.
+    // A slope of at most 1.5 goes at most half of the way from either end. Half-way, the roundings from both
+    // ends give the same value, so the control points do not pass each other.
     let third = |slope: f32| fraction(slope / 3.0);
     let first = third(slope_at_knot(this, before, after));
     let last = third(slope_at_knot(this, after, before));
@@ -105,21 +106,21 @@ pub fn controls(before: Option<Interval>, this: Interval, after: Option<Interval
 /// The curve's slope at a knot of an interval, as a multiple of the interval's secant. `beyond` is the
 /// interval on the other side of the knot, `opposite` the one at the other end.
 ///
-/// Where both sides rise or both fall, the harmonic mean of their secants, weighted by their lengths; at a
-/// turn zero; at the curve's end that of the parabola through three knots. At most 1.5 times the lesser
-/// secant, so that control points keep their order (PCHIP as usual has up to 3, which differs where a secant
-/// is more than about three times its neighbour).
+/// If both intervals rise or both fall: the harmonic mean of their secants, weighted by their lengths. At a
+/// turn: zero. At the curve's end: the slope of the parabola through three knots. The slope is at most 1.5
+/// times the lesser secant, so that control points keep their order. (PCHIP as usual has up to 3, which
+/// differs where a secant is more than about three times its neighbour.)
 fn slope_at_knot(this: Interval, beyond: Option<Interval>, opposite: Option<Interval>) -> f32 {
     let length = this.length() as f32;
-    // This secant over another: products of less than 2^64, so the quotient is finite or the other's rise is
-    // zero.
+    // This secant over another. The products are less than 2^64, so the quotient is finite, unless the
+    // other's rise is zero.
     let ratio = |other: Interval| {
         (this.rise() as f32 * other.length() as f32) / (other.rise() as f32 * length)
     };
     match (beyond, opposite) {
         (Some(beyond), _) => {
             let ratio = ratio(beyond);
-            // Not so for not-a-number, from two secants of zero.
+            // False for not-a-number, which two secants of zero give.
             if ratio > 0.0 {
                 let other = beyond.length() as f32;
                 let mean = 3.0 * (length + other)
@@ -139,22 +140,22 @@ fn slope_at_knot(this: Interval, beyond: Option<Interval>, opposite: Option<Inte
     }
 }
 
-/// A part of the way from 0 to 1 in Q0.31: the 24 bits of an f32 or what of them reaches 2^-31, but for 1,
-/// which becomes 1 - 2^-31. Not-a-number becomes 0.
+/// Converts a part of the way, from 0 to 1, to Q0.31, as exactly as the 24 bits of an f32 allow. Not-a-number
+/// becomes 0, and 1 becomes 1 - 2^-31.
 fn fraction(part: f32) -> i32 {
     // The product is exact, being by a power of two; `as` takes the whole part and saturates.
     (part * (1u32 << 31) as f32) as i32
 }
 
-/// From one value a part (Q0.31, 0 or more) of the way towards another, rounded. They differ by less than
-/// [`MAX_RISE`].
+/// Goes from one value a part (Q0.31, 0 or more) of the way towards another, and rounds. The two differ by
+/// less than [`MAX_RISE`].
 ///
-/// Monotone in each argument: with d = to - from, from + round(d part) falls nowhere where `to` or, as part
-/// is at most 1, `from` rises; and as `part` rises it goes the way of d. At the largest part it is `to`: d
-/// 2^-31 is less than a half.
+/// Monotone in each argument. With d = to - from the result is from + round(d part). It never falls as `to`
+/// rises, nor as `from` rises, because part is at most 1. As `part` rises the result goes the way of d. At
+/// the largest part the result is `to`, because d 2^-31 is less than a half.
 const fn between(from: Micrometres, to: Micrometres, part: i32) -> Micrometres {
-    // Twice the rise is below 2^31, and its product with the part below 2^62; the sum lies between from and
-    // to times 2^32, and a half: one instruction of the chip (SMMLAR).
+    // Twice the rise is below 2^31, and its product with the part below 2^62. The sum lies between from and
+    // to, both times 2^32, and a half more: one instruction of the chip (SMMLAR).
     let rise = to.to_bits().wrapping_sub(from.to_bits());
     let twice = numeric::mul_i32(rise, 2);
     let from = from.to_bits() as i64 * (1 << 32) + (1 << 31);
@@ -166,7 +167,7 @@ const fn between(from: Micrometres, to: Micrometres, part: i32) -> Micrometres {
 mod tests {
     use super::*;
 
-    /// Lengths and rises of intervals that follow each other, from 0.
+    /// Makes intervals that follow each other, from 0, of these lengths and rises.
     fn intervals<const N: usize>(steps: [(f32, f32); N]) -> [Interval; N] {
         let (mut centre, mut value) = (0.0, 0.0);
         steps.map(|(length, rise)| {

@@ -16,8 +16,8 @@ pub const MAX_KNOTS: usize = 129;
 /// to 2^26 um a pixel.
 pub const CLOSEST: Pixels = Pixels::from_bits(1 << (Pixels::FRACTION - 4));
 
-/// At least two knots in the order of their centres, [`CLOSEST`] or more apart, whose values differ by less
-/// than 4.19 m from one to the next; and the cubics between them.
+/// A curve through two or more knots, with a monotone cubic between neighbours. The knots are in the order of
+/// their centres and [`CLOSEST`] or more apart. The values of neighbours differ by less than 4.19 m.
 ///
 /// Between two knots the curve rises if the second is higher, falls if it is lower, and never leaves their
 /// values. At a knot it is exact. Elsewhere its arithmetic is off by at most 2^-22 of the difference between
@@ -26,8 +26,8 @@ pub const CLOSEST: Pixels = Pixels::from_bits(1 << (Pixels::FRACTION - 4));
 pub struct Knots {
     /// The first centre and the last.
     valid: (Pixels, Pixels),
-    /// The knots' centres, and beyond the last knot the largest centre that there is: the search needs no
-    /// length.
+    /// The knots' centres. Beyond the last knot, the largest centre that there is, so that the search needs
+    /// no length.
     centres: [Pixels; MAX_KNOTS],
     pieces: Vec<Piece, MAX_KNOTS>,
 }
@@ -41,7 +41,7 @@ struct Piece {
 }
 
 impl Knots {
-    /// The curve through knots.
+    /// Makes the curve through knots.
     ///
     /// # Errors
     /// [`KnotsError`] says which knot is wrong.
@@ -116,11 +116,11 @@ impl Knots {
         self.valid
     }
 
-    /// The interval that a centre is in: the last knot before the centre, or the first knot where none is.
+    /// Finds the interval that a centre is in: the last knot before the centre, or the first knot if none is
+    /// before it.
     ///
-    /// Bit by bit, from the highest: if knot `index` lies before the centre, so do all knots before it. This
-    /// takes a third fewer
-    /// instructions than `partition_point`.
+    /// Sets the index bit by bit, from the highest: if knot `index` lies before the centre, so do all knots
+    /// before it. This takes a third fewer instructions than `partition_point`.
     #[inline(always)]
     fn interval(&self, centre: Pixels) -> usize {
         let mut index = 0;
@@ -135,8 +135,8 @@ impl Knots {
         index
     }
 
-    /// The value at a centre, and the slope there in micrometres a pixel; at a knot that of the interval
-    /// before it.
+    /// The value at a centre, and the slope there in micrometres a pixel. At a knot, the slope of the
+    /// interval before it.
     ///
     /// # Errors
     /// [`Fault::OutOfRange`] before the first knot and beyond the last.

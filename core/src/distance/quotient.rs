@@ -1,28 +1,26 @@
-//! A constant of 63 bits over a variable of 32, rounded, right to the last bit, in 25 instructions rather
-//! than the 250 of a
-//! division in software.
+//! Divides a constant of 63 bits by a variable of 32 bits and rounds, right to the last bit. Takes 25
+//! instructions; a division in software takes 250.
 //!
-//! It is a division by hand, of two digits: f32 estimates a digit, integers take it away and leave an exact
-//! rest, from which
-//! f32 estimates the next digit. No estimate is too large, as the reciprocal is made too small by more than
-//! roundings make up
-//! for. What the second digit lacks is one or nothing, and the last rest says which.
+//! This is long division with two digits. f32 estimates the first digit, and integers subtract it and leave
+//! an exact rest. From that rest f32 estimates the second digit. No estimate is too large, because the
+//! reciprocal is made too small by more than the roundings can add. The second digit is right or one too
+//! small, and the last rest says which.
 
 use crate::numeric;
 
-/// What is divided.
+/// The constant that is divided.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dividend {
     /// Below 2^63.
     value: u64,
-    /// The same in units of 2^12, rounded.
+    /// The value in units of 2^12, rounded.
     float: f32,
 }
 
 /// A dividend over a divisor.
 #[derive(Clone, Copy, Debug)]
 pub struct Quotient {
-    /// To the nearest whole number, up where there are two.
+    /// Rounded to the nearest whole number; a half rounds up.
     pub rounded: u32,
     /// A little less than the quotient: by 4 to 12.1 times 2^-24 of it.
     pub estimate: f32,
@@ -30,15 +28,15 @@ pub struct Quotient {
     pub reciprocal: f32,
 }
 
-/// 2^12, and eight roundings of 2^-24 less.
+/// 2^12, less eight roundings of 2^-24.
 const RECIPROCAL_OF: f32 = UNIT * (1.0 - 8.0 / (1u32 << 24) as f32);
 
-/// The rest that the first digit leaves is looked at in units of this.
+/// f32 takes the rest that the first digit leaves in units of this.
 const UNIT: f32 = (1u32 << UNIT_SHIFT) as f32;
 const UNIT_SHIFT: u32 = 12;
 
 impl Dividend {
-    /// A value below 2^63.
+    /// Makes a dividend of a value below 2^63.
     pub const fn new(value: u64) -> Self {
         Self {
             value,
@@ -51,16 +49,18 @@ impl Dividend {
         self.value
     }
 
-    /// Over a divisor of 2^16 or more, where the quotient rounded is below 2^32.
+    /// Divides by a divisor of 2^16 or more. The rounded quotient must be below 2^32.
     ///
     /// With e = 2^-24, each rounding of f32 changes a number by at most a part e of it.
     ///
-    /// - The reciprocal has that of the divisor and its own, the estimate two more: it is at least 8 e - 4.01 e and at most
-    ///   12.01 e of the quotient below it. So `first` is not above the quotient, and below it by less than
-    ///   12.01 * 2^8 + 1 < 3076; with the half that rounds, the rest is less than 3077 divisors, and so than 2^44.
-    /// - In units the rest loses less than one in becoming whole, a sixteenth of the divisor at most. With the same roundings as
-    ///   before the estimate of rest / divisor is not above it, and less than 1/16 + 3077 * 12.01 e < 0.07 below it: its whole
-    ///   part is right or one too small, and `second` one too large or right. The last rest is below zero where it is too large.
+    /// - The reciprocal has the rounding of the divisor and its own, the estimate two more. So the estimate
+    ///   is below the quotient by at least 8 e - 4.01 e and at most 12.01 e of it. So `first` is not above
+    ///   the quotient, and below it by less than 12.01 * 2^8 + 1 < 3076. With the half that rounds, the rest
+    ///   is less than 3077 divisors, and so than 2^44.
+    /// - In units the rest loses less than one in becoming whole, a sixteenth of the divisor at most. With
+    ///   the same roundings as before, the estimate of rest / divisor is not above it, and less than
+    ///   1/16 + 3077 * 12.01 e < 0.07 below it. So its whole part is right or one too small, and `second` one
+    ///   too large or right. If it is too large, the last rest is below zero.
     #[inline(always)]
     pub fn over(self, divisor: u32) -> Quotient {
         let wide = u64::from(divisor);
@@ -71,7 +71,7 @@ impl Dividend {
         let dividend = numeric::add_u64(self.value, u64::from(divisor / 2));
         let rest = numeric::sub_u64(dividend, u64::from(first) * wide);
         let second = numeric::add_u32(((rest >> UNIT_SHIFT) as u32 as f32 * reciprocal) as u32, 1);
-        // From -2^32 to 2^32: modulo 2^64 it is right.
+        // From -2^32 to 2^32, so right modulo 2^64.
         let rest = rest.wrapping_sub(u64::from(second) * wide) as i64;
         let too_large = u32::from(rest < 0);
         Quotient {
@@ -91,7 +91,7 @@ mod tests {
         (value + u64::from(divisor / 2)) / u64::from(divisor)
     }
 
-    /// Of any two numbers, and of those next to where the quotient rounded changes.
+    /// Divides random numbers, and the numbers next to where the rounded quotient changes.
     #[test]
     fn every_quotient_is_right_to_the_last_bit() {
         let mut random = 6u64;
@@ -106,7 +106,7 @@ mod tests {
         let many = if cfg!(miri) { 300 } else { 1_000_000 };
         let (mut below, mut above) = (f64::MAX, 0.0f64);
         for _ in 0..many {
-            // Of every length.
+            // Divisors and quotients of every length in bits.
             let divisor = ((next() as u32) >> (next() % 16)).max(1 << 16);
             let whole = (next() as u32) >> (next() % 32);
             let edge = u64::from(whole) * u64::from(divisor) + u64::from(divisor / 2);
@@ -140,13 +140,13 @@ mod tests {
         assert!(below >= 4.0 - 0.01 && above <= 12.01);
     }
 
-    /// Where each length ends.
+    /// Divides at the ends of the allowed ranges.
     #[test]
     fn the_ends_of_the_range() {
         for divisor in [1 << 16, (1 << 16) + 1, 1 << 31, u32::MAX - 1, u32::MAX] {
             let most = u64::from(divisor) * u64::from(u32::MAX) + u64::from((divisor - 1) / 2);
             for value in [0, 1, most, most - 1, u64::from(divisor) - 1] {
-                // The most that is allowed, and for wide divisors less.
+                // `most` may be beyond 2^63 for wide divisors.
                 let value = value.min((1 << 63) - 1);
                 assert_eq!(
                     u64::from(Dividend::new(value).over(divisor).rounded),

@@ -13,8 +13,8 @@ use crate::units::{Micrometres, Pixels};
 /// Eq. (1) plus residuals, valid from their first knot to their last.
 ///
 /// The residuals change the curve's slope by at most half of it, so that the distance still rises or falls
-/// with the centre. As both parts are rounded each for itself, it does so but for four steps of Q24.8 (0.016
-/// um) and 2^-22 of the difference of neighbouring residuals.
+/// with the centre. Each of the two parts is rounded, so the distance may turn back by four steps of Q24.8
+/// (0.016 um) and 2^-22 of the difference of neighbouring residuals.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Corrected {
     curve: Eq1,
@@ -22,12 +22,12 @@ pub struct Corrected {
     residuals: Knots,
 }
 
-/// Steps of Q24.8 that distances at the ends stay away from the ends of [`Micrometres`], so that what lies
-/// between cannot leave it by rounding: more than four and 2^-22 of 2^30.
+/// The distances at the ends stay so many steps of Q24.8 away from the ends of [`Micrometres`], so that
+/// rounding cannot leave it in between: more than four and 2^-22 of 2^30.
 const MARGIN: i32 = 1024;
 
 impl Corrected {
-    /// Eq. (1) with residuals (distance less curve) at knots.
+    /// Makes eq. (1) with residuals (distance less curve) at knots.
     ///
     /// # Errors
     /// [`CorrectedError`] says which knot is wrong.
@@ -59,7 +59,8 @@ impl Corrected {
         Ok(corrected)
     }
 
-    /// The first knot up to which the residuals change the slope by more than half of the curve's.
+    /// Finds the first interval in which the residuals change the slope by more than half of the curve's, and
+    /// returns its second knot.
     fn steep(&self) -> Option<(usize, Knot)> {
         let mut intervals = (1..self.residuals.len()).zip(self.residuals.steepest());
         intervals.find_map(|(index, (from, to, steepest))| {
@@ -89,12 +90,12 @@ impl Corrected {
     pub fn distance_at(&self, centre: Pixels) -> Result<(Micrometres, f32), Fault> {
         let (residual, change) = self.residuals.at(centre)?;
         let (distance, slope) = self.curve.distance_at(centre)?;
-        // It always fits: both ends do, with a margin, and what rounding takes from the sum's order is less.
+        // It always fits: both ends do, with a margin, and rounding takes less than that margin.
         let bits = distance
             .to_bits()
             .checked_add(residual.to_bits())
             .ok_or(Fault::OutOfRange { centre })?;
-        // Half of the slope is what `new` allows; over a short interval the tangent's rounding may add to it.
+        // `new` allows half of the slope. Over a short interval the tangent's rounding may exceed that.
         let most = 0.5 * slope.abs();
         Ok((
             Micrometres::from_bits(bits),
@@ -118,10 +119,10 @@ impl Corrected {
     }
 }
 
-/// Why residuals do not go with a curve. An index counts from 0.
+/// Why residuals do not fit a curve. An index counts from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CorrectedError {
-    /// Their knots are no curve.
+    /// The knots of the residuals give no curve.
     Knots(KnotsError),
     /// A knot lies where eq. (1) is not valid.
     Beyond {

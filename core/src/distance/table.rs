@@ -7,15 +7,15 @@ use crate::distance::eq1::FLATTEST_SHIFT;
 use crate::fault::Fault;
 use crate::units::{Micrometres, Pixels};
 
-/// Distances at knots that all rise or all fall with the centre, by a sixteenth of a micrometre a pixel at
-/// least; so do those in between, without a step back. Valid from the first knot to the last.
+/// Distances at knots. They all rise or all fall with the centre, by at least a sixteenth of a micrometre a
+/// pixel, and so do the distances in between, without a step back. Valid from the first knot to the last.
 ///
 /// For its arithmetic's error see [`Knots`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Table(Knots);
 
 impl Table {
-    /// The table of the knots' distances.
+    /// Makes a table of the knots' distances.
     ///
     /// # Errors
     /// [`TableError`] says which knot is wrong.
@@ -58,12 +58,12 @@ impl Table {
     }
 }
 
-/// Why knots are no table of distances. An index counts from 0.
+/// Why knots give no table of distances. An index counts from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableError {
-    /// They are no curve.
+    /// The knots give no curve.
     Knots(KnotsError),
-    /// From the knot before to this one the distance does not go the way that it goes from the first to the
+    /// From the knot before to this one, the distance does not go the same way as from the first knot to the
     /// last, or by less than a sixteenth of a micrometre a pixel.
     NotMonotone {
         /// Which.

@@ -1,17 +1,17 @@
-//! What each row of a frame counts for: the more certain the more, and the further from the others the less.
+//! Weighs the rows of a frame: more certain rows count more, rows further from the others count less.
 //!
-//! A row's weight is 1/u^2, u being its own uncertainty, times Tukey's biweight of its residual from the
-//! mean, r in u: (1 - (r/c)^2)^2, and nothing beyond c. A wrong row lies away from the others. It is left out
-//! if a majority agrees; without a majority nothing tells which rows are wrong. A steady motion of the target
-//! is subtracted first.
+//! A row's weight is 1/u^2 times Tukey's biweight, (1 - (r/c)^2)^2, or zero where r is beyond c. u is the
+//! row's own uncertainty, and r its residual from the mean in units of u. A wrong row lies away from the
+//! others. It is left out if a majority agrees; without a majority nothing tells which rows are wrong. A
+//! steady motion of the target is subtracted first.
 
 use super::{
     Member, Members, birge_ratio, from_ordered, median, motion, number, ordered, scatter, square,
     weighted_mean,
 };
 
-/// Tukey's constant, in standard deviations: of normal errors the mean has 95 % of the best one's efficiency
-/// (A. E. Beaton and J. W. Tukey, Technometrics 16, 147 (1974)).
+/// Tukey's constant c, in standard deviations. For normal errors this mean has 95 % of the efficiency of the
+/// best one (A. E. Beaton and J. W. Tukey, Technometrics 16, 147 (1974)).
 const REACH: f32 = 4.685;
 
 /// A standard deviation over the median of absolute deviations, for a normal distribution.
@@ -28,22 +28,22 @@ const REWEIGHTS: usize = 5;
 /// the first estimate.
 const MOTION_PASSES: usize = 4;
 
-/// No row counts as more than so many times as certain as the median row: a row that claims too small an
-/// uncertainty weighs at most as much as 64 others.
+/// A row counts at most as if it were so many times as certain as the median row. So a row that claims too
+/// small an uncertainty weighs at most as much as 64 others.
 const MOST_CERTAIN: f32 = 8.0;
 
-/// With so many rows or more their own scatter tells how far one of them may lie. The median deviation of n
-/// normal values is known to 1.17 / sqrt(n), 41 % of 8 rows; with fewer, only the rows' uncertainties tell
+/// From so many rows on, their own scatter tells how far one of them may lie. The median deviation of n
+/// normal values is known to 1.17 / sqrt(n), 41 % for 8 rows. With fewer rows only their uncertainties tell
 /// it.
 const ENOUGH_TO_SCATTER: usize = 8;
 
-/// With so many rows or more a frame without a majority is always a fault. With fewer the mean of all is no
-/// confident error: of two groups it is off by at most sqrt(n - 1) times the uncertainty that n rows with
+/// From so many rows on, a frame without a majority is always a fault. With fewer rows the mean of all does
+/// not claim too much: for two groups it is off by at most sqrt(n - 1) times the uncertainty that n rows with
 /// such a scatter claim, four times for 17.
 const ENOUGH_FOR_GROUPS: usize = 17;
 
-/// So many rows agree where the others are wrong: two thirds of them, and at least three, because two agree
-/// by chance.
+/// Whether so many rows that agree prove the others wrong: two thirds of all, and at least three, because two
+/// may agree by chance.
 const fn is_majority(rows: usize, of: usize) -> bool {
     rows >= 3 && rows >= of.saturating_mul(2).div_ceil(3)
 }
@@ -83,8 +83,9 @@ pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
     (!is_fault).then_some(motion)
 }
 
-/// A row whose pixels do not fit its spot is off by more than its uncertainty. A majority of better rows
-/// leaves it out. Otherwise the frame is made of such rows, and the reading counts them.
+/// Leaves out the rows whose pixels do not fit their spot, because such a row is off by more than its
+/// uncertainty. Only a majority of better rows can do so. Otherwise the frame keeps such rows, and the
+/// reading counts them.
 fn leave_misfits_out(members: &mut Members<'_>) {
     let fitting = number(members, |it| !it.row.misfit);
     if is_majority(fitting, members.len()) {
@@ -96,7 +97,7 @@ fn leave_misfits_out(members: &mut Members<'_>) {
 fn keep(members: &mut Members<'_>, is_kept: impl Fn(&Member<'_>) -> bool) {
     let mut kept = Members::new();
     for member in members.iter().filter(|it| is_kept(it)) {
-        // As many as there were, and so room.
+        // There is room for as many as there were.
         let _ = kept.push(*member);
     }
     *members = kept;
@@ -128,7 +129,7 @@ fn scale(members: &[Member<'_>], centre: f32) -> f32 {
 
 /// Gives each row the weight of its residual from the weighted mean, starting from the rows' median.
 fn reweigh(members: &mut [Member<'_>]) {
-    // In the order of their bits, once those of negative numbers are turned over.
+    // Orders the offsets by their bits, with those of negative numbers turned over.
     let keys = members
         .iter()
         .map(|it| ordered(in_order(it.offset.to_bits().cast_signed())));
@@ -148,7 +149,7 @@ fn reweigh(members: &mut [Member<'_>]) {
     }
 }
 
-/// The bits of an f32 as an integer in the order of its value, and back: those of a negative one count
+/// Maps the bits of an f32 to an integer in the order of its value, and back: bits of negative values count
 /// downwards.
 const fn in_order(bits: i32) -> i32 {
     if bits < 0 { bits ^ i32::MAX } else { bits }
@@ -159,10 +160,10 @@ fn biweight(residual: f32) -> f32 {
     if rest > 0.0 { square(rest) } else { 0.0 }
 }
 
-/// The rows scatter more than chance explains and keep away from their mean. Within half a standard deviation
-/// of it are 38 % of normal errors, 23 % of the rows of a target that swings, and of two groups none. Fewer
-/// than one of 16 are found in 0.3 % of frames of 17 rows whose errors are normal, and in fewer of larger
-/// ones.
+/// Whether the rows scatter more than chance explains, and keep away from their mean. Within half a standard
+/// deviation of the mean are 38 % of normal errors, 23 % of the rows of a target that swings, and no row of
+/// two groups. Fewer than one row of 16 is there in 0.3 % of frames of 17 rows with normal errors, and in
+/// fewer frames of more rows.
 fn are_two_groups(members: &[Member<'_>]) -> bool {
     let rows = members.len();
     let Some(centre) = weighted_mean(members) else {

@@ -1,10 +1,10 @@
-//! How many independent rows the frame's are worth.
+//! Estimates how many independent rows the rows of a frame are worth.
 //!
-//! Speckle, a lamp that flickers or air that moves gives neighbouring rows similar errors: their mean is less
-//! certain than their number says, and so is their scatter. With r_k the autocorrelation of the residuals at
-//! lag k, the variance of the mean grows by 1 + 2 (r_1 + r_2 + ...). The sum ends where two neighbouring
-//! terms together are no longer positive, and does not let them grow (the initial monotone sequence of C. J.
-//! Geyer, Statist. Sci. 7, 473 (1992)).
+//! Speckle, a lamp that flickers or air that moves gives neighbouring rows similar errors. Their mean is then
+//! less certain than their number says, and so is their scatter. With r_k the autocorrelation of the
+//! residuals at lag k, the variance of the mean grows by 1 + 2 (r_1 + r_2 + ...). The terms are added in
+//! pairs of neighbours. The sum ends at the first pair that is not positive, and a pair counts no more than
+//! the one before (the initial monotone sequence of C. J. Geyer, Statist. Sci. 7, 473 (1992)).
 //!
 //! A straight line through the residuals is subtracted first, because a steady motion of the target is no
 //! error.
@@ -15,7 +15,7 @@ use super::motion::Line;
 use super::{FEWEST_INDEPENDENT, MAX_ROWS, Member, is_more_than_chance, square};
 use crate::numeric::limited;
 
-/// The worth of rows whose errors are similar.
+/// What rows with similar errors are worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Correlated {
     /// The number of independent rows that give the same uncertainty.
@@ -24,26 +24,25 @@ pub(super) struct Correlated {
     pub growth: f32,
 }
 
-/// A sum of autocorrelations is too small, because the mean and the line come from the same rows: of n rows
-/// with a true sum t it is t / (1 + 6.5 t/n), within 10 % of the median for t of 2 to 16 of rows in which
-/// each depends on the one before.
+/// The sum of autocorrelations is too small, because the mean and the line come from the same rows. For n
+/// rows with a true sum t it is t / (1 + 6.5 t/n). This holds within 10 % of the median for t of 2 to 16, for
+/// rows that each depend on the one before.
 const LOST: f32 = 6.5;
 
-/// The estimate of the number of independent rows may be so many times too large: in one frame of twenty it
-/// is.
+/// The estimated number of independent rows may be so many times too large. In one frame of twenty it is.
 const MARGIN: f32 = 2.5;
 
-/// Standard deviations by which the autocorrelation of neighbours must exceed what independent rows have: in
-/// 0.2 % of their frames it does.
+/// The least excess of the neighbours' autocorrelation over that of independent rows, in standard deviations.
+/// 0.2 % of the frames of independent rows exceed it.
 const SIGNIFICANT: f32 = 2.88;
 
-/// The same where the rows scatter more than their noise explains. Other causes than noise seldom differ from
+/// The same for rows that scatter more than their noise explains. Other causes than noise seldom differ from
 /// row to row, so a weaker sign is enough; one frame of six shows it by chance.
 const SIGNIFICANT_IN_EXCESS: f32 = 1.0;
 
 impl Correlated {
-    /// The least number of independent rows that they may be worth, at least one, if that is below
-    /// [`FEWEST_INDEPENDENT`].
+    /// The least number of independent rows that these may be worth, at least one. `None` if it is
+    /// [`FEWEST_INDEPENDENT`] or more.
     pub fn too_few(self) -> Option<u16> {
         // `as` takes the whole part; there are at most 64.
         let rows = ((self.rows / MARGIN) as u16).max(1);
@@ -51,8 +50,8 @@ impl Correlated {
     }
 }
 
-/// The worth of rows whose neighbours have similar errors by more than chance. `None` where they have not, or
-/// where rows are too few. `fitted` as in [`super::birge_ratio`].
+/// What the rows are worth, if neighbours have similar errors by more than chance. `None` otherwise, and for
+/// too few rows. `fitted` as in [`super::birge_ratio`].
 pub(super) fn independent(members: &[Member<'_>], fitted: f32) -> Option<Correlated> {
     if members.len() < usize::from(FEWEST_INDEPENDENT) {
         return None;
@@ -69,8 +68,8 @@ pub(super) fn independent(members: &[Member<'_>], fitted: f32) -> Option<Correla
         let products: f32 = (residuals.iter().zip(later)).map(|(a, b)| a * b).sum();
         products / squares
     };
-    // Of independent rows it has a mean of -2/n, from the mean and the line, and a standard deviation of (1 -
-    // 2/n) / sqrt(n). Mean and line take a degree of freedom each.
+    // For independent rows, the autocorrelation of neighbours has a mean of -2/n, from the mean and the line,
+    // and a standard deviation of (1 - 2/n) / sqrt(n). Mean and line take a degree of freedom each.
     let significant = if is_more_than_chance(squares, n - 2.0) {
         SIGNIFICANT_IN_EXCESS
     } else {
@@ -92,7 +91,8 @@ pub(super) fn independent(members: &[Member<'_>], fitted: f32) -> Option<Correla
     }
     // The sum is above 1, because its first pair is.
     let rows = limited(n / sum - LOST, 1.0, n);
-    // Of so many independent ones, the scatter about their mean is (rows - 1) / rows of that about the truth.
+    // For so many independent rows, the scatter about their mean is (rows - 1) / rows of that about the
+    // truth.
     let free = limited(rows - fitted, 1.0, n);
     Some(Correlated {
         rows,
@@ -100,12 +100,12 @@ pub(super) fn independent(members: &[Member<'_>], fitted: f32) -> Option<Correla
     })
 }
 
-/// The rows' residuals from a straight line, in each one's uncertainty, with a mean of zero.
+/// The residuals of the rows from a straight line, each in the row's own uncertainty. Their mean is zero.
 fn residuals(members: &[Member<'_>]) -> Option<Vec<f32, { MAX_ROWS as usize }>> {
     let line = Line::through(members)?;
     let mut residuals = Vec::new();
     for member in members {
-        // As many as there are rows, and so room.
+        // There is room for all rows.
         let _ = residuals.push(member.residual(line.at(member.place)));
     }
     let mean = residuals.iter().sum::<f32>() / members.len() as f32;
@@ -119,7 +119,7 @@ mod tests {
     use crate::centre::{RowCentre, WidthClass};
     use crate::units::{Counts, Pixels};
 
-    /// The finding for rows with these offsets in pixels, each of which claims 0.02.
+    /// What rows with these offsets in pixels are worth, if each claims an uncertainty of 0.02.
     fn of(offsets: impl Iterator<Item = f32>) -> Option<Correlated> {
         let row = RowCentre {
             centre: Pixels::from_int(0),
@@ -143,11 +143,11 @@ mod tests {
 
     #[test]
     fn neighbours_that_err_alike_are_worth_few() {
-        // A wave of 32 rows: no more than a row or two of 64 independent ones.
+        // A wave of 32 rows: the 64 rows are worth no more than one or two independent ones.
         let wave = of((0..64).map(|i| 0.5 * libm::sinf(i as f32 * 0.196))).expect("a finding");
         assert_eq!(wave.too_few(), Some(1), "{wave:?}");
         assert!((4.0..=8.0).contains(&wave.growth), "{wave:?}");
-        // Steps of four rows at random: 16 of them.
+        // Random steps of four rows each: the 64 rows are worth 16.
         let steps = [3, -1, 2, -4, 1, 5, -2, -3, 4, 0, -5, 1, 2, -1, -4, 3];
         let steps = of((0..64).map(|i| 0.01 * steps[i / 4] as f32)).expect("a finding");
         assert!((8.0..=24.0).contains(&steps.rows), "{steps:?}");

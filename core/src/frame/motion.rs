@@ -2,26 +2,26 @@
 
 use super::{Member, number, square};
 
-/// A straight line through the rows, each of which counts by its weight.
+/// A straight line through the rows, weighted.
 pub(super) struct Line {
     /// Pixels a row.
     pub slope: f32,
-    /// Where it is best known: the mean place of the rows, from the middle of the frame.
+    /// The place where the line is best known: the mean place of the rows, from the middle of the frame.
     pub middle: f32,
-    /// Its height there, in pixels from the frame's origin.
+    /// The line's value at that place, in pixels from the frame's origin.
     pub centre: f32,
-    /// The rows' weighted sum of squared places from there: the inverse of the slope's variance, where
-    /// weights are 1/u^2.
+    /// The weighted sum of the squares of the rows' places, taken from `middle`. It is the inverse of the
+    /// slope's variance, if the weights are 1/u^2.
     pub moment: f32,
 }
 
-/// A slope counts as motion where it is so many times its standard deviation. For rows at rest whose errors
-/// are normal that is so in 0.7 % of frames of eight rows and in fewer of larger ones; to take it for motion
-/// costs them nothing then, but a little certainty.
+/// A slope counts as motion if it is so many times its standard deviation. Rows at rest with normal errors
+/// get there in 0.7 % of frames of eight rows, and in fewer of larger frames. To take them for moving then
+/// costs only a little certainty.
 const SIGNIFICANT: f32 = 4.0;
 
 impl Line {
-    /// The line through at least two rows that count.
+    /// Fits the line. `None` for fewer than two rows that count.
     pub fn through(members: &[Member<'_>]) -> Option<Self> {
         let weights: f32 = members.iter().map(|it| it.weight).sum();
         let mean_of = |value: fn(&Member<'_>) -> f32| {
@@ -42,7 +42,7 @@ impl Line {
         })
     }
 
-    /// Its height at a row's place.
+    /// The line's value at a row's place.
     pub fn at(&self, place: f32) -> f32 {
         self.centre + self.slope * (place - self.middle)
     }
@@ -60,7 +60,7 @@ impl Line {
     }
 }
 
-/// Pixels a row by which the target moves, where it does.
+/// The motion of the target in pixels a row, if it moves.
 pub(super) fn of(members: &[Member<'_>]) -> Option<f32> {
     let line = Line::through(members)?;
     line.is_motion(members).then_some(line.slope)

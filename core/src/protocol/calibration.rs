@@ -1,4 +1,4 @@
-//! What centres mean: the answer to `calibration`.
+//! The answer to `calibration`: the calibration in use, and what flash holds.
 
 use core::fmt;
 
@@ -8,32 +8,31 @@ use crate::record::encoded::EncodedRecord;
 use crate::settings::Value;
 use crate::units::AsMillimetres;
 
-/// What of a calibration is kept over a power cycle.
+/// The calibration that flash keeps over a power cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FlashStatus {
-    /// Nothing was saved yet.
+    /// Nothing was ever saved.
     Nothing,
-    /// What was saved is damaged.
+    /// The saved configuration is damaged.
     Damaged,
-    /// What was saved is of another sensor head.
+    /// The saved calibration is of another sensor head.
     OtherSensor,
-    /// A record whose CRC-32 is this.
+    /// The record with this CRC-32.
     Record(u32),
-    /// The same, but something was to be saved after it and is not there.
+    /// The same, but a newer save was interrupted or is damaged.
     Older(u32),
 }
 
 /// The answer to `calibration`, lines parted by CR LF. The first is `calibration on`, `calibration off` or,
-/// where there is
-/// none, `calibration none`; the others are `calibration`, a name and a value, and the last of them is
-/// `stored`.
+/// without a calibration, `calibration none`. The others are `calibration`, a name and a value, and the last
+/// of them is `stored`.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a> {
-    /// The calibration in use, where there is one.
+    /// The calibration in use, if there is one.
     pub written: Option<&'a EncodedRecord>,
-    /// Whether distances are wanted.
+    /// Whether frames become distances.
     pub on: bool,
-    /// What is kept.
+    /// What flash holds.
     pub stored: FlashStatus,
 }
 
@@ -87,7 +86,7 @@ impl Shown<'_> {
         }
     }
 
-    /// What is wrong with what is kept.
+    /// What is wrong with the contents of the flash.
     const fn fault(&self) -> Option<&'static str> {
         match self.stored {
             FlashStatus::Nothing | FlashStatus::Record(_) => None,

@@ -1,4 +1,4 @@
-//! A line that a person or a program typed becomes a command, and back.
+//! Reads commands from lines that a person or a program typed, and writes them as such lines.
 //!
 //! `NAME` shows a setting, `NAME VALUE` sets it. Names are lower case; words are separated by blanks.
 
@@ -45,14 +45,14 @@ pub enum Command {
     Defaults,
 }
 
-/// Why a line is no command. `Display` is the answer, without its line end.
+/// Why a line is not a command. `Display` is the answer, without its line end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {
     /// The first word is no command.
     Unknown,
-    /// A value is missing, not understood or one too many. Names the form that is.
+    /// A value is missing, is not understood, or is one too many. Holds the expected form.
     Form(&'static str),
-    /// A number is too small or too large. Names the form and the range.
+    /// A number is too small or too large. Holds the expected form and range.
     Range(&'static str),
     /// The value of a setting is not understood, out of range, or not in its list.
     Value(Setting, ValueError),
@@ -64,9 +64,9 @@ pub enum Error {
     NotText,
     /// A piece of a record does not have the checksum that was sent with it.
     Checksum {
-        /// What was sent.
+        /// The checksum that was sent.
         written: u16,
-        /// What it is.
+        /// The checksum of what came.
         computed: u16,
     },
 }
@@ -168,7 +168,7 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
     }
 }
 
-/// A command that has no value.
+/// Gives a command that takes no value.
 fn alone(values: &[&str], command: Command, form: &'static str) -> Result<Command, Error> {
     match values {
         [] => Ok(command),

@@ -58,10 +58,10 @@ pub const AFTER_SETTINGS: [Line; 6] = [
     ),
 ];
 
-/// What `help` ends with.
+/// The last line of `help`.
 const LAST: &str = "a name alone shows its value; d is a reading, x a centre, f a fault";
 
-/// The answer to `help`: a line a command, parted by CR LF.
+/// The answer to `help`: a line for each command, parted by CR LF.
 #[derive(Clone, Copy, Debug)]
 pub struct Help;
 
@@ -83,9 +83,9 @@ impl fmt::Display for Help {
     }
 }
 
-/// The answer to `help estimator`: a line an estimator, parted by CR LF. It begins as the line of a reading
-/// ends, and so cannot be
-/// taken for a fault as `f fraunhofer` could. docs/accuracy.md says what each costs and gives.
+/// The answer to `help estimator`: a line for each estimator, parted by CR LF. A line begins with `e` and the
+/// letter, as the line of a reading ends. So nobody takes it for a fault, as could happen with
+/// `f fraunhofer`. docs/accuracy.md says what each costs and gives.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimators;
 

@@ -1,4 +1,4 @@
-//! What this sensor is: the banner and the answer to `info`.
+//! The banner and the answer to `info`: what this sensor is.
 
 use core::fmt;
 
@@ -21,11 +21,11 @@ pub struct Hardware {
     pub board: &'static str,
     /// The sensor head.
     pub head: &'static str,
-    /// From one row to the next, which is also the exposure, in microseconds.
+    /// Microseconds from one row to the next, which is also the exposure.
     pub row_us: u32,
 }
 
-/// The line that is said once, at the start.
+/// The line that the firmware sends once, at the start.
 #[derive(Clone, Copy, Debug)]
 pub struct Banner<'a>(pub &'a Hardware, pub StartCause);
 
@@ -41,13 +41,13 @@ impl fmt::Display for Banner<'_> {
 pub struct Info<'a> {
     /// What the firmware runs on.
     pub hardware: &'a Hardware,
-    /// What its rows are.
+    /// The geometry of its rows.
     pub geometry: &'a Geometry,
-    /// What is set.
+    /// The settings in use.
     pub settings: &'a Settings,
-    /// The calibration in use, where there is one.
+    /// The calibration in use, if there is one.
     pub record: Option<&'a Record>,
-    /// Whether distances are wanted.
+    /// Whether frames become distances.
     pub on: bool,
 }
 
@@ -139,7 +139,7 @@ impl fmt::Display for Curve<'_> {
     }
 }
 
-/// What a table is, in the rest of a line.
+/// The kind of a table, as the rest of a line.
 struct KindOfTable<'a>(&'a Knots);
 
 impl fmt::Display for KindOfTable<'_> {

@@ -1,4 +1,4 @@
-//! Bytes in, commands out: gathers what comes over the line until a command is whole.
+//! Gathers the bytes that come over the serial line into commands.
 
 use heapless::Vec;
 
@@ -8,7 +8,7 @@ use super::command::{Command, Error, MAX_LINE, parse};
 #[derive(Debug, Default)]
 pub struct Input {
     line: Vec<u8, MAX_LINE>,
-    /// The line was too long; what is left of it is of no interest.
+    /// The line was too long: the rest of it is skipped.
     skipping: bool,
 }
 
@@ -21,12 +21,11 @@ impl Input {
         }
     }
 
-    /// Takes a byte. Gives the command, or the error, that it completes.
+    /// Takes a byte. Returns the command, or the error, that the byte completes.
     ///
-    /// A line ends with CR, LF or both; of both, the second ends an empty line, which is
-    /// [`Command::Nothing`]. A line longer than [`MAX_LINE`] is an error once, as soon as it is too long, and
-    /// skipped to
-    /// its end.
+    /// A line ends with CR, LF or both. If both come, the second one ends an empty line, which is
+    /// [`Command::Nothing`]. A line longer than [`MAX_LINE`] gives one error, as soon as it is too long; the
+    /// rest of the line is skipped.
     pub fn take(&mut self, byte: u8) -> Option<Result<Command, Error>> {
         if matches!(byte, b'\r' | b'\n') {
             let command = (!self.skipping).then(|| parse(&self.line));

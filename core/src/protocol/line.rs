@@ -1,28 +1,23 @@
 //! Readings and faults as lines, without their line ends.
 //!
 //! A reading is `d 800.1234 mm u 0.0035 x 1823.1234 a 1830 n 16/16 b 312 e t`: distance and its standard
-//! uncertainty in
-//! millimetres, centre in pixels, amplitude in counts, rows used of the frame's, black level in counts, and
-//! the estimator's
-//! [`letter`](crate::centre::Estimator::letter). Where rows did not fit their spot, ` m 3` says how many.
-//! Where they err alike
-//! and may be worth fewer than eight independent ones, ` c 3` says as how few they may count
-//! ([`Reading::correlated`]). A fault is `f too dim: 35.2 counts, needs 60.1`. What was measured, calibrated
-//! or not, is
+//! uncertainty in millimetres, centre in pixels, amplitude in counts, rows used of the frame's, black level
+//! in counts, and the estimator's [`letter`](crate::centre::Estimator::letter). A flag may follow: `m 3` says
+//! that three of the rows used did not fit their spot. `c 3` says that neighbouring rows have similar errors,
+//! and that all rows may be worth as few as three independent ones; this flag comes only below eight
+//! ([`Reading::correlated`]).
+//!
+//! A fault is `f too dim: 35.2 counts, needs 60.1`. The centre of a frame, calibrated or not, is
 //! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t`: a reading's centre and its own uncertainty in pixels,
 //! to all their digits.
 //!
-//! 115200 baud carries 65.6 bytes in the 5.7 ms of a row, so that is what a frame may take for each of its
-//! rows. The longest
-//! line of a frame of one row is 64 bytes with its end (for distances that are positive and below 10 m,
-//! uncertainties
-//! below 10 mm, a black level below 1000 counts), and 65 where the black level is beyond. That is why the
-//! centre has four
-//! decimals, which are 0.02 to 0.07 um of distance and so as fine as the distance's own, and the black level,
-//! on which the
-//! distance does not depend, has none. Rows that err alike are told from frames of eight rows on, whose line
-//! has eight times the room.
-//! The longest of all, of 64 rows, is 72 bytes.
+//! 115200 baud carries 65.6 bytes in the 5.7 ms of a row, so a frame's line may have that many bytes for each
+//! of its rows. The longest line of a frame of one row is 64 bytes with its end, for distances that are
+//! positive and below 10 m, uncertainties below 10 mm, and a black level below 1000 counts. With a higher
+//! black level it is 65 bytes. To fit, the centre has four decimals, which are 0.02 to 0.07 um of distance
+//! and so as fine as the distance's own. The black level, on which the distance does not depend, has none.
+//! The flag `c` comes only with frames of eight rows or more, whose line has eight times the room. The
+//! longest line of all, of 64 rows, is 72 bytes.
 
 use core::fmt;
 
@@ -69,7 +64,7 @@ impl fmt::Display for Measured {
     }
 }
 
-/// What a frame's line ends with.
+/// Writes the flags that end a frame's line.
 fn flags(f: &mut fmt::Formatter<'_>, misfits: u16, correlated: Option<u16>) -> fmt::Result {
     if misfits > 0 {
         write!(f, " m {misfits}")?;

@@ -1,8 +1,8 @@
-//! Pieces of a record, which is more than a line: each a line with a checksum of its own.
+//! Pieces of a record. A record is longer than a line, so each piece is a line with a checksum of its own.
 //!
-//! `calibration data 32 00112233445566778899aabbccddeeff a23c` is the record's bytes from the 32nd on, up to
-//! [`PIECE`] of them in
-//! hexadecimal digits, and the CRC-16 (IBM-3740) of the offset, two bytes little endian, and of the bytes.
+//! `calibration data 32 00112233445566778899aabbccddeeff a23c` is the record's bytes from the 32nd on: up to
+//! [`PIECE`] bytes in hexadecimal digits, and a CRC-16 (IBM-3740). The CRC is that of the offset, two bytes
+//! little endian, and of the bytes.
 
 use core::fmt;
 
@@ -11,7 +11,7 @@ use crc::{CRC_16_IBM_3740, Crc};
 /// The most bytes in a piece: the line stays within [`MAX_LINE`](super::command::MAX_LINE).
 pub const PIECE: usize = 16;
 
-/// Without a table of its own: a piece is a few bytes.
+/// Computed without a table: a piece is a few bytes.
 const CRC: Crc<u16, crc::Table<0>> = Crc::<u16, crc::Table<0>>::new(&CRC_16_IBM_3740);
 
 /// Some bytes of a record, and where they belong.
@@ -23,16 +23,16 @@ pub struct Piece {
     count: u8,
 }
 
-/// Why words are no piece.
+/// Why words are not a piece.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PieceError {
-    /// They are no number, bytes in pairs of hexadecimal digits, and a checksum of four.
+    /// They are not a number, bytes in pairs of hexadecimal digits, and a checksum of four digits.
     Form,
     /// The bytes are not those that were sent.
     Checksum {
-        /// What was sent as their checksum.
+        /// The checksum that was sent.
         written: u16,
-        /// What it is.
+        /// The checksum of what came.
         computed: u16,
     },
 }
@@ -50,10 +50,10 @@ impl Piece {
         Some(piece)
     }
 
-    /// The piece that three words of a line stand for.
+    /// Reads a piece from three words of a line.
     ///
     /// # Errors
-    /// [`PieceError`] says what they lack.
+    /// [`PieceError`] says what is wrong with them.
     pub fn parse(offset: &str, digits: &str, checksum: &str) -> Result<Self, PieceError> {
         let (pairs, rest) = digits.as_bytes().as_chunks();
         let ([high, low], []) = checksum.as_bytes().as_chunks() else {
@@ -77,13 +77,13 @@ impl Piece {
         Ok(piece)
     }
 
-    /// The piece of a record that begins at an offset, if one does.
+    /// The piece of a record that begins at an offset. `None` if the record ends before it.
     pub fn of(record: &[u8], offset: u16) -> Option<Self> {
         let rest = record.get(usize::from(offset)..)?;
         Self::new(offset, rest.get(..PIECE).unwrap_or(rest))
     }
 
-    /// Where its bytes belong in the record.
+    /// The offset of its bytes in the record.
     pub const fn offset(&self) -> u16 {
         self.offset
     }
@@ -138,8 +138,8 @@ mod tests {
             piece.to_string(),
             "calibration data 32 00112233445566778899aabbccddeeff a23c"
         );
-        // The sum's check value, as its catalogue has it: of "123456789", of which the first two are the
-        // offset.
+        // The sum's check value from its catalogue: that of "123456789", whose first two bytes are the offset
+        // here.
         let check = Piece::new(u16::from_le_bytes(*b"12"), b"3456789").expect("a piece");
         assert_eq!(
             check.to_string(),
@@ -189,9 +189,8 @@ mod tests {
         }
     }
 
-    /// Any character in the place of any other: a sum of 16 bits tells all that differ within 16 bits in a
-    /// row, as the offset and
-    /// a digit do.
+    /// Replaces every character by every other. A sum of 16 bits detects every change within 16 bits in a
+    /// row, and so a change of the offset or of a digit.
     #[test]
     fn a_character_that_is_garbled_is_noticed() {
         /// Characters of which one is tried: Miri is slow.

@@ -1,5 +1,5 @@
-//! Why what was asked for is not done, though the line was understood. The numbers go on where those of
-//! [`super::command::Error`] end.
+//! Refusals: why a command that was understood is not obeyed. Their numbers follow those of
+//! [`super::command::Error`].
 
 use core::fmt;
 
@@ -13,28 +13,28 @@ pub enum Refusal {
     NoUpload,
     /// A piece that is not the next one.
     WrongOffset {
-        /// Where it begins.
+        /// Where the piece begins.
         offset: usize,
-        /// Where the next one begins.
+        /// Where the next piece begins.
         expected: usize,
     },
     /// A piece that reaches beyond the record.
     TooLong {
-        /// Where it ends.
+        /// Where the piece ends.
         end: usize,
         /// How many bytes were announced.
         announced: usize,
     },
-    /// Not all of the record has come.
+    /// The record is not complete.
     Incomplete {
-        /// How many bytes have.
+        /// How many bytes came.
         came: usize,
         /// How many were announced.
         announced: usize,
     },
-    /// The bytes are no record that could be used.
+    /// The bytes are not a record that can be used.
     Record(RecordError),
-    /// The record was made with a sensor head whose rows are others.
+    /// The record was made with a sensor head that has other rows.
     OtherSensor,
     /// The record in use ends before that offset.
     NoPiece {
@@ -45,7 +45,7 @@ pub enum Refusal {
     },
     /// There is no calibration.
     NoCalibration,
-    /// What is in use could not be saved.
+    /// The configuration could not be saved.
     NotSaved(StoreError),
 }
 

@@ -1,4 +1,4 @@
-//! How the sensor fares: the answer to `status`.
+//! The answer to `status`: why the firmware started, and what it counted since then.
 
 use core::fmt;
 
@@ -9,11 +9,11 @@ use crate::fault::Fault;
 pub enum StartCause {
     /// Power came, or came back.
     PowerOn,
-    /// The reset pin: the button, or a debug probe.
+    /// A signal at the reset pin: the button, or a debug probe.
     ResetPin,
-    /// A reset by software, as a debug probe asks for once it has flashed; the firmware asks for none.
+    /// A reset by software. A debug probe asks for it after flashing; the firmware never does.
     Software,
-    /// A part of the firmware had stopped.
+    /// The watchdog: a part of the firmware had stopped.
     Watchdog,
 }
 

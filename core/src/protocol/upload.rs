@@ -1,5 +1,5 @@
-//! A calibration's record comes over the serial line in pieces, and is used when all of it has come, or not
-//! at all.
+//! Uploads a calibration's record over the serial line in pieces. The record is used when all of it has come,
+//! or not at all.
 //!
 //! ```text
 //! calibration begin 47
@@ -17,16 +17,16 @@ use super::refusal::Refusal;
 use crate::record::{MAX_ENCODED, Record, decode};
 use crate::row::Geometry;
 
-/// What an upload goes through.
+/// A step of an upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// It begins; the record has so many bytes, 1 to [`MAX_ENCODED`].
+    /// Begins the upload of a record of so many bytes, 1 to [`MAX_ENCODED`].
     Begin(u16),
-    /// Some of them.
+    /// Adds some of the bytes.
     Piece(Piece),
-    /// It is complete: the record is to be used.
+    /// Ends the upload: the record is to be used.
     Commit,
-    /// It is dropped.
+    /// Drops the upload.
     Abort,
 }
 
@@ -46,9 +46,9 @@ impl fmt::Display for Step {
 #[derive(Clone, Debug)]
 pub struct Upload {
     bytes: [u8; MAX_ENCODED],
-    /// How many have come. They are the first ones.
+    /// How many bytes have come, from the first on.
     came: usize,
-    /// How many there will be; 0 where no upload is under way.
+    /// How many bytes the record has; 0 if no upload is under way.
     announced: usize,
 }
 
@@ -59,7 +59,7 @@ impl Default for Upload {
 }
 
 impl Upload {
-    /// None under way.
+    /// No upload is under way.
     pub const fn none() -> Self {
         Self {
             bytes: [0; MAX_ENCODED],
@@ -68,12 +68,11 @@ impl Upload {
         }
     }
 
-    /// Takes a step. Gives the record that it completes.
+    /// Takes a step. Returns the record if the step completes it.
     ///
     /// # Errors
-    /// [`Refusal`] says why the step cannot be taken. An upload that lacks pieces or got a wrong one goes on
-    /// as if that step had
-    /// not been; one whose record is refused is over.
+    /// [`Refusal`] says why the step cannot be taken. An upload that lacks pieces, or got a wrong one, goes
+    /// on as if that step had not come. An upload whose record is refused is over.
     pub fn take(&mut self, step: Step, sensor: &Geometry) -> Result<Option<Record>, Refusal> {
         match step {
             Step::Begin(bytes) => {
@@ -89,7 +88,7 @@ impl Upload {
         }
     }
 
-    /// Drops the one before.
+    /// Begins an upload, and drops the one before.
     fn begin(&mut self, bytes: u16) {
         self.came = 0;
         self.announced = usize::from(bytes);
@@ -117,7 +116,7 @@ impl Upload {
             self.came = end;
             Ok(())
         } else if end == self.came && place == piece.bytes() {
-            // The latest one again.
+            // The latest piece again.
             Ok(())
         } else {
             Err(wrong)
@@ -158,12 +157,12 @@ mod tests {
     use crate::sensor_heads::tcd1304dg;
     use crate::units::{Micrometres, Pixels};
 
-    /// Of several pieces, the last of which is shorter.
+    /// A record of several pieces, the last of which is shorter.
     fn nominal() -> EncodedRecord {
         EncodedRecord::nominal().expect("a record")
     }
 
-    /// With as many knots as there may be.
+    /// A record with as many knots as there may be.
     fn long() -> EncodedRecord {
         let knots: Vec<Knot> = (0..MAX_KNOTS as i32)
             .map(|i| Knot {
@@ -256,7 +255,7 @@ mod tests {
                 );
             }
             go(&mut upload, Step::Piece(piece));
-            // In the place of the one before, but not the same.
+            // A piece with the latest one's offset and other bytes.
             let bytes: Vec<u8> = piece.bytes().iter().map(|byte| !byte).collect();
             let other = Piece::new(piece.offset(), &bytes).expect("a piece");
             assert_eq!(
@@ -312,7 +311,7 @@ mod tests {
         assert_eq!(refused(&mut upload, first), Refusal::NoUpload);
         assert_eq!(refused(&mut upload, Step::Commit), Refusal::NoUpload);
         go(&mut upload, Step::Abort);
-        // Dropped, by a step and by a new beginning.
+        // An upload that is dropped, by a step and by a new beginning.
         send(&mut upload, written.bytes());
         go(&mut upload, Step::Abort);
         assert_eq!(refused(&mut upload, first), Refusal::NoUpload);

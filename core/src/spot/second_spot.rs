@@ -1,39 +1,42 @@
 //! Tells whether the search found one spot or two.
 //!
-//! The search takes the block in which most light stands out. If two spots are within some nine widths of
-//! each other, that block holds both. So the light near it is divided into finer blocks. Two lumps there,
-//! each compact, far apart for their width, with a valley between them and no other light beside them, are
-//! two spots. If they are about as high, nothing tells which is the laser's, and that is a fault; otherwise
-//! the higher one replaces both. Speckle breaks a spot into lumps too, but closer ones, or more.
+//! The search takes the block in which most light stands out. Two spots within about nine widths of each
+//! other may both lie in that block, so the light near it is divided into finer blocks. Two lumps of light
+//! are two spots if each is compact, they are far apart for their width, a valley separates them, and there
+//! is little other light beside them. If they are about as high, nothing tells which is the laser's: that is
+//! a fault. Otherwise the higher one is the spot. Speckle breaks a spot into lumps too, but these are closer,
+//! or more than two.
 //!
-//! Further away the kernel's responses decide: one that is nearly as high as the spot's is another spot.
+//! Further away the kernel's responses decide: a response nearly as high as the spot's is another spot.
 
 use crate::fault::Fault;
 use crate::numeric;
 use crate::spot::{LARGEST_BLOCK_LOG2, Spot, Sums, above, height, in_q8, middle, needed, square};
 use crate::units::{Counts, Pixels};
 
-/// A second spot of 50 % of the first one's height is not confused with it, one of 80 % is. Blocks measure
-/// heights to a tenth, so the limit is two thirds.
+/// Whether two spots are so alike in height that nothing tells which is the laser's. A second spot of 50 % of
+/// the first one's height must not count as alike, one of 80 % must. Blocks measure heights to a tenth, so
+/// the limit is two thirds.
 pub(super) const fn is_alike(height: i64, highest: i64) -> bool {
     3 * height > 2 * highest
 }
 
-/// A lower second lump moves the search's result by half a width at most.
+/// Whether a second lump is high enough to matter. A lower one moves the search's result by half a width at
+/// most.
 const fn is_seen(height: i32, highest: i32) -> bool {
     height > highest / 4
 }
 
-/// Another spot's response stands this far above its noise, in halves of a standard deviation: noise gets
-/// there in one row of 10,000 (8000 places, beyond 5.5), and a spot that is bright enough for a centre has
+/// The least response of another spot, in halves of a standard deviation of its noise. Noise alone reaches
+/// 5.5 standard deviations in one row of 10,000 (8000 places). A spot that is bright enough for a centre has
 /// ten.
 const OTHER: u16 = 11;
 
 /// Blocks to either side of the spot that are divided into finer ones. [`further_away`] tests the rest.
 const NEAR: usize = 4;
 
-/// An eighth of the spot's block is fine enough for the narrowest two that the search takes for one: blocks
-/// of a quarter.
+/// A fine block is an eighth of the spot's block. Blocks of a quarter would do for the narrowest two spots
+/// that the search takes for one.
 const FINE_LOG2: u32 = 3;
 
 /// Number of fine blocks.
@@ -42,10 +45,10 @@ const FINE: usize = (2 * NEAR) << FINE_LOG2;
 /// Returns the spot, or the higher one of two.
 ///
 /// # Errors
-/// [`Fault::TwoSpots`] where another is as high.
+/// [`Fault::TwoSpots`] if the other spot is about as high.
 pub(super) fn check(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
     let mut spot = found;
-    // Each time in smaller blocks.
+    // Each pass takes smaller blocks than the one before.
     while let Some((higher, lower)) = Near::new(sums, &spot).and_then(|near| near.two()) {
         if is_alike(lower.height.into(), higher.height.into()) {
             return Err(two_spots(higher.middle, lower.middle));
@@ -69,13 +72,13 @@ fn two_spots(centre: usize, other: usize) -> Fault {
     }
 }
 
-/// The light near a spot, in fine blocks, above the background: Q24.8 counts, of 16 pixels below 2^24.
+/// The light near a spot above the background, in fine blocks. Q24.8 counts, of 16 pixels below 2^24.
 struct Near {
     light: [i32; FINE],
     /// The median of three neighbouring blocks, which removes hot and dead pixels.
     smooth: [i32; FINE],
     length: usize,
-    /// The first block's place on the row.
+    /// The first block's number on the row.
     first: usize,
     block_log2: u32,
     /// Standard deviation of a block.
@@ -84,20 +87,20 @@ struct Near {
 
 /// A part of the light that has one top.
 struct Lump {
-    /// Its highest block, and the blocks about it that are above half of that.
+    /// The highest block. `from..to` are the blocks about it with more than half of its light.
     top: usize,
     from: usize,
     to: usize,
-    /// The most light in three blocks of it.
+    /// The most light in three neighbouring blocks of the lump.
     height: i32,
     /// The pixel to the right of the middle.
     middle: usize,
-    /// Pixels above half of the height.
+    /// Pixels with more than half of the highest block's light.
     full_width: usize,
 }
 
 impl Near {
-    /// `None` where the row is too short for any.
+    /// `None` where the row has no block near the spot.
     fn new(sums: &Sums<'_>, spot: &Spot) -> Option<Self> {
         let block_log2 = spot
             .block_log2
@@ -141,7 +144,7 @@ impl Near {
         Some(near)
     }
 
-    /// The higher and the lower of two spots. `None` where there is one, or many.
+    /// The higher and the lower of two spots. `None` for one spot, or for more than two.
     fn two(&self) -> Option<(Lump, Lump)> {
         let smooth = self.smooth.get(..self.length)?;
         let highest = *smooth.iter().max()?;
@@ -168,7 +171,8 @@ impl Near {
         })
     }
 
-    /// The highest block, counted from the top outwards, that a valley separates from it.
+    /// Finds the highest block beyond a valley, going outwards from the top. Returns its place on that way
+    /// and its light.
     fn second<'a>(
         &self,
         outwards: impl Iterator<Item = &'a i32>,
@@ -225,21 +229,22 @@ impl Near {
         })
     }
 
-    /// Three and a half widths at least: one and a half times the full width at half maximum, which is known
-    /// to two blocks.
+    /// Whether the two tops are at least three and a half widths apart: one and a half times the full width
+    /// at half maximum, which is known to two blocks.
     fn are_apart(&self, one: &Lump, other: &Lump) -> bool {
         let wider = one.blocks().max(other.blocks());
         one.top.abs_diff(other.top).saturating_add(2) >= wider.saturating_mul(3).div_ceil(2)
     }
 
-    /// Whether there is little light beside the two: they reach three and a half widths from their middles.
+    /// Whether there is little light besides the two lumps. Each reaches three and a half widths from its
+    /// middle.
     fn are_all(&self, one: &Lump, other: &Lump) -> bool {
         let is_of = |i: usize, lump: &Lump| {
             let reach = lump.blocks();
             (lump.from.saturating_sub(reach)..lump.to.saturating_add(reach)).contains(&i)
         };
         let (mut all, mut beside) = (0i64, 0i64);
-        // 64 of 32 bits.
+        // At most 64 terms of 32 bits.
         for (i, &light) in (0..self.length).zip(&self.light) {
             all = numeric::add_i64(all, i64::from(light));
             if !is_of(i, one) && !is_of(i, other) {
@@ -256,7 +261,7 @@ impl Lump {
         self.to.saturating_sub(self.from)
     }
 
-    /// The spot that it is, where its blocks are smaller.
+    /// Makes a spot of the lump. `None` if its blocks are not smaller than those of `found`.
     fn spot(&self, sums: &Sums<'_>, found: &Spot) -> Option<Spot> {
         // The full width is 2.35 widths, and blocks are at most four thirds of one.
         let block_log2 = (0..found.block_log2)
@@ -283,7 +288,7 @@ fn block_of(pixel: usize, block_log2: u32) -> usize {
     pixel >> block_log2.min(LARGEST_BLOCK_LOG2)
 }
 
-/// Another spot's pixel, further away than [`NEAR`] blocks.
+/// Finds another spot further away than [`NEAR`] blocks, and returns its pixel.
 fn further_away(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
     let (block_log2, level) = (
         spot.block_log2.min(LARGEST_BLOCK_LOG2),
@@ -291,7 +296,7 @@ fn further_away(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
     );
     let here = block_of(spot.centre, block_log2);
     let response = |block| Some(above(sums.response(block_log2, block)?, block_log2, level));
-    // The spot's middle may be on the next block's side.
+    // The spot's middle may lie in the next block.
     let highest = (here.saturating_sub(1)..here.saturating_add(2))
         .filter_map(response)
         .max()?;

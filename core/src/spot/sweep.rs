@@ -9,17 +9,17 @@ pub(super) const BLOCK_LOG2: u32 = 3;
 
 const _: () = assert!((LARGEST_COUNT as u32) << BLOCK_LOG2 <= u16::MAX as u32);
 
-/// Blocks in a part of the row: the largest group. How high the response gets is noted for each part, and
-/// where only for the one that matters.
+/// Blocks in a part of the row, which is also the size of the largest group. The sweep keeps the highest
+/// response of each part. [`Sweep::peak`] then searches only the parts that matter for the place.
 const PART_LOG2: u32 = 4;
 
 const PARTS: usize = MAX_PIXELS >> (BLOCK_LOG2 + PART_LOG2);
 
-/// Groups between a spot and another that is noticed. A spot has at most 1.5 groups' width: that far off it
-/// has a third of its response left.
+/// A response this many groups from the spot, or nearer, belongs to the spot. A spot's width is at most 1.5
+/// groups: at this distance it has a third of its response left.
 const APART: usize = 2;
 
-/// How high the kernel's response gets, background included.
+/// The highest response of the kernel in each part of the row, background included.
 pub(super) struct Sweep<'a> {
     blocks: &'a [[u16; 8]],
     /// A group has 2^`log2` blocks, at most 2^[`PART_LOG2`].
@@ -27,12 +27,12 @@ pub(super) struct Sweep<'a> {
     parts: [u32; PARTS],
 }
 
-/// The first of the highest responses.
+/// The highest response: the first of several.
 #[derive(Clone, Copy)]
 pub(super) struct Peak {
     pub(super) group: usize,
     pub(super) response: u32,
-    /// Whether there is another response like it, and apart from it.
+    /// Whether another response that is like it lies more than [`APART`] groups away.
     pub(super) has_another: bool,
 }
 
@@ -50,7 +50,8 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// The peak, given what response is like it. `None` where the row is too short for any.
+    /// Finds the peak. `least_like` gives the least response that is like a given one. `None` where the row
+    /// is too short for a response.
     pub(super) fn peak(&self, least_like: impl FnOnce(u32) -> u32) -> Option<Peak> {
         let highest = *self.parts.iter().max()?;
         let least = least_like(highest);
@@ -89,7 +90,7 @@ impl<'a> Sweep<'a> {
         })
     }
 
-    /// The sum over a group. `None` beside the row.
+    /// The sum over a group. `None` off the row.
     pub(super) fn sum(&self, group: usize) -> Option<u32> {
         let size = 1usize << self.log2;
         let start = group.checked_mul(size)?;
@@ -98,7 +99,7 @@ impl<'a> Sweep<'a> {
     }
 }
 
-// Each in a loop of its own, in which nothing but sums is kept.
+// Two loops out of line, so that each keeps nothing but sums.
 
 #[inline(never)]
 fn sweep_blocks(blocks: &[[u16; 8]]) -> [u32; PARTS] {
@@ -129,7 +130,7 @@ fn each_part(blocks: &[[u16; 8]], mut highest: impl FnMut(&[[u16; 8]]) -> u32) -
     parts
 }
 
-/// The kernel, which takes one sum after the other.
+/// The kernel [1 2 1], which takes one sum after the other.
 #[derive(Default)]
 struct Kernel {
     last: u32,
@@ -137,7 +138,7 @@ struct Kernel {
 }
 
 impl Kernel {
-    /// The response whose last sum this is.
+    /// Takes a sum, and returns the response of the kernel that ends with it.
     #[inline(always)]
     fn take(&mut self, sum: u32) -> u32 {
         // Sums of at most 128 pixels of 12 bits: four of them are below 2^21.
@@ -147,14 +148,15 @@ impl Kernel {
         response
     }
 
-    /// The highest response whose last sum is one of these.
+    /// Takes sums, and returns the highest response of a kernel that ends with one of them.
     #[inline(always)]
     fn highest(&mut self, sums: impl Iterator<Item = u32>) -> u32 {
         sums.fold(0, |highest, sum| highest.max(self.take(sum)))
     }
 }
 
-/// The sum of a block of 8 pixels, two at a time: four counts of 12 bits fit the 16 bits that each half has.
+/// The sum of a block of 8 pixels, two at a time: each half of the word adds four counts of 12 bits, which
+/// fit 16 bits.
 #[inline(always)]
 fn sum(&[a, b, c, d, e, f, g, h]: &[u16; 8]) -> u32 {
     let left = numeric::add_u32(pair(a, b), pair(c, d));

@@ -16,14 +16,14 @@ const FRACTION: u32 = 16;
 /// A background that rises, or falls, by the same from each pixel to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tilt {
-    /// Counts a pixel, Q16: blocks have two pixels at least, and their means differ by 4095 at most, so below
-    /// 2^27.
+    /// Counts a pixel, Q16. Below 2^27, because blocks have at least two pixels and their means differ by at
+    /// most 4095.
     slope: i64,
 }
 
 impl Tilt {
-    /// From the sums over a row's blocks of 2^`block_log2` pixels. `None` for fewer than two, or more than a
-    /// median takes.
+    /// Measures the tilt from the sums over a row's blocks of 2^`block_log2` pixels. `None` for fewer than
+    /// two sums, or for more than a median takes.
     pub(super) fn of(sums: &[u32], block_log2: u32) -> Option<Self> {
         let mut steps: Vec<i32, MEDIAN_BLOCKS> = Vec::new();
         for (this, next) in sums.iter().zip(sums.iter().skip(1)) {
@@ -33,30 +33,32 @@ impl Tilt {
                 .ok()?;
         }
         let step = i64::from(median(&mut steps)?);
-        // One of them over the pixels of a block is the step of the mean, and twice that a pixel's.
+        // A step of sums over the pixels of a block is the step of the mean. That step over the pixels again
+        // is the slope.
         Some(Self {
             slope: (step * (1 << FRACTION)) >> (2 * block_log2.min(LARGEST_BLOCK_LOG2)),
         })
     }
 
-    /// Whether it hides a spot of this height: its middle and its ends are further apart than a quarter of
-    /// that, and than twice a pixel's noise, which is five times the standard deviation of what noise alone
-    /// makes (0.4 times its own, of 28 blocks of 128 pixels: median steps scatter by 1.25 sqrt(2 / 128) /
-    /// sqrt(27), and there are 14 in half a row).
+    /// Whether the tilt may hide a spot of this height. It may if the background's change from the row's
+    /// middle to its end is more than a quarter of the height, and more than twice a pixel's noise. Noise
+    /// alone makes a change of 0.4 of a pixel's noise (standard deviation), so twice is five times that. (28
+    /// blocks of 128 pixels: median steps scatter by 1.25 sqrt(2 / 128) / sqrt(27), and half a row has 14 of
+    /// them.)
     pub(super) fn matters(self, light: &[u16], height: Counts, noise: Counts) -> bool {
         let drift = self.rise(light.len() / 2);
         drift > 2 * i64::from(noise.to_bits()) && drift > i64::from(height.to_bits()) / 4
     }
 
-    /// By how much the background is higher so many pixels further, Q24.8 counts.
+    /// How much the background changes over so many pixels, without sign, Q24.8 counts.
     fn rise(self, pixels: usize) -> i64 {
         // A slope is below 2^27, and a row has at most 2^12 pixels.
         numeric::mul_i64(self.slope.saturating_abs(), pixels as i64)
             >> (FRACTION - Counts::FRACTION)
     }
 
-    /// By how much it is higher at a pixel than at the row's dark end, Q24.8 counts. At most 2^20, all that a
-    /// row can hold.
+    /// How much higher the background is at a pixel than at the row's dark end, Q24.8 counts. At most 2^20,
+    /// the most that a row can hold.
     pub(super) fn at(self, light: &[u16], pixel: usize) -> i32 {
         let from_dark = if self.slope > 0 {
             pixel
@@ -66,8 +68,8 @@ impl Tilt {
         self.rise(from_dark).min(1 << 20) as i32
     }
 
-    /// The row without it, and what its lowest pixel then has: that is taken off too, or a row whose dark end
-    /// is near zero would be cut off there.
+    /// Returns the row without the tilt, and the lowest count of the result. The result has that lowest count
+    /// subtracted too: otherwise a row whose dark end is near zero would be cut off there.
     pub(super) fn taken_off(self, light: &[u16]) -> (i32, impl Iterator<Item = u16>) {
         // At most 2^12 counts either way.
         let without = move |(pixel, &count): (usize, &u16)| {

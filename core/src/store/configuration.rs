@@ -1,4 +1,4 @@
-//! Settings and calibration as the bytes that flash holds:
+//! A configuration, settings and calibration, as the bytes that flash holds:
 //!
 //! ```text
 //! format version | length of the lines | lines that set the settings | the record's own bytes, or none
@@ -6,8 +6,8 @@
 //! ```
 //!
 //! The lines are those that a person would type, each with a line feed behind it: `rows 16`. So a setting has
-//! one text form, and a firmware that
-//! knows more or fewer settings reads the ones that it knows. The store adds a CRC-32.
+//! one text form, and a firmware that knows more or fewer settings reads the ones that it knows. The store
+//! adds a CRC-32.
 //!
 //! Version 1, which earlier firmware wrote, is read too.
 
@@ -21,8 +21,7 @@ use crate::settings::{Affects, Setting, Settings, Value, split_words};
 use crate::text::Text;
 use crate::units::Counts;
 
-/// What `save` writes to flash: the settings, and the calibration's record where the sensor has one of its
-/// own.
+/// What `save` writes to flash: the settings, and the calibration's record if the sensor has its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Configuration {
     /// The settings. Those that affect the session only are not written.
@@ -31,7 +30,7 @@ pub struct Configuration {
     pub record: Option<Record>,
 }
 
-/// The format that is written.
+/// The format that this firmware writes.
 pub const VERSION: u8 = 2;
 
 /// The format of earlier firmware: rows (2 bytes), letters of mean, estimator and black level, and the black
@@ -41,14 +40,14 @@ const VERSION_1: u8 = 1;
 /// Bytes of the settings in [`VERSION_1`], version included.
 const SETTINGS_1: usize = 10;
 
-/// The most bytes that the settings' lines have.
+/// The most bytes of the settings' lines.
 const MAX_LINES: usize = 512;
 
-/// The most bytes there can be.
+/// The most bytes of a configuration.
 pub const MAX_ENCODED: usize = 3 + MAX_LINES + record::MAX_ENCODED;
 
-/// Writes to the front of a buffer, which [`MAX_ENCODED`] bytes are always enough for, and gives what was
-/// written.
+/// Writes a configuration to the front of a buffer, and returns the bytes written. [`MAX_ENCODED`] bytes are
+/// always enough.
 ///
 /// # Errors
 /// [`ConfigurationError::NoRoom`], or the record's error.
@@ -78,7 +77,7 @@ pub fn encode<'a>(
     buffer.get(..written).ok_or(no_room)
 }
 
-/// The lines that set the settings. `None` where they do not fit, which a test holds does not happen.
+/// The lines that set the settings. `None` if they do not fit; a test ensures that they do.
 fn lines(settings: &Settings) -> Option<Text<MAX_LINES>> {
     let mut lines = Text::default();
     for &setting in Setting::ALL {
@@ -154,7 +153,7 @@ fn read_version_1(bytes: [u8; SETTINGS_1]) -> Result<Settings, ConfigurationErro
         (b'x', level) => BlackLevel::Fixed(Counts::from_bits(level)),
         _ => return Err(ConfigurationError::Setting(Setting::Black)),
     };
-    // A value can be used if it can be typed.
+    // A value is valid if a person could type it.
     for value in [
         Value::Rows(settings.rows),
         Value::Black(settings.black_level),
@@ -171,7 +170,7 @@ fn read_version_1(bytes: [u8; SETTINGS_1]) -> Result<Settings, ConfigurationErro
     Ok(settings)
 }
 
-/// Why bytes are no settings and calibration, or why these cannot be written.
+/// Why bytes are not a configuration, or why a configuration cannot be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConfigurationError {
     /// The buffer is too short.
