@@ -1,4 +1,4 @@
-//! Rows on time: pulses the sensor at a fixed period and reads a row each time that there is memory for it.
+//! Reads rows on time: pulses the sensor at a fixed period, and reads a row whenever a buffer is free.
 
 use embassy_time::{Duration, Ticker};
 use static_cell::ConstStaticCell;
@@ -6,23 +6,22 @@ use static_cell::ConstStaticCell;
 use super::shared::{BUFFERS, Buffer, COUNTERS, FREE, FULL, WORDS};
 use super::tcd1304::Tcd1304;
 
-/// From one row to the next, and so the exposure: a read-out (5.63 ms), the pulses and some slack. 175 rows a
-/// second.
+/// Time from one row to the next, and so the exposure: a read-out (5.63 ms), the pulses and some slack. 175
+/// rows a second.
 pub const ROW_PERIOD: Duration = Duration::from_micros(5700);
 
-/// Pulses before the first row, because the pixels have gathered light since the power came on and keep a
-/// rest of it.
+/// Pulses before the first row. The pixels have gathered light since the power came on, and one pulse does
+/// not clear all of it.
 const CLEARING_PULSES: u32 = 4;
 
 static ROWS: ConstStaticCell<[[u16; WORDS]; BUFFERS]> = ConstStaticCell::new([[0; WORDS]; BUFFERS]);
 
 /// Takes rows for ever. Deadline: the pulses, within 60 us of the tick; then DMA works alone.
 ///
-/// A row that finds no free buffer is lost: the sensor is pulsed all the same, because a skipped pulse would
-/// expose the
-/// next row twice as long. A failed read-out makes the next exposure longer, so the sensor is cleared anew;
-/// its rows
-/// stay out, and measuring calls the sensor silent if none come for long.
+/// A row that finds no free buffer is lost. The sensor is pulsed all the same, because a skipped pulse would
+/// expose the next row twice as long. A failed read-out makes the next exposure longer, so the sensor is
+/// cleared anew. The rows of the clearing pulses are not read. If no rows come for long, measuring calls the
+/// sensor silent.
 #[embassy_executor::task]
 pub async fn acquire(mut sensor: Tcd1304) {
     for row in ROWS.take() {
@@ -51,7 +50,7 @@ pub async fn acquire(mut sensor: Tcd1304) {
     }
 }
 
-/// Reads a row and hands it on. Says whether it went well.
+/// Reads a row and hands it on. Returns whether it succeeded.
 async fn read(sensor: &mut Tcd1304, row: Buffer) -> bool {
     match sensor.read_out(row).await {
         Ok(()) => {

@@ -14,10 +14,12 @@
 //! # Priorities
 //!
 //! From the most urgent down, each a level above the next:
-//! 1. DMA and TIM5 (the clock of embassy-time). Their handlers do no more than wake tasks, and say when a row is due.
-//! 2. UART4, which carries the urgent executor: from the tick to the pulses nothing but the handlers above.
-//! 3. USART3, a character every 87 us. It may wait for the pulses, 10 us, because a character may wait for the next.
-//! 4. FLASH, after each word of a save. It does no more than wake the task that waits, and nothing waits for that.
+//! 1. DMA and TIM5 (the clock of embassy-time). Their handlers only wake tasks, and say when a row is due.
+//! 2. UART4, which carries the urgent executor: only the handlers above interrupt it from the tick to the
+//!    pulses.
+//! 3. USART3, a character every 87 us. It may wait 10 us for the pulses, because the hardware holds one
+//!    character until the next has come.
+//! 4. FLASH, after each word of a save. It only wakes the task that waits, and nothing waits for that.
 //! 5. Thread mode: computation and text. Whatever it does, rows are taken on time.
 
 use cortex_m::peripheral::DWT;
@@ -64,9 +66,8 @@ const BAUD: u32 = 115_200;
 /// The interrupt of the serial line.
 pub const SERIAL_INTERRUPT: interrupt::Interrupt = interrupt::USART3;
 
-/// Outgoing characters: the longest answer, and as many of readings, which come meanwhile if a frame is a
-/// row. With less, lines
-/// are dropped after `help estimator`.
+/// Outgoing characters: the longest answer, and as many characters of the readings that come meanwhile if a
+/// frame is one row. With less, lines are dropped after `help estimator`.
 static TO_SEND: ConstStaticCell<[u8; 2 * MAX_ANSWER]> = ConstStaticCell::new([0; 2 * MAX_ANSWER]);
 
 /// Incoming characters: 44 ms of the line, more than thread mode computes without looking.
@@ -88,17 +89,16 @@ pub struct Board {
     pub sensor: Tcd1304,
     /// The serial line.
     pub serial: BufferedUart<'static>,
-    /// Where the calibration is kept.
+    /// Where the store keeps the configuration.
     pub flash: CalibrationFlash,
-    /// The watchdog. It runs: a start that does not get as far as to pet it starts again.
+    /// The watchdog. It runs already: if the start hangs before the first pet, the board starts again.
     pub watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
     /// What made the board start.
     pub started_by: StartCause,
 }
 
-/// Caches and prefetch, which hide most of flash's five wait states (RM0090 section 3.5). embassy-stm32 0.6.0
-/// sets the wait states
-/// only.
+/// Enables caches and prefetch, which hide most of flash's five wait states (RM0090 section 3.5).
+/// embassy-stm32 0.6.0 sets the wait states only.
 fn enable_flash_accelerator() {
     embassy_stm32::pac::FLASH.acr().modify(|acr| {
         acr.set_icen(true);
@@ -107,7 +107,7 @@ fn enable_flash_accelerator() {
     });
 }
 
-/// Sets up clocks and peripherals. To be called once, first.
+/// Sets up clocks and peripherals. Call once, first.
 pub fn init() -> Board {
     let p = embassy_stm32::init(config());
     enable_flash_accelerator();
@@ -171,7 +171,7 @@ pub fn init() -> Board {
         Interrupts,
         config,
     );
-    // The configuration is constant: if it cannot be had, the first start shows it.
+    // The configuration is constant: a wrong one fails at the first start.
     let serial = defmt::unwrap!(serial);
 
     keep_pa12_low(p.PA12);
@@ -186,12 +186,11 @@ pub fn init() -> Board {
     }
 }
 
-/// On chips before revision 3, reading bank 2 of the flash may go wrong while PA12 changes (STM32F42xx errata
-/// sheet, section 2.2.11). It
-/// is to be an output that stays low, with its pull-down, and embassy-stm32's flash driver panics where it is
-/// not.
+/// Keeps PA12 low. On chips before revision 3, reading bank 2 of the flash may go wrong while PA12 changes
+/// (STM32F42xx errata sheet, section 2.2.11). The pin must be an output that stays low, with its pull-down.
+/// embassy-stm32's flash driver panics if it is not.
 fn keep_pa12_low(pin: Peri<'static, peripherals::PA12>) {
-    // Dropped, it would be an input again.
+    // Dropping the output would make the pin an input again.
     core::mem::forget(Output::new(pin, Level::Low, Speed::Low));
     pac::GPIOA
         .pupdr()
@@ -220,11 +219,11 @@ pub fn start_urgent_executor() -> SendSpawner {
     URGENT.start(interrupt::UART4)
 }
 
-/// UART4 itself is not used; its interrupt is.
+/// The urgent executor runs in the interrupt of UART4. The port itself is not used.
 #[interrupt]
 unsafe fn UART4() {
-    // SAFETY: this is the interrupt of the executor, and nothing else calls. It comes only after `start`
-    // enabled it.
+    // SAFETY: this is the interrupt of the executor, and nothing else calls `on_interrupt`. The interrupt
+    // comes only after `start` enabled it.
     unsafe { URGENT.on_interrupt() }
 }
 
@@ -236,7 +235,7 @@ fn config() -> Config {
         mode: rcc::HseMode::Bypass,
     });
     config.rcc.pll_src = rcc::PllSource::HSE;
-    // 8 MHz / 4 * 168 / 2 = 168 MHz; / 7 = 48 MHz, for nothing yet, but the PLL must be within its limits.
+    // 8 MHz / 4 * 168 / 2 = 168 MHz. / 7 = 48 MHz, which nothing uses, but the PLL must be within its limits.
     config.rcc.pll = Some(rcc::Pll {
         prediv: rcc::PllPreDiv::DIV4,
         mul: rcc::PllMul::MUL168,
@@ -252,9 +251,8 @@ fn config() -> Config {
     config
 }
 
-/// Reads the reset flags and clears them for the next start. A reset raises its own flag and the pin's,
-/// because the
-/// chip pulls its reset pin itself: the pin is to blame if nothing else is.
+/// Reads the reset flags and clears them for the next start. Every reset raises its own flag and the pin's,
+/// because the chip pulls its reset pin itself. So the pin is the cause only if no other flag is raised.
 fn start_cause() -> StartCause {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|csr| csr.set_rmvf(true));
@@ -277,7 +275,7 @@ fn count_cycles() {
     core.DWT.enable_cycle_counter();
 }
 
-/// The core's cycle counter. Wraps every 25 s; differences are good.
+/// The core's cycle counter. It wraps every 25 s; differences of shorter times are right.
 pub fn cycles() -> u32 {
     DWT::cycle_count()
 }

@@ -1,10 +1,9 @@
-//! The flash that the store is in: the first two sectors of bank 2.
+//! The flash of the store: the first two sectors of bank 2.
 //!
-//! embassy-stm32's driver waits for the flash's interrupt where it erases and programs, so that rows are
-//! taken meanwhile: the
-//! program is in bank 1. This adds a sign of life for each thing done, by which the watchdog tells a save
-//! from a firmware that
-//! hangs, and lets the other tasks go on between two looks into the flash.
+//! embassy-stm32's driver waits for the flash's interrupt while it erases and programs. Rows are taken
+//! meanwhile, because the program is in bank 1. This module adds a sign of life for each operation, by which
+//! the watchdog tells a save from a firmware that hangs. It also lets the other tasks run between two reads
+//! of the flash.
 
 use core::pin::pin;
 
@@ -16,14 +15,14 @@ use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 use super::shared::COUNTERS;
 
-/// A sector of 16 KB takes 800 ms at most (data sheet of the STM32F429, flash memory programming, by bytes:
-/// the driver leaves it at that).
+/// Time after which an erase gives a sign of life. A sector of 16 KB takes 800 ms at most (data sheet of the
+/// STM32F429, flash memory programming, by bytes: the driver does not change that).
 const PART_OF_AN_ERASE: Duration = Duration::from_millis(300);
 
 unsafe extern "C" {
-    /// Where `memory.x` reserves it.
+    /// The start of the memory that `memory.x` reserves.
     static _calibration_start: u8;
-    /// Where that ends.
+    /// The end of that memory.
     static _calibration_end: u8;
 }
 
@@ -31,13 +30,13 @@ unsafe extern "C" {
 pub struct CalibrationFlash(Bank2Region1<'static, Async>);
 
 impl CalibrationFlash {
-    /// What `memory.x` reserves of a region: two of its sectors, from its first on.
+    /// Takes the memory that `memory.x` reserves in a region: the first two sectors.
     pub fn new(region: Bank2Region1<'static, Async>) -> Self {
         let (start, end) = (
             (&raw const _calibration_start).addr(),
             (&raw const _calibration_end).addr(),
         );
-        // As constant as the program: the first start would show it.
+        // Constants of the program: wrong ones fail at the first start.
         defmt::assert_eq!(start, region.0.base() as usize);
         defmt::assert_eq!(end - start, 2 * Self::ERASE_SIZE);
         Self(region)
@@ -67,7 +66,8 @@ impl NorFlash for CalibrationFlash {
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
         let mut erase = pin!(self.0.erase(from, to));
-        // One sign of life on the way, and no more: a flash that never answers is the watchdog's.
+        // Only one sign of life during an erase: if the flash never answers, the watchdog must start the
+        // board again.
         let erased = match select(&mut erase, Timer::after(PART_OF_AN_ERASE)).await {
             Either::First(erased) => erased,
             Either::Second(()) => {

@@ -8,8 +8,7 @@
 //! ```
 //!
 //! A fifth task feeds the watchdog while all others make progress. Acquisition and watchdog run in an
-//! interrupt, above the other
-//! tasks, so that a row's computation never shifts the sensor's pulses.
+//! interrupt, above the other tasks, so that a row's computation never shifts the sensor's pulses.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
@@ -33,9 +32,8 @@ mod transmitter;
 #[cfg(target_os = "none")]
 mod watchdog;
 
-// Linked for what they define: where defmt's log goes, and what a panic does (defmt logs it, everything
-// stops, and the watchdog
-// starts the board again).
+// Linked for what they define: where defmt's log goes, and what a panic does. defmt logs the panic,
+// everything stops, and the watchdog starts the board again.
 #[cfg(target_os = "none")]
 use {defmt_rtt as _, panic_probe as _};
 

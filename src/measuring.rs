@@ -1,5 +1,4 @@
-//! Rows become centres of frames: the pure core, with rows and settings brought to it and results carried
-//! away.
+//! Measures rows: brings rows and settings to the pure core, and its results to the serial line.
 
 use core::sync::atomic::Ordering;
 
@@ -13,7 +12,7 @@ use slitrange::settings::Settings;
 use super::shared::{COUNTERS, FREE, FULL, PAUSED, RESULTS, SETTINGS, WORDS};
 use super::{board, tcd1304};
 
-/// Without a row for so long (17 of them) the sensor is silent.
+/// The sensor is silent if no row comes for so long, 17 row periods.
 const SILENCE: Duration = Duration::from_millis(100);
 
 /// Measures for ever. Deadline: a row within [`super::acquisition::ROW_PERIOD`], or rows are lost.
@@ -21,7 +20,7 @@ const SILENCE: Duration = Duration::from_millis(100);
 pub async fn measure() {
     let mut measurement = Measurement::new(tcd1304::geometry(), Settings::default());
     loop {
-        // Settings first: no row that comes after they were set is measured without them.
+        // Settings first, so that they hold for every row that comes after them.
         match select(SETTINGS.wait(), with_timeout(SILENCE, FULL.receive())).await {
             Either::Second(Ok(row)) if paused() => {
                 FREE.send(row).await;
@@ -41,9 +40,8 @@ pub async fn measure() {
             Either::Second(Err(_)) => publish(Err(measurement.silence())),
             Either::First(settings) => {
                 measurement.set(settings);
-                // The frame starts again. Someone who changes settings faster than frames end would otherwise
-                // have
-                // the watchdog take the lack of results for a fault.
+                // The frame starts again, so this counts as a result. Otherwise a user who changes settings
+                // faster than frames end would make the watchdog take the lack of results for a fault.
                 COUNTERS.results.add();
             }
         }
@@ -51,14 +49,14 @@ pub async fn measure() {
 }
 
 fn paused() -> bool {
-    // Relaxed: it orders nothing, and who sets it waits in the same executor.
+    // Relaxed: this orders nothing, and the task that sets it runs in the same executor.
     PAUSED.load(Ordering::Relaxed)
 }
 
-/// All the computation that a row takes.
+/// Computes a row: all the computation that a row takes.
 ///
-/// It keeps its name and stays a function so that a debugger finds it, its cost can be counted from its first
-/// instruction to its last, and a test on the virtual board can make it hang.
+/// It keeps its name and stays a function, so that a debugger finds it, and a test on the virtual board can
+/// make it hang. Its cost can be counted from its first instruction to its last.
 #[inline(never)]
 #[unsafe(no_mangle)]
 fn measure_row(

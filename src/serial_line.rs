@@ -1,4 +1,4 @@
-//! The serial line: readings go out as they come, commands come in and are answered.
+//! The serial line: sends readings as they come, receives commands and answers them.
 
 use embassy_futures::select::{Either, select};
 use embassy_stm32::usart::BufferedUart;
@@ -17,9 +17,8 @@ const PIECE: usize = 64;
 
 /// Serves the line for ever.
 ///
-/// Results are looked at before bytes: they come 175 times a second at most, so bytes get their turn, while
-/// bytes
-/// could come without an end.
+/// Results go before bytes. At most 175 results come a second, so bytes get their turn, while bytes could
+/// come without an end.
 #[embassy_executor::task]
 pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: CalibrationFlash) {
     let (tx, mut rx) = uart.split();
@@ -31,7 +30,7 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
         match select(RESULTS.receive(), rx.read(&mut bytes)).await {
             Either::First(result) => shell.take(Event::Frame(result)).await,
             Either::Second(received) => {
-                // Never an error in this driver, which counts and drops them; if it were, there are no bytes.
+                // Never an error in this driver, which counts and drops them. An error would bring no bytes.
                 let received = received.unwrap_or(0);
                 for command in bytes[..received]
                     .iter()

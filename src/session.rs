@@ -1,5 +1,5 @@
-//! The shell around the core's session: events to it, its actions to the serial line, the measurement and
-//! flash.
+//! The shell around the core's session: brings events to it, and carries its actions to the serial line, the
+//! measurement and flash.
 
 use core::sync::atomic::Ordering;
 
@@ -30,7 +30,7 @@ pub struct Shell {
 }
 
 impl Shell {
-    /// A session that begins. Not inlined, so that it uses the stack only while it runs.
+    /// Starts a session. Not inlined, so that it uses the stack only while it runs.
     #[inline(never)]
     pub fn new(tx: Transmitter, started_by: StartCause, flash: CalibrationFlash) -> Self {
         Self {
@@ -86,15 +86,14 @@ impl Shell {
         }
     }
 
-    /// Writes to flash. No frame is due meanwhile, so that the line can be silent for as long as the flash
-    /// takes.
+    /// Writes to flash. No frame is due meanwhile, so the line may be silent for as long as the flash takes.
     async fn save(&mut self) {
-        // Signs of life: from one of the flash to the next may take half a second, and so may the first frame
-        // after them.
+        // Signs of life before and after: the first one of the flash may take half a second, and so may the
+        // first frame after the save.
         COUNTERS.results.add();
         let result = match &self.session.configuration() {
             Some(configuration) => self.store.save(configuration).await,
-            // The session asks for nothing that it does not have.
+            // The session asks for a save only with a configuration.
             None => Ok(()),
         };
         COUNTERS.results.add();

@@ -1,4 +1,4 @@
-//! What passes between the tasks, and what they count.
+//! What the tasks pass to each other, and what they count.
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
@@ -14,8 +14,8 @@ use slitrange::settings::Settings;
 /// Words in a row, all of which one DMA transfer brings.
 pub const WORDS: usize = sensor_heads::tcd1304dg().words;
 
-/// A row's memory. There are two: while one is read into, the other is computed on. Who has the reference has
-/// the row.
+/// A row's memory. There are two: while one is read into, the other is computed on. The task that has the
+/// reference owns the row.
 pub type Buffer = &'static mut [u16; WORDS];
 
 /// Rows in use at a time.
@@ -27,16 +27,15 @@ pub static FREE: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::ne
 /// Rows to compute on. Holds all there are, so that sending never waits.
 pub static FULL: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::new();
 
-/// What was measured, for the serial line: 91 ms of them at the highest rate, a row a frame, so that the
-/// answer to
-/// `status` (about 45 ms) loses none.
+/// Results for the serial line. Holds 91 ms of results at the highest rate, a row a frame, so that the answer
+/// to `status` (about 45 ms) loses none.
 pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Measured, Fault>, 16> = Channel::new();
 
 /// Changed settings. Only the last change matters.
 pub static SETTINGS: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
 
-/// While this is set, no reading is due: rows are taken and dropped. So they are until it is known what was
-/// saved.
+/// While this is set, no reading is due: rows are taken and dropped. It is set from the start until the flash
+/// has been read, and during each save.
 pub static PAUSED: AtomicBool = AtomicBool::new(true);
 
 /// What is counted since the start.
@@ -63,9 +62,8 @@ pub struct Counters {
     pub rows_lost: Counter,
     /// Read-outs that failed.
     pub rows_failed: Counter,
-    /// Readings and faults that the serial line took, changes of settings that measuring took, and what a
-    /// save did to the flash:
-    /// their sign of life.
+    /// Signs of life of measuring and the serial line: readings and faults that the serial line took, changes
+    /// of settings that measuring took, and operations of a save on the flash.
     pub results: Counter,
     /// Core cycles that the latest row took to compute, interrupts included.
     pub row_cycles: Counter,
@@ -80,7 +78,7 @@ pub struct Counters {
 }
 
 impl Counters {
-    /// What `status` shows of them.
+    /// The counts that `status` shows.
     pub fn vitals(&self, uptime_ms: u64) -> Vitals {
         Vitals {
             uptime_ms,

@@ -1,16 +1,12 @@
-//! Toshiba TCD1304DG behind an ADC122S101.
+//! Driver of the sensor Toshiba TCD1304DG behind a converter ADC122S101.
 //!
-//! The sensor integrates light all the time. A pulse on SH moves what has been gathered into its shift
-//! register, so the
-//! time from one pulse to the next is the exposure. ICG, low around SH, makes the register take it; when ICG
-//! rises the
-//! register puts out a pixel every four periods of fM, 3694 of them. fM never stops.
+//! The sensor integrates light all the time. A pulse on SH moves the gathered light into its shift register,
+//! so the time from one pulse to the next is the exposure. ICG, low around SH, makes the register take it.
+//! When ICG rises the register puts out a pixel every four periods of fM, 3694 of them. fM never stops.
 //!
 //! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods
-//! from
-//! there on while chip select stays low. With fM = SCLK / 4, both from one PLL, a word is a pixel, and a row
-//! is one DMA
-//! transfer of 3694 words.
+//! from there on while chip select stays low. With fM = SCLK / 4, both from one PLL, a word is a pixel, and a
+//! row is one DMA transfer of 3694 words.
 //!
 //! # Design
 //!
@@ -25,27 +21,26 @@
 //! ```
 //!
 //! The program cannot say to a fraction of a pixel when the first word will start, but it can see that word
-//! arrive. So
-//! the converter runs first, and ICG rises on the edge of fM that is nearest to [`ICG_AFTER_WORD_1`] into
-//! word 1: the
-//! converter then samples each pixel in its second half, when the output has settled, and word 2 is D0
-//! ([`TCD1304DG_LEAD_IN`](slitrange::sensor_heads::TCD1304DG_LEAD_IN)). The two fM edges at which ICG falls
-//! and the
-//! transfer starts are fixed too, so that pixel and conversion keep their phase from row to row. All of them
-//! come a
-//! little after fM's edge: ICG has to rise while fM is high.
+//! arrive. So the converter runs first, and ICG rises on the edge of fM that is nearest to
+//! [`ICG_AFTER_WORD_1`] into word 1. The converter then samples each pixel in its second half, when the
+//! output has settled, and word 2 is D0 ([`TCD1304DG_LEAD_IN`](slitrange::sensor_heads::TCD1304DG_LEAD_IN)).
+//! The two fM edges at which ICG falls and the transfer starts are fixed too, so that pixel and conversion
+//! keep their phase from row to row. All three come a little after fM's edge, because ICG has to rise while
+//! fM is high.
 //!
-//! The pulses are given within a critical section: an interrupt would stretch them.
+//! The pulses are given in a critical section: an interrupt would stretch them.
 //!
 //! # Note
 //!
-//! * Pulses are timed by the cycle counter and not by delay loops, so that flash wait states do not stretch them.
-//! * embassy's `read` starts DMA and SPI within its first poll, which is why it is polled within the critical section.
-//!   It enables SPI1 there, after chip select fell. Until then nothing drives SCLK and its pull-up (which embassy sets
-//!   in mode 3) keeps it high: enabling makes no edge that the converter could count.
-//! * SPI mode 3, as in the converter's timing diagram: SCLK idles high, DOUT changes as it falls, is read as it rises.
-//!   DIN is low, which selects channel 1.
-//! * On silicon the phase at which a pixel is sampled wants a look with an oscilloscope: ICG_AFTER_WORD_1 is the knob.
+//! * Pulses are timed by the cycle counter and not by delay loops, so that flash wait states do not stretch
+//!   them.
+//! * embassy's `read` starts DMA and SPI within its first poll, which is why it is polled within the critical
+//!   section. It enables SPI1 there, after chip select fell. Until then nothing drives SCLK and its pull-up
+//!   (which embassy sets in mode 3) keeps it high: enabling makes no edge that the converter could count.
+//! * SPI mode 3, as in the converter's timing diagram: SCLK idles high, DOUT changes as it falls, is read as
+//!   it rises. DIN is low, which selects channel 1.
+//! * On a real board, look with an oscilloscope at the phase at which a pixel is sampled. ICG_AFTER_WORD_1
+//!   sets it.
 
 use core::future::{Future, poll_fn};
 use core::pin::pin;
@@ -63,12 +58,13 @@ use super::shared::WORDS;
 /// The sensor head's name.
 pub const NAME: &str = "TCD1304DG";
 
-/// What the words of a row are.
+/// The geometry of a row.
 pub fn geometry() -> Geometry {
     sensor_heads::tcd1304dg()
 }
 
-/// From a rise of fM to what is timed by it. fM is high for 32 cycles, and a wait ends some cycles late.
+/// Core cycles from a rise of fM to an edge that it times. fM is high for 32 cycles, and a wait ends some
+/// cycles late.
 const AFTER_MASTER_CLOCK_ROSE: u32 = CYCLES_A_MASTER_CLOCK / 8;
 
 /// From the fall of ICG to the rise of SH: 100 to 1000 ns (data sheet, t2).
@@ -81,21 +77,21 @@ const SH_HIGH: u32 = cycles_in_ns(1500);
 /// ns.
 const TRANSFER_START: u32 = 6 * CYCLES_A_MASTER_CLOCK;
 
-/// From the fall of ICG to its rise where nothing is read: SH fell 1000 ns ago at least (data sheet, t1).
+/// From the fall of ICG to its rise if no row is read: SH fell at least 1000 ns before (data sheet, t1).
 const ICG_LOW: u32 = 10 * CYCLES_A_MASTER_CLOCK;
 
 /// From the start of word 1 to the rise of ICG, to the nearest rise of fM. The converter samples word 2 3.5
-/// SCLK into
-/// it: 16 + 3.5 SCLK (1857 ns) after the start of word 1. A pixel lasts 1524 ns; 70 % of it is 1067 ns.
+/// SCLK into it: 16 + 3.5 SCLK (1857 ns) after the start of word 1. A pixel lasts 1524 ns; 70 % of it is 1067
+/// ns.
 const ICG_AFTER_WORD_1: u32 = cycles_in_ns(1857 - 1067);
 
-/// A first word takes 1.5 us. If it has not come by then it will not come.
+/// The first word takes 1.5 us. If it has not come after this time, it will not come.
 const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
 
 /// A read-out takes 3694 words of 16 bits at 10.5 MHz: 5.63 ms.
 const READ_OUT_TIMEOUT: Duration = Duration::from_millis(20);
 
-/// The pulses keep what the data sheet asks for.
+/// The pulses are within the limits of the data sheet.
 const _: () = {
     assert!(ICG_TO_SH > cycles_in_ns(100) && ICG_TO_SH < cycles_in_ns(1000));
     assert!(SH_HIGH > cycles_in_ns(1000));
@@ -131,9 +127,9 @@ pub enum ReadOutError {
 pub struct Tcd1304 {
     converter: Converter,
     pins: Pins,
-    /// From the fall of ICG to its rise in periods of fM, as the last read-out had it.
+    /// Periods of fM from the fall of ICG to its rise in the last read-out.
     icg_periods: u32,
-    /// Runs as long as it is kept.
+    /// The clock runs as long as this is kept.
     _master_clock: MasterClock,
 }
 
@@ -148,7 +144,7 @@ impl Tcd1304 {
         }
     }
 
-    /// Ends an exposure and lets the row go: the next one begins as if it had been read.
+    /// Ends an exposure without reading its row. The next exposure begins as if the row had been read.
     pub fn pulse(&mut self) {
         cortex_m::interrupt::free(|_| {
             let icg_fell = self.pins.shift();
@@ -191,9 +187,9 @@ impl Tcd1304 {
 }
 
 impl Pins {
-    /// ICG low and SH pulsed: the exposure is over. Returns when ICG fell, just after a rise of fM.
+    /// Ends the exposure: pulses SH while ICG is low. Returns when ICG fell, just after a rise of fM.
     fn shift(&mut self) -> u32 {
-        // A rise that is far enough ahead not to be missed.
+        // A rise of fM that is far enough ahead not to be missed.
         let icg_falls = board::cycles()
             .wrapping_sub(board::cycles_since_master_clock_rose())
             .wrapping_add(2 * CYCLES_A_MASTER_CLOCK + AFTER_MASTER_CLOCK_ROSE);
@@ -206,20 +202,17 @@ impl Pins {
         icg_falls
     }
 
-    /// Waits for the end of word 0, and raises ICG on the rise of fM that suits word 1. If no word comes ICG
-    /// rises all
-    /// the same, and the transfer runs into its timeout.
+    /// Waits for the end of word 0, and raises ICG on the rise of fM that suits word 1. If no word comes, ICG
+    /// rises all the same, and the transfer runs into its timeout.
     fn let_go_after_word_0(&mut self, icg_fell: u32, icg_periods: &mut u32) {
         while board::words_to_come() as usize >= WORDS
             && board::cycles().wrapping_sub(icg_fell) < TRANSFER_START + FIRST_WORD_TIMEOUT
         {
         }
         let wanted = board::cycles().wrapping_sub(icg_fell) + ICG_AFTER_WORD_1;
-        // The same program takes the same time to get here in every row, give or take some cycles. Where that
-        // would
-        // round up in one row and down in the next, the image would shift by a quarter of a pixel between
-        // them: keep
-        // the last row's choice while it is nearly right.
+        // The program takes the same time to get here in every row, give or take some cycles. If this rounded
+        // up in one row and down in the next, the image would shift by a quarter of a pixel between them. So
+        // keep the last row's choice while it is nearly right.
         if wanted.abs_diff(*icg_periods * CYCLES_A_MASTER_CLOCK) > CYCLES_A_MASTER_CLOCK * 3 / 4 {
             *icg_periods = (wanted + CYCLES_A_MASTER_CLOCK / 2) / CYCLES_A_MASTER_CLOCK;
         }

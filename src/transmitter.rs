@@ -5,8 +5,8 @@
 //! embassy-stm32 0.6.0's buffered transmitter wants care:
 //! * `write` takes all of the bytes or none, and fails if there are more than its buffer holds.
 //! * `write` without room registers no waker: awaited, it would sleep for ever. It is polled here.
-//! * `write` starts the interrupt only if the buffer was empty when it looked. If the last bytes leave between that
-//!   look and the new bytes' arrival, nobody starts it: it is started here after every write.
+//! * `write` starts the interrupt only if the buffer was empty when it looked. If the last bytes leave
+//!   between that look and the new bytes' arrival, nobody starts it: it is started here after every write.
 
 use embassy_futures::poll_once;
 use embassy_stm32::interrupt::InterruptExt;
@@ -24,7 +24,7 @@ const PIECE: usize = 64;
 pub struct Transmitter(BufferedUartTx<'static>);
 
 impl Transmitter {
-    /// Of a port's sending side.
+    /// Makes a transmitter of a port's sending side.
     pub const fn new(port: BufferedUartTx<'static>) -> Self {
         Self(port)
     }
@@ -44,9 +44,8 @@ impl Transmitter {
         COUNTERS.lines_dropped.add_if(!self.accept(line.as_bytes()));
     }
 
-    /// Hands over all of the bytes or, without room for them, none. An error would come again if it were
-    /// repeated:
-    /// the bytes count as handed over.
+    /// Hands over all of the bytes or, without room for them, none. On an error the bytes count as handed
+    /// over, because a second try would give the same error.
     fn accept(&mut self, bytes: &[u8]) -> bool {
         let accepted = poll_once(self.0.write(bytes)).is_ready();
         board::SERIAL_INTERRUPT.pend();
