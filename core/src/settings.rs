@@ -1,14 +1,11 @@
 //! All that a person can set. Each setting is declared once, in [the list](#the-list) below.
 //!
 //! The struct [`Settings`], the commands that show and set a value, their answers, `help`, the error
-//! messages, what flash holds and the table in
-//! docs/serial-line.md follow from the declaration. To add a setting, add its lines to the list. A value of a
-//! new type also implements
-//! [`ValueText`].
+//! messages, what flash holds and the table in docs/serial-line.md follow from the declaration. To add a
+//! setting, add its lines to the list. A value of a new type also implements [`ValueText`].
 //!
 //! miniconf and serial-settings declare settings once too. Their lines are JSON paths (`/rows 16`), and they
-//! know no ranges, units or help, so
-//! they would not make this file smaller.
+//! know no ranges, units or help, so they would not make this file smaller.
 
 use core::fmt;
 
@@ -22,8 +19,7 @@ use crate::units::Counts;
 /// # The list
 ///
 /// For each setting: its help, a name for Rust, the name that a person types, the field, its type and
-/// default; then how its value is typed, and
-/// what a change affects.
+/// default; then how its value is typed, and what a change affects.
 macro_rules! list {
     ($declare:ident) => {
         $declare! {
@@ -33,7 +29,7 @@ macro_rules! list {
             /// rows in a frame
             Rows "rows" rows: u16 = 16, Form::Number { least: 1, most: MAX_ROWS, unit: "" }, Affects::Measurement;
 
-            /// how the rows' centres become one
+            /// how the rows' centres are averaged
             Mean "mean" mean: Mean = Mean::Weighted, Form::Words("plain|weighted"), Affects::Measurement;
 
             /// how the black level is found

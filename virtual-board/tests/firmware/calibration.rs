@@ -283,7 +283,7 @@ fn a_centre_needs_no_calibration() {
         let lines = board.take_lines();
         let texts: Vec<&str> = lines.iter().map(|line| line.text.as_str()).collect();
         assert!(
-            matches!(texts[..], [fault, "(`calibration on`; without a calibration, upload one or send `defaults`)", centre]
+            matches!(texts[..], [fault, "(send `calibration on`; if there is no calibration, upload one or send `defaults`)", centre]
                 if fault.starts_with("f not calibrated: x ") && centre.starts_with("x ")),
             "{texts:#?}"
         );
