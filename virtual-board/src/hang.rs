@@ -2,10 +2,10 @@
 //!
 //! The emulated flash is read-only for tests too (rigless's STM32F427 has no model of its array, so
 //! `Session::flip_bits` refuses it), and a driver reaches memory but no register. So `watched_core` wraps the
-//! core. The wrapped core stops before the function's first instruction and continues at a jump to itself (`b
-//! .`), which the firmware has anyway in cortex-m-rt's default handlers. This behaves like a function that
-//! never returns: interrupts are still served, and only a reset ends it. For a panic, the core continues at
-//! the function that the firmware calls to panic.
+//! core. The wrapped core stops before the function's first instruction and continues at a jump to itself
+//! (`b .`), which the firmware has anyway in cortex-m-rt's default handlers. This behaves like a function
+//! that never returns: interrupts are still served, and only a reset ends it. For a panic, the core continues
+//! at the function that the firmware calls to panic.
 
 use std::collections::BTreeMap;
 
