@@ -106,7 +106,7 @@ impl Fault {
             Self::TwoSpots { .. } => "cover other lights, and surfaces that reflect the laser",
             Self::Unsteady { .. } => "hold the target still, or take fewer rows in a frame",
             Self::NotCalibrated { .. } => {
-                "`calibration on`; without a calibration, upload one or send `defaults`"
+                "send `calibration on`; if there is no calibration, upload one or send `defaults`"
             }
         }
     }

@@ -29,7 +29,7 @@ macro_rules! list {
             /// rows in a frame
             Rows "rows" rows: u16 = 16, Form::Number { least: 1, most: MAX_ROWS, unit: "" }, Affects::Measurement;
 
-            /// how the rows' centres become one
+            /// how the rows' centres are averaged
             Mean "mean" mean: Mean = Mean::Weighted, Form::Words("plain|weighted"), Affects::Measurement;
 
             /// how the black level is found

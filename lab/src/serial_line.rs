@@ -41,7 +41,7 @@ const SESSION: [&str; 19] = [
     "calibration off",
     "> distance",
     "f not calibrated: x 1770.97591 u 0.00198",
-    "(`calibration on`; without a calibration, upload one or send `defaults`)",
+    "(send `calibration on`; if there is no calibration, upload one or send `defaults`)",
 ];
 
 /// The first lines of the session, which README.md shows.

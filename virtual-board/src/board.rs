@@ -14,11 +14,11 @@ use crate::serial_line::{FarEnd, SerialLine};
 use crate::stm32f429::Stm32f429;
 use crate::watched_core::{self, Watched};
 
-/// The processor's clock, Hz: the most an STM32F429 does without over-drive.
+/// The processor's clock in Hz: the highest of an STM32F429 without over-drive.
 pub const CLOCK_HZ: u64 = 168_000_000;
 
-/// Instructions that the emulated core retires in a second of virtual time. One a clock, so that the cycle counter
-/// (`DWT_CYCCNT`) counts instructions exactly; silicon needs more clocks than that.
+/// Instructions that the emulated core executes in a second of virtual time. One for each clock, so that the
+/// cycle counter (`DWT_CYCCNT`) counts instructions exactly. Silicon needs more clocks.
 pub const INSTRUCTIONS_PER_SECOND: u64 = CLOCK_HZ;
 
 /// The NUCLEO's 8 MHz clock from its ST-LINK, Hz.

@@ -1,17 +1,21 @@
-//! SPI1 and DMA2 that move a read-out's words in batches.
+//! Models of SPI1 and DMA2 that move the words of a read-out in batches, so that the emulation is faster.
 //!
-//! rigless wakes its models for each word that SPI1 receives, and each word passes through both DMA controllers. A row
-//! has 3694 words, so a sensor that reads rows one after the other has 650,000 of them in a virtual second: nine tenths
-//! of what the emulation cost. While both DMA streams of a read-out run, the firmware sees none of that. So here the
-//! words that a stream still has to move are asked of the sensor head [`BATCH`] at a time, each with the instant at
-//! which it would have ended, and go to memory together. The last two words of each stream are rigless's: its DMA2 ends
-//! the transfer, sets the flags and raises the interrupts.
+//! **Why.** rigless's own models wake up for each word that SPI1 receives, and each word passes through both
+//! DMA controllers. A row has 3694 words, so reading row after row moves 650,000 words in a virtual second.
+//! This took nine tenths of the emulation's time.
 //!
-//! An access to a register of SPI1 or DMA2 and an edge of any pin bring the words up to date first. What differs from
-//! silicon is memory alone: in the middle of a read-out, a word may be [`BATCH`] words late in the buffer.
+//! **How.** While both DMA streams of a read-out run, the firmware does not look at single words. So
+//! [`BATCH`] words at a time are taken from the sensor head and written to memory together. The head gets the
+//! end of each word's time, and so gives each word the right pixel. The last [`LAST`] words of each stream
+//! pass through rigless's DMA2, which ends the transfer, sets the flags and raises the interrupts.
 //!
-//! Only a read-out as the firmware's driver sets it up is served like this: words of 16 bits, no FIFO, no circular or
-//! double buffer, no interrupt half way, and one converter on the bus. All else is rigless's, word by word.
+//! **What differs.** Each access to a register of SPI1 or DMA2, and each edge of a pin, first moves the words
+//! that have ended by then. So only memory can differ from silicon: in the middle of a read-out, a word may
+//! reach the buffer up to [`BATCH`] words late.
+//!
+//! **When.** Only read-outs that are set up as the firmware's driver does it move in batches: words of 16
+//! bits, no FIFO, no circular or double buffer, no interrupt half way, and one converter on the bus. rigless
+//! moves all other transfers word by word.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -28,16 +32,16 @@ use crate::Nanos;
 use crate::sensor_head::limits::WORD_BITS;
 use crate::sensor_head::pins::{SPI1_DATA, SharedHead};
 
-/// Words between two looks at the head, 0.2 ms.
+/// Words in a batch: 0.2 ms of a read-out.
 const BATCH: u64 = 128;
 
-/// The words of a stream that rigless moves.
+/// The last words of a stream, which rigless moves one by one.
 const LAST: u64 = 2;
 
-/// A shorter transfer is not worth a batch.
+/// The shortest transfer that moves in batches, in words.
 const SHORTEST: u64 = 64;
 
-/// The token of the accesses that bring a batch to memory. rigless's streams have small ones.
+/// Marks the memory accesses of a batch. rigless's streams use small tokens.
 const TOKEN: u64 = u64::MAX;
 
 /// SPI1's channel of DMA2 (RM0090 table 44).
@@ -100,16 +104,16 @@ const SENDERS: [Stream; 2] = {
     ]
 };
 
-/// How far a read-out is.
+/// The state of a read-out.
 #[derive(Debug)]
 enum State {
-    /// Every word is rigless's.
+    /// rigless moves every word.
     Idle,
     /// The receiving stream is on.
     Receiving(Words),
-    /// Both streams are on, and SPI1 is not.
+    /// Both streams are on, but SPI1 is off.
     Ready(Words),
-    /// SPI1 clocks words since `start`, with `bit_hz`.
+    /// SPI1 has clocked words since `start`, at `bit_hz` bits a second.
     Running {
         words: Words,
         start: Nanos,
@@ -117,17 +121,17 @@ enum State {
     },
 }
 
-/// The words that come in batches.
+/// The words of a read-out that move in batches.
 #[derive(Clone, Copy, Debug)]
 struct Words {
-    /// Where the first one goes.
+    /// The address of the first word in memory.
     address: u64,
     count: u64,
-    /// How many of them are in memory.
+    /// How many words are in memory already.
     done: u64,
 }
 
-/// What SPI1 and DMA2 share.
+/// The read-out under way, which the models of SPI1 and DMA2 share.
 #[derive(Debug)]
 pub(crate) struct Burst {
     state: State,
@@ -141,7 +145,7 @@ fn lock(burst: &SharedBurst) -> MutexGuard<'_, Burst> {
 }
 
 impl Burst {
-    /// Words that are still to come in batches.
+    /// The number of words that still have to move in batches.
     fn left(&self) -> u64 {
         match &self.state {
             State::Idle => 0,
@@ -151,7 +155,7 @@ impl Burst {
         }
     }
 
-    /// Moves the words that have ended by now.
+    /// Moves the words that have ended by now to memory.
     fn catch_up(&mut self, context: &mut DeviceContext<'_>) {
         let State::Running {
             words,
@@ -162,7 +166,7 @@ impl Burst {
             return;
         };
         let mut head = self.head.lock();
-        // What is gathered for memory, from `address` on.
+        // Four words are written at once where the address allows it.
         let mut address = words.address + 2 * words.done;
         let (mut gathered, mut bits) = (0, 0);
         while words.done < words.count {
@@ -189,7 +193,7 @@ impl Burst {
         }
     }
 
-    /// When the batch under way ends; nothing if no batch is.
+    /// When the batch under way ends; `None` without a batch.
     fn next_end(&self) -> Option<Nanos> {
         let State::Running {
             words,
@@ -204,12 +208,12 @@ impl Burst {
     }
 }
 
-/// The end of the word that `done` words precede, with the remainder carried from word to word as rigless does.
+/// When word `done` (from 0) ends. Rounded as rigless rounds: the remainders of the division add up.
 fn end_of_word(start: Nanos, done: u64, bit_hz: u64) -> Nanos {
     start + (done + 1) * u64::from(WORD_BITS) * 1_000_000_000 / bit_hz
 }
 
-/// Puts both peripherals' models together.
+/// Makes the two models, which share a read-out.
 pub(crate) fn pair(dma: Dma, head: &Arc<SharedHead>) -> (BurstSpi, BurstDma) {
     let burst = Arc::new(Mutex::new(Burst {
         state: State::Idle,
@@ -236,7 +240,7 @@ pub(crate) fn pair(dma: Dma, head: &Arc<SharedHead>) -> (BurstSpi, BurstDma) {
 /// SPI1.
 #[derive(Debug)]
 pub(crate) struct BurstSpi {
-    /// rigless's model, which the converter hangs on.
+    /// rigless's model, to which the converter is connected.
     pub(crate) spi: Spi,
     clock_hz: u64,
     /// The event that ends the batch under way.
@@ -246,24 +250,24 @@ pub(crate) struct BurstSpi {
 }
 
 impl BurstSpi {
-    /// Takes over the chips of the model from before a reset.
+    /// Takes the connected chips from the model before a reset.
     pub(crate) fn inherit(&mut self, before: &mut Self) {
         self.spi.inherit(&mut before.spi);
         self.silent = before.silent;
     }
 
-    /// Cuts the nth chip off, or connects it again: [`Spi::silence`].
+    /// Disconnects the nth chip, or connects it again: [`Spi::silence`].
     pub(crate) fn silence(&mut self, nth: usize, silent: bool) -> bool {
         self.silent = silent;
         self.spi.silence(nth, silent)
     }
 
-    /// Whether the converter alone answers.
+    /// Whether the converter is the only chip that answers.
     pub(crate) fn has_only_the_converter(&self) -> bool {
         !self.silent && self.spi.peers().count() == 1
     }
 
-    /// Calls rigless's model, without its requests for DMA while words come in batches.
+    /// Calls rigless's model. While words move in batches, the model must not request DMA.
     fn inner<T>(
         &mut self,
         registers: &mut RegisterFile,
@@ -280,7 +284,7 @@ impl BurstSpi {
         result
     }
 
-    /// Begins the batches once SPI1 and both streams are on, and ends them when SPI1 is not.
+    /// Begins the batches when SPI1 and both streams are on, and ends them when SPI1 is off.
     fn look(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let mut burst = lock(&self.burst);
         let runs = clocks_words(registers) && self.clock_hz > 0;
@@ -341,7 +345,7 @@ impl Device for BurstSpi {
             });
             return;
         }
-        // Whoever switched SPI1 or its requests off without an access stops the words here.
+        // If SPI1 or its requests were switched off without a register access, the words stop here.
         self.look(registers, context);
         let mut burst = lock(&self.burst);
         burst.catch_up(context);
@@ -354,7 +358,7 @@ impl Device for BurstSpi {
             burst.state = State::Idle;
             drop(burst);
             set_busy(registers, false);
-            // rigless's model asks DMA2 for its last words.
+            // Now rigless's model requests DMA for the last words.
             let control = registers.get(spi1::Register::Cr2);
             Device::write(
                 &mut self.spi,
@@ -448,13 +452,14 @@ pub(crate) struct BurstDma {
     dma: Dma,
     /// Whether each of [`RECEIVERS`] and [`SENDERS`] is on.
     enabled: [bool; 4],
-    /// Whether words may come in batches now.
+    /// Whether words may move in batches now.
     pub(crate) shortens: bool,
     burst: SharedBurst,
 }
 
 impl BurstDma {
-    /// Leaves the batches' words out of a stream that is being switched on, so that rigless moves the last ones only.
+    /// Shortens a stream that is being switched on by the words of the batches, so that rigless moves only
+    /// the last words.
     fn shorten(
         &mut self,
         stream: &Stream,
@@ -474,7 +479,7 @@ impl BurstDma {
         registers.set(stream.control, control);
     }
 
-    /// A receiving stream goes on: its words come in batches if it is a plain one.
+    /// A receiving stream is switched on: its words move in batches if it is a plain stream.
     fn receive(
         &mut self,
         stream: &Stream,
@@ -498,7 +503,7 @@ impl BurstDma {
         }
     }
 
-    /// A sending stream goes on: it must fit the receiving one.
+    /// A sending stream is switched on: it must match the receiving stream.
     fn send(
         &mut self,
         stream: &Stream,
@@ -524,7 +529,8 @@ impl BurstDma {
     }
 }
 
-/// Whether a stream that is being switched on moves half words between SPI1 and memory, one a request, and then ends.
+/// Whether a stream that is being switched on is plain: it moves one half word between SPI1 and memory for
+/// each request, and then ends.
 fn is_plain(stream: &Stream, direction: u64, registers: &RegisterFile) -> bool {
     let free = [
         s0cr::EN,
@@ -563,7 +569,7 @@ impl Device for BurstDma {
                     self.receive(stream, registers, context)
                 }
                 (false, true) => self.send(stream, registers, context),
-                // Given up.
+                // The firmware gave the read-out up.
                 (true, false) => lock(&self.burst).state = State::Idle,
                 _ => {}
             }
@@ -621,7 +627,7 @@ impl Device for BurstDma {
         }
     }
 
-    // From here on everything is rigless's.
+    // All that follows only calls rigless's model.
 
     fn on_request(
         &mut self,

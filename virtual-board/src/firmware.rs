@@ -1,4 +1,5 @@
-//! The firmware's ELF file: built by cargo, or loaded, with what the emulator and the log decoder need of it.
+//! Builds or loads the firmware's ELF file, with the symbols and the log table that the emulator and the log
+//! decoder need.
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -10,8 +11,7 @@ use rigless::image::Image;
 use rigless::symbols::Symbols;
 
 /// Variables that cargo sets for us, or that hold compiler flags meant for the PC (coverage,
-/// `target-cpu=native`).
-/// Inherited by the nested build they would rebuild the firmware, or break it.
+/// `target-cpu=native`). If the nested build inherited them, it would rebuild the firmware, or fail.
 const NOT_FOR_THE_CHIP: [&str; 6] = [
     "RUSTFLAGS",
     "CARGO_ENCODED_RUSTFLAGS",
@@ -31,8 +31,8 @@ pub struct Firmware {
 }
 
 impl Firmware {
-    /// Builds slitrange's firmware as it is flashed (`cargo fw`) and loads it. An unchanged one costs a
-    /// moment.
+    /// Builds slitrange's firmware as it is flashed (`cargo fw`) and loads it. If nothing changed, this takes
+    /// a moment.
     ///
     /// # Errors
     ///
@@ -45,7 +45,7 @@ impl Firmware {
     ///
     /// # Errors
     ///
-    /// The build fails, its messages then being on stderr or in the error, or what it built cannot be loaded.
+    /// The build fails (its messages are on stderr or in the error), or the ELF file cannot be loaded.
     pub fn build_package(package: &str) -> Result<Self> {
         let mut command = cargo();
         command
@@ -63,7 +63,8 @@ impl Firmware {
         if !output.status.success() {
             bail!(
                 "the chip's program {package} did not build ({}); to see why, run\n\
-                 cargo build --release --target thumbv7em-none-eabihf --package {package} --bin {package}\n{}",
+                 cargo build --release --target thumbv7em-none-eabihf \
+                 --package {package} --bin {package}\n{}",
                 output.status,
                 String::from_utf8_lossy(&output.stderr)
             );
@@ -77,7 +78,7 @@ impl Firmware {
     ///
     /// # Errors
     ///
-    /// It cannot be read, is no ELF file, or has no defmt table.
+    /// The file cannot be read, is no ELF file, or has no defmt table.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let bytes = std::fs::read(path)
@@ -118,7 +119,7 @@ impl Firmware {
     ///
     /// # Errors
     ///
-    /// The firmware has no such symbol. Rust mangles names: give what shall be found `#[unsafe(no_mangle)]`.
+    /// The firmware has no such symbol. Rust mangles names: mark the function with `#[unsafe(no_mangle)]`.
     pub fn address_of(&self, symbol: &str) -> Result<u64> {
         self.symbols
             .get(symbol)
@@ -126,7 +127,7 @@ impl Firmware {
     }
 }
 
-/// Cargo in this workspace, without what it or its caller set for a build on the PC.
+/// A cargo command in this workspace, without the variables for a build on the PC.
 #[must_use]
 pub fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
@@ -173,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_no_firmware_is_refused_by_name() {
+    fn a_file_that_is_no_firmware_is_refused_with_its_name() {
         let error =
             Firmware::load(Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml")).unwrap_err();
         assert!(format!("{error:#}").contains("Cargo.toml"), "{error:#}");

@@ -1,15 +1,16 @@
-//! The flash that the calibration is kept in: sectors 12 and 13, the first two of bank 2.
+//! The contents of the flash sectors that hold the calibration: sectors 12 and 13, the first two of bank 2.
 //!
-//! rigless models the registers of the flash interface (keys and lock, how long an erase takes, its interrupt) and not what is in the
-//! array. This adds it for the two sectors, which the core does not have mapped, so that each load and store comes here: an erase
-//! that the registers begin sets the sector's bits, and a store with PG set clears bits. What silicon answers with an error, or with a
-//! core that stands still until an erase is over, is a [`Violation`] of the run, and the store is not done.
+//! rigless models the registers of the flash interface (keys and lock, how long an erase takes, its
+//! interrupt) but not the contents. This module adds the contents of the two sectors. They are not in the
+//! core's memory map, so each load and store comes here. An erase that the registers begin sets the sector's
+//! bits, and a store with PG set clears bits. If silicon would answer with an error, or would stop the core
+//! until an erase ends, the access is a [`Violation`] of the run, and nothing is stored.
 //!
-//! An erase is done at its begin and takes its time (400 ms, of which rigless's registers know); a program takes none, where silicon
-//! needs 16 us a word (DS9405 table 48). DMA does not reach the sectors.
+//! An erase changes the contents at its begin; rigless's registers report its end after 400 ms. Programming
+//! takes no time here; silicon needs 16 us a word (DS9405 table 48). DMA does not reach the sectors.
 //!
-//! A [`SharedFlash`] outlives the boards that it is in, so whoever holds one has what is kept over a power cycle. It writes down each
-//! operation, from which [`History`] gives the contents after any of them, as after a power cut.
+//! A [`SharedFlash`] outlives its board: pass it to the next board for a power cycle. It records each
+//! operation, and [`History`] gives the contents after any operation, as after a power cut.
 
 mod contents;
 mod history;
@@ -32,16 +33,16 @@ const CONTROL: u64 = 0x4002_3C10;
 /// The flash interface's registers (RM0090 table 1).
 const INTERFACE: std::ops::Range<u64> = 0x4002_3C00..0x4002_4000;
 
-/// SNB of sector 12; those of bank 2 go on from there (RM0090 section 3.9.8).
+/// SNB of sector 12. The other sectors of bank 2 follow (RM0090 section 3.9.8).
 const FIRST_SNB: usize = 16;
 
 /// PSIZE for words of 32 bits (RM0090 section 3.9.8).
 const WORDS: u64 = 2;
 
-/// How many violations are kept. The first ones say what is wrong.
+/// How many violations are kept. The first ones show what is wrong.
 const VIOLATIONS_KEPT: usize = 200;
 
-/// The two sectors. Clones are the same ones.
+/// The two sectors. A clone is the same flash.
 #[derive(Clone, Debug)]
 pub struct SharedFlash(Arc<Mutex<Flash>>);
 
@@ -51,25 +52,25 @@ struct Flash {
     contents: Contents,
     history: History,
     interface: Interface,
-    /// How many more operations are done until the power is cut.
+    /// The operations that are still done before the power is cut.
     operations_left: Option<usize>,
     violations: Vec<Violation>,
     violation_count: u64,
 }
 
-/// What matters of the interface's registers.
+/// The bits of the interface's registers that matter here.
 #[derive(Clone, Copy, Debug)]
 struct Interface {
     locked: bool,
-    /// A store programs.
+    /// A store programs a word.
     programs: bool,
-    /// Of PSIZE words.
+    /// PSIZE is 32 bits.
     takes_words: bool,
     busy: bool,
 }
 
 impl Interface {
-    /// As a reset leaves it.
+    /// The state after a reset.
     const RESET: Self = Self {
         locked: true,
         programs: false,
@@ -109,45 +110,46 @@ impl SharedFlash {
         })))
     }
 
-    /// What it holds now.
+    /// The contents now.
     #[must_use]
     pub fn contents(&self) -> Contents {
         self.lock().contents.clone()
     }
 
-    /// Puts other contents in its place, as when a chip is exchanged.
+    /// Replaces the contents, as if the chip were exchanged.
     pub fn put(&self, contents: Contents) {
         let mut flash = self.lock();
         flash.history = History::since(contents.clone());
         flash.contents = contents;
     }
 
-    /// What was done to it since this was last asked.
+    /// Takes the operations since the last call.
     pub fn take_history(&self) -> History {
         let mut flash = self.lock();
         let from_now = History::since(flash.contents.clone());
         std::mem::replace(&mut flash.history, from_now)
     }
 
-    /// The number of operations done since [`SharedFlash::take_history`] was last asked.
+    /// The number of operations since the last call of [`SharedFlash::take_history`].
     #[must_use]
     pub fn operation_count(&self) -> usize {
         self.lock().history.operations().len()
     }
 
-    /// Cuts the power after so many more operations: nothing that the board does later reaches the flash, until another board is
-    /// powered on with it.
+    /// Cuts the power after `operations` more operations: later operations do not reach the flash until
+    /// another board is powered on with it.
     pub fn cut_power_after(&self, operations: usize) {
         self.lock().operations_left = Some(operations);
     }
 
-    /// What was done that silicon answers with an error or by standing still, as far as it is kept, since the last power-on.
+    /// The first violations since the last power-on: accesses that silicon answers with an error or by
+    /// stopping the core.
     #[must_use]
     pub fn violations(&self) -> Vec<Violation> {
         self.lock().violations.clone()
     }
 
-    /// How many there were.
+    /// The number of violations since the last power-on.
     #[must_use]
     pub fn violation_count(&self) -> u64 {
         self.lock().violation_count
@@ -157,7 +159,7 @@ impl SharedFlash {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A board with it is powered on.
+    /// Resets the interface and the violations: a board with this flash is powered on.
     pub(crate) fn power_on(&self) {
         let mut flash = self.lock();
         flash.interface = Interface::RESET;
@@ -166,7 +168,7 @@ impl SharedFlash {
         flash.violation_count = 0;
     }
 
-    /// If `address` is in one of the sectors.
+    /// Whether `address` is in one of the sectors.
     pub(crate) fn holds(address: u64) -> bool {
         (BASE..BASE + BYTES as u64).contains(&address)
     }
@@ -176,7 +178,8 @@ impl SharedFlash {
         Self::holds(address).then(|| self.lock().contents.read(address, 4))
     }
 
-    /// The core's load or store in one of the sectors; gives what is there, or what was to be stored.
+    /// Does the core's load or store in one of the sectors. Gives the value that was loaded, or that was to
+    /// be stored.
     pub(crate) fn access(&self, access: &Access) -> u64 {
         let mut flash = self.lock();
         match access.kind {
@@ -188,7 +191,7 @@ impl SharedFlash {
         }
     }
 
-    /// Takes over the interface's registers after `access`, or after something else that may have changed them.
+    /// Reads the interface's registers after `access`, or after an event that may have changed them.
     pub(crate) fn look_at(&self, registers: &RegisterFile, access: Option<&Access>, now: Nanos) {
         if access.is_some_and(|access| !INTERFACE.contains(&access.address)) {
             return;
@@ -216,7 +219,8 @@ impl Flash {
             self.violated(
                 access.virtual_time.0,
                 format!(
-                    "a load from {:#010x} while bank 2 is busy: the core stands still meanwhile (RM0090 section 3.6)",
+                    "a load from {:#010x} while bank 2 is busy: the core stands still meanwhile \
+                     (RM0090 section 3.6)",
                     access.address
                 ),
             );
@@ -230,7 +234,8 @@ impl Flash {
         } else if !self.interface.programs {
             "without unlocking the flash's control register and setting its PG (RM0090 section 3.6.4)"
         } else if !self.interface.takes_words || access.width != Width::W32 {
-            "of another size than PSIZE, or of another one than 32 bits, which is not modelled (RM0090 section 3.6.4)"
+            "of another size than PSIZE, or of another one than 32 bits, \
+             which is not modelled (RM0090 section 3.6.4)"
         } else {
             // 32 bits.
             let word = access.value as u32;
@@ -244,7 +249,7 @@ impl Flash {
         );
     }
 
-    /// An erase has begun, by the control register.
+    /// Erases the sectors that the control register names.
     fn erase(&mut self, control: u64, now: Nanos) {
         let is_whole_bank = cr::MER1.is_set(control);
         let number = cr::SNB.get(control) as usize;
@@ -287,7 +292,7 @@ mod tests {
         busy: false,
     };
 
-    /// Flash whose interface stands so, as its registers tell after the firmware's accesses.
+    /// Erased flash with the interface in a given state.
     fn flash(interface: Interface) -> SharedFlash {
         let flash = SharedFlash::default();
         flash.lock().interface = interface;
@@ -332,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn a_store_that_silicon_refuses_is_refused_and_a_violation() {
+    fn stores_that_silicon_refuses_are_violations() {
         let locked = Interface::RESET;
         let not_programming = Interface {
             programs: false,
@@ -369,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn an_erase_is_of_the_sector_that_the_register_names() {
+    fn an_erase_clears_only_the_sector_that_the_register_names() {
         let erased_by = |control: u64| {
             let flash = SharedFlash::default();
             flash.lock().erase(control, 5);
@@ -386,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn after_a_power_cut_nothing_is_done_until_the_next_power_on() {
+    fn nothing_is_stored_between_a_power_cut_and_the_next_power_on() {
         let flash = flash(READY);
         flash.cut_power_after(2);
         for word in 0..4 {

@@ -1,10 +1,11 @@
-//! Having the firmware hang or panic at a function, for tests of the watchdog.
+//! Makes the firmware hang or panic at a function, for tests of the watchdog.
 //!
 //! The emulated flash is read-only for tests too (rigless's STM32F427 has no model of its array, so
-//! `Session::flip_bits` refuses it), and a driver reaches memory but no register. So the core is wrapped: it stops
-//! before the function's first instruction and goes on at an instruction `b .`, a jump to itself, that the firmware
-//! has anyway (cortex-m-rt's default handlers). That is what a function that never returns looks like: interrupts are
-//! still served, and only a reset gets the core out. A panic is the same with another place to go on at: what the firmware calls to panic.
+//! `Session::flip_bits` refuses it), and a driver reaches memory but no register. So `watched_core` wraps the
+//! core. The wrapped core stops before the function's first instruction and continues at a jump to itself
+//! (`b .`), which the firmware has anyway in cortex-m-rt's default handlers. This behaves like a function
+//! that never returns: interrupts are still served, and only a reset ends it. For a panic, the core continues
+//! at the function that the firmware calls to panic.
 
 use std::collections::BTreeMap;
 
@@ -13,10 +14,12 @@ use rigless::image::Image;
 /// The Thumb instruction `b .`.
 const JUMP_TO_ITSELF: [u8; 2] = 0xE7FE_u16.to_le_bytes();
 
-/// What panics without being told why: the function that `defmt::unwrap!` and the like call when they have said it.
+/// The function that panics without a message: `defmt::unwrap!` and the like call it after they have logged
+/// theirs.
 pub(crate) const PANIC: &str = "_defmt_panic";
 
-/// Where the firmware goes on instead of at the first instruction of a function: at a `b .`, or at `PANIC`.
+/// For each function's first instruction, the address at which the firmware continues instead: a `b .`, or
+/// `PANIC`.
 pub type Detours = BTreeMap<u64, u32>;
 
 /// The address of a `b .` in `image`.

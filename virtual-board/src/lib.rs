@@ -1,5 +1,5 @@
-//! A NUCLEO-F429ZI with its sensor head, emulated: it runs slitrange's firmware as it is flashed, in virtual time and
-//! deterministically, so that what is tested is the ELF file that ships.
+//! An emulated NUCLEO-F429ZI with its sensor head. It runs the ELF file of slitrange's firmware that you
+//! flash on a real board, in virtual time. Each run with the same inputs is the same.
 //!
 //! ```no_run
 //! use std::time::Duration;
@@ -8,7 +8,8 @@
 //! # fn main() -> anyhow::Result<()> {
 //! let firmware = Firmware::build()?;
 //! // A dark sensor with a black level of 200 counts.
-//! let mut board = VirtualBoard::power_on(&firmware, Box::new(|_exposure| vec![200.0; virtual_board::PIXELS]))?;
+//! let light = |_: &virtual_board::Exposure| vec![200.0_f32; virtual_board::PIXELS];
+//! let mut board = VirtualBoard::power_on(&firmware, Box::new(light))?;
 //! board.send("help\r\n");
 //! let line = board.run_until_line(|line| line.starts_with("help"), Duration::from_millis(100))?;
 //! println!("{line}");
@@ -17,13 +18,14 @@
 //! # }
 //! ```
 //!
-//! The processor and its peripherals are [rigless](https://docs.rs/rigless)'s STM32F427, which is the STM32F429's die
-//! without the LCD controller. What hangs on its pins is ours: [`sensor_head`] and [`serial_line`]. The head does not
-//! only deliver rows: it holds the firmware to the data sheets' limits and makes a violated one an error of the run.
-//! [`flash`] is what the processor's model leaves out of flash memory, and what is kept over a power cycle.
+//! The processor and its peripherals are [rigless](https://docs.rs/rigless)'s STM32F427, which is the
+//! STM32F429's die without the LCD controller. This crate adds what is connected to its pins: [`sensor_head`]
+//! and [`serial_line`]. The sensor head delivers rows and checks the data sheets' limits: if the firmware
+//! violates a limit, the run ends with an error. [`flash`] adds the contents of flash memory, which the
+//! processor's model does not have and which survive a power cycle.
 //!
-//! What this does not show: CPU and flash timing (every instruction takes one clock, so counts are exact and times are
-//! not the silicon's), bus arbitration, SPI mode, and analogue effects.
+//! What this does not show: CPU and flash timing (every instruction takes one clock, so counts are exact and
+//! times are not the silicon's), bus arbitration, SPI mode, and analogue effects.
 
 pub mod board;
 mod burst;

@@ -1,4 +1,4 @@
-//! What falls on the sensor head: a scene's rows for the exposures that the firmware gives, or given rows.
+//! The light on the sensor head: the rows of a scene at the firmware's exposures.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -8,21 +8,21 @@ use simulator::scene::{Scene, Simulation};
 
 use crate::{Exposure, LightSource, Nanos, PIXELS};
 
-/// The target, which whoever holds a clone can move, and ask where it was.
+/// The target. Every clone can move it, and can tell where it was.
 #[derive(Clone, Debug)]
 pub struct Target(Arc<Mutex<Place>>);
 
 #[derive(Debug)]
 struct Place {
-    /// In metres; of a scene whose target moves by itself, at the first row since it was put there.
+    /// In metres. If the scene moves the target, the distance at the first row after `move_to`.
     distance: f64,
-    /// The row at which it is put there, where that is none yet.
+    /// The first row after `move_to`; `None` until there is one.
     put: Option<u64>,
-    /// Ends of the last exposures, and where it was in the middle of them.
+    /// The ends of the last exposures, and the distances at their middles in metres.
     seen: VecDeque<(Nanos, f64)>,
 }
 
-/// Exposures that are remembered: those of four of the longest frames.
+/// The number of exposures in `seen`: those of four of the longest frames.
 const REMEMBERED: usize = 256;
 
 impl Target {
@@ -39,16 +39,16 @@ impl Target {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Puts it at a distance in metres, from which one that moves by itself goes on.
+    /// Moves the target to a distance in metres. If the scene moves the target, the motion starts again from
+    /// there.
     pub fn move_to(&self, distance: f64) {
         let mut place = self.place();
         place.distance = distance;
         place.put = None;
     }
 
-    /// Where it was in the mean over the middles of so many exposures of which the last is given, in metres,
-    /// if all of them are
-    /// remembered: the last 256 are.
+    /// The mean distance in metres over `exposures` exposures, of which `last` is the last one. `None` if one
+    /// of them is not among the last 256.
     pub fn mean_distance(&self, last: &Exposure, exposures: usize) -> Option<f64> {
         let place = self.place();
         let until = (place.seen.iter()).position(|(end, _)| *end == last.end)?;
@@ -59,7 +59,8 @@ impl Target {
         Some(sum / exposures as f64)
     }
 
-    /// A row is exposed: gives the distance at which the simulation's first row would have seen it.
+    /// Records an exposure. Gives the distance that the simulation's motion must start from so that this row
+    /// sees the target in the right place.
     fn expose(&self, exposure: &Exposure, row: u64, simulation: &Simulation) -> f64 {
         let mut place = self.place();
         let distance = place.distance;
@@ -74,16 +75,15 @@ impl Target {
     }
 }
 
-/// A scene's rows. A target that the caller moves stands still during an exposure, where it was found at the
-/// end; one that the scene
-/// moves ([`simulator::scene::Motion`]) does so from row to row and during exposures.
+/// The rows of a scene. If the caller moves the target, it stands still during an exposure, at its place at
+/// the end. If the scene moves the target ([`simulator::scene::Motion`]), it moves from row to row and during
+/// exposures.
 pub fn of_scene(scene: Scene, target: Target) -> LightSource {
     seen(scene, target, |distance| distance)
 }
 
-/// The rows of a scene whose light falls where another geometry has it: through `optics`, in place of the
-/// scene's own. For scenes in
-/// which the distance moves the spot and does nothing else, and whose target does not move by itself.
+/// The rows of a scene with the geometry `optics` instead of the scene's own. Only for scenes in which the
+/// distance moves the spot and changes nothing else, and which do not move the target.
 pub fn of_scene_through(optics: DistortedOptics, scene: Scene, target: Target) -> LightSource {
     let own = scene.optics;
     seen(scene, target, move |distance| {
@@ -91,7 +91,7 @@ pub fn of_scene_through(optics: DistortedOptics, scene: Scene, target: Target) -
     })
 }
 
-/// A scene's rows, where a target at a distance is seen as one at `seen_at` of it would be.
+/// The rows of a scene that shows a target at the distance d as if it were at `seen_at(d)`.
 fn seen(
     scene: Scene,
     target: Target,
@@ -109,7 +109,7 @@ fn seen(
 /// The outputs of the sensor that see light.
 pub const LIGHT: std::ops::Range<usize> = 32..3680;
 
-/// All of the sensor's outputs for the pixels of its light range; the others are as dark as `level` counts.
+/// All outputs of the sensor from those that see light. The others have `level` counts.
 pub fn outputs(light: &[f32], level: f32) -> Vec<f32> {
     let mut outputs = vec![level; PIXELS];
     for (output, &count) in outputs[LIGHT].iter_mut().zip(light) {
@@ -125,9 +125,9 @@ mod tests {
     use simulator::optics::Optics;
     use simulator::scene::{Motion, Sensor};
 
-    /// The spot is where the other geometry has it; the scene's own has it pixels away.
+    /// The scene's own geometry puts the spot some pixels away.
     #[test]
-    fn light_through_another_geometry_falls_where_that_has_it() {
+    fn the_other_geometry_decides_where_the_spot_is() {
         let optics = DistortedOptics {
             optics: Optics {
                 offset: 0.003,
@@ -159,8 +159,7 @@ mod tests {
     }
 
     /// 0.1 m/s at 175.4 rows a second: n rows after the target was put somewhere it is n / 1754 m farther
-    /// away. Of 20 rows the last four are
-    /// on average 17.5 rows after the first.
+    /// away. Of 20 rows, the last four are 17.5 rows after the first on average.
     #[test]
     fn a_frame_sees_the_target_where_it_was_on_average() {
         let scene = Scene {
@@ -182,7 +181,7 @@ mod tests {
         assert!((mean(20, 4).expect("four rows") - after(17.5)).abs() < 1e-12);
         assert_eq!(mean(20, 21), None);
         assert_eq!(mean(21, 1), None);
-        // Put back, it goes on from there.
+        // Back at 0.7 m, the motion starts again.
         target.move_to(0.7);
         for row in 21..=23 {
             light(&exposure(row));

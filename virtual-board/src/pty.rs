@@ -1,4 +1,5 @@
-//! The serial line as a pseudo-terminal: `tio`, `screen` or a program talks to the emulated board as to a real one.
+//! The serial line as a pseudo-terminal: `tio`, `screen` or a program talks to the emulated board as to a
+//! real one.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
@@ -14,7 +15,7 @@ use nix::unistd::ttyname;
 
 use crate::VirtualBoard;
 
-/// How long the board runs between two looks at the terminal.
+/// How long the board runs before the terminal is read again.
 const SLICE: Duration = Duration::from_millis(5);
 
 /// How far the board may fall behind the wall clock before it stops trying to catch up.
@@ -23,34 +24,34 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// How fast the board runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// At the wall clock's, or as fast as it can if that is slower.
+    /// As fast as the wall clock, or slower if the PC is too slow.
     WallClock,
-    /// As fast as it can.
+    /// As fast as the PC allows.
     Unbound,
 }
 
-/// A pseudo-terminal that stands for the board's serial line, over a power cycle too: what is plugged in stays plugged in.
+/// A pseudo-terminal that stands for the board's serial line. It stays open over a power cycle.
 #[derive(Debug)]
 pub struct PseudoTerminal {
     board_side: File,
-    /// What a program has sent and no board has been told yet.
+    /// The bytes that a program has sent and that the board has not yet received.
     received: Vec<u8>,
-    /// Stays open, or reading would fail whenever no program has the terminal open.
+    /// Stays open, because reading fails if no program has the terminal open.
     _program_side: OwnedFd,
     path: PathBuf,
 }
 
 impl PseudoTerminal {
-    /// Opens one.
+    /// Opens a pseudo-terminal.
     ///
     /// # Errors
     ///
-    /// There is none to be had.
+    /// The system gives no pseudo-terminal.
     pub fn open() -> Result<Self> {
         let ends = openpty(None, None).context("opening a pseudo-terminal")?;
         let mut settings =
             tcgetattr(&ends.slave).context("reading the pseudo-terminal's settings")?;
-        // Raw: no echo of what the firmware says back to it, and line ends as they are.
+        // Raw: the firmware's text is not echoed to it, and line ends stay as they are.
         cfmakeraw(&mut settings);
         tcsetattr(&ends.slave, SetArg::TCSANOW, &settings)
             .context("making the pseudo-terminal raw")?;
@@ -65,20 +66,22 @@ impl PseudoTerminal {
         })
     }
 
-    /// What a program opens.
+    /// The path that a program opens.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Runs `board` and passes bytes both ways for as long as `goes_on` says so. What nobody reads is lost, as on a real line.
+    /// Runs `board` and passes bytes both ways until `goes_on` returns false. Bytes that no program reads are
+    /// lost, as on a real line.
     ///
-    /// `goes_on` is asked every 5 ms: before the board is told what the program has sent, and before the program is told what the board
-    /// has said. So a command finds what was done before it was sent, and what the board says it has done, `goes_on` has seen.
+    /// `goes_on` is called every 5 ms: before the board receives the program's bytes, and before the program
+    /// receives the board's bytes. So a command finds all that was done before it was sent, and `goes_on`
+    /// sees what the board did before the program reads about it.
     ///
     /// # Errors
     ///
-    /// The pseudo-terminal failed, or as [`VirtualBoard::run_for`].
+    /// The pseudo-terminal failed, or an error of [`VirtualBoard::run_for`].
     pub fn serve(
         &mut self,
         board: &mut VirtualBoard,
@@ -107,7 +110,7 @@ impl PseudoTerminal {
         }
     }
 
-    /// Takes what a program has sent.
+    /// Reads the bytes that a program has sent.
     fn receive(&mut self) -> Result<()> {
         let mut bytes = [0; 256];
         match self.board_side.read(&mut bytes) {
@@ -118,11 +121,11 @@ impl PseudoTerminal {
         Ok(())
     }
 
-    /// Passes on what the board has said.
+    /// Passes the board's bytes to the program.
     fn say(&mut self, board: &mut VirtualBoard) -> Result<()> {
         let said = board.take_bytes().into_iter().map(|(_, byte)| byte);
         let said: Vec<u8> = said.collect();
-        // The lines would pile up.
+        // The lines are not needed, and would pile up.
         board.take_lines();
         match self.board_side.write(&said) {
             Ok(_) => Ok(()),
@@ -132,7 +135,7 @@ impl PseudoTerminal {
     }
 }
 
-/// Nothing to read, or nobody who reads.
+/// Whether the error means: nothing to read, or no program that reads.
 fn is_idle(kind: ErrorKind) -> bool {
     matches!(kind, ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }

@@ -1,4 +1,5 @@
-//! The firmware's log: defmt frames in RTT's up-channel 0, read out of the emulated RAM as a debug probe does.
+//! Reads the firmware's log (defmt frames in RTT's up-channel 0) from the emulated RAM, as a debug probe
+//! does.
 
 use std::fmt;
 
@@ -9,9 +10,9 @@ use rigless::soc::Width;
 /// One message of the firmware's log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Message {
-    /// `trace`, `debug`, `info`, `warn`, `error`, or nothing for a bare print.
+    /// `trace`, `debug`, `info`, `warn` or `error`; `None` for a print without a level.
     pub level: Option<String>,
-    /// What the firmware's clock read, as it formats it.
+    /// The time by the firmware's clock, as the firmware formats it.
     pub timestamp: Option<String>,
     /// The message.
     pub text: String,
@@ -29,15 +30,16 @@ impl fmt::Display for Message {
     }
 }
 
-/// Offsets in SEGGER's control block: the first up-channel's descriptor follows a 16-byte identifier and two counts.
+/// Offsets in SEGGER's control block: the first up-channel's descriptor follows a 16-byte identifier and two
+/// counts.
 const UP_CHANNEL: u64 = 24;
 const BUFFER: u64 = UP_CHANNEL + 4;
 const SIZE: u64 = UP_CHANNEL + 8;
 const WRITE: u64 = UP_CHANNEL + 12;
 const READ: u64 = UP_CHANNEL + 16;
 
-/// Moves what up-channel 0 of the control block at `block` holds into `bytes`, and frees it for the firmware. Does
-/// nothing before the firmware has set the block up.
+/// Moves the contents of up-channel 0 into `bytes`, and frees the channel for the firmware. `block` is the
+/// address of the control block. Does nothing until the firmware has set the block up.
 pub(crate) fn drain(host: &mut dyn Host, block: u64, bytes: &mut Vec<u8>) {
     let mut word = |at: u64| host.read(at, Width::W32).ok();
     if word(block) != Some(u64::from(u32::from_le_bytes(*b"SEGG"))) {
@@ -51,7 +53,7 @@ pub(crate) fn drain(host: &mut dyn Host, block: u64, bytes: &mut Vec<u8>) {
     ) else {
         return;
     };
-    // Both are the firmware's to write, and it may just have crashed over them.
+    // The firmware writes both, and may have overwritten them in a crash.
     if write >= size || read >= size || read == write {
         return;
     }
@@ -61,12 +63,12 @@ pub(crate) fn drain(host: &mut dyn Host, block: u64, bytes: &mut Vec<u8>) {
         }
         read = (read + 1) % size;
     }
-    // Refused only where the block isn't RAM, and then the firmware wrote nothing into it either.
+    // This fails only if the block is not in RAM. Then the firmware has written nothing into it.
     let _ = host.write(block + READ, Width::W32, read);
 }
 
-/// Takes the whole frames off the front of `bytes` and decodes them. A frame that makes no sense, as one cut by a
-/// reset, is dropped.
+/// Takes the whole frames off the front of `bytes` and decodes them. Drops a frame that cannot be decoded,
+/// such as one that a reset cut off.
 pub(crate) fn decode(table: &Table, bytes: &mut Vec<u8>) -> Vec<Message> {
     // rzCOBS, defmt's encoding, ends each frame with a zero and has none inside.
     let Some(end) = bytes.iter().rposition(|&byte| byte == 0) else {

@@ -1,5 +1,5 @@
-//! Running the board from a test or a tool, step by step: the emulator works in a thread of its own and waits at each
-//! stop for what to do next, so that nothing happens while the caller looks, and the same calls give the same run.
+//! Runs the board step by step, from a test or a tool. The emulator has a thread of its own and waits at each
+//! stop for the next order. So nothing happens while the caller looks, and the same calls give the same run.
 
 use std::fmt;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -26,13 +26,14 @@ use crate::trace::{self, Call};
 use crate::watched_core::Watched;
 use crate::{Nanos, Violation};
 
-/// How often the run stops to drain the log and look for violations. A firmware's log buffer holds about as much.
+/// How often the run stops to drain the log and look for violations. A firmware's log buffer holds about as
+/// much.
 const STEP: Nanos = 1_000_000;
 
-/// Something to do on the emulator's thread, between two instructions.
+/// A function to run on the emulator's thread, between two instructions.
 type Errand = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) + Send>;
 
-/// What the emulator is to do next.
+/// The emulator's next order.
 enum Order {
     RunTo(Nanos),
     Do(Errand),
@@ -64,7 +65,7 @@ impl fmt::Debug for VirtualBoard {
     }
 }
 
-/// How a run went so far.
+/// The statistics of a run so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statistics {
     /// Virtual time since power-on, s.
@@ -84,8 +85,8 @@ impl Statistics {
 }
 
 impl VirtualBoard {
-    /// Puts a board together, flashes it with `firmware`, shows its sensor `light` and holds it before its first
-    /// instruction.
+    /// Makes a board, flashes it with `firmware`, and stops it before its first instruction. `light` is the
+    /// light on its sensor.
     ///
     /// # Errors
     ///
@@ -94,12 +95,12 @@ impl VirtualBoard {
         Self::power_on_with_flash(firmware, light, SharedFlash::default())
     }
 
-    /// As [`VirtualBoard::power_on`], with what another board has left in `flash`. That board is to be dropped first: it would go on
-    /// writing.
+    /// As [`VirtualBoard::power_on`], with the flash of another board. Drop the other board first: it could
+    /// still write.
     ///
     /// # Errors
     ///
-    /// The emulator refuses the board or the firmware, or the firmware has something in the sectors that `flash` is.
+    /// The emulator refuses the board or the firmware, or the firmware uses the sectors of `flash`.
     pub fn power_on_with_flash(
         firmware: &Firmware,
         light: LightSource,
@@ -110,7 +111,8 @@ impl VirtualBoard {
             let store = flash::BASE..flash::BASE + flash::BYTES as u64;
             ensure!(
                 end <= store.start || address >= store.end,
-                "the firmware has something at {address:#010x} to {end:#010x}, where the calibration is kept: does memory.x reserve it?"
+                "the firmware has something at {address:#010x} to {end:#010x}, \
+                 where the calibration is kept: does memory.x reserve it?"
             );
         }
         flash.power_on();
@@ -159,7 +161,7 @@ impl VirtualBoard {
         Ok(board)
     }
 
-    /// Virtual time since power-on. The core may be up to an instruction past it.
+    /// Virtual time since power-on. The core may be up to one instruction ahead.
     #[must_use]
     pub fn now(&self) -> Nanos {
         self.now
@@ -169,18 +171,18 @@ impl VirtualBoard {
     ///
     /// # Errors
     ///
-    /// The firmware violated one of the limits of the sensor head or of flash and [`VirtualBoard::expect_violations`] was not called,
-    /// or the emulator failed.
+    /// The firmware violated one of the limits of the sensor head or of flash and
+    /// [`VirtualBoard::expect_violations`] was not called, or the emulator failed.
     pub fn run_for(&mut self, time: Duration) -> Result<()> {
         self.run_to(self.now() + nanos(time))
     }
 
-    /// Lets the board run until a line arrives that `wanted` accepts, and returns it. Lines that arrived before and
-    /// that no other wait has looked at count too.
+    /// Lets the board run until a line arrives that `wanted` accepts, and returns it. Lines that arrived
+    /// before count too, unless another wait has already seen them.
     ///
     /// # Errors
     ///
-    /// It does not arrive within `timeout` of virtual time, or as [`VirtualBoard::run_for`].
+    /// The line does not arrive within `timeout` of virtual time, or an error of [`VirtualBoard::run_for`].
     pub fn run_until_line(
         &mut self,
         mut wanted: impl FnMut(&str) -> bool,
@@ -205,7 +207,7 @@ impl VirtualBoard {
     ///
     /// # Errors
     ///
-    /// They are not read within `timeout` of virtual time, or as [`VirtualBoard::run_for`].
+    /// The rows are not read within `timeout` of virtual time, or an error of [`VirtualBoard::run_for`].
     pub fn run_until_rows(&mut self, count: u64, timeout: Duration) -> Result<()> {
         let deadline = self.now() + nanos(timeout);
         let first = self.head.lock().row_count();
@@ -227,22 +229,22 @@ impl VirtualBoard {
         self.send_at(self.now(), text.as_bytes());
     }
 
-    /// Sends `bytes` to the firmware from `at` on, behind what is still to be sent.
+    /// Sends `bytes` to the firmware from `at` on, after all bytes that still wait.
     pub fn send_at(&mut self, at: Nanos, bytes: &[u8]) {
         self.line().say(at.max(self.now()), bytes);
     }
 
-    /// Every line that the firmware sent since this was last asked.
+    /// Takes the lines that the firmware sent since the last call.
     pub fn take_lines(&mut self) -> Vec<Line> {
         self.line().take_lines()
     }
 
-    /// Every byte that the firmware sent since this was last asked, each with the end of its stop bit.
+    /// Takes the bytes that the firmware sent since the last call, each with the end of its stop bit.
     pub fn take_bytes(&mut self) -> Vec<(Nanos, u8)> {
         self.line().take_bytes()
     }
 
-    /// Every message of the firmware's log since this was last asked.
+    /// Takes the messages of the firmware's log since the last call.
     pub fn take_log(&mut self) -> Vec<Message> {
         let mut bytes = self
             .log_bytes
@@ -251,8 +253,8 @@ impl VirtualBoard {
         rtt::decode(&self.firmware.log_table, &mut bytes)
     }
 
-    /// Garbles what the firmware receives from now on: of a million bytes, `noise` come with noise and `framing` with
-    /// a framing error, each with bits flipped. Which ones, `seed` decides.
+    /// Garbles the bytes that the firmware receives from now on. Of a million bytes, `noise` have noise and
+    /// `framing` have a framing error, each with flipped bits. `seed` decides which bytes.
     ///
     /// # Errors
     ///
@@ -277,7 +279,7 @@ impl VirtualBoard {
         self.head.lock().set_light(light);
     }
 
-    /// Looks at the sensor head: its rows and violations.
+    /// Gives access to the sensor head: its rows and violations.
     pub fn head<T>(&mut self, look: impl FnOnce(&mut SensorHead) -> T) -> T {
         look(&mut self.head.lock())
     }
@@ -288,7 +290,8 @@ impl VirtualBoard {
         &self.watched.flash
     }
 
-    /// Cuts the converter off from the next chip select on, or connects it again. Words then read as zero.
+    /// Disconnects the converter from the next chip select on, or connects it again. Without the converter,
+    /// words read as zero.
     ///
     /// # Errors
     ///
@@ -347,8 +350,8 @@ impl VirtualBoard {
         written.with_context(|| format!("writing the word at {address:#010x}: is it in RAM?"))
     }
 
-    /// Has the firmware hang at the next call of the function `symbol`, and at each after a reset, until
-    /// [`VirtualBoard::unhang`]. Interrupts go on.
+    /// Makes the firmware hang at each call of the function `symbol`, also after a reset, until
+    /// [`VirtualBoard::unhang`]. Interrupts are still served.
     ///
     /// # Errors
     ///
@@ -360,12 +363,12 @@ impl VirtualBoard {
         Ok(())
     }
 
-    /// Has the firmware panic at the next call of the function `symbol`, and at each after a reset, until
+    /// Makes the firmware panic at each call of the function `symbol`, also after a reset, until
     /// [`VirtualBoard::unhang`].
     ///
     /// # Errors
     ///
-    /// As [`VirtualBoard::hang_at`], or the firmware has nothing that panics.
+    /// As [`VirtualBoard::hang_at`], or the firmware has no function that panics.
     pub fn panic_at(&mut self, symbol: &str) -> Result<()> {
         let address = self.firmware.address_of(symbol)?;
         let panic = u32::try_from(self.firmware.address_of(hang::PANIC)?)?;
@@ -373,7 +376,7 @@ impl VirtualBoard {
         Ok(())
     }
 
-    /// Lets the function `symbol` run again. A core that hangs already, or has panicked, stays so until a reset.
+    /// Lets the function `symbol` run again. A core that already hangs or has panicked needs a reset.
     ///
     /// # Errors
     ///
@@ -384,17 +387,20 @@ impl VirtualBoard {
         Ok(())
     }
 
-    /// Has each call of the function at `address` traced from now on, and of what it calls: see [`crate::trace`].
+    /// Traces each call of the function at `address` from now on, with the functions that it calls: see
+    /// [`crate::trace`].
     pub fn trace_calls_of(&mut self, address: u64) {
         trace::lock(&self.watched.traces).functions.insert(address);
     }
 
-    /// Every call of a traced function that returned since this was last asked, in that order.
+    /// Takes the calls of traced functions that returned since the last call of this method, in the order of
+    /// their return.
     pub fn take_calls(&mut self) -> Vec<Call> {
         std::mem::take(&mut trace::lock(&self.watched.traces).calls)
     }
 
-    /// Has a debug probe write a word to one of the core's own registers (0xE000_0000 to 0xE00F_FFFF), before the next instruction.
+    /// Lets a debug probe write a word to one of the core's own registers (0xE000_0000 to 0xE00F_FFFF),
+    /// before the next instruction.
     pub fn probe_writes(&mut self, register: u64, word: u32) {
         let now = self.now();
         self.watched
@@ -415,8 +421,8 @@ impl VirtualBoard {
         })
     }
 
-    /// Every reset since power-on, with its instant and cause: the pin, the firmware (`Core`) or the watchdog
-    /// (`Model("IWDG")`).
+    /// All resets since power-on, each with its instant and cause: the pin, the firmware (`Core`) or the
+    /// watchdog (`Model("IWDG")`).
     ///
     /// # Errors
     ///
@@ -435,12 +441,12 @@ impl VirtualBoard {
         }
     }
 
-    /// From now on a violated limit is only recorded.
+    /// From now on, a violated limit is recorded and does not end the run.
     pub fn expect_violations(&mut self) {
         self.expects_violations = true;
     }
 
-    /// Does `errand` on the emulator's thread, between two instructions: the way to what has no method here.
+    /// Runs `errand` on the emulator's thread, between two instructions. Use it for what has no method here.
     ///
     /// # Errors
     ///
@@ -451,7 +457,7 @@ impl VirtualBoard {
     ) -> Result<T> {
         let (answer, answered) = channel();
         self.order(Order::Do(Box::new(move |session, host, stop| {
-            // Nobody listens only if the caller is gone.
+            // This fails only if the caller is gone.
             let _ = answer.send(errand(session, host, stop));
         })))?;
         answered.recv().map_err(|_| self.what_ended_the_run())
@@ -461,8 +467,8 @@ impl VirtualBoard {
     ///
     /// # Errors
     ///
-    /// Lists every violation (unless they were expected), and whatever the firmware did that the emulated processor
-    /// does not model or forbids.
+    /// Lists all violations (unless they were expected), and all that the firmware did that the emulated
+    /// processor does not model, or that the manual forbids.
     pub fn finish(mut self) -> Result<Statistics> {
         let statistics = self.statistics();
         self.order(Order::End)?;
@@ -486,8 +492,8 @@ impl VirtualBoard {
         Ok(statistics)
     }
 
-    /// The next instant at which the run stops on its own: whole steps, and when a byte is to be sent, so that a run
-    /// is the same however the caller cuts it into pieces.
+    /// The next instant at which the run stops by itself: after a whole step, or when a byte is due. So a run
+    /// is the same however the caller divides it.
     fn next_step(&self) -> Nanos {
         let step = (self.now() / STEP + 1) * STEP;
         self.line()
@@ -567,7 +573,7 @@ impl VirtualBoard {
 impl Drop for VirtualBoard {
     fn drop(&mut self) {
         if let Some(emulator) = self.emulator.take() {
-            // The emulator has gone already if it takes no orders, and whoever drops a board asks no questions.
+            // If this fails, the emulator has already ended.
             let _ = self.orders.send(Order::End);
             let _ = emulator.join();
         }
@@ -578,7 +584,7 @@ fn nanos(time: Duration) -> Nanos {
     Nanos::try_from(time.as_nanos()).unwrap_or(Nanos::MAX)
 }
 
-/// Waits for the emulator's thread, and makes a panic on it (of a light source, say) an error.
+/// Waits for the emulator's thread. A panic on the thread (for example of a light source) becomes an error.
 fn joined(
     emulator: JoinHandle<Result<Finished<Nucleo, Steps>>>,
 ) -> Result<Finished<Nucleo, Steps>> {
@@ -591,7 +597,7 @@ fn joined(
     })
 }
 
-/// What the firmware did that the emulated processor does not model, or says the manual forbids.
+/// Lists what the firmware did that the emulated processor does not model, or that the manual forbids.
 fn gaps(session: &Session<Nucleo>) -> Vec<String> {
     let mut gaps: Vec<String> = session.unmapped().iter().map(ToString::to_string).collect();
     gaps.extend(
@@ -603,7 +609,10 @@ fn gaps(session: &Session<Nucleo>) -> Vec<String> {
     gaps.extend(session.unimplemented().values().map(|gap| {
         let (instance, register) = (gap.instance, gap.register);
         let (reads, writes, pc) = (gap.reads, gap.writes, gap.program_counter);
-        format!("unimplemented {instance}.{register}: {reads} reads, {writes} writes, first from pc={pc:#010x}")
+        format!(
+            "unimplemented {instance}.{register}: {reads} reads, {writes} writes, \
+                 first from pc={pc:#010x}"
+        )
     }));
     gaps.extend(session.undefined().iter().map(|(address, gap)| {
         format!(

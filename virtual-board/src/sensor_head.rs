@@ -1,5 +1,5 @@
-//! The sensor head: a TCD1304DG line sensor and a 12-bit converter (TI ADC122S101, continuous conversion), seen from
-//! the pins that the firmware drives.
+//! The sensor head: a TCD1304DG line sensor and a 12-bit converter (TI ADC122S101, continuous conversion), as
+//! seen from the pins that the firmware drives.
 //!
 //! | pin | what |
 //! |---|---|
@@ -9,15 +9,16 @@
 //! | PD14 | the converter's chip select, active low |
 //! | PA5, PA6, PA7 (SPI1) | the converter's serial interface |
 //!
-//! [`SensorHead`] is the state machine and knows no emulator: edges and words go in with their instants, words come
-//! out. `pins` hangs it on the emulated processor.
+//! [`SensorHead`] is the state machine. It does not know the emulator: it takes edges and words with their
+//! instants, and gives words. `pins` connects it to the emulated processor.
 //!
-//! **Exposure.** SH high hands the photodiodes' charge over, so an exposure lasts from the end of one SH pulse to the
-//! end of the next. The one that ends while ICG is low is the one that is read out.
+//! **Exposure.** SH high moves the photodiodes' charge to the shift register, so an exposure lasts from the
+//! end of one SH pulse to the end of the next. The exposure that ends while ICG is low is read out.
 //!
-//! **Read-out.** From ICG's rise at t0, pixel n is at the output from t0 + 4n / fM to t0 + 4(n + 1) / fM; outside a
-//! read-out the output is unlit. The converter knows nothing of that: it holds what is there 3.5 SCLK into each word.
-//! Which pixel a word shows therefore depends on when the firmware starts the burst.
+//! **Read-out.** From ICG's rise at t0, pixel n is at the output from t0 + 4n / fM to t0 + 4(n + 1) / fM;
+//! outside a read-out the output is unlit. The converter is not synchronised with the pixels: it holds its
+//! input 3.5 SCLK after the start of each word. So the pixel that a word shows depends on when the firmware
+//! starts the burst.
 //!
 //! **Polarity.** The TCD1304's output falls with light, so a word is 4095 minus the counts of light.
 
@@ -34,16 +35,16 @@ pub use limits::PIXELS;
 /// Full scale of the 12-bit converter, counts.
 pub const FULL_SCALE: u16 = 4095;
 
-/// How many of the last rows are kept, unless all are.
+/// How many of the last rows are kept, unless `keep_all_rows` keeps all.
 pub const ROWS_KEPT: usize = 64;
 
-/// How many violations are kept. The first ones say what is wrong.
+/// How many violations are kept. The first ones show what is wrong.
 const VIOLATIONS_KEPT: usize = 200;
 
-/// When the light of a row was gathered.
+/// The time in which the light of a row was gathered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Exposure {
-    /// The end of the SH pulse before; 0 for the first one.
+    /// The end of the SH pulse before; 0 for the first exposure.
     pub start: Nanos,
     /// The end of the SH pulse that handed the charge over.
     pub end: Nanos,
@@ -57,14 +58,14 @@ impl Exposure {
     }
 }
 
-/// Asked for each row at the begin of its read-out: the [`PIXELS`] outputs in counts (0 to [`FULL_SCALE`]), light
-/// positive, black level and noise included, not yet quantised.
+/// Gives the [`PIXELS`] outputs of a row in counts (0 to [`FULL_SCALE`]): more light is more counts, with
+/// black level and noise, not yet quantised. Called at the begin of each read-out.
 pub type LightSource = Box<dyn FnMut(&Exposure) -> Vec<f32> + Send>;
 
-/// A row as it was read.
+/// A row that was read out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// 0 for the first one since power-on.
+    /// 0 for the first row since power-on.
     pub number: u64,
     /// When its light was gathered.
     pub exposure: Exposure,
@@ -72,10 +73,10 @@ pub struct Row {
     pub read_out: Nanos,
     /// The end of its last word.
     pub last_word: Nanos,
-    /// How many words were sent before the one that shows pixel 0: word `n + lead_in` shows pixel n. Negative if the
-    /// burst came so late that the first pixels were missed.
+    /// How many words were sent before the one that shows pixel 0: word `n + lead_in` shows pixel n. Negative
+    /// if the burst came so late that the first pixels were missed.
     pub lead_in: i64,
-    /// Where within a pixel's time the converter held it: least and greatest over the row, 0 to 1.
+    /// The part of a pixel's time after which the converter held it, 0 to 1: least and greatest over the row.
     pub phase: (f64, f64),
     /// [`PIXELS`] counts by pixel, light positive; a pixel that no word shows is unlit.
     pub counts: Vec<u16>,
@@ -83,10 +84,10 @@ pub struct Row {
     pub words: Vec<u16>,
 }
 
-/// A limit that the firmware did not keep.
+/// A limit that the firmware violated.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
-    /// When it was seen.
+    /// When the violation was seen.
     pub at: Nanos,
     /// What happened, the limit, and where the limit comes from.
     pub what: String,
@@ -128,7 +129,7 @@ impl Clocks {
     }
 }
 
-/// A pin and when it last moved each way.
+/// A pin, with the times of its last rise and fall.
 #[derive(Debug)]
 struct Pin {
     level: Level,
@@ -145,7 +146,7 @@ impl Pin {
         }
     }
 
-    /// Whether this is an edge.
+    /// Sets the level. True if this is an edge.
     fn moves(&mut self, level: Level, now: Nanos) -> bool {
         if self.level == level {
             return false;
@@ -159,22 +160,22 @@ impl Pin {
     }
 }
 
-/// A row on its way out of the sensor.
+/// The read-out that is under way.
 #[derive(Debug)]
 struct ReadOut {
     exposure: Exposure,
     began: Nanos,
     counts: Vec<u16>,
-    /// A fault of the clocks is reported once a row.
+    /// True if a fault of the clocks was already reported for this row.
     clocks_reported: bool,
 }
 
-/// The words of one chip select.
+/// The words while chip select is low.
 #[derive(Debug, Default)]
 struct Burst {
     words: Vec<u16>,
     counts: Vec<Option<u16>>,
-    /// Word 0 of the burst shows this pixel; known from the first word that shows any.
+    /// The pixel that word 0 of the burst shows. Known when the first word shows a pixel.
     first_pixel: Option<i64>,
     phase: Option<(f64, f64)>,
     odd_bits: Option<u8>,
@@ -189,7 +190,7 @@ pub struct SensorHead {
     sh: Pin,
     chip_select: Pin,
     clocks: Option<Clocks>,
-    /// The charge that was handed over while ICG is low.
+    /// The exposure whose charge was moved while ICG is low.
     handed_over: Option<Exposure>,
     read_out: Option<ReadOut>,
     burst: Option<Burst>,
@@ -213,7 +214,7 @@ impl fmt::Debug for SensorHead {
 }
 
 impl SensorHead {
-    /// A head at power-on that shows what `light` says.
+    /// A sensor head at power-on, lit by `light`.
     #[must_use]
     pub fn new(light: LightSource) -> Self {
         Self {
@@ -234,7 +235,7 @@ impl SensorHead {
         }
     }
 
-    /// Shows what `light` says from the next read-out on.
+    /// Lights the sensor with `light` from the next read-out on.
     pub fn set_light(&mut self, light: LightSource) {
         self.light = light;
     }
@@ -261,19 +262,19 @@ impl SensorHead {
         self.keeps_all = all;
     }
 
-    /// The limits that the firmware did not keep, oldest first; at most 200.
+    /// The first violations of the firmware, at most 200, oldest first.
     #[must_use]
     pub fn violations(&self) -> &[Violation] {
         &self.violations
     }
 
-    /// How many there were.
+    /// The number of violations since power-on.
     #[must_use]
     pub fn violation_count(&self) -> u64 {
         self.violation_count
     }
 
-    /// ICG is at `level`.
+    /// Sets ICG to `level`.
     pub fn icg(&mut self, level: Level, now: Nanos) {
         if !self.icg.moves(level, now) {
             return;
@@ -297,7 +298,10 @@ impl SensorHead {
             let words = burst.words.len();
             self.violated(
                 now,
-                format!("ICG fell after word {words} of {PIXELS}: the row is cut short (TCD1304 timing chart 1)"),
+                format!(
+                    "ICG fell after word {words} of {PIXELS}: \
+                         the row is cut short (TCD1304 timing chart 1)"
+                ),
             );
         }
         self.read_out = None;
@@ -311,7 +315,7 @@ impl SensorHead {
                 format!("ICG rose while SH was high; {}", icg_after_sh()),
             );
         }
-        // ICG alone clears the shift register and shows nothing.
+        // ICG without SH clears the shift register and starts no read-out.
         let Some(exposure) = self.handed_over.take() else {
             return;
         };
@@ -348,7 +352,7 @@ impl SensorHead {
         });
     }
 
-    /// SH is at `level`.
+    /// Sets SH to `level`.
     pub fn sh(&mut self, level: Level, now: Nanos) {
         let last_fall = self.sh.fell;
         if !self.sh.moves(level, now) {
@@ -395,7 +399,7 @@ impl SensorHead {
         }
     }
 
-    /// The converter's chip select is at `level`.
+    /// Sets the converter's chip select to `level`.
     pub fn chip_select(&mut self, level: Level, now: Nanos) {
         if !self.chip_select.moves(level, now) {
             return;
@@ -415,7 +419,7 @@ impl SensorHead {
         }
     }
 
-    /// A word of `bits` bits has just been clocked: what the converter sent.
+    /// Clocks a word of `bits` bits that ends now. Gives the word that the converter sends.
     pub fn word(&mut self, bits: u8, now: Nanos) -> u16 {
         let Some(burst) = &mut self.burst else {
             self.violated(now, "a word was clocked with chip select high".to_owned());
@@ -451,7 +455,7 @@ impl SensorHead {
         word
     }
 
-    /// As [`SensorHead::word`], from a converter that answers only while chip select is low.
+    /// As [`SensorHead::word`], but gives 0 if chip select is high: then the converter does not answer.
     pub(crate) fn converted(&mut self, bits: u8, now: Nanos) -> u16 {
         match self.chip_select.level {
             Level::Low => self.word(bits, now),
@@ -459,7 +463,7 @@ impl SensorHead {
         }
     }
 
-    /// What the clocks are now. To be told after each edge of ICG and of chip select.
+    /// Sets the clocks. Call it after each edge of ICG and of chip select.
     pub fn clocks(&mut self, clocks: Clocks, now: Nanos) {
         self.clocks = Some(clocks);
         let Some(read_out) = &mut self.read_out else {
@@ -475,21 +479,24 @@ impl SensorHead {
         }
     }
 
-    /// A DMA stream that serves the converter uses memory at `address`.
+    /// Checks the address of a DMA buffer for the converter.
     pub fn dma_address(&mut self, address: u64, now: Nanos) {
         if limits::CORE_COUPLED_RAM.contains(&address) {
             self.violated(
                 now,
-                format!("a DMA buffer is at {address:#010x}, in core-coupled RAM that no DMA reaches (RM0090 2.3.1)"),
+                format!(
+                    "a DMA buffer is at {address:#010x}, \
+                         in core-coupled RAM that no DMA reaches (RM0090 2.3.1)"
+                ),
             );
         }
     }
 
-    /// The processor restarted and let go of its pins, which the head's own resistors pull to rest.
+    /// The processor restarted and no longer drives its pins. The head's resistors pull them to rest.
     pub fn restarted(&mut self) {
         self.icg = Pin::resting(Level::High);
         self.chip_select = Pin::resting(Level::High);
-        // The photodiodes go on gathering: the end of the last pulse stays.
+        // The photodiodes still gather light, so the end of the last pulse stays.
         self.sh.level = Level::Low;
         self.handed_over = None;
         self.read_out = None;
@@ -522,7 +529,10 @@ impl SensorHead {
         else {
             self.violated(
                 now,
-                format!("{words} words were clocked and none showed a pixel: no read-out was under way (ICG rises first)"),
+                format!(
+                    "{words} words were clocked and none showed a pixel: \
+                         no read-out was under way (ICG rises first)"
+                ),
             );
             return;
         };
@@ -548,7 +558,8 @@ impl SensorHead {
             self.violated(
                 now,
                 format!(
-                    "the converter held pixels at {:.1} % to {:.1} % of their time; within {least} % to {greatest} %, \
+                    "the converter held pixels at {:.1} % to {:.1} % of their time; \
+                     within {least} % to {greatest} %, \
                      where the output has settled: move the burst against ICG's rise",
                     phase.0 * 100.0,
                     phase.1 * 100.0
@@ -582,12 +593,12 @@ fn icg_after_sh() -> String {
     )
 }
 
-/// What the converter makes of `counts`; NaN is 0.
+/// Rounds `counts` as the converter does; NaN becomes 0.
 fn quantised(counts: f32) -> u16 {
     counts.round().clamp(0.0, f32::from(FULL_SCALE)) as u16
 }
 
-/// What is wrong with the clocks of a read-out.
+/// Lists what is wrong with the clocks of a read-out.
 fn clock_faults(clocks: Clocks) -> Vec<String> {
     let mut faults = Vec::new();
     let Clocks {
@@ -625,7 +636,8 @@ fn clock_faults(clocks: Clocks) -> Vec<String> {
     let conversion = f64::from(limits::WORD_BITS) * 1e9 / serial_hz;
     if (pixel / conversion - 1.0).abs() > limits::RATE_MISMATCH {
         faults.push(format!(
-            "a pixel lasts {pixel:.3} ns (4 / fM) and a conversion {conversion:.3} ns (16 / SCLK); they may differ by {}",
+            "a pixel lasts {pixel:.3} ns (4 / fM) and a conversion {conversion:.3} ns (16 / SCLK); \
+             they may differ by {}",
             limits::RATE_MISMATCH
         ));
     }

@@ -1,4 +1,4 @@
-//! The far end of the serial line: what the firmware said and when, and what it is told and when.
+//! The far end of the serial line: the bytes from the firmware and to the firmware, with their times.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -13,9 +13,9 @@ use crate::Nanos;
 /// A line that the firmware sent.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Line {
-    /// When its last byte, the line feed, had been sent.
+    /// When the stop bit of its line feed ended.
     pub at: Nanos,
-    /// The line without its end. Bytes that are no UTF-8 are replaced.
+    /// The line without its end. Invalid UTF-8 is replaced.
     pub text: String,
 }
 
@@ -30,15 +30,14 @@ impl fmt::Display for Line {
 pub struct SerialLine {
     bytes: Vec<(Nanos, u8)>,
     lines: Vec<Line>,
-    /// How many of `lines` a wait has seen already.
+    /// The number of `lines` that a wait has already seen.
     waited_for: usize,
     unfinished: Vec<u8>,
     due: VecDeque<(Nanos, u8)>,
 }
 
 impl SerialLine {
-    /// Has `bytes` sent to the firmware from `at` on, one after the other at the line's own rate, behind what is
-    /// still to be sent.
+    /// Sends `bytes` to the firmware from `at` on, at the line's rate, after all bytes that still wait.
     pub fn say(&mut self, at: Nanos, bytes: &[u8]) {
         let at = self.due.back().map_or(at, |&(last, _)| at.max(last));
         self.due.extend(bytes.iter().map(|&byte| (at, byte)));
@@ -75,19 +74,19 @@ impl SerialLine {
             .map(|(_, byte)| byte)
     }
 
-    /// Every byte since this was last asked, each with the end of its stop bit.
+    /// Takes the bytes since the last call, each with the end of its stop bit.
     pub fn take_bytes(&mut self) -> Vec<(Nanos, u8)> {
         std::mem::take(&mut self.bytes)
     }
 
-    /// Every line since this was last asked.
+    /// Takes the lines since the last call.
     pub fn take_lines(&mut self) -> Vec<Line> {
         self.waited_for = 0;
         std::mem::take(&mut self.lines)
     }
 
-    /// The first line that `wanted` accepts among those no wait has seen. A line is seen once; taking lines still
-    /// gives all of them.
+    /// The first line that `wanted` accepts and that no wait has seen. Each line is seen once. `take_lines`
+    /// still gives all lines.
     pub fn find(&mut self, mut wanted: impl FnMut(&str) -> bool) -> Option<Line> {
         while let Some(line) = self.lines.get(self.waited_for) {
             self.waited_for += 1;
@@ -98,7 +97,7 @@ impl SerialLine {
         None
     }
 
-    /// The last lines and what came after them, for an error message.
+    /// The last lines and the unfinished line, for an error message.
     #[must_use]
     pub fn tail(&self) -> String {
         let mut tail = String::new();
@@ -119,7 +118,7 @@ impl SerialLine {
     }
 }
 
-/// The line as a chip on the processor's serial port.
+/// The far end as a chip on the processor's serial port.
 #[derive(Debug)]
 pub(crate) struct FarEnd {
     pub(crate) line: Arc<Mutex<SerialLine>>,
@@ -172,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_are_said_in_order_and_not_before_they_are_due() {
+    fn bytes_are_sent_in_order_and_not_before_they_are_due() {
         let mut line = SerialLine::default();
         line.say(10, b"a");
         line.say(5, b"b");

@@ -1,20 +1,20 @@
-//! A stage that carries the target to where a file says.
+//! A stage that moves the target to the position in a file.
 
 use std::path::PathBuf;
 
 use crate::light::Target;
 
-/// The stage, and where it is.
+/// The stage and its position.
 #[derive(Debug)]
 pub struct Stage {
     file: PathBuf,
     target: Target,
-    /// What the file said when the target was last moved, in millimetres.
+    /// The position to which the target was last moved, in millimetres.
     position: Option<f64>,
 }
 
 impl Stage {
-    /// A stage that has not looked at its file yet.
+    /// A stage that has not read its file yet.
     pub fn new(file: impl Into<PathBuf>, target: Target) -> Self {
         Self {
             file: file.into(),
@@ -23,8 +23,8 @@ impl Stage {
         }
     }
 
-    /// Moves the target to where the file says. It stays where it is if the file is not there, or says no distance: whoever writes it may
-    /// not have finished.
+    /// Reads the file and moves the target to its position. If there is no file, or no distance in it, the
+    /// target stays where it is: the program that writes the file may not have finished.
     pub fn look(&mut self) {
         let text = std::fs::read_to_string(&self.file).ok();
         let position = text.and_then(|text| millimetres(&text));
@@ -37,7 +37,7 @@ impl Stage {
     }
 }
 
-/// A distance in front of the sensor.
+/// Reads a distance in front of the sensor, in millimetres.
 fn millimetres(text: &str) -> Option<f64> {
     let number: f64 = text.trim().parse().ok()?;
     (number > 0.0 && number.is_finite()).then_some(number)

@@ -1,10 +1,11 @@
-//! The processor: rigless's STM32F427, with a TIM1 that sleeps while nobody would notice, and with SPI1 and DMA2 that move a
+//! The processor: rigless's STM32F427 with faster models of TIM1, SPI1 and DMA2. SPI1 and DMA2 move a
 //! read-out's words in batches ([`crate::burst`]).
 //!
-//! TIM1 makes the sensor's master clock, and rigless wakes a timer at each of its counter's events: five million times
-//! a virtual second here, which made the emulation eight times slower than all else together. No pin of the model
-//! carries the clock, so nobody hears these events. `LazyTimer` skips them. An access catches up with all of them
-//! first, so the firmware sees what it would; reading the counter, which a firmware may do for each row, is arithmetic.
+//! TIM1 makes the sensor's master clock. rigless wakes a timer at each event of its counter: here five
+//! million times a virtual second, which took eight times as long as all else together. No pin of the model
+//! carries the clock, so these events have no effect. `LazyTimer` skips them. An access to a register first
+//! catches up with all skipped events, so the firmware sees no difference. A read of the counter, which a
+//! firmware may do for each row, is computed without them.
 
 use std::sync::Arc;
 
@@ -29,7 +30,7 @@ use crate::sensor_head::pins::{DMA2, SharedHead};
 /// The board's processor.
 #[derive(Debug)]
 pub struct Stm32f429 {
-    /// rigless's model. Nothing reaches its own TIM1 (`advanced[0]`), SPI1 (`spi[0]`) and DMA2 (`dma[1]`).
+    /// rigless's model. Its own TIM1 (`advanced[0]`), SPI1 (`spi[0]`) and DMA2 (`dma[1]`) are not used.
     pub part: Stm32f427,
     head: Arc<SharedHead>,
     spi1: BurstSpi,
@@ -65,17 +66,18 @@ impl Stm32f429 {
         })
     }
 
-    /// SPI1, which the converter hangs on.
+    /// SPI1, to which the converter is connected.
     pub fn converter_bus(&mut self) -> &mut Spi {
         &mut self.spi1.spi
     }
 
-    /// Words on SPI1 that two chips answered.
+    /// The number of words on SPI1 that two chips answered.
     pub(crate) fn contentions(&self) -> u32 {
         self.spi1.spi.contentions()
     }
 
-    /// Cuts the nth chip of SPI1 off from the next chip select on, or connects it again. Whether there is one.
+    /// Disconnects the nth chip of SPI1 from the next chip select on, or connects it again. False if there is
+    /// no such chip.
     pub(crate) fn silence(&mut self, nth: usize, silent: bool) -> bool {
         self.spi1.silence(nth, silent)
     }
@@ -85,7 +87,7 @@ impl Stm32f429 {
         self.part.bus().slots()[self.flash_slot].registers()
     }
 
-    /// If TIM1's channel 1 repeats a pulse: the timer clocks from one to the next.
+    /// The period of TIM1's channel 1 in timer clocks; `None` if it gives no pulses.
     pub(crate) fn master_clock(&self) -> Option<u64> {
         let registers = self.part.bus().slots()[self.tim1_slot].registers();
         let pulse = Channel::new(1).and_then(|channel| self.tim1.timer.pulse(channel, registers));
@@ -94,7 +96,7 @@ impl Stm32f429 {
     }
 }
 
-/// DMA2's model as rigless wires it.
+/// Takes rigless's model of DMA2, with its connections.
 fn take_dma2(part: &mut Stm32f427) -> Dma {
     std::mem::replace(&mut part.dma[DMA2], Dma::new(&[], &[], true))
 }
@@ -140,7 +142,7 @@ impl Mcu for Stm32f429 {
     }
 }
 
-/// No snapshot of this board is ever taken, so what would be missing from one is not missed.
+/// No snapshot of this board is ever taken, so a snapshot need not be complete.
 impl Store for Stm32f429 {
     fn store(&self, to: &mut Writer) -> Result<(), snapshot::Error> {
         self.part.store(to)
@@ -151,14 +153,14 @@ impl Store for Stm32f429 {
     }
 }
 
-/// How long after a write all events are served, ns: some periods of a fast counter, for a new period or duty comes
-/// into force when the counter wraps.
+/// How long after a write all events are served, ns: some periods of a fast counter, because a new period or
+/// duty takes effect when the counter wraps.
 const AWAKE_AFTER_WRITE: u64 = 100_000;
 
-/// A counter that takes more timer clocks than this to wrap costs nothing (100 us at 168 MHz).
+/// A counter that needs more timer clocks than this to wrap is cheap, and does not sleep (100 us at 168 MHz).
 const SLOW: u64 = 16_800;
 
-/// TIM1, which skips its counter's events while they could change nothing but its own state.
+/// TIM1. It skips its counter's events while they change only its own state.
 #[derive(Debug)]
 struct LazyTimer {
     timer: Tim<Advanced>,
@@ -167,7 +169,7 @@ struct LazyTimer {
 
 impl LazyTimer {
     fn new() -> Self {
-        // As rigless's part makes it.
+        // As rigless makes it.
         let timer =
             Tim::with_clock(rcc::HSI_HZ, Counter::Narrow).breaks_on("RCC", rcc::CLOCK_FAILURE);
         Self {
@@ -176,8 +178,8 @@ impl LazyTimer {
         }
     }
 
-    /// Whether events are skipped: not while one of them reaches anything (an interrupt or a DMA request, the end of a
-    /// single pulse, another timer).
+    /// Whether events are skipped. They are not if one of them has an effect: an interrupt, a DMA request,
+    /// the end of a single pulse, or another timer.
     fn sleeps(&self, registers: &RegisterFile, now: VirtualNanos) -> bool {
         now.0 >= self.awake_until
             && period_clocks(registers) < SLOW
@@ -187,8 +189,8 @@ impl LazyTimer {
             && smcr::SMS.get(registers.get(Register::Smcr)) == 0
     }
 
-    /// The counter without the wraps that were skipped in between, where it can be had: counting up, it goes on to 16
-    /// bits, and the rest by a period that divides 2^16 is what it would be.
+    /// The counter's value while its wraps are skipped; `None` if it cannot be computed. A counter that
+    /// counts up then wraps at 2^16, so its value modulo a period that divides 2^16 is right.
     fn slept_count(&self, registers: &RegisterFile, now: VirtualNanos) -> Option<u64> {
         let control = registers.get(Register::Cr1);
         let counts_up = !cr1::DIR.is_set(control) && cr1::CMS.get(control) == 0;
@@ -244,7 +246,7 @@ impl Device for LazyTimer {
         Device::peek(&self.timer, register, registers, now)
     }
 
-    // From here on everything is the timer's.
+    // All that follows only calls the timer.
 
     fn layout(&self) -> &'static [RegisterSpec] {
         Device::layout(&self.timer)

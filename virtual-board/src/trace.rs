@@ -1,7 +1,8 @@
-//! Which instructions a function executes, each time it is called: what an estimate of its time on silicon is made from.
+//! Records which instructions each call of a function executes. From this, the time on silicon can be
+//! estimated.
 //!
-//! While a traced function and what it calls are being executed, the core runs an instruction at a time, which is many times
-//! slower than otherwise and changes nothing that the firmware can see.
+//! During a traced call the core runs one instruction at a time. This is many times slower, but the firmware
+//! cannot see a difference.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,20 +12,20 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub struct Call {
     /// The function's address.
     pub function: u64,
-    /// How often the instruction at the first address was executed with that at the second one next. Of what the
-    /// function calls too, and of interrupts meanwhile.
+    /// For two addresses: how often the instruction at the second was executed directly after the instruction
+    /// at the first. Includes the functions that this function calls, and interrupts.
     pub steps: BTreeMap<(u64, u64), u64>,
 }
 
 impl Call {
-    /// The instructions that were executed.
+    /// The number of instructions that were executed.
     #[must_use]
     pub fn instructions(&self) -> u64 {
         self.steps.values().sum()
     }
 }
 
-/// What is traced, and what came of it.
+/// The traced functions, and their calls.
 #[derive(Debug, Default)]
 pub(crate) struct Traces {
     /// The functions' first instructions.
@@ -33,7 +34,7 @@ pub(crate) struct Traces {
     pub(crate) calls: Vec<Call>,
 }
 
-/// A panic elsewhere leaves nothing half done here.
+/// Locks the traces. A panic in another thread leaves them whole, so a poisoned lock is no error.
 pub(crate) fn lock(traces: &Arc<Mutex<Traces>>) -> MutexGuard<'_, Traces> {
     traces.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -41,7 +42,7 @@ pub(crate) fn lock(traces: &Arc<Mutex<Traces>>) -> MutexGuard<'_, Traces> {
 /// The calls that are under way, the outermost first.
 #[derive(Debug, Default)]
 pub(crate) struct Recorder {
-    /// Each with the address that it returns to.
+    /// Each call with its return address.
     open: Vec<(u64, Call)>,
 }
 
@@ -50,7 +51,7 @@ impl Recorder {
         !self.open.is_empty()
     }
 
-    /// The function at `function` is called, and will return to `returns_to`.
+    /// Begins a call of the function at `function`, which returns to `returns_to`.
     pub(crate) fn enter(&mut self, function: u64, returns_to: u64) {
         let call = Call {
             function,
@@ -59,7 +60,8 @@ impl Recorder {
         self.open.push((returns_to, call));
     }
 
-    /// The instruction at `from` was executed, and that at `to` is next. Gives the calls that this ended.
+    /// Records that the instruction at `from` was executed and the one at `to` is next. Gives the calls that
+    /// end with this.
     pub(crate) fn step(&mut self, from: u64, to: u64) -> Vec<Call> {
         for (_, call) in &mut self.open {
             *call.steps.entry((from, to)).or_default() += 1;
@@ -77,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn calls_within_calls() {
+    fn nested_calls_are_recorded_separately() {
         let mut recorder = Recorder::default();
         recorder.enter(0x100, 0x40);
         assert_eq!(recorder.step(0x100, 0x200), []);

@@ -1,6 +1,6 @@
-//! rigless's core, wrapped for what it does not offer itself: to hang or panic at a function ([`crate::hang`]), to write to the
-//! core's own registers as a debug probe does, to write down which instructions a function executes ([`crate::trace`]), and to
-//! erase and program flash ([`crate::flash`]).
+//! Wraps rigless's core to add four things: it can hang or panic at a function ([`crate::hang`]), write to
+//! the core's own registers as a debug probe does, record which instructions a function executes
+//! ([`crate::trace`]), and erase and program flash ([`crate::flash`]).
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -22,20 +22,20 @@ use crate::trace::{self, Recorder, Traces};
 const LINK_REGISTER: usize = 14;
 const PROGRAM_COUNTER: usize = 15;
 
-/// What a wrapped core looks up each time it runs.
+/// What the wrapped core reads each time it runs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Watched {
-    /// Where it hangs or panics.
+    /// The functions at which it hangs or panics.
     pub(crate) detours: Arc<Mutex<Detours>>,
     /// What a debug probe writes next: an address, a word and the time.
     pub(crate) probe_writes: Arc<Mutex<Vec<(u64, u32, Nanos)>>>,
-    /// What it traces.
+    /// The traced functions, and their calls.
     pub(crate) traces: Arc<Mutex<Traces>>,
-    /// What it finds in the sectors that it has not mapped.
+    /// The contents of the two sectors, which are not in its memory map.
     pub(crate) flash: SharedFlash,
 }
 
-/// Has the core that `spec` makes do what `watched` says.
+/// Wraps the core that `spec` makes. `watched` controls the wrapped core.
 pub(crate) fn wrap(spec: &mut CoreSpec, watched: Watched) {
     let make = Arc::clone(&spec.processor);
     spec.processor = Arc::new(move |endian| {
@@ -54,7 +54,7 @@ pub(crate) fn wrap(spec: &mut CoreSpec, watched: Watched) {
 struct Core {
     inner: Box<dyn Processor>,
     watched: Watched,
-    /// The addresses that `inner` stops at, and where it goes on.
+    /// The addresses at which `inner` stops, and where it continues.
     detours: Detours,
     /// The addresses that `inner` stops at to trace.
     traced: BTreeSet<u64>,
@@ -62,7 +62,7 @@ struct Core {
 }
 
 impl Core {
-    /// Has `inner` stop at `wanted`, and no longer elsewhere.
+    /// Sets the breakpoints of `inner` to `wanted`, and removes all others of `armed`.
     fn arm(inner: &mut dyn Processor, armed: &mut BTreeSet<u64>, wanted: &BTreeSet<u64>) {
         if armed == wanted {
             return;
@@ -104,14 +104,14 @@ impl Core {
         self.detours.clone_from(&wanted);
     }
 
-    /// Where the function that the core has just called returns to.
+    /// The return address of the function that the core has just called.
     fn return_address(&self) -> u64 {
         let register = self.inner.gdb_register(LINK_REGISTER).unwrap_or_default();
         let register = <[u8; 4]>::try_from(register).map_or(0, u32::from_le_bytes);
         u64::from(register & !1)
     }
 
-    /// Runs one instruction and writes it down.
+    /// Runs one instruction and records it.
     fn step(&mut self, bus: &mut dyn CoreBus) -> (Exit, u64) {
         let from = self.inner.pc();
         if self.traced.contains(&from) {
@@ -126,7 +126,7 @@ impl Core {
         (exit, ran)
     }
 
-    /// Runs as `inner` does, a step at a time while a traced function is being executed.
+    /// Runs as `inner` does, but one instruction at a time during a traced call.
     fn run_traced(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
         let mut total = 0;
         while total < u64::from(budget) {
@@ -165,7 +165,7 @@ impl CoreBus for BusWithFlash<'_> {
         self.inner.access(access, from_code)
     }
 
-    // From here on everything is the inner bus's.
+    // All that follows only calls the inner bus.
 
     fn time(&self, instructions: u64) -> VirtualNanos {
         self.inner.time(instructions)
@@ -227,7 +227,7 @@ impl Processor for Core {
         (exit, ran)
     }
 
-    /// All but the sectors whose contents are elsewhere.
+    /// Maps all memory except the two sectors, whose contents are in [`SharedFlash`].
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
         let end = start + length;
         let hole = [flash::BASE, flash::BASE + flash::BYTES as u64];
@@ -235,13 +235,14 @@ impl Processor for Core {
         for (from, to) in [(start, hole_start), (hole_end, end)] {
             if from < to {
                 let host = host.wrapping_add((from - start) as usize);
-                // SAFETY: a part of what the caller promises, in whole pages: the hole begins and ends at multiples of 16 KB.
+                // SAFETY: a part of what the caller promises, in whole pages: the hole begins and ends at
+                // multiples of 16 KB.
                 unsafe { self.inner.map(from, to - from, host, writable) }
             }
         }
     }
 
-    // From here on everything is the inner core's.
+    // All that follows only calls the inner core.
 
     fn retired(&self) -> u64 {
         self.inner.retired()

@@ -1,8 +1,6 @@
-//! The chip and a PC answer the same, bit for bit, to every row of the catalogue of hard cases: each rung
-//! alone, with the look that
-//! follows it, and the reading that the measurement makes of the rows. The program of `answers-on-chip` runs
-//! on the emulated
-//! board; its rows are put into its memory, and its answers are taken out of it.
+//! Compares the chip with a PC, bit for bit, on every row of the catalogue of hard cases: each estimator
+//! without the check, each estimator with it, and the reading of the rows. The program of `answers-on-chip`
+//! runs on the emulated board. The test writes the rows to the board's memory and reads the answers from it.
 
 use std::time::Duration;
 
@@ -22,10 +20,10 @@ struct Question {
     light: Vec<u16>,
 }
 
-/// What a rung says to a row.
+/// An estimator's answer to a row.
 #[derive(Debug, PartialEq)]
 struct Answer {
-    rung: Estimator,
+    estimator: Estimator,
     words: Vec<u32>,
 }
 
@@ -56,26 +54,28 @@ fn questions() -> Vec<Question> {
     hard_cases::rows().into_iter().flat_map(rows).collect()
 }
 
-/// What the rungs say to the rows, one after the other, on this PC.
+/// The estimators' answers to the rows, in order, on this PC.
 fn on_this_pc(questions: &[Question]) -> Vec<Vec<Answer>> {
-    let mut rungs = None;
+    let mut estimators = None;
     let answers = questions.iter().map(|Question { header, light, .. }| {
         if header.first {
-            rungs = Some(Estimators::new(
+            estimators = Some(Estimators::new(
                 light.len(),
                 header.bits,
                 header.shot_variance_per_count_q16,
             ));
         }
         let mut answers: Vec<Answer> = Estimator::ALL
-            .map(|rung| Answer {
-                rung,
+            .map(|estimator| Answer {
+                estimator,
                 words: vec![],
             })
             .into();
-        let rungs = rungs.as_mut().expect("a case begins with its first row");
-        rungs.ask(&mut light.clone(), |rung, word| {
-            answers[rung as usize].words.push(word)
+        let estimators = estimators
+            .as_mut()
+            .expect("a case begins with its first row");
+        estimators.ask(&mut light.clone(), |estimator, word| {
+            answers[estimator as usize].words.push(word)
         });
         answers
     });
@@ -96,7 +96,7 @@ impl Chip {
             Firmware::build_package("answers-on-chip").expect("the chip's program builds");
         let mut board =
             VirtualBoard::power_on(&program, Box::new(|_| vec![0.0; PIXELS])).expect("a board");
-        // It clears its memory before it waits: 80 KB, a word in a few instructions.
+        // The program clears 80 KB of memory before it waits, one word in a few instructions.
         board.run_for(Duration::from_millis(2)).expect("a run");
         let address = |name| program.address_of(name).expect("the program has it");
         Self {
@@ -107,7 +107,7 @@ impl Chip {
         }
     }
 
-    /// Hands over rows and waits for all words of the answers.
+    /// Sends the rows and waits for all words of the answers.
     fn ask(&mut self, questions: &[Question]) -> Vec<u32> {
         let mut words: Vec<u32> = questions
             .iter()
@@ -124,7 +124,7 @@ impl Chip {
         });
         put.expect("the emulator runs")
             .expect("the rows are in RAM");
-        // 10 s are 1.7e9 instructions: a row takes up to ten million, all rungs together.
+        // 10 s are 1.7e9 instructions: a row takes up to ten million, all estimators together.
         for _ in 0..10_000 {
             self.board.run_for(Duration::from_millis(1)).expect("a run");
             if self.board.read_word(asked).expect("RAM") == 0 {
@@ -152,7 +152,7 @@ impl Chip {
     }
 }
 
-/// As many rows as fit the program's memory, with their answers, whole cases at a time.
+/// Divides the rows into batches of whole cases. Each batch fits the program's memory, with its answers.
 fn batches(mut questions: &[Question]) -> Vec<&[Question]> {
     let mut batches = vec![];
     while !questions.is_empty() {
@@ -185,10 +185,10 @@ fn difference(questions: &[Question], chip: &[u32], pc: &[Vec<Answer>]) -> Optio
             let chip: Vec<u32> = words.by_ref().take(answer.words.len()).collect();
             if chip != answer.words {
                 let Question { case, number, .. } = question;
-                let Answer { rung, words } = answer;
+                let Answer { estimator, words } = answer;
                 return Some(format!(
                     "{case}, row {number}, {}: {chip:?} on the chip, {words:?} on the PC",
-                    rung.name()
+                    estimator.name()
                 ));
             }
         }
@@ -221,14 +221,15 @@ fn the_chip_and_a_pc_answer_the_same_to_every_hard_case() {
         }
     }
     println!(
-        "{} rows, {centres} centres and {faults} faults of the rungs alone, and what becomes of them: {compared} words are the same",
+        "{} rows, {centres} centres and {faults} faults of the estimators alone, \
+         and what becomes of them: {compared} words are the same",
         questions.len()
     );
     let estimators = Estimator::ALL.len();
     assert!(questions.len() >= 300 && centres >= 200 * estimators && faults >= 50 * estimators);
 
-    // One count of one pixel would be seen.
-    let clean = clean.expect("a row with a spot that all rungs find");
+    // The comparison notices a change of one count in one pixel.
+    let clean = clean.expect("a row with a spot that all estimators find");
     let (top, _) = clean
         .light
         .iter()

@@ -119,18 +119,18 @@ fn no_spot() -> Vec<RowCase> {
         ("all at full scale", "flooded, or the wire is open", SILENT, patterns::constant::<4095>),
         ("all at 1000", "a held converter", SILENT, patterns::constant::<1000>),
         ("one pixel at full scale", "no noise to compare it with", NONE, patterns::lit::<1>),
-        ("two pixels at full scale", "the same, as a pair", NONE, patterns::lit::<2>),
-        ("one pixel at 2000", "the same, below full scale", NONE, patterns::half_lit::<1>),
+        ("two pixels at full scale", "no noise to compare them with", NONE, patterns::lit::<2>),
+        ("one pixel at 2000", "no noise to compare it with, and not saturated", NONE, patterns::half_lit::<1>),
         ("two pixels at 2000", "narrower than optics can make", NONE, patterns::half_lit::<2>),
-        ("three pixels at 2000", "a box, where a spot would have flanks", NONE, patterns::half_lit::<3>),
+        ("three pixels at 2000", "a box: a spot would have flanks", NONE, patterns::half_lit::<3>),
         ("40 pixels at 2000", "a box as wide as a spot", NONE, patterns::half_lit::<40>),
         ("alternating pixels", "every sum of two is the same", NONE, patterns::alternating::<1>),
         ("alternating pairs", "every sum of four is the same", NONE, patterns::alternating::<2>),
-        ("alternating runs of 30", "nine boxes, each as good as the other", NONE,
+        ("alternating runs of 30", "nine boxes, all alike", NONE,
             patterns::alternating::<30>),
         ("a ramp to full scale", "the highest pixel is the last", NONE, patterns::ramp),
         ("half black, half full", "the highest block is at the edge", NONE, patterns::halves),
-        ("any words", "noise as high as the converter", NONE, patterns::any_words),
+        ("any words", "noise over the whole range of the converter", NONE, patterns::any_words),
     ];
     let mut cases = Cases::of(Group::NoSpot);
     for (name, why, due, rows) in patterns {
@@ -143,9 +143,9 @@ fn no_spot() -> Vec<RowCase> {
     let none = Due::Fault(&["no spot", "too dim"]);
     let why = "the highest of many noisy places looks like a spot";
     cases.add("noise alone", why, none, Recipe::dark());
-    let why = "the same with 60 counts of noise";
+    let why = "the highest of many places with 60 counts of noise looks like a spot";
     cases.add("strong noise alone", why, none, noisy(60.0));
-    let why = "a converter's step is larger than the noise";
+    let why = "the converter's steps hide the noise";
     let silent_or_none = Due::Fault(&["sensor silent", "no spot", "too dim"]);
     cases.add("no noise", why, silent_or_none, noisy(0.05));
     let hot = |pixels| {
@@ -166,11 +166,11 @@ fn no_spot() -> Vec<RowCase> {
     #[rustfmt::skip] // A case a line.
     let flaws = [
         ("a hot pixel alone", "it stands out of the noise more than any spot", hot(1)),
-        ("two hot pixels alone", "the same, side by side", hot(2)),
-        ("three hot pixels alone", "the same, three of them", hot(3)),
+        ("two hot pixels alone", "two, side by side, look like a narrow spot", hot(2)),
+        ("three hot pixels alone", "three, side by side, look like a narrow spot", hot(3)),
         ("a slope alone, 2 counts a pixel", "the far end is high", Flaw::Slope(2.0)),
         ("a lamp at one end alone", "light that falls off along the row", Flaw::Glow(1500.0)),
-        ("a step of 50 counts alone", "two halves of the row have levels of their own", step),
+        ("a step of 50 counts alone", "the two halves of the row have different levels", step),
         ("a ripple alone", "every wave looks like a spot", ripple),
     ];
     for (name, why, flaw) in flaws {
@@ -187,12 +187,12 @@ fn height() -> Vec<RowCase> {
         cases.honest(format!("{amplitude} counts"), why, of(WIDTH, amplitude));
     }
     for amplitude in [50.0, 200.0, 1000.0, 3000.0, 3700.0] {
-        let why = "the centre is as good as the light that there is";
+        let why = "more light gives a better centre";
         cases.clean(format!("{amplitude} counts"), why, of(WIDTH, amplitude));
     }
     for amplitude in [10.0, 20.0, 100.0, 1000.0, 3700.0] {
         let name = format!("{amplitude} counts, sigma {NARROW}");
-        let (why, recipe) = ("the same with few pixels", of(NARROW, amplitude));
+        let (why, recipe) = ("the spot has few pixels", of(NARROW, amplitude));
         if amplitude < 100.0 {
             cases.honest(name, why, recipe);
         } else {
@@ -208,7 +208,7 @@ fn saturation() -> Vec<RowCase> {
         for times in [1.05, 1.5, 4.0] {
             let case = cases.honest(
                 format!("{times} times full scale, sigma {width}"),
-                "the top is cut off: only the flanks tell the place",
+                "the top is cut off: only the flanks show the centre",
                 Recipe::clean(width).spot(|spot| spot.amplitude = times * 4095.0),
             );
             case.repair_within = Some(within);
@@ -221,7 +221,7 @@ fn saturation() -> Vec<RowCase> {
         let times = (0.5 * (0.5 * top / width).powi(2)).exp();
         cases.honest(
             format!("a flat top of {top} pixels"),
-            "the top has no highest pixel",
+            "the top is flat: no pixel is the highest",
             Recipe::clean(width).spot(|spot| spot.amplitude = times * 3795.0),
         );
     }
@@ -240,7 +240,7 @@ fn saturation() -> Vec<RowCase> {
     for share in [0.1, 0.5, 0.9] {
         cases.honest(
             format!("blooms {} % to one side", 100.0 * share),
-            "the flank to that side is not the spot's",
+            "the flank on that side is not the spot's own",
             Recipe::clean(WIDTH)
                 .spot(|spot| spot.amplitude = 6000.0)
                 .with(Flaw::Smear(share)),
@@ -269,7 +269,7 @@ fn width() -> Vec<RowCase> {
     for width in [0.3, 0.4, 0.5, 0.6, 0.8, 1.0] {
         cases.honest(
             format!("sigma {width}"),
-            "one to three pixels have nearly all the light: they could be bad ones",
+            "one to three pixels have nearly all the light: they could be bad pixels",
             Recipe::clean(width),
         );
     }
@@ -320,10 +320,7 @@ fn edge() -> Vec<RowCase> {
             ] {
                 let recipe = Recipe::clean(width).spot(|spot| spot.place = place);
                 let (why, due) = match widths {
-                    3.0 => (
-                        "the table's window reaches over the edge",
-                        as_the_bound(&recipe),
-                    ),
+                    3.0 => ("the window reaches over the edge", as_the_bound(&recipe)),
                     -1.0 => (
                         "the top is off the sensor: only one flank is left",
                         Due::Honest,
@@ -361,7 +358,7 @@ fn background() -> Vec<RowCase> {
     for slope in [2.0, 5.0] {
         cases.add(
             format!("slope of {slope} counts a pixel, sigma {NARROW}"),
-            "the same under a narrow spot",
+            "one flank of a narrow spot stands higher than the other",
             Due::Honest,
             Recipe {
                 black_level: 60.0,
@@ -399,7 +396,7 @@ fn background() -> Vec<RowCase> {
     }
     cases.clean(
         "black level above the signal",
-        "the spot is a small part of what the pixels read",
+        "most of the counts are black level, not spot",
         Recipe {
             black_level: 3700.0,
             ..Recipe::clean(WIDTH).spot(|spot| spot.amplitude = 200.0)
@@ -407,7 +404,7 @@ fn background() -> Vec<RowCase> {
     );
     cases.add(
         "black level at full scale",
-        "the spot's top is cut off, and half of the noise",
+        "the spot's top and half of the noise are cut off",
         Due::NoCentre,
         Recipe {
             black_level: 4090.0,
@@ -469,10 +466,10 @@ fn bad_pixels() -> Vec<RowCase> {
             };
             #[rustfmt::skip] // A case a line.
             let flaws = [
-                ("a hot pixel (+200)", "too weak to stand out", Flaw::Hot(bad(200.0, 1))),
+                ("a hot pixel (+200)", "it is too weak to stand out", Flaw::Hot(bad(200.0, 1))),
                 ("a hot pixel (+1000)", "it outweighs the flank that it is on", Flaw::Hot(bad(1000.0, 1))),
                 ("a dead pixel", "it is a hole in the spot", Flaw::Dead(bad(300.0, 1))),
-                ("a pixel stuck at full scale", "nothing in the row is higher", Flaw::Stuck(bad(4095.0, 1))),
+                ("a pixel stuck at full scale", "no pixel of the row is higher", Flaw::Stuck(bad(4095.0, 1))),
                 ("a pixel stuck at zero", "it is below any background", Flaw::Stuck(bad(0.0, 1))),
                 ("three hot pixels (+1000)", "side by side they look like a spot", Flaw::Hot(bad(1000.0, 3))),
             ];
@@ -493,14 +490,14 @@ fn bad_pixels() -> Vec<RowCase> {
     for share in [0.01, 0.05] {
         cases.honest(
             format!("pixels differ by {} % in response", 100.0 * share),
-            "the profile is uneven in proportion to its light",
+            "the brighter the light, the larger the pixels' errors",
             Recipe::clean(WIDTH).with(Flaw::Response(share)),
         );
     }
     for counts in [5.0, 30.0] {
         cases.honest(
             format!("unlit pixels differ by {counts} counts"),
-            "a pattern that looks like noise, and stays",
+            "a fixed pattern looks like noise, and averaging does not remove it",
             Recipe::clean(WIDTH).with(Flaw::FixedPattern(counts)),
         );
     }
@@ -548,7 +545,7 @@ fn second_spot() -> Vec<RowCase> {
                 "second spot of {:.0} % at {offset} sigma, sigma {NARROW}",
                 100.0 * share
             ),
-            "the same with few pixels",
+            "the spot has few pixels",
             if share == 1.0 {
                 Due::NoCentre
             } else {
@@ -574,7 +571,7 @@ fn shapes() -> Vec<RowCase> {
             };
             cases.clean(
                 format!("{name}, sigma {width}"),
-                "it has side lobes, or shoulders, that a gaussian has not",
+                "it has side lobes or shoulders, unlike a gaussian",
                 recipe.spot(|spot| spot.shape = shape),
             );
         }
@@ -582,14 +579,14 @@ fn shapes() -> Vec<RowCase> {
     for share in [0.05, 0.1, 0.2, 0.3, -0.3] {
         cases.add(
             format!("right side {} % wider", 100.0 * share),
-            "it has no one centre: peak and centroid differ",
+            "it has no single centre: peak and centroid differ",
             Due::Honest,
             Recipe::clean(WIDTH).spot(|spot| spot.shape = Shape::Lopsided(share)),
         );
     }
     cases.honest(
         format!("right side 30 % wider, sigma {NARROW}"),
-        "the same with few pixels",
+        "the spot has few pixels",
         Recipe::clean(NARROW).spot(|spot| spot.shape = Shape::Lopsided(0.3)),
     );
     cases.all
@@ -601,7 +598,7 @@ fn interference() -> Vec<RowCase> {
         for counts in [5.0, 50.0] {
             cases.honest(
                 format!("ripple of {counts} counts every {period} pixels"),
-                "a supply or a clock couples in",
+                "ripple of a supply or a clock gets into the signal",
                 Recipe::clean(WIDTH).with(Flaw::Ripple { counts, period }),
             );
         }
@@ -618,14 +615,14 @@ fn interference() -> Vec<RowCase> {
                     "{} % of the pixels are impulses, sigma {width}",
                     100.0 * share
                 ),
-                "sparks: some pixels read anything",
+                "interference: some pixels have random counts",
                 Recipe::clean(width).with(Flaw::Impulses(share)),
             );
         }
     }
     cases.clean(
         "no shot noise, strong read noise",
-        "the weights are made for another mix of noise",
+        "the default weights are made for another mix of noise",
         Recipe {
             read_noise: 40.0,
             electrons_per_count: None,
@@ -649,7 +646,7 @@ fn converter() -> Vec<RowCase> {
         cases.honest(
             format!("{bits} of 12 bits"),
             match bits {
-                1 => "pixels are lit or not",
+                1 => "a pixel is either lit or not",
                 _ => "steps are larger than the noise",
             },
             Recipe::clean(WIDTH).with(Flaw::Steps(f64::from(1u32 << (12 - bits)))),
@@ -677,7 +674,7 @@ fn short_rows() -> Vec<RowCase> {
     for pixels in [8, 31] {
         cases.add(
             format!("{pixels} pixels"),
-            "too few to tell a background",
+            "too few pixels to know the background",
             Due::Fault(&["no spot"]),
             Recipe {
                 pixels,
@@ -696,7 +693,7 @@ fn short_rows() -> Vec<RowCase> {
     ] {
         cases.add(
             format!("{pixels} pixels, sigma {width}"),
-            "the window is longer than the row, and the background short",
+            "the window is longer than the row, and little background is left",
             Due::Honest,
             Recipe {
                 pixels,

@@ -259,27 +259,28 @@ fn alone() -> Vec<FrameCase> {
     vec![
         case("one row", "there is no scatter to compare with", Due::Centre(0.15),
             |number| steady(number, 1, |_, recipe| recipe)),
-        case("two rows", "one degree of freedom", Due::Centre(0.15),
+        case("two rows", "the scatter of two rows says little", Due::Centre(0.15),
             |number| steady(number, 2, |_, recipe| recipe)),
-        case("two rows 5 px apart", "which of them is right?", Due::Honest,
+        case("two rows 5 px apart", "nobody can tell which row is right", Due::Honest,
             |number| {
                 let centre = middle(number);
                 frame(number, 2, Truth::Between(centre, centre + 5.0), |row| {
                     spot_at(centre + 5.0 * row as f64)
                 })
             }),
-        case("one row of noise", "there is nothing in it", Due::Fault(&["no spot", "too dim"]),
+        case("one row of noise", "the row has no spot", Due::Fault(&["no spot", "too dim"]),
             |number| frame(number, 1, Truth::None, |_| Recipe::dark())),
-        case("64 rows", "the uncertainty falls with the root of their number", Due::Centre(0.07), clean),
-        case("64 rows of noise", "some of them look like a spot", Due::Fault(&["no spot", "too dim"]),
+        case("64 rows", "the uncertainty falls with the square root of the number of rows",
+            Due::Centre(0.07), clean),
+        case("64 rows of noise", "some of the rows seem to have a spot", Due::Fault(&["no spot", "too dim"]),
             |number| frame(number, FULL, Truth::None, |_| Recipe::dark())),
-        case("64 times the same row", "no scatter at all, and yet an error", Due::Honest,
+        case("64 times the same row", "the rows have no scatter, but they have an error", Due::Honest,
             |number| {
                 let mut frame = steady(number, 1, |_, recipe| recipe);
                 frame.rows = vec![frame.rows[0].clone(); FULL];
                 frame
             }),
-        case("64 rows without noise", "the uncertainty is that of rounding, and the scatter zero",
+        case("64 rows without noise", "the scatter is zero: only rounding makes an error",
             Due::Honest, |number| {
                 full(number, |_, recipe| Recipe {
                     read_noise: 0.0,
@@ -287,7 +288,7 @@ fn alone() -> Vec<FrameCase> {
                     ..recipe
                 })
             }),
-        case("64 rows, all black", "no row has anything", Due::Fault(&["sensor silent"]),
+        case("64 rows, all black", "no row has light or noise", Due::Fault(&["sensor silent"]),
             |number| {
                 frame(number, FULL, Truth::None, |_| Recipe {
                     read_noise: 0.0,
@@ -304,7 +305,8 @@ fn outliers() -> Vec<FrameCase> {
         case("6 of 64 rows are off by 3 px", "a plain mean is off by 0.3 px", Due::Centre(0.07),
             |number| some_off(number, 3.0, &[4])),
         case("6 of 64 rows are off by 100 px",
-            "a plain mean is off by 9 px, and the scatter beyond the width", Due::Honest, |number| some_off(number, 100.0, &[4])),
+            "a plain mean is off by 9 px, and the scatter is larger than the spot's width", Due::Honest,
+            |number| some_off(number, 100.0, &[4])),
         case("19 of 64 rows are off by 3 px", "nearly a third are wrong", Due::Honest,
             |number| some_off(number, 3.0, &[1, 4, 7])),
         case("half of the rows are off by 3 px", "there is no majority", Due::Honest,
@@ -314,9 +316,9 @@ fn outliers() -> Vec<FrameCase> {
                     3.0 * (row % 2) as f64
                 })
             }),
-        case("half of the rows are off by 100 px", "two spots in turn", Due::Fault(&["unsteady"]),
+        case("half of the rows are off by 100 px", "two spots take turns", Due::Fault(&["unsteady"]),
             |number| moved(number, Truth::None, |row| 100.0 * (row % 2) as f64)),
-        case("every row is elsewhere", "all of them are outliers", Due::Fault(&["unsteady"]),
+        case("every row is elsewhere", "all rows are outliers", Due::Fault(&["unsteady"]),
             |number| {
                 let mut random = numbers(number);
                 let places: Vec<f64> = (0..FULL)
@@ -346,17 +348,17 @@ fn changing() -> Vec<FrameCase> {
             }),
         case("the laser blinks", "half of the rows have no spot", Due::Fault(&["no spot", "too dim"]),
             |number| full(number, |row, recipe| match row % 2 { 0 => recipe, _ => Recipe::dark() })),
-        case("33 of 64 rows have a spot", "just the majority", Due::Honest,
+        case("33 of 64 rows have a spot", "one row more than half", Due::Honest,
             |number| {
                 full(number, |row, recipe| match row % 2 {
                     1 if row > 1 => Recipe::dark(),
                     _ => recipe,
                 })
             }),
-        case("the black level rises by 10 counts a row", "the background of the row before is not this one's",
+        case("the black level rises by 10 counts a row", "the row before has another background",
             Due::Centre(0.07),
             |number| full(number, |row, recipe| Recipe { black_level: 300.0 + 10.0 * row as f64, ..recipe })),
-        case("a lamp is switched on", "800 counts more, and their noise, from one row to the next",
+        case("a lamp is switched on", "from one row to the next there are 800 counts more, with more noise",
             Due::Honest, |number| {
                 full(number, |row, recipe| match row {
                     0..30 => recipe,
@@ -376,7 +378,8 @@ fn changing() -> Vec<FrameCase> {
                     row as f64 / FULL as f64
                 })
             }),
-        case("the target moves by 60 pixels", "by more than the spot is wide", Due::Fault(&["unsteady"]),
+        case("the target moves by 60 pixels", "it moves by more than the spot's width",
+            Due::Fault(&["unsteady"]),
             |number| moved(number, Truth::None, |row| 60.0 * row as f64 / FULL as f64)),
         case("half of the rows saturate", "the light flickers beyond full scale", Due::Honest,
             |number| {
@@ -384,7 +387,8 @@ fn changing() -> Vec<FrameCase> {
                     recipe.spot(|spot| spot.amplitude = [2000.0, 6000.0][row as usize % 2])
                 })
             }),
-        case("two spots in every row", "rows agree about what no row can tell", Due::NoCentre,
+        case("two spots in every row", "all rows agree, but no row can tell which spot is the laser's",
+            Due::NoCentre,
             |number| {
                 let second = Second {
                     share: 1.0,
@@ -396,7 +400,7 @@ fn changing() -> Vec<FrameCase> {
                     spot_at(centre).with(Flaw::Second(second))
                 })
             }),
-        case("a slope of 2 counts a pixel in every row", "rows agree about what is wrong in all of them",
+        case("a slope of 2 counts a pixel in every row", "all rows agree, but all have the same error",
             Due::Honest, |number| {
                 full(number, |_, recipe| {
                     Recipe {
@@ -414,9 +418,9 @@ fn broken() -> Vec<FrameCase> {
     vec![
         case("every row is a word short", "the sensor lost a clock", Due::Fault(&["sensor silent"]),
             |number| spoilt(number, |row| row.truncate(SHIELDED + 511))),
-        case("every row is empty", "no words came", Due::Fault(&["sensor silent"]),
+        case("every row is empty", "no words arrived", Due::Fault(&["sensor silent"]),
             |number| spoilt(number, Vec::clear)),
-        case("words of 16 bits", "an open wire reads what no converter of 12 bits gives",
+        case("words of 16 bits", "an open wire gives words that no 12-bit converter gives",
             Due::Fault(&["sensor silent"]),
             |number| spoilt(number, |row| row.iter_mut().for_each(|word| *word |= 0x8000))),
         case("6 of 64 rows are broken", "the others are good", Due::Centre(0.07),
@@ -434,18 +438,20 @@ fn broken() -> Vec<FrameCase> {
 #[rustfmt::skip] // A case a line or two.
 fn hanging_together() -> Vec<FrameCase> {
     vec![
-        case("a jitter of 0.3 px that lasts 16 rows", "64 rows are worth two", Due::Honest,
+        case("a jitter of 0.3 px that lasts 16 rows", "64 rows tell no more than two independent rows",
+            Due::Honest,
             |number| jittering(number, 16.0)),
-        case("a jitter of 0.3 px that lasts 64 rows", "a frame sees the least part of it", Due::Honest,
+        case("a jitter of 0.3 px that lasts 64 rows",
+            "the jitter is slower than the frame, so the frame sees little of it", Due::Honest,
             |number| jittering(number, 64.0)),
         case("speckle, the target moves away at 5 mm/s", "the pattern changes once or twice in a frame",
             Due::Honest, |number| speckled(number, 0.005, 0.0)),
         case("speckle, the target slides past at 5 mm/s", "it changes once or twice in a frame", Due::Honest,
             |number| speckled(number, 1e-4, 50.0)),
-        case("speckle, the target slides past at 20 mm/s", "it changes every ten rows", Due::Honest,
+        case("speckle, the target slides past at 20 mm/s", "the pattern changes every ten rows", Due::Honest,
             |number| speckled(number, 1e-4, 200.0)),
         case("speckle, the target at rest",
-            "all rows see the same pattern: it moves the whole spot, and looks like any other",
+            "all rows see the same pattern: the spot is moved, and looks normal",
             Due::Unknowable, |number| speckled(number, 0.0, 0.0)),
     ]
 }

@@ -263,7 +263,7 @@ const FAULTS: [&str; Fault::KINDS] = [
 /// The random rows' rates, as docs/hard-cases.md shows them.
 pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
     let mut text = format!(
-        "On a PC: {} clean rows, and {} rows with one to three flaws. *errors*: confident errors in a million rows. *unchecked*: the same without the check. *flagged*, *flagged though good* and *fault*: per cent of the rows.\n\n\
+        "On a PC: {} clean rows, and {} rows with one to three flaws. *errors*: confident errors in a million rows. *unchecked*: confident errors in a million rows if the check is left out. *flagged*, *flagged though good* and *fault*: per cent of the rows.\n\n\
          | estimator | clean: errors | unchecked | flagged | fault | flawed: errors | unchecked | flagged | flagged though good | fault |\n\
          |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
         clean.rows, mixtures.rows

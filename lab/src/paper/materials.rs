@@ -47,14 +47,16 @@ impl Material {
 
     /// Its numbers in words.
     pub fn description(&self) -> String {
-        let lobe = self.lobe.map_or("no lobe".into(), |lobe| {
+        let lobe = self.lobe.map_or("no glossy lobe".into(), |lobe| {
             format!(
-                "lobe {} times as bright, {} rad wide",
+                "glossy lobe {} times as bright, {} rad wide",
                 lobe.strength, lobe.width
             )
         });
+        let plural = if self.polarisations == 1 { "" } else { "s" };
         format!(
-            "{}: {} polarisations, paths of {:.0} um, {lobe}, texture of {} in {:.0} um",
+            "{}: {} polarisation{plural}; paths in the material {:.0} um; {lobe}; \
+             texture of contrast {} over {:.0} um",
             self.name,
             self.polarisations,
             self.path_spread * 1e6,

@@ -1,4 +1,4 @@
-//! What the two sectors hold, and what an erase or a program makes of it, done in full or cut off by a power cut.
+//! The contents of the two sectors, and how operations change them: done in full, or cut off by a power cut.
 
 use std::fmt;
 
@@ -12,19 +12,19 @@ pub const BASE: u64 = 0x0810_0000;
 /// Bytes of a sector (RM0090 table 6).
 pub const SECTOR_BYTES: usize = 16 << 10;
 
-/// The first sector's number; the other is the next (RM0090 table 6).
+/// The number of the first sector. The second sector has the next number (RM0090 table 6).
 pub const FIRST_SECTOR: usize = 12;
 
 /// How many sectors there are.
 pub const SECTORS: usize = 2;
 
-/// Bytes of both.
+/// Bytes of both sectors.
 pub const BYTES: usize = SECTORS * SECTOR_BYTES;
 
 /// An erased byte.
 const ERASED: u8 = 0xFF;
 
-/// What a firmware does to flash.
+/// An operation that changes flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// Sets all bits of a sector.
@@ -36,7 +36,7 @@ pub enum Operation {
     Program {
         /// A multiple of 4.
         address: u64,
-        /// What is written.
+        /// The word that is written.
         word: u32,
     },
 }
@@ -62,17 +62,17 @@ impl fmt::Debug for Contents {
 }
 
 impl Contents {
-    /// As they leave the factory.
+    /// Erased sectors, as in a new chip.
     #[must_use]
     pub fn erased() -> Self {
         Self(vec![ERASED; BYTES])
     }
 
-    /// Of [`BYTES`] bytes.
+    /// Contents from [`BYTES`] bytes.
     ///
     /// # Errors
     ///
-    /// There are more, or fewer.
+    /// The number of bytes is not [`BYTES`].
     pub fn new(bytes: Vec<u8>) -> Result<Self> {
         ensure!(
             bytes.len() == BYTES,
@@ -92,7 +92,7 @@ impl Contents {
     ///
     /// # Panics
     ///
-    /// It is outside of the sectors.
+    /// The operation is outside the sectors.
     pub fn apply(&mut self, operation: Operation) {
         match operation {
             Operation::Erase { sector } => self.sector(sector).fill(ERASED),
@@ -104,12 +104,13 @@ impl Contents {
         }
     }
 
-    /// Does what a power cut leaves of `operation`: of the bits that it clears or sets, some. Which ones, `seed` decides; of an
-    /// erase about a third of the bytes stay, and another third is erased.
+    /// Does the part of `operation` that a power cut leaves: it clears or sets only some of the bits. `seed`
+    /// decides which. In an erase about a third of the bytes stay as they were, and about a third are erased
+    /// fully.
     ///
     /// # Panics
     ///
-    /// It is outside of the sectors.
+    /// The operation is outside the sectors.
     pub fn apply_torn(&mut self, operation: Operation, seed: u64) {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         match operation {
@@ -141,7 +142,7 @@ impl Contents {
         self.0[offset] ^= mask;
     }
 
-    /// The `count` bytes from `address` on, as one number. The caller has looked that they are there.
+    /// The `count` bytes from `address` on, as one number. The caller has checked the range.
     pub(super) fn read(&self, address: u64, count: u32) -> u64 {
         let from = (address - BASE) as usize;
         let bytes = &self.0[from..from + count as usize];
@@ -194,8 +195,8 @@ mod tests {
         assert_eq!(contents, Contents::erased());
     }
 
-    /// Bits go the way that the operation sends them, and not all of them: of 32 bits to be cleared half, of those of a sector that are
-    /// to be set a third and half of another one.
+    /// Bits only change in the direction of the operation, and not all of them: in a program about half of
+    /// the bits, in an erase all bits of a third of the bytes and half of the bits of another third.
     #[test]
     fn a_torn_operation_is_done_in_part() {
         let (mut cleared, mut words) = (0, Vec::new());
@@ -231,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_two_sectors_is_refused() {
+    fn contents_of_the_wrong_size_are_refused() {
         assert_eq!(
             Contents::new(vec![ERASED; BYTES]).expect("two sectors"),
             Contents::erased()
@@ -244,7 +245,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "0x08108000 is no word of the two sectors")]
-    fn a_word_outside_is_none() {
+    fn a_word_outside_the_sectors_panics() {
         Contents::erased().apply(program(BASE + BYTES as u64, 0));
     }
 }

@@ -1,4 +1,4 @@
-//! What was done to flash, one operation after the other, from which any state in between can be had again.
+//! The operations on flash in order. They give the contents after any operation.
 
 use super::contents::{Contents, Operation};
 use crate::Nanos;
@@ -6,13 +6,13 @@ use crate::Nanos;
 /// An operation and when it began, counted from the power-on of the board that did it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Done {
-    /// When.
+    /// When it began.
     pub at: Nanos,
-    /// What.
+    /// The operation.
     pub operation: Operation,
 }
 
-/// What flash held at first, and all that was done to it since.
+/// The first contents of flash, and all operations since.
 #[derive(Clone, Debug)]
 pub struct History {
     pub(super) first: Contents,
@@ -20,14 +20,14 @@ pub struct History {
 }
 
 impl History {
-    /// Nothing yet.
+    /// A history that begins with `first` and has no operations.
     #[must_use]
     pub fn since(first: Contents) -> Self {
         let done = vec![];
         Self { first, done }
     }
 
-    /// What was done, in order.
+    /// The operations, in order.
     #[must_use]
     pub fn operations(&self) -> &[Done] {
         &self.done
@@ -47,7 +47,7 @@ impl History {
     ///
     /// # Panics
     ///
-    /// There are not as many.
+    /// The history has fewer operations.
     #[must_use]
     pub fn after(&self, count: usize) -> Contents {
         let mut contents = self.first.clone();
@@ -57,11 +57,12 @@ impl History {
         contents
     }
 
-    /// What a power cut during the operation after the first `count` leaves; `seed` decides how much of it was done.
+    /// The contents after the first `count` operations and a power cut during the next one. `seed` decides
+    /// how much of that one was done.
     ///
     /// # Panics
     ///
-    /// There are no more than `count`.
+    /// The history has no operation after the first `count`.
     #[must_use]
     pub fn torn_after(&self, count: usize, seed: u64) -> Contents {
         let mut contents = self.after(count);
@@ -76,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn any_state_in_between_can_be_had_again() {
+    fn the_history_gives_the_contents_after_any_operation() {
         let mut history = History::since(Contents::new(vec![0x55; BYTES]).expect("two sectors"));
         let operations = [
             Operation::Erase { sector: 13 },
@@ -112,7 +113,8 @@ mod tests {
             ]
         );
         assert_eq!((history.erases_of(12), history.erases_of(13)), (1, 2));
-        // Cut off in the second operation, which clears 28 bits: some, with this seed.
+        // The power cut is in the second operation, which clears 28 bits. With this seed it clears some of
+        // them.
         let torn = word(history.torn_after(1, 3), 13);
         assert_eq!(torn & 0xAA, 0xAA);
         assert!(torn != erased && torn != 0xAA, "{torn:#x}");

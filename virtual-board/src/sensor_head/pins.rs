@@ -1,8 +1,8 @@
-//! The sensor head on the emulated processor's pins.
+//! Connects the sensor head to the emulated processor's pins.
 //!
-//! The emulator tells a chip on a serial interface of its chip select's edges as they happen, and any port pin can be
-//! one. So the converter hangs on SPI1 behind its chip select, and two chips without wires hang on SPI2 "behind" ICG
-//! and SH, where they cannot disturb the converter's words.
+//! The emulator reports edges only of a chip's chip select, and any port pin can be a chip select. So the
+//! converter is on SPI1 with its chip select. Two more chips without wires are on SPI2: their "chip selects"
+//! are ICG and SH. On SPI2 they cannot disturb the converter's words.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -20,11 +20,11 @@ use super::{Clocks, Level, SensorHead};
 use crate::Nanos;
 use crate::stm32f429::Stm32f429;
 
-/// SPI1, which the converter hangs on, in rigless's order.
+/// SPI1, which serves the converter, in rigless's order.
 pub(crate) const CONVERTER_BUS: usize = 0;
-/// The converter's place on it.
+/// The converter's number on SPI1.
 pub(crate) const CONVERTER: usize = 0;
-/// SPI2, which hears ICG and SH. The firmware does not use it.
+/// SPI2, on which the edges of ICG and SH arrive. The firmware does not use it.
 const EDGE_BUS: usize = 1;
 /// DMA2, which serves SPI1.
 pub(crate) const DMA2: usize = 1;
@@ -32,11 +32,11 @@ pub(crate) const DMA2: usize = 1;
 /// SPI1's data register, where the DMA streams that serve the converter read and write.
 pub(crate) const SPI1_DATA: u64 = 0x4001_300C;
 
-/// The head, shared between its pins and whoever runs the board.
+/// The head, shared by its pins and the code that runs the board.
 #[derive(Debug)]
 pub(crate) struct SharedHead {
     head: Mutex<SensorHead>,
-    /// An edge came at which the processor's clocks are to be looked at.
+    /// True after an edge at which the processor's clocks must be read.
     look: AtomicBool,
 }
 
@@ -48,13 +48,13 @@ impl SharedHead {
         })
     }
 
-    /// The head. A light source that panicked has ended the run, and what the head saw is still worth reading.
+    /// Locks the head. A light source that panics ends the run, but the head's rows can still be read.
     pub(crate) fn lock(&self) -> MutexGuard<'_, SensorHead> {
         self.head.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Tells the head of the clocks and the DMA buffers if an edge asked for it. A chip cannot look at the processor
-    /// it hangs on, so this is called after each access that the processor made.
+    /// Tells the head the clocks and the DMA buffers, if an edge asked for them. A chip cannot read the
+    /// processor's registers, so this is called after each access of the processor.
     pub(crate) fn look_at(&self, processor: &mut Stm32f429, now: Nanos) {
         if self.look.swap(false, Ordering::Relaxed) {
             let clocks = clocks(processor);
@@ -68,7 +68,7 @@ impl SharedHead {
     }
 }
 
-/// Hangs `head` on `processor`'s pins.
+/// Connects `head` to the pins of `processor`.
 pub(crate) fn attach(processor: &mut Stm32f429, head: &Arc<SharedHead>) {
     let chip = |pin| HeadPin {
         pin,
@@ -97,7 +97,7 @@ enum HeadPinName {
     Sh,
 }
 
-/// One pin of the head as a chip behind a chip select.
+/// One pin of the head, as a chip with a chip select.
 #[derive(Debug)]
 struct HeadPin {
     pin: HeadPinName,
@@ -147,8 +147,8 @@ impl spi::Peer for HeadPin {
     }
 }
 
-/// The clocks at the head, from the processor's registers: rigless gives a pulse's period in whole nanoseconds, too
-/// coarse to compare two rates.
+/// Computes the head's clocks from the processor's registers. rigless gives a pulse's period in whole
+/// nanoseconds, which is too coarse to compare two rates.
 fn clocks(processor: &mut Stm32f429) -> Clocks {
     let master_ticks = processor.master_clock();
     let (_, registers) = processor.part.serial(CONVERTER_BUS);
@@ -161,8 +161,8 @@ fn clocks(processor: &mut Stm32f429) -> Clocks {
     }
 }
 
-/// Where the DMA streams that serve the converter read and write memory. Streams 0 and 2 receive from SPI1, 3 and 5
-/// send to it (RM0090 table 44).
+/// The memory addresses of the DMA streams that serve the converter. Streams 0 and 2 receive from SPI1, 3 and
+/// 5 send to it (RM0090 table 44).
 fn dma_addresses(processor: &mut Stm32f427) -> Vec<u64> {
     use dma2::Register::{
         S0cr, S0m0ar, S0m1ar, S0par, S2cr, S2m0ar, S2m1ar, S2par, S3cr, S3m0ar, S3m1ar, S3par,

@@ -1,4 +1,4 @@
-//! The sensor head, driven edge by edge.
+//! Drives the sensor head edge by edge.
 
 use super::*;
 
@@ -14,7 +14,8 @@ struct Sequence {
     sh_after_icg: Nanos,
     sh_high: Nanos,
     icg_after_sh: Nanos,
-    /// From ICG's rise to the begin of the first word, which is held 3.5 SCLK = 333 ns later; a pixel lasts 1524 ns.
+    /// From ICG's rise to the begin of the first word, which is held 3.5 SCLK = 333 ns later; a pixel lasts
+    /// 1524 ns.
     burst_after: f64,
     words: usize,
     bits: u8,
@@ -63,7 +64,7 @@ impl Sequence {
         self.burst(head, read_out);
     }
 
-    /// The one violation that it makes.
+    /// The only violation of this sequence.
     fn fault(&self) -> String {
         let mut head = head();
         self.run(&mut head);
@@ -93,7 +94,7 @@ fn says(fault: &str, words: &[&str]) {
 }
 
 #[test]
-fn a_row_is_delivered_by_pixel_and_as_sent() {
+fn a_row_has_its_counts_by_pixel_and_its_words_as_sent() {
     let mut head = head();
     GOOD.run(&mut head);
     assert_eq!(head.violations(), []);
@@ -123,7 +124,7 @@ fn a_row_is_delivered_by_pixel_and_as_sent() {
 fn an_exposure_lasts_from_pulse_to_pulse() {
     let mut head = head();
     GOOD.run(&mut head);
-    // A pulse while ICG is high clears the photodiodes: the exposure begins anew.
+    // A pulse while ICG is high clears the photodiodes: a new exposure begins.
     head.sh(Level::High, 8_000_000);
     head.sh(Level::Low, 8_002_000);
     Sequence {
@@ -205,7 +206,7 @@ fn counts_are_rounded_and_clipped_to_twelve_bits() {
 }
 
 #[test]
-fn the_last_rows_are_kept_or_all() {
+fn either_the_last_rows_or_all_rows_are_kept() {
     let mut head = head();
     let run = |head: &mut SensorHead, from: u64, to: u64| {
         for number in from..to {
@@ -225,7 +226,7 @@ fn the_last_rows_are_kept_or_all() {
 }
 
 #[test]
-fn sh_rises_too_early_or_too_late_after_icg() {
+fn sh_that_rises_too_early_or_too_late_after_icg_is_a_violation() {
     let fault = Sequence {
         sh_after_icg: 99,
         ..GOOD
@@ -249,7 +250,7 @@ fn sh_rises_too_early_or_too_late_after_icg() {
 }
 
 #[test]
-fn sh_is_high_already_when_icg_falls() {
+fn sh_that_is_high_when_icg_falls_is_a_violation() {
     let mut head = head();
     head.sh(Level::High, 1000);
     head.icg(Level::Low, 1500);
@@ -258,7 +259,7 @@ fn sh_is_high_already_when_icg_falls() {
 }
 
 #[test]
-fn sh_is_too_short() {
+fn a_too_short_sh_pulse_is_a_violation() {
     let fault = Sequence {
         sh_high: 999,
         ..GOOD
@@ -271,7 +272,7 @@ fn sh_is_too_short() {
 }
 
 #[test]
-fn icg_rises_too_early_after_sh() {
+fn icg_that_rises_too_early_after_sh_is_a_violation() {
     let fault = Sequence {
         icg_after_sh: 999,
         ..GOOD
@@ -288,7 +289,7 @@ fn icg_rises_too_early_after_sh() {
 }
 
 #[test]
-fn icg_rises_while_sh_is_high() {
+fn icg_that_rises_while_sh_is_high_is_a_violation() {
     let mut head = head();
     head.icg(Level::Low, 1000);
     head.sh(Level::High, 1500);
@@ -297,7 +298,7 @@ fn icg_rises_while_sh_is_high() {
 }
 
 #[test]
-fn the_exposure_is_too_short() {
+fn a_too_short_exposure_is_a_violation() {
     let mut head = head();
     head.sh(Level::High, 990_000);
     head.sh(Level::Low, 992_001);
@@ -309,8 +310,8 @@ fn the_exposure_is_too_short() {
 }
 
 #[test]
-fn the_master_clock_is_out_of_range() {
-    // The converter's clock with it, so that only one thing is wrong at a time.
+fn a_master_clock_out_of_range_is_a_violation() {
+    // The converter's clock changes too, so that only one limit is violated.
     let clocks = Clocks {
         master_hz: 4.05e6,
         serial_hz: 16.2e6,
@@ -329,7 +330,7 @@ fn the_master_clock_is_out_of_range() {
 }
 
 #[test]
-fn the_master_clock_does_not_run() {
+fn a_stopped_master_clock_is_a_violation() {
     let clocks = Clocks {
         master_hz: 0.0,
         ..CLOCKS
@@ -342,7 +343,7 @@ fn the_master_clock_does_not_run() {
 }
 
 #[test]
-fn a_pixel_and_a_conversion_last_differently() {
+fn pixels_and_conversions_of_different_length_are_a_violation() {
     let clocks = Clocks {
         master_hz: 2.625e6 * 1.0002,
         ..CLOCKS
@@ -365,7 +366,7 @@ fn a_pixel_and_a_conversion_last_differently() {
 }
 
 #[test]
-fn the_clocks_of_a_row_are_reported_once() {
+fn wrong_clocks_are_reported_once_a_row() {
     let clocks = Clocks {
         master_hz: 2.7e6,
         ..CLOCKS
@@ -377,7 +378,7 @@ fn the_clocks_of_a_row_are_reported_once() {
 }
 
 #[test]
-fn a_word_has_eight_bits() {
+fn a_word_of_eight_bits_is_a_violation() {
     let mut head = head();
     Sequence { bits: 8, ..GOOD }.run(&mut head);
     says(
@@ -387,7 +388,7 @@ fn a_word_has_eight_bits() {
 }
 
 #[test]
-fn a_burst_has_too_few_or_too_many_words() {
+fn a_burst_with_too_few_or_too_many_words_is_a_violation() {
     let fault = Sequence {
         words: 3693,
         ..GOOD
@@ -403,14 +404,14 @@ fn a_burst_has_too_few_or_too_many_words() {
 }
 
 #[test]
-fn a_word_is_clocked_with_chip_select_high() {
+fn a_word_clocked_with_chip_select_high_is_a_violation() {
     let mut head = head();
     assert_eq!(head.word(16, 1000), 0);
     says(&only_fault(&head), &["with chip select high"]);
 }
 
 #[test]
-fn a_burst_without_a_read_out_shows_nothing() {
+fn a_burst_without_a_read_out_is_a_violation() {
     let mut head = head();
     head.clocks(CLOCKS, 0);
     GOOD.burst(&mut head, 1_000_000);
@@ -429,7 +430,7 @@ fn icg_alone_starts_no_read_out() {
 }
 
 #[test]
-fn the_row_is_cut_short_by_icg() {
+fn a_row_that_icg_cuts_short_is_a_violation() {
     let mut head = head();
     GOOD.pulses(&mut head);
     head.chip_select(Level::Low, 1_004_000);
@@ -442,7 +443,7 @@ fn the_row_is_cut_short_by_icg() {
 }
 
 #[test]
-fn a_pixel_is_held_too_early_or_too_late() {
+fn a_pixel_held_too_early_or_too_late_is_a_violation() {
     // 19 % and 96 % of a pixel's 1523.8 ns, less the 333.3 ns until the converter holds.
     let early = Sequence {
         burst_after: 0.19 * 1523.81 - 333.33,
@@ -459,7 +460,7 @@ fn a_pixel_is_held_too_early_or_too_late() {
 }
 
 #[test]
-fn a_dma_buffer_is_where_no_dma_reaches() {
+fn a_dma_buffer_in_core_coupled_ram_is_a_violation() {
     let mut head = head();
     head.dma_address(0x2000_0000, 5);
     head.dma_address(0x1000_8000, 6);
@@ -470,7 +471,7 @@ fn a_dma_buffer_is_where_no_dma_reaches() {
 }
 
 #[test]
-fn the_light_source_gives_the_wrong_number_of_pixels() {
+fn a_light_source_with_the_wrong_number_of_pixels_is_a_violation() {
     let mut head = SensorHead::new(Box::new(|_| vec![100.0; 128]));
     GOOD.run(&mut head);
     says(&only_fault(&head), &["gave 128 pixels", "3694"]);
@@ -483,7 +484,7 @@ fn a_restart_violates_nothing() {
     head.chip_select(Level::Low, 1_004_000);
     head.word(16, 1_006_000);
     head.restarted();
-    // The firmware sets its pins up again.
+    // The firmware configures its pins again.
     head.icg(Level::High, 2_000_000);
     head.sh(Level::Low, 2_000_000);
     head.chip_select(Level::High, 2_000_000);
@@ -503,7 +504,7 @@ fn a_restart_violates_nothing() {
 }
 
 #[test]
-fn violations_are_counted_beyond_those_that_are_kept() {
+fn violations_are_counted_even_if_they_are_not_kept() {
     let mut head = head();
     for now in 0..300 {
         head.word(16, now);

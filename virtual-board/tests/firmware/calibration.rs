@@ -1,5 +1,5 @@
-//! Calibrations that come over the serial line: what was sent is used as the core uses it, or nothing
-//! changes.
+//! Tests of calibrations over the serial line: the firmware uses the uploaded calibration as the core does,
+//! or nothing changes.
 
 use slitrange::measurement::Measurement;
 use slitrange::protocol::calibration::FlashStatus;
@@ -22,7 +22,7 @@ use crate::records::{
 };
 
 #[test]
-fn a_sensor_without_its_own_has_the_nominal_calibration() {
+fn an_uncalibrated_sensor_uses_the_nominal_calibration() {
     let mut board = measuring(4);
     let nominal = EncodedRecord::nominal().expect("a record");
     assert_shown(&mut board, Some(&nominal), FlashStatus::Nothing);
@@ -35,11 +35,10 @@ fn a_sensor_without_its_own_has_the_nominal_calibration() {
     board.finish().expect("a clean run");
 }
 
-/// Each kind is sent while readings stream, and read back; then each frame's line is the one that the core
-/// makes on this PC from the
-/// words that the sensor head sent.
+/// Uploads each kind of calibration while readings stream, and reads it back. Then each frame's line is the
+/// line that the core gives on this PC for the same words of the sensor head.
 #[test]
-fn what_was_sent_is_what_readings_are_made_with() {
+fn readings_use_the_uploaded_calibration() {
     let (mut board, _) = boot(spot_at(CENTRE, 2000.0));
     set(&mut board, "rows 6");
     board.head(|head| head.keep_all_rows(true));
@@ -61,7 +60,7 @@ fn what_was_sent_is_what_readings_are_made_with() {
         println!("{}", lines[4]);
         assert!(lines.iter().all(|line| is_reading(line)), "{lines:#?}");
         let rows: Vec<_> = board.head(|head| head.rows().cloned().collect());
-        // Those that the lines are of are among the last ones.
+        // The rows of these lines are among the last rows.
         let last = &rows[rows.len() - 60..];
         let same = (0..6).any(|first| {
             let pc = on_this_pc(&last[first..], &written);
@@ -78,7 +77,7 @@ fn what_was_sent_is_what_readings_are_made_with() {
     board.finish().expect("a clean run");
 }
 
-/// The lines of frames of six rows that begin with the first one.
+/// The lines of frames of six rows, of which the first frame begins with the first row.
 fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<String> {
     let record = written.record();
     let settings = Settings {
@@ -99,7 +98,7 @@ fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<Strin
         .collect()
 }
 
-/// What is in use: the answer to `calibration`, and what makes readings of centres.
+/// What is in use: the answer to `calibration`, and the settings.
 fn in_use(board: &mut VirtualBoard) -> Vec<String> {
     let mut all = shown(board);
     all.extend(["estimator", "black", "rows"].map(|command| ask(board, command)));
@@ -110,9 +109,9 @@ fn assert_refused(board: &mut VirtualBoard, command: &str, refusal: Refusal) {
     assert_eq!(ask(board, command), refusal.to_string(), "{command}");
 }
 
-/// Each refusal that a step of an upload can meet, at that step; after all of them, what was in use is.
+/// Provokes each refusal at each step of an upload. After all of them, the old calibration is still in use.
 #[test]
-fn what_is_refused_changes_nothing() {
+fn a_refused_upload_changes_nothing() {
     let mut board = measuring(4);
     upload(&mut board, &eq1());
     set(&mut board, "estimator gauss-newton");
@@ -124,7 +123,7 @@ fn what_is_refused_changes_nothing() {
     assert_refused(&mut board, commit, Refusal::NoUpload);
     assert_refused(&mut board, &all[0].to_string(), Refusal::NoUpload);
 
-    // Half of it, with pieces that are not its next ones in between.
+    // Half of the record, with wrong pieces in between.
     let announced = bytes.len();
     set(&mut board, &format!("calibration begin {announced}"));
     set(&mut board, &all[0].to_string());
@@ -137,10 +136,10 @@ fn what_is_refused_changes_nothing() {
             Refusal::WrongOffset { offset, expected },
         );
         set(&mut board, &piece.to_string());
-        // Its answer may have been lost.
+        // A repeated piece is accepted: the answer to the first one may have been lost.
         set(&mut board, &piece.to_string());
     }
-    // A digit of the next one is another.
+    // A digit of the next piece is wrong.
     let garbled = all[8].to_string().replacen(" 128 ", " 129 ", 1);
     let answer = ask(&mut board, &garbled);
     println!("{answer}");
@@ -159,7 +158,7 @@ fn what_is_refused_changes_nothing() {
     set(&mut board, "calibration abort");
     assert_refused(&mut board, commit, Refusal::NoUpload);
 
-    // All of a record, of which a bit was wrong before it was cut into pieces.
+    // A whole record in which a bit was wrong before it was divided into pieces.
     let mut damaged = eq1().bytes().to_vec();
     damaged[20] ^= 0x10;
     send(&mut board, &damaged);
@@ -203,10 +202,9 @@ fn what_is_refused_changes_nothing() {
     board.finish().expect("a clean run");
 }
 
-/// A byte in fifty comes garbled. Whoever sends each line until it is answered by itself gets the record
-/// across.
+/// One byte in fifty is garbled. The test repeats each line until the answer is right.
 #[test]
-fn an_upload_over_a_line_that_garbles_arrives_whole() {
+fn an_upload_over_a_noisy_line_arrives_whole() {
     let mut board = measuring(4);
     set(&mut board, "stream off");
     board
@@ -221,7 +219,7 @@ fn an_upload_over_a_line_that_garbles_arrives_whole() {
         while ask(&mut board, line) != *line {
             again += 1;
             assert!(again < 10 * lines.len(), "{line}");
-            // What is left of the garbled line, answered or not.
+            // The rest of the garbled line, with or without an answer.
             board.send("\r\n");
             board.run_for(PATIENCE / 20).expect("a run");
             board.take_lines();
@@ -236,7 +234,7 @@ fn an_upload_over_a_line_that_garbles_arrives_whole() {
 }
 
 #[test]
-fn defaults_are_what_a_new_sensor_has() {
+fn defaults_restores_the_state_of_a_new_sensor() {
     let mut board = measuring(4);
     set(&mut board, "defaults");
     let new = in_use(&mut board);
@@ -252,7 +250,7 @@ fn defaults_are_what_a_new_sensor_has() {
     board.finish().expect("a clean run");
 }
 
-/// The centre of a spot where the nominal calibration is valid and where it is not, and without any.
+/// The centre of a spot inside and outside the range of the nominal calibration, and without a calibration.
 #[test]
 fn a_centre_needs_no_calibration() {
     for (centre, has_distance) in [(1800.3, true), (3000.7, false)] {
@@ -274,7 +272,7 @@ fn a_centre_needs_no_calibration() {
                 "{line}"
             );
         }
-        // Of a frame each, and no more.
+        // Each command gives one frame's answer.
         set(&mut board, "stream off");
         board.run_for(PATIENCE / 20).expect("a run");
         board.take_lines();
@@ -283,7 +281,8 @@ fn a_centre_needs_no_calibration() {
         let lines = board.take_lines();
         let texts: Vec<&str> = lines.iter().map(|line| line.text.as_str()).collect();
         assert!(
-            matches!(texts[..], [fault, "(`calibration on`; without a calibration, upload one or send `defaults`)", centre]
+            matches!(texts[..], [fault, "(send `calibration on`; if there is no calibration, \
+                                         upload one or send `defaults`)", centre]
                 if fault.starts_with("f not calibrated: x ") && centre.starts_with("x ")),
             "{texts:#?}"
         );
@@ -292,7 +291,7 @@ fn a_centre_needs_no_calibration() {
 }
 
 #[test]
-fn where_there_is_no_centre_its_fault_says_what_to_do() {
+fn a_frame_without_a_centre_gives_its_fault_with_advice() {
     for (height, fault) in [(0.0, "f no spot: "), (12_000.0, "f saturated: ")] {
         let (mut board, _) = boot(spot_at(1800.3, height));
         set(&mut board, "stream off");

@@ -1,4 +1,4 @@
-//! Commands: each is answered as documented, and what it sets is in force.
+//! Tests of the commands: each has the documented answer and the documented effect.
 
 use std::time::Duration;
 
@@ -27,14 +27,14 @@ const HARDWARE: Hardware = Hardware {
     row_us: 5700,
 };
 
-/// Every line since this was last asked that is a result.
+/// Takes the results since the last call.
 fn taken_results(board: &mut VirtualBoard) -> Vec<String> {
     let lines = board.take_lines().into_iter().map(|line| line.text);
     lines.filter(|line| is_result(line)).collect()
 }
 
 #[test]
-fn the_banner_says_what_this_is_and_why_it_started() {
+fn the_banner_names_the_device_and_the_cause_of_the_start() {
     let (board, banner) = boot(paper());
     println!("{banner}");
     assert_eq!(
@@ -45,7 +45,7 @@ fn the_banner_says_what_this_is_and_why_it_started() {
 }
 
 #[test]
-fn help_and_info_are_what_the_core_says() {
+fn help_and_info_match_the_core() {
     let mut board = measuring(16);
     let help = Help.to_string();
     let help: Vec<&str> = help.split("\r\n").collect();
@@ -119,7 +119,7 @@ fn status_counts_what_happened() {
         "{uptime} s, it is {now} s"
     );
     let rows = board.head(|head| head.row_count());
-    // Some more were read while the answer was sent.
+    // The firmware read some more rows while it sent the answer.
     assert!(
         (rows - 12..=rows).contains(&status.count("rows read")),
         "{rows}"
@@ -128,7 +128,7 @@ fn status_counts_what_happened() {
     let results = taken_results(&mut board);
     let readings = results.iter().filter(|line| is_reading(line)).count() as u64;
     assert_eq!(status.count("readings"), readings, "{results:#?}");
-    // Some more were said after the answer.
+    // Some more faults came after the answer.
     let faults = results.len() as u64 - readings;
     let counted = status.count("fault not calibrated");
     assert!((faults - 3..=faults).contains(&counted), "{results:#?}");
@@ -150,7 +150,7 @@ fn with_the_stream_off_distance_gives_one_reading() {
     let mut board = measuring(4);
     assert_eq!(ask(&mut board, "stream"), "stream on");
     set(&mut board, "stream off");
-    // What had been handed to the line before is still said.
+    // Lines that already waited are still sent.
     board.run_for(Duration::from_millis(30)).expect("a run");
     board.take_lines();
     board.run_for(Duration::from_millis(150)).expect("a run");
@@ -172,7 +172,7 @@ fn with_the_stream_off_distance_gives_one_reading() {
 }
 
 #[test]
-fn rows_are_as_many_as_set() {
+fn a_frame_has_as_many_rows_as_set() {
     let mut board = measuring(16);
     assert_eq!(ask(&mut board, "rows"), "rows 16");
     for rows in [1, 7, 64] {
@@ -199,8 +199,8 @@ fn spot_that_moves(mut centre: impl FnMut(u64) -> f64 + Send + 'static) -> Light
 }
 
 #[test]
-fn the_mean_is_the_one_that_is_set() {
-    // Wherever a frame of eight rows begins, one of them is 3 px off.
+fn the_set_mean_is_used() {
+    // Of any eight successive rows, one is 3 px off.
     let (mut board, _) = boot(spot_that_moves(
         |row| {
             if row % 8 == 0 { 1803.0 } else { 1800.0 }
@@ -210,7 +210,7 @@ fn the_mean_is_the_one_that_is_set() {
     assert_eq!(ask(&mut board, "mean"), "mean weighted");
     for (command, centre, rows) in [
         ("mean plain", 1800.375, 8.0..=8.0),
-        // The second look may leave out another one.
+        // The weighted mean may leave out one more row.
         ("mean weighted", 1800.0, 6.0..=7.0),
     ] {
         set(&mut board, command);
@@ -219,7 +219,7 @@ fn the_mean_is_the_one_that_is_set() {
         for line in fresh_results(&mut board, 2) {
             println!("{command}: {line}");
             let off = number(&line, " x ", " a ") - centre;
-            // Seven rows are uncertain by 0.01 px.
+            // The uncertainty of seven rows is 0.01 px.
             assert!(off.abs() < 0.05, "{line}");
             assert!(rows.contains(&number(&line, " n ", "/8 ")), "{line}");
         }
@@ -232,9 +232,9 @@ fn the_mean_is_the_one_that_is_set() {
 }
 
 #[test]
-fn rows_that_err_alike_are_said_to() {
-    // A tenth of a pixel to either side, in waves of 32 rows: ten times the noise, and no wave is a straight
-    // line.
+fn rows_with_similar_errors_are_flagged() {
+    // The centre swings by a tenth of a pixel, in waves of 32 rows. This is ten times the noise, and a wave
+    // is not a straight motion.
     let (mut board, _) = boot(spot_that_moves(|row| {
         1800.0 + 0.1 * (std::f64::consts::TAU * row as f64 / 32.0).sin()
     }));
@@ -267,7 +267,7 @@ fn paper_in_stray_light() -> LightSource {
 }
 
 #[test]
-fn the_black_level_is_found_in_the_way_that_is_set() {
+fn the_set_black_level_is_used() {
     let (mut board, _) = boot(paper_in_stray_light());
     set(&mut board, "rows 4");
     assert_eq!(ask(&mut board, "black"), "black shielded");
@@ -296,9 +296,9 @@ fn the_black_level_is_found_in_the_way_that_is_set() {
     board.finish().expect("a clean run");
 }
 
-/// Every rung measures the same target, as far as its uncertainty and its bias let it.
+/// Every estimator measures the same target, within its uncertainty and its bias.
 #[test]
-fn the_estimator_is_the_one_that_is_set() {
+fn the_set_estimator_is_used() {
     let mut board = measuring(4);
     assert_eq!(ask(&mut board, "estimator"), "estimator phase-table");
     let calibration = eq1::NOMINAL.expect("a calibration");
@@ -308,13 +308,13 @@ fn the_estimator_is_the_one_that_is_set() {
         assert_eq!(ask(&mut board, "estimator"), command);
         for line in fresh_results(&mut board, 2) {
             println!("{line}");
-            // No spot is so odd here that its pixels misfit: the letter is the last word.
+            // No row here has a flag, so the letter is the last word.
             let letter = format!(" e {}", estimator.letter());
             assert!(is_reading(&line) && line.ends_with(&letter), "{line}");
             let off = number(&line, "d ", " mm") - 1e3 * DISTANCE;
             let centre = Pixels::from_f32(number(&line, " x ", " a ") as f32);
             let (_, slope) = calibration.distance_at(centre).expect("a distance");
-            // A twentieth of a pixel is for the bias, which the cheap rungs have; the slope is in um a pixel.
+            // A twentieth of a pixel is for the bias of the simple estimators. The slope is in um a pixel.
             let bias = 0.05 * 1e-3 * f64::from(slope.abs());
             let uncertainty = number(&line, " u ", " x ");
             assert!(
@@ -345,8 +345,8 @@ fn the_estimator_is_the_one_that_is_set() {
 }
 
 #[test]
-fn help_estimator_lists_every_rung_and_costs_no_reading() {
-    // A row a frame is the most that the line carries.
+fn help_estimator_lists_every_estimator_and_loses_no_reading() {
+    // One row in a frame gives the most lines that the serial line can carry.
     let mut board = measuring(1);
     set(&mut board, "estimator adaptive");
     fresh_results(&mut board, 1);
@@ -357,8 +357,8 @@ fn help_estimator_lists_every_rung_and_costs_no_reading() {
     assert_eq!(lines, expected);
     for estimator in Estimator::ALL {
         let start = format!("e {} {} ", estimator.letter(), estimator.name());
-        let rungs = lines.iter().filter(|line| line.starts_with(&start));
-        assert_eq!(rungs.count(), 1, "{start}");
+        let estimators = lines.iter().filter(|line| line.starts_with(&start));
+        assert_eq!(estimators.count(), 1, "{start}");
     }
     fresh_results(&mut board, 4);
     Status::ask(&mut board).assert_none(&["rows lost", "lines dropped"]);
@@ -367,7 +367,7 @@ fn help_estimator_lists_every_rung_and_costs_no_reading() {
 }
 
 #[test]
-fn what_is_no_command_is_an_error_with_a_number() {
+fn unknown_commands_are_answered_by_numbered_errors() {
     let mut board = measuring(16);
     let long = [b'x'; 65];
     let cases: [(&[u8], &str); 6] = [

@@ -1,4 +1,4 @@
-//! What the tests share: a board that has booted, and asking it.
+//! Functions that the tests share: they boot a board and ask it.
 
 use std::sync::OnceLock;
 use std::time::Duration;
@@ -9,13 +9,13 @@ use slitrange::fault::Fault;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{Exposure, Firmware, LightSource, Line, VirtualBoard};
 
-/// Virtual time within which whatever is awaited comes: longer than any frame and any answer.
+/// The longest wait in virtual time: longer than any frame and any answer.
 pub const PATIENCE: Duration = Duration::from_secs(1);
 
-/// SPI1, where the converter hangs.
+/// SPI1, which serves the converter.
 pub const CONVERTER_BUS: usize = 0;
 
-/// In the middle of the calibrated range, m.
+/// A distance in the middle of the calibrated range, m.
 pub const DISTANCE: f64 = 0.80;
 
 /// The ELF file that `cargo fw` builds.
@@ -24,7 +24,7 @@ pub fn firmware() -> &'static Firmware {
     FIRMWARE.get_or_init(|| Firmware::build().expect("the firmware builds"))
 }
 
-/// A board that has said its banner, and the banner.
+/// Boots a board. Gives the board and its banner.
 pub fn boot(light: LightSource) -> (VirtualBoard, Line) {
     let mut board = VirtualBoard::power_on(firmware(), light).expect("the board starts");
     let banner = board
@@ -33,7 +33,7 @@ pub fn boot(light: LightSource) -> (VirtualBoard, Line) {
     (board, banner)
 }
 
-/// A board that looks at white paper at [`DISTANCE`] and puts `rows` rows into a frame.
+/// A board with white paper at [`DISTANCE`] and `rows` rows in a frame.
 pub fn measuring(rows: u16) -> VirtualBoard {
     let (mut board, _) = boot(paper());
     set(&mut board, &format!("rows {rows}"));
@@ -47,8 +47,8 @@ pub fn paper() -> LightSource {
 
 /// White paper whose spot is `height` counts high and lies at pixel `centre`.
 pub fn spot_at(centre: f64, height: f64) -> LightSource {
-    // The scene counts light a second: over an exposure of one second it is the height, whatever the firmware
-    // exposes.
+    // The scene's light is per second. With an exposure of one second it is the height, whatever the
+    // firmware's exposure is.
     let scene = Scene {
         spot: Some(Spot {
             width: 8.6,
@@ -69,7 +69,7 @@ pub fn run_into_a_row(board: &mut VirtualBoard) {
     board.run_for(Duration::from_millis(3)).expect("a run");
 }
 
-/// Takes away SPI1's requests for DMA, as an upset of its register would.
+/// Switches off SPI1's requests for DMA, as a flipped bit in its register would.
 pub fn stop_the_transfer(board: &mut VirtualBoard) {
     board
         .on_emulator(|session, _, _| {
@@ -89,7 +89,7 @@ pub fn is_reading(line: &str) -> bool {
     line.starts_with("d ")
 }
 
-/// Sends a command and gives the first line after it that is no result.
+/// Sends a command. Gives the first line after it that is no result.
 pub fn ask(board: &mut VirtualBoard, command: &str) -> String {
     board.send(&format!("{command}\r\n"));
     let answer = board.run_until_line(|line| !is_result(line), PATIENCE);
@@ -98,7 +98,7 @@ pub fn ask(board: &mut VirtualBoard, command: &str) -> String {
         .text
 }
 
-/// Sends a command that sets something and is answered by itself.
+/// Sends a command that sets a value. The answer must be the same text.
 pub fn set(board: &mut VirtualBoard, command: &str) {
     assert_eq!(ask(board, command), command);
 }
@@ -125,9 +125,8 @@ pub fn results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
         .collect()
 }
 
-/// The next `count` results of frames that began after this call: of those under way, one waits for the
-/// serial line
-/// and one is not complete.
+/// The next `count` results of frames that began after this call. It skips two: one that waits for the serial
+/// line, and one whose frame is not complete.
 pub fn fresh_results(board: &mut VirtualBoard, count: usize) -> Vec<String> {
     results(board, 2);
     results(board, count)
@@ -141,7 +140,8 @@ const STATUS_LINES: usize = 11 + Fault::KINDS;
 pub struct Status(pub Vec<String>);
 
 impl Status {
-    /// Asks for it. At a row a frame the line has room for one such answer in 91 ms: then it is asked once.
+    /// Asks for the status. With one row in a frame, the serial line has room for one such answer in 91 ms:
+    /// then ask only once.
     pub fn ask(board: &mut VirtualBoard) -> Self {
         Self(ask_for_lines(board, "status", STATUS_LINES))
     }
@@ -156,7 +156,7 @@ impl Status {
         count.unwrap_or_else(|| panic!("no count of {name:?} in {self:#?}"))
     }
 
-    /// All of these are zero.
+    /// Asserts that all these counts are zero.
     pub fn assert_none(&self, names: &[&str]) {
         for name in names {
             assert_eq!(self.count(name), 0, "{name}: {self:#?}");

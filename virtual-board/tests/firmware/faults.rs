@@ -1,4 +1,4 @@
-//! Every fault, provoked: it is reported as what it is and never as a distance.
+//! Provokes every fault. The firmware reports the fault by its name and never gives a distance.
 
 use std::time::Duration;
 
@@ -16,14 +16,13 @@ use crate::common::{
 /// A spot that is neither dim nor saturated, counts.
 const BRIGHT: f64 = 2000.0;
 
-/// Shows the firmware nothing but `light` from its first row on, makes sure that no line it says is anything
-/// but
-/// the fault of that name, with `distance` and without, and gives one.
+/// Shows the firmware only `light` from its first row on. Asserts that every line is the fault of that name,
+/// streamed or as the answer to `distance`. Gives one line.
 fn only_fault(name: &str, light: LightSource) -> String {
     let (mut board, _) = boot(light);
     set(&mut board, "rows 4");
     results(&mut board, 8);
-    // All since the start, of whatever settings.
+    // All lines since the start, with any settings.
     let lines: Vec<String> = board
         .take_lines()
         .into_iter()
@@ -37,7 +36,7 @@ fn only_fault(name: &str, light: LightSource) -> String {
     lines[0].clone()
 }
 
-/// `distance` is answered by the fault and what to do about it.
+/// Asserts that `distance` is answered by the fault and its advice.
 fn assert_distance_gives_advice(board: &mut VirtualBoard, name: &str) {
     board.take_lines();
     board.send("distance\r\n");
@@ -68,7 +67,7 @@ fn assert_all_are(lines: &[String], name: &str) {
     );
 }
 
-/// What to do about the fault of that name.
+/// The advice for the fault of that name.
 fn advice_for(name: &str) -> &'static str {
     let zero = slitrange::units::Counts::from_int(0);
     let centre = slitrange::units::Pixels::from_int(0);
@@ -111,7 +110,7 @@ fn without_a_laser_there_is_no_spot() {
 
 #[test]
 fn a_spot_in_the_noise_is_too_dim() {
-    // With noise of 4 counts it is found from 6 counts on and trusted from 12 on.
+    // With noise of 4 counts, a spot is found from 6 counts on and gives a centre from 12 counts on.
     let line = only_fault("too dim", spot_at(1800.0, 9.0));
     let (height, needed) = (number(&line, ": ", " counts"), number(&line, "needs ", ""));
     assert!((4.0..needed).contains(&height), "{line}");
@@ -119,9 +118,9 @@ fn a_spot_in_the_noise_is_too_dim() {
 }
 
 #[test]
-fn two_spots_of_like_height_are_said_to_be_two() {
+fn two_spots_of_similar_height_are_a_fault() {
     let (first, second) = (1600.0, 2000.0);
-    // What lights the sensor twice adds up, less the black level and the noise of one.
+    // The sum of two lights, without the black level and the noise of one of them.
     let mut light = spot_at(first, BRIGHT);
     let line = only_fault(
         "two spots",
@@ -143,7 +142,7 @@ fn two_spots_of_like_height_are_said_to_be_two() {
 }
 
 #[test]
-fn rows_that_do_not_agree_are_unsteady() {
+fn rows_that_disagree_are_unsteady() {
     // Every other row of the frame shows the spot elsewhere: 50 px to either side of the mean, with a width
     // of 8.6 px.
     let (mut here, mut there) = (spot_at(1750.0, BRIGHT), spot_at(1850.0, BRIGHT));
@@ -172,8 +171,8 @@ fn a_spot_with_its_top_cut_off_is_saturated() {
 }
 
 #[test]
-fn a_spot_at_either_edge_is_said_to_be_there() {
-    // A quarter of a width beyond the edge: what is cut less than that is fitted.
+fn a_spot_at_either_edge_is_a_fault() {
+    // A quarter of a width beyond the edge. If less is cut off, the fit still works.
     for edge in [-2.0, 3649.0] {
         let line = only_fault("spot at the edge", spot_at(edge, BRIGHT));
         let centre = number(&line, "x ", "");
@@ -220,7 +219,7 @@ fn without_calibration_there_is_a_centre_and_no_distance() {
     board.finish().expect("a clean run");
 }
 
-/// All lines are readings, of the target's distance.
+/// Asserts that all lines are readings of the target's distance.
 fn assert_all_measure(lines: &[String]) {
     for line in lines {
         assert!(is_reading(line), "readings and nothing else: {lines:#?}");
@@ -230,7 +229,7 @@ fn assert_all_measure(lines: &[String]) {
 }
 
 #[test]
-fn a_converter_cut_off_is_a_silent_sensor_until_it_is_back() {
+fn a_disconnected_converter_is_a_silent_sensor_until_it_is_back() {
     let mut board = measuring(4);
     assert_all_measure(&fresh_results(&mut board, 2));
     board.silence_sensor(true).expect("a converter");
@@ -243,18 +242,18 @@ fn a_converter_cut_off_is_a_silent_sensor_until_it_is_back() {
     board.finish().expect("a clean run");
 }
 
-/// The converter's place on SPI1.
+/// The converter's number on SPI1.
 const CONVERTER: usize = 0;
 
-/// No row at all for 100 ms, because no read-out comes to its end.
+/// No row arrives for 100 ms, because no read-out ends.
 #[test]
-fn read_outs_that_do_not_end_are_a_silent_sensor_until_they_do() {
+fn read_outs_that_never_end_are_a_silent_sensor() {
     let mut board = measuring(4);
     assert_all_measure(&fresh_results(&mut board, 2));
     board.expect_violations();
     let before = Status::ask(&mut board).count("rows read");
     board.take_lines();
-    // A read-out takes 5.6 ms: none gets far.
+    // A read-out takes 5.6 ms, so each is stopped early.
     for _ in 0..350 {
         stop_the_transfer(&mut board);
         board.run_for(Duration::from_millis(1)).expect("a run");
@@ -266,7 +265,7 @@ fn read_outs_that_do_not_end_are_a_silent_sensor_until_they_do() {
         .collect();
     println!("{lines:#?}");
     let status = Status::ask(&mut board);
-    // What was under way at first, and what has come since.
+    // The rows that were under way at first, and those that came later.
     assert!(status.count("rows read") - before < 20, "{status:#?}");
     assert!(status.count("rows failed") >= 5, "{status:#?}");
     let silent = lines.iter().filter(|line| *line == "f sensor silent");
@@ -280,7 +279,7 @@ fn a_data_line_stuck_high_is_a_silent_sensor() {
     let mut board = measuring(4);
     assert_all_measure(&fresh_results(&mut board, 2));
     board.silence_sensor(true).expect("a converter");
-    // The row under way is still the converter's.
+    // The row under way still comes from the converter.
     board.run_for(Duration::from_millis(12)).expect("a run");
     board
         .on_emulator(|session, _, _| {
@@ -297,7 +296,7 @@ fn a_data_line_stuck_high_is_a_silent_sensor() {
 }
 
 #[test]
-fn a_word_that_no_converter_makes_spoils_its_row_and_no_other() {
+fn an_impossible_word_spoils_only_its_own_row() {
     let mut board = measuring(1);
     assert_all_measure(&fresh_results(&mut board, 2));
     // A bit above the converter's twelve.
@@ -320,11 +319,11 @@ fn a_word_that_no_converter_makes_spoils_its_row_and_no_other() {
 }
 
 #[test]
-fn a_read_out_that_stops_half_way_is_given_up_and_measuring_goes_on() {
+fn a_read_out_that_stops_half_way_is_dropped_and_measuring_continues() {
     let mut board = measuring(4);
     assert_all_measure(&fresh_results(&mut board, 2));
-    // Its row has too few words, which the sensor head calls a violated limit; the firmware could not help
-    // it.
+    // The row has too few words. The sensor head counts this as a violation, although the firmware did
+    // nothing wrong.
     board.expect_violations();
     run_into_a_row(&mut board);
     let moment = board.now();

@@ -1,4 +1,4 @@
-//! What was saved stays, whatever happens to the power and to the flash: power cuts, resets and flipped bits.
+//! Tests that saved configurations survive power cuts, resets and flipped bits.
 
 use std::sync::OnceLock;
 use std::time::Duration;
@@ -16,11 +16,10 @@ use crate::common::{PATIENCE, firmware, set, spot_at};
 use crate::kept;
 use crate::records::{CENTRE, longest, upload};
 
-/// Virtual time that a save takes at most: an erase of 800 ms (DS9405 table 48), and the words of the longest
-/// record.
+/// The longest time of a save: an erase of 800 ms (DS9405 table 48), and the words of the longest record.
 const SAVE: Duration = Duration::from_secs(2);
 
-/// What a sensor with the longest record has saved that was set to `rows` rows.
+/// The configuration of a sensor with the longest record and `rows` rows in a frame.
 fn saved(rows: u16) -> Configuration {
     let record = longest().record().clone();
     Configuration {
@@ -35,10 +34,10 @@ fn saved(rows: u16) -> Configuration {
     }
 }
 
-/// How often that fits into a sector: 16 KB over 1.4.
+/// How many such configurations fit into a sector: 16 KB over 1.4 KB.
 const IN_A_SECTOR: u16 = 11;
 
-/// Flash to which so many of these were saved, with 1, 2, 3 rows and so on.
+/// Flash after `count` saves, with 1, 2, 3 rows and so on.
 fn with_saves(count: u16) -> SharedFlash {
     let mut contents = Contents::erased();
     for rows in 1..=count {
@@ -47,7 +46,7 @@ fn with_saves(count: u16) -> SharedFlash {
     SharedFlash::holding(contents)
 }
 
-/// A board that is powered on with what `flash` has, and has said its banner.
+/// Powers a board on with `flash` and waits for its banner.
 fn power_on(flash: &SharedFlash) -> VirtualBoard {
     let mut board =
         VirtualBoard::power_on_with_flash(firmware(), spot_at(CENTRE, 2000.0), flash.clone())
@@ -58,7 +57,7 @@ fn power_on(flash: &SharedFlash) -> VirtualBoard {
 
 fn await_banner(board: &mut VirtualBoard) {
     board
-        // What a reset cut off is a part of its line.
+        // The line may begin with text that the reset cut off.
         .run_until_line(|line| line.contains("slitrange "), PATIENCE)
         .expect("a banner");
 }
@@ -72,13 +71,13 @@ fn save(board: &mut VirtualBoard) {
     }
 }
 
-/// What the firmware does to flash in a save.
+/// The operations of the firmware on flash in a save.
 struct Saves {
-    /// Where nothing was ever saved.
+    /// The very first save.
     first_ever: History,
-    /// Where there is room in the sector in use.
+    /// A save into the sector in use.
     without_erase: History,
-    /// Where the other sector is erased.
+    /// A save that erases the other sector.
     with_erase: History,
 }
 
@@ -93,7 +92,7 @@ impl Saves {
     }
 }
 
-/// What a board does that is sent the record and told to save.
+/// The operations of the first save, after an upload.
 fn first_save() -> History {
     let flash = SharedFlash::default();
     let mut board = power_on(&flash);
@@ -105,7 +104,7 @@ fn first_save() -> History {
     flash.take_history()
 }
 
-/// What a board does that has a record, is set to 20 rows and told to save.
+/// The operations of a save of 20 rows, on a board that has a record.
 fn save_over(flash: &SharedFlash) -> History {
     let mut board = power_on(flash);
     set(&mut board, "rows 20");
@@ -118,7 +117,7 @@ fn erases(history: &History) -> usize {
     history.erases_of(12) + history.erases_of(13)
 }
 
-/// The power is cut between the first so many operations and the next, or during the next.
+/// A power cut after a number of operations, or during the next operation.
 #[derive(Clone, Copy, Debug)]
 enum Cut {
     After(usize),
@@ -134,12 +133,13 @@ impl Cut {
     }
 }
 
-/// What was there before a save and after it.
+/// The configuration before a save and after it.
 fn before_and_after(history: &History) -> [Configuration; 2] {
     [0, history.operations().len()].map(|count| kept::saved_in(&history.after(count)))
 }
 
-/// A board that starts on `contents` has in use what the store finds there on this PC.
+/// Asserts that a board that starts with `contents` uses the configuration that the store finds there on this
+/// PC.
 fn assert_board_starts_with(contents: &Contents) {
     let flash = SharedFlash::holding(contents.clone());
     let mut board = power_on(&flash);
@@ -148,12 +148,11 @@ fn assert_board_starts_with(contents: &Contents) {
     board.finish().expect("a clean run");
 }
 
-/// After each operation of a save, and torn in the middle of each, what was saved before is there or what is
-/// being saved, whole; and once
-/// the new is there, it stays.
+/// Cuts the power after each operation of a save, and during each. The store then finds the old configuration
+/// or the new one, whole. Once it finds the new one, it does so after every later cut.
 #[test]
-fn a_power_cut_at_any_operation_leaves_the_old_or_the_new() {
-    /// Ways in which an erase and a program are torn.
+fn a_power_cut_at_any_operation_leaves_the_old_or_the_new_configuration() {
+    /// How many times an erase and a program are torn, each time differently.
     const TORN: [u64; 2] = [100, 4];
 
     let saves = Saves::of_the_firmware();
@@ -195,10 +194,10 @@ fn a_power_cut_at_any_operation_leaves_the_old_or_the_new() {
     }
 }
 
-/// Before anything was ever saved there is no old one: the nominal calibration holds, or none, until the new
-/// one is whole.
+/// In the very first save there is no old configuration. Until the new one is whole, the nominal calibration
+/// is used, or none.
 #[test]
-fn a_power_cut_in_the_first_save_of_all_leaves_the_nominal_calibration_or_none() {
+fn a_power_cut_in_the_very_first_save_leaves_the_nominal_calibration_or_none() {
     let history = &Saves::of_the_firmware().first_ever;
     let count = history.operations().len();
     let new = Stored::Newest(kept::saved_in(&history.after(count)));
@@ -218,14 +217,14 @@ fn a_power_cut_in_the_first_save_of_all_leaves_the_nominal_calibration_or_none()
     println!(
         "{count} operations: {nothing} cuts leave nothing, {unusable} none, {new} the new one"
     );
-    // Nothing only before the first word; the new one not before the last is whole.
+    // `Nothing` only before the first word, and the new configuration only after the last word.
     assert!((1..=4).contains(&nothing) && new <= 1);
     assert_board_starts_with(&history.after(count / 2));
 }
 
-/// For a dozen cuts the board, too, has in use what the store finds on this PC.
+/// After a dozen of these cuts, the board uses the configuration that the store finds on this PC.
 #[test]
-fn a_board_starts_with_what_a_power_cut_left() {
+fn a_board_starts_with_the_configuration_that_a_power_cut_left() {
     let saves = Saves::of_the_firmware();
     let mut random = ChaCha8Rng::seed_from_u64(2);
     for history in [&saves.without_erase, &saves.with_erase] {
@@ -239,9 +238,9 @@ fn a_board_starts_with_what_a_power_cut_left() {
     }
 }
 
-/// A start after every so many operations of a save: the board says that it uses what the store finds on this
-/// PC, the old one or the new.
-/// A start takes three seconds of computation, so that each operation would take an hour.
+/// Starts a board after some of the operations of a save. It uses the configuration that the store finds on
+/// this PC, the old one or the new one. A start takes three seconds of the PC, so a start after every
+/// operation would take an hour.
 fn assert_board_starts_all_along(history: &History) {
     const EVERY: usize = 47;
 
@@ -261,20 +260,20 @@ fn assert_board_starts_all_along(history: &History) {
 
 #[test]
 #[ignore = "starts the board 17 times, 25 s; .ci/run runs it"]
-fn a_board_starts_all_along_a_save_without_an_erase() {
+fn a_board_starts_after_a_power_cut_anywhere_in_a_save_without_an_erase() {
     assert_board_starts_all_along(&Saves::of_the_firmware().without_erase);
 }
 
 #[test]
 #[ignore = "starts the board 17 times, 25 s; .ci/run runs it"]
-fn a_board_starts_all_along_a_save_with_an_erase() {
+fn a_board_starts_after_a_power_cut_anywhere_in_a_save_with_an_erase() {
     assert_board_starts_all_along(&Saves::of_the_firmware().with_erase);
 }
 
-/// The board's own power fails in the middle of a save. The next board, with the same flash, has the old one
-/// in use, and saves.
+/// The board's own power fails in the middle of a save. The next board with the same flash uses the old
+/// configuration, and can save.
 #[test]
-fn a_board_without_power_saves_no_further() {
+fn a_save_ends_when_the_power_fails() {
     let flash = with_saves(3);
     let mut board = power_on(&flash);
     set(&mut board, "rows 20");
@@ -294,7 +293,7 @@ fn a_board_without_power_saves_no_further() {
 }
 
 #[test]
-fn a_reset_during_an_erase_leaves_what_was_saved() {
+fn a_reset_during_an_erase_keeps_the_saved_configuration() {
     let flash = with_saves(IN_A_SECTOR);
     let mut board = power_on(&flash);
     set(&mut board, "rows 20");
@@ -313,11 +312,10 @@ fn a_reset_during_an_erase_leaves_what_was_saved() {
     board.finish().expect("a clean run");
 }
 
-/// A bit in what was saved last: what was saved before is used, or where that was all, there are no
-/// distances. A bit in what was saved
-/// before: nothing changes.
+/// Flips a bit. In the newest configuration: the board uses the one before, or gives no distances if there is
+/// none. In the one before: nothing changes.
 #[test]
-fn a_flipped_bit_is_found() {
+fn a_flipped_bit_is_detected() {
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let mut flipped = |contents: &Contents, offset: usize| {
         let mut flipped = contents.clone();
@@ -334,7 +332,7 @@ fn a_flipped_bit_is_found() {
             Operation::Erase { .. } => None,
         })
         .collect();
-    // In its number, its record's middle and its last knot.
+    // A bit of the item's number, of the middle of the record, and of the last knot.
     for place in [3, programmed.len() / 2, programmed.len() - 10] {
         let contents = flipped(&after, programmed[place]);
         assert_eq!(kept::saved_in(&contents), old, "at {place}");

@@ -1,6 +1,5 @@
-//! The chip and a PC find the same: the words that the sensor head sent go through the core on the PC with
-//! the
-//! chip's settings, and every line must be the same text.
+//! Compares the chip with a PC: the core on the PC gets the words of the sensor head and the chip's settings.
+//! Every line must be the same text.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -20,12 +19,11 @@ use virtual_board::{Exposure, LightSource, Row};
 
 use crate::common::{PATIENCE, Status, boot, is_reading, is_result, set};
 
-/// Pixels that the estimator may put into a sample.
+/// The numbers of pixels that an estimator may sum to one sample.
 const BLOCKS: [u8; 5] = slitrange::centre::tables::BLOCKS;
 
-/// A spot of any kind on each row: anywhere and beyond the edges, of every width that is served and more,
-/// from lost in
-/// the noise to three times full scale. One row in six has a second one.
+/// A random spot on each row: anywhere and beyond the edges, narrower and wider than the estimators allow,
+/// from lost in the noise to three times full scale. One row in six has a second spot.
 fn any_spots(seed: u64) -> LightSource {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut of_the_second = ChaCha8Rng::seed_from_u64(seed + 1);
@@ -51,8 +49,8 @@ fn any_spots(seed: u64) -> LightSource {
     })
 }
 
-/// Spots that stay within a pixel or two of each other, so that frames agree more or less; the rows between
-/// those swing.
+/// Spots within a pixel or two of each other, so that the rows of a frame more or less agree. In other rows
+/// the spots swing.
 fn spots_nearby(seed: u64) -> LightSource {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut row = 0;
@@ -78,7 +76,7 @@ fn logarithmic(random: &mut ChaCha8Rng, least: f64, most: f64) -> f64 {
     random.random_range(least.ln()..most.ln()).exp()
 }
 
-/// Every row since the start of the firmware, and the results that it said since the commands were obeyed.
+/// Every row since the start of the firmware, and the results after the commands took effect.
 fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<String>) {
     let (mut board, _) = boot(light);
     board.head(|head| head.keep_all_rows(true));
@@ -87,12 +85,12 @@ fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<Strin
     }
     board.take_lines();
     board.run_until_rows(rows, 10 * PATIENCE).expect("rows");
-    // The last row becomes a line.
+    // Wait until the last row has its line.
     board.run_for(Duration::from_millis(5)).expect("a run");
     let lines = board.take_lines().into_iter().map(|line| line.text);
     let lines = lines.filter(|line| is_result(line)).collect();
     let shown = board.head(|head| head.rows().cloned().collect());
-    // One that was lost or dropped would not be missed below where it lies between the lines.
+    // The comparison below would not notice a lost row or a dropped line.
     Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
     board.finish().expect("a clean run");
     (shown, lines)
@@ -112,7 +110,7 @@ fn on_this_pc(rows: &[Row], settings: Settings, calibration: Option<&Calibration
         .collect()
 }
 
-/// The lines of the PC that the chip's begin with: before its settings were in force, it said others.
+/// The PC's lines from the chip's first line on. The lines before it have other settings.
 fn aligned<'a>(pc: &'a [String], chip: &[String]) -> &'a [String] {
     let from = (0..pc.len()).find(|&from| {
         pc[from..]
@@ -124,7 +122,7 @@ fn aligned<'a>(pc: &'a [String], chip: &[String]) -> &'a [String] {
     &pc[from.unwrap_or_else(|| panic!("the PC nowhere says {:#?}", &chip[..4]))..]
 }
 
-/// How many pixels the estimator put into a sample, where it found a centre.
+/// How many pixels the estimator summed to one sample; `None` without a centre.
 fn block_of(row: &Row) -> Option<u8> {
     let geometry = sensor_heads::tcd1304dg();
     let mut words = row.words.clone();
@@ -134,7 +132,7 @@ fn block_of(row: &Row) -> Option<u8> {
     Some(centre.class.block)
 }
 
-/// Compares line by line, and counts them by what they are.
+/// Compares line by line, and counts the lines of each kind.
 fn assert_same(chip: &[String], pc: &[String]) -> BTreeMap<String, usize> {
     let mut kinds = BTreeMap::new();
     for (i, (chip, pc)) in chip.iter().zip(pc).enumerate() {
@@ -150,7 +148,7 @@ fn assert_same(chip: &[String], pc: &[String]) -> BTreeMap<String, usize> {
 }
 
 #[test]
-fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
+fn every_row_gives_the_same_line_on_the_chip_and_on_a_pc() {
     const ROWS: u64 = 420;
     for (calibration, command) in [
         (Calibration::nominal(), "calibration on"),
@@ -165,7 +163,7 @@ fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
             ..Settings::default()
         };
         let pc = on_this_pc(&rows, settings, calibration.as_ref());
-        // The first of them may still be of a frame of 16 rows.
+        // The first line may still belong to a frame of 16 rows.
         let chip = &chip[1..];
         let pc = aligned(&pc, chip);
         let missing = pc.len().abs_diff(chip.len());
@@ -186,7 +184,7 @@ fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
         assert!(blocks.keys().eq(&BLOCKS), "{blocks:?}");
         for name in Fault::NAMES {
             let here = match name {
-                // One row cannot disagree with itself.
+                // A frame of one row cannot be unsteady.
                 "sensor silent" | "unsteady" => false,
                 "out of range" => command.ends_with("on"),
                 "not calibrated" => command.ends_with("off"),
@@ -203,7 +201,7 @@ fn every_row_is_the_same_line_on_the_chip_and_on_a_pc() {
 }
 
 #[test]
-fn every_frame_is_the_same_line_on_the_chip_and_on_a_pc() {
+fn every_frame_gives_the_same_line_on_the_chip_and_on_a_pc() {
     for (rows, of_all, mean) in [
         (5, 300, Mean::Weighted),
         (16, 900, Mean::Weighted),
@@ -224,7 +222,7 @@ fn every_frame_is_the_same_line_on_the_chip_and_on_a_pc() {
         };
         let calibration = Calibration::nominal();
         let chip = &chip[1..];
-        // Frames begin with whichever row was the first with the settings in force.
+        // The first frame begins with the first row after the settings took effect.
         let pc: Vec<Vec<String>> = (0..usize::from(rows))
             .map(|first| on_this_pc(&shown[first..], settings, calibration.as_ref()))
             .collect();
@@ -248,7 +246,7 @@ fn every_frame_is_the_same_line_on_the_chip_and_on_a_pc() {
 
 /// The estimators that compute in other ways than the default: sums of pixels, sets of weights, floats.
 #[test]
-fn every_estimator_says_the_same_on_the_chip_and_on_a_pc() {
+fn every_estimator_gives_the_same_lines_on_the_chip_and_on_a_pc() {
     const ROWS: u64 = 70;
     for estimator in [
         Estimator::Centroid,
@@ -271,7 +269,7 @@ fn every_estimator_says_the_same_on_the_chip_and_on_a_pc() {
                 ..Settings::default()
             };
             let pc = on_this_pc(&rows, settings, calibration.as_ref());
-            // The first two may still be of the estimator before.
+            // The first two lines may still be from the estimator before.
             let chip = &chip[2..];
             let pc = aligned(&pc, chip);
             assert!(chip.len() >= 40 && pc.len().abs_diff(chip.len()) <= 2);

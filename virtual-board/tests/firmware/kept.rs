@@ -1,4 +1,5 @@
-//! What the core keeps in flash and finds there on this PC, and what a sensor that has found the same says.
+//! Saves and reads configurations in flash on this PC, and compares them with a board that reads the same
+//! flash.
 
 use std::convert::Infallible;
 
@@ -20,7 +21,7 @@ pub fn save(contents: &mut Contents, saved: &Configuration) {
     done.expect("sound flash");
 }
 
-/// What the store finds in `contents`.
+/// Reads the configuration in `contents`.
 pub fn read(contents: &Contents) -> Stored {
     let mut read = contents.clone();
     let kept = block_on(Store::new(Flash(&mut read)).read());
@@ -28,7 +29,7 @@ pub fn read(contents: &Contents) -> Stored {
     kept
 }
 
-/// What the store finds in `contents`, which is something.
+/// The configuration in `contents`. Panics if there is none.
 pub fn saved_in(contents: &Contents) -> Configuration {
     match read(contents) {
         Stored::Newest(saved) | Stored::Older(saved) => saved,
@@ -36,7 +37,7 @@ pub fn saved_in(contents: &Contents) -> Configuration {
     }
 }
 
-/// A board that found `kept` in its flash at its start says so. Gives the calibration that it has then.
+/// Asserts that a board that found `kept` in its flash reports it. Gives the calibration in use.
 pub fn assert_shown_as(board: &mut VirtualBoard, kept: &Stored) -> Option<EncodedRecord> {
     let calibration = match kept {
         Stored::Nothing => EncodedRecord::nominal(),
@@ -59,7 +60,8 @@ pub fn assert_shown_as(board: &mut VirtualBoard, kept: &Stored) -> Option<Encode
     calibration
 }
 
-/// It says so, measures with these settings, and gives distances if it has a calibration.
+/// Asserts that the board reports `kept`, measures with its settings, and gives distances if it has a
+/// calibration.
 pub fn assert_in_use(board: &mut VirtualBoard, kept: &Stored) {
     let calibration = assert_shown_as(board, kept);
     let results = fresh_results(board, 1);

@@ -1,7 +1,7 @@
-//! The firmware as it is flashed, on the virtual board: it is shown light, told commands and done harm, and what it
-//! says is held against what it should.
+//! Tests of the firmware on the virtual board, as it is flashed. They give it light, commands and faults, and
+//! compare its lines with the expected ones.
 //!
-//! All topics are one program: the firmware is built and loaded once, and the tests share the processor's cores.
+//! All topics are one test program, so that the firmware is built and loaded only once.
 
 mod calibration;
 mod commands;

@@ -1,4 +1,5 @@
-//! The serial line as a pseudo-terminal: `cargo demo --pty`, talked to as `tio` would.
+//! Tests of `cargo demo --pty`, which opens the serial line as a pseudo-terminal. The tests use it as `tio`
+//! does.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -10,10 +11,10 @@ use simulator::optics::Optics;
 
 use crate::common::{is_reading, is_result, number};
 
-/// Lines that may come ahead of an answer. Results never end, so this ends the test and no clock.
+/// The most lines before an answer. Results never end, so this limit ends a failed test.
 const LINES: usize = 200;
 
-/// The demo, which goes on until it is ended, and its terminal.
+/// A running demo, and its terminal.
 struct Demo {
     process: Child,
     terminal: BufReader<File>,
@@ -21,7 +22,7 @@ struct Demo {
 
 impl Drop for Demo {
     fn drop(&mut self) {
-        // Gone already if it failed, which the test has said by then.
+        // This fails if the demo has already ended. Then the test has reported it.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
@@ -58,7 +59,7 @@ impl Demo {
         sent.expect("a command sent");
     }
 
-    /// The next line that is `wanted`.
+    /// The next line that `wanted` accepts.
     fn line(&mut self, wanted: impl Fn(&str) -> bool) -> String {
         let mut lines = vec![];
         for _ in 0..LINES {
@@ -76,17 +77,17 @@ impl Demo {
     /// A reading of rows that were all exposed after this call.
     fn fresh_reading(&mut self) -> String {
         self.send("rows 4");
-        // What comes after the answer is said after the call.
+        // Lines after the answer were sent after the call.
         self.line(|line| line == "rows 4");
-        // Of that, one reading waited for the line, and one was not complete.
+        // Skip two readings: one waited for the serial line, and one was not complete.
         (0..3).map(|_| self.line(is_reading)).last().expect("three")
     }
 }
 
-/// A file of this test's own, which is not there.
+/// The path of a file of this test's own, which does not exist.
 fn no_file(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    // Left by a test that failed.
+    // A failed test may have left the file.
     let _ = fs::remove_file(&path);
     path
 }
@@ -105,9 +106,9 @@ fn a_terminal_program_talks_to_the_firmware() {
     assert!(is_result(&line), "{line}");
 }
 
-/// Readings of white paper are uncertain by some um.
+/// The uncertainty of readings of white paper is some um.
 #[test]
-fn the_target_is_where_the_stages_file_says() {
+fn the_target_moves_to_the_position_in_the_stage_file() {
     let file = no_file("stage");
     let mut demo = Demo::start(&["--distance", "0.65", "--stage", name(&file)]);
     for (text, expected) in [
@@ -134,10 +135,9 @@ fn the_target_is_where_the_stages_file_says() {
     drop(demo);
 }
 
-/// The centre is where the hidden geometry has it, and the distance is what the nominal calibration makes of
-/// that.
+/// The centre follows the hidden geometry. The distance is that of the nominal calibration for this centre.
 #[test]
-fn an_unknown_geometry_is_one_that_the_sensor_is_not_calibrated_for() {
+fn with_an_unknown_geometry_the_nominal_calibration_gives_wrong_distances() {
     const SEED: u64 = 7;
     let file = no_file("stage-of-an-unknown-geometry");
     let seed = SEED.to_string();
@@ -158,9 +158,9 @@ fn an_unknown_geometry_is_one_that_the_sensor_is_not_calibrated_for() {
     fs::remove_file(&file).expect("the file");
 }
 
-/// What is saved is in the file as soon as the sensor says so: the demo is killed then.
+/// Kills the demo as soon as the sensor reports the save. The file must hold the configuration.
 #[test]
-fn what_was_saved_is_there_when_the_demo_is_started_again() {
+fn saved_settings_survive_a_restart_of_the_demo() {
     let file = no_file("flash");
     let arguments = ["--distance", "0.8", "--flash", name(&file)];
     let mut demo = Demo::start(&arguments);
@@ -179,7 +179,7 @@ fn what_was_saved_is_there_when_the_demo_is_started_again() {
 }
 
 #[test]
-fn a_file_that_is_no_flash_is_refused() {
+fn a_flash_file_of_the_wrong_size_is_refused() {
     let file = no_file("no-flash");
     fs::write(&file, [0; 100]).expect("a file");
     let output = Command::new(env!("CARGO_BIN_EXE_demo"))

@@ -1,4 +1,4 @@
-//! Calibrations of every kind, and how they come to the board and back.
+//! Calibrations of every kind, with functions that upload and read them.
 
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
@@ -18,10 +18,10 @@ use virtual_board::VirtualBoard;
 
 use crate::common::{PATIENCE, ask, is_result, number, set};
 
-/// A pixel at which each of [`every_kind`] is valid.
+/// A pixel inside the range of each of [`every_kind`].
 pub const CENTRE: f64 = 2300.4;
 
-/// The record of a sensor of its own with that calibration, on other settings than a start's.
+/// A sensor's record with that calibration. Its settings differ from the defaults.
 pub fn record(calibration: Calibration) -> Record {
     Record {
         serial_number: 4_000_000_711,
@@ -37,7 +37,7 @@ pub fn written(record: Record) -> EncodedRecord {
     EncodedRecord::new(record).expect("a record")
 }
 
-/// A sensor's own eq. (1): the nominal one, but for a millimetre.
+/// A sensor's own eq. (1): a millimetre from the nominal one.
 pub fn eq1() -> EncodedRecord {
     let nominal = NOMINAL.expect("a curve");
     let (first, last) = nominal.valid();
@@ -50,7 +50,7 @@ pub fn eq1() -> EncodedRecord {
 pub fn every_kind() -> [EncodedRecord; 4] {
     let nominal = NOMINAL.expect("a curve");
     let distance = |centre| nominal.distance_at(centre).expect("in range").0;
-    // Bent by a third of a millimetre.
+    // A table with a bend of a third of a millimetre.
     let residual = |centre: Pixels| Micrometres::from_f32(300.7 * (centre.to_f32() / 211.3).sin());
     let table = Table::new(&knots(33, distance)).expect("a table");
     let corrected = Corrected::new(nominal.clone(), &knots(21, residual)).expect("usable");
@@ -62,7 +62,7 @@ pub fn every_kind() -> [EncodedRecord; 4] {
     ]
 }
 
-/// Knots over the nominal range, at places that are no round numbers.
+/// Knots over the nominal range, at centres that are not round numbers.
 fn knots(count: i32, value: impl Fn(Pixels) -> Micrometres) -> Vec<Knot> {
     let (first, last) = NOMINAL.expect("a curve").valid();
     let step = (last.to_bits() - first.to_bits()) / (count - 1);
@@ -75,9 +75,8 @@ fn knots(count: i32, value: impl Fn(Pixels) -> Micrometres) -> Vec<Knot> {
         .collect()
 }
 
-/// As many knots as there may be; centres beyond 2048 pixels, residuals beyond 0.52 m and a K of 55 bits take
-/// all the bytes that they
-/// can.
+/// The longest record: the largest number of knots. Centres beyond 2048 pixels, residuals beyond 0.52 m and a
+/// K of 55 bits need the most bytes.
 pub fn longest() -> EncodedRecord {
     let knots: Vec<Knot> = (0..MAX_KNOTS as i32)
         .map(|i| Knot {
@@ -103,7 +102,7 @@ pub fn pieces(bytes: &[u8]) -> Vec<Piece> {
         .collect()
 }
 
-/// Sends all of a record but the commit.
+/// Sends all of a record except the commit.
 pub fn send(board: &mut VirtualBoard, bytes: &[u8]) {
     set(board, &format!("calibration begin {}", bytes.len()));
     for piece in pieces(bytes) {
@@ -147,7 +146,7 @@ pub fn shown(board: &mut VirtualBoard) -> Vec<String> {
     lines
 }
 
-/// It is what the core says of that record.
+/// Asserts that the board shows the record as the core does.
 pub fn assert_shown(
     board: &mut VirtualBoard,
     written: Option<&EncodedRecord>,

@@ -1,5 +1,5 @@
-//! What is in use outlives a power cycle once it is saved; what cannot be read again is not replaced by what
-//! might be wrong.
+//! Tests of `save`: saved settings and calibrations survive a power cycle. If flash is unusable, the sensor
+//! does not use a calibration that might be wrong.
 
 use std::time::Duration;
 
@@ -22,7 +22,7 @@ use crate::common::{
 use crate::kept;
 use crate::records::{assert_shown, eq1, longest, read_back, shown, upload};
 
-/// Longer than erasing a sector takes, 400 ms here.
+/// A time longer than an erase, which takes 400 ms here.
 const SAVING: Duration = Duration::from_millis(900);
 
 /// Saves, and gives both lines of the answer.
@@ -38,7 +38,7 @@ fn save(board: &mut VirtualBoard) -> [Line; 2] {
     lines
 }
 
-/// Saves, and it goes well.
+/// Saves, and asserts success.
 fn save_well(board: &mut VirtualBoard) {
     assert_eq!(save(board)[1].text, "save");
 }
@@ -52,7 +52,7 @@ fn boot_with(flash: SharedFlash, light: LightSource) -> VirtualBoard {
     board
 }
 
-/// Takes the power away, and gives it back.
+/// Cuts the power and restores it.
 fn power_cycle(board: VirtualBoard) -> VirtualBoard {
     let flash = board.flash().clone();
     board.finish().expect("a clean run");
@@ -68,7 +68,7 @@ const NOTHING_LOST: [&str; 5] = [
 ];
 
 #[test]
-fn what_was_saved_is_in_use_after_a_power_cycle() {
+fn saved_settings_are_used_after_a_power_cycle() {
     let mut board = measuring(4);
     let own = eq1();
     upload(&mut board, &own);
@@ -81,7 +81,7 @@ fn what_was_saved_is_in_use_after_a_power_cycle() {
     assert_shown(&mut board, Some(&own), stored);
     Status::ask(&mut board).assert_none(&NOTHING_LOST);
 
-    // What is not saved is not kept.
+    // Unsaved settings are lost.
     let nominal = EncodedRecord::nominal().expect("a record");
     set(&mut board, "defaults");
     assert_shown(&mut board, Some(&nominal), stored);
@@ -101,7 +101,7 @@ fn what_was_saved_is_in_use_after_a_power_cycle() {
     println!("{reading}");
     assert!(is_reading(&reading) && reading.contains("/7 "), "{reading}");
 
-    // Back to the factory's, for good.
+    // Save the factory's settings.
     set(&mut board, "defaults");
     save_well(&mut board);
     let mut board = power_cycle(board);
@@ -115,9 +115,8 @@ fn what_was_saved_is_in_use_after_a_power_cycle() {
     board.finish().expect("a clean run");
 }
 
-/// The longest record, again and again: the first sector is full after six of them, and the other one is
-/// erased. The target goes
-/// elsewhere in each pause.
+/// Saves the longest record again and again. When the first sector is full, the other one is erased. The
+/// target moves during each pause.
 #[test]
 fn saving_pauses_the_stream_and_nothing_else() {
     let (mut board, _) = boot(spot_at(2300.4, 2000.0));
@@ -144,7 +143,7 @@ fn saving_pauses_the_stream_and_nothing_else() {
         let lasted = (done - paused) / 1_000_000;
         let operations = board.flash().operation_count();
         println!("{rows} rows in a frame: {lasted} ms, {operations} operations");
-        // Words of 1.4 KB with what the store adds, and perhaps an erase, which takes 400 ms.
+        // 1.4 KB of words (with the store's own), and perhaps an erase, which takes 400 ms.
         assert!((340..360).contains(&operations), "{operations}");
         erased += usize::from(lasted > 350);
         let lines = board.take_lines();
@@ -155,7 +154,8 @@ fn saving_pauses_the_stream_and_nothing_else() {
                 .any(|line| (paused..=done).contains(&line.at)),
             "{results:#?}"
         );
-        // No frame has rows of before and after. One of before may have waited for the line.
+        // No frame has rows from before and after the pause. One old result may have waited for the serial
+        // line.
         let after: Vec<&&Line> = results.iter().filter(|line| line.at > done).collect();
         assert!(after.len() >= 4, "{results:#?}");
         for line in &after[1..] {
@@ -177,14 +177,14 @@ fn saving_pauses_the_stream_and_nothing_else() {
     board.finish().expect("a clean run");
 }
 
-/// The longest frame lasts 365 ms, and the erase another 400: the watchdog sees life all the time.
+/// The longest frame takes 365 ms and the erase another 400 ms. The watchdog must not reset the chip.
 #[test]
 fn the_watchdog_waits_for_an_erase() {
     let mut board = measuring(64);
     for command in ["distance", "centre"] {
         board.send(&format!("{command}\r\n"));
     }
-    // To just before the frame's end.
+    // Run until just before the frame's end.
     fresh_results(&mut board, 1);
     board.run_for(Duration::from_millis(330)).expect("a run");
     save_well(&mut board);
@@ -196,13 +196,13 @@ fn the_watchdog_waits_for_an_erase() {
     board.finish().expect("a clean run");
 }
 
-/// The core's register by which interrupts are switched off (NVIC_ICER0), and the flash's one there (RM0090
+/// The core's register that switches interrupts off (NVIC_ICER0), and the bit of flash's interrupt (RM0090
 /// table 62).
 const FLASH_INTERRUPT_OFF: (u64, u32) = (0xE000_E180, 1 << 4);
 
-/// An upset of a register, after which nobody hears of the end of the erase.
+/// A flipped bit switches flash's interrupt off, so the firmware never learns that the erase has ended.
 #[test]
-fn a_flash_that_never_answers_is_ended_by_the_watchdog() {
+fn the_watchdog_resets_if_the_flash_never_answers() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
     board.send("save\r\n");
@@ -224,9 +224,9 @@ fn a_flash_that_never_answers_is_ended_by_the_watchdog() {
     board.finish().expect("a clean run");
 }
 
-/// What the flash was told never reaches it.
+/// No operation reaches the flash.
 #[test]
-fn what_the_flash_does_not_keep_is_said_and_what_was_saved_before_holds() {
+fn a_failed_save_is_reported_and_the_old_configuration_is_kept() {
     let mut board = measuring(4);
     let own = eq1();
     upload(&mut board, &own);
@@ -243,7 +243,7 @@ fn what_the_flash_does_not_keep_is_said_and_what_was_saved_before_holds() {
     board.finish().expect("a clean run");
 }
 
-/// Nothing usable is left of what was saved: centres only, until somebody decides.
+/// The saved configuration is unusable: the sensor gives only centres until a person decides.
 #[test]
 fn without_a_usable_calibration_there_is_no_distance() {
     let damaged = Contents::new(vec![0x5A; BYTES]).expect("two sectors");
@@ -283,7 +283,7 @@ fn without_a_usable_calibration_there_is_no_distance() {
             "{lines:#?}"
         );
         let centre = ask(&mut board, "centre");
-        // Of the nominal geometry at 0.80 m.
+        // The centre of the nominal geometry at 0.80 m.
         assert!(
             (number(&centre, "x ", " u") - 1771.0).abs() < 0.1,
             "{centre}"
@@ -305,9 +305,9 @@ fn without_a_usable_calibration_there_is_no_distance() {
     }
 }
 
-/// `defaults` is the other way out.
+/// `defaults` is the other way to get distances again.
 #[test]
-fn the_nominal_calibration_is_used_where_it_is_asked_for() {
+fn defaults_brings_back_the_nominal_calibration() {
     let damaged = Contents::new(vec![0x5A; BYTES]).expect("two sectors");
     let mut board = boot_with(SharedFlash::holding(damaged), paper());
     set(&mut board, "defaults");

@@ -1,4 +1,4 @@
-//! Every scene that the board's sensor can see, shown to the firmware: it gives readings, or the fault that
+//! Shows the firmware every scene that the board's sensor can see. It must give readings, or the fault that
 //! the scene is made for.
 
 use simulator::scene::{Scene, Sensor, file};
@@ -7,18 +7,18 @@ use virtual_board::{Line, VirtualBoard};
 
 use crate::common::{PATIENCE, boot, is_reading, is_result, number, paper, set};
 
-/// A reading's error that is no gross one, in pixels: four standard deviations of the strongest speckle.
+/// The largest allowed error of a reading in pixels: four standard deviations of the strongest speckle.
 const GROSS: f64 = 3.5;
 
-/// What the firmware makes of a scene at its own exposure.
+/// The expected results for a scene at the firmware's exposure.
 #[derive(Debug, PartialEq)]
 enum Expected {
     Reading,
     Fault(String),
 }
 
-/// The file of a scene says which fault it is for, if it is. The calibration adds one: it is nominal, and
-/// valid from 0.55 to 1.10 m.
+/// Some scene files name a fault. Another fault comes from the calibration, which is nominal: valid from 0.55
+/// to 1.10 m.
 fn expected(name: &str, scene: &Scene) -> Expected {
     let path = file::folder().join(format!("{name}.toml"));
     let text = std::fs::read_to_string(path).expect("a scene's file");
@@ -32,8 +32,8 @@ fn expected(name: &str, scene: &Scene) -> Expected {
     }
 }
 
-/// A result of a row that was exposed after this call: those before are being read, computed, or wait for the
-/// serial line.
+/// A result of a row that was exposed after this call. Earlier rows are being read or computed, or their
+/// results wait for the serial line.
 fn result(board: &mut VirtualBoard) -> Line {
     for _ in 0..5 {
         board.run_until_line(is_result, PATIENCE).expect("a result");
@@ -42,7 +42,7 @@ fn result(board: &mut VirtualBoard) -> Line {
 }
 
 #[test]
-fn every_scene_gives_what_it_is_made_for() {
+fn every_scene_gives_readings_or_its_own_fault() {
     let (mut board, _) = boot(paper());
     set(&mut board, "rows 1");
     let (mut readings, mut faults) = (0, 0);
@@ -61,7 +61,7 @@ fn every_scene_gives_what_it_is_made_for() {
             Expected::Reading => {
                 assert!(is_reading(&line.text), "{name}: {}", line.text);
                 let truth = match &scene.motion {
-                    // A few rows are on their way to the line.
+                    // A few older results may still come.
                     Some(_) => {
                         let last = board.head(|head| head.last_row().map(|row| row.exposure));
                         (target.mean_distance(&last.expect("a row"), 1)).expect("remembered")
@@ -83,7 +83,7 @@ fn every_scene_gives_what_it_is_made_for() {
             }
         }
     }
-    // A folder that lost its scenes would say nothing.
+    // An empty folder must fail the test.
     println!("{readings} scenes gave readings, {faults} faults");
     assert!(readings >= 8 && faults >= 3);
     board.finish().expect("a clean run");

@@ -1,4 +1,4 @@
-//! The sensor head as the firmware drives it, at the highest rate of readings.
+//! Tests of the sensor head as the firmware drives it, at the highest rate of readings.
 
 use std::time::Duration;
 
@@ -10,11 +10,11 @@ use crate::common::{
     Status, fresh_results, is_reading, is_result, measuring, run_into_a_row, stop_the_transfer,
 };
 
-/// From row to row as the firmware says, ns.
+/// The time from row to row, as the firmware states it, ns.
 const ROW_PERIOD: f64 = 5_700_000.0;
 
 #[test]
-fn a_second_of_a_reading_for_every_row_loses_nothing() {
+fn one_reading_a_row_for_a_second_loses_no_row() {
     let mut board = measuring(1);
     fresh_results(&mut board, 1);
     board.take_lines();

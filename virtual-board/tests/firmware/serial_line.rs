@@ -1,4 +1,5 @@
-//! Anything at all on the serial line: measuring goes on, and only errors are said about it.
+//! Tests of noise and random bytes on the serial line: the firmware continues to measure and answers only
+//! with errors.
 
 use std::time::Duration;
 
@@ -10,20 +11,20 @@ use virtual_board::{Line, Nanos, VirtualBoard};
 
 use crate::common::{Status, ask, fresh_results, is_reading, is_result, measuring, set};
 
-/// Ten kilobytes.
+/// The number of random bytes.
 const BYTES: usize = 10 * 1024;
 
-/// How long they take at 115200 baud, ten bits each.
+/// The time to send the bytes at 115200 baud, ten bits each.
 const TRANSFER: Duration = Duration::from_micros(BYTES as u64 * 10 * 1_000_000 / 115_200);
 
-/// Bytes of which none is more likely than another. That they hold a command has a chance of 10^4 / 256^5.
+/// Uniform random bytes. The probability that they contain a command is about 10^4 / 256^5.
 fn random_bytes(seed: u64) -> Vec<u8> {
     let mut bytes = vec![0; BYTES];
     ChaCha8Rng::seed_from_u64(seed).fill(&mut bytes[..]);
     bytes
 }
 
-/// Sends the bytes at full line rate and gives all lines that came meanwhile, and when it began.
+/// Sends the bytes at full line rate. Gives the start time, and all lines that came meanwhile.
 fn flood(board: &mut VirtualBoard, bytes: &[u8]) -> (Nanos, Vec<Line>) {
     board.take_lines();
     let start = board.now();
@@ -36,7 +37,7 @@ fn flood(board: &mut VirtualBoard, bytes: &[u8]) -> (Nanos, Vec<Line>) {
     (start, board.take_lines())
 }
 
-/// Every line is a reading or an error; of both there are enough.
+/// Asserts that every line is a reading or an error, and that there are enough of both.
 fn assert_measures_on(lines: &[Line], start: Nanos) {
     let of_another_kind: Vec<&Line> = lines
         .iter()
@@ -59,14 +60,14 @@ fn assert_measures_on(lines: &[Line], start: Nanos) {
     assert!(errors >= 20, "{lines:#?}");
 }
 
-/// `E`, a number, a blank and words.
+/// Whether a line is `E`, a number, a blank and words.
 fn is_error(line: &str) -> bool {
     line.strip_prefix('E')
         .and_then(|rest| rest.split_once(' '))
         .is_some_and(|(number, words)| number.parse::<u32>().is_ok() && !words.is_empty())
 }
 
-/// Readings come, nothing was lost, and a command works.
+/// Asserts that readings come, that no row was lost, and that a command works.
 fn assert_lives_on(board: &mut VirtualBoard) {
     Status::ask(board).assert_none(&[
         "rows lost",
@@ -82,7 +83,7 @@ fn assert_lives_on(board: &mut VirtualBoard) {
     );
 }
 
-/// What the core says about these bytes.
+/// The core's answers to these bytes.
 fn errors_about(bytes: &[u8]) -> Vec<String> {
     let mut input = Input::new();
     bytes
@@ -97,7 +98,7 @@ fn errors_about(bytes: &[u8]) -> Vec<String> {
 }
 
 #[test]
-fn random_bytes_at_full_rate_are_answered_by_errors_while_measuring_goes_on() {
+fn random_bytes_are_answered_by_errors_and_measuring_continues() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
     let bytes = random_bytes(1);
@@ -114,7 +115,7 @@ fn random_bytes_at_full_rate_are_answered_by_errors_while_measuring_goes_on() {
 }
 
 #[test]
-fn noise_and_framing_errors_are_counted_and_the_line_lives_on() {
+fn noise_and_framing_errors_are_counted_and_the_line_still_works() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
     // A tenth of the bytes each.

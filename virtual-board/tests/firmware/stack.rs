@@ -1,4 +1,4 @@
-//! The stack at its deepest, in the firmware as it is flashed.
+//! Measures the deepest stack of the firmware.
 
 use std::time::Duration;
 
@@ -9,12 +9,12 @@ use virtual_board::{Exposure, LightSource, VirtualBoard};
 use crate::common::{PATIENCE, firmware, paper, results, set, spot_at};
 use crate::records::{longest, upload};
 
-/// What untouched stack holds.
+/// The pattern in unused stack.
 const PATTERN: u32 = 0xA5C3_5A3C;
 
-/// The stack grows down from the end of RAM towards the statics, and nothing stops it there: it must never
-/// get near. Interrupts
-/// that come at the deepest moment of all may not have come in this test; they take a few hundred bytes.
+/// The stack grows down from the end of RAM towards the static variables. Nothing stops it there, so it must
+/// stay far away. An interrupt at the deepest moment takes a few hundred bytes more, and may not have come in
+/// this test.
 #[test]
 fn the_stack_stays_far_from_the_statics() {
     let start = firmware()
@@ -40,7 +40,7 @@ fn the_stack_stays_far_from_the_statics() {
         set(&mut board, &format!("estimator {}", rung.name()));
         for light in hard_rows() {
             board.set_light(light);
-            // The result under way, and one of the new light.
+            // The result under way, and one result of the new light.
             results(&mut board, 2);
         }
     }
@@ -58,8 +58,7 @@ fn the_stack_stays_far_from_the_statics() {
         board.run_for(Duration::from_millis(200)).expect("a run");
     }
     board.take_lines();
-    // Records are the largest things that are moved: one comes, is kept, and is found again at the next
-    // start.
+    // Records are the largest objects. Upload one, save it, and start again with it.
     upload(&mut board, &longest());
     for _ in 0..2 {
         board.send("save\r\n");
@@ -83,8 +82,8 @@ fn the_stack_stays_far_from_the_statics() {
         .expect("a stack that is used");
     let (used, room) = (start - deepest, start - end);
     println!("stack: {used} bytes at most of {room}");
-    // It was watched: rows alone take more than this, and not so much that the interrupts that did not come
-    // could matter.
+    // At least so much, or the measurement failed: rows alone take more. At most so much that an interrupt
+    // more does not matter.
     assert!(used > 4 * 1024, "{used} of {room}");
     // A save that reads the longest record again takes most: every function on the way down holds a record or
     // two, of 2 KB each.
@@ -92,9 +91,8 @@ fn the_stack_stays_far_from_the_statics() {
     board.finish().expect("a clean run");
 }
 
-/// Rows whose spots take the estimators' longest ways: a good one, one that is cut off at full scale, one at
-/// the sensor's edge, and
-/// one with a hot pixel.
+/// Rows that take the estimators' longest paths: a good spot, one cut off at full scale, one at the sensor's
+/// edge, and one with a hot pixel.
 fn hard_rows() -> [LightSource; 4] {
     let mut good = spot_at(1800.3, 2000.0);
     let hot = Box::new(move |exposure: &Exposure| {

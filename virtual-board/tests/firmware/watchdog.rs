@@ -1,4 +1,4 @@
-//! The watchdog, and what a start says about its cause.
+//! Tests of the watchdog, and of the cause that the banner names after a start.
 
 use std::time::Duration;
 
@@ -12,10 +12,11 @@ use crate::common::{
 /// USART3, in the emulator's order.
 const SERIAL_PORT: usize = 2;
 
-/// Lets the board boot again, and makes sure that it says why, and that it measures with the settings of a start.
+/// Lets the board boot again. Asserts that the banner names the cause, and that the settings are those of a
+/// start.
 fn assert_starts_again(board: &mut VirtualBoard, cause: &str) {
     let banner = board
-        // What the reset cut off is a part of its line.
+        // The line may begin with text that the reset cut off.
         .run_until_line(|line| line.contains("slitrange "), PATIENCE)
         .expect("a banner");
     println!("{banner}");
@@ -33,7 +34,7 @@ fn assert_starts_again(board: &mut VirtualBoard, cause: &str) {
     assert_eq!(ask(board, "status"), format!("status start {cause}"));
 }
 
-/// Runs until the watchdog has started the board again, and gives the time that took in seconds.
+/// Runs until the watchdog has reset the board. Gives the time that this took, in seconds.
 fn run_into_the_watchdog(board: &mut VirtualBoard) -> f64 {
     let stopped = board.now();
     while board.resets().expect("resets").is_empty() {
@@ -51,16 +52,17 @@ fn run_into_the_watchdog(board: &mut VirtualBoard) -> f64 {
     lasted
 }
 
-/// A panic, whose end is an exception that the core cannot serve either (a HardFault).
+/// A panic ends in an exception that the core cannot serve (a HardFault).
 #[test]
-fn a_panic_is_logged_and_ended_by_the_watchdog() {
+fn the_watchdog_resets_after_a_logged_panic() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
     board.take_log();
     board.panic_at("measure_row").expect("the function");
     let lasted = run_into_the_watchdog(&mut board);
     board.unhang("measure_row").expect("the function");
-    // Up to a row until the panic; after it nobody pets the watchdog, whose second had begun up to a look before.
+    // The panic comes within a row. After it nothing restarts the watchdog, whose second began at the last
+    // check before.
     assert!((0.85..1.05).contains(&lasted), "{lasted} s");
     let log: Vec<String> = (board.take_log().iter())
         .map(|message| format!("{message:?}"))
@@ -73,10 +75,10 @@ fn a_panic_is_logged_and_ended_by_the_watchdog() {
     board.finish().expect("a clean run");
 }
 
-/// The serial line alone: an upset of its port's register, after which nothing more leaves it. An answer waits for room for ever, and results
-/// behind it.
+/// A flipped bit in the serial port's register stops only the serial line. An answer then waits for ever, and
+/// the results wait behind it.
 #[test]
-fn a_serial_line_that_hangs_is_ended_by_the_watchdog() {
+fn the_watchdog_resets_if_the_serial_line_hangs() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
     // Twice what the port's buffer holds.
@@ -95,7 +97,7 @@ fn a_serial_line_that_hangs_is_ended_by_the_watchdog() {
     let rows = board.statistics().rows;
     let lasted = run_into_the_watchdog(&mut board);
     assert_eq!(board.take_lines(), [], "the line is dead");
-    // 175 a second.
+    // 175 rows a second.
     let rows = (board.statistics().rows - rows) as f64;
     assert!(rows > 170.0 * lasted, "rows are read on: {rows}");
     assert!((1.5..2.5).contains(&lasted), "{lasted} s");
@@ -103,12 +105,12 @@ fn a_serial_line_that_hangs_is_ended_by_the_watchdog() {
     board.finish().expect("a clean run");
 }
 
-/// The core's register for a reset by software (AIRCR), and the word that asks for it: how a debug probe starts the firmware that it has
-/// flashed.
+/// The core's register for a reset by software (AIRCR), and the word that requests it. A debug probe starts
+/// flashed firmware in this way.
 const RESET_BY_SOFTWARE: (u64, u32) = (0xE000_ED0C, 0x05FA_0004);
 
 #[test]
-fn a_reset_by_software_is_named() {
+fn the_banner_names_a_reset_by_software() {
     let mut board = measuring(4);
     run_into_a_row(&mut board);
     let (register, word) = RESET_BY_SOFTWARE;
@@ -121,7 +123,7 @@ fn a_reset_by_software_is_named() {
 }
 
 #[test]
-fn a_computation_that_hangs_is_ended_by_the_watchdog() {
+fn the_watchdog_resets_if_a_computation_hangs() {
     let mut board = measuring(4);
     fresh_results(&mut board, 1);
     assert_eq!(board.resets().expect("resets"), []);
@@ -129,7 +131,7 @@ fn a_computation_that_hangs_is_ended_by_the_watchdog() {
     board.hang_at("measure_row").expect("the function");
     let lasted = run_into_the_watchdog(&mut board);
     board.unhang("measure_row").expect("the function");
-    // One look and eight without a change, and the watchdog's own second.
+    // One check, eight checks without a change, and the watchdog's own second.
     assert!((1.5..2.5).contains(&lasted), "{lasted} s");
     assert_starts_again(&mut board, "watchdog");
     assert_eq!(board.resets().expect("resets").len(), 1);
@@ -137,9 +139,9 @@ fn a_computation_that_hangs_is_ended_by_the_watchdog() {
 }
 
 #[test]
-fn the_reset_pin_is_named_and_settings_are_those_of_a_start() {
+fn the_banner_names_the_reset_pin_and_settings_are_those_of_a_start() {
     let mut board = measuring(4);
-    // In the middle of a read-out, as a finger would.
+    // In the middle of a read-out, as by hand.
     run_into_a_row(&mut board);
     board.reset_pin().expect("the emulator");
     assert_starts_again(&mut board, "reset pin");
@@ -150,10 +152,10 @@ fn the_reset_pin_is_named_and_settings_are_those_of_a_start() {
 }
 
 #[test]
-fn a_silent_sensor_is_no_reason_to_start_again() {
+fn a_silent_sensor_does_not_make_the_watchdog_reset() {
     let (mut board, _) = boot(paper());
     board.silence_sensor(true).expect("a converter");
-    // Longer than the watchdog waits.
+    // This is longer than the watchdog waits.
     board.run_for(Duration::from_millis(2500)).expect("a run");
     assert_eq!(board.resets().expect("resets"), []);
     board.finish().expect("a clean run");

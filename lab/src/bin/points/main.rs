@@ -42,19 +42,19 @@ struct Means {
 
 const MEANS: [Means; 4] = [
     Means {
-        name: "stage with an encoder, 1 µm",
+        name: "1 µm: stage with an encoder",
         position: 1e-6,
     },
     Means {
-        name: "screw or caliper, 20 µm",
+        name: "20 µm: screw or caliper",
         position: 20e-6,
     },
     Means {
-        name: "speckle of a rough target, 80 µm",
+        name: "80 µm: speckle of a rough target",
         position: 80e-6,
     },
     Means {
-        name: "ruler, 0.3 mm",
+        name: "0.3 mm: ruler",
         position: 300e-6,
     },
 ];
@@ -183,8 +183,9 @@ fn sensor(departure: f64, seed: u64) -> DistortedOptics {
 fn table(cells: &[Vec<Vec<Cell>>]) -> String {
     let mut text = format!(
         "RMS error of the fitted curve in micrometres, over 0.60 to 1.02 m. Each cell is {SENSORS} simulated sensors on a PC, each \
-         with a geometry of its own, fitted as `fit` does without options. The columns are the standard uncertainty of each \
-         point's distance. In brackets: the per cent of the sensors to which `fit` gave a table of residuals.\n"
+         with a geometry of its own, fitted as `fit` does without options. Each column is for one standard \
+         uncertainty of the points' distances, and says what typically has it. In brackets: the per cent of the sensors for which \
+         `fit` chose eq. (1) with residuals.\n"
     );
     for (departure, cells) in DEPARTURES.iter().zip(cells) {
         text += &if *departure > 0.0 {

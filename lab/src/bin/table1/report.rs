@@ -151,7 +151,10 @@ impl Report {
                 gains().fold(f64::NEG_INFINITY, f64::max)
             );
         }
-        text + "\nThe paper does not give the following values. We chose them, the same for the lens and the slit:\n\n"
+        text + "\nThe paper does not give the following values. We chose them, the same for the lens and the \
+                slit. *Paths*: the mean extra path of light within the material. *Glossy lobe*: its brightness \
+                over that of the matt surface. *Texture*: the standard deviation of the reflectance over its \
+                mean, and the length over which the reflectance varies.\n\n"
             + &chosen()
     }
 

@@ -1,4 +1,4 @@
-//! The sensor's flash in a file.
+//! Keeps the contents of the sensor's flash in a file.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -8,17 +8,17 @@ use anyhow::{Context as _, Result};
 use virtual_board::SharedFlash;
 use virtual_board::flash::Contents;
 
-/// A file that holds what flash does.
+/// A file with the contents of flash.
 pub struct FlashFile {
     path: PathBuf,
     flash: SharedFlash,
 }
 
 impl FlashFile {
-    /// What the file at `path` holds; erased flash if there is none yet.
+    /// Reads the contents from the file at `path`. Without a file, flash is erased.
     ///
     /// # Errors
-    /// It cannot be read, or is no flash.
+    /// The file cannot be read, or its size is not that of the flash.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref().to_owned();
         let contents = match fs::read(&path) {
@@ -32,12 +32,13 @@ impl FlashFile {
         Ok(Self { path, flash })
     }
 
-    /// The flash whose contents are kept.
+    /// The flash whose contents are in the file.
     pub fn flash(&self) -> SharedFlash {
         self.flash.clone()
     }
 
-    /// Writes the file if something was done to the flash since. Whenever the process is ended, one whole state is in the file.
+    /// Writes the file if the flash has changed. If the process ends at any moment, the file holds one whole
+    /// state.
     ///
     /// # Errors
     /// It cannot be written.

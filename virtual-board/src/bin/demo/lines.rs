@@ -1,9 +1,9 @@
-//! The firmware's lines, read back.
+//! Parses the firmware's lines.
 
 use anyhow::{Context as _, Result};
 use slitrange::fault::Fault;
 
-/// A reading as the serial line gives it.
+/// A reading from the serial line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
     /// Distance in millimetres.
@@ -14,7 +14,7 @@ pub struct Reading {
     pub centre: f64,
     /// Amplitude in counts.
     pub amplitude: f64,
-    /// Rows that went into it.
+    /// The rows used.
     pub rows: u16,
 }
 
@@ -23,15 +23,15 @@ pub struct Reading {
 pub enum Report {
     /// A distance.
     Reading(Reading),
-    /// Why there is none, as the line says it.
+    /// A fault, as the line gives it.
     Fault(String),
 }
 
 impl Report {
-    /// `None` for a line that is no result (an answer, an error).
+    /// Parses a result. `None` for other lines (an answer, an error).
     ///
     /// # Errors
-    /// A line that begins like a reading and is none.
+    /// The line begins like a reading but is malformed.
     pub fn parse(line: &str) -> Result<Option<Self>> {
         if let Some(fault) = line.strip_prefix("f ") {
             let known = Fault::NAMES.iter().any(|name| fault.starts_with(name));

@@ -1,4 +1,4 @@
-//! `cargo demo`: the firmware as it is flashed, on the emulated board, measuring a target that moves.
+//! `cargo demo`: runs the firmware on the emulated board, with a target that moves.
 
 #[cfg(unix)]
 mod flash_file;
@@ -14,7 +14,8 @@ use anyhow::{Context as _, Result};
 use clap::Parser;
 use virtual_board::Firmware;
 
-/// Builds the firmware, boots it on an emulated NUCLEO-F429ZI with sensor, laser and target, and shows what it reports.
+/// Builds the firmware, boots it on an emulated NUCLEO-F429ZI with sensor, laser and target, and shows what
+/// it reports.
 #[derive(Parser)]
 #[command(name = "cargo demo", bin_name = "cargo demo")]
 struct Options {
@@ -27,8 +28,8 @@ struct Options {
     /// Distances to measure at, from 0.60 to 1.02 m [default: 43; with --scene only the scene's]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     steps: Option<u32>,
-    /// Show the sensor this scene in place of white paper: a name that `cargo scene` lists, or the path of a .toml file.
-    /// It is seen at the firmware's exposure, not at its own.
+    /// Show the sensor this scene instead of white paper: a name that `cargo scene` lists, or the path of a
+    /// .toml file. The firmware's exposure replaces the scene's.
     #[arg(long, value_name = "NAME")]
     scene: Option<String>,
     /// Show the sensor the rows of a photograph (binary PGM, 8 or 16 bit), one after the other.
@@ -37,15 +38,17 @@ struct Options {
     /// Open the serial line as a pseudo-terminal for tio or screen, and run on wall time until interrupted.
     #[arg(long, conflicts_with_all = ["json", "steps"])]
     pty: bool,
-    /// Put the target where FILE says: a distance in millimetres, read again whenever it changes. To try calibrating without
-    /// hardware: the command that moves such a stage is `echo {} > FILE`.
+    /// Put the target at the distance in FILE, in millimetres. The demo reads FILE again whenever it changes.
+    /// To try calibrating without hardware, use the stage command `echo {} > FILE`.
     #[arg(long, value_name = "FILE", requires = "pty")]
     stage: Option<PathBuf>,
-    /// Give the sensor a geometry that only a calibration can find: millimetres to centimetres from the nominal one, 0.3 mm from any that
-    /// eq. (1) describes, another one for each SEED. For white paper.
+    /// Give the sensor an unknown geometry, so that it needs a calibration: distances are off by millimetres
+    /// to centimetres, and depart from eq. (1) by 0.3 mm. Each SEED is another geometry. For white paper
+    /// only.
     #[arg(long, value_name = "SEED", requires = "pty", conflicts_with = "scene")]
     unknown_geometry: Option<u64>,
-    /// Keep the sensor's flash in FILE, so that it has what it saved when the demo is started again, as after a power cycle.
+    /// Keep the sensor's flash in FILE. If you start the demo again with the same FILE, this is a power
+    /// cycle.
     #[arg(long, value_name = "FILE", requires = "pty")]
     flash: Option<PathBuf>,
     /// Print the summary as one JSON object on standard output, and everything else on standard error.
@@ -53,7 +56,7 @@ struct Options {
     json: bool,
 }
 
-/// Where the table goes: standard error where standard output is for JSON.
+/// Prints the table: on standard error if standard output is for JSON.
 fn say(json: bool, text: &str) {
     if json {
         eprintln!("{text}");

@@ -1,4 +1,4 @@
-//! A target that moves from step to step, and how far the firmware's readings lie from the truth.
+//! Moves a target from step to step, and compares the firmware's readings with the truth.
 
 use std::time::Duration;
 
@@ -14,24 +14,24 @@ use crate::{Options, say};
 
 /// The range of the paper's position table, in metres.
 pub const NEAREST: f64 = 0.60;
-/// As [`NEAREST`].
+/// The far end of the range, in metres.
 pub const FARTHEST: f64 = 1.02;
 
-/// Steps, of a target that moves over the table and of one that stays.
+/// The number of steps if the target moves over the table, and if it stays.
 const STEPS: u32 = 43;
 const STEPS_AT_REST: u32 = 8;
 
-/// Results at each step that count; those of frames in which the target moved come before and do not.
+/// The results at each step that count. Results of frames in which the target moved come before and do not
+/// count.
 const RESULTS_A_STEP: usize = 4;
 
-/// What the demo found.
+/// The demo's results.
 #[derive(Debug, Serialize)]
 pub struct Summary {
-    /// Root mean square error of the readings; none without readings.
+    /// Root mean square error of the readings; `None` without readings.
     rms_error_um: Option<f64>,
-    /// What the Cramér-Rao bound gives for the scene, root mean square over the readings; none where the
-    /// scene has more
-    /// to it than a gaussian and noise.
+    /// The Cramér-Rao bound for the scene, root mean square over the readings; `None` if the scene has more
+    /// than a gaussian and noise.
     bound_um: Option<f64>,
     max_error_um: Option<f64>,
     /// Share of readings whose error is within twice the claimed uncertainty.
@@ -39,19 +39,19 @@ pub struct Summary {
     readings_per_s: f64,
     rows_per_s: f64,
     rows_lost: u64,
-    /// Share of time in which the core executes nothing.
+    /// Share of time in which the core sleeps.
     sleep_share: f64,
     faults: usize,
 }
 
-/// A reading beside the truth, in micrometres.
+/// The error, claimed uncertainty and bound of a reading, in micrometres.
 struct Compared {
     error: f64,
     uncertainty: f64,
     bound: Option<f64>,
 }
 
-/// The scene to show, and where its target is first.
+/// The scene to show, and the first distance of its target.
 pub fn scene(options: &Options) -> Result<(Scene, f64)> {
     let Some(name) = &options.scene else {
         return Ok((Scene::white_paper(), options.distance.unwrap_or(NEAREST)));
@@ -74,10 +74,11 @@ pub fn scene(options: &Options) -> Result<(Scene, f64)> {
     if let Some(motion) = &scene.motion {
         ensure!(
             !options.pty || scene.speckle.is_none(),
-            "the target of {name} moves on for as long as the terminal is open, and its speckle is not made for any distance: leave \
+            "the target of {name} moves on for as long as the terminal is open, \
+             and its speckle is not made for any distance: leave \
              out --pty"
         );
-        // It starts again at each step, which ends after so many results at the latest.
+        // The motion starts again at each step. A step ends at the latest after this many results.
         let results = 2 + RESULTS_A_STEP as u32;
         let longest = (patience(options.rows) * results).as_secs_f64();
         distances.push(motion.distance(distance, longest));
@@ -90,12 +91,12 @@ pub fn scene(options: &Options) -> Result<(Scene, f64)> {
     Ok((scene, distance))
 }
 
-/// How long a frame takes.
+/// The time of a frame.
 fn frame(rows: u16) -> Duration {
     Duration::from_millis(6) * u32::from(rows)
 }
 
-/// How long an answer takes: boot, and the answer, wait behind at most a frame.
+/// The longest wait for an answer: after at most a frame.
 fn patience(rows: u16) -> Duration {
     Duration::from_secs(1) + 4 * frame(rows)
 }
@@ -108,7 +109,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
         (None, None) => STEPS,
         (None, Some(_)) => STEPS_AT_REST,
     };
-    // Where it stays, unless it is to be seen over the whole table.
+    // Where the target stays, if it does not move over the whole table.
     let stays = options.distance.is_some() || options.scene.is_some() && options.steps.is_none();
     if options.scene.is_some() {
         say(options.json, &scene.about);
@@ -131,13 +132,12 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     for step in 0..steps {
         let share = f64::from(step) / f64::from(steps.max(2) - 1);
         match stays {
-            // One that moves by itself starts again.
+            // A target that the scene moves starts again.
             true => target.move_to(start),
             false => target.move_to(NEAREST + share * (FARTHEST - NEAREST)),
         }
-        // The row that is under way, and the one that is being computed, still show the old place: two frames
-        // at most
-        // end with such a row.
+        // The rows that are being read and computed still show the old place. At most two frames end with
+        // such a row.
         for result in 0..2 + RESULTS_A_STEP {
             let line = board
                 .run_until_line(
@@ -218,11 +218,11 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     Ok(summary)
 }
 
-/// Where the target was, in the mean over the rows of the frame that a line is the result of, in metres.
+/// The target's mean distance over the rows of the frame of a line, in metres.
 fn true_distance(board: &mut VirtualBoard, target: &Target, line: &Line, rows: u16) -> Option<f64> {
-    /// Of the serial line: ten bits at 115200 a second, in nanoseconds.
+    /// The time of a byte on the serial line: ten bits at 115200 a second, in nanoseconds.
     const BYTE: u64 = 86_806;
-    // The line begins as soon as the frame's last row has been computed: before the next one is read.
+    // The line begins when the frame's last row has been computed, before the next row is read.
     let begin = line.at.saturating_sub((line.text.len() as u64 + 2) * BYTE);
     let last = board.head(|head| {
         let read = head.rows().rev().find(|row| row.last_word < begin);
@@ -231,7 +231,7 @@ fn true_distance(board: &mut VirtualBoard, target: &Target, line: &Line, rows: u
     target.mean_distance(&last, usize::from(rows))
 }
 
-/// A reading beside the truth and the bound for the scene.
+/// Compares a reading with the truth and with the bound for the scene.
 fn compare(
     simulation: &Simulation,
     exposure: Option<u64>,
@@ -250,7 +250,7 @@ fn compare(
     })
 }
 
-/// Rows that the firmware says it lost, or failed to read.
+/// The rows that the firmware lost or failed to read, by its own count.
 fn rows_lost(board: &mut VirtualBoard, patience: Duration) -> Result<u64> {
     board.send("status\r\n");
     let mut lost = 0;
@@ -265,7 +265,7 @@ fn rows_lost(board: &mut VirtualBoard, patience: Duration) -> Result<u64> {
     Ok(lost)
 }
 
-/// Root mean square; none of nothing.
+/// Root mean square; `None` without values.
 pub fn rms(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
     let count = values.len();
     (count > 0).then(|| (values.map(|value| value * value).sum::<f64>() / count as f64).sqrt())
@@ -284,13 +284,15 @@ impl Summary {
         };
         let accuracy = match (self.rms_error_um, self.max_error_um, self.within_2u) {
             (Some(rms), Some(largest), Some(within)) => format!(
-                "RMS error {rms:.2} um{bound}; largest {largest:.2} um; {:.1} % within twice the claimed uncertainty",
+                "RMS error {rms:.2} um{bound}; largest {largest:.2} um; \
+                 {:.1} % within twice the claimed uncertainty",
                 within * 100.0
             ),
             _ => "no reading".to_owned(),
         };
         format!(
-            "{readings} readings: {accuracy}\n{:.1} readings and {:.1} rows a second, {} rows lost, {} faults; CPU asleep {:.1} % of the time",
+            "{readings} readings: {accuracy}\n{:.1} readings and {:.1} rows a second, \
+             {} rows lost, {} faults; CPU asleep {:.1} % of the time",
             self.readings_per_s,
             self.rows_per_s,
             self.rows_lost,

@@ -1,5 +1,4 @@
-//! The rows of a photograph, shown to the sensor one after the other, and how far the firmware's centres lie
-//! from a
+//! Shows the sensor the rows of a photograph, one after the other, and compares the firmware's centres with a
 //! least-squares fit in f64.
 
 use std::collections::BTreeMap;
@@ -18,30 +17,29 @@ use crate::lines::{Reading, Report};
 use crate::moving_target::rms;
 use crate::say;
 
-/// Rows whose spot is at least this high are compared: a twentieth of full scale. The noise of dimmer ones is
-/// a good part of
-/// what would be compared.
+/// The least height of a spot that is compared: a twentieth of full scale. In dimmer rows, noise would
+/// dominate the comparison.
 const BRIGHT: f64 = FULL_SCALE as f64 / 20.0;
 
-/// Ahead of the photograph three rows show a spot where no picture has one, so that lines and rows can be
-/// matched.
+/// Before the photograph, three rows show a spot at a place where no picture has one. With these, lines and
+/// rows can be matched.
 const MARKER: f64 = 1250.0;
 const MARKERS: usize = 3;
 
-/// What the demo found.
+/// The demo's results.
 #[derive(Debug, Serialize)]
 pub struct Summary {
     rows: usize,
-    /// Rows with a centre.
+    /// The number of rows with a centre.
     centres: usize,
-    /// Rows whose centre was compared: the spot is bright, and whole within the photograph.
+    /// The number of rows whose centre was compared: the spot is bright and wholly in the photograph.
     compared: usize,
     /// Distance from the least-squares fit over the spot's sigma, root mean square and largest.
     rms_sigma: Option<f64>,
     max_sigma: Option<f64>,
     /// Mean sigma of the compared rows in pixels.
     mean_width_px: Option<f64>,
-    /// Rows without a centre, by fault.
+    /// The number of rows without a centre, by fault.
     faults: BTreeMap<String, usize>,
 }
 
@@ -141,8 +139,8 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
     board
         .run_until_line(|line| line == "rows 1", patience)
         .context("the firmware did not take the command `rows`")?;
-    // After power-up the firmware clears the sensor with pulses that read no row; a result means that it is
-    // past that.
+    // After power-up the firmware clears the sensor with pulses that read no row. The first result shows that
+    // this is over.
     let result = |line: &str| !matches!(Report::parse(line), Ok(None));
     board
         .run_until_line(result, patience)
@@ -175,9 +173,8 @@ fn reports(firmware: &Firmware, photograph: &Arc<Photograph>) -> Result<Vec<Repo
     Ok(reports)
 }
 
-/// The least-squares fit of a row of counts, started where the firmware found the spot, and the pixel on
-/// which the picture
-/// begins. `None` where there is no fit, or the spot is not whole within the photograph.
+/// The least-squares fit of a row of counts, started at the firmware's centre, and the pixel on which the
+/// picture begins. `None` if the fit fails, or if the spot is not wholly in the photograph.
 fn fit(photograph: &Photograph, y: usize, reading: &Reading) -> Option<(Gaussian, i64)> {
     let (light, first) = photograph.on_sensor(y)?;
     let counts: Vec<f64> = light.iter().map(|count| f64::from(count.round())).collect();
@@ -196,7 +193,8 @@ impl Summary {
             .collect();
         let compared = match (self.rms_sigma, self.max_sigma, self.mean_width_px) {
             (Some(rms), Some(largest), Some(width)) => format!(
-                "{} of them bright (at least {BRIGHT:.0} counts) and whole in the picture: {rms:.4} sigma RMS from the least-squares \
+                "{} of them bright (at least {BRIGHT:.0} counts) and whole in the picture: \
+                 {rms:.4} sigma RMS from the least-squares \
                  fit, {largest:.4} at most, sigma {width:.1} px",
                 self.compared
             ),

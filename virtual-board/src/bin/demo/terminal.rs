@@ -1,6 +1,5 @@
-//! The board's serial line as a pseudo-terminal, with what stands around a sensor on a bench: a target on a
-//! stage, and the flash
-//! that a power switch leaves alone.
+//! The board's serial line as a pseudo-terminal, with a target on a stage, and flash that survives a power
+//! cycle.
 
 use anyhow::Result;
 use simulator::distorted_optics::DistortedOptics;
@@ -14,7 +13,7 @@ use crate::Options;
 use crate::flash_file::FlashFile;
 use crate::moving_target::{self, FARTHEST, NEAREST};
 
-/// How far an unknown geometry is from eq. (1), in metres.
+/// The largest departure of an unknown geometry from eq. (1), in metres.
 const DEPARTURE: f64 = 300e-6;
 
 /// Runs the board until the process is interrupted.
@@ -41,7 +40,7 @@ pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
     kept
 }
 
-/// What the sensor sees: a target that stays where it is put, or else one that goes to and fro.
+/// The light on the sensor: from a target that stays where it is put, or from one that moves to and fro.
 fn light(options: &Options, scene: Scene, target: Target) -> Result<LightSource> {
     let mut light = match options.unknown_geometry {
         Some(seed) => {
