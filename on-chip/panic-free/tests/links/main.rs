@@ -42,6 +42,7 @@ fn check(profile: &str) {
 /// The check is worth something only if it finds what there is: in each part of the program, behind what the
 /// part computed.
 #[test]
+#[ignore = "links the program four times, 30 s; .ci/run runs it"]
 fn a_panic_that_is_put_in_is_found() {
     let feature = ["--features", "put-panics-in"];
     for profile in [RELEASE, OVERFLOW_CHECKED] {
@@ -56,6 +57,7 @@ fn a_panic_that_is_put_in_is_found() {
 }
 
 #[test]
+#[ignore = "links the program four times, 30 s; .ci/run runs it"]
 fn an_overflow_that_is_put_in_is_found() {
     let feature = ["--features", "put-an-overflow-in"];
     let places = places_of(OVERFLOW_CHECKED, &feature);
