@@ -21,14 +21,11 @@ const SLICE: Duration = Duration::from_millis(5);
 /// How far the board may fall behind the wall clock before it stops trying to catch up.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-/// How fast the board runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pace {
-    /// As fast as the wall clock, or slower if the PC is too slow.
-    WallClock,
-    /// As fast as the PC allows.
-    Unbound,
-}
+/// How often the board's speed is looked at. Over this time, [`PATIENCE`] is a twentieth.
+const SPEED_PERIOD: Duration = Duration::from_secs(2);
+
+/// A board that is slower than this share of wall time is reported.
+const KEEPS_UP: f64 = 0.95;
 
 /// A pseudo-terminal that stands for the board's serial line. It stays open over a power cycle.
 #[derive(Debug)]
@@ -79,16 +76,19 @@ impl PseudoTerminal {
     /// receives the board's bytes. So a command finds all that was done before it was sent, and `goes_on`
     /// sees what the board did before the program reads about it.
     ///
+    /// The board runs as fast as the wall clock. If the PC is too slow for that, a message on standard error
+    /// says every 2 s at what share of wall time the board runs.
+    ///
     /// # Errors
     ///
     /// The pseudo-terminal failed, or an error of [`VirtualBoard::run_for`].
     pub fn serve(
         &mut self,
         board: &mut VirtualBoard,
-        pace: Pace,
         mut goes_on: impl FnMut(&mut VirtualBoard) -> bool,
     ) -> Result<()> {
         let mut due = Instant::now();
+        let (mut since, mut board_since) = (due, board.now());
         loop {
             self.receive()?;
             let goes_on = goes_on(board);
@@ -99,14 +99,21 @@ impl PseudoTerminal {
             board.send_at(board.now(), &self.received);
             self.received.clear();
             board.run_for(SLICE)?;
-            if pace == Pace::WallClock {
-                due += SLICE;
-                let now = Instant::now();
-                if now > due + PATIENCE {
-                    due = now;
-                }
-                std::thread::sleep(due.saturating_duration_since(now));
+            due += SLICE;
+            let now = Instant::now();
+            if now > due + PATIENCE {
+                due = now;
             }
+            let wall = now - since;
+            if wall >= SPEED_PERIOD {
+                let ran = (board.now() - board_since) as f64 * 1e-9;
+                let share = ran / wall.as_secs_f64();
+                if share < KEEPS_UP {
+                    eprintln!("this PC is too slow: the board runs at {share:.2} of wall time");
+                }
+                (since, board_since) = (now, board.now());
+            }
+            std::thread::sleep(due.saturating_duration_since(now));
         }
     }
 

@@ -5,7 +5,7 @@ use anyhow::Result;
 use simulator::distorted_optics::DistortedOptics;
 use simulator::scene::Scene;
 use virtual_board::light::{Target, of_scene, of_scene_through};
-use virtual_board::pty::{Pace, PseudoTerminal};
+use virtual_board::pty::PseudoTerminal;
 use virtual_board::stage::Stage;
 use virtual_board::{Exposure, Firmware, LightSource, SharedFlash, VirtualBoard};
 
@@ -28,7 +28,7 @@ pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
     let mut terminal = PseudoTerminal::open()?;
     println!("serial line: {}", terminal.path().display());
     let mut kept = Ok(());
-    terminal.serve(&mut board, Pace::WallClock, |_| {
+    terminal.serve(&mut board, |_| {
         if let Some(stage) = &mut stage {
             stage.look();
         }
