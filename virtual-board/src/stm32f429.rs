@@ -1,5 +1,5 @@
 //! The processor: rigless's STM32F427 with faster models of TIM1, SPI1 and DMA2. SPI1 and DMA2 move a
-//! read-out's words in batches ([`crate::burst`]).
+//! read-out's words in batches (module `burst`).
 //!
 //! TIM1 makes the sensor's master clock. rigless wakes a timer at each event of its counter: here five
 //! million times a virtual second, which took eight times as long as all else together. No pin of the model
