@@ -37,6 +37,7 @@ pub struct Stm32f429 {
     spi1_slot: usize,
     dma2: BurstDma,
     dma2_slot: usize,
+    word_by_word: bool,
     tim1: LazyTimer,
     tim1_slot: usize,
     flash_slot: usize,
@@ -60,6 +61,7 @@ impl Stm32f429 {
             spi1_slot,
             dma2,
             dma2_slot,
+            word_by_word: false,
             tim1: LazyTimer::new(),
             tim1_slot,
             flash_slot,
@@ -69,6 +71,12 @@ impl Stm32f429 {
     /// SPI1, to which the converter is connected.
     pub fn converter_bus(&mut self) -> &mut Spi {
         &mut self.spi1.spi
+    }
+
+    /// Moves each word of a read-out by itself, from the next read-out on, as rigless does. This is ten times
+    /// slower than batches. Tests compare the batches with it.
+    pub fn move_word_by_word(&mut self) {
+        self.word_by_word = true;
     }
 
     /// The number of words on SPI1 that two chips answered.
@@ -119,7 +127,7 @@ impl Mcu for Stm32f429 {
         let model: &mut dyn ErasedDevice = if slot == self.spi1_slot {
             &mut self.spi1
         } else if slot == self.dma2_slot {
-            self.dma2.shortens = self.spi1.has_only_the_converter();
+            self.dma2.shortens = !self.word_by_word && self.spi1.has_only_the_converter();
             &mut self.dma2
         } else if slot == self.tim1_slot {
             &mut self.tim1

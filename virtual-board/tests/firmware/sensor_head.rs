@@ -3,11 +3,12 @@
 use std::time::Duration;
 
 use slitrange::sensor_heads::TCD1304DG_LEAD_IN;
-use virtual_board::Row;
 use virtual_board::sensor_head::limits;
+use virtual_board::{Row, VirtualBoard};
 
 use crate::common::{
-    Status, fresh_results, is_reading, is_result, measuring, run_into_a_row, stop_the_transfer,
+    Status, firmware, fresh_results, is_reading, is_result, measuring, run_into_a_row, spot_at,
+    stop_the_transfer,
 };
 
 /// The time from row to row, as the firmware states it, ns.
@@ -86,4 +87,69 @@ fn a_violated_limit_is_an_error_of_the_run() {
     println!("{error}");
     assert!(error.contains("chip select was low for"), "{error}");
     assert!(board.finish().is_err());
+}
+
+/// The virtual board moves a read-out's words in batches, where rigless moves each word by itself. The firmware
+/// must see the same rows at the same time, and send the same lines.
+#[test]
+fn words_in_batches_are_the_same_as_words_one_by_one() {
+    let run = |word_by_word: bool| {
+        let light = spot_at(1770.3, 1500.0);
+        let mut board = VirtualBoard::power_on(firmware(), light).expect("the board starts");
+        if word_by_word {
+            let switch = board.on_emulator(|session, _, _| {
+                session.board_mut().processor.move_word_by_word();
+            });
+            switch.expect("the emulator");
+        }
+        board.head(|head| head.keep_all_rows(true));
+        board.run_for(Duration::from_millis(400)).expect("a run");
+        let rows: Vec<Row> = board.head(|head| head.rows().cloned().collect());
+        let lines: Vec<String> = (board.take_lines().into_iter())
+            .map(|line| line.text)
+            .collect();
+        board.finish().expect("a clean run");
+        (rows, lines)
+    };
+    let (batches, lines) = run(false);
+    let (single, single_lines) = run(true);
+
+    assert!(
+        batches.len() > 50 && batches.len() == single.len(),
+        "{} rows",
+        batches.len()
+    );
+    assert_eq!(lines, single_lines);
+    let (mut apart, mut phases_apart) = (0, 0.0_f64);
+    for (batch, single) in batches.iter().zip(&single) {
+        let number = batch.number;
+        assert!(
+            batch.words == single.words && batch.counts == single.counts,
+            "row {number}"
+        );
+        assert_eq!(batch.lead_in, single.lead_in, "row {number}");
+        let instants = |row: &Row| {
+            [
+                row.exposure.start,
+                row.exposure.end,
+                row.read_out,
+                row.last_word,
+            ]
+        };
+        for (batch, single) in instants(batch).into_iter().zip(instants(single)) {
+            apart = apart.max(batch.abs_diff(single));
+        }
+        phases_apart = phases_apart.max((batch.phase.0 - single.phase.0).abs());
+        phases_apart = phases_apart.max((batch.phase.1 - single.phase.1).abs());
+    }
+    println!(
+        "{} rows and {} lines are the same; instants differ by {apart} ns at most, phases by \
+         {phases_apart:.4} pixels",
+        batches.len(),
+        lines.len()
+    );
+    // rigless begins the last two words without the remainder of a nanosecond. An interrupt that comes a
+    // nanosecond later may be taken an instruction (6 ns) later, or after a turn of a loop.
+    assert!(apart <= 50, "{apart} ns");
+    assert!(phases_apart < 0.03, "{phases_apart} pixels");
 }
