@@ -89,8 +89,8 @@ fn a_violated_limit_is_an_error_of_the_run() {
     assert!(board.finish().is_err());
 }
 
-/// The virtual board moves a read-out's words in batches, where rigless moves each word by itself. The firmware
-/// must see the same rows at the same time, and send the same lines.
+/// The virtual board moves a read-out's words in batches, where rigless moves each word by itself. The
+/// firmware must see the same rows at the same time, and send the same lines.
 #[test]
 fn words_in_batches_are_the_same_as_words_one_by_one() {
     let run = |word_by_word: bool| {
