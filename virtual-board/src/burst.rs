@@ -10,8 +10,9 @@
 //! pass through rigless's DMA2, which ends the transfer, sets the flags and raises the interrupts.
 //!
 //! **What differs.** Each access to a register of SPI1 or DMA2, and each edge of a pin, first moves the words
-//! that have ended by then. So only memory can differ from silicon: in the middle of a read-out, a word may
-//! reach the buffer up to [`BATCH`] words late.
+//! that have ended by then. Two things differ from silicon in the middle of a read-out: a word may reach the
+//! buffer up to [`BATCH`] words late, and a stream's memory address register holds the address of the last
+//! words.
 //!
 //! **When.** Only read-outs that are set up as the firmware's driver does it move in batches: words of 16
 //! bits, no FIFO, no circular or double buffer, no interrupt half way, and one converter on the bus. rigless
@@ -208,7 +209,8 @@ impl Burst {
     }
 }
 
-/// When word `done` (from 0) ends. Rounded as rigless rounds: the remainders of the division add up.
+/// When word `done` (from 0) ends. Rounded as rigless rounds: the remainders of the division add up. A stream
+/// counts to 2^16, so the product is below 2^50.
 fn end_of_word(start: Nanos, done: u64, bit_hz: u64) -> Nanos {
     start + (done + 1) * u64::from(WORD_BITS) * 1_000_000_000 / bit_hz
 }
@@ -290,7 +292,8 @@ impl BurstSpi {
         let runs = clocks_words(registers) && self.clock_hz > 0;
         match burst.state {
             State::Ready(words) if runs => {
-                let bit_hz = self.clock_hz / (2 << cr1::BR.get(registers.get(spi1::Register::Cr1)));
+                let divider = 2 << cr1::BR.get(registers.get(spi1::Register::Cr1));
+                let bit_hz = (self.clock_hz / divider).max(1);
                 burst.state = State::Running {
                     words,
                     start: context.now().0,
@@ -640,11 +643,13 @@ impl Device for BurstDma {
 
     fn reset(&mut self) {
         self.enabled = [false; 4];
+        lock(&self.burst).state = State::Idle;
         Device::reset(&mut self.dma);
     }
 
     fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.enabled = [false; 4];
+        lock(&self.burst).state = State::Idle;
         Device::reset_line(&mut self.dma, registers, context);
     }
 }

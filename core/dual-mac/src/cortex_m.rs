@@ -1,8 +1,8 @@
 //! The inner products and the square root in assembly.
 //!
-//! Both inner products: LDM loads registers in the order of their numbers, so r2, r4, r5 and r8 are named,
-//! and so is the counter r3. LDM also moves its address on; the compiler chooses the register of that
-//! address, and takes none of the named ones. SMLAD multiplies the low halves of two words and their high
+//! Both inner products: LDM loads registers in the order of their numbers. So the assembly names r2, r4, r5
+//! and r8, and r3 for the counter. LDM also advances its address. The compiler chooses a register for the
+//! address, but never a register that is named here. SMLAD multiplies the low halves of two words and their high
 //! halves; the first of a pair is the low one, because this core is little-endian. The options: the assembly
 //! reads the two slices and nothing else (`readonly`), writes no memory and has no other effect (`pure`), and
 //! leaves the stack alone (`nostack`). It changes the flags (SUBS, TST, ANDS, and Q where a sum wraps), so
@@ -71,7 +71,7 @@ pub fn dot(samples: &[u16], weights: &[Pair]) -> i32 {
             "subs r3, #8",
             "bhs 2b",
             "3:",
-            // r3 is what is left, less eight: both have the same three low bits.
+            // r3 is eight less than the number of pairs left. The three low bits of both are the same.
             "tst r3, #4",
             "beq 4f",
             four_pairs!(),
@@ -124,7 +124,7 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
             "subs r3, #8",
             "bhs 2b",
             "3:",
-            // r3 is what is left, less eight: both have the same three low bits.
+            // r3 is eight less than the number of pairs left. The three low bits of both are the same.
             "tst r3, #4",
             "beq 4f",
             two_pairs!(),

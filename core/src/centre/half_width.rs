@@ -39,8 +39,8 @@ pub struct HalfMaximum {
     pub smoothed: u16,
 }
 
-/// The width in pixels by which to choose a window. It is the width of the row before, if the centre of that
-/// row is within a width of this spot. Otherwise the half maximum gives it.
+/// Finds the width in pixels that chooses a window. If the centre of the row before is within a width of this
+/// spot, the width of that row is taken. Otherwise the half maximum gives the width.
 ///
 /// # Errors
 /// [`Fault::SpotAtEdge`] where the row ends before the counts fall to half, [`Fault::NoSpot`] where they

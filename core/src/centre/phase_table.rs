@@ -215,8 +215,8 @@ fn track_once<'a>(
     .ok()
 }
 
-/// Measures the spot at its place in the row before, with the table of that row, and then at the place that
-/// this gives. `None` where the coarse search found the spot elsewhere, or another spot is there.
+/// Measures the spot twice with the table of the row before: first at the centre of the row before, then at
+/// the centre that the first measurement gives. `None` where the coarse search found the spot elsewhere, or another spot is there.
 #[inline(never)]
 fn track<'a>(
     light: &[u16],

@@ -410,7 +410,7 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
     let flank = (2.0 * at.width) as i32;
     let falls = |place: i32| {
         let inside = usize::try_from(place).ok().and_then(mean);
-        // Beyond the window nothing of the first spot is left: take the row itself.
+        // The first spot does not reach beyond the window: take the row itself.
         let mean =
             inside.or_else(|| Some(window.mean(scene.row, scene.spot, place, reach)? - at.level));
         mean.is_some_and(|mean| mean < 0.5 * top)
