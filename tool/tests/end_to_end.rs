@@ -226,8 +226,8 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
     assert!(rms_error <= most * bound + 1.0);
 }
 
-/// The bound is what the light's noise leaves, and the default estimator takes up to 1.1 of it. Nine points of
-/// a frame of 64 rows have a quarter of a reading's variance each, and eq. (1) three parameters: a twelfth
+/// The bound is what the light's noise leaves, and the default estimator takes up to 1.1 of it. Nine points
+/// of a frame of 64 rows have a quarter of a reading's variance each, and eq. (1) three parameters: a twelfth
 /// more variance. Twelve readings give an RMS to 20 %, of which three: 1.1 * 1.04 * 1.61.
 #[test]
 fn a_sensor_of_unknown_geometry_is_calibrated() {

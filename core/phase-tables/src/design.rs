@@ -57,8 +57,8 @@ impl Shape {
     }
 
     /// A centre within this many pixels of its phase needs no second measurement from a nearer phase. It is
-    /// half a phase, and a tenth of that for noise; or a tenth of the width, up to which score / slope is
-    /// straight to 4e-6 of the width.
+    /// the larger of two limits. One is half the distance between two phases, plus 10 % for noise. The other
+    /// is a tenth of the width: up to there, score / slope is a straight line to within 4e-6 of the width.
     pub fn nearest(&self) -> f64 {
         (0.55 / self.phases as f64).max(0.1 * self.width)
     }

@@ -216,7 +216,8 @@ fn track_once<'a>(
 }
 
 /// Measures the spot twice with the table of the row before: first at the centre of the row before, then at
-/// the centre that the first measurement gives. `None` where the coarse search found the spot elsewhere, or another spot is there.
+/// the centre that the first measurement gives. `None` if the coarse search found the spot elsewhere, or if
+/// another spot is there.
 #[inline(never)]
 fn track<'a>(
     light: &[u16],

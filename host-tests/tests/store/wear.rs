@@ -1,5 +1,5 @@
-//! Up to ten thousand saves: both sectors wear evenly, and nothing is lost. A configuration that is already there
-//! is not written again.
+//! Up to ten thousand saves: both sectors wear evenly, and nothing is lost. A configuration that is already
+//! there is not written again.
 
 use slitrange::store::Stored;
 

@@ -2,8 +2,8 @@
 //! read.
 //!
 //! - **Instructions** of a method are exact: those that the emulated core executed from the method's first to
-//!   its return. The program's own count is checked against them: its cycle counter, which there counts one for
-//!   each instruction.
+//!   its return. The program's own count is checked against them: there its cycle counter counts one
+//!   for each instruction.
 //! - **Cycles** are an estimate from the instructions that were executed: see [`cycles`].
 //! - **Code** is the size of all functions that can be reached from the method's own. What methods share is
 //!   counted for each: see [`program`]. **Tables** are the weights that the method reads.
