@@ -45,7 +45,7 @@ impl Shell {
     /// Loads what flash holds, sends the banner, and lets measuring begin.
     pub async fn start(&mut self) {
         let stored = self.store.read().await;
-        self.tell(Event::Started(stored));
+        self.update_session(Event::Started(stored));
         self.apply();
         PAUSED.store(false, Ordering::Relaxed);
         self.send().await;
@@ -56,7 +56,7 @@ impl Shell {
         if matches!(event, Event::Frame(_)) {
             COUNTERS.results.add();
         }
-        self.tell(event);
+        self.update_session(event);
         self.apply();
         if self.actions.save {
             PAUSED.store(true, Ordering::Relaxed);
@@ -66,8 +66,9 @@ impl Shell {
         self.send().await;
     }
 
+    /// Passes an event to the session, which writes what must be done into `actions`.
     #[inline(never)]
-    fn tell(&mut self, event: Event) {
+    fn update_session(&mut self, event: Event) {
         let vitals = COUNTERS.vitals(self.started_at.elapsed().as_millis());
         self.session.take(event, &vitals, &mut self.actions);
     }
@@ -80,7 +81,7 @@ impl Shell {
 
     async fn send(&mut self) {
         if self.actions.may_drop {
-            self.tx.offer(self.actions.text.as_str());
+            self.tx.send_or_drop(self.actions.text.as_str());
         } else {
             self.tx.send(self.actions.text.as_str()).await;
         }
@@ -98,6 +99,6 @@ impl Shell {
         };
         COUNTERS.results.add();
         PAUSED.store(false, Ordering::Relaxed);
-        self.tell(Event::Saved(result));
+        self.update_session(Event::Saved(result));
     }
 }

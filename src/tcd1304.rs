@@ -147,7 +147,7 @@ impl Tcd1304 {
     /// Ends an exposure without reading its row. The next exposure begins as if the row had been read.
     pub fn pulse(&mut self) {
         cortex_m::interrupt::free(|_| {
-            let icg_fell = self.pins.shift();
+            let icg_fell = self.pins.pulse_sh();
             wait_until(icg_fell, ICG_LOW);
             self.pins.icg.set_high();
         });
@@ -165,11 +165,11 @@ impl Tcd1304 {
             let mut transfer = pin!(converter.read(&mut row[..]));
             let started = poll_fn(|context| {
                 Poll::Ready(cortex_m::interrupt::free(|_| {
-                    let icg_fell = pins.shift();
+                    let icg_fell = pins.pulse_sh();
                     pins.chip_select.set_low();
                     wait_until(icg_fell, TRANSFER_START);
                     let started = transfer.as_mut().poll(context);
-                    pins.let_go_after_word_0(icg_fell, icg_periods);
+                    pins.raise_icg_after_word_0(icg_fell, icg_periods);
                     started
                 }))
             });
@@ -188,7 +188,7 @@ impl Tcd1304 {
 
 impl Pins {
     /// Ends the exposure: pulses SH while ICG is low. Returns when ICG fell, just after a rise of fM.
-    fn shift(&mut self) -> u32 {
+    fn pulse_sh(&mut self) -> u32 {
         // A rise of fM that is far enough ahead not to be missed.
         let icg_falls = board::cycles()
             .wrapping_sub(board::cycles_since_master_clock_rose())
@@ -204,7 +204,7 @@ impl Pins {
 
     /// Waits for the end of word 0, and raises ICG on the rise of fM that suits word 1. If no word comes, ICG
     /// rises all the same, and the transfer runs into its timeout.
-    fn let_go_after_word_0(&mut self, icg_fell: u32, icg_periods: &mut u32) {
+    fn raise_icg_after_word_0(&mut self, icg_fell: u32, icg_periods: &mut u32) {
         while board::words_to_come() as usize >= WORDS
             && board::cycles().wrapping_sub(icg_fell) < TRANSFER_START + FIRST_WORD_TIMEOUT
         {

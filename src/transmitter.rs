@@ -5,8 +5,8 @@
 //! embassy-stm32 0.6.0's buffered transmitter wants care:
 //! * `write` takes all of the bytes or none, and fails if there are more than its buffer holds.
 //! * `write` without room registers no waker: awaited, it would sleep for ever. It is polled here.
-//! * `write` starts the interrupt only if the buffer was empty when it looked. If the last bytes leave
-//!   between that look and the new bytes' arrival, nobody starts it: it is started here after every write.
+//! * `write` starts the interrupt only if the buffer was empty when it checked. If the last bytes leave
+//!   between that check and the new bytes' arrival, nobody starts it: it is started here after every write.
 
 use embassy_futures::poll_once;
 use embassy_stm32::interrupt::InterruptExt;
@@ -32,7 +32,7 @@ impl Transmitter {
     /// Sends text, however long that takes: a person or a program waits for it.
     pub async fn send(&mut self, text: &str) {
         for piece in text.as_bytes().chunks(PIECE) {
-            while !self.accept(piece) {
+            while !self.try_hand_over(piece) {
                 // The line carries 11 bytes a millisecond.
                 Timer::after_millis(2).await;
             }
@@ -40,13 +40,15 @@ impl Transmitter {
     }
 
     /// Sends a line if there is room for it, and drops it otherwise: the next one is more recent.
-    pub fn offer(&mut self, line: &str) {
-        COUNTERS.lines_dropped.add_if(!self.accept(line.as_bytes()));
+    pub fn send_or_drop(&mut self, line: &str) {
+        COUNTERS
+            .lines_dropped
+            .add_if(!self.try_hand_over(line.as_bytes()));
     }
 
     /// Hands over all of the bytes or, without room for them, none. On an error the bytes count as handed
     /// over, because a second try would give the same error.
-    fn accept(&mut self, bytes: &[u8]) -> bool {
+    fn try_hand_over(&mut self, bytes: &[u8]) -> bool {
         let accepted = poll_once(self.0.write(bytes)).is_ready();
         board::SERIAL_INTERRUPT.pend();
         accepted

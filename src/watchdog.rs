@@ -13,27 +13,28 @@ use embassy_time::{Duration, Ticker};
 
 use super::shared::{COUNTERS, Counter};
 
-/// The watchdog's patience by its own clock, which may run between 17 and 47 kHz instead of 32 (data sheet of
+/// The watchdog's timeout by its own clock, which may run between 17 and 47 kHz instead of 32 (data sheet of
 /// the STM32F429, LSI): 0.7 to 1.9 s.
 pub const TIMEOUT_US: u32 = 1_000_000;
 
-/// How often the counters are looked at.
-const LOOK: Duration = Duration::from_millis(100);
+/// Time between two checks of the counters.
+const CHECK_PERIOD: Duration = Duration::from_millis(100);
 
-/// Looks without a change until a counter counts as stopped. The longest frame, 64 rows, lasts 365 ms, and
-/// the serial line may be up to 100 ms into an answer when it ends: 800 ms leave room for lost rows.
-const PATIENCE: u32 = 8;
+/// A counter that has not changed in this many checks counts as stopped. The longest frame, 64 rows, lasts
+/// 365 ms, and the serial line may be up to 100 ms into an answer when it ends: 800 ms leave room for lost
+/// rows.
+const MAX_CHECKS_WITHOUT_CHANGE: u32 = 8;
 
 /// Watches for ever.
 #[embassy_executor::task]
 pub async fn watch(mut watchdog: IndependentWatchdog<'static, peripherals::IWDG>) {
     let mut signs = [Sign::of(&COUNTERS.pulses), Sign::of(&COUNTERS.results)];
-    let mut look = Ticker::every(LOOK);
+    let mut check = Ticker::every(CHECK_PERIOD);
     loop {
-        look.next().await;
+        check.next().await;
         let mut alive = true;
         for sign in &mut signs {
-            alive &= sign.moves();
+            alive &= sign.is_moving();
         }
         if alive {
             watchdog.pet();
@@ -45,7 +46,7 @@ pub async fn watch(mut watchdog: IndependentWatchdog<'static, peripherals::IWDG>
 struct Sign {
     counter: &'static Counter,
     seen: u32,
-    looks_without_change: u32,
+    checks_without_change: u32,
 }
 
 impl Sign {
@@ -53,18 +54,19 @@ impl Sign {
         Self {
             counter,
             seen: counter.get(),
-            looks_without_change: 0,
+            checks_without_change: 0,
         }
     }
 
-    fn moves(&mut self) -> bool {
+    /// Checks the counter, and returns whether the counter still moves.
+    fn is_moving(&mut self) -> bool {
         let count = self.counter.get();
         if count == self.seen {
-            self.looks_without_change = self.looks_without_change.saturating_add(1);
+            self.checks_without_change = self.checks_without_change.saturating_add(1);
         } else {
             self.seen = count;
-            self.looks_without_change = 0;
+            self.checks_without_change = 0;
         }
-        self.looks_without_change < PATIENCE
+        self.checks_without_change < MAX_CHECKS_WITHOUT_CHANGE
     }
 }

@@ -61,10 +61,10 @@ impl BlackPixels {
         }
     }
 
-    /// Adds the black pixels of another row.
-    pub fn add_row(&mut self, row: Self) {
-        self.sum = self.sum.saturating_add(row.sum);
-        self.pixels = self.pixels.saturating_add(row.pixels);
+    /// Adds the sum and the number of other black pixels to these.
+    pub fn merge(&mut self, other: Self) {
+        self.sum = self.sum.saturating_add(other.sum);
+        self.pixels = self.pixels.saturating_add(other.pixels);
     }
 
     fn add_pixels(&mut self, pixels: &[u16]) {

@@ -29,7 +29,7 @@
 //! boxes and clusters of bad pixels have a centre too. So the check also compares the sums of the pairs with
 //! a gaussian, loosely.
 //!
-//! If a row fails the check, [`repair`] leaves samples out and fits the rest. Its centre replaces the first
+//! If a row fails the check, [`repair`] masks samples and fits the rest. Its centre replaces the first
 //! one if the row, without those samples, passes the check about it. Otherwise the first centre stays,
 //! flagged: in speckle the robust fit is worse than a plain one. `other_spot` searches the rest of the row
 //! for a second spot.
@@ -38,7 +38,7 @@ mod other_spot;
 pub mod repair;
 mod symmetry;
 
-use crate::centre::gauss_newton::LeftOut;
+use crate::centre::gauss_newton::MaskedPixels;
 use crate::centre::{self, Estimator, RowCentre, gauss_newton};
 use crate::fault::Fault;
 use crate::row::{Geometry, Row};
@@ -127,7 +127,7 @@ fn repair_or_keep(
 /// Flags a centre about which the row is not symmetric. A fit's own flag stays if full scale or the sensor's
 /// edge cuts the spot; for a whole spot the fit would flag every profile that is no gaussian.
 fn check_symmetry(row: &Row<'_>, spot: &Spot, found: RowCentre, geometry: &Geometry) -> RowCentre {
-    let misfit = match symmetry::check(row, spot, &found, geometry, &LeftOut::default()) {
+    let misfit = match symmetry::check(row, spot, &found, geometry, &MaskedPixels::default()) {
         Some(is_clean) => !is_clean || found.misfit && !is_whole(row, &found),
         None => found.misfit || found.width.to_f32() < NARROWEST_CUT,
     };

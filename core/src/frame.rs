@@ -147,7 +147,7 @@ impl Frame {
         }
         let fitted = if motion == 0.0 { 1.0 } else { 2.0 };
         let (growth, correlated) = match correlation::independent(&members, fitted) {
-            Some(found) => (found.growth, found.too_few()),
+            Some(found) => (found.growth, found.rows_if_few()),
             None => (1.0, None),
         };
         let uncertainty =
@@ -161,7 +161,7 @@ impl Frame {
             // At most the 64 rows there are.
             rows_used: members.len() as u16,
             rows: self.rows,
-            misfits: number(&members, |it| it.row.misfit) as u16,
+            misfits: count_where(&members, |it| it.row.misfit) as u16,
             correlated,
         })
     }
@@ -183,7 +183,7 @@ impl Frame {
             // There is room for all centres.
             let _ = members.push(Member {
                 row,
-                place: f32::from(*number) - middle,
+                rows_from_middle: f32::from(*number) - middle,
                 offset: offset.to_f32(),
                 uncertainty: row.uncertainty.max(RESOLUTION).to_f32(),
                 weight: 1.0,
@@ -205,14 +205,14 @@ type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
 /// by less than 2^17 px. A line through some of them is at most so steep, so a centre less that line is below
 /// 2^24. An uncertainty is 2^-16 to 2^15 px. A residual, which is centre over uncertainty, is below 2^40,
 /// from another line below 2^47, and 64 squares are below 2^100. A weight is at most 1/u^2 = 2^32. 64
-/// weights, each times an offset and the square of a place, are below 2^74; a weight times u is at most 2^16.
-/// Most of the rows that agree have more than half of their 1/u^2 >= 2^-30, so sums of weights are above
-/// zero.
+/// weights, each times an offset and the square of a row's number, are below 2^74; a weight times u is at
+/// most 2^16. Most of the rows that agree have more than half of their 1/u^2 >= 2^-30, so sums of weights are
+/// above zero.
 #[derive(Clone, Copy)]
 struct Member<'a> {
     row: &'a RowCentre,
     /// The row's number from the middle of the frame, -31.5 to 31.5.
-    place: f32,
+    rows_from_middle: f32,
     /// The row's centre from the frame's origin, in pixels, less the motion since the middle of the frame.
     offset: f32,
     /// The uncertainty in pixels, never zero.
@@ -236,8 +236,8 @@ fn weighted_mean(members: &[Member<'_>]) -> Option<f32> {
 }
 
 /// The uncertainty of the mean in pixels, if the uncertainty of each row is true and all rows are
-/// independent. The uncertainty of the motion adds to it, as far as the rows' mean place is from the middle
-/// of the frame.
+/// independent. The uncertainty of the motion adds to it, as far as the mean of the rows' numbers is from the
+/// middle of the frame.
 fn propagated(members: &[Member<'_>], motion: f32) -> f32 {
     let weights: f32 = members.iter().map(|it| it.weight).sum();
     let variance: f32 = members
@@ -271,15 +271,15 @@ fn is_more_than_chance(chi_square: f32, degrees: f32) -> bool {
 
 /// Standard deviation of the rows' centres about their plain mean, in pixels, with a motion in pixels a row.
 fn scatter(members: &[Member<'_>], motion: f32) -> f32 {
-    let offset = |member: &Member<'_>| member.offset + motion * member.place;
+    let offset = |member: &Member<'_>| member.offset + motion * member.rows_from_middle;
     let n = members.len().max(1) as f32;
     let mean = members.iter().map(offset).sum::<f32>() / n;
     let squares: f32 = members.iter().map(|it| square(offset(it) - mean)).sum();
     libm::sqrtf(squares / n)
 }
 
-/// The number of members for which `is_so` holds.
-fn number(members: &[Member<'_>], is_so: impl Fn(&Member<'_>) -> bool) -> usize {
+/// Counts the members for which `is_so` is true.
+fn count_where(members: &[Member<'_>], is_so: impl Fn(&Member<'_>) -> bool) -> usize {
     numeric::count(members.iter().map(is_so))
 }
 

@@ -91,7 +91,7 @@ impl Measurement {
         let how = self.settings.black_level;
         let mut black = BlackPixels::default();
         black.add(how, row, spot.ok().map(|spot| spot.background));
-        self.black.add_row(black);
+        self.black.merge(black);
         let spot = spot?;
         let spot = Spot {
             // A sensor without shielded pixels has only the background's level.

@@ -38,7 +38,8 @@ pub struct Record {
     pub serial_number: u32,
     /// The day on which it was calibrated.
     pub date: Date,
-    /// The rows of the sensor. A record is for sensors that [have the same words](Geometry::has_same_words).
+    /// The rows of the sensor. Other sensors may use the record if their geometry
+    /// [is compatible](Geometry::is_compatible_with).
     pub geometry: Geometry,
     /// How centres were found. On a spot that is no gaussian, two estimators may find two centres.
     pub estimator: Estimator,
@@ -411,7 +412,7 @@ pub enum RecordError {
         /// Its letter.
         letter: u8,
     },
-    /// A black level that no pixel has.
+    /// A black level outside a pixel's range.
     BlackLevel {
         /// That level.
         level: Counts,
@@ -439,7 +440,7 @@ impl fmt::Display for RecordError {
                 "a buffer of {bytes} bytes is too short for the record: {MAX_ENCODED} are enough for any"
             ),
             Self::Short { bytes } => {
-                write!(f, "{bytes} bytes are no record: write the calibration again")
+                write!(f, "{bytes} bytes are too few for a record: write the calibration again")
             }
             Self::Checksum { written, computed } => write!(
                 f,
@@ -450,16 +451,15 @@ impl fmt::Display for RecordError {
                 "the record has format {version}, and this firmware knows {VERSION}: write it with the tool of this firmware"
             ),
             Self::Shape => f.write_str(
-                "the bytes are whole but no record: write the calibration with the tool of this firmware",
+                "the CRC is right, but the bytes are not a record: write the calibration with the tool of this firmware",
             ),
             Self::StraightLines => f.write_str(
                 "the record is a table with straight lines between its knots, which this firmware no longer has: fit again \
                  from the points file",
             ),
-            Self::Date => f.write_str("the record's date is no day: set it"),
+            Self::Date => f.write_str("the record's date is not a day of the calendar: set the date"),
             Self::Geometry => f.write_str(
-                "the record's sensor is none that there could be: its parts must lie within a row, with 1 to 4096 pixels of \
-                 1 to 12 bits",
+                "the record's sensor is impossible: its parts must lie within a row, with 1 to 4096 pixels of 1 to 12 bits",
             ),
             Self::Estimator { letter } => write!(
                 f,
@@ -468,7 +468,7 @@ impl fmt::Display for RecordError {
             ),
             Self::BlackLevel { level } => write!(
                 f,
-                "the record's black level of {level} counts is none that a pixel has: it must be 0 to {LARGEST_COUNT}"
+                "the record's black level of {level} counts is outside a pixel's range: set it to 0 to {LARGEST_COUNT}"
             ),
             Self::Eq1(error) => error.fmt(f),
             Self::Table(error) => error.fmt(f),

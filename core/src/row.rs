@@ -107,9 +107,9 @@ pub enum RowError {
 }
 
 impl Geometry {
-    /// Whether a calibration for one geometry holds for the other. All fields must agree but the noise
-    /// figure, which changes a centre's uncertainty and not its meaning.
-    pub fn has_same_words(&self, other: &Self) -> bool {
+    /// Whether a calibration that was made with one geometry may be used with the other. All fields must
+    /// agree but the noise figure, which changes a centre's uncertainty and not its meaning.
+    pub fn is_compatible_with(&self, other: &Self) -> bool {
         // All fields by name: a new one does not compile until someone decides here whether it counts.
         let Self {
             words,
@@ -155,7 +155,7 @@ impl Geometry {
         }
         let full_scale = self.full_scale();
         let (any, reaches_full_scale) = match self.polarity {
-            Polarity::Falling => turn_over(words, full_scale),
+            Polarity::Falling => invert_words(words, full_scale),
             Polarity::Rising => {
                 let any = words.iter().fold(0, |any, &word| any | word);
                 (any, words.iter().any(|&word| word >= full_scale))
@@ -185,7 +185,7 @@ impl Geometry {
 /// Subtracts each word from full scale, in place. Returns all bits that were set in any word, and whether a
 /// word was zero (full scale of light). Takes two words at a time, because it runs on every word of every
 /// row.
-fn turn_over(words: &mut [u16], full_scale: u16) -> (u16, bool) {
+fn invert_words(words: &mut [u16], full_scale: u16) -> (u16, bool) {
     const ONES: u32 = 0x0001_0001;
     let full_scales = u32::from(full_scale) * ONES;
     let (mut any, mut borrows) = (0u32, 0u32);
@@ -198,8 +198,8 @@ fn turn_over(words: &mut [u16], full_scale: u16) -> (u16, bool) {
         borrows |= both.wrapping_sub(ONES) & !both;
         // No half borrows from the other if both words are at most full scale. Any other row ends as an
         // error.
-        let turned = full_scales.wrapping_sub(both);
-        *pair = [turned as u16, (turned >> 16) as u16];
+        let inverted = full_scales.wrapping_sub(both);
+        *pair = [inverted as u16, (inverted >> 16) as u16];
     }
     for word in last {
         any |= u32::from(*word);
@@ -248,7 +248,7 @@ mod tests {
             shot_variance_per_count_q16: 1,
             ..geometry()
         };
-        assert!(here.has_same_words(&here) && here.has_same_words(&noisier));
+        assert!(here.is_compatible_with(&here) && here.is_compatible_with(&noisier));
         for other in [
             Geometry {
                 words: 9,
@@ -271,8 +271,8 @@ mod tests {
                 ..geometry()
             },
         ] {
-            assert!(!here.has_same_words(&other), "{other:?}");
-            assert!(!other.has_same_words(&here), "{other:?}");
+            assert!(!here.is_compatible_with(&other), "{other:?}");
+            assert!(!other.is_compatible_with(&here), "{other:?}");
         }
     }
 

@@ -14,7 +14,7 @@ use core::fmt::{self, Write as _};
 use crate::distance::Calibration;
 use crate::fault::Fault;
 use crate::protocol::MAX_ANSWER;
-use crate::protocol::calibration::{FlashStatus, Shown};
+use crate::protocol::calibration::{CalibrationAnswer, FlashStatus};
 use crate::protocol::command::{Command, Error};
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::{Banner, Hardware, Info};
@@ -61,7 +61,8 @@ pub struct Actions {
 }
 
 impl Actions {
-    fn say(&mut self, line: &dyn fmt::Display) {
+    /// Adds a line to the text.
+    fn add_line(&mut self, line: &dyn fmt::Display) {
         // An answer that does not fit is cut off; the protocol's tests hold that all fit.
         let _ = write!(self.text, "{line}\r\n");
     }
@@ -138,20 +139,20 @@ impl Session {
             Event::Started(stored) => {
                 self.load(stored);
                 actions.apply = Some(self.settings);
-                actions.say(&Banner(&self.hardware, self.started_by));
+                actions.add_line(&Banner(&self.hardware, self.started_by));
             }
             Event::Line(Ok(command)) => {
-                if let Err(refusal) = self.obey(command, vitals, actions) {
-                    actions.say(&refusal);
+                if let Err(refusal) = self.execute(command, vitals, actions) {
+                    actions.add_line(&refusal);
                 }
             }
-            Event::Line(Err(error)) => actions.say(&error),
+            Event::Line(Err(error)) => actions.add_line(&error),
             Event::Frame(measured) => self.report(measured, actions),
             Event::Saved(Ok(())) => {
                 self.note_saved();
-                actions.say(&Command::Save);
+                actions.add_line(&Command::Save);
             }
-            Event::Saved(Err(error)) => actions.say(&Refusal::NotSaved(error)),
+            Event::Saved(Err(error)) => actions.add_line(&Refusal::NotSaved(error)),
         }
     }
 
@@ -179,7 +180,7 @@ impl Session {
     fn load_configuration(&mut self, Configuration { settings, record }: Configuration) {
         self.settings = settings;
         match record {
-            Some(record) if !record.geometry.has_same_words(&self.geometry) => {
+            Some(record) if !record.geometry.is_compatible_with(&self.geometry) => {
                 self.record = None;
                 self.flash = FlashStatus::OtherSensor;
                 return;
@@ -217,21 +218,21 @@ impl Session {
         let centre_wanted = core::mem::take(&mut self.centre_wanted);
         if distance_wanted {
             match &result {
-                Ok(reading) => actions.say(reading),
+                Ok(reading) => actions.add_line(reading),
                 Err(fault) => advise(fault, actions),
             }
         }
         if centre_wanted {
             match &measured {
-                Ok(measured) => actions.say(measured),
+                Ok(measured) => actions.add_line(measured),
                 Err(fault) => advise(fault, actions),
             }
         }
         if !distance_wanted && !centre_wanted && self.settings.stream {
             actions.may_drop = true;
             match &result {
-                Ok(reading) => actions.say(reading),
-                Err(fault) => actions.say(fault),
+                Ok(reading) => actions.add_line(reading),
+                Err(fault) => actions.add_line(fault),
             }
         }
     }
@@ -242,7 +243,8 @@ impl Session {
         Some(&record.calibration)
     }
 
-    fn obey(
+    /// Executes a command, and writes its answer into `actions`.
+    fn execute(
         &mut self,
         command: Command,
         vitals: &Vitals,
@@ -250,16 +252,16 @@ impl Session {
     ) -> Result<(), Refusal> {
         match command {
             Command::Nothing => {}
-            Command::Help => actions.say(&Help),
-            Command::HelpEstimator => actions.say(&Estimators),
-            Command::Info => actions.say(&Info {
+            Command::Help => actions.add_line(&Help),
+            Command::HelpEstimator => actions.add_line(&Estimators),
+            Command::Info => actions.add_line(&Info {
                 hardware: &self.hardware,
                 geometry: &self.geometry,
                 settings: &self.settings,
                 record: self.record(),
-                on: self.calibration_on,
+                is_calibration_on: self.calibration_on,
             }),
-            Command::Status => actions.say(&Status {
+            Command::Status => actions.add_line(&Status {
                 started_by: self.started_by,
                 vitals,
                 readings: self.readings,
@@ -268,17 +270,17 @@ impl Session {
             // The next frame answers.
             Command::Distance => self.distance_wanted = true,
             Command::Centre => self.centre_wanted = true,
-            Command::Show(setting) => actions.say(&self.settings.get(setting)),
+            Command::Show(setting) => actions.add_line(&self.settings.get(setting)),
             Command::Set(value) => {
                 self.settings.set(value);
                 if value.setting().affects() == Affects::Measurement {
                     actions.apply = Some(self.settings);
                 }
-                actions.say(&value);
+                actions.add_line(&value);
             }
-            Command::Calibration(None) => actions.say(&Shown {
-                written: self.record.as_ref(),
-                on: self.calibration_on,
+            Command::Calibration(None) => actions.add_line(&CalibrationAnswer {
+                record: self.record.as_ref(),
+                is_on: self.calibration_on,
                 stored: self.flash,
             }),
             Command::Calibration(Some(on)) => {
@@ -286,24 +288,24 @@ impl Session {
                     return Err(Refusal::NoCalibration);
                 }
                 self.calibration_on = on;
-                actions.say(&command);
+                actions.add_line(&command);
             }
-            Command::Data(offset) => actions.say(&self.piece(offset)?),
+            Command::Data(offset) => actions.add_line(&self.piece(offset)?),
             Command::Upload(step) => {
                 self.upload(step, actions)?;
-                actions.say(&command);
+                actions.add_line(&command);
             }
             Command::Defaults => {
                 self.set_defaults();
                 actions.apply = Some(self.settings);
-                actions.say(&command);
+                actions.add_line(&command);
             }
             Command::Save => {
                 if self.record.is_none() {
                     return Err(Refusal::NoCalibration);
                 }
                 actions.save = true;
-                actions.say(&"save pauses the stream");
+                actions.add_line(&"save pauses the stream");
             }
         }
         Ok(())
@@ -346,5 +348,5 @@ impl Session {
 /// Answers with a fault and what to do about it.
 fn advise(fault: &Fault, actions: &mut Actions) {
     let advice = fault.advice();
-    actions.say(&format_args!("{fault}\r\n({advice})"));
+    actions.add_line(&format_args!("{fault}\r\n({advice})"));
 }

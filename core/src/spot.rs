@@ -155,7 +155,7 @@ fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
             .max_by_key(|candidate| candidate.significance)
             .ok_or(no_spot)?;
     }
-    if !is_level && tilt.matters(light, best.height(), noise) {
+    if !is_level && tilt.may_hide(light, best.height(), noise) {
         return Ok(Found::Tilt(tilt));
     }
     if best.significance < needed(DETECTION, noise) {
@@ -180,7 +180,7 @@ fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
 fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
     let mut level: Vec<u16, MAX_PIXELS> = Vec::new();
     // Every push succeeds: a row has at most MAX_PIXELS.
-    let (lowest, above) = tilt.taken_off(light);
+    let (lowest, above) = tilt.subtract_from(light);
     for count in above {
         let _ = level.push(count);
     }
@@ -189,7 +189,7 @@ fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
             let level = Counts::from_bits(
                 (spot.background.level.to_bits())
                     .saturating_add(lowest.saturating_mul(1 << Counts::FRACTION))
-                    .saturating_add(tilt.at(light, spot.centre)),
+                    .saturating_add(tilt.height_at(light, spot.centre)),
             );
             Ok(Spot {
                 background: Background {
@@ -228,8 +228,8 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
     let level = Counts::from_bits(before.background.level_bits());
     let background = under_the_kernel(level, block_log2);
     let above = |response: u32| in_q8(response).saturating_sub(background).max(0);
-    // Another spot has two thirds of the peak's response or more: see `second_spot::is_alike`. Below 2^30 and
-    // 2^31.
+    // Another spot has two thirds of the peak's response or more: see `second_spot::has_similar_height`.
+    // Below 2^30 and 2^31.
     let least_like = |peak: u32| {
         (numeric::add_i32(background, above(peak) / 3 * 2).max(0) >> Counts::FRACTION)
             .unsigned_abs()
@@ -247,7 +247,7 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
     // is silent, because no pixel changes.
     if significance < needed(DETECTION, before.background.noise)
         || centre.abs_diff(before.centre) > width + block
-        || is_on_another(background, response, background_beside(&sweep, peak.group))
+        || has_background_changed(background, response, background_beside(&sweep, peak.group))
         || peak.has_another
     {
         return find(row);
@@ -265,20 +265,20 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
 /// three arguments are responses of the kernel, in Q24.8 counts. A smaller change moves no centre of a phase
 /// table, and a quarter of a response does not pass for a whole one. The centroid, which subtracts the level,
 /// then subtracts a level that is off by that change.
-fn is_on_another(background: i32, response: i32, beside: Option<i32>) -> bool {
+fn has_background_changed(background: i32, response: i32, beside: Option<i32>) -> bool {
     beside.is_none_or(|beside| beside.abs_diff(background) > response.unsigned_abs() / 4)
 }
 
 /// Groups from the spot's group to the two that show the background beside it. A group has 2/3 to 4/3 of the
 /// width, so the nearest pixels of those two are 2.7 widths from the centre, where a gaussian has 3 % of its
 /// height left.
-const BESIDE: usize = 5;
+const GROUPS_TO_BACKGROUND: usize = 5;
 
 /// The background to the left and right of a group, as a response of the kernel [1 2 1], in Q24.8 counts.
 /// Where the row has one side only, that side counts twice. `None` where the row has neither.
 fn background_beside(sweep: &Sweep<'_>, group: usize) -> Option<i32> {
-    let left = (group.checked_sub(BESIDE)).and_then(|group| sweep.sum(group));
-    let right = sweep.sum(group.saturating_add(BESIDE));
+    let left = (group.checked_sub(GROUPS_TO_BACKGROUND)).and_then(|group| sweep.sum(group));
+    let right = sweep.sum(group.saturating_add(GROUPS_TO_BACKGROUND));
     let both = numeric::add_u32(left.or(right)?, right.or(left)?);
     // Twice two groups of at most 128 pixels: as much as a response.
     Some(in_q8(numeric::add_u32(both, both)))

@@ -128,10 +128,10 @@ impl<F: NorFlash> Store<F> {
     /// Reads an item's bytes into the buffer, and gives their number.
     async fn read_item(&mut self, wanted: &Item) -> Result<Option<usize>, StoreError> {
         let mut queue = wanted.sector.queue(&mut self.flash);
-        let Some(mut iterator) = done(queue.iter().await)? else {
+        let Some(mut iterator) = none_if_corrupt(queue.iter().await)? else {
             return Ok(None);
         };
-        while let Some(Some(item)) = done(iterator.next(&mut self.item).await)? {
+        while let Some(Some(item)) = none_if_corrupt(iterator.next(&mut self.item).await)? {
             if item.first_chunk() == Some(&wanted.number.to_le_bytes()) {
                 return Ok(Some(item.len()));
             }
@@ -145,10 +145,10 @@ impl<F: NorFlash> Store<F> {
             return Ok(false);
         }
         let mut queue = sector.queue(&mut self.flash);
-        let Some(mut iterator) = done(queue.iter().await)? else {
+        let Some(mut iterator) = none_if_corrupt(queue.iter().await)? else {
             return Ok(true);
         };
-        let first = done(iterator.next(&mut self.item).await)?;
+        let first = none_if_corrupt(iterator.next(&mut self.item).await)?;
         Ok(!matches!(first, Some(Some(_))))
     }
 
@@ -214,7 +214,7 @@ impl<F: NorFlash> Store<F> {
         let length = NUMBER.saturating_add(configuration::encode(configuration, body)?.len());
         let item = self.item.get(..length).unwrap_or_default();
         let pushed = sector.queue(&mut self.flash).push(item, false).await;
-        if done(pushed)?.is_none() {
+        if none_if_corrupt(pushed)?.is_none() {
             return Ok(false);
         }
         let Some(newest) = self.items().await?.newest else {
@@ -233,10 +233,10 @@ impl<F: NorFlash> Store<F> {
         };
         for sector in Sector::BOTH {
             let mut queue = sector.queue(&mut self.flash);
-            let Some(mut iterator) = done(queue.iter().await)? else {
+            let Some(mut iterator) = none_if_corrupt(queue.iter().await)? else {
                 continue;
             };
-            while let Some(Some(item)) = done(iterator.next(&mut self.item).await)? {
+            while let Some(Some(item)) = none_if_corrupt(iterator.next(&mut self.item).await)? {
                 let Some((number, bytes)) = item.split_first_chunk() else {
                     continue;
                 };
@@ -262,12 +262,12 @@ impl<F: NorFlash> Store<F> {
     }
 }
 
-/// The library's result. `None` if the library cannot work with the contents of the sector.
-fn done<T>(
+/// Converts the library's result: `None` if the library finds the contents of the sector corrupt.
+fn none_if_corrupt<T>(
     result: Result<T, sequential_storage::Error<PageError>>,
 ) -> Result<Option<T>, StoreError> {
     match result {
-        Ok(done) => Ok(Some(done)),
+        Ok(value) => Ok(Some(value)),
         Err(sequential_storage::Error::Storage {
             value: PageError::Flash,
         }) => Err(StoreError::Flash),

@@ -115,7 +115,7 @@ impl Line {
                 let record = decode(&self.came).ok()?;
                 record
                     .geometry
-                    .has_same_words(&tcd1304dg())
+                    .is_compatible_with(&tcd1304dg())
                     .then_some(Some(record))
             }
         }

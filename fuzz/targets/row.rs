@@ -161,7 +161,7 @@ impl Bench {
     }
 
     fn set(&mut self, a: u8, [b, c, d]: [u16; 3]) {
-        let rungs = Estimator::ALL;
+        let estimators = Estimator::ALL;
         self.settings = Settings {
             rows: if b & 0x8000 != 0 { b } else { b % 20 },
             mean: if a & 1 == 0 {
@@ -169,7 +169,7 @@ impl Bench {
             } else {
                 Mean::Plain
             },
-            estimator: rungs[usize::from(c) % rungs.len()],
+            estimator: estimators[usize::from(c) % estimators.len()],
             black_level: match a >> 1 & 3 {
                 0 => BlackLevel::Shielded,
                 1 => BlackLevel::Frame,

@@ -13,7 +13,7 @@ pub fn borrow(tables: &[IntegerTable]) -> Vec<Table<'_>> {
             phases: u8::try_from(table.shape.phases).expect("phases are few"),
             weights: &table.weights,
             stretch: &table.stretch,
-            nearest: table.shape.nearest() as f32,
+            near_limit: table.shape.near_limit() as f32,
             centre_per_ratio: table.centre_per_ratio as f32,
             bend: table.bend as f32,
             stretch_per_ratio: table.stretch_per_ratio as f32,

@@ -62,9 +62,9 @@ fn clean_rows_are_not_doubted() {
                     .into_par_iter()
                     .map(|number| {
                         let row = recipe.row(7, number);
-                        let [alone, looked_at] = answers_to(&row, Estimator::PhaseTable);
-                        let wrong = is_confident_error(&row, &looked_at);
-                        (alone.is_ok(), alone != looked_at, wrong)
+                        let [alone, checked] = answers_to(&row, Estimator::PhaseTable);
+                        let wrong = is_confident_error(&row, &checked);
+                        (alone.is_ok(), alone != checked, wrong)
                     })
                     .collect();
                 let centres = results.iter().filter(|result| result.0).count();
@@ -217,8 +217,8 @@ fn a_slope_is_taken_over_without_bias() {
         .into_par_iter()
         .filter_map(|number| {
             let row = recipe.row(3, number);
-            let [_, looked_at] = answers_to(&row, Estimator::PhaseTable);
-            let found = looked_at.ok().filter(|found| !found.misfit)?;
+            let [_, checked] = answers_to(&row, Estimator::PhaseTable);
+            let found = checked.ok().filter(|found| !found.misfit)?;
             Some(row.truth.error(found.centre.to_f64()))
         })
         .collect();

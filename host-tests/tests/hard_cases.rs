@@ -113,7 +113,7 @@ fn confident_errors_are_rare() {
     for (i, estimator) in Estimator::ALL.iter().enumerate() {
         if USED.contains(estimator) {
             let [of_clean, of_flawed] =
-                [&clean, &flawed].map(|tally| tally.looked_at[i].confident_errors);
+                [&clean, &flawed].map(|tally| tally.checked[i].confident_errors);
             assert!(
                 of_clean <= most(OF_CLEAN),
                 "{}: {of_clean}",

@@ -160,8 +160,8 @@ proptest! {
         let can_be = found && before.is_none_or(|before| is_width(before.width));
         for estimator in Estimator::ALL {
             let alone = centre::centre(estimator, &row, &spot, before.as_ref(), &geometry);
-            let looked_at = check::centre(estimator, &row, &spot, before.as_ref(), &geometry);
-            for found in [alone, looked_at].iter().flatten() {
+            let checked = check::centre(estimator, &row, &spot, before.as_ref(), &geometry);
+            for found in [alone, checked].iter().flatten() {
                 prop_assert!(!can_be || is_sane(found, light.len()), "{estimator:?}: {found:?}");
             }
         }

@@ -201,7 +201,7 @@ fn help_info_and_status_are_answered() {
             geometry: &tcd1304dg(),
             settings: &Settings::default(),
             record: nominal.as_ref(),
-            on,
+            is_calibration_on: on,
         };
         assert_eq!(sensor.ask("info"), info.to_string());
     }
@@ -375,7 +375,7 @@ fn a_save_comes_back_after_a_power_cycle() {
     let mut older = Sensor::started(Stored::Older(saved.clone()));
     let shown = older.ask("calibration");
     assert!(
-        shown.contains("\r\ncalibration fault what was saved last "),
+        shown.contains("\r\ncalibration fault the last save is unusable, "),
         "{shown}"
     );
     assert!(shown.ends_with("\r\ncalibration stored same"), "{shown}");

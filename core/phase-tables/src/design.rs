@@ -59,7 +59,7 @@ impl Shape {
     /// A centre within this many pixels of its phase needs no second measurement from a nearer phase. It is
     /// the larger of two limits. One is half the distance between two phases, plus 10 % for noise. The other
     /// is a tenth of the width: up to there, score / slope is a straight line to within 4e-6 of the width.
-    pub fn nearest(&self) -> f64 {
+    pub fn near_limit(&self) -> f64 {
         (0.55 / self.phases as f64).max(0.1 * self.width)
     }
 
@@ -138,8 +138,8 @@ pub fn design(
         let [before, _] = weights(centre - h);
         let [after, _] = weights(centre + h);
         let derivative = (before - after) / (2.0 * h);
-        let spots = served(profile, shape, centre, &score);
-        let slope = &derivative - skew(&spots, &score, &derivative) * &score;
+        let spots = sample_spots(profile, shape, centre, &score);
+        let slope = &derivative - fit_asymmetry(&spots, &score, &derivative) * &score;
         fit.add(&spots, &slope);
         table.score.push(score);
         table.slope.push(slope);
@@ -231,8 +231,13 @@ struct Shifted {
     straight: f64,
 }
 
-/// Spots that a table serves: shifted, narrower and wider up to its limits.
-fn served(profile: Profile<'_>, shape: Shape, centre: f64, score: &DVector<f64>) -> Vec<Shifted> {
+/// Samples of spots within a table's limits: shifted, narrower and wider.
+fn sample_spots(
+    profile: Profile<'_>,
+    shape: Shape,
+    centre: f64,
+    score: &DVector<f64>,
+) -> Vec<Shifted> {
     const SHIFTS: i32 = 4;
     const WIDTHS: [f64; 3] = [0.9, 1.0, 1.1];
 
@@ -256,7 +261,7 @@ fn served(profile: Profile<'_>, shape: Shape, centre: f64, score: &DVector<f64>)
 /// How much of the score to subtract from its derivative, by least squares. If the profile is not symmetric,
 /// the score is shift + s shift^2, and its derivative 1 + 2 s shift. The derivative less s times the score is
 /// score / shift.
-fn skew(spots: &[Shifted], score: &DVector<f64>, derivative: &DVector<f64>) -> f64 {
+fn fit_asymmetry(spots: &[Shifted], score: &DVector<f64>, derivative: &DVector<f64>) -> f64 {
     let (mut product, mut square) = (0.0, 0.0);
     for spot in spots {
         let response = score.dot(&spot.light);

@@ -189,14 +189,14 @@ pub fn rust_source(tables: &[IntegerTable]) -> String {
         let _ = writeln!(
             source,
             "Table {{ width: {:?}, half_width: {}, phases: {}, weights: &{:?}, stretch: &{:?}, \
-             nearest: {:?}, centre_per_ratio: {:?}, bend: {:?}, stretch_per_ratio: {:?}, \
+             near_limit: {:?}, centre_per_ratio: {:?}, bend: {:?}, stretch_per_ratio: {:?}, \
              height_per_slope: {:?}, variance_per_noise: {:?}, variance_per_height: {:?} }},",
             table.shape.width as f32,
             table.shape.half_width,
             table.shape.phases,
             table.weights,
             table.stretch,
-            table.shape.nearest() as f32,
+            table.shape.near_limit() as f32,
             table.centre_per_ratio as f32,
             table.bend as f32,
             table.stretch_per_ratio as f32,
@@ -292,7 +292,7 @@ mod tests {
             for (k, [score, slope, _]) in table.rows().iter().enumerate() {
                 for step in -10..=10 {
                     for mismatch in [0.95, 1.0, 1.05] {
-                        let shift = f64::from(step) / 10.0 * table.shape.nearest();
+                        let shift = f64::from(step) / 10.0 * table.shape.near_limit();
                         let dot = |weights: &[i16]| {
                             weights
                                 .iter()

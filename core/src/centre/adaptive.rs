@@ -9,7 +9,7 @@
 //! As long as the tilt lasts, each row takes two more measurements.
 
 use crate::centre::RowCentre;
-use crate::centre::phase_table::{self, Fit, Width};
+use crate::centre::phase_table::{self, Fit, WidthSource};
 use crate::centre::tables::{MIXES, Sampling, TILTED, TableSet};
 use crate::fault::Fault;
 use crate::numeric;
@@ -50,7 +50,7 @@ pub(super) fn fit(
         before,
         geometry,
         tables,
-        Width::Measured,
+        WidthSource::Measured,
         Sampling::Fine,
     )?;
     if before.is_none() {

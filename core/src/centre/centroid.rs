@@ -34,7 +34,7 @@
 //! | division | f32: 24 bits on a quotient below a pixel once the window rests |
 
 use crate::centre::half_width;
-use crate::centre::plausible::{certain, on_the_row, unsaturated};
+use crate::centre::plausible::{check_saturation, check_uncertainty, position_on_row};
 use crate::centre::{RowCentre, WidthClass};
 use crate::fault::Fault;
 use crate::numeric;
@@ -69,9 +69,9 @@ pub fn centre(
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
     let light = row.light();
-    let mut at = on_the_row(light, spot)?;
+    let mut at = position_on_row(light, spot)?;
     let width = half_width::width(light, spot, before)?;
-    unsaturated(row, at, width, geometry)?;
+    check_saturation(row, at, width, geometry)?;
     let level = spot.black_level_bits();
     // At most 510 pixels, because a width is at most 170.
     let half_window = Pixels::from_f32(HALF_WINDOW * width);
@@ -106,14 +106,14 @@ pub fn centre(
             break;
         }
     }
-    unsaturated(row, at, width, geometry)?;
+    check_saturation(row, at, width, geometry)?;
     let (noise, shot) = spot.background.variances(geometry);
     let h = HALF_WINDOW * width;
     let slope = WINDOW_FACTOR * gathered;
     let variance = noise * (2.0 / 3.0 * h - 1.0 / 3.0) * h * h + shot * slope * width * width;
     let uncertainty = dual_mac::square_root(variance) / slope;
     let amplitude = gathered / (LIGHT * width);
-    certain(amplitude, uncertainty, width)?;
+    check_uncertainty(amplitude, uncertainty, width)?;
     if !rests {
         return Err(spot.no_spot());
     }

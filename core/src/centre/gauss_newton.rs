@@ -33,7 +33,7 @@
 //! is left is far smaller, because the method converges quadratically.
 
 use crate::centre::half_width::{self, WIDTHS};
-use crate::centre::plausible::{certain, saturated_pixels};
+use crate::centre::plausible::{check_uncertainty, count_saturated_pixels};
 use crate::centre::{RowCentre, WidthClass};
 use crate::fault::Fault;
 use crate::numeric;
@@ -80,17 +80,18 @@ const FEWEST_SAMPLES: usize = 4;
 /// the expectation is n.
 const MISFIT: f32 = 5.0;
 
-/// The relative uncertainty of the noise's square: [`crate::spot::find`] knows the noise to 3 % on a row of
+/// The relative uncertainty of the noise's variance: [`crate::spot::find`] knows the noise to 3 % on a row of
 /// 3648 pixels. The variance of the sum of squares is 2 n from its own scatter, and (this times n)^2 from
 /// that of the noise.
-const NOISE_SQUARED: f32 = 0.06;
+const NOISE_VARIANCE_UNCERTAINTY: f32 = 0.06;
 
-/// The variance of a sample at full scale, in counts squared: it then weighs nothing beside any other.
-const MASKED: f32 = 1e30;
+/// The variance of a sample at full scale, in counts squared. It masks the sample: the sample weighs nothing
+/// beside any other.
+const SATURATED: f32 = 1e30;
 
-/// The variance of a sample that is left out for another reason. [`Window::row_centre`] still counts it among
-/// the degrees of freedom, so a caller that leaves samples out must test the misfit again.
-const LEFT_OUT: f32 = 2e30;
+/// The variance of a sample that the check masks. [`Window::row_centre`] still counts the sample among the
+/// degrees of freedom, so a caller that masks samples must test the misfit again.
+const MASKED_BY_CHECK: f32 = 2e30;
 
 /// A sample of the window.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -102,21 +103,21 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Leaves the sample out, until [`Window::unmask`].
+    /// Masks the sample, until [`Window::unmask`].
     pub(crate) fn mask(&mut self) {
         if !self.is_masked() {
-            self.variance = LEFT_OUT;
+            self.variance = MASKED_BY_CHECK;
         }
     }
 
-    /// Whether [`Self::mask`] left the sample out.
-    pub(crate) fn is_left_out(&self) -> bool {
-        self.variance >= LEFT_OUT
+    /// Whether [`Self::mask`] masked the sample.
+    pub(crate) fn is_masked_by_check(&self) -> bool {
+        self.variance >= MASKED_BY_CHECK
     }
 
-    /// Whether the sample weighs nothing.
+    /// Whether the sample weighs nothing: it is at full scale, or the check masked it.
     pub(crate) fn is_masked(&self) -> bool {
-        self.variance >= MASKED
+        self.variance >= SATURATED
     }
 }
 
@@ -173,7 +174,7 @@ pub fn centre(
     let start = Start::find(light, spot, geometry)?;
     let window = Window::around(light, spot, &start, geometry);
     let (_, shot) = spot.background.variances(geometry);
-    let saturated = saturated_pixels(light, start.centre, start.width, geometry);
+    let saturated = count_saturated_pixels(light, start.centre, start.width, geometry);
     let unfit = match saturated {
         0 => spot.no_spot(),
         pixels => Fault::Saturated { pixels },
@@ -191,7 +192,7 @@ pub fn centre(
         });
     }
     let (uncertainty, width) = (found.uncertainty.to_f32(), found.width.to_f32());
-    certain(found.amplitude.to_f32(), uncertainty, width).map_err(|too_dim| {
+    check_uncertainty(found.amplitude.to_f32(), uncertainty, width).map_err(|too_dim| {
         // The spot is cut off: the cause is not a lack of light.
         if cut_off == CutOff::No {
             too_dim
@@ -270,7 +271,7 @@ pub(crate) struct Window {
     /// How many there are: fewer than [`SAMPLES`] at the sensor's edge.
     length: usize,
     /// How many of them are at full scale.
-    masked: usize,
+    saturated: usize,
     /// The variance of a sample that is not masked.
     variance: f32,
 }
@@ -306,7 +307,7 @@ impl Window {
             block,
             samples: [Sample::default(); SAMPLES],
             length: 0,
-            masked: 0,
+            saturated: 0,
             variance: noise * block as f32,
         };
         for (sample, pixels) in window.samples.iter_mut().zip(pixels.chunks_exact(block)) {
@@ -321,33 +322,33 @@ impl Window {
                 counts: numeric::sub_i32(numeric::mul_i32(sum, 1 << Counts::FRACTION), level)
                     as f32
                     / 256.0,
-                variance: if full { MASKED } else { window.variance },
+                variance: if full { SATURATED } else { window.variance },
             };
             // At most SAMPLES.
-            window.masked = numeric::add_usize(window.masked, usize::from(full));
+            window.saturated = numeric::add_usize(window.saturated, usize::from(full));
             window.length = numeric::add_usize(window.length, 1);
         }
         window
     }
 
     /// Whether the centre is among the samples, and so on the sensor.
-    pub(crate) fn holds(&self, at: &Parameters) -> bool {
+    pub(crate) fn has_centre(&self, at: &Parameters) -> bool {
         (-0.5..self.length as f32 - 0.5).contains(&at.centre)
     }
 
-    /// Takes back the samples that [`Sample::mask`] left out. Samples at full scale stay masked.
+    /// Takes back the samples that [`Sample::mask`] masked. Samples at full scale stay masked.
     pub(crate) fn unmask(&mut self) {
         for sample in &mut self.samples {
-            if sample.variance >= LEFT_OUT {
+            if sample.is_masked_by_check() {
                 sample.variance = self.variance;
             }
         }
     }
 
-    /// The samples that are masked.
-    pub(crate) fn left_out(&self) -> LeftOut {
+    /// The pixels of the samples that are masked.
+    pub(crate) fn masked_pixels(&self) -> MaskedPixels {
         let samples = self.samples().iter().enumerate();
-        LeftOut {
+        MaskedPixels {
             first: self.first,
             block: self.block,
             // Fewer than 128.
@@ -407,13 +408,13 @@ impl Window {
 
     /// How much of the spot is at full scale.
     fn cut_off(&self, fit: &Parameters) -> CutOff {
-        if self.masked == 0 {
+        if self.saturated == 0 {
             return CutOff::No;
         }
         let (mut fitted, mut full) = (0, 0);
         for (i, sample) in self.samples().iter().enumerate() {
             let distance = (i as f32 - fit.centre).abs();
-            if sample.variance < MASKED {
+            if !sample.is_masked() {
                 fitted = usize::saturating_add(fitted, (distance <= 3.0 * fit.width).into());
             } else {
                 full = usize::saturating_add(full, (distance <= 2.0 * fit.width).into());
@@ -438,7 +439,7 @@ impl Window {
         let width = dual_mac::square_root((s * s - 1.0 / 12.0).max(0.0)) * block;
         let from_first = Pixels::from_f32(centre * block + self.half_sample());
         // No more than 128 each.
-        let freedom = self.length as f32 - self.masked as f32 - 4.0;
+        let freedom = self.length as f32 - self.saturated as f32 - 4.0;
         let is_noise = fit.squares <= freedom + allowed_scatter(freedom);
         RowCentre {
             centre: Pixels::from_bits(
@@ -458,7 +459,7 @@ impl Window {
 
 /// How far the sum of squares may be above its expectation, which is that of its degrees of freedom.
 pub(crate) fn allowed_scatter(freedom: f32) -> f32 {
-    let known = NOISE_SQUARED * freedom;
+    let known = NOISE_VARIANCE_UNCERTAINTY * freedom;
     MISFIT * dual_mac::square_root((2.0 * freedom + known * known).max(0.0))
 }
 
@@ -667,9 +668,9 @@ impl NormalEquations {
     }
 }
 
-/// Samples of a window that are left out.
+/// The pixels of a window's masked samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct LeftOut {
+pub(crate) struct MaskedPixels {
     /// The first pixel of the first sample.
     pub(crate) first: usize,
     /// Pixels in a sample.
@@ -678,8 +679,8 @@ pub(crate) struct LeftOut {
     pub(crate) samples: u128,
 }
 
-impl LeftOut {
-    /// Whether a pixel of the row is in a sample that is left out.
+impl MaskedPixels {
+    /// Whether a pixel of the row is in a masked sample.
     pub(crate) fn has(&self, pixel: usize) -> bool {
         let from_first = pixel.checked_sub(self.first);
         let sample = from_first.and_then(|pixels| pixels.checked_div(self.block));
@@ -708,7 +709,7 @@ mod tests {
     fn samples(at: &Parameters) -> [Sample; SAMPLES] {
         core::array::from_fn(|i| Sample {
             counts: (model(at, i) + (i * i * i % 11) as f64 * 10.0) as f32,
-            variance: if i == 60 { MASKED } else { 4.0 },
+            variance: if i == 60 { SATURATED } else { 4.0 },
         })
     }
 
@@ -818,7 +819,7 @@ mod tests {
         assert!(normal_equations(&[], &AT, 0.0).solve().is_none());
         let all_full = [Sample {
             counts: 4000.0,
-            variance: MASKED,
+            variance: SATURATED,
         }; SAMPLES];
         let fitted = fit(&all_full, AT, 0.0);
         let uncertain = fitted.is_none_or(|fit| fit.uncertainty > 1e6);
@@ -849,13 +850,13 @@ mod tests {
 
     #[test]
     fn a_bit_is_a_sample() {
-        let left_out = LeftOut {
+        let masked = MaskedPixels {
             first: 10,
             block: 2,
             samples: 0b101,
         };
-        let pixels: std::vec::Vec<usize> = (0..400).filter(|&pixel| left_out.has(pixel)).collect();
+        let pixels: std::vec::Vec<usize> = (0..400).filter(|&pixel| masked.has(pixel)).collect();
         assert_eq!(pixels, [10, 11, 14, 15]);
-        assert!(!LeftOut::default().has(0));
+        assert!(!MaskedPixels::default().has(0));
     }
 }

@@ -7,7 +7,7 @@
 //! found is up to a fifth too large for spots of 0.8 to 1.2 pixels, and up to 3 % from 2 pixels.
 
 use crate::centre::RowCentre;
-use crate::centre::plausible::on_the_row;
+use crate::centre::plausible::position_on_row;
 use crate::fault::Fault;
 use crate::numeric;
 use crate::numeric::limited;
@@ -46,7 +46,7 @@ pub struct HalfMaximum {
 /// [`Fault::SpotAtEdge`] where the row ends before the counts fall to half, [`Fault::NoSpot`] where they
 /// never do, or the width is outside [`WIDTHS`].
 pub fn width(light: &[u16], spot: &Spot, before: Option<&RowCentre>) -> Result<f32, Fault> {
-    let start = on_the_row(light, spot)?;
+    let start = position_on_row(light, spot)?;
     if let Some(before) = before {
         let width = before.width.to_f32();
         let moved = before.centre.to_bits().abs_diff(start.to_bits());
@@ -82,7 +82,7 @@ impl HalfMaximum {
 /// above the level, or the counts do not fall to half within four blocks: a spot's width is at most two
 /// blocks.
 pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
-    let start = on_the_row(light, spot)?;
+    let start = position_on_row(light, spot)?;
     let block = 1usize << spot.block_log2.min(7);
     let smoothed = (block / 2).max(1);
     let near = light

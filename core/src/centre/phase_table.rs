@@ -18,8 +18,8 @@
 
 use dual_mac::square_root;
 
-use crate::centre::plausible::{certain, on_the_row, unsaturated};
-use crate::centre::tables::{NARROWEST, Sampling, Table, TableSet, halvings};
+use crate::centre::plausible::{check_saturation, check_uncertainty, position_on_row};
+use crate::centre::tables::{NARROWEST, Sampling, Table, TableSet, halvings, is_spot_width};
 use crate::centre::window::Window;
 use crate::centre::{RowCentre, WidthClass};
 use crate::fault::Fault;
@@ -31,7 +31,7 @@ use crate::units::{Counts, Pixels};
 const MAX_PASSES: usize = 10;
 
 /// How well a window and a table must fit in a pass. The first number limits the distance to the phase, in
-/// units of `Score::nearest`. The second limits how much worse the table matches the width than the best
+/// units of `Score::near_limit`. The second limits how much worse the table matches the width than the best
 /// table does, as a share of the width. In noise two tables, or two phases, may each prefer the other, so
 /// later passes accept a worse fit.
 const fn slack(pass: usize) -> (f32, f32) {
@@ -73,15 +73,15 @@ pub fn centre(
                 block: 1,
                 ..before.class
             };
-            if let Some(fit) = track_once(row, spot, before, class, tables, Width::TakenOver) {
+            if let Some(fit) = track_once(row, spot, before, class, tables, WidthSource::Previous) {
                 return finish(row, spot, before, &fit, geometry);
             }
         } else if let Some(centre) = track_blocks(row, spot, before, geometry, tables) {
             return centre;
         }
     }
-    let width = Width::TakenOver;
-    fit_in_full(row, spot, before, geometry, tables, width, sampling)?
+    let source = WidthSource::Previous;
+    fit_in_full(row, spot, before, geometry, tables, source, sampling)?
         .with_uncertainty(spot.background.noise, geometry)
 }
 
@@ -94,7 +94,14 @@ fn track_blocks(
     geometry: &Geometry,
     tables: &TableSet<'_>,
 ) -> Option<Result<RowCentre, Fault>> {
-    let fit = track_once(row, spot, before, before.class, tables, Width::TakenOver)?;
+    let fit = track_once(
+        row,
+        spot,
+        before,
+        before.class,
+        tables,
+        WidthSource::Previous,
+    )?;
     Some(finish(row, spot, before, &fit, geometry))
 }
 
@@ -107,7 +114,7 @@ fn finish(
     fit: &Fit<'_>,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
-    unsaturated(row, fit.centre, fit.width, geometry)?;
+    check_saturation(row, fit.centre, fit.width, geometry)?;
     let centre = fit.with_uncertainty(spot.background.noise, geometry)?;
     Ok(RowCentre {
         width: before.width,
@@ -117,9 +124,9 @@ fn finish(
 
 /// Where the width comes from that chooses the table, if there is a row before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Width {
+pub(super) enum WidthSource {
     /// From the row before, unchanged.
-    TakenOver,
+    Previous,
     /// From the third product, smoothed over the rows.
     Measured,
 }
@@ -135,7 +142,7 @@ pub(super) fn fit<'a>(
     before: Option<&RowCentre>,
     geometry: &Geometry,
     tables: &TableSet<'a>,
-    width: Width,
+    source: WidthSource,
     sampling: Sampling,
 ) -> Result<Fit<'a>, Fault> {
     if let Some(before) = before
@@ -144,12 +151,12 @@ pub(super) fn fit<'a>(
             block: 1,
             ..before.class
         })
-        && let Some(fit) = track_once(row, spot, before, class, tables, width)
+        && let Some(fit) = track_once(row, spot, before, class, tables, source)
     {
-        unsaturated(row, fit.centre, fit.width, geometry)?;
+        check_saturation(row, fit.centre, fit.width, geometry)?;
         return Ok(fit);
     }
-    fit_in_full(row, spot, before, geometry, tables, width, sampling)
+    fit_in_full(row, spot, before, geometry, tables, source, sampling)
 }
 
 /// As [`fit`], without [`track_once`].
@@ -161,15 +168,15 @@ fn fit_in_full<'a>(
     before: Option<&RowCentre>,
     geometry: &Geometry,
     tables: &TableSet<'a>,
-    width: Width,
+    source: WidthSource,
     sampling: Sampling,
 ) -> Result<Fit<'a>, Fault> {
-    let tracked = before.and_then(|before| track(row.light(), spot, before, tables, width));
+    let tracked = before.and_then(|before| track(row.light(), spot, before, tables, source));
     let fit = match tracked {
         Some(fit) => fit,
         None => fit_afresh(row, spot, geometry, tables, sampling)?,
     };
-    unsaturated(row, fit.centre, fit.width, geometry)?;
+    check_saturation(row, fit.centre, fit.width, geometry)?;
     Ok(fit)
 }
 
@@ -197,7 +204,7 @@ fn track_once<'a>(
     before: &RowCentre,
     class: WidthClass,
     tables: &TableSet<'a>,
-    source: Width,
+    source: WidthSource,
 ) -> Option<Fit<'a>> {
     let table = tables.get(class)?;
     if !is_near(spot, before) {
@@ -224,12 +231,12 @@ fn track<'a>(
     spot: &Spot,
     before: &RowCentre,
     tables: &TableSet<'a>,
-    source: Width,
+    source: WidthSource,
 ) -> Option<Fit<'a>> {
     if !is_near(spot, before) {
         return None;
     }
-    let (class, table) = tables.of(before.class, before.width.to_f32())?;
+    let (class, table) = tables.get_or_choose(before.class, before.width.to_f32())?;
     let mut at = before.centre;
     for _ in 0..MAX_TRACKING {
         match measure_at(light, at, before.width, class, tables, table, source)? {
@@ -250,19 +257,19 @@ fn measure_at<'a>(
     class: WidthClass,
     tables: &TableSet<'_>,
     table: &'a Table<'a>,
-    source: Width,
+    source: WidthSource,
 ) -> Option<Result<Fit<'a>, Pixels>> {
     let window = Window::place(light, at, class, table)?;
     let score = window.score()?;
-    if !score.near {
+    if !score.is_near {
         return Some(Err(score.centre));
     }
     let mut width = width.to_f32();
     let table_width = table.width * f32::from(class.block);
-    if source == Width::Measured {
+    if source == WidthSource::Measured {
         let measured = table_width * (1.0 + window.stretch(&score));
         width += (measured - width) * SMOOTHING;
-        let is_within = table.mismatch(width, class.block) <= tables.reach();
+        let is_within = table.mismatch(width, class.block) <= tables.largest_mismatch();
         if !is_within {
             return None;
         }
@@ -287,7 +294,7 @@ const SMOOTHING: f32 = 0.25;
 pub(super) fn refit<'a>(light: &[u16], fit: &Fit<'_>, tables: &TableSet<'a>) -> Option<Fit<'a>> {
     let (class, table) = tables.choose(fit.width, Sampling::Fine)?;
     let mut score = Window::place(light, fit.centre, class, table)?.score()?;
-    if !score.near {
+    if !score.is_near {
         score = Window::place(light, score.centre, class, table)?.score()?;
     }
     Some(Fit {
@@ -328,13 +335,13 @@ fn fit_afresh<'a>(
     sampling: Sampling,
 ) -> Result<Fit<'a>, Fault> {
     let light = row.light();
-    let start = on_the_row(light, spot)?;
+    let start = position_on_row(light, spot)?;
     // The coarse kernel fits a width of 0.9 of its block best.
     let start_width = 0.9 * (1u32 << spot.block_log2.min(7)) as f32;
-    unsaturated(row, start, start_width, geometry)?;
+    check_saturation(row, start, start_width, geometry)?;
     settle(light, start, start_width, tables, sampling).map_err(|error| match error {
         Unsettled::Edge(centre) => Fault::SpotAtEdge { centre },
-        Unsettled::Shape => spot.no_spot(),
+        Unsettled::NotASpot => spot.no_spot(),
         // Noise may also keep a table from fitting.
         Unsettled::Never(fit) => match fit.with_uncertainty(spot.background.noise, geometry) {
             Err(too_dim) => too_dim,
@@ -347,8 +354,8 @@ fn fit_afresh<'a>(
 enum Unsettled<'a> {
     /// The window reaches over the sensor's edge.
     Edge(Pixels),
-    /// The light there is not a spot.
-    Shape,
+    /// The light does not have the shape of a spot.
+    NotASpot,
     /// Place or width did not come to rest; this is the last fit.
     Never(Fit<'a>),
 }
@@ -362,7 +369,7 @@ fn settle<'a>(
     sampling: Sampling,
 ) -> Result<Fit<'a>, Unsettled<'a>> {
     let (mut at, mut width) = (start, start_width);
-    let (mut class, mut table) = tables.choose(width, sampling).ok_or(Unsettled::Shape)?;
+    let (mut class, mut table) = tables.choose(width, sampling).ok_or(Unsettled::NotASpot)?;
     let (mut cut, mut was_cut, mut last) = (false, false, None);
     for pass in 0..MAX_PASSES {
         let Some(window) = Window::place(light, at, class, table) else {
@@ -370,23 +377,23 @@ fn settle<'a>(
             // corrects both.
             (cut, was_cut) = (true, true);
             width = table.width * f32::from(class.block) * NARROWER;
-            (class, table) = tables.choose(width, sampling).ok_or(Unsettled::Shape)?;
+            (class, table) = tables.choose(width, sampling).ok_or(Unsettled::NotASpot)?;
             if width < NARROWEST {
                 break;
             }
             continue;
         };
-        let score = window.score().ok_or(Unsettled::Shape)?;
+        let score = window.score().ok_or(Unsettled::NotASpot)?;
         let stretch = window.stretch(&score);
         at = score.centre;
         width = table.width * f32::from(class.block) * (1.0 + stretch);
         if at.to_bits().abs_diff(start.to_bits())
             > Pixels::from_f32(4.0 * start_width).to_bits().unsigned_abs()
         {
-            return Err(Unsettled::Shape);
+            return Err(Unsettled::NotASpot);
         }
         let (steps, margin) = slack(if cut { 0 } else { pass });
-        let (better_class, better) = tables.choose(width, sampling).ok_or(Unsettled::Shape)?;
+        let (better_class, better) = tables.choose(width, sampling).ok_or(Unsettled::NotASpot)?;
         let fits = table.mismatch(width, class.block)
             <= better.mismatch(width, better_class.block) + margin;
         let fit = Fit {
@@ -398,14 +405,14 @@ fn settle<'a>(
             class,
             table,
         };
-        if fits && score.distance.abs() <= steps * score.nearest {
+        if fits && score.distance.abs() <= steps * score.near_limit {
             if was_cut && width < RIPPLE * start_width {
                 return Err(Unsettled::Edge(at));
             }
-            return if tables.serves(width) {
+            return if is_spot_width(width) {
                 Ok(fit)
             } else {
-                Err(Unsettled::Shape)
+                Err(Unsettled::NotASpot)
             };
         }
         last = Some(fit);
@@ -420,7 +427,7 @@ fn settle<'a>(
     Err(match last {
         _ if cut => Unsettled::Edge(at),
         Some(fit) => Unsettled::Never(fit),
-        None => Unsettled::Shape,
+        None => Unsettled::NotASpot,
     })
 }
 
@@ -451,7 +458,7 @@ impl Fit<'_> {
         let variance = self.table.variance_per_noise * read + self.table.variance_per_height * shot;
         let uncertainty = square_root(variance) * self.per_slope * block;
         let amplitude = height * divisor / block;
-        certain(amplitude, uncertainty, self.width)?;
+        check_uncertainty(amplitude, uncertainty, self.width)?;
         Ok(RowCentre {
             centre: self.centre,
             uncertainty: Pixels::from_positive_f32(uncertainty),

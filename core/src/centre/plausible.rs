@@ -14,7 +14,7 @@ const DIMMEST: f32 = 8.0;
 /// # Errors
 /// [`Fault::Saturated`] with the number of such pixels.
 #[inline]
-pub fn unsaturated(
+pub fn check_saturation(
     row: &Row<'_>,
     centre: Pixels,
     width: f32,
@@ -24,7 +24,7 @@ pub fn unsaturated(
     if !row.reaches_full_scale() {
         return Ok(());
     }
-    match saturated_pixels(row.light(), centre, width, geometry) {
+    match count_saturated_pixels(row.light(), centre, width, geometry) {
         0 => Ok(()),
         pixels => Err(Fault::Saturated { pixels }),
     }
@@ -32,7 +32,12 @@ pub fn unsaturated(
 
 /// Counts the pixels at full scale within two widths of the centre.
 #[inline(never)]
-pub fn saturated_pixels(light: &[u16], centre: Pixels, width: f32, geometry: &Geometry) -> u16 {
+pub fn count_saturated_pixels(
+    light: &[u16],
+    centre: Pixels,
+    width: f32,
+    geometry: &Geometry,
+) -> u16 {
     let full_scale = geometry.full_scale();
     let centre = usize::try_from(centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
     // `as` saturates.
@@ -54,7 +59,7 @@ pub fn saturated_pixels(light: &[u16], centre: Pixels, width: f32, geometry: &Ge
 /// [`Fault::TooDim`], with the height at which the uncertainty would do, in noise that does not grow with the
 /// light.
 #[inline]
-pub fn certain(amplitude: f32, uncertainty: f32, width: f32) -> Result<(), Fault> {
+pub fn check_uncertainty(amplitude: f32, uncertainty: f32, width: f32) -> Result<(), Fault> {
     if uncertainty * DIMMEST <= width {
         return Ok(());
     }
@@ -73,7 +78,7 @@ fn too_dim(amplitude: f32, uncertainty: f32, width: f32) -> Fault {
 ///
 /// # Errors
 /// [`Fault::SpotAtEdge`] where it is not on the row.
-pub fn on_the_row(light: &[u16], spot: &Spot) -> Result<Pixels, Fault> {
+pub fn position_on_row(light: &[u16], spot: &Spot) -> Result<Pixels, Fault> {
     match i32::try_from(spot.centre) {
         // A row has at most 4096 pixels: Q16 holds them.
         Ok(centre) if spot.centre < light.len() => Ok(Pixels::from_int(centre)),
@@ -92,29 +97,32 @@ mod tests {
         let mut light = [100u16; 64];
         let geometry = crate::sensor_heads::tcd1304dg();
         let centre = Pixels::from_f32(32.5);
-        assert_eq!(saturated_pixels(&light, centre, 2.0, &geometry), 0);
+        assert_eq!(count_saturated_pixels(&light, centre, 2.0, &geometry), 0);
         light[27] = 4095;
         light[37] = 4095;
-        assert_eq!(saturated_pixels(&light, centre, 2.0, &geometry), 2);
-        assert_eq!(saturated_pixels(&light, centre, 1.4, &geometry), 0);
+        assert_eq!(count_saturated_pixels(&light, centre, 2.0, &geometry), 2);
+        assert_eq!(count_saturated_pixels(&light, centre, 1.4, &geometry), 0);
         assert_eq!(
-            saturated_pixels(&light, Pixels::MAX, f32::MAX, &geometry),
+            count_saturated_pixels(&light, Pixels::MAX, f32::MAX, &geometry),
             2
         );
-        assert_eq!(saturated_pixels(&[], Pixels::MIN, f32::NAN, &geometry), 0);
+        assert_eq!(
+            count_saturated_pixels(&[], Pixels::MIN, f32::NAN, &geometry),
+            0
+        );
     }
 
     #[test]
     fn an_eighth_of_the_width() {
-        assert_eq!(certain(100.0, 0.25, 2.0), Ok(()));
+        assert_eq!(check_uncertainty(100.0, 0.25, 2.0), Ok(()));
         assert_eq!(
-            certain(100.0, 0.5, 2.0),
+            check_uncertainty(100.0, 0.5, 2.0),
             Err(Fault::TooDim {
                 amplitude: Counts::from_int(100),
                 needed: Counts::from_int(200),
             })
         );
-        assert!(certain(100.0, f32::NAN, 2.0).is_err());
-        assert!(certain(100.0, 0.1, f32::NAN).is_err());
+        assert!(check_uncertainty(100.0, f32::NAN, 2.0).is_err());
+        assert!(check_uncertainty(100.0, 0.1, f32::NAN).is_err());
     }
 }

@@ -23,7 +23,7 @@ pub struct Table<'a> {
     /// Weights of the stretch, in the same order.
     pub stretch: &'a [Pair],
     /// A centre within this many samples of its phase needs no second measurement from a nearer phase.
-    pub nearest: f32,
+    pub near_limit: f32,
     /// Distance in samples where score / slope = 1.
     pub centre_per_ratio: f32,
     /// Correction of the distance, in 1/samples^2: if the ratio says q samples, the distance is q - bend q^3.
@@ -46,8 +46,8 @@ pub struct TableSet<'a> {
     /// Tells the sets of the core apart in a [`WidthClass`].
     number: u8,
     /// How far a spot's width may be from a table's, relative. Half a step between the widths, beyond which
-    /// another table serves better, and a tenth of a step for noise.
-    reach: f32,
+    /// another table fits better, and a tenth of a step for noise.
+    largest_mismatch: f32,
 }
 
 /// Why tables cannot be used.
@@ -183,7 +183,7 @@ impl<'a> TableSet<'a> {
             }
             narrower = table.width;
             // A bend that is not a number must not pass either.
-            let bent = table.bend.abs() * table.nearest * table.nearest;
+            let bent = table.bend.abs() * table.near_limit * table.near_limit;
             if !table.scales_are_positive() || bent.is_nan() || bent > 0.05 {
                 return Err(TableError::Scales);
             }
@@ -196,7 +196,7 @@ impl<'a> TableSet<'a> {
             }
             i += 1;
         }
-        let reach = if tables.len() > 1 {
+        let largest_mismatch = if tables.len() > 1 {
             0.6 * (tables[1].width / tables[0].width - 1.0)
         } else {
             f32::INFINITY
@@ -204,7 +204,7 @@ impl<'a> TableSet<'a> {
         Ok(Self {
             tables,
             number: FOREIGN,
-            reach,
+            largest_mismatch,
         })
     }
 
@@ -213,15 +213,14 @@ impl<'a> TableSet<'a> {
         self.tables
     }
 
-    /// Whether a spot may have this width in pixels.
-    pub(super) fn serves(&self, width: f32) -> bool {
-        (NARROWEST..WIDEST).contains(&width)
-    }
-
-    /// The table of the class that the row before had. If that class is of another set, the table for the
-    /// width.
+    /// Gets the table of a class, which the row before had. If that class is of another set, chooses the
+    /// table for the width.
     #[inline]
-    pub(super) fn of(&self, class: WidthClass, width: f32) -> Option<(WidthClass, &'a Table<'a>)> {
+    pub(super) fn get_or_choose(
+        &self,
+        class: WidthClass,
+        width: f32,
+    ) -> Option<(WidthClass, &'a Table<'a>)> {
         if class.set != self.number {
             return self.choose(width, Sampling::Fine);
         }
@@ -244,8 +243,8 @@ impl<'a> TableSet<'a> {
     }
 
     /// See the field.
-    pub(super) const fn reach(&self) -> f32 {
-        self.reach
+    pub(super) const fn largest_mismatch(&self) -> f32 {
+        self.largest_mismatch
     }
 
     /// The pixels in a sample and the table that match a width in pixels best.
@@ -256,7 +255,7 @@ impl<'a> TableSet<'a> {
     ) -> Option<(WidthClass, &'a Table<'a>)> {
         let [block, ..] = BLOCKS;
         // The widest table still serves half a step beyond its own width.
-        let widest = self.tables.last()?.width * (1.0 + self.reach());
+        let widest = self.tables.last()?.width * (1.0 + self.largest_mismatch());
         let block = match sampling {
             Sampling::Fine => BLOCKS
                 .into_iter()
@@ -365,7 +364,7 @@ impl Table<'_> {
 
     const fn scales_are_positive(&self) -> bool {
         let scales = [
-            self.nearest,
+            self.near_limit,
             self.centre_per_ratio,
             self.stretch_per_ratio,
             self.height_per_slope,
@@ -388,6 +387,11 @@ pub(super) const NARROWEST: f32 = 0.6;
 
 /// The coarse search finds no wider spots, in pixels.
 const WIDEST: f32 = 150.0;
+
+/// Whether a spot may have this width in pixels.
+pub(super) fn is_spot_width(width: f32) -> bool {
+    (NARROWEST..WIDEST).contains(&width)
+}
 
 /// How often the sum of a block is halved to fit [`LARGEST_SAMPLE`]: not at all up to 8 pixels, once for 16.
 #[inline(always)]

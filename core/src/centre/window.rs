@@ -29,9 +29,9 @@ pub(super) struct Score {
     /// How far it is from the window's phase, in samples.
     pub(super) distance: f32,
     /// Beyond this distance, in samples, another phase or window is nearer.
-    pub(super) nearest: f32,
-    /// Whether the distance is at most `nearest`.
-    pub(super) near: bool,
+    pub(super) near_limit: f32,
+    /// Whether the distance is at most `near_limit`.
+    pub(super) is_near: bool,
     /// Always positive.
     pub(super) slope: f32,
     /// 1 / slope: one division serves all quotients by the slope.
@@ -117,14 +117,14 @@ impl<'r, 't> Window<'r, 't> {
         let per_slope = 1.0 / slope;
         let straight = score as f32 * per_slope * self.table.centre_per_ratio;
         let block = f32::from(self.block);
-        let nearest = if self.block == 1 {
-            self.table.nearest
+        let near_limit = if self.block == 1 {
+            self.table.near_limit
         } else {
             // The window moves by pixels.
             NEAR / block
         };
-        let near = straight.abs() <= nearest;
-        let distance = if near {
+        let is_near = straight.abs() <= near_limit;
+        let distance = if is_near {
             // `TableSet::new` has proven that the correction is at most 5 %.
             straight * (1.0 - self.table.bend * (straight * straight))
         } else {
@@ -138,8 +138,8 @@ impl<'r, 't> Window<'r, 't> {
                     .saturating_add(Pixels::from_f32(distance * block).to_bits()),
             ),
             distance,
-            nearest,
-            near,
+            near_limit,
+            is_near,
             slope,
             per_slope,
         })

@@ -12,7 +12,7 @@ use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
 /// Widths from the centre to the nearest other spot. A closer one shows in the row's mirror image.
-const APART: f32 = 4.0;
+const NEAREST_OTHER: f32 = 4.0;
 
 /// The least share of the spot's height that another spot has. The coarse search confuses two spots from a
 /// share of 0.8 on. A box of half a width loses up to a tenth more of a spot that is 0.7 times as wide, or
@@ -29,7 +29,7 @@ pub(super) fn check(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<(),
     // A width is at most 170 pixels: `as` cuts off, and saturates.
     let half = ((0.5 * width) as usize).clamp(1, MAX_PIXELS);
     let centre = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
-    let apart = ((APART * width) as usize).min(MAX_PIXELS);
+    let separation = ((NEAREST_OTHER * width) as usize).min(MAX_PIXELS);
     // At most 2^12 pixels of 12 bits: a row has no more.
     let sum = |from: usize| -> Option<u32> {
         let pixels = light.get(from..from.saturating_add(half))?;
@@ -41,8 +41,8 @@ pub(super) fn check(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<(),
     };
     let height = |from: usize| Some(sum(from)?.min(sum(from.saturating_add(half))?));
     let beside = |from: usize| {
-        let left = from.checked_sub(apart).and_then(height);
-        (left, height(from.saturating_add(apart)))
+        let left = from.checked_sub(separation).and_then(height);
+        (left, height(from.saturating_add(separation)))
     };
     // The height above the light on both sides. So a background that rises is no spot, and neither is the
     // start or the end of its rise.
@@ -63,7 +63,7 @@ pub(super) fn check(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<(),
     let near = near.filter(|&from| from <= centre);
     let own = near.filter_map(own).max().unwrap_or_default();
     let enough = (SHARE * own as f32) as u32;
-    let far = |from: usize| from.saturating_add(half).abs_diff(centre) > apart;
+    let far = |from: usize| from.saturating_add(half).abs_diff(centre) > separation;
     // One box after the other, each summed once. Nearly all boxes do not stand out from the level under the
     // spot: these are skipped.
     let level = spot.background.level_bits().unsigned_abs();

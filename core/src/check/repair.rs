@@ -3,7 +3,7 @@
 //!
 //! The first centre is `adaptive`'s. It stays if the row is its own mirror image about it (see `symmetry`),
 //! as is usual. If not, samples that do not belong to the spot are searched in three ways. Each way is a
-//! series of fits ([`gauss_newton`]) to the samples that are left:
+//! series of fits ([`gauss_newton`]) with these samples masked:
 //!
 //! 1. **Pixels.** Hot and dead ones: the worst first, because one outlier bends the fit and makes good pixels
 //!    look bad until it is gone.
@@ -11,14 +11,14 @@
 //!    the dark are fitted first, then all but the light that stands out beside the spot, as far as it is more
 //!    than a thousandth of the spot.
 //! 3. **One pixel** of a narrow spot. Among its few pixels one bad pixel makes all of them look bad: each in
-//!    turn is left out.
+//!    turn is masked.
 //!
 //! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains.
 //! Otherwise the first centre stays, flagged.
 
 use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Start, Window};
 use crate::centre::half_width::WIDTHS;
-use crate::centre::plausible::certain;
+use crate::centre::plausible::check_uncertainty;
 use crate::centre::tables::TILTED;
 use crate::centre::{RowCentre, adaptive};
 use crate::check::{check_symmetry, symmetry};
@@ -33,16 +33,17 @@ const OUTLIER: f32 = 4.0;
 
 /// How well the shape of a spot is known, as a share of its height. An exact Fresnel pattern lies up to 7 %
 /// from the gaussian that fits it best, most of it within a width.
-const SHAPE: f32 = 0.02;
+const SHAPE_UNCERTAINTY: f32 = 0.02;
 
-/// How well the shape is known from pixel to pixel, as a multiple of [`SHAPE`], times the square of the width
-/// in pixels: half of the second difference of lobes that are 2.66 widths apart, (2 pi / 2.66)^2 / 2.
-const CURVED: f32 = 2.8;
+/// How well the shape is known from pixel to pixel, as a multiple of [`SHAPE_UNCERTAINTY`], times the square
+/// of the width in pixels: half of the second difference of lobes that are 2.66 widths apart,
+/// (2 pi / 2.66)^2 / 2.
+const NEIGHBOUR_UNCERTAINTY: f32 = 2.8;
 
-/// A narrower spot, in pixels, has too few pixels to leave any out.
+/// A narrower spot, in pixels, has too few pixels to mask any.
 const NARROWEST: f32 = 1.0;
 
-/// A fit without some pixels of a narrower spot, in pixels, is flagged: the few bad pixels that are left may
+/// A fit with masked pixels of a narrower spot, in pixels, is flagged: the few bad pixels that are left may
 /// fit by chance.
 pub(super) const NARROWEST_SURE_REFIT: f32 = 2.5;
 
@@ -56,7 +57,7 @@ const HALF_WINDOW: f32 = 8.0;
 /// The fewest samples to either side, from which the level is known.
 const FEWEST: usize = 16;
 
-/// The most fits in a series. Each fit leaves out more pixels than the one before.
+/// The most fits in a series. Each fit masks more pixels than the one before.
 const ROUNDS: usize = 6;
 
 /// Finds the centre of a spot.
@@ -88,7 +89,7 @@ pub fn centre(
     Ok(scene.refit().unwrap_or(checked))
 }
 
-/// What kind of samples a fit leaves out.
+/// Why samples are masked.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Cause {
     /// Bad pixels: a few, and no more than [`BAD_PIXELS`] side by side. More of them are a background that is
@@ -119,12 +120,12 @@ impl Scene<'_> {
         let mut at = window.parameters(&start);
         at.level = level(&window, &at);
         if at.width < NARROW
-            && let Some(found) = self.without_one(&mut window, at)
+            && let Some(found) = self.fit_without_one(&mut window, at)
         {
             return Some(found);
         }
         window.unmask();
-        if let Some(found) = self.without_pixels(&mut window, at) {
+        if let Some(found) = self.fit_without_pixels(&mut window, at) {
             return Some(found);
         }
         if at.width < 2.0 {
@@ -133,7 +134,7 @@ impl Scene<'_> {
         let start = Start::find(self.row.light(), self.spot, self.geometry).ok()?;
         window = self.window(&start);
         let start = window.parameters(&start);
-        self.without_light(&mut window, start)
+        self.fit_without_light(&mut window, start)
     }
 
     /// The window of a start. It is short for a narrow spot, because it is fitted many times.
@@ -148,7 +149,7 @@ impl Scene<'_> {
         self.spot.background.variances(self.geometry).1
     }
 
-    /// Makes a centre of a fit, if the samples that are left pass the check about it.
+    /// Makes a centre of a fit, if the samples that are not masked pass the check about it.
     #[inline(never)]
     fn accept(
         &self,
@@ -163,7 +164,7 @@ impl Scene<'_> {
             misfit: found.width.to_f32() < NARROWEST_SURE_REFIT,
             ..found
         };
-        let freedom = residuals.kept - 4.0;
+        let freedom = residuals.unmasked - 4.0;
         let is_noise = residuals.squares <= freedom + gauss_newton::allowed_scatter(freedom);
         let (uncertainty, width) = (found.uncertainty.to_f32(), found.width.to_f32());
         // A first centre that was more than a width off is a reason to doubt the second.
@@ -172,8 +173,8 @@ impl Scene<'_> {
         let sound = fit.has_arrived()
             && WIDTHS.contains(&width)
             && width >= NARROWEST
-            && window.holds(&fit.parameters)
-            && certain(found.amplitude.to_f32(), uncertainty, width).is_ok();
+            && window.has_centre(&fit.parameters)
+            && check_uncertainty(found.amplitude.to_f32(), uncertainty, width).is_ok();
         (sound
             && !moved
             && is_noise
@@ -183,12 +184,12 @@ impl Scene<'_> {
                 self.spot,
                 &found,
                 self.geometry,
-                &window.left_out(),
+                &window.masked_pixels(),
             ) == Some(true))
         .then_some(found)
     }
 
-    /// Whether the samples that are left suffice for the centre.
+    /// Whether the samples that are not masked suffice for the centre.
     fn has_enough(&self, window: &Window, fit: &Fit, uncertainty: f32, cause: Cause) -> bool {
         let at = &fit.parameters;
         // At most SAMPLES each.
@@ -196,7 +197,7 @@ impl Scene<'_> {
         let (mut run, mut longest) = (0, 0);
         for (i, sample) in window.samples().iter().enumerate() {
             let distance = (i as f32 - at.centre).abs();
-            run = if sample.is_left_out() {
+            run = if sample.is_masked_by_check() {
                 numeric::add_u32(run, 1)
             } else {
                 0
@@ -204,12 +205,12 @@ impl Scene<'_> {
             longest = longest.max(run);
             if distance <= 3.0 * at.width {
                 all = numeric::add_u32(all, 1);
-                masked = numeric::add_u32(masked, sample.is_left_out().into());
-                let of_top = sample.is_left_out() && distance <= at.width;
+                masked = numeric::add_u32(masked, sample.is_masked_by_check().into());
+                let of_top = sample.is_masked_by_check() && distance <= at.width;
                 top = numeric::add_u32(top, of_top.into());
             }
         }
-        // The variance of the centre if no sample were left out.
+        // The variance of the centre if no sample were masked.
         let found = window.row_centre(fit);
         let (noise, shot) = self.spot.background.variances(self.geometry);
         let per_height = 1.0 / found.amplitude.to_f32();
@@ -218,12 +219,12 @@ impl Scene<'_> {
         few || (cause == Cause::Light && top == 0 && uncertainty * uncertainty <= 4.0 * whole)
     }
 
-    /// Leaves out the pixels that deviate, the worst first, until there are none.
+    /// Fits again and again, and masks the samples that deviate, the worst first, until none deviates.
     #[inline(never)]
-    fn without_pixels(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
+    fn fit_without_pixels(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
         for _ in 0..ROUNDS {
             let residuals = Residuals::of(window, &at, self.shot());
-            mask(window, &residuals);
+            mask_outliers(window, &residuals);
             let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
             at = fit.parameters;
             let residuals = Residuals::of(window, &at, self.shot());
@@ -234,9 +235,9 @@ impl Scene<'_> {
         None
     }
 
-    /// Leaves out the light beside the spot.
+    /// Fits the spot with the light beside it masked.
     #[inline(never)]
-    fn without_light(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
+    fn fit_without_light(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
         mask_but_top_and_dark(window, &at);
         at = gauss_newton::fit(window.samples(), at, self.shot())?.parameters;
         for _ in 0..ROUNDS {
@@ -252,16 +253,16 @@ impl Scene<'_> {
         None
     }
 
-    /// Leaves out one sample: the one without which the rest scatters least.
+    /// Fits the spot with one sample masked: the one without which the rest scatters least.
     #[inline(never)]
-    fn without_one(&self, window: &mut Window, at: Parameters) -> Option<RowCentre> {
+    fn fit_without_one(&self, window: &mut Window, at: Parameters) -> Option<RowCentre> {
         // `as` saturates: a place before the window becomes its first sample.
         let first = (at.centre - 3.0 * at.width) as usize;
         let end = ((at.centre + 3.0 * at.width) as usize).saturating_add(1);
         let mut best: Option<(f32, RowCentre)> = None;
-        for left_out in first..end.min(window.samples().len()) {
+        for candidate in first..end.min(window.samples().len()) {
             window.unmask();
-            if let Some(sample) = window.samples.get_mut(left_out) {
+            if let Some(sample) = window.samples.get_mut(candidate) {
                 sample.mask();
             }
             let Some(fit) = gauss_newton::fit(window.samples(), at, self.shot()) else {
@@ -279,7 +280,7 @@ impl Scene<'_> {
     }
 }
 
-/// In a narrower spot than this, in pixels, each pixel in turn is left out: at most 2 * 3 * 3 + 1 of them.
+/// In a narrower spot than this, in pixels, each pixel in turn is masked: at most 2 * 3 * 3 + 1 of them.
 const NARROW: f32 = 3.0;
 
 /// How the samples of a window deviate from a spot.
@@ -291,7 +292,7 @@ struct Residuals {
     /// The sum of the squares of the deviations from the spot.
     squares: f32,
     /// Samples that are not masked.
-    kept: f32,
+    unmasked: f32,
 }
 
 impl Residuals {
@@ -301,13 +302,13 @@ impl Residuals {
             deviations: gauss_newton::exponentials(at),
             worst: 0.0,
             squares: 0.0,
-            kept: 0.0,
+            unmasked: 0.0,
         };
-        let shape = SHAPE * at.amplitude;
+        let shape = SHAPE_UNCERTAINTY * at.amplitude;
         let from_spot = shape * shape;
-        let curved = CURVED / (at.width * at.width);
-        let from_neighbours = if curved < 1.0 {
-            from_spot * curved * curved
+        let neighbours = NEIGHBOUR_UNCERTAINTY / (at.width * at.width);
+        let from_neighbours = if neighbours < 1.0 {
+            from_spot * neighbours * neighbours
         } else {
             from_spot
         };
@@ -325,7 +326,7 @@ impl Residuals {
             if let Some((residual, variance)) = next {
                 *deviation = residual * residual / (variance + from_spot);
                 residuals.squares += *deviation;
-                residuals.kept += 1.0;
+                residuals.unmasked += 1.0;
             }
             // The deviation from the mean of its neighbours.
             if let (Some(a), Some(b), Some(c), Some(place)) = (last, middle, next, place) {
@@ -349,7 +350,7 @@ impl Residuals {
 }
 
 /// Masks outliers. An outlier makes its good neighbours deviate too, by half as much: these stay.
-fn mask(window: &mut Window, residuals: &Residuals) {
+fn mask_outliers(window: &mut Window, residuals: &Residuals) {
     let least = 0.6 * residuals.worst;
     let least = if least > OUTLIER { least } else { OUTLIER };
     for (sample, square) in window.samples.iter_mut().zip(&residuals.deviations) {
@@ -364,7 +365,7 @@ const TOP: f32 = 2.0;
 
 /// Masks all samples but the spot's top and the dark.
 fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
-    let shape = SHAPE * at.amplitude;
+    let shape = SHAPE_UNCERTAINTY * at.amplitude;
     for (i, sample) in window.samples.iter_mut().enumerate() {
         let far = (i as f32 - at.centre).abs() > TOP * at.width;
         let dark =
@@ -394,7 +395,7 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
     };
     let (mut top, mut place) = (0.0, 0);
     for i in 0..beside.len() {
-        let far = (i as f32 - at.centre).abs() > AWAY * at.width;
+        let far = (i as f32 - at.centre).abs() > NEAREST_SECOND * at.width;
         if far
             && let Some(mean) = mean(i)
             && mean > top
@@ -402,8 +403,9 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
             (top, place) = (mean, i);
         }
     }
-    let share = top / at.amplitude * THOUSAND;
-    if !(1.0..THOUSAND).contains(&share) {
+    // The second spot's height over the most light of it that stays unmasked.
+    let ratio = top / at.amplitude * HEIGHT_OVER_UNMASKED;
+    if !(1.0..HEIGHT_OVER_UNMASKED).contains(&ratio) {
         return None;
     }
     // Samples of a window: below 2^8.
@@ -419,7 +421,7 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
     if !falls(place_of_top.saturating_sub(flank)) || !falls(place_of_top.saturating_add(flank)) {
         return None;
     }
-    let reach = dual_mac::square_root(2.0 * libm::logf(share)) * at.width;
+    let reach = dual_mac::square_root(2.0 * libm::logf(ratio)) * at.width;
     for (i, sample) in window.samples.iter_mut().enumerate() {
         if (i as f32 - place as f32).abs() <= reach {
             sample.mask();
@@ -429,21 +431,21 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
 }
 
 /// A second spot's top is further than this many widths from the first's.
-const AWAY: f32 = 1.5;
+const NEAREST_SECOND: f32 = 1.5;
 
-/// One over the share of the spot's height that a second spot may have where it is not masked.
-const THOUSAND: f32 = 1000.0;
+/// The spot's height over the most light of a second spot that stays unmasked.
+const HEIGHT_OVER_UNMASKED: f32 = 1000.0;
 
 /// The level under the spot: the mean of the samples less the spot's light. An outlier shifts the level, but
 /// by far less than its own deviation.
 fn level(window: &Window, at: &Parameters) -> f32 {
     let light = gauss_newton::exponentials(at);
-    let (mut sum, mut kept) = (0.0, 0.0);
+    let (mut sum, mut unmasked) = (0.0, 0.0);
     for (sample, light) in window.samples().iter().zip(&light) {
         if !sample.is_masked() {
             sum += sample.counts - at.amplitude * light;
-            kept += 1.0;
+            unmasked += 1.0;
         }
     }
-    if kept > 0.0 { sum / kept } else { 0.0 }
+    if unmasked > 0.0 { sum / unmasked } else { 0.0 }
 }

@@ -26,7 +26,7 @@
 use core::ops::Range;
 
 use crate::centre::RowCentre;
-use crate::centre::gauss_newton::LeftOut;
+use crate::centre::gauss_newton::MaskedPixels;
 use crate::centre::tables::TILTED;
 use crate::numeric;
 use crate::row::{Geometry, Row};
@@ -47,7 +47,7 @@ const OTHER_PROFILE: f32 = 0.3;
 /// The fewest pairs for a check.
 const FEWEST_PAIRS: f32 = 3.0;
 
-/// The fewest pairs for a check where samples were left out so that the others fit.
+/// The fewest pairs for a check where samples were masked so that the others fit.
 const FEWEST_OF_A_PART: f32 = 5.0;
 
 /// Limits of tilt and skew, in standard deviations. Noise exceeds them in one row of 7000 and in one of 5000.
@@ -64,9 +64,9 @@ const SCATTER: f32 = 3.7;
 /// See [`SCATTER`].
 const SCATTER_SKEWED: f32 = 8.5;
 
-/// The square of the relative uncertainty of the noise's square: 6 %, because the noise is known to 3 % (see
-/// [`crate::spot::find`]).
-const NOISE_SQUARED: f32 = 0.0036;
+/// The square of the relative uncertainty of the noise's variance. That uncertainty is 6 %, because the noise
+/// is known to 3 % (see [`crate::spot::find`]).
+const NOISE_VARIANCE_UNCERTAINTY_SQUARED: f32 = 0.0036;
 
 /// Limit of the shift: so many times the uncertainty, and [`SHIFTED_PIXELS`] more.
 const SHIFTED: f32 = 4.0;
@@ -76,10 +76,11 @@ const SHIFTED_PIXELS: f32 = 0.02;
 /// The lowest k4: between that of sinc^2 (-0.040) and that of two equal spots 1.8 widths apart.
 const FLAT: f32 = -0.05;
 
-/// The largest mean square that the fit leaves of the even part, over that of the spot: twice Fresnel's.
-const SHAPE: f32 = 0.006;
+/// Limit of the shape's misfit, which is the mean square that the fit leaves of the even part, over that of
+/// the spot: twice Fresnel's.
+const SHAPE_MISFIT: f32 = 0.006;
 
-/// How many standard deviations k4 and that mean square may be beyond their limits.
+/// How many standard deviations k4 and the shape's misfit may be beyond their limits.
 const EVEN: f32 = 4.0;
 
 /// The same for a spot so narrow that it may be bad pixels: these are likelier than so much noise.
@@ -94,20 +95,22 @@ const TRUST_OF_NARROW: f32 = 0.7;
 const LEAST_NORM: f32 = 1e-5;
 
 /// Tests whether the row is its own mirror image about a centre, and has the shape of a spot there. `None`
-/// where the sensor's edge or the samples left out leave too few pairs.
+/// where the sensor's edge or the masked samples leave too few pairs.
 pub(super) fn check(
     row: &Row<'_>,
     spot: &Spot,
     found: &RowCentre,
     geometry: &Geometry,
-    left_out: &LeftOut,
+    masked: &MaskedPixels,
 ) -> Option<bool> {
-    if sinks(row.light(), found) || fills(row.light(), found) || is_coarse(row.light(), spot, found)
+    if is_cut_at_zero(row.light(), found)
+        || is_row_too_short(row.light(), found)
+        || is_coarse(row.light(), spot, found)
     {
         return Some(false);
     }
-    let mut symmetry = Symmetry::of(row, spot, found, geometry, left_out, 0.0);
-    let fewest = if left_out.samples == 0 {
+    let mut symmetry = Symmetry::of(row, spot, found, geometry, masked, 0.0);
+    let fewest = if masked.samples == 0 {
         FEWEST_PAIRS
     } else {
         FEWEST_OF_A_PART
@@ -118,14 +121,14 @@ pub(super) fn check(
     // The tilt tables ignore a slope, so it is removed first.
     if found.class.set == TILTED.number() {
         let slope = symmetry.slope();
-        symmetry = Symmetry::of(row, spot, found, geometry, left_out, slope);
+        symmetry = Symmetry::of(row, spot, found, geometry, masked, slope);
     }
-    let is_sharp = left_out.samples == 0 && is_sharp(row.light(), spot, found, geometry);
-    Some(!is_sharp && symmetry.is_clean(found, left_out))
+    let is_sharp = masked.samples == 0 && is_sharp(row.light(), spot, found, geometry);
+    Some(!is_sharp && symmetry.is_clean(found, masked))
 }
 
 /// Whether the row ends within three widths on both sides: the spot then has no background beside it.
-fn fills(light: &[u16], found: &RowCentre) -> bool {
+fn is_row_too_short(light: &[u16], found: &RowCentre) -> bool {
     // A row has at most 2^12 pixels.
     let (centre, end) = (found.centre.to_f32(), light.len() as f32 - 1.0);
     let reach = 3.0 * found.width.to_f32();
@@ -152,7 +155,7 @@ fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
 
 /// Whether the background falls below the converter's smallest word on one side of the spot: there it is cut
 /// off, so its shape is unknown. Zeros on both sides are noise that is cut off, or two dead pixels.
-fn sinks(light: &[u16], found: &RowCentre) -> bool {
+fn is_cut_at_zero(light: &[u16], found: &RowCentre) -> bool {
     let (centre, reach) = (found.centre.to_f32(), REACH * found.width.to_f32());
     // `as` saturates.
     let middle = (centre as usize).min(light.len());
@@ -219,15 +222,15 @@ struct Symmetry {
     /// k4 and its standard deviation, if there are enough samples for it.
     flatness: Option<(f32, f32)>,
     /// The mean square that the even fit leaves, over that of the spot, and its standard deviation.
-    shape: f32,
-    shape_deviation: f32,
+    shape_misfit: f32,
+    shape_misfit_deviation: f32,
 }
 
 impl Symmetry {
     /// Whether noise explains all of the difference. `false` if any of the numbers is not a number.
-    fn is_clean(&self, found: &RowCentre, left_out: &LeftOut) -> bool {
+    fn is_clean(&self, found: &RowCentre, masked: &MaskedPixels) -> bool {
         // A narrow spot without some of its pixels is flagged anyway.
-        let is_wide = found.width.to_f32() > SHARP_WIDTH || left_out.samples != 0;
+        let is_wide = found.width.to_f32() > SHARP_WIDTH || masked.samples != 0;
         let (even, trust) = if is_wide {
             (EVEN, 1.0)
         } else {
@@ -238,14 +241,16 @@ impl Symmetry {
             |product: f32, norm: f32, limit: f32| product * product <= limit * limit * norm;
         let shift = self.shift / self.shift_norm * self.pixels_a_shift;
         let freedom = self.pairs - 1.0;
-        let scatter = dual_mac::square_root(2.0 * freedom + NOISE_SQUARED * freedom * freedom);
+        let scatter = dual_mac::square_root(
+            2.0 * freedom + NOISE_VARIANCE_UNCERTAINTY_SQUARED * freedom * freedom,
+        );
         shift.abs() <= trust * SHIFTED * uncertainty + SHIFTED_PIXELS
             && within(self.tilt, self.tilt_norm, trust * TILT)
             && within(self.skew, self.skew_norm, trust * SKEW)
             && self.worst <= trust * trust * WORST * WORST
             && self.squares <= freedom + trust * (SCATTER * scatter + SCATTER_SKEWED)
             && (self.flatness).is_none_or(|(k4, deviation)| k4 >= FLAT - even * deviation)
-            && self.shape <= SHAPE + even * self.shape_deviation
+            && self.shape_misfit <= SHAPE_MISFIT + even * self.shape_misfit_deviation
     }
 
     /// The tilt in counts of z for each u.
@@ -260,7 +265,7 @@ impl Symmetry {
         spot: &Spot,
         found: &RowCentre,
         geometry: &Geometry,
-        left_out: &LeftOut,
+        masked: &MaskedPixels,
         slope: f32,
     ) -> Self {
         let light = row.light();
@@ -287,7 +292,7 @@ impl Symmetry {
         let is_cut = row.reaches_full_scale();
         let belongs = |pixels: &[u16], mut places: Range<usize>| {
             !(is_cut && pixels.iter().any(|count| *count >= full_scale)
-                || left_out.samples != 0 && places.any(|pixel| left_out.has(pixel)))
+                || masked.samples != 0 && places.any(|pixel| masked.has(pixel)))
         };
         let (mut odd, mut even) = (Odd::default(), Even::default());
         // The pixel in the mirror's middle is its own image.
@@ -359,8 +364,8 @@ impl Symmetry {
                     dual_mac::square_root(variance) * per_height,
                 )
             }),
-            shape: (shape.rest - (even.samples - 3.0) * variance) * per_square / even.m0,
-            shape_deviation: variance * dual_mac::square_root(2.0 * odd.pairs) * per_square
+            shape_misfit: (shape.rest - (even.samples - 3.0) * variance) * per_square / even.m0,
+            shape_misfit_deviation: variance * dual_mac::square_root(2.0 * odd.pairs) * per_square
                 / even.m0,
         }
     }
@@ -630,7 +635,7 @@ mod tests {
             class: Default::default(),
             misfit: false,
         };
-        let nothing = LeftOut::default();
+        let nothing = MaskedPixels::default();
         let symmetry = Symmetry::of(&row, &spot, &found, &geometry, &nothing, 0.0);
         (symmetry, found)
     }
@@ -652,7 +657,7 @@ mod tests {
             if symmetry.pairs <= 4.0 {
                 few += 1;
                 without += usize::from(symmetry.flatness.is_none());
-                flagged += usize::from(!symmetry.is_clean(&found, &LeftOut::default()));
+                flagged += usize::from(!symmetry.is_clean(&found, &MaskedPixels::default()));
             }
         }
         println!(
@@ -667,7 +672,7 @@ mod tests {
     #[test]
     fn not_a_number_is_not_clean() {
         let (good, found) = symmetry(4.0, 32.0, 1);
-        let is_clean = |symmetry: &Symmetry| symmetry.is_clean(&found, &LeftOut::default());
+        let is_clean = |symmetry: &Symmetry| symmetry.is_clean(&found, &MaskedPixels::default());
         assert!(is_clean(&good));
         let spoil: [fn(&mut Symmetry); 11] = [
             |it| it.pairs = f32::NAN,
@@ -680,7 +685,7 @@ mod tests {
             |it| it.worst = f32::NAN,
             |it| it.squares = f32::NAN,
             |it| it.flatness = Some((f32::NAN, 1.0)),
-            |it| it.shape = f32::NAN,
+            |it| it.shape_misfit = f32::NAN,
         ];
         for (i, spoil) in spoil.into_iter().enumerate() {
             let mut spoiled = symmetry(4.0, 32.0, 1).0;

@@ -21,7 +21,7 @@ pub struct Eq1 {
     k: i64,
     /// xp, the centre at which the distance would be infinite.
     pole: Pixels,
-    /// The centres for which the curve holds.
+    /// The centres for which the curve is valid.
     valid: (Pixels, Pixels),
     /// |K| in Q40.24. Divided by |x - xp| it gives |d - D| in Q24.8.
     dividend: Dividend,
@@ -72,10 +72,10 @@ impl fmt::Display for Eq1Error {
 
 impl core::error::Error for Eq1Error {}
 
-/// The least slope of a calibration, a sixteenth of a micrometre a pixel, in halvings of one micrometre a
-/// pixel. A flatter curve would claim to know the distance better than [`Micrometres`] can hold it, wherever
-/// the spot is.
-pub const FLATTEST_SHIFT: u32 = 4;
+/// The least slope of a calibration: one micrometre a pixel, halved so many times, which is a sixteenth of a
+/// micrometre a pixel. A flatter curve would claim to know the distance better than [`Micrometres`] can hold
+/// it, wherever the spot is.
+pub const LEAST_SLOPE_HALVINGS: u32 = 4;
 
 /// The calibration of the paper's geometry on a TCD1304DG, used until a sensor has its own. Slit 50 mm from
 /// the sensor (f), baseline 300 mm (b), tan u = 2.6, d0 = 0, optical axis through the middle of the 3648
@@ -98,7 +98,7 @@ const SLOPE: f32 = 1.0 / 16.0 * (1.0 + 16.0 / (1u32 << 24) as f32);
 const T: f64 = 2.6;
 
 impl Eq1 {
-    /// Makes eq. (1) from D, K (um px, Q48.16), xp, and the centres for which it holds.
+    /// Makes eq. (1) from D, K (um px, Q48.16), xp, and the centres for which it is valid.
     ///
     /// # Errors
     /// The numbers give no usable curve over that range; [`Eq1Error`] says why.
@@ -136,7 +136,7 @@ impl Eq1 {
         };
         // The curve is monotone on one side of its pole: if the distances at both ends fit, so do all
         // between.
-        if !curve.holds(first) || !curve.holds(last) {
+        if !curve.has_distance(first) || !curve.has_distance(last) {
             return Err(Eq1Error::Distance);
         }
         if curve.is_flat() {
@@ -148,24 +148,29 @@ impl Eq1 {
     /// Whether |K|/(x - xp)^2 is below the least slope where it is least: at the end of the range that is
     /// further from xp.
     const fn is_flat(&self) -> bool {
-        let (from, to) = (self.off_pole(self.valid.0), self.off_pole(self.valid.1));
+        let (from, to) = (
+            self.pixels_from_pole(self.valid.0),
+            self.pixels_from_pole(self.valid.1),
+        );
         let span = (if from > to { from } else { to }) as u128;
         // Q16 over Q32 to 2^-4: |K| 2^16 2^4 against the square. Below 2^75, and 2^64.
-        (self.k.unsigned_abs() as u128) * (1 << (Pixels::FRACTION + FLATTEST_SHIFT)) < span * span
+        (self.k.unsigned_abs() as u128) * (1 << (Pixels::FRACTION + LEAST_SLOPE_HALVINGS))
+            < span * span
     }
 
     /// Whether the distance at a centre fits into [`Micrometres`]: |K/(x - xp)|, rounded, must not exceed the
     /// room beside D.
-    const fn holds(&self, centre: Pixels) -> bool {
+    const fn has_distance(&self, centre: Pixels) -> bool {
         let end = if self.above_d > 0 { i32::MAX } else { i32::MIN };
         let room = end.abs_diff(self.d.to_bits()) as u64;
-        let off_pole = self.off_pole(centre) as u64;
+        let pixels_from_pole = self.pixels_from_pole(centre) as u64;
         // Below 2^63 + 2^31, and 2^32 * (2^32 - 1).
-        numeric::add_u64(self.dividend.value(), off_pole / 2) < numeric::mul_u64(room + 1, off_pole)
+        numeric::add_u64(self.dividend.value(), pixels_from_pole / 2)
+            < numeric::mul_u64(room + 1, pixels_from_pole)
     }
 
     /// |x - xp| in Q16.16 pixels, for a centre on the range's side of xp. A difference of two i32 fits a u32.
-    const fn off_pole(&self, centre: Pixels) -> u32 {
+    const fn pixels_from_pole(&self, centre: Pixels) -> u32 {
         let beyond = centre.to_bits().wrapping_sub(self.pole.to_bits());
         beyond.wrapping_mul(self.beyond_pole) as u32
     }
@@ -186,8 +191,8 @@ impl Eq1 {
         }
         // `new` has ensured that the centre is a pixel or more from the pole, and that the quotient is less
         // than 2^32.
-        let quotient = self.dividend.over(self.off_pole(centre));
-        // The sum fits an i32 (`holds`), even if a part of it wraps.
+        let quotient = self.dividend.divide_by(self.pixels_from_pole(centre));
+        // The sum fits an i32 (`has_distance`), even if a part of it wraps.
         let above_d = (quotient.rounded as i32).wrapping_mul(self.above_d);
         let distance = Micrometres::from_bits(self.d.to_bits().wrapping_add(above_d));
         Ok((
@@ -211,7 +216,7 @@ impl Eq1 {
         self.pole
     }
 
-    /// The first and the last centre for which the curve holds.
+    /// The first and the last centre for which the curve is valid.
     pub const fn valid(&self) -> (Pixels, Pixels) {
         self.valid
     }

@@ -38,11 +38,12 @@ impl Interval {
     /// Length of the interval in steps of Q16.16 pixels. Neighbours are in order, so the difference fits an
     /// u32.
     const fn length(&self) -> u32 {
-        self.way(self.to.centre)
+        self.offset_of(self.to.centre)
     }
 
-    /// The distance from the first knot to a centre that does not lie before it, in steps of Q16.16 pixels.
-    const fn way(&self, centre: Pixels) -> u32 {
+    /// The distance from the first knot to a centre that does not lie before the knot, in steps of Q16.16
+    /// pixels.
+    const fn offset_of(&self, centre: Pixels) -> u32 {
         centre.to_bits().wrapping_sub(self.from.centre.to_bits()) as u32
     }
 
@@ -55,7 +56,7 @@ impl Interval {
     /// The value at a centre of the interval, and the slope there in micrometres a pixel.
     #[inline(always)]
     pub fn at(&self, centre: Pixels, controls: Controls) -> (Micrometres, f32) {
-        let part = fraction(self.way(centre) as f32 / self.length() as f32);
+        let part = fraction(self.offset_of(centre) as f32 / self.length() as f32);
         let (from, to) = (self.from.value, self.to.value);
         let first = between(from, controls.0, part);
         let middle = between(controls.0, controls.1, part);
@@ -63,7 +64,7 @@ impl Interval {
         let (left, right) = (between(first, middle, part), between(middle, last, part));
         // The last line is the tangent, over a third of the interval; its ends are in order, like all others.
         let tangent = right.to_bits().wrapping_sub(left.to_bits());
-        (between(left, right, part), self.per_third(tangent))
+        (between(left, right, part), self.slope_over_third(tangent))
     }
 
     /// The largest slope of the interval's cubic, without sign, in micrometres a pixel.
@@ -76,13 +77,13 @@ impl Interval {
             .max(step(controls.0, controls.1))
             .max(step(controls.1, self.to.value));
         // Below 2^30, as the rise is.
-        self.per_third(most as i32)
+        self.slope_over_third(most as i32)
     }
 
     /// Converts a rise over a third of the interval (steps of Q24.8 micrometres) to micrometres a pixel. The
     /// rise is less than 2^30 steps, and an interval has at least a sixteenth of a pixel: below 3 * 2^26.
     #[inline(always)]
-    fn per_third(&self, rise: i32) -> f32 {
+    fn slope_over_third(&self, rise: i32) -> f32 {
         const UNITS: f32 = (1u32 << (Pixels::FRACTION - Micrometres::FRACTION)) as f32;
         rise as f32 / self.length() as f32 * (UNITS * 3.0)
     }

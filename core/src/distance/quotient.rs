@@ -54,29 +54,32 @@ impl Dividend {
     /// With e = 2^-24, each rounding of f32 changes a number by at most a part e of it.
     ///
     /// - The reciprocal has the rounding of the divisor and its own, the estimate two more. So the estimate
-    ///   is below the quotient by at least 8 e - 4.01 e and at most 12.01 e of it. So `first` is not above
-    ///   the quotient, and below it by less than 12.01 * 2^8 + 1 < 3076. With the half that rounds, the rest
-    ///   is less than 3077 divisors, and so than 2^44.
+    ///   is below the quotient by at least 8 e - 4.01 e and at most 12.01 e of it. So `first_digit` is not
+    ///   above the quotient, and below it by less than 12.01 * 2^8 + 1 < 3076. With the half that rounds, the
+    ///   rest is less than 3077 divisors, and so than 2^44.
     /// - In units the rest loses less than one in becoming whole, a sixteenth of the divisor at most. With
     ///   the same roundings as before, the estimate of rest / divisor is not above it, and less than
-    ///   1/16 + 3077 * 12.01 e < 0.07 below it. So its whole part is right or one too small, and `second` one
-    ///   too large or right. If it is too large, the last rest is below zero.
+    ///   1/16 + 3077 * 12.01 e < 0.07 below it. So its whole part is right or one too small, and
+    ///   `second_digit` one too large or right. If it is too large, the last rest is below zero.
     #[inline(always)]
-    pub fn over(self, divisor: u32) -> Quotient {
+    pub fn divide_by(self, divisor: u32) -> Quotient {
         let wide = u64::from(divisor);
         let reciprocal = RECIPROCAL_OF / divisor as f32;
         let estimate = self.float * reciprocal;
-        let first = estimate as u32;
+        let first_digit = estimate as u32;
         // Below 2^63 + 2^31.
         let dividend = numeric::add_u64(self.value, u64::from(divisor / 2));
-        let rest = numeric::sub_u64(dividend, u64::from(first) * wide);
-        let second = numeric::add_u32(((rest >> UNIT_SHIFT) as u32 as f32 * reciprocal) as u32, 1);
+        let rest = numeric::sub_u64(dividend, u64::from(first_digit) * wide);
+        let second_digit =
+            numeric::add_u32(((rest >> UNIT_SHIFT) as u32 as f32 * reciprocal) as u32, 1);
         // From -2^32 to 2^32, so right modulo 2^64.
-        let rest = rest.wrapping_sub(u64::from(second) * wide) as i64;
+        let rest = rest.wrapping_sub(u64::from(second_digit) * wide) as i64;
         let too_large = u32::from(rest < 0);
         Quotient {
             // Below 2^32, and right modulo 2^32.
-            rounded: first.wrapping_add(second).wrapping_sub(too_large),
+            rounded: first_digit
+                .wrapping_add(second_digit)
+                .wrapping_sub(too_large),
             estimate,
             reciprocal,
         }
@@ -122,7 +125,7 @@ mod tests {
                 if value >= 1 << 63 || exact(value, divisor) >= 1 << 32 {
                     continue;
                 }
-                let quotient = Dividend::new(value).over(divisor);
+                let quotient = Dividend::new(value).divide_by(divisor);
                 assert_eq!(
                     u64::from(quotient.rounded),
                     exact(value, divisor),
@@ -130,9 +133,9 @@ mod tests {
                 );
                 if value > 0 {
                     let ratio = value as f64 / f64::from(divisor);
-                    let lacks = (1.0 - f64::from(quotient.estimate) / ratio) * 2f64.powi(24);
-                    below = below.min(lacks);
-                    above = above.max(lacks);
+                    let shortfall = (1.0 - f64::from(quotient.estimate) / ratio) * 2f64.powi(24);
+                    below = below.min(shortfall);
+                    above = above.max(shortfall);
                 }
             }
         }
@@ -149,7 +152,7 @@ mod tests {
                 // `most` may be beyond 2^63 for wide divisors.
                 let value = value.min((1 << 63) - 1);
                 assert_eq!(
-                    u64::from(Dividend::new(value).over(divisor).rounded),
+                    u64::from(Dividend::new(value).divide_by(divisor).rounded),
                     exact(value, divisor),
                     "{value} / {divisor}"
                 );

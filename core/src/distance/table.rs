@@ -3,7 +3,7 @@
 use core::fmt;
 
 use super::knots::{Knot, Knots, KnotsError};
-use crate::distance::eq1::FLATTEST_SHIFT;
+use crate::distance::eq1::LEAST_SLOPE_HALVINGS;
 use crate::fault::Fault;
 use crate::units::{Micrometres, Pixels};
 
@@ -28,7 +28,8 @@ impl Table {
             let rise = i64::from(knot.value.to_bits()) - i64::from(before.value.to_bits());
             let onward = if falls { -rise } else { rise };
             // Q8 um over Q16 px is at least 2^-4: below 2^33 times 2^12.
-            if onward * (1 << (Pixels::FRACTION - Micrometres::FRACTION + FLATTEST_SHIFT)) < length
+            if onward * (1 << (Pixels::FRACTION - Micrometres::FRACTION + LEAST_SLOPE_HALVINGS))
+                < length
             {
                 return Err(TableError::NotMonotone {
                     index,

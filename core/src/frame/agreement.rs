@@ -6,8 +6,8 @@
 //! steady motion of the target is subtracted first.
 
 use super::{
-    Member, Members, birge_ratio, from_ordered, median, motion, number, ordered, scatter, square,
-    weighted_mean,
+    Member, Members, birge_ratio, count_where, from_ordered, median, motion, ordered, scatter,
+    square, weighted_mean,
 };
 
 /// Tukey's constant c, in standard deviations. For normal errors this mean has 95 % of the efficiency of the
@@ -52,7 +52,7 @@ const fn is_majority(rows: usize, of: usize) -> bool {
 /// pixels a row. `None` if the rest is not of one spot.
 pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
     leave_misfits_out(members);
-    raise_the_most_certain(members);
+    limit_certainty(members);
     let by_scatter = members.len() >= ENOUGH_TO_SCATTER;
     let mut motion = 0.0;
     reweigh(members);
@@ -63,11 +63,11 @@ pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
         };
         motion += slope;
         for member in members.iter_mut() {
-            member.offset -= slope * member.place;
+            member.offset -= slope * member.rows_from_middle;
         }
         reweigh(members);
     }
-    let agreeing = number(members, |it| {
+    let agreeing = count_where(members, |it| {
         it.weight * square(it.uncertainty) > biweight(AGREES)
     });
     if is_majority(agreeing, members.len()) {
@@ -87,7 +87,7 @@ pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
 /// uncertainty. Only a majority of better rows can do so. Otherwise the frame keeps such rows, and the
 /// reading counts them.
 fn leave_misfits_out(members: &mut Members<'_>) {
-    let fitting = number(members, |it| !it.row.misfit);
+    let fitting = count_where(members, |it| !it.row.misfit);
     if is_majority(fitting, members.len()) {
         keep(members, |it| !it.row.misfit);
     }
@@ -103,7 +103,9 @@ fn keep(members: &mut Members<'_>, is_kept: impl Fn(&Member<'_>) -> bool) {
     *members = kept;
 }
 
-fn raise_the_most_certain(members: &mut [Member<'_>]) {
+/// Raises the uncertainty of rows that claim to be more than [`MOST_CERTAIN`] times as certain as the median
+/// row.
+fn limit_certainty(members: &mut [Member<'_>]) {
     // Uncertainties are above zero, and in the order of their bits.
     let Some(middle) = median(members.iter().map(|it| it.uncertainty.to_bits())) else {
         return;
@@ -174,5 +176,5 @@ fn are_two_groups(members: &[Member<'_>]) -> bool {
     }
     let mean = members.iter().map(|it| it.offset).sum::<f32>() / rows as f32;
     let near = 0.5 * scatter(members, 0.0);
-    number(members, |it| (it.offset - mean).abs() < near) < rows.div_ceil(16)
+    count_where(members, |it| (it.offset - mean).abs() < near) < rows.div_ceil(16)
 }

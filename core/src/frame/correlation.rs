@@ -41,9 +41,9 @@ const SIGNIFICANT: f32 = 2.88;
 const SIGNIFICANT_IN_EXCESS: f32 = 1.0;
 
 impl Correlated {
-    /// The least number of independent rows that these may be worth, at least one. `None` if it is
-    /// [`FEWEST_INDEPENDENT`] or more.
-    pub fn too_few(self) -> Option<u16> {
+    /// The least number of independent rows that these may be worth, at least one. `None` if the number is
+    /// [`FEWEST_INDEPENDENT`] or more, which is enough.
+    pub fn rows_if_few(self) -> Option<u16> {
         // `as` takes the whole part; there are at most 64.
         let rows = ((self.rows / MARGIN) as u16).max(1);
         (rows < FEWEST_INDEPENDENT).then_some(rows)
@@ -106,7 +106,7 @@ fn residuals(members: &[Member<'_>]) -> Option<Vec<f32, { MAX_ROWS as usize }>> 
     let mut residuals = Vec::new();
     for member in members {
         // There is room for all rows.
-        let _ = residuals.push(member.residual(line.at(member.place)));
+        let _ = residuals.push(member.residual(line.at(member.rows_from_middle)));
     }
     let mean = residuals.iter().sum::<f32>() / members.len() as f32;
     residuals.iter_mut().for_each(|residual| *residual -= mean);
@@ -132,7 +132,7 @@ mod tests {
         let members: std::vec::Vec<Member<'_>> = (offsets.zip(0u8..))
             .map(|(offset, number)| Member {
                 row: &row,
-                place: f32::from(number),
+                rows_from_middle: f32::from(number),
                 offset,
                 uncertainty: 0.02,
                 weight: 1.0,
@@ -145,7 +145,7 @@ mod tests {
     fn neighbours_that_err_alike_are_worth_few() {
         // A wave of 32 rows: the 64 rows are worth no more than one or two independent ones.
         let wave = of((0..64).map(|i| 0.5 * libm::sinf(i as f32 * 0.196))).expect("a finding");
-        assert_eq!(wave.too_few(), Some(1), "{wave:?}");
+        assert_eq!(wave.rows_if_few(), Some(1), "{wave:?}");
         assert!((4.0..=8.0).contains(&wave.growth), "{wave:?}");
         // Random steps of four rows each: the 64 rows are worth 16.
         let steps = [3, -1, 2, -4, 1, 5, -2, -3, 4, 0, -5, 1, 2, -1, -4, 3];

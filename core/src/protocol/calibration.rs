@@ -19,7 +19,7 @@ pub enum FlashStatus {
     OtherSensor,
     /// The record with this CRC-32.
     Record(u32),
-    /// The same, but a newer save was interrupted or is damaged.
+    /// The record with this CRC-32, of an earlier save: the last save was interrupted, or is damaged.
     Older(u32),
 }
 
@@ -27,40 +27,40 @@ pub enum FlashStatus {
 /// without a calibration, `calibration none`. The others are `calibration`, a name and a value, and the last
 /// of them is `stored`.
 #[derive(Clone, Copy, Debug)]
-pub struct Shown<'a> {
+pub struct CalibrationAnswer<'a> {
     /// The calibration in use, if there is one.
-    pub written: Option<&'a EncodedRecord>,
+    pub record: Option<&'a EncodedRecord>,
     /// Whether frames become distances.
-    pub on: bool,
+    pub is_on: bool,
     /// What flash holds.
     pub stored: FlashStatus,
 }
 
-impl fmt::Display for Shown<'_> {
+impl fmt::Display for CalibrationAnswer<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.written {
+        match self.record {
             None => f.write_str("calibration none")?,
-            Some(written) => self.show(written, f)?,
+            Some(record) => self.write_record(record, f)?,
         }
         if let Some(fault) = self.fault() {
             write!(f, "\r\ncalibration fault {fault}")?;
         }
-        write!(f, "\r\ncalibration stored {}", self.kept())
+        write!(f, "\r\ncalibration stored {}", self.stored_word())
     }
 }
 
-impl Shown<'_> {
-    fn show(&self, written: &EncodedRecord, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let record = written.record();
+impl CalibrationAnswer<'_> {
+    fn write_record(&self, encoded: &EncodedRecord, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let record = encoded.record();
         let kind = match record.calibration {
             Calibration::Eq1(_) => "eq1",
             Calibration::Table(_) => "table",
             Calibration::Corrected(_) => "corrected",
         };
-        write!(f, "{}", Command::Calibration(Some(self.on)))?;
-        write!(f, "\r\ncalibration source {}", self.source(written))?;
+        write!(f, "{}", Command::Calibration(Some(self.is_on)))?;
+        write!(f, "\r\ncalibration source {}", self.source(encoded))?;
         write!(f, "\r\ncalibration kind {kind}")?;
-        let (bytes, sum) = (written.bytes().len(), written.sum());
+        let (bytes, sum) = (encoded.bytes().len(), encoded.sum());
         write!(f, "\r\ncalibration record {bytes} {sum:08x}")?;
         write!(f, "\r\ncalibration serial {}", record.serial_number)?;
         write!(f, "\r\ncalibration date {}", record.date)?;
@@ -76,10 +76,10 @@ impl Shown<'_> {
         Ok(())
     }
 
-    fn source(&self, written: &EncodedRecord) -> &'static str {
-        if written.record().is_nominal() {
+    fn source(&self, encoded: &EncodedRecord) -> &'static str {
+        if encoded.record().is_nominal() {
             "default"
-        } else if self.kept() == "same" {
+        } else if self.stored_word() == "same" {
             "stored"
         } else {
             "uploaded"
@@ -94,7 +94,7 @@ impl Shown<'_> {
                 Some("what was saved cannot be used: upload it again, or defaults, then save")
             }
             FlashStatus::Older(_) => Some(
-                "what was saved last cannot be used, this is from before: upload it again, or save",
+                "the last save is unusable, flash holds an earlier one: upload the calibration again, or save",
             ),
             FlashStatus::OtherSensor => Some(
                 "what was saved is of another sensor head: upload this one's calibration, then save",
@@ -102,12 +102,13 @@ impl Shown<'_> {
         }
     }
 
-    fn kept(&self) -> &'static str {
+    /// The last line's value: how the record in flash compares with the record in use.
+    fn stored_word(&self) -> &'static str {
         match self.stored {
             FlashStatus::Nothing => "none",
             FlashStatus::Damaged | FlashStatus::OtherSensor => "unusable",
             FlashStatus::Record(sum) | FlashStatus::Older(sum) => {
-                if self.written.map(EncodedRecord::sum) == Some(sum) {
+                if self.record.map(EncodedRecord::sum) == Some(sum) {
                     "same"
                 } else {
                     "other"
@@ -136,9 +137,9 @@ mod tests {
     #[test]
     fn the_nominal_calibration_is_shown() {
         let written = written(nominal());
-        let shown = Shown {
-            written: Some(&written),
-            on: true,
+        let shown = CalibrationAnswer {
+            record: Some(&written),
+            is_on: true,
             stored: FlashStatus::Nothing,
         };
         let lines = "calibration on\r\n\
@@ -153,8 +154,8 @@ mod tests {
              calibration distances 550.0874 1099.7177 mm\r\n\
              calibration stored none";
         assert_eq!(shown.to_string(), lines);
-        let same = Shown {
-            on: false,
+        let same = CalibrationAnswer {
+            is_on: false,
             stored: FlashStatus::Record(written.sum()),
             ..shown
         };
@@ -165,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn where_it_is_from_and_what_is_kept() {
+    fn source_and_contents_of_flash_are_shown() {
         let own = written(Record {
             serial_number: u32::MAX,
             date: Date::new(2026, 11, 21).expect("a day"),
@@ -197,7 +198,7 @@ mod tests {
                 FlashStatus::Older(own.sum()),
                 &[
                     "source stored",
-                    "fault what was saved last cannot be used, this is from before: upload it again, or save",
+                    "fault the last save is unusable, flash holds an earlier one: upload the calibration again, or save",
                     "stored same",
                 ],
             ),
@@ -210,9 +211,9 @@ mod tests {
                 ],
             ),
         ] {
-            let shown = Shown {
-                written: Some(&own),
-                on: true,
+            let shown = CalibrationAnswer {
+                record: Some(&own),
+                is_on: true,
                 stored,
             }
             .to_string();
@@ -232,10 +233,10 @@ mod tests {
     }
 
     #[test]
-    fn without_a_calibration_only_that_is_said() {
-        let shown = Shown {
-            written: None,
-            on: true,
+    fn without_a_calibration_only_flash_is_shown() {
+        let shown = CalibrationAnswer {
+            record: None,
+            is_on: true,
             stored: FlashStatus::Damaged,
         };
         assert_eq!(

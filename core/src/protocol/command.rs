@@ -157,19 +157,23 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
             ["estimator"] => Ok(Command::HelpEstimator),
             _ => Err(Error::Form(HELP)),
         },
-        "info" => alone(values, Command::Info, "info"),
-        "status" => alone(values, Command::Status, "status"),
-        "distance" => alone(values, Command::Distance, "distance"),
-        "centre" => alone(values, Command::Centre, "centre"),
-        "save" => alone(values, Command::Save, "save"),
-        "defaults" => alone(values, Command::Defaults, "defaults"),
+        "info" => expect_no_value(values, Command::Info, "info"),
+        "status" => expect_no_value(values, Command::Status, "status"),
+        "distance" => expect_no_value(values, Command::Distance, "distance"),
+        "centre" => expect_no_value(values, Command::Centre, "centre"),
+        "save" => expect_no_value(values, Command::Save, "save"),
+        "defaults" => expect_no_value(values, Command::Defaults, "defaults"),
         "calibration" => calibration(values),
         _ => Err(Error::Unknown),
     }
 }
 
-/// Gives a command that takes no value.
-fn alone(values: &[&str], command: Command, form: &'static str) -> Result<Command, Error> {
+/// Returns a command that takes no value, or an error if values follow it.
+fn expect_no_value(
+    values: &[&str],
+    command: Command,
+    form: &'static str,
+) -> Result<Command, Error> {
     match values {
         [] => Ok(command),
         _ => Err(Error::Form(form)),

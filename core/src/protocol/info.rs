@@ -48,7 +48,7 @@ pub struct Info<'a> {
     /// The calibration in use, if there is one.
     pub record: Option<&'a Record>,
     /// Whether frames become distances.
-    pub on: bool,
+    pub is_calibration_on: bool,
 }
 
 impl fmt::Display for Info<'_> {
@@ -94,7 +94,7 @@ impl fmt::Display for Info<'_> {
             let (number, date) = (record.serial_number, record.date);
             write!(f, "\r\ninfo serial number {number}, calibrated {date}")?;
         }
-        if !self.on {
+        if !self.is_calibration_on {
             return f.write_str("\r\ninfo calibration off");
         }
         let calibration = &record.calibration;
@@ -175,7 +175,7 @@ mod tests {
             geometry: &sensor_heads::tcd1304dg(),
             settings: &Settings::default(),
             record,
-            on,
+            is_calibration_on: on,
         }
         .to_string();
         assert!(

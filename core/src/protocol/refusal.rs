@@ -1,4 +1,4 @@
-//! Refusals: why a command that was understood is not obeyed. Their numbers follow those of
+//! Refusals: why a command that was understood is not executed. Their numbers follow those of
 //! [`super::command::Error`].
 
 use core::fmt;
@@ -6,7 +6,7 @@ use core::fmt;
 use crate::record::RecordError;
 use crate::store::StoreError;
 
-/// Why a command is not obeyed. Nothing has changed. `Display` is the answer, without its line end.
+/// Why a command is not executed. Nothing has changed. `Display` is the answer, without its line end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
     /// No upload is under way.

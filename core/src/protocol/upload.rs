@@ -136,7 +136,7 @@ impl Upload {
         self.announced = 0;
         let bytes = self.bytes.get(..self.came).unwrap_or_default();
         let record = decode(bytes).map_err(Refusal::Record)?;
-        if !record.geometry.has_same_words(sensor) {
+        if !record.geometry.is_compatible_with(sensor) {
             return Err(Refusal::OtherSensor);
         }
         Ok(record)

@@ -17,22 +17,22 @@ use crate::units::{Counts, Pixels};
 /// Whether two spots are so alike in height that nothing tells which is the laser's. A second spot of 50 % of
 /// the first one's height must not count as alike, one of 80 % must. Blocks measure heights to a tenth, so
 /// the limit is two thirds.
-pub(super) const fn is_alike(height: i64, highest: i64) -> bool {
+pub(super) const fn has_similar_height(height: i64, highest: i64) -> bool {
     3 * height > 2 * highest
 }
 
 /// Whether a second lump is high enough to matter. A lower one moves the search's result by half a width at
 /// most.
-const fn is_seen(height: i32, highest: i32) -> bool {
+const fn is_high_enough(height: i32, highest: i32) -> bool {
     height > highest / 4
 }
 
 /// The least response of another spot, in halves of a standard deviation of its noise. Noise alone reaches
 /// 5.5 standard deviations in one row of 10,000 (8000 places). A spot that is bright enough for a centre has
 /// ten.
-const OTHER: u16 = 11;
+const LEAST_OTHER: u16 = 11;
 
-/// Blocks to either side of the spot that are divided into finer ones. [`further_away`] tests the rest.
+/// Blocks to either side of the spot that are divided into finer ones. [`find_far_spot`] tests the rest.
 const NEAR: usize = 4;
 
 /// A fine block is an eighth of the spot's block. Blocks of a quarter would do for the narrowest two spots
@@ -49,8 +49,9 @@ const FINE: usize = (2 * NEAR) << FINE_LOG2;
 pub(super) fn check(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
     let mut spot = found;
     // Each pass takes smaller blocks than the one before.
-    while let Some((higher, lower)) = Near::new(sums, &spot).and_then(|near| near.two()) {
-        if is_alike(lower.height.into(), higher.height.into()) {
+    while let Some((higher, lower)) = Near::new(sums, &spot).and_then(|near| near.find_two_spots())
+    {
+        if has_similar_height(lower.height.into(), higher.height.into()) {
             return Err(two_spots(higher.middle, lower.middle));
         }
         let Some(finer) = higher.spot(sums, &spot) else {
@@ -58,7 +59,7 @@ pub(super) fn check(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
         };
         spot = finer;
     }
-    match further_away(sums, &spot) {
+    match find_far_spot(sums, &spot) {
         Some(other) => Err(two_spots(spot.centre, other)),
         None => Ok(spot),
     }
@@ -144,14 +145,14 @@ impl Near {
         Some(near)
     }
 
-    /// The higher and the lower of two spots. `None` for one spot, or for more than two.
-    fn two(&self) -> Option<(Lump, Lump)> {
+    /// Finds two spots, and returns the higher one first. `None` for one spot, or for more than two.
+    fn find_two_spots(&self) -> Option<(Lump, Lump)> {
         let smooth = self.smooth.get(..self.length)?;
         let highest = *smooth.iter().max()?;
         let top = smooth.iter().position(|&light| light == highest)?;
         let (left, right) = smooth.split_at_checked(top)?;
-        let to_the_right = self.second(right.iter(), highest);
-        let to_the_left = self.second(left.iter().rev(), highest);
+        let to_the_right = self.find_beyond_valley(right.iter(), highest);
+        let to_the_left = self.find_beyond_valley(left.iter().rev(), highest);
         let other = match (to_the_left, to_the_right) {
             (Some((left, height)), Some((_, other))) if height > other => {
                 top.saturating_sub(1).saturating_sub(left)
@@ -161,7 +162,7 @@ impl Near {
             (None, None) => return None,
         };
         let (here, other) = (self.lump(top)?, self.lump(other)?);
-        if !self.are_apart(&here, &other) || !self.are_all(&here, &other) {
+        if !self.are_apart(&here, &other) || !self.has_little_other_light(&here, &other) {
             return None;
         }
         Some(if other.height > here.height {
@@ -173,7 +174,7 @@ impl Near {
 
     /// Finds the highest block beyond a valley, going outwards from the top. Returns its place on that way
     /// and its light.
-    fn second<'a>(
+    fn find_beyond_valley<'a>(
         &self,
         outwards: impl Iterator<Item = &'a i32>,
         highest: i32,
@@ -181,7 +182,7 @@ impl Near {
         let (mut valley, mut second) = (highest, None);
         for (i, &light) in (0..FINE).zip(outwards) {
             valley = valley.min(light);
-            if is_seen(light, highest)
+            if is_high_enough(light, highest)
                 && valley <= light / 2
                 && light.saturating_sub(valley) > self.noise.saturating_mul(5)
                 && second.is_none_or(|(_, height)| light > height)
@@ -238,7 +239,7 @@ impl Near {
 
     /// Whether there is little light besides the two lumps. Each reaches three and a half widths from its
     /// middle.
-    fn are_all(&self, one: &Lump, other: &Lump) -> bool {
+    fn has_little_other_light(&self, one: &Lump, other: &Lump) -> bool {
         let is_of = |i: usize, lump: &Lump| {
             let reach = lump.blocks();
             (lump.from.saturating_sub(reach)..lump.to.saturating_add(reach)).contains(&i)
@@ -289,7 +290,7 @@ fn block_of(pixel: usize, block_log2: u32) -> usize {
 }
 
 /// Finds another spot further away than [`NEAR`] blocks, and returns its pixel.
-fn further_away(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
+fn find_far_spot(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
     let (block_log2, level) = (
         spot.block_log2.min(LARGEST_BLOCK_LOG2),
         spot.background.level,
@@ -300,9 +301,9 @@ fn further_away(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
     let highest = (here.saturating_sub(1)..here.saturating_add(2))
         .filter_map(response)
         .max()?;
-    let least = needed(OTHER, spot.background.noise);
+    let least = needed(LEAST_OTHER, spot.background.noise);
     let is_other = |response: i32| {
-        is_alike(response.into(), highest.into())
+        has_similar_height(response.into(), highest.into())
             && square(response.max(0).unsigned_abs()) >> block_log2.min(LARGEST_BLOCK_LOG2) >= least
     };
     let parts = sums.parts(block_log2);

@@ -15,16 +15,16 @@ const PART_LOG2: u32 = 4;
 
 const PARTS: usize = MAX_PIXELS >> (BLOCK_LOG2 + PART_LOG2);
 
-/// A response this many groups from the spot, or nearer, belongs to the spot. A spot's width is at most 1.5
-/// groups: at this distance it has a third of its response left.
-const APART: usize = 2;
+/// How far a spot reaches, in groups: a response at this distance or nearer belongs to the spot. A spot's
+/// width is at most 1.5 groups: at this distance it has a third of its response left.
+const SPOT_REACH: usize = 2;
 
 /// The highest response of the kernel in each part of the row, background included.
 pub(super) struct Sweep<'a> {
     blocks: &'a [[u16; 8]],
     /// A group has 2^`log2` blocks, at most 2^[`PART_LOG2`].
     log2: u32,
-    parts: [u32; PARTS],
+    highest_in_parts: [u32; PARTS],
 }
 
 /// The highest response: the first of several.
@@ -32,32 +32,33 @@ pub(super) struct Sweep<'a> {
 pub(super) struct Peak {
     pub(super) group: usize,
     pub(super) response: u32,
-    /// Whether another response that is like it lies more than [`APART`] groups away.
+    /// Whether another response that is like it lies more than [`SPOT_REACH`] groups away.
     pub(super) has_another: bool,
 }
 
 impl<'a> Sweep<'a> {
     pub(super) fn new(blocks: &'a [[u16; 8]], log2: u32) -> Self {
         let log2 = log2.min(PART_LOG2);
-        let parts = match log2 {
+        let highest_in_parts = match log2 {
             0 => sweep_blocks(blocks),
             _ => sweep_groups(blocks, log2),
         };
         Self {
             blocks,
             log2,
-            parts,
+            highest_in_parts,
         }
     }
 
     /// Finds the peak. `least_like` gives the least response that is like a given one. `None` where the row
     /// is too short for a response.
     pub(super) fn peak(&self, least_like: impl FnOnce(u32) -> u32) -> Option<Peak> {
-        let highest = *self.parts.iter().max()?;
+        let highest = *self.highest_in_parts.iter().max()?;
         let least = least_like(highest);
         let mut peak = None;
         let (mut first, mut last) = (usize::MAX, 0);
-        for (part, _) in (0..PARTS).zip(&self.parts).filter(|part| *part.1 >= least) {
+        let parts = (0..PARTS).zip(&self.highest_in_parts);
+        for (part, _) in parts.filter(|&(_, highest)| *highest >= least) {
             let mut kernel = Kernel::default();
             // The kernel's last group is in the part, and two are before it.
             let log2 = self.log2.min(PART_LOG2);
@@ -86,7 +87,8 @@ impl<'a> Sweep<'a> {
         Some(Peak {
             group,
             response: highest,
-            has_another: first.saturating_add(APART) < group || last > group.saturating_add(APART),
+            has_another: first.saturating_add(SPOT_REACH) < group
+                || last > group.saturating_add(SPOT_REACH),
         })
     }
 
@@ -104,20 +106,23 @@ impl<'a> Sweep<'a> {
 #[inline(never)]
 fn sweep_blocks(blocks: &[[u16; 8]]) -> [u32; PARTS] {
     let mut kernel = Kernel::default();
-    each_part(blocks, |blocks| kernel.highest(blocks.iter().map(sum)))
+    find_highest_in_parts(blocks, |blocks| kernel.highest(blocks.iter().map(sum)))
 }
 
 #[inline(never)]
 fn sweep_groups(blocks: &[[u16; 8]], log2: u32) -> [u32; PARTS] {
     let mut kernel = Kernel::default();
-    each_part(blocks, |blocks| {
+    find_highest_in_parts(blocks, |blocks| {
         let groups = blocks.chunks_exact(1 << log2);
         kernel.highest(groups.map(sum_of_blocks))
     })
 }
 
 #[inline(always)]
-fn each_part(blocks: &[[u16; 8]], mut highest: impl FnMut(&[[u16; 8]]) -> u32) -> [u32; PARTS] {
+fn find_highest_in_parts(
+    blocks: &[[u16; 8]],
+    mut highest: impl FnMut(&[[u16; 8]]) -> u32,
+) -> [u32; PARTS] {
     let mut parts = [0; PARTS];
     let (whole, rest) = blocks.as_chunks::<{ 1 << PART_LOG2 }>();
     let mut left = parts.iter_mut();

@@ -45,7 +45,7 @@ impl Tilt {
     /// alone makes a change of 0.4 of a pixel's noise (standard deviation), so twice is five times that. (28
     /// blocks of 128 pixels: median steps scatter by 1.25 sqrt(2 / 128) / sqrt(27), and half a row has 14 of
     /// them.)
-    pub(super) fn matters(self, light: &[u16], height: Counts, noise: Counts) -> bool {
+    pub(super) fn may_hide(self, light: &[u16], height: Counts, noise: Counts) -> bool {
         let drift = self.rise(light.len() / 2);
         drift > 2 * i64::from(noise.to_bits()) && drift > i64::from(height.to_bits()) / 4
     }
@@ -59,7 +59,7 @@ impl Tilt {
 
     /// How much higher the background is at a pixel than at the row's dark end, Q24.8 counts. At most 2^20,
     /// the most that a row can hold.
-    pub(super) fn at(self, light: &[u16], pixel: usize) -> i32 {
+    pub(super) fn height_at(self, light: &[u16], pixel: usize) -> i32 {
         let from_dark = if self.slope > 0 {
             pixel
         } else {
@@ -70,10 +70,10 @@ impl Tilt {
 
     /// Returns the row without the tilt, and the lowest count of the result. The result has that lowest count
     /// subtracted too: otherwise a row whose dark end is near zero would be cut off there.
-    pub(super) fn taken_off(self, light: &[u16]) -> (i32, impl Iterator<Item = u16>) {
+    pub(super) fn subtract_from(self, light: &[u16]) -> (i32, impl Iterator<Item = u16>) {
         // At most 2^12 counts either way.
         let without = move |(pixel, &count): (usize, &u16)| {
-            i32::from(count).saturating_sub(self.at(light, pixel) >> Counts::FRACTION)
+            i32::from(count).saturating_sub(self.height_at(light, pixel) >> Counts::FRACTION)
         };
         let pixels = || (0..MAX_PIXELS).zip(light);
         let lowest = pixels().map(without).min().unwrap_or_default();

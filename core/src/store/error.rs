@@ -26,11 +26,11 @@ impl fmt::Display for StoreError {
         match self {
             Self::Configuration(error) => error.fmt(f),
             Self::Flash => f.write_str(
-                "the flash did not do as it was told, what was saved before still holds: save again",
+                "the flash failed to read, write or erase, the configuration saved before is unchanged: save again",
             ),
             Self::Worn => f.write_str(
-                "the flash does not keep what is written, what was saved before still holds: save again, and if that does \
-                 not help, replace the sensor's board",
+                "the flash does not keep what is written, the configuration saved before is unchanged: save \
+                 again, and if that does not help, replace the sensor's board",
             ),
         }
     }

@@ -20,7 +20,7 @@ pub struct Answers {
     /// Of the estimator alone ([`centre::centre`]).
     pub alone: Answer,
     /// As the measurement takes it ([`check::centre`]).
-    pub looked_at: Answer,
+    pub checked: Answer,
 }
 
 /// Every estimator's answers to a row, in the order of [`Estimator::ALL`].
@@ -32,8 +32,7 @@ pub fn answers(row: &HardRow) -> [Answers; Estimator::ALL.len()] {
     let spot = spot::find(&parts);
     Estimator::ALL.map(|estimator| Answers {
         alone: spot.and_then(|spot| centre::centre(estimator, &parts, &spot, None, &row.geometry)),
-        looked_at: spot
-            .and_then(|spot| check::centre(estimator, &parts, &spot, None, &row.geometry)),
+        checked: spot.and_then(|spot| check::centre(estimator, &parts, &spot, None, &row.geometry)),
     })
 }
 
@@ -176,18 +175,17 @@ impl RowCase {
                         .map(|(row, answers)| (row.truth, which(&answers[i])))
                         .collect()
                 };
-                let (looked_at, alone) = (of(|it| it.looked_at), of(|it| it.alone));
+                let (checked, alone) = (of(|it| it.checked), of(|it| it.alone));
                 let nonsense = rows.iter().zip(&answers).find_map(|(row, answers)| {
-                    nonsense(row, &answers[i].alone)
-                        .or_else(|| nonsense(row, &answers[i].looked_at))
+                    nonsense(row, &answers[i].alone).or_else(|| nonsense(row, &answers[i].checked))
                 });
-                let said: Vec<Said> = (looked_at.iter())
+                let said: Vec<Said> = (checked.iter())
                     .map(|(truth, answer)| Said::of_row(*truth, answer))
                     .collect();
                 Outcome {
                     estimator,
                     failure: nonsense.or_else(|| self.due.failure(estimator, &said)),
-                    answers: looked_at,
+                    answers: checked,
                     alone,
                 }
             })

@@ -273,7 +273,7 @@ pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
             |tally: &Tally, count: u64| format!("{:.1}", 1e6 * count as f64 / tally.rows as f64);
         let share =
             |tally: &Tally, count: u64| format!("{:.2}", 1e2 * count as f64 / tally.rows as f64);
-        let (c, m) = (&clean.looked_at[i], &mixtures.looked_at[i]);
+        let (c, m) = (&clean.checked[i], &mixtures.checked[i]);
         let cells = [
             estimator.name().into(),
             errors(clean, c.confident_errors),
@@ -311,11 +311,11 @@ pub fn json(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) -> Json {
     let json = |(i, estimator): (usize, Estimator)| JsonEstimator {
         name: estimator.name(),
         failed_cases: catalogue.failures(estimator).len(),
-        confident_errors: mixtures.looked_at[i].confident_errors,
+        confident_errors: mixtures.checked[i].confident_errors,
         random_rows: mixtures.rows,
         confident_errors_alone: mixtures.alone[i].confident_errors,
-        clean_confident_errors: clean.looked_at[i].confident_errors,
-        clean_flagged: clean.looked_at[i].flagged,
+        clean_confident_errors: clean.checked[i].confident_errors,
+        clean_flagged: clean.checked[i].flagged,
         clean_rows: clean.rows,
     };
     Json {

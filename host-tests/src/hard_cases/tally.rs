@@ -8,7 +8,7 @@ use crate::hard_cases::judge::{Answer, Said, answers};
 use crate::hard_cases::mixtures::{Kind, RandomRow};
 
 /// Number of estimators.
-const RUNGS: usize = Estimator::ALL.len();
+const ESTIMATORS: usize = Estimator::ALL.len();
 
 /// What came of many rows for an estimator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,9 +60,9 @@ pub struct Tally {
     /// Rows.
     pub rows: u64,
     /// Of each estimator as the measurement takes it, in the order of [`Estimator::ALL`].
-    pub looked_at: [Counts; RUNGS],
+    pub checked: [Counts; ESTIMATORS],
     /// Of each estimator alone.
-    pub alone: [Counts; RUNGS],
+    pub alone: [Counts; ESTIMATORS],
     /// Of each kind of flaw: the rows that have it, and the default estimator's errors in them.
     pub kinds: [OfKind; Kind::ALL.len()],
     /// Seeds of rows in which the default estimator, as the measurement takes it, was confidently wrong: the
@@ -81,13 +81,13 @@ impl Tally {
             ..Self::default()
         };
         for (i, answers) in answers(&row).iter().enumerate() {
-            tally.looked_at[i] = Counts::of(row.truth, &answers.looked_at);
+            tally.checked[i] = Counts::of(row.truth, &answers.checked);
             tally.alone[i] = Counts::of(row.truth, &answers.alone);
             if Estimator::ALL[i] != Estimator::default() {
                 continue;
             }
             let [checked, alone] =
-                [tally.looked_at[i], tally.alone[i]].map(|counts| counts.confident_errors);
+                [tally.checked[i], tally.alone[i]].map(|counts| counts.confident_errors);
             if checked > 0 {
                 tally.seeds.push(random_row.seed);
             }
@@ -104,7 +104,7 @@ impl Tally {
 
     fn add(mut self, other: Self) -> Self {
         self.rows += other.rows;
-        for (counts, other) in self.looked_at.iter_mut().zip(other.looked_at) {
+        for (counts, other) in self.checked.iter_mut().zip(other.checked) {
             counts.add(other);
         }
         for (counts, other) in self.alone.iter_mut().zip(other.alone) {

@@ -11,7 +11,7 @@ pub struct Weights {
     half_width: i64,
     /// Score, slope and stretch of each phase.
     phases: Vec<[Vec<f64>; 3]>,
-    nearest: f64,
+    near_limit: f64,
     centre_per_ratio: f64,
     bend: f64,
     stretch_per_ratio: f64,
@@ -41,7 +41,7 @@ pub fn integer(tables: &[Table<'_>]) -> Vec<Weights> {
             width: f64::from(table.width),
             half_width: i64::from(table.half_width),
             phases: phases.map(of_phase).collect(),
-            nearest: f64::from(table.nearest),
+            near_limit: f64::from(table.near_limit),
             centre_per_ratio: f64::from(table.centre_per_ratio),
             bend: f64::from(table.bend),
             stretch_per_ratio: f64::from(table.stretch_per_ratio),
@@ -68,7 +68,7 @@ pub fn exact(profile: Profile<'_>, plan: Plan) -> Vec<Weights> {
             width,
             half_width: table.shape.half_width as i64,
             phases: (0..table.shape.phases).map(of_phase).collect(),
-            nearest: table.shape.nearest(),
+            near_limit: table.shape.near_limit(),
             centre_per_ratio: 1.0,
             bend: table.bend,
             stretch_per_ratio: 1.0,
@@ -126,7 +126,7 @@ pub fn centre(light: &[u16], spot: &Spot, tables: &[Weights], sampling: Sampling
         let better = choose(tables, width, sampling);
         let fits =
             mismatch(tables, (block, index), width) <= mismatch(tables, better, width) + margin;
-        if fits && look.distance.abs() <= steps * look.nearest {
+        if fits && look.distance.abs() <= steps * look.near_limit {
             return (0.6..150.0).contains(&width).then_some(Found {
                 centre: at,
                 width,
@@ -176,7 +176,7 @@ struct Look {
     centre: f64,
     window: (usize, usize),
     distance: f64,
-    nearest: f64,
+    near_limit: f64,
     slope: f64,
     stretch: f64,
 }
@@ -214,13 +214,13 @@ impl Look {
                 .sum::<f64>()
         });
         let straight = score / slope * table.centre_per_ratio;
-        let nearest = if block == 1 {
-            table.nearest
+        let near_limit = if block == 1 {
+            table.near_limit
         } else {
             0.55 / pixels
         };
         let bent = |straight: f64| 1.0 - table.bend * straight * straight;
-        let distance = if straight.abs() <= nearest {
+        let distance = if straight.abs() <= near_limit {
             straight * bent(straight)
         } else {
             let straight = straight.clamp(-1.5 * table.width, 1.5 * table.width);
@@ -230,7 +230,7 @@ impl Look {
             centre: reference + distance * pixels,
             window: (first, phase),
             distance,
-            nearest,
+            near_limit,
             slope,
             stretch: (stretch / slope * table.stretch_per_ratio).clamp(-0.4, 0.7),
         })

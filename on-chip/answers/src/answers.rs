@@ -1,4 +1,4 @@
-//! Every estimator is asked for a row's centre: alone, with the look that follows it, and as the whole
+//! Every estimator is asked for a row's centre: alone, with the check that follows, and as the whole
 //! measurement that turns rows into readings.
 
 use slitrange::black_level::BlackLevel;
@@ -65,10 +65,10 @@ impl Estimators {
                 centre::centre(estimator, &row, &spot, None, &self.geometry)
             });
             say_centre(alone, &mut say);
-            let looked_at = found.and_then(|(row, spot)| {
+            let checked = found.and_then(|(row, spot)| {
                 check::centre(estimator, &row, &spot, None, &self.geometry)
             });
-            say_centre(looked_at, &mut say);
+            say_centre(checked, &mut say);
             if let Some(result) = measurement.row(light) {
                 let result = result.and_then(|measured| measured.reading(calibration.as_ref()));
                 say_reading(result, &mut say);

@@ -4,18 +4,18 @@
 pub mod parabola;
 pub mod zero_crossing;
 
-use slitrange::centre::plausible::certain;
+use slitrange::centre::plausible::check_uncertainty;
 use slitrange::fault::Fault;
 use slitrange::units::Counts;
 
-/// [`certain`] for an uncertainty that comes from a few pixels' counts. Where the search took noise for a
-/// spot, those pixels were chosen for being high and seem sharper than they are, so the Cramér-Rao bound in
-/// that noise must be certain too.
+/// Rejects an uncertain centre, as [`check_uncertainty`], where the uncertainty comes from a few pixels'
+/// counts. Where the search took noise for a spot, those pixels were chosen for being high and seem sharper
+/// than they are, so the Cramér-Rao bound in that noise must pass too.
 ///
 /// # Errors
-/// See [`certain`].
+/// See [`check_uncertainty`].
 #[inline]
-fn certain_in_noise(
+fn check_uncertainty_in_noise(
     amplitude: f32,
     uncertainty: f32,
     width: f32,
@@ -24,12 +24,12 @@ fn certain_in_noise(
     /// The bound over sqrt(sigma) noise / A: sqrt(2 / sqrt(pi)).
     const BOUND: f32 = 1.062_3;
     let bound = BOUND * dual_mac::square_root(width) * noise.to_f32() / amplitude;
-    // Where one is no number, neither is certain.
+    // Where one is not a number, one of the two checks fails.
     let larger = if bound < uncertainty {
         uncertainty
     } else {
         bound
     };
-    certain(amplitude, uncertainty, width)?;
-    certain(amplitude, larger, width)
+    check_uncertainty(amplitude, uncertainty, width)?;
+    check_uncertainty(amplitude, larger, width)
 }

@@ -155,7 +155,7 @@ pub fn head(lines: &[String]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slitrange::protocol::calibration::{FlashStatus, Shown};
+    use slitrange::protocol::calibration::{CalibrationAnswer, FlashStatus};
     use slitrange::record::encoded::EncodedRecord;
 
     fn lines(text: &str) -> Vec<String> {
@@ -210,9 +210,9 @@ mod tests {
     #[test]
     fn the_calibration_in_use_is_known_at_its_last_line() {
         let written = EncodedRecord::nominal().expect("a record");
-        let shown = Shown {
-            written: Some(&written),
-            on: true,
+        let shown = CalibrationAnswer {
+            record: Some(&written),
+            is_on: true,
             stored: FlashStatus::Record(!written.sum()),
         };
         let said = lines(&shown.to_string());
@@ -228,8 +228,8 @@ mod tests {
             assert_eq!(super::in_use(&said[..count]), None);
         }
         assert_eq!(super::in_use(&said), Some(in_use));
-        let none = Shown {
-            written: None,
+        let none = CalibrationAnswer {
+            record: None,
             stored: FlashStatus::Damaged,
             ..shown
         };

@@ -58,7 +58,7 @@ fn help_and_info_match_the_core() {
             geometry: &sensor_heads::tcd1304dg(),
             settings: &Settings::default(),
             record: Record::nominal().as_ref(),
-            on,
+            is_calibration_on: on,
         }
         .to_string();
         let info: Vec<&str> = info.split("\r\n").collect();

@@ -36,8 +36,8 @@ fn the_stack_stays_far_from_the_statics() {
         .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
         .expect("a banner");
     set(&mut board, "rows 2");
-    for rung in Estimator::ALL {
-        set(&mut board, &format!("estimator {}", rung.name()));
+    for estimator in Estimator::ALL {
+        set(&mut board, &format!("estimator {}", estimator.name()));
         for light in hard_rows() {
             board.set_light(light);
             // The result under way, and one result of the new light.

@@ -56,7 +56,6 @@ pub fn on_chip(chip: &Chip, method: Method, width: f64) -> Option<&MethodOnChip>
 /// What `--json` prints. A figure that does not apply, or that no row gave, is null.
 #[derive(Serialize)]
 pub struct Json {
-    #[serde(rename = "rungs")]
     methods: Vec<Figures>,
     sweep_instructions_per_pixel: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -365,7 +364,7 @@ impl Measured {
     /// A file cannot be written.
     pub fn write_csv(&self, directory: &Path) -> anyhow::Result<()> {
         std::fs::create_dir_all(directory)?;
-        write_csv(&directory.join("rungs.csv"), self.figures())?;
+        write_csv(&directory.join("methods.csv"), self.figures())?;
         write_csv(&directory.join("accuracy.csv"), self.cells())?;
         write_csv(&directory.join("bias.csv"), self.biases())?;
         write_csv(&directory.join("situations.csv"), self.situations())?;
@@ -486,7 +485,6 @@ fn distance_table(distances: &[Distance]) -> Vec<Vec<String>> {
 /// A line of `accuracy.csv`: either `snr`, or the three that follow it.
 #[derive(Serialize)]
 struct CellRecord {
-    #[serde(rename = "rung")]
     method: &'static str,
     width_px: f64,
     snr: Option<f64>,
@@ -504,7 +502,6 @@ struct CellRecord {
 
 #[derive(Serialize)]
 struct ChipRecord<'a> {
-    #[serde(rename = "rung")]
     method: &'a str,
     width_px: f64,
     instructions: u64,
@@ -518,7 +515,6 @@ struct ChipRecord<'a> {
 
 #[derive(Serialize)]
 struct BiasRecord {
-    #[serde(rename = "rung")]
     method: &'static str,
     width_px: f64,
     bias_max_px: Option<f64>,
@@ -527,7 +523,6 @@ struct BiasRecord {
 #[derive(Serialize)]
 struct SituationRecord {
     situation: &'static str,
-    #[serde(rename = "rung")]
     method: &'static str,
     microseconds: Option<f64>,
     rmse_px: f64,
@@ -617,7 +612,7 @@ mod tests {
         let json = serde_json::to_value(measured.json()).expect("JSON");
         assert!(json.get("peers").is_none());
         assert!(json["sweep_instructions_per_pixel"].is_f64());
-        let methods = json["rungs"].as_array().expect("an array");
+        let methods = json["methods"].as_array().expect("an array");
         assert_eq!(methods.len(), 10);
         for method in methods {
             assert!(method["name"].is_string());
@@ -685,13 +680,13 @@ mod tests {
         assert_eq!(
             lines("accuracy.csv"),
             (
-                "rung,width_px,snr,amplitude,electrons_per_count,read_noise,rows,rmse_px,bound_px,\
+                "method,width_px,snr,amplitude,electrons_per_count,read_noise,rows,rmse_px,bound_px,\
                  rmse_over_bound,pull,faults,gross"
                     .to_owned(),
                 10 * 12 * 10
             )
         );
-        assert_eq!(lines("rungs.csv").1, 10);
+        assert_eq!(lines("methods.csv").1, 10);
         assert_eq!(lines("bias.csv").1, 10 * 12);
         assert_eq!(lines("situations.csv").1, 10 * SITUATIONS.len());
         assert_eq!(lines("reading-time.csv").1, 4 * 7);

@@ -16,7 +16,7 @@ pub fn tell(random_row: &RandomRow) {
             estimator.name(),
             words(row.truth, &answers.alone)
         );
-        println!("{:>14} taken: {}", "", words(row.truth, &answers.looked_at));
+        println!("{:>14} taken: {}", "", words(row.truth, &answers.checked));
     }
 }
 

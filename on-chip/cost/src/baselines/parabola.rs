@@ -18,14 +18,14 @@
 //! parabola is taken.
 
 use slitrange::centre::half_width;
-use slitrange::centre::plausible::{on_the_row, unsaturated};
+use slitrange::centre::plausible::{check_saturation, position_on_row};
 use slitrange::centre::{RowCentre, WidthClass};
 use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::Spot;
 use slitrange::units::{Counts, Pixels};
 
-use super::certain_in_noise;
+use super::check_uncertainty_in_noise;
 
 /// The width from which a spot's curvature is told better by its width than by three pixels.
 const WIDE: f32 = 1.8;
@@ -60,9 +60,9 @@ pub fn centre(
     scale: Scale,
 ) -> Result<RowCentre, Fault> {
     let light = row.light();
-    let start = on_the_row(light, spot)?;
+    let start = position_on_row(light, spot)?;
     let width = half_width::width(light, spot, before)?;
-    unsaturated(row, start, width, geometry)?;
+    check_saturation(row, start, width, geometry)?;
     let level = Counts::from_bits(spot.background.level_bits()).to_f32();
     let (highest, counts) = highest(light, spot).ok_or(Fault::SpotAtEdge { centre: start })?;
     let heights = counts.map(|count| f32::from(count) - level);
@@ -92,7 +92,7 @@ pub fn centre(
     if at.to_f32() < width || to_the_end < width {
         return Err(Fault::SpotAtEdge { centre: at });
     }
-    unsaturated(row, at, width, geometry)?;
+    check_saturation(row, at, width, geometry)?;
     let amplitude = if logarithms {
         libm::expf(vertex.value)
     } else {
@@ -105,7 +105,7 @@ pub fn centre(
     };
     let noise = vertex.uncertainty * vertex.uncertainty.min(WANDER);
     let uncertainty = dual_mac::square_root(noise + shape * shape);
-    certain_in_noise(amplitude, uncertainty, width, spot.background.noise)?;
+    check_uncertainty_in_noise(amplitude, uncertainty, width, spot.background.noise)?;
     Ok(RowCentre {
         centre: at,
         uncertainty: Pixels::from_f32(uncertainty),

@@ -13,14 +13,14 @@
 //! Q8 are below 2^30.
 
 use slitrange::centre::half_width;
-use slitrange::centre::plausible::{on_the_row, unsaturated};
+use slitrange::centre::plausible::{check_saturation, position_on_row};
 use slitrange::centre::{RowCentre, WidthClass};
 use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Row};
 use slitrange::spot::Spot;
 use slitrange::units::{Counts, Pixels};
 
-use super::certain_in_noise;
+use super::check_uncertainty_in_noise;
 
 /// Length of half the box over sigma: l above.
 const HALF_BOX: f32 = 2.161;
@@ -42,9 +42,9 @@ pub fn centre(
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
     let light = row.light();
-    let start = on_the_row(light, spot)?;
+    let start = position_on_row(light, spot)?;
     let width = half_width::width(light, spot, before)?;
-    unsaturated(row, start, width, geometry)?;
+    check_saturation(row, start, width, geometry)?;
     // From 1 to 368, because a width is from 0.5 to 170: `as` cuts off after a half was added.
     let half_box = (HALF_BOX * width + 0.5) as usize;
     let edge = Fault::SpotAtEdge { centre: start };
@@ -73,7 +73,7 @@ pub fn centre(
     let at = Pixels::from_bits(
         crossing.pixel as i32 * (1 << Pixels::FRACTION) + Pixels::from_f32(part).to_bits(),
     );
-    unsaturated(row, at, width, geometry)?;
+    check_saturation(row, at, width, geometry)?;
     let (noise, shot) = spot.background.variances(geometry);
     // Pixels i and i + 1 + L weigh f, i + 1 and i - L weigh 1 - f; the middle ones hold nearly all the light.
     let missing = 1.0 - part * part + 1.0 - (1.0 - part) * (1.0 - part);
@@ -82,7 +82,7 @@ pub fn centre(
         + shot * (gathered - missing * amplitude).max(0.0);
     let bend = NOT_STRAIGHT / (width * width);
     let uncertainty = dual_mac::square_root(variance / (slope * slope) + bend * bend);
-    certain_in_noise(amplitude, uncertainty, width, spot.background.noise)?;
+    check_uncertainty_in_noise(amplitude, uncertainty, width, spot.background.noise)?;
     Ok(RowCentre {
         centre: at,
         uncertainty: Pixels::from_f32(uncertainty),

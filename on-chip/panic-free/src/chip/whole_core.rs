@@ -97,7 +97,7 @@ pub fn find_centres() {
     if let Ok(centre) = any(frame.centre(any::settings().mean)) {
         reached(centre.centre.to_bits());
     }
-    black.add_row(any(black));
+    black.merge(any(black));
     any(black.level(any::settings().black_level));
     any(geometry.height_limit(any(Counts::MIN)));
     any(black_level::centroid(row.light(), spot.background));
