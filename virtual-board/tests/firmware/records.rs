@@ -7,7 +7,7 @@ use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
-use slitrange::protocol::calibration::{FlashStatus, Shown};
+use slitrange::protocol::calibration::{CalibrationAnswer, FlashStatus};
 use slitrange::protocol::piece::{PIECE, Piece};
 use slitrange::record::Record;
 use slitrange::record::date::Date;
@@ -152,9 +152,9 @@ pub fn assert_shown(
     written: Option<&EncodedRecord>,
     stored: FlashStatus,
 ) {
-    let expected = Shown {
-        written,
-        on: true,
+    let expected = CalibrationAnswer {
+        record: written,
+        is_on: true,
         stored,
     }
     .to_string();
