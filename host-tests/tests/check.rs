@@ -40,7 +40,8 @@ fn clean_rows_are_not_doubted() {
     ];
     let (mut rows, mut doubted, mut failures) = (0, 0, vec![]);
     println!(
-        "rows of {ROWS} that were doubted (flagged, or repaired): dim, middle, bright, bright without shot noise"
+        "rows of {ROWS} that were doubted (flagged, or repaired): dim, middle, bright, bright without shot \
+         noise"
     );
     for shape in [
         Shape::Gaussian,

@@ -146,8 +146,9 @@ fn fixed_point_is_its_model_to_a_step() {
         let worst_other = worst(other.iter().map(|pair| pair.of_claim()));
         let cut_off = rms(halved.iter().map(|pair| pair.of_claim() * 8.0 * pair.noise));
         println!(
-            "{:>12}: {rms_same:.3} rms, {worst_same:.3} at most, of {} rows; {} more took another window: {worst_other:.3} of the \
-             uncertainty at most, {all:.1e} px rms with them; halved sums: {cut_off:.2} of 1/8 over the noise, of {} rows",
+            "{:>12}: {rms_same:.3} rms, {worst_same:.3} at most, of {} rows; {} more took another window: \
+             {worst_other:.3} of the uncertainty at most, {all:.1e} px rms with them; halved sums: \
+             {cut_off:.2} of 1/8 over the noise, of {} rows",
             estimator.name(),
             same.len(),
             other.len(),
@@ -269,7 +270,8 @@ fn distances_are_those_of_the_model() {
     }
     let (alone_rms, alone_most) = (rms(alone.iter().copied()), worst(alone.iter().copied()));
     println!(
-        "eq. (1): {alone_rms:.3} steps of 2^-8 um rms, {alone_most:.3} at most; from the row on: {:.2} rms, {:.2} at most, of {} rows",
+        "eq. (1): {alone_rms:.3} steps of 2^-8 um rms, {alone_most:.3} at most; from the row on: {:.2} rms, \
+         {:.2} at most, of {} rows",
         rms(whole.iter().copied()),
         worst(whole.iter().copied()),
         whole.len()
@@ -323,9 +325,9 @@ fn the_fit_is_the_reference_and_the_tables_follow_it() {
         let (ratio, correlation) = (reference / table, product / reference / table);
         let bound = cell.spot().bound();
         println!(
-            "sigma {width}, {amplitude} counts, noise {read_noise}, {electrons_per_count:?} e/count: fit and reference \
-             apart by {apart_rms:.4} of the uncertainty rms, {apart_most:.3} at most; reference {:.3} of the bound, default {:.3}; \
-             ratio {ratio:.3}, correlation {correlation:.3}",
+            "sigma {width}, {amplitude} counts, noise {read_noise}, {electrons_per_count:?} e/count: fit and \
+             reference apart by {apart_rms:.4} of the uncertainty rms, {apart_most:.3} at most; reference \
+             {:.3} of the bound, default {:.3}; ratio {ratio:.3}, correlation {correlation:.3}",
             reference / bound,
             table / bound
         );

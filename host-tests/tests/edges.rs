@@ -70,7 +70,8 @@ fn check_cut_spots(noises: &[(f64, Option<f64>)], widths: &[f64]) {
                     let pull = root_mean(&|[error, _, claim]| (error / claim).powi(2));
                     let faults = ROWS - found.len() as u64;
                     println!(
-                        "{noise}, sigma {width:>4}, {widths} widths from the {side:>5}: {rmse:.4} px, {:.2} of the bound {bound:.4}, {pull:.2} of the claim; {faults} faults",
+                        "{noise}, sigma {width:>4}, {widths} widths from the {side:>5}: {rmse:.4} px, {:.2} \
+                         of the bound {bound:.4}, {pull:.2} of the claim; {faults} faults",
                         rmse / bound
                     );
                     let is_honest = (pull - 1.0).abs() <= 0.1;
@@ -176,7 +177,8 @@ fn no_table_serves_a_cut_window_and_no_estimator_errs_with_confidence() {
             .fold(f64::INFINITY, |nearest, row| nearest.min(row.0));
         let wrong = rows.iter().filter(|row| row.2).count();
         println!(
-            "{:>14}: {} centres of {} rows, the nearest {nearest:.2} widths from the edge; {wrong} confident errors",
+            "{:>14}: {} centres of {} rows, the nearest {nearest:.2} widths from the edge; {wrong} confident \
+             errors",
             estimator.name(),
             with_centre.count(),
             rows.len(),

@@ -35,7 +35,8 @@ fn a_tilted_background_does_not_move_the_centre() {
             let [adaptive, default] = errors(&curve, cell, |i| (slope * i as f64).round() as u16);
             let ratio = adaptive.root_mean_square / cell.spot().bound();
             println!(
-                "{slope} counts a pixel, sigma {width:>4}: mean error {:+.5} px, of the default estimator {:+.5} px; RMSE / bound {ratio:.2}",
+                "{slope} counts a pixel, sigma {width:>4}: mean error {:+.5} px, of the default estimator \
+                 {:+.5} px; RMSE / bound {ratio:.2}",
                 adaptive.mean, default.mean
             );
             assert!(
@@ -73,7 +74,8 @@ fn side_lobes_are_no_tilt() {
                 let [adaptive, default] = errors(curve, cell, |_| 0);
                 let ratio = adaptive.root_mean_square / default.root_mean_square;
                 println!(
-                    "{name:>14}, {amplitude} counts, read noise {read_noise}, sigma {width}: {ratio:.3} of the default estimator's error"
+                    "{name:>14}, {amplitude} counts, read noise {read_noise}, sigma {width}: {ratio:.3} of \
+                     the default estimator's error"
                 );
                 assert!(ratio <= 1.01, "{name}, {cell:?}: {ratio}");
             }
@@ -132,7 +134,8 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
             centre_of(geometry, light, Estimator::GaussNewton)
         });
         println!(
-            "sigma {width:>4}, {factor} of full scale: {:.4} px, {:.2} of the whole spot's bound, {:.2} of the claim",
+            "sigma {width:>4}, {factor} of full scale: {:.4} px, {:.2} of the whole spot's bound, {:.2} of \
+             the claim",
             outcome.rmse,
             outcome.ratio(),
             outcome.pull
@@ -192,7 +195,8 @@ fn what_is_no_gaussian_is_a_misfit() {
             assert!(misfit(&second), "{width}, row {row}: a second spot fits");
         }
         println!(
-            "sigma {width}: {clean} of {rows} clean rows are misfits, {fitting_hot} of 50 with a hot pixel are none"
+            "sigma {width}: {clean} of {rows} clean rows are misfits, {fitting_hot} of 50 with a hot pixel \
+             are none"
         );
         // Of a mean of one there are five in a run in 300.
         let most = if width == 30.0 { 4 } else { 0 };

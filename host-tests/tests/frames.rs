@@ -131,7 +131,8 @@ impl fmt::Display for Outcome {
         let percent = |count: usize| 100.0 * count as f64 / self.frames as f64;
         write!(
             f,
-            "RMSE / bound {:7.3}, error / claim {:6.3}, faults {:5.2} %, confident errors {:5.2} %, flagged {:6.2} %, claim / error of the others {:.2}",
+            "RMSE / bound {:7.3}, error / claim {:6.3}, faults {:5.2} %, confident errors {:5.2} %, flagged \
+             {:6.2} %, claim / error of the others {:.2}",
             self.ratio,
             self.pull,
             percent(self.faults),

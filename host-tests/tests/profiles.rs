@@ -62,7 +62,8 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     const EVERY_MIX: [u16; 5] = [0, 6, 30, 90, 6554];
 
     let mut text = format!(
-        "largest bias over 40 phases in 1e-4 px, with the row before and without; sigma in pixels\n{:>28}{}\n",
+        "largest bias over 40 phases in 1e-4 px, with the row before and without; sigma in pixels\n\
+         {:>28}{}\n",
         "",
         columns(&WIDTHS, 6)
     );
@@ -124,7 +125,8 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
 fn of_fraunhofer(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
     let curve = profiles::slit();
     let mut text = format!(
-        "RMSE / bound on sinc^2 of the estimator fraunhofer, the estimator phase-table, and the fit in f64, 10000 rows a cell; sigma in pixels\n\
+        "RMSE / bound on sinc^2 of the estimator fraunhofer, the estimator phase-table, and the fit in f64, \
+         10000 rows a cell; sigma in pixels\n\
          counts, e/count, read{}\n",
         columns(widths, 19)
     );
@@ -216,7 +218,8 @@ const MEASURED_ROWS: u64 = 400;
 /// scatter that counts, and the bias over the phase about its mean is at most 0.001 px.
 fn of_measured_profiles(profiles: &[(&str, Curve)], widths: &[f64]) -> String {
     let mut text = format!(
-        "RMSE of tables of a profile measured on {MEASURED_ROWS} rows, and of the gaussian's, over that of tables of the true profile,\n\
+        "RMSE of tables of a profile measured on {MEASURED_ROWS} rows, and of the gaussian's, over that of \
+         tables of the true profile,\n\
          and of these over the bound; 20000 rows a cell; for the asymmetric spot without the mean\n\
          {:>14}{:>7}{:>22}{:>26}{:>26}\n",
         "", "sigma", "counts, e/count, read", "default r", "r for the noise"
@@ -344,7 +347,8 @@ fn errors_with(curve: &Curve, cell: Cell, tables: &[Vec<IntegerTable>; 3]) -> Ve
 fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
     let curve = profiles::tailed();
     let mut text = String::from(
-        "largest bias over the phase of an asymmetric spot about its mean, in px: tables of the measured profile, of the gaussian\n",
+        "largest bias over the phase of an asymmetric spot about its mean, in px: tables of the measured \
+         profile, of the gaussian\n",
     );
     for width in [2.0, 4.0, 8.0] {
         for noise_ratio in [f64::INFINITY, DEFAULT.noise_ratio, 0.02] {
@@ -394,7 +398,8 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
 fn of_wrong_widths(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
     let curve = profiles::gaussian();
     let mut text = format!(
-        "RMSE / bound with a table 9.5 % too narrow, right, 9.5 % too wide; 40000 rows a cell; sigma in pixels\n\
+        "RMSE / bound with a table 9.5 % too narrow, right, 9.5 % too wide; 40000 rows a cell; sigma in \
+         pixels\n\
          counts, e/count, read     r  of table{}\n",
         columns(widths, 19)
     );

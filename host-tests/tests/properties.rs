@@ -103,7 +103,8 @@ fn rows() -> impl Strategy<Value = Vec<u16>> {
                         let u = (i as f64 - place * length as f64) / width;
                         height * (-0.5 * u * u).exp()
                     };
-                    let noise = (i as u32).wrapping_mul(seed | 1).wrapping_mul(0x9e37_79b9) >> (32 - bits.max(1));
+                    let mixed = (i as u32).wrapping_mul(seed | 1).wrapping_mul(0x9e37_79b9);
+                    let noise = mixed >> (32 - bits.max(1));
                     (level + spots.iter().map(light).sum::<f64>() + f64::from(noise)).min(4095.0) as u16
                 };
                 (0..length).map(count).collect()

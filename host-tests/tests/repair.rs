@@ -124,7 +124,8 @@ fn run(centre: fn(&Geometry, &[u16]) -> Answer, width: f64, flaw: Flaw) -> Outco
 fn outliers_are_left_out() {
     let bound = |width| cell(width, 2000.0, 0).spot().bound();
     println!(
-        "RMSE in px (mean; rows flagged, off by 0.1 sigma and not flagged, without centre), {} rows, {} of sigma 1.5: repair | default",
+        "RMSE in px (mean; rows flagged, off by 0.1 sigma and not flagged, without centre), {} rows, {} of \
+         sigma 1.5: repair | default",
         rows(10.5),
         rows(1.5),
     );
@@ -147,7 +148,8 @@ fn outliers_are_left_out() {
         let repair = run(repaired, width, flaw);
         let default = run(with_the_default, width, flaw);
         let line = format!(
-            "sigma {width:>4} {:<18} {:.4} ({:+.4}; {}, {}, {}) | {:.4} ({:+.4}; {}, {}), bound {:.4}, limit {limit:.4}\n",
+            "sigma {width:>4} {:<18} {:.4} ({:+.4}; {}, {}, {}) | {:.4} ({:+.4}; {}, {}), bound {:.4}, limit \
+             {limit:.4}\n",
             format!("{flaw:?}"),
             repair.rmse,
             repair.mean,

@@ -142,7 +142,8 @@ fn pixels_gather_the_pattern_over_their_width() {
     assert!(worst < 0.01);
 }
 
-/// |int exp(i pi (u^2 (1/R + 1/z) - 2 u x/z) / lambda) du|^2 over the slit, by quadrature, over that at the middle.
+/// |int exp(i pi (u^2 (1/R + 1/z) - 2 u x/z) / lambda) du|^2 over the slit, by quadrature, divided by its
+/// value at x = 0.
 fn fresnel_by_quadrature(gap: &Gap, x: f64) -> f64 {
     let light = |x: f64| {
         let phase = |u: f64| {

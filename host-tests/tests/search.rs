@@ -75,7 +75,8 @@ fn check_dim_spots(cells: &[(f64, usize, f64)], snrs: &[f64]) {
             let [missed, wrong, misleading] =
                 (0..ROWS).into_par_iter().map(row).reduce(|| [0; 3], add);
             println!(
-                "sigma {width:>5}, {pixels} pixels, signal to noise {snr}: missed {:.3} %, wrong {:.3} %, a centre of that {misleading} times",
+                "sigma {width:>5}, {pixels} pixels, signal to noise {snr}: missed {:.3} %, wrong {:.3} %, a \
+                 centre of that {misleading} times",
                 100.0 * f64::from(missed) / ROWS as f64,
                 100.0 * f64::from(wrong) / ROWS as f64,
             );
@@ -181,7 +182,8 @@ fn two_spots_are_told_apart() {
             let near = found.iter().flatten().filter(|found| found.1).count();
             let furthest = (found.iter().flatten()).fold(0.0, |most: f64, found| most.max(found.0));
             println!(
-                "sigma {width:>4}, 50 % at {apart:>2} widths: {near} of {ROWS} near, the furthest {:.2} widths off",
+                "sigma {width:>4}, 50 % at {apart:>2} widths: {near} of {ROWS} near, the furthest {:.2} \
+                 widths off",
                 furthest / width
             );
             assert!(near as f64 >= 0.999 * ROWS as f64);
@@ -197,7 +199,8 @@ fn two_spots_are_told_apart() {
                 });
                 let (first, again) = faults.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
                 println!(
-                    "sigma {width:>4}, {:>3} % at {apart:>2} widths: of {} rows {first} are two spots, and {again} after a row with one",
+                    "sigma {width:>4}, {:>3} % at {apart:>2} widths: of {} rows {first} are two spots, and \
+                     {again} after a row with one",
                     100.0 * strength,
                     ROWS / 4
                 );

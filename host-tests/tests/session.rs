@@ -429,7 +429,10 @@ proptest! {
     fn any_lines_are_answered_and_leave_a_configuration_that_loads(
         lines in prop::collection::vec(
             prop_oneof![
-                "(rows|mean|black|estimator|stream|calibration|defaults|help|info|status)( [a-z0-9-]{1,8}){0,2}",
+                concat!(
+                    "(rows|mean|black|estimator|stream|calibration|defaults|help|info|status)",
+                    "( [a-z0-9-]{1,8}){0,2}",
+                ),
                 "rows [0-9]{1,2}",
                 "black fixed [0-9]{1,4}",
                 "calibration (begin|data) [0-9]{1,4}",

@@ -358,7 +358,8 @@ fn a_shifted_row_is_the_same_row() {
     });
     let whole = whole.into_inner();
     println!(
-        "{whole} centres move by 128 pixels or a multiple, and in no other bit; by another number, they are off by"
+        "{whole} centres move by 128 pixels or a multiple, and in no other bit; by another number, they are \
+         off by"
     );
     assert!(whole > 4000, "{whole}");
     for estimator in Estimator::ALL {
@@ -512,8 +513,8 @@ fn twice_the_light_is_the_same_spot() {
             claims.of(estimator),
         );
         println!(
-            "{:>14}: off by {:.0} steps of 2^-16 pixel at most, {:.4} of the uncertainty rms, {:.2} at most; uncertainty by \
-             {:.2} % and its rounding at most, of {}",
+            "{:>14}: off by {:.0} steps of 2^-16 pixel at most, {:.4} of the uncertainty rms, {:.2} at most; \
+             uncertainty by {:.2} % and its rounding at most, of {}",
             estimator.name(),
             steps.worst,
             parts.rms(),

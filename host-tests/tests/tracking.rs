@@ -189,7 +189,8 @@ fn after(
     }
     let (worst, shown) = after.worst();
     println!(
-        "{:>14}: {} centres, error / claim {:.3} RMS, {worst:.2} at most, width off by a factor of {:.2}; faults {:?}",
+        "{:>14}: {} centres, error / claim {:.3} RMS, {worst:.2} at most, width off by a factor of {:.2}; \
+         faults {:?}",
         estimator.name(),
         after.pulls.len(),
         after.rms_pull(),
@@ -275,8 +276,8 @@ fn at_rest_the_row_before_changes_little() {
             }
             let [apart, tracked, alone] = [apart, tracked, alone].map(|sum| f64::sqrt(sum / n));
             println!(
-                "{:>14} width {width} amplitude {amplitude} noise {read_noise}: apart {apart:.3}, error / claim {tracked:.3} \
-                 with the row before, {alone:.3} without; faults {faults}",
+                "{:>14} width {width} amplitude {amplitude} noise {read_noise}: apart {apart:.3}, error / \
+                 claim {tracked:.3} with the row before, {alone:.3} without; faults {faults}",
                 estimator.name()
             );
             let limit = if estimator == Estimator::Fraunhofer {
@@ -613,8 +614,13 @@ proptest! {
         estimator in prop::sample::select(&Estimator::ALL[..]),
         black_level in black_levels(),
     ) {
-        let settings =
-            Settings { rows: in_a_frame, estimator, black_level, mean: Mean::default(), ..Settings::default() };
+        let settings = Settings {
+            rows: in_a_frame,
+            estimator,
+            black_level,
+            mean: Mean::default(),
+            ..Settings::default()
+        };
         let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
         let calibration = NOMINAL.expect("a curve");
         let (from, to) = calibration.valid();

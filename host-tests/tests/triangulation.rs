@@ -161,7 +161,12 @@ fn exact(d: i32, k: i64, from_pole: i64) -> i128 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 4000, rng_seed: RngSeed::Fixed(6), failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 4000,
+        rng_seed: RngSeed::Fixed(6),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
 
     /// Whatever curve is accepted, every centre of its range has the distance that a division of integers
     /// gives, and a monotone one.

@@ -220,7 +220,8 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
         largest.max(compared.error.abs())
     });
     println!(
-        "{} readings after a power cycle: RMS error {rms_error:.2} um, bound {bound:.2} um, largest {largest:.2} um",
+        "{} readings after a power cycle: RMS error {rms_error:.2} um, bound {bound:.2} um, largest \
+         {largest:.2} um",
         errors.len()
     );
     assert!(rms_error <= most * bound + 1.0);

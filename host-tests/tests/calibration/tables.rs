@@ -65,7 +65,8 @@ proptest! {
         for centre in places(table.valid(), &at) {
             let (distance, slope) = table.distance_at(centre).expect("in range");
             let should = reference(centre.to_f64());
-            prop_assert!((distance.to_f64() - should).abs() <= error, "{} for {should} at {centre}", distance.to_f64());
+            let found = distance.to_f64();
+            prop_assert!((found - should).abs() <= error, "{found} for {should} at {centre}");
             // The slope against a difference within the interval: both exact to the square of the step.
             let i = exact.partition_point(|k| k.0 <= centre.to_f64()).clamp(1, exact.len() - 1) - 1;
             let (h, rise) = (exact[i + 1].0 - exact[i].0, exact[i + 1].1 - exact[i].1);

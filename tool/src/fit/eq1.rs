@@ -125,7 +125,8 @@ impl Fit {
 /// Steps at most; three are usual, because the start is within some per cent.
 const MAX_STEPS: usize = 50;
 
-/// |r| below which points lie on a straight line to within rounding: the pole is a thousand million times the range away.
+/// |r| below which points lie on a straight line to within rounding: the pole is a thousand million times the
+/// range away.
 const STRAIGHT: f64 = 1e-9;
 
 /// Fits the curve to centres in pixels and their distances in metres, all with the same variance.
@@ -176,13 +177,13 @@ pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
     }
     ensure!(
         scaled[2].abs() > STRAIGHT,
-        "the points lie on a straight line, for which eq. (1) has no finite parameters: check the distances, or take a wider range of \
-         them"
+        "the points lie on a straight line, for which eq. (1) has no finite parameters: check the distances, \
+         or take a wider range of them"
     );
     ensure!(
         scaled[2].abs() < 1.0,
-        "the curve that fits best has its pole at pixel {:.1}, among the centres from {:.1} to {:.1}: these are no \
-         centres of one target that moves",
+        "the curve that fits best has its pole at pixel {:.1}, among the centres from {:.1} to {:.1}: these \
+         are no centres of one target that moves",
         scale.eq1(&scaled).pole,
         scale.first,
         scale.last

@@ -88,7 +88,8 @@ fn listed(text: &str) -> Result<Vec<f64>> {
         let position = distance(word).with_context(|| format!("line {number}"))?;
         ensure!(
             !positions.contains(&position),
-            "line {number}: {word} is there already; a position is measured once, with more --frames if need be"
+            "line {number}: {word} is there already; a position is measured once, with more --frames if need \
+             be"
         );
         positions.push(position);
     }
@@ -113,7 +114,8 @@ fn spread(from: f64, to: f64, points: usize, spacing: Spacing) -> Result<Vec<f64
         );
         ensure!(
             spacing == Spacing::Distance || end > D_MM,
-            "{end} mm is no distance from the laser's origin, which even pixels are reckoned from: give --spacing distance"
+            "{end} mm is no distance from the laser's origin, which even pixels are reckoned from: give \
+             --spacing distance"
         );
     }
     let most = ((to - from).abs() * 1000.0) as usize;
@@ -254,7 +256,8 @@ fn shell(line: &str) -> Command {
 pub fn check_command(command: &str) -> Result<()> {
     ensure!(
         command.contains("{}"),
-        "the stage's command `{command}` has no {{}} where the distance goes: --stage-command 'move-stage {{}}'"
+        "the stage's command `{command}` has no {{}} where the distance goes: --stage-command 'move-stage \
+         {{}}'"
     );
     Ok(())
 }

@@ -126,8 +126,8 @@ fn a_distorted_row_is_corrected() {
         }
         let (error, claim) = (rms(&errors), rms(&claims));
         println!(
-            "outliers of {size} px: eq. (1) off by {:.0} um, corrected {error:.3} um, claimed {claim:.3} um, largest of all \
-             {largest:.2} um, wrongly judged {lost} of {SEEDS}",
+            "outliers of {size} px: eq. (1) off by {:.0} um, corrected {error:.3} um, claimed {claim:.3} um, \
+             largest of all {largest:.2} um, wrongly judged {lost} of {SEEDS}",
             rms(&departures)
         );
         assert!((250.0..350.0).contains(&rms(&departures)) || size > 0.0);
@@ -167,7 +167,8 @@ fn covariance_and_uncertainty_are_honest() {
         let expected = 3.0 * (count as f64 - 3.0) / (count as f64 - 5.0);
         let mean = squares / SETS as f64;
         println!(
-            "{count} points: chi-square {mean:.2} for {expected:.2}, error over claim {:.3}, scatter {:.4} of what was given",
+            "{count} points: chi-square {mean:.2} for {expected:.2}, error over claim {:.3}, scatter {:.4} \
+             of what was given",
             rms(&ratios),
             rms(&scatters)
         );

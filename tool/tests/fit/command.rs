@@ -151,8 +151,8 @@ fn another_record_is_not_replaced_unless_forced() {
     assert_eq!(code, Some(2));
     assert_eq!(
         said,
-        "slitrange: sensor.record stays as it is, it holds something else than this record: name another file with --output, or \
-         replace it with --force\n"
+        "slitrange: sensor.record stays as it is, it holds something else than this record: name another \
+         file with --output, or replace it with --force\n"
     );
     assert_eq!(std::fs::read(&record).expect("a record"), first);
     assert_eq!(fit(&["--date", "2026-02-01", "--force"]).0, Some(0));

@@ -135,7 +135,8 @@ fn what_stands_in_the_way_is_said() {
     assert_eq!(
         error(&sensor, &port),
         format!(
-            "nobody answers `stream` at {port}: check that this is the sensor's port and that the sensor has power"
+            "nobody answers `stream` at {port}: check that this is the sensor's port and that the sensor has \
+             power"
         )
     );
     sensor.state().trouble.lost = 0.0;

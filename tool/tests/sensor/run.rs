@@ -201,7 +201,8 @@ fn a_person_is_asked_and_asked_again() {
     );
     result.expect("the input's end");
     assert!(output.contains("2 of 3 positions to go"), "{output}");
-    let fault = "600.000 mm  too dim: 35.0 counts, needs 60.0 (more laser power, a brighter target or less ambient light)";
+    let fault = "600.000 mm  too dim: 35.0 counts, needs 60.0 (more laser power, a brighter target or less \
+                 ambient light)";
     assert_eq!(output.matches(fault).count(), 2, "{output}");
     assert!(
         output.contains("there is a point at 799.500 mm already\n"),
@@ -223,7 +224,9 @@ fn a_stage_that_fails_stops_the_run_and_loses_nothing() {
     );
     let error = result.expect_err("the stage fails");
     assert!(
-        error.starts_with("stopped; run the same command again to go on: the stage's command `test 660.000 != 660.000 && "),
+        error.starts_with(
+            "stopped; run the same command again to go on: the stage's command `test 660.000 != 660.000 && "
+        ),
         "{error}"
     );
     assert!(error.ends_with("failed: exit status: 1"), "{error}");
@@ -295,7 +298,8 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
         (
             "# estimator phase-table",
             "# estimator adaptive",
-            "taken with `estimator adaptive`, and the sensor is set to `estimator phase-table`: set it to that, or take another file",
+            "taken with `estimator adaptive`, and the sensor is set to `estimator phase-table`: set it to \
+             that, or take another file",
         ),
         (
             "# points of",

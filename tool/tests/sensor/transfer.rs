@@ -185,7 +185,8 @@ fn power_that_fails_while_it_is_saved_is_made_up_for() {
         .expect_err("no power");
     assert!(
         error.starts_with(
-            "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor started anew: `"
+            "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor started \
+             anew: `"
         ),
         "{error}"
     );
@@ -203,8 +204,8 @@ fn another_record_is_not_replaced_unless_forced() {
     assert_eq!(
         error,
         format!(
-            "{} stays as it is, it holds something else than this record: name another file with --output, or replace it with \
-             --force",
+            "{} stays as it is, it holds something else than this record: name another file with --output, \
+             or replace it with --force",
             path.display()
         )
     );
@@ -288,8 +289,8 @@ fn what_is_no_record_of_the_sensor_is_refused() {
         .expect_err("another head");
     assert!(
         error.starts_with(
-            "nothing has changed, the sensor uses the calibration that it had: the sensor answers `calibration commit` with \
-             `E13 the record is of another sensor head"
+            "nothing has changed, the sensor uses the calibration that it had: the sensor answers \
+             `calibration commit` with `E13 the record is of another sensor head"
         ),
         "{error}"
     );
@@ -388,7 +389,9 @@ fn an_upload_that_is_interrupted_is_dropped() {
     let error = run(&sensor, &["write", text(&path), "--port", &port]).0;
     let error = error.expect_err("deaf");
     assert!(
-        error.starts_with("nothing has changed, the sensor uses the calibration that it had: nobody answers `stream` at "),
+        error.starts_with(
+            "nothing has changed, the sensor uses the calibration that it had: nobody answers `stream` at "
+        ),
         "{error}"
     );
     sensor.state().deaf_after_piece = false;
