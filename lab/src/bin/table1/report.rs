@@ -386,7 +386,8 @@ fn chosen() -> String {
     let lens = apparatus::lens();
     let mut list = format!(
         "- laser: linewidth {:.1} nm, waist {:.2} mm at {:.2} m, {:.1} mrad to the table\n\
-         - axis of the camera: tan u = {TAN_ANGLE}\n\
+         - axis of the camera: tan u = {TAN_ANGLE}, with u the angle between the axis and the \
+         baseline, as in eq. (1)\n\
          - lens: in focus at {:.2} m, distortion {:+.1} % and coma of {:.2} waves at the edge of the \
          field\n\
          - lens flare: a ghost of {:.1} % of the light, {:.2} mm in radius, at -{:.1} times the \
