@@ -167,6 +167,17 @@ fn steady(estimator: Estimator) -> Way {
     }
 }
 
+/// Finds the spot of a row and then its centre.
+fn find_centre(
+    way: Way,
+    estimator: Estimator,
+    light: &[u16],
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    centre_at(way, estimator, light, &find(light)?, geometry)
+}
+
+/// Finds the centre of a spot that [`find`] found.
 fn centre_at(
     way: Way,
     estimator: Estimator,
@@ -231,7 +242,7 @@ fn the_black_level_changes_no_bit() {
         let raised: Vec<u16> = light.iter().map(|count| count + offset).collect();
         for estimator in Estimator::ALL {
             for way in WAYS {
-                let of = |light: &[u16]| centre_at(way, estimator, light, &find(light)?, &geometry);
+                let of = |light: &[u16]| find_centre(way, estimator, light, &geometry);
                 let (dark, bright) = (of(&light), of(&raised));
                 prop_assert_eq!(dark, bright, "{:?} {:?}", estimator, way);
                 *found.borrow_mut() += u32::from(dark.is_ok());
@@ -333,15 +344,7 @@ fn a_shifted_row_is_the_same_row() {
         let light = drawn.light(4095);
         let shifted = turned(&light, pixels);
         for estimator in Estimator::ALL {
-            let of = |light: &[u16]| {
-                centre_at(
-                    steady(estimator),
-                    estimator,
-                    light,
-                    &find(light)?,
-                    &geometry,
-                )
-            };
+            let of = |light: &[u16]| find_centre(steady(estimator), estimator, light, &geometry);
             let (Ok(here), Ok(there)) = (of(&light), of(&shifted)) else {
                 continue;
             };
@@ -564,15 +567,7 @@ fn more_light_is_never_more_uncertain() {
         };
         let (dim, bright) = (of(drawn.cell.amplitude), of(amplitude));
         for estimator in Estimator::ALL {
-            let of = |light: &[u16]| {
-                centre_at(
-                    steady(estimator),
-                    estimator,
-                    light,
-                    &find(light)?,
-                    &geometry,
-                )
-            };
+            let of = |light: &[u16]| find_centre(steady(estimator), estimator, light, &geometry);
             let Ok(dim) = of(&dim) else {
                 continue;
             };
