@@ -542,7 +542,7 @@ mod tests {
     /// A hot pixel is there, and hurts an estimator that does not look for it: 1000 counts at one width from
     /// the centre of a spot of 2000 move a matched fit by about 0.3 pixel, where the bound is 0.023.
     #[test]
-    fn a_hot_pixel_is_seen() {
+    fn a_hot_pixel_increases_the_error_of_a_matched_fit() {
         let spoiled = Rows {
             hot_pixel: Some(1000.0),
             ..rows()

@@ -296,7 +296,7 @@ fn bias_alone(estimator: Estimator, width: f64) -> f64 {
 /// What is left of the largest bias when rounding to counts is averaged away is the estimator's: of the
 /// centroid its window's ends, of the fit, as in f64, a pixel's own width.
 #[test]
-fn bias_over_the_phase_is_the_methods_own() {
+fn the_bias_without_rounding_is_within_each_estimators_limits() {
     const WIDTHS: [f64; 7] = [0.8, 1.0, 1.2, 1.5, 2.0, 4.0, 10.5];
     let mut text = format!(
         "largest bias over 40 phases in pixels, noiseless; sigma in pixels\n{:>14}{}\n",

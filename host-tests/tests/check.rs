@@ -29,7 +29,7 @@ fn log_even(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
 /// alike, it may be one in thirty; narrower than one pixel a spot is always flagged. None is off by more than
 /// it claims.
 #[test]
-fn clean_rows_are_not_doubted() {
+fn clean_rows_pass_the_check() {
     const ROWS: u64 = 1000;
     // Height in counts, read noise in counts, electrons a count.
     const NOISES: [(f64, f64, Option<f64>); 4] = [

@@ -101,7 +101,7 @@ fn a_cut_spot_of_any_width_is_fitted_at_its_own_bound() {
 
 /// A spot whose centre is beside the sensor, by a tenth of a width to two, is a fault of every estimator.
 #[test]
-fn what_is_beside_the_sensor_is_a_fault() {
+fn a_spot_beside_the_sensor_is_a_fault() {
     for width in [1.5, 4.0, 10.5, 30.0] {
         let cell = Cell {
             width,

@@ -54,7 +54,7 @@ fn a_tilted_background_does_not_move_the_centre() {
 /// is at least as good as the default, which is for no noise in particular. Where they were taken for one it
 /// was 4 % worse.
 #[test]
-fn side_lobes_are_no_tilt() {
+fn side_lobes_do_not_count_as_a_tilt() {
     let curves = [
         ("sinc^2", profiles::slit()),
         ("Fresnel", Slit::nominal(0.0).curve()),
@@ -167,7 +167,7 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
 /// there, 139 of a sum of squares of which 85 are allowed, and that sum itself scatters by 28. The fit misses
 /// such a pixel in one row in 30, and one of these in one of 50.
 #[test]
-fn what_is_no_gaussian_is_a_misfit() {
+fn a_spot_that_is_no_gaussian_is_a_misfit() {
     for width in [2.0, 10.5, 30.0] {
         let cell = cell(width, 2000.0, 4.0, Some(10.0));
         let geometry = cell.scene_of(PIXELS).geometry();
@@ -210,7 +210,7 @@ fn what_is_no_gaussian_is_a_misfit() {
 /// weigh the noise a little otherwise. (Between two tables' widths, which are left out here, it may be 0.9:
 /// either table may serve.)
 #[test]
-fn mirrors_mirror() {
+fn a_mirrored_row_has_the_mirrored_centre() {
     for (estimator, limit, widths) in [
         (Estimator::Centroid, 0.1, &[1.2, 4.0, 10.5][..]),
         (Estimator::GaussNewton, 0.1, &[1.2, 4.0, 10.5]),
@@ -294,7 +294,7 @@ fn rows_of_any_length_are_searched() {
 /// reaches at most 4.5 widths and four pixels; the coarse search, which may take the spot for twice as wide,
 /// does not make it longer.
 #[test]
-fn whole_spots_are_not_called_cut() {
+fn whole_spots_do_not_count_as_cut() {
     for width in [
         1.0, 1.2, 1.7, 2.3, 3.1, 4.2, 5.5, 6.8, 8.0, 9.3, 10.5, 11.5, 13.4, 18.0, 24.0, 31.0, 40.0,
         60.0, 90.0,

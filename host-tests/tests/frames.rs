@@ -252,7 +252,7 @@ fn the_mean_is_at_the_bound_of_the_good_rows() {
 
 /// The standard deviation of error over claim, for rows that are independent and right about themselves.
 #[test]
-fn a_mean_is_off_by_what_it_claims() {
+fn the_error_of_a_mean_agrees_with_its_claim() {
     for (name, alike) in [("equal", None), ("brightness 4", Some(4.0))] {
         for rows in ROWS {
             for how in Mean::ALL {
@@ -271,7 +271,7 @@ fn a_mean_is_off_by_what_it_claims() {
 /// bright. Rows that are wrong by less than the way that the target goes are not told from it in every frame;
 /// those frames claim more.
 #[test]
-fn a_target_that_moves_is_where_it_was_in_the_middle() {
+fn a_moving_target_is_measured_at_the_middle_of_the_frame() {
     for speed in [0.001, 0.01, 0.1, 0.3] {
         for rows in [8, 16, 64] {
             for (name, outliers, most) in [
@@ -377,7 +377,7 @@ fn share_for(count: usize, worth: f64) -> f64 {
 /// eight are flagged; those that are worth 12 to 24 often are, because they may be worth fewer; and all claim
 /// at least 0.8 of what they are off by. 16 rows say little about it, and eight next to nothing.
 #[test]
-fn rows_that_err_alike_are_flagged() {
+fn rows_with_correlated_errors_are_flagged() {
     for count in [8, 16, 64] {
         for worth in [1.5, 2.0, 3.0, 4.0, 6.0, 7.9, 12.0, 16.0, 24.0, 32.0, 64.0] {
             if worth > count as f64 {

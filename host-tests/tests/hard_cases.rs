@@ -12,7 +12,7 @@ use slitrange::centre::Estimator;
 static CATALOGUE: LazyLock<Catalogue> = LazyLock::new(Catalogue::run);
 
 #[test]
-fn the_catalogue_is_large_and_tells_its_cases_apart() {
+fn the_catalogue_is_large_and_its_cases_differ() {
     let cases = hard_cases::rows();
     let names: HashSet<&str> = cases.iter().map(|case| case.name.as_str()).collect();
     println!("{} cases of rows, {} of all", cases.len(), CATALOGUE.len());
@@ -37,7 +37,7 @@ fn the_catalogue_is_large_and_tells_its_cases_apart() {
 /// No estimator, alone or as the measurement takes it, gives what cannot be; and no calibration is other than
 /// it must be.
 #[test]
-fn no_answer_is_nonsense() {
+fn no_case_gives_an_impossible_answer() {
     for estimator in Estimator::ALL {
         let failures = CATALOGUE.failures(estimator);
         let nonsense: Vec<_> = (failures.iter())
@@ -55,7 +55,7 @@ const USED: [Estimator; 2] = [Estimator::PhaseTable, Estimator::Adaptive];
 
 /// Each gives what is due in every case.
 #[test]
-fn the_estimators_that_people_use_give_what_is_due() {
+fn the_used_estimators_give_the_expected_result_in_every_case() {
     for estimator in USED {
         let failures = CATALOGUE.failures(estimator);
         let failures: Vec<String> = failures.iter().map(ToString::to_string).collect();
@@ -65,7 +65,7 @@ fn the_estimators_that_people_use_give_what_is_due() {
 
 /// The repair finds the spot among bad pixels, beside a second spot, and without its top.
 #[test]
-fn the_repair_gives_what_is_due() {
+fn the_repair_gives_the_expected_result() {
     let cases = hard_cases::rows();
     let due = cases.iter().filter(|case| case.repair_within.is_some());
     println!("{} cases", due.clone().count());

@@ -170,7 +170,7 @@ proptest! {
 
     /// Rows of any length, parts of any place: a row that is none is a silent sensor.
     #[test]
-    fn any_geometry_and_length_is_borne(
+    fn any_geometry_and_length_gives_a_result(
         length in 0..6000usize,
         geometry in (any::<[u16; 5]>(), any::<bool>(), any::<u8>()),
         seed in any::<u32>(),

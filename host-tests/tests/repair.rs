@@ -177,7 +177,7 @@ fn outliers_are_left_out() {
 
 /// A blank row with a hot pixel in it has no spot, however hot, whether it has a weaker neighbour or not.
 #[test]
-fn a_hot_pixel_alone_is_no_spot() {
+fn a_hot_pixel_alone_has_no_centre() {
     let scene = cell(1.0, 0.0, 13).scene();
     let mut centres = 0;
     for row in 0..600 {
@@ -194,7 +194,7 @@ fn a_hot_pixel_alone_is_no_spot() {
 
 /// On a background that rises by two counts a pixel the repair leaves the adaptive estimator's centre.
 #[test]
-fn a_tilt_is_no_outlier() {
+fn the_repair_does_not_take_a_tilt_for_outliers() {
     for width in [4.0, 10.5, 18.0] {
         let cell = cell(width, 1500.0, 14);
         let scene = cell.scene();

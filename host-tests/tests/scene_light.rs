@@ -325,7 +325,7 @@ fn the_zeros_of_an_oblique_pattern_are_even_in_the_sine() {
 }
 
 #[test]
-fn texture_shifts_the_centre_by_chance_and_for_good() {
+fn texture_shifts_the_centre_at_random_and_stays() {
     const SEEDS: u64 = 1500;
     let diameter = 1e-3;
     for length in [0.1e-3, 0.4e-3, 2e-3] {
@@ -828,7 +828,7 @@ fn the_expected_width_is_that_of_the_best_gaussian() {
 }
 
 #[test]
-fn warmth_moves_the_centre() {
+fn a_warmer_sensor_moves_the_centre_as_eq_1_says() {
     let scene = Scene {
         temperature: Some(Temperature {
             kelvin_per_second: 0.1,
@@ -1073,7 +1073,7 @@ fn speckle_scatters_a_lens_as_dorsch_haeusler_and_herrmann_say() {
 }
 
 #[test]
-fn speckle_belongs_to_the_surface() {
+fn speckle_changes_only_with_the_surface() {
     let scene = |seed, wander| Scene {
         seed,
         laser_spot: Some(LaserSpot {

@@ -168,7 +168,7 @@ fn shot_noise_is_poisson_distributed() {
 
 /// Light elsewhere on the row changes no pixel's noise, and where there is none no number is drawn.
 #[test]
-fn shot_noise_is_each_pixels_own() {
+fn the_shot_noise_of_a_pixel_does_not_depend_on_other_pixels() {
     let noise = ShotNoise {
         electrons_per_count: 10.0,
     };
@@ -217,7 +217,7 @@ fn response_differs_in_proportion_to_light() {
 /// The deviation is the same in the dark and in light, after any exposure, under metal and on dummies, and
 /// stays from row to row.
 #[test]
-fn a_fixed_pattern_is_there_in_the_dark() {
+fn the_fixed_pattern_is_the_same_in_the_dark_and_in_light() {
     let scene = Scene {
         fixed_pattern: Some(FixedPattern { counts: 3.0 }),
         ..Scene::dark(Sensor::Tcd1304dg)
@@ -270,7 +270,7 @@ fn each_line_of_a_camera_has_patterns_of_its_own() {
 
 /// Their number is binomial, their current in proportion to the exposure, and scatters as light does.
 #[test]
-fn hot_pixels_are_a_share() {
+fn the_number_of_hot_pixels_is_binomial() {
     let hot = HotPixels {
         share: 0.01,
         counts_per_second: 400.0,
@@ -317,7 +317,7 @@ fn hot_pixels_are_a_share() {
 }
 
 #[test]
-fn a_full_pixel_is_full() {
+fn a_pixel_never_exceeds_its_full_well() {
     let scene = Scene {
         saturation: Some(Saturation {
             full_well: 1000.0,
@@ -338,7 +338,7 @@ fn a_full_pixel_is_full() {
 /// One pixel of n and a half wells, between empty ones: half of what is too much to either side, a well in
 /// each pixel.
 #[test]
-fn charge_flows_over_as_far_as_it_has_to() {
+fn excess_charge_fills_the_neighbours() {
     let saturation = Saturation {
         full_well: 100.0,
         blooming: 1.0,
@@ -535,7 +535,7 @@ fn rounding_is_noise_of_a_twelfth_of_the_steps_square() {
 }
 
 #[test]
-fn halves_are_rounded_up_and_ends_are_ends() {
+fn counts_round_half_up_and_clip_at_both_ends() {
     let mut counts = [-9.0, -8.0, -7.9, 0.0, 7.9, 8.0, 23.9, 4087.9, 4088.0, 1e9];
     Quantisation { step: 16.0 }.apply(&mut counts, 4095);
     // 8 bits: 256 codes, of which the last is 255 steps.
@@ -606,7 +606,7 @@ fn listing(scene: Scene, effect: Effect) -> Scene {
 /// Each effect has a stream for each row, each line of the sensor and each seed, and what is made of them is
 /// not the same either.
 #[test]
-fn every_stream_is_another() {
+fn all_random_streams_differ() {
     let mut first = vec![];
     for seed in [1, 2] {
         for effect in Effect::ALL {
@@ -804,7 +804,7 @@ fn first_rows(scene: &Scene) -> std::ops::Range<u64> {
 
 /// From one thread, from two and backwards.
 #[test]
-fn rows_do_not_depend_on_who_makes_them() {
+fn rows_do_not_depend_on_threads_or_order() {
     for name in [
         "old-sensor",
         "moving-target",
@@ -833,7 +833,7 @@ fn rows_do_not_depend_on_who_makes_them() {
 /// A change of any random number, or of any light by some millionths, shows here. FNV-1a of the counts'
 /// bytes.
 #[test]
-fn rows_stay_what_they_were() {
+fn rows_of_scenes_never_change() {
     let mut table = String::new();
     // Among them they list every effect that draws random numbers.
     for name in [
@@ -890,7 +890,7 @@ fn scenes_are_read_and_written() {
 
 /// Each file begins by saying what it shows, and says of each effect why it is there.
 #[test]
-fn scenes_say_why() {
+fn scenes_give_a_reason_for_each_effect() {
     for name in file::names().expect("the folder of scenes") {
         let text = std::fs::read_to_string(file::folder().join(format!("{name}.toml")));
         let text = text.expect("a file");
@@ -923,7 +923,7 @@ fn centre(simulation: &Simulation, row: u64) -> Result<RowCentre, Fault> {
 /// The core finds the spot of each scene's rows, within a width of where it should be, or the fault that the
 /// file announces.
 #[test]
-fn scenes_give_what_they_announce() {
+fn scenes_give_a_centre_or_the_fault_that_their_file_names() {
     for name in file::names().expect("the folder of scenes") {
         let text = std::fs::read_to_string(file::folder().join(format!("{name}.toml")));
         let text = text.expect("a file");
@@ -958,7 +958,7 @@ fn scenes_give_what_they_announce() {
 
 /// What a file's author gets to read.
 #[test]
-fn scenes_that_mean_nothing_are_refused() {
+fn meaningless_scenes_are_refused() {
     let lens = spot_behind_a_lens().to_toml().expect("text");
     let every = format!("{EVERY_EFFECT}{lens}");
     assert!(Scene::from_toml(&every).is_ok());
@@ -1079,7 +1079,7 @@ fn scenes_that_mean_nothing_are_refused() {
 /// With speckle the surface is made for a beam up to 1.5 times as far away as the scene's target: at that end
 /// it still can be seen, and beyond it is refused.
 #[test]
-fn speckle_has_an_end() {
+fn a_scene_with_speckle_refuses_distances_beyond_its_surface() {
     let scene = Scene::load("speckle-receding").expect("a scene");
     let farthest = 1.5 * scene.distance;
     for distance in [0.3, farthest] {

@@ -225,7 +225,7 @@ fn noisy(seed: u64, light: impl Fn(f64) -> f64) -> Vec<u16> {
 
 /// A flat top, a box, side lobes, a hot or a dead pixel do not make a second spot of one.
 #[test]
-fn one_spot_is_one() {
+fn one_spot_does_not_count_as_two() {
     let sinc_squared = |u: f64| {
         let v = std::f64::consts::PI * u;
         if v == 0.0 { 1.0 } else { (v.sin() / v).powi(2) }

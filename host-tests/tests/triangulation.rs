@@ -36,7 +36,7 @@ fn the_nominal_calibration_is_that_of_the_nominal_optics() {
 }
 
 #[test]
-fn what_is_no_curve_is_refused() {
+fn invalid_curves_are_refused() {
     let new = |d, k, pole, from, to| {
         Eq1::new(
             Micrometres::from_int(d),
@@ -78,7 +78,7 @@ fn what_is_no_curve_is_refused() {
 /// The pole nearer than a pixel is refused to the last bit, and at a pixel the curve is what f64 says, up to
 /// the largest distance that can be held.
 #[test]
-fn beside_the_pole() {
+fn curves_are_refused_less_than_a_pixel_from_the_pole() {
     let pixel = 1 << Pixels::FRACTION;
     // 8.388 m and half a step more, a pixel from the pole: the last K whose distance there can be held.
     let most = (i64::from(i32::MAX) << 8) + (1 << 7) - 1;

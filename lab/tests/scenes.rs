@@ -44,7 +44,7 @@ fn materials_are_those_of_the_experiment() {
 
 /// A plan that takes the target beyond the end of its surface is refused before it is run.
 #[test]
-fn plans_end_where_the_surface_does() {
+fn plans_beyond_the_surface_are_refused() {
     let scene = Scene::load("speckle-receding").expect("a scene");
     // 0.01 m/s from 0.8 m: to 1.2 m in 40 s.
     let plan = |seconds| Plan {

@@ -302,7 +302,7 @@ mod tests {
     use slitrange::units::Counts;
 
     #[test]
-    fn reads_what_is_there_and_no_more() {
+    fn the_setup_and_the_named_columns_are_read() {
         let read = Points::parse(
             "\u{feff}# serial 42\r\n# taken on the long bench\r\n#estimator adaptive\r\n\
              # black fixed 120\r\n# head TCD1304DG\r\n\
@@ -376,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_said() {
+    fn malformed_points_are_refused_with_a_reason() {
         let refusals: Vec<String> = [
             "",
             "# black 12\n",

@@ -97,7 +97,7 @@ fn digest(calibration: &Calibration) -> u32 {
 /// The format of a record in flash must not change unless its version does: this firmware decodes what the
 /// old one wrote, to the same distances bit for bit, and writes it the same again.
 #[test]
-fn old_records_mean_what_they_meant() {
+fn old_records_decode_to_the_same_distances() {
     let (mut kinds, mut letters) = (BTreeSet::new(), BTreeSet::new());
     for old in old_records().iter().filter(|old| old.kind != "lines") {
         let record = decode(&old.bytes).expect("a record");
@@ -161,7 +161,7 @@ fn the_longest_record_is_as_long_as_is_stated() {
 }
 
 #[test]
-fn what_is_not_whole_is_refused() {
+fn damaged_and_cut_off_records_are_refused() {
     let bytes = encoded(&nominal());
     assert_eq!(decode(&bytes), Ok(nominal()));
     for length in 0..bytes.len() {
@@ -215,7 +215,7 @@ fn what_is_not_whole_is_refused() {
 /// Every part that cannot be used is refused on its way out and, as far as it can be written at all, on its
 /// way in.
 #[test]
-fn what_cannot_be_used_is_refused() {
+fn unusable_records_are_refused() {
     let wrong = |record: Record| encode(&record, &mut [0; MAX_ENCODED]).err();
     assert_eq!(wrong(nominal()), None);
     let head = sensor_heads::tcd1304dg;
@@ -373,7 +373,7 @@ proptest! {
 
     /// Every record that can be made comes back as it was, and is written the same again.
     #[test]
-    fn what_goes_in_comes_out(record in records()) {
+    fn every_record_decodes_to_itself(record in records()) {
         let Some(record) = record else { return Ok(()) };
         let mut buffer = [0xa5; MAX_ENCODED];
         let bytes = match encode(&record, &mut buffer) {
@@ -416,7 +416,7 @@ proptest! {
 
     /// Other bytes with a right CRC: what is taken keeps every promise of a calibration, and can be written.
     #[test]
-    fn what_is_taken_can_be_used(
+    fn accepted_records_can_be_used(
         record in records(),
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         cut in prop::option::weighted(0.1, any::<prop::sample::Index>()),
@@ -440,7 +440,7 @@ proptest! {
 
     /// Any bytes at all, with a right CRC and version or without.
     #[test]
-    fn any_bytes_are_borne(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn any_bytes_are_accepted_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         if bytes.len() < 100 {
             prop_assert!(decode(&bytes).is_err());
         }

@@ -11,7 +11,7 @@ use crate::common::knot;
 use crate::records::cases;
 
 #[test]
-fn what_is_no_table_is_refused_with_the_knot_that_is_wrong() {
+fn the_error_of_an_invalid_table_names_the_wrong_knot() {
     let wrong = |knots: &[Knot]| Table::new(knots).err();
     let good = [knot(0, 900_000), knot(10, 890_000), knot(2000, 500_000)];
     assert_eq!(wrong(&good), None);
@@ -83,7 +83,7 @@ fn what_is_no_table_is_refused_with_the_knot_that_is_wrong() {
 }
 
 #[test]
-fn residuals_that_do_not_go_with_the_curve_are_refused() {
+fn the_error_of_invalid_residuals_names_the_wrong_knot() {
     let nominal = NOMINAL.expect("a curve");
     let wrong = |knots: &[Knot]| Corrected::new(nominal.clone(), knots).err();
     assert_eq!(wrong(&[knot(1191, 50), knot(2654, -50)]), None);

@@ -12,7 +12,7 @@ use crate::records::{cases, chain};
 
 /// Every centre of some intervals, one by one: how far the two roundings take the distance back.
 #[test]
-fn no_more_than_the_stated_steps_go_back() {
+fn a_corrected_distance_turns_back_by_the_stated_steps_at_most() {
     let curve = NOMINAL.expect("a curve");
     let (first, last) = (2600, 2620);
     // As steep against the curve as may be, and level. A cubic is half as steep again as its secants.

@@ -12,7 +12,7 @@ use crate::reference::pchip;
 /// Every centre of some intervals, one by one: no bit goes back, and none goes further than the slope and a
 /// rounding allow.
 #[test]
-fn no_bit_goes_back_between_neighbouring_centres() {
+fn a_distance_never_turns_back_between_neighbouring_centres() {
     // Falling by about 200 um a pixel, as a sensor does: 0.8 steps from centre to centre; then by 1/16 um.
     let knots = [
         (0, 900_000),
@@ -84,7 +84,7 @@ proptest! {
     /// Every centre that there is has a distance or is out of range, and which of them is a matter of the
     /// range alone.
     #[test]
-    fn any_centre_is_borne(
+    fn any_centre_gives_a_distance_or_a_fault(
         knots in monotone_knots(),
         centres in prop::collection::vec(any::<i32>(), 1..40),
     ) {

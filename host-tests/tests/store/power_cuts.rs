@@ -173,7 +173,7 @@ fn over_unusable_contents() {
 
 /// A power cut, and another one in the save that follows.
 #[test]
-fn two_cuts() {
+fn two_power_cuts_in_two_saves() {
     let (_, after, _) = around_a_change(Flash::erased(), &[Size::Most]);
     let (before, _, first) = around_a_change(after, &[Size::Most]);
     let (second, third) = (sample(Size::Most, 2000), sample(Size::Most, 3000));

@@ -466,7 +466,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_curve_is_said() {
+    fn points_without_a_curve_are_refused_with_a_reason() {
         let error = |points: &[(f64, f64)]| fit(points).expect_err("no curve").to_string();
         assert!(error(&[(1.0, 2.0); 2]).contains("2 points"));
         assert!(error(&[(1.0, 2.0); 9]).contains("the same"));

@@ -321,7 +321,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_longest_run_is_the_longest() {
+    fn the_longest_rising_run_is_found() {
         for (numbers, run) in [
             (&[1.0, 2.0, 3.0][..], &[0, 1, 2][..]),
             (&[3.0, 1.0, 2.0, 4.0, 3.5], &[1, 2, 3]),

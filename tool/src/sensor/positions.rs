@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn positions_that_are_none_are_refused() {
+    fn malformed_positions_are_refused() {
         for (from, to, points) in [
             (600.0, 600.0, 2),
             (600.0, 1020.0, 1),
@@ -385,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_what_no_point_stands_for() {
+    fn positions_without_a_near_point_are_missing() {
         let wanted = [600.0, 610.0, 640.0, 700.0];
         assert_eq!(missing(&wanted, &[]), wanted);
         // Typed beside the position; beyond half-way to the next; too far off; exactly there.
@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn a_person_answers() {
+    fn answers_of_a_person_move_skip_or_quit() {
         let mut output = Vec::new();
         let mut answers = b"\n 612.5 mm\nsixhundred\ns\nq\n".as_slice();
         let mut mover = Mover::Person {

@@ -80,7 +80,7 @@ fn mistyped_distances_are_rejected() {
 
 /// On eq. (1) the correction only follows noise, and is left; on a distorted row it is taken.
 #[test]
-fn the_form_is_that_of_the_data() {
+fn eq_1_is_chosen_for_eq_1_and_residuals_for_a_distortion() {
     const SETS: u64 = 100;
     for count in [10, 20, 60] {
         let corrected = |truth: &Truth, noise: f64| {

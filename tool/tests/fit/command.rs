@@ -84,7 +84,7 @@ fn points_become_a_record_a_report_and_a_figure() {
 }
 
 #[test]
-fn options_go_before_what_the_points_say_and_json_is_the_report() {
+fn options_override_the_points_and_json_prints_the_report() {
     let directory = tempfile::tempdir().expect("a directory");
     let points = Truth::nominal().points(20, 0.002, &mut seeded(3));
     file(&directory.path().join("points.csv"), &points);
@@ -161,7 +161,7 @@ fn another_record_is_not_replaced_unless_forced() {
 
 /// What is refused leaves no record, and an older one as it was.
 #[test]
-fn refusals_leave_what_is_there() {
+fn refusals_leave_existing_files_unchanged() {
     let directory = tempfile::tempdir().expect("a directory");
     let points = Truth::nominal().points(20, 0.002, &mut seeded(3));
     file(&directory.path().join("good.csv"), &points);

@@ -100,7 +100,7 @@ proptest! {
 
     /// Points on any curve of the kind, with any noise, lines and numbers spoilt here and there.
     #[test]
-    fn what_is_accepted_is_held(
+    fn accepted_points_give_a_curve_that_keeps_its_promises(
         count in 0..80usize,
         ends in (0.0..3600.0f64, 0.0..3600.0f64),
         pole in -5000.0..9000.0f64,
@@ -135,7 +135,7 @@ proptest! {
 
 /// The strategy above is worth something: many of its like are accepted.
 #[test]
-fn usual_points_are_accepted() {
+fn random_points_on_a_curve_are_accepted() {
     use crate::truth::{Truth, seeded};
     for (seed, distortion) in (0..10).flat_map(|seed| [(seed, 0.0), (seed, 0.03)]) {
         let points = Truth::distorted(distortion).points(40, 0.01, &mut seeded(seed));

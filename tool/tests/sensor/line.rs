@@ -109,7 +109,7 @@ fn a_stream_that_was_off_stays_off() {
 }
 
 #[test]
-fn what_stands_in_the_way_is_said() {
+fn a_port_that_cannot_be_opened_is_an_error_with_a_reason() {
     let pc = RealPorts::default();
     let none = error(&pc, "/dev/none");
     println!("{none}");
@@ -175,7 +175,7 @@ fn a_sensor_that_starts_anew_is_noticed() {
 
 /// Values arrive whole over a line on which every fifth line is lost or garbled, either way.
 #[test]
-fn a_bad_line_takes_longer_and_no_more() {
+fn a_bad_line_slows_a_session_and_changes_no_value() {
     let sensor = StandIn::new(5, Trouble::default());
     let mut session = Session::open(&sensor, &sensor.port()).expect("a session");
     sensor.state().trouble = Trouble {

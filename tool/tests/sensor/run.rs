@@ -338,7 +338,7 @@ fn points_are_added_once_the_sensor_has_a_number() {
 }
 
 #[test]
-fn a_cable_that_falls_out_and_power_that_fails_are_waited_for() {
+fn a_run_waits_for_an_unplugged_cable_and_for_power() {
     const MOMENT: Duration = Duration::from_millis(500);
     let sensor = StandIn::new(15, Trouble::default());
     // What was set, and not saved, is set again.

@@ -84,7 +84,7 @@ fn text(path: &std::path::Path) -> &str {
 }
 
 #[test]
-fn every_kind_is_written_read_and_the_same() {
+fn every_kind_of_record_is_written_and_read_back_unchanged() {
     let sensor = StandIn::new(30, Trouble::default());
     let port = sensor.port();
     for written in kinds() {
@@ -160,7 +160,7 @@ fn without_saving_the_flash_stays_as_it_is() {
 
 /// A sensor that starts anew uses the old record again: saving that once more is no help.
 #[test]
-fn power_that_fails_while_it_is_saved_is_made_up_for() {
+fn a_record_is_written_again_after_power_fails_during_a_save() {
     let sensor = StandIn::new(36, Trouble::default());
     let port = sensor.port();
     let [first, second, third, ..] = &kinds()[..] else {
@@ -244,7 +244,7 @@ fn the_exit_code_tells_a_difference_from_an_error() {
 }
 
 #[test]
-fn what_is_no_record_of_the_sensor_is_refused() {
+fn damaged_and_foreign_records_are_refused() {
     let sensor = StandIn::new(32, Trouble::default());
     let port = sensor.port();
     let written = kinds().remove(0);
@@ -308,7 +308,7 @@ fn what_is_no_record_of_the_sensor_is_refused() {
 /// A line in which a byte changes, and a line that is lost, at each step of an upload, on the way there and
 /// back.
 #[test]
-fn a_bad_line_at_any_step_of_an_upload_is_made_up_for() {
+fn an_upload_succeeds_with_a_bad_line_at_any_step() {
     let sensor = StandIn::new(33, Trouble::default());
     let written = kinds().remove(2);
     let path = file(&sensor, "record", &written);

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn the_memory_is_what_is_said() {
+    fn a_calibration_takes_the_memory_of_the_most_knots() {
         // Room for the most knots, each with two control points; their number and their range.
         let numbers = MAX_KNOTS * 2 * size_of::<Knot>();
         let whole = size_of::<Calibration>() - size_of::<Eq1>();
