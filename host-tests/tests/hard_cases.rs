@@ -34,8 +34,8 @@ fn the_catalogue_is_large_and_its_cases_differ() {
     }
 }
 
-/// No estimator, alone or as the measurement takes it, gives what cannot be; and no calibration is other than
-/// it must be.
+/// No estimator gives an impossible answer, alone or in the measurement. Every calibration gives its expected
+/// result.
 #[test]
 fn no_case_gives_an_impossible_answer() {
     for estimator in Estimator::ALL {
@@ -50,10 +50,10 @@ fn no_case_gives_an_impossible_answer() {
     }
 }
 
-/// The estimators that people use.
+/// The estimators that most users choose.
 const USED: [Estimator; 2] = [Estimator::PhaseTable, Estimator::Adaptive];
 
-/// Each gives what is due in every case.
+/// Runs every case of the catalogue with the default estimator and with `adaptive`.
 #[test]
 fn the_used_estimators_give_the_expected_result_in_every_case() {
     for estimator in USED {
@@ -63,7 +63,7 @@ fn the_used_estimators_give_the_expected_result_in_every_case() {
     }
 }
 
-/// The repair finds the spot among bad pixels, beside a second spot, and without its top.
+/// The repair finds the spot among bad pixels, beside a second spot, and if its top is cut off.
 #[test]
 fn the_repair_gives_the_expected_result() {
     let cases = hard_cases::rows();
@@ -76,9 +76,9 @@ fn the_repair_gives_the_expected_result() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// Which estimator fails at what: a change shows as a difference.
+/// The snapshot lists the cases in which each estimator fails, so that a change shows as a difference.
 #[test]
-fn estimators_fail_at_what_the_snapshot_lists() {
+fn estimators_fail_only_in_the_cases_of_the_snapshot() {
     let mut text = String::new();
     for estimator in Estimator::ALL {
         let failures = CATALOGUE.failures(estimator);

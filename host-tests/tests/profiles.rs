@@ -1,5 +1,5 @@
-//! Other profiles than the gaussian, tables made of a sensor's own rows, and tables of a wrong width. Every
-//! figure asserted is printed.
+//! Profiles other than the gaussian, tables made of a sensor's own rows, and tables of a wrong width. The
+//! tests print every figure that they assert.
 
 use host_tests::accuracy::{Cell, centre_after, centre_of, centre_with, largest};
 use host_tests::core_tables;
@@ -49,9 +49,9 @@ fn standard_deviations<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
     root_mean_squares(&centred)
 }
 
-/// Without noise, as [`bias`] looks for it: at most 0.0005 px for widths from 1 px on the gaussian, and 0.001
-/// px for widths from 1.5 px on the patterns of a slit. The tables of sinc^2 are not for the gaussian and are
-/// off by 0.0025 px on narrow ones.
+/// Measures the bias without noise (see [`bias`]). On the gaussian, the bias is at most 0.0005 px for widths
+/// from 1 px on. On the patterns of a slit, the bias is at most 0.001 px for widths from 1.5 px on. The
+/// tables of sinc^2 are not made for the gaussian: on a narrow gaussian they are off by 0.0025 px.
 #[test]
 fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     const WIDTHS: [f64; 12] = [
@@ -341,8 +341,9 @@ fn errors_with(curve: &Curve, cell: Cell, tables: &[Vec<IntegerTable>; 3]) -> Ve
     errors.expect("centres")
 }
 
-/// Bias over the phase of tables of a measured asymmetric profile, about the mean, which is a convention: at
-/// most 0.001 px. With the gaussian's tables it is up to 0.05 px, as one table or its neighbour serves.
+/// Measures the bias over the phase about its mean; the mean is a convention. With tables of a measured
+/// asymmetric profile, the bias is at most 0.001 px. With the gaussian's tables the bias is up to 0.05 px,
+/// because rows may use one table or its neighbour.
 #[test]
 fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
     let curve = profiles::tailed();

@@ -1,4 +1,4 @@
-//! What is no calibration is refused, with what is wrong with it.
+//! Invalid calibrations are refused, and the error says what is wrong.
 
 use proptest::prelude::*;
 use slitrange::distance::eq1::NOMINAL;
@@ -173,7 +173,7 @@ fn errors_say_what_is_wrong_and_what_to_do() {
 proptest! {
     #![proptest_config(cases(4000))]
 
-    /// What is refused was refused for the reason that it gives; nothing stops the constructor.
+    /// The reason in the error is true, and the constructor never panics.
     #[test]
     fn any_knots_are_a_table_or_an_error(
         knots in prop::collection::vec(any::<(i32, i32)>(), 0..6),

@@ -1,4 +1,4 @@
-//! The command itself.
+//! The command `calibrate fit`, as a user runs it.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -159,7 +159,7 @@ fn another_record_is_not_replaced_unless_forced() {
     assert_ne!(std::fs::read(&record).expect("a record"), first);
 }
 
-/// What is refused leaves no record, and an older one as it was.
+/// A refused file of points makes no record, and leaves an older record unchanged.
 #[test]
 fn refusals_leave_existing_files_unchanged() {
     let directory = tempfile::tempdir().expect("a directory");

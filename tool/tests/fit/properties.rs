@@ -1,4 +1,4 @@
-//! What holds for every file of points.
+//! Properties that hold for every file of points.
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -98,7 +98,7 @@ proptest! {
 proptest! {
     #![proptest_config(cases(400))]
 
-    /// Points on any curve of the kind, with any noise, lines and numbers spoilt here and there.
+    /// Takes points on any curve of the kind, with any noise; some lines and numbers are spoilt.
     #[test]
     fn accepted_points_give_a_curve_that_keeps_its_promises(
         count in 0..80usize,
@@ -133,7 +133,7 @@ proptest! {
     }
 }
 
-/// The strategy above is worth something: many of its like are accepted.
+/// Checks that the test above has an effect: the tool accepts many such points.
 #[test]
 fn random_points_on_a_curve_are_accepted() {
     use crate::truth::{Truth, seeded};

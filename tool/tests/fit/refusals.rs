@@ -1,4 +1,4 @@
-//! What is refused, in which words, and what is not.
+//! Which points are refused, with which words, and which points are accepted.
 
 use slitrange_tool::fit::solve::solve;
 use slitrange_tool::points::{Point, Points};
@@ -105,7 +105,7 @@ fn unusable_points_are_refused_with_a_reason() {
     insta::assert_snapshot!(said.join("\n"));
 }
 
-/// Both sides of the rules: what is refused in a few points or in many is an outlier where it is one of many.
+/// A change that would make few points unusable is an outlier among many points.
 #[test]
 fn one_wrong_point_among_many_is_an_outlier() {
     for change in [
@@ -154,7 +154,7 @@ fn three_points_give_a_calibration() {
     assert!((5.0..20.0).contains(&uncertainty));
 }
 
-/// A file without columns, or with what is no number, is refused before.
+/// The reader refuses a file with a malformed number before the fit.
 #[test]
 fn the_readers_refusals_name_the_line() {
     let error = Points::parse("x_px,d_mm\n1500,600\n1490,NaN\n").expect_err("refused");

@@ -1,4 +1,4 @@
-//! A port is opened, a command answered, and what goes wrong is said.
+//! Opens a port and sends commands. Errors say what went wrong.
 
 use std::cell::Cell;
 use std::fs::File;
@@ -173,7 +173,7 @@ fn a_sensor_that_starts_anew_is_noticed() {
     println!("{}", error.expect_err("restarted"));
 }
 
-/// Values arrive whole over a line on which every fifth line is lost or garbled, either way.
+/// Every fifth line is lost or garbled, in both directions. Every value still arrives unchanged.
 #[test]
 fn a_bad_line_slows_a_session_and_changes_no_value() {
     let sensor = StandIn::new(5, Trouble::default());

@@ -1,4 +1,4 @@
-//! Points are taken, whatever happens meanwhile, and none is lost.
+//! `calibrate run` takes all points and loses none, whatever goes wrong.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -324,7 +324,7 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
     run().expect("nothing to do");
 }
 
-/// Points are added after the first record was written, with which the sensor got its number.
+/// The first record gave the sensor its serial number. Points can be added after that.
 #[test]
 fn points_are_added_once_the_sensor_has_a_number() {
     let sensor = StandIn::new(18, Trouble::default());
@@ -383,7 +383,7 @@ fn a_sensor_that_stays_away_stops_the_run_and_loses_nothing() {
     assert!(before.iter().all(|line| lines(&sensor).contains(line)));
 }
 
-/// Every thing that can go wrong on the line does, at random.
+/// Everything that can go wrong on the line goes wrong at random.
 #[test]
 fn a_bad_line_loses_no_point() {
     const FRAMES: u16 = 4;
@@ -419,7 +419,7 @@ fn a_bad_line_loses_no_point() {
     }
 }
 
-/// What was set before the run that was killed is set after the one that goes on.
+/// The settings from before the killed run are set again after the run that continues it.
 #[test]
 fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
     let sensor = StandIn::new(19, Trouble::default());
@@ -437,8 +437,8 @@ fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
     assert_eq!(set(), (32, true));
 }
 
-/// The program is killed after each point, at whatever it is about; what was in the file then is in it in the
-/// end.
+/// The program is killed after each point, at any moment. The final file has every line that the file had
+/// then.
 #[test]
 fn a_run_that_is_killed_goes_on_where_it_was() {
     let sensor = StandIn::new(17, Trouble::default());

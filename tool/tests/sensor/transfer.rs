@@ -1,4 +1,4 @@
-//! Records are written, read and compared; the sensor has the old one or the new one, never a mixture.
+//! Writes, reads and compares records. The sensor always has the old record or the new one, never a mixture.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -158,7 +158,8 @@ fn without_saving_the_flash_stays_as_it_is() {
     );
 }
 
-/// A sensor that starts anew uses the old record again: saving that once more is no help.
+/// A sensor that starts again uses the old record. So the tool must upload the new record again; another save
+/// alone would not help.
 #[test]
 fn a_record_is_written_again_after_power_fails_during_a_save() {
     let sensor = StandIn::new(36, Trouble::default());
@@ -305,8 +306,7 @@ fn damaged_and_foreign_records_are_refused() {
     );
 }
 
-/// A line in which a byte changes, and a line that is lost, at each step of an upload, on the way there and
-/// back.
+/// At each step of an upload, a byte of a line changes or the line is lost, in both directions.
 #[test]
 fn an_upload_succeeds_with_a_bad_line_at_any_step() {
     let sensor = StandIn::new(33, Trouble::default());
@@ -329,7 +329,8 @@ fn an_upload_succeeds_with_a_bad_line_at_any_step() {
     }
 }
 
-/// Everything goes wrong at random: what the sensor has and what it keeps is the old record or the new one.
+/// Everything goes wrong at random. The record in use and the saved record are each the old one or the new
+/// one.
 #[test]
 fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
     let kinds = kinds();
