@@ -363,9 +363,9 @@ mod tests {
         assert!(found.largest < 1e-12, "{} m", found.largest);
     }
 
-    /// Any four parameters with the same three give the same data: the fit finds the three.
+    /// Any four parameters with the same D, K and xp give the same data, and the fit finds D, K and xp.
     #[test]
-    fn four_parameters_are_three() {
+    fn many_geometries_give_the_same_curve() {
         let points = exact(30);
         let found = fit(&points).expect("a fit").curve;
         // f = -xp t from the axis, b = -K t/(xp (1 + t^2)) and d0 = D + b/t for another t.
@@ -386,7 +386,7 @@ mod tests {
         }
     }
 
-    /// The scaled form is well-conditioned; that in (D, K, xp) is not.
+    /// The scaled form is well-conditioned. The form in (D, K, xp) is not.
     #[test]
     fn the_scaled_form_is_well_conditioned() {
         let points = exact(1000);
@@ -410,9 +410,9 @@ mod tests {
         assert!(fitted < 20.0 && physical > 10.0 * fitted);
     }
 
-    /// The covariance against the scatter of 2000 fits of 40 points with errors of 20 um.
+    /// Compares the covariance with the scatter of 2000 fits of 40 points with errors of 20 um.
     #[test]
-    fn the_covariance_is_that_of_many_fits() {
+    fn the_covariance_agrees_with_the_scatter_of_many_fits() {
         const FITS: usize = 2000;
         let points = exact(40);
         let mut random = ChaCha8Rng::seed_from_u64(11);

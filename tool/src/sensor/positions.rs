@@ -367,7 +367,7 @@ mod tests {
         assert_eq!(list("900\n600\n650\n"), [900.0, 650.0, 600.0]);
     }
 
-    /// A stage may count from anywhere, and towards the sensor.
+    /// The zero of a stage may be anywhere, and its positions may rise towards the sensor.
     #[test]
     fn the_zero_may_be_anywhere() {
         assert_eq!(

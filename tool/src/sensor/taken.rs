@@ -470,9 +470,9 @@ mod tests {
             prop_assert!(text.contains("\n# started today\n"));
         }
 
-        /// Cut off at any byte below the line above the points, as power that fails may leave it.
+        /// Cuts the file off at any byte after its header, as a power failure may do.
         #[test]
-        fn a_line_that_is_cut_off_costs_itself_only(
+        fn a_cut_off_line_loses_no_other_line(
             points in prop::collection::vec(point(), 1..5),
             part in 0.0..1.0,
             garbage in prop::collection::vec(

@@ -119,7 +119,7 @@ mod tests {
     use lab::paper::apparatus::{Aperture, TABLE, optics};
     use slitrange::distance::knots::MAX_KNOTS;
 
-    /// The program on the chip has the paper's numbers of its own.
+    /// The program on the chip states the numbers of the paper's geometry again.
     #[test]
     fn the_geometry_is_the_papers() {
         let optics = optics(Aperture::Slit);

@@ -614,9 +614,9 @@ mod tests {
     use super::*;
     use crate::made_up;
 
-    /// The keys that others rely on.
+    /// Other programs rely on these keys.
     #[test]
-    fn the_json_has_its_shape() {
+    fn the_json_has_the_keys_that_users_rely_on() {
         let measured = made_up::measured();
         let json = serde_json::to_value(measured.json()).expect("JSON");
         assert!(json.get("peers").is_none());
