@@ -213,7 +213,7 @@ fn heights_up_to_the_limit_above_the_black_level_can_be_measured() {
 }
 
 #[test]
-fn a_spot_below_the_black_level_is_none() {
+fn a_spot_below_the_black_level_has_no_centre() {
     let counts = counts(1800.3, 9.0, 1000.0);
     let black_level = BlackLevel::Fixed(Counts::from_int(2500));
     let found = measured(&counts, Estimator::Centroid, black_level);

@@ -505,10 +505,11 @@ mod tests {
         })
     }
 
-    /// The same spot through `Cell::run`, whose spots stand elsewhere and have no row before: 4000 rows give
-    /// the ratio to 1.1 %, so the difference of two is within 5 % with three standard deviations to spare.
+    /// Measures the same spot with `Cell::run`, which takes each row by itself and draws other places. 4000
+    /// rows give the ratio to 1.1 %, so two ratios differ by less than 5 % with three standard deviations to
+    /// spare.
     #[test]
-    fn agrees_with_the_cell_on_its_own() {
+    fn series_of_rows_agree_with_single_rows() {
         let cell = rows().cell;
         let alone = cell.run(cell.pixels(), |geometry, light| {
             centre_of(geometry, light, Estimator::PhaseTable)
@@ -539,10 +540,10 @@ mod tests {
         assert!(tenths.iter().all(|n| (1500..1700).contains(n)));
     }
 
-    /// A hot pixel is there, and hurts an estimator that does not look for it: 1000 counts at one width from
-    /// the centre of a spot of 2000 move a matched fit by about 0.3 pixel, where the bound is 0.023.
+    /// The hot pixel adds 1000 counts at one width from the centre of a spot of 2000 counts. It moves a
+    /// matched fit by about 0.3 pixel. The bound is 0.023 pixel.
     #[test]
-    fn a_hot_pixel_is_seen() {
+    fn a_hot_pixel_increases_the_error_of_a_matched_fit() {
         let spoiled = Rows {
             hot_pixel: Some(1000.0),
             ..rows()

@@ -241,13 +241,13 @@ fn adaptive_is_within_four_per_cent_of_the_bound_in_shot_noise_on_the_whole_grid
     adaptive_in_shot_noise(&noises, &WIDTHS_OF_ADAPTIVE).check_with_snapshot("adaptive_shot_noise");
 }
 
-/// The estimators that are no phase tables: their distance from the bound, which for the fit is none, and
-/// their claims, which hold to a tenth, and for the fit to a twentieth. The centroid is 1.6 of the bound by
-/// the formula of its uncertainty, and has an interpolation error of 0.003 pixel at a width of 1.2, where the
-/// bound is 0.0025, that its claim leaves out. Standard errors are 1 % of a ratio over 5000 rows, 0.5 % over
+/// Tests the two estimators that use no phase tables. The fit reaches the bound, and its claims hold to a
+/// twentieth. The claims of the centroid hold to a tenth. By the formula of its uncertainty, the centroid is
+/// at 1.6 of the bound. At a width of 1.2 it also has an interpolation error of 0.003 pixel, which its claim
+/// leaves out; the bound is 0.0025 there. The standard error of a ratio is 1 % over 5000 rows, and 0.5 % over
 /// 20,000.
 #[test]
-fn centroid_and_fit_keep_their_distance_from_the_bound_and_their_claims() {
+fn centroid_and_fit_stay_within_their_limits_and_their_claims() {
     const WIDTHS: [f64; 4] = [1.2, 2.0, 4.0, 10.5];
     let noises = [
         white(25.0, 11),
@@ -293,10 +293,10 @@ fn bias_alone(estimator: Estimator, width: f64) -> f64 {
     largest(&alone)
 }
 
-/// What is left of the largest bias when rounding to counts is averaged away is the estimator's: of the
-/// centroid its window's ends, of the fit, as in f64, a pixel's own width.
+/// The test averages away the rounding to counts. The bias that remains belongs to the estimator: for the
+/// centroid, the ends of its window cause the bias; for the fit, the width of a pixel does, in f64 too.
 #[test]
-fn bias_over_the_phase_is_the_methods_own() {
+fn the_bias_without_rounding_is_within_each_estimators_limits() {
     const WIDTHS: [f64; 7] = [0.8, 1.0, 1.2, 1.5, 2.0, 4.0, 10.5];
     let mut text = format!(
         "largest bias over 40 phases in pixels, noiseless; sigma in pixels\n{:>14}{}\n",
@@ -340,7 +340,7 @@ fn the_default_has_a_bias_below_half_a_thousandth_of_a_pixel() {
     }
 }
 
-/// Other tables can be handed in: those with least-squares weights reach the bound in white noise.
+/// The core accepts other tables: tables with least-squares weights reach the bound in white noise.
 #[test]
 fn least_squares_weights_reach_the_bound_in_white_noise() {
     let tables = phase_tables::set(&gaussian, LEAST_SQUARES);

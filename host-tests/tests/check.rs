@@ -1,4 +1,4 @@
-//! The check: how seldom it doubts rows that nothing is wrong with, and how often it sees what is.
+//! The check: how seldom it fails a good row, and how often it finds a flaw.
 
 use host_tests::accuracy::{self, Answer};
 use host_tests::hard_cases::flaw::{Bad, Flaw, Second};
@@ -24,12 +24,12 @@ fn log_even(random: &mut ChaCha8Rng, from: f64, to: f64) -> f64 {
     from * (to / from).powf(random.random())
 }
 
-/// Rows of symmetric spots of every profile. From four pixels' width on at most one in a thousand is doubted,
-/// and of any profile and width at most one in two hundred. At 1.5 pixels, where three bad pixels look much
-/// alike, it may be one in thirty; narrower than one pixel a spot is always flagged. None is off by more than
-/// it claims.
+/// Takes rows of symmetric spots of every profile. The check flags or repairs at most one row in 200, and
+/// from a width of four pixels on at most one in 1000. At 1.5 pixels, where three bad pixels look like a
+/// spot, the limit is one in 30. A spot narrower than one pixel is always flagged. No centre is off by more
+/// than its claim allows.
 #[test]
-fn clean_rows_are_not_doubted() {
+fn clean_rows_pass_the_check() {
     const ROWS: u64 = 1000;
     // Height in counts, read noise in counts, electrons a count.
     const NOISES: [(f64, f64, Option<f64>); 4] = [
@@ -40,7 +40,8 @@ fn clean_rows_are_not_doubted() {
     ];
     let (mut rows, mut doubted, mut failures) = (0, 0, vec![]);
     println!(
-        "rows of {ROWS} that were doubted (flagged, or repaired): dim, middle, bright, bright without shot noise"
+        "rows of {ROWS} that were doubted (flagged, or repaired): dim, middle, bright, bright without shot \
+         noise"
     );
     for shape in [
         Shape::Gaussian,
@@ -154,11 +155,12 @@ impl Kind {
     }
 }
 
-/// Confident errors of rows with each flaw, of the default estimator: as many as when the check was made, and
-/// three standard deviations of that count more. Rare rows scatter as Poisson's, by the root of their mean,
-/// which is taken to be one at least. (`cargo hard-cases` counts them for every estimator.)
+/// Counts the confident errors of the default estimator in rows with each flaw. The limit is the number when
+/// the check was made, plus three standard deviations of this number. Rare events scatter by the root of
+/// their mean (Poisson); the mean counts as one at least. (`cargo hard-cases` counts the errors of every
+/// estimator.)
 #[test]
-fn flaws_are_seen() {
+fn confident_errors_of_each_flaw_stay_few() {
     const ROWS: u64 = 8000;
     // Confident errors of 8000.
     const MEASURED: [(Kind, u32); 6] = [
@@ -202,11 +204,11 @@ fn flaws_are_seen() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// A background that rises by two counts a pixel: the default estimator's own tables are off by tenths of a
-/// pixel (see the repair's tests), and what takes over has no bias beyond 0.002 pixels and what is left of
-/// the noise, in nearly all rows.
+/// The background rises by two counts a pixel. The default estimator's own tables are off by tenths of a
+/// pixel (see the tests of the repair). In nearly all rows the check hands the row to a method without bias:
+/// the mean error is at most 0.002 pixels plus the noise of the mean.
 #[test]
-fn a_slope_is_taken_over_without_bias() {
+fn a_sloped_background_leaves_no_bias() {
     const ROWS: u64 = 16_000;
     let recipe = Recipe {
         pixels: 512,

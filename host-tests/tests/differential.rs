@@ -1,5 +1,5 @@
-//! The core against other ways to compute the same: its fixed-point estimators against models of them in f64,
-//! and its least-squares fit against a reference.
+//! The core against other computations: the fixed-point estimators against models of them in f64, and the
+//! least-squares fit against a reference.
 
 use host_tests::accuracy::{Cell, PIXELS};
 use host_tests::model;
@@ -114,19 +114,19 @@ fn worst(values: impl Iterator<Item = f64>) -> f64 {
     values.map(f64::abs).fold(0.0, f64::max)
 }
 
-/// The phase tables in fixed point and f32 against the same integer tables in f64. A centre is rounded to
-/// 2^-16 pixel, which leaves 1/sqrt(12) = 0.289 of a step root mean square and half a step at most; the place
-/// of one of three phases is cut off by up to a third of a step more. f32 adds a few parts in 2^24 of a
-/// distance of a pixel or some from the phase.
+/// Compares the phase tables in fixed point and f32 with the same integer tables in f64. A centre is rounded
+/// to 2^-16 pixel: an error of 1/sqrt(12) = 0.289 steps root mean square, and of half a step at most. If a
+/// table has three phases, the place of a phase is cut off by up to a third of a step more. f32 adds a few
+/// parts in 2^24 of the distance from the phase, which is about a pixel.
 ///
-/// Where a place is within a step of the border between two windows the estimator and its model may take one
-/// each, and differ by what that makes: a small part of the uncertainty, in a few rows of 20,000.
+/// Near the border between two windows, the estimator and its model may take different windows. Their centres
+/// then differ by a small part of the uncertainty. This happens in a few rows of 20,000.
 ///
-/// Samples of 16 pixels are the halves of their sums, without the half count that may be left. That is a
-/// noise of 1/4 count in samples of which four times a pixel's variance is noise: 1/8 over the pixel's noise
-/// of an uncertainty.
+/// Samples of 16 pixels are halved sums, and the halving cuts off half a count in every second sample. This
+/// is a noise of 1/4 count in a sample whose noise has four times a pixel's variance. So the error is 1/8 of
+/// the uncertainty, divided by the noise of a pixel.
 #[test]
-fn fixed_point_is_its_model_to_a_step() {
+fn fixed_point_agrees_with_its_model_in_f64() {
     let gaussian = model::phase_table::integer(tables::GAUSSIAN.tables());
     let slit = model::phase_table::integer(tables::SLIT.tables());
     println!("off by, in steps of 2^-16 pixel:");
@@ -146,8 +146,9 @@ fn fixed_point_is_its_model_to_a_step() {
         let worst_other = worst(other.iter().map(|pair| pair.of_claim()));
         let cut_off = rms(halved.iter().map(|pair| pair.of_claim() * 8.0 * pair.noise));
         println!(
-            "{:>12}: {rms_same:.3} rms, {worst_same:.3} at most, of {} rows; {} more took another window: {worst_other:.3} of the \
-             uncertainty at most, {all:.1e} px rms with them; halved sums: {cut_off:.2} of 1/8 over the noise, of {} rows",
+            "{:>12}: {rms_same:.3} rms, {worst_same:.3} at most, of {} rows; {} more took another window: \
+             {worst_other:.3} of the uncertainty at most, {all:.1e} px rms with them; halved sums: \
+             {cut_off:.2} of 1/8 over the noise, of {} rows",
             estimator.name(),
             same.len(),
             other.len(),
@@ -170,10 +171,10 @@ fn fixed_point_is_its_model_to_a_step() {
     }
 }
 
-/// The tables of 16 bits against those of 64, on the rows where both lead to the same window: the weights'
-/// roundings let in noise of their own, of a few thousandths of what there is.
+/// Compares the tables of 16 bits with the tables in f64, on the rows where both lead to the same window. The
+/// rounding of the weights adds a noise of a few thousandths of the noise of the row.
 #[test]
-fn integer_tables_are_the_designed_ones() {
+fn integer_tables_agree_with_the_designed_tables() {
     for (estimator, profile, set) in [
         (
             Estimator::PhaseTable,
@@ -213,10 +214,11 @@ fn integer_tables_are_the_designed_ones() {
     }
 }
 
-/// The centroid's sums in fixed point against eq. (2) in f64. The window comes to rest at a step of 2^-8
-/// pixel: where a step was nearly that, one of the two makes another, of about 3 % of that and some noise.
+/// Compares the sums of the centroid in fixed point with eq. (2) in f64. The window comes to rest if it moves
+/// by less than 2^-8 pixel. If a move is close to this limit, one of the two windows moves once more, by
+/// about 3 % of the limit and some noise.
 #[test]
-fn the_centroid_is_its_model() {
+fn the_centroid_agrees_with_its_model() {
     let steps: Vec<f64> = (0..ROWS)
         .into_par_iter()
         .filter_map(|number| {
@@ -240,10 +242,11 @@ fn the_centroid_is_its_model() {
     assert!(all / STEPS <= 5e-5 && other.len() <= 20 && most <= 64.0);
 }
 
-/// Eq. (1) in 64-bit integers against f64: a distance is rounded to 2^-8 um. And from the row on, where the
-/// centre's own steps, in which the curve rises by several of the distance's, come to that.
+/// Compares eq. (1) in 64-bit integers with f64: a distance is rounded to 2^-8 um. The second comparison
+/// starts from the row. There the steps of the centre add an error, because a step of the centre changes the
+/// distance by several of its own steps.
 #[test]
-fn distances_are_those_of_the_model() {
+fn distances_agree_with_the_model() {
     // The default's curve, over all centres of the rows.
     let nominal = NOMINAL.expect("a curve");
     let valid = Pixels::from_int(0)..=Pixels::from_int(PIXELS as i32);
@@ -269,7 +272,8 @@ fn distances_are_those_of_the_model() {
     }
     let (alone_rms, alone_most) = (rms(alone.iter().copied()), worst(alone.iter().copied()));
     println!(
-        "eq. (1): {alone_rms:.3} steps of 2^-8 um rms, {alone_most:.3} at most; from the row on: {:.2} rms, {:.2} at most, of {} rows",
+        "eq. (1): {alone_rms:.3} steps of 2^-8 um rms, {alone_most:.3} at most; from the row on: {:.2} rms, \
+         {:.2} at most, of {} rows",
         rms(whole.iter().copied()),
         worst(whole.iter().copied()),
         whole.len()
@@ -277,15 +281,15 @@ fn distances_are_those_of_the_model() {
     assert!(whole.len() >= 20_000 && alone_rms <= 0.30 && alone_most <= 0.501);
 }
 
-/// The least-squares estimator in f32 against a Levenberg-Marquardt fit in f64 of the same pixels with the
-/// same weights: it ends within a hundredth of its uncertainty.
+/// Compares the least-squares estimator in f32 with a Levenberg-Marquardt fit in f64 of the same pixels with
+/// the same weights. They differ by at most a hundredth of the uncertainty.
 ///
-/// And the default estimator against that reference. An estimate at the bound is not correlated with how far
-/// another unbiased one is from it (C. R. Rao, 1952): so the correlation of their errors is the ratio of
-/// these, which for the default is the bound over what its tables leave of it. The standard error of that
-/// difference over 4000 rows is 0.006.
+/// Compares the default estimator with the same reference too. The error of an estimate at the bound is not
+/// correlated with its distance from another unbiased estimate (C. R. Rao, 1952). So the correlation of the
+/// two errors equals the ratio of their sizes: the bound over the error of the default. The standard error of
+/// the difference is 0.006 over 4000 rows.
 #[test]
-fn the_fit_is_the_reference_and_the_tables_follow_it() {
+fn the_fit_agrees_with_the_reference_and_the_tables_come_near_it() {
     for (width, amplitude, read_noise, electrons_per_count) in [
         (1.2, 1000.0, 4.0, None),
         (4.0, 200.0, 8.0, None),
@@ -323,9 +327,9 @@ fn the_fit_is_the_reference_and_the_tables_follow_it() {
         let (ratio, correlation) = (reference / table, product / reference / table);
         let bound = cell.spot().bound();
         println!(
-            "sigma {width}, {amplitude} counts, noise {read_noise}, {electrons_per_count:?} e/count: fit and reference \
-             apart by {apart_rms:.4} of the uncertainty rms, {apart_most:.3} at most; reference {:.3} of the bound, default {:.3}; \
-             ratio {ratio:.3}, correlation {correlation:.3}",
+            "sigma {width}, {amplitude} counts, noise {read_noise}, {electrons_per_count:?} e/count: fit and \
+             reference apart by {apart_rms:.4} of the uncertainty rms, {apart_most:.3} at most; reference \
+             {:.3} of the bound, default {:.3}; ratio {ratio:.3}, correlation {correlation:.3}",
             reference / bound,
             table / bound
         );

@@ -1,5 +1,5 @@
-//! Spots that the sensor's edge cuts: fitted at the bound of the pixels that are left, or a fault, and never
-//! a phase table's centre from a window that the edge cuts. Every figure asserted is printed.
+//! Spots that the sensor's edge cuts: they are fitted at the bound of the pixels that remain, or are a fault.
+//! No phase table measures a window that the edge cuts. The tests print every figure that they assert.
 
 use host_tests::accuracy::{Answer, Cell, PIXELS, answers};
 use host_tests::hard_cases::Truth;
@@ -70,7 +70,8 @@ fn check_cut_spots(noises: &[(f64, Option<f64>)], widths: &[f64]) {
                     let pull = root_mean(&|[error, _, claim]| (error / claim).powi(2));
                     let faults = ROWS - found.len() as u64;
                     println!(
-                        "{noise}, sigma {width:>4}, {widths} widths from the {side:>5}: {rmse:.4} px, {:.2} of the bound {bound:.4}, {pull:.2} of the claim; {faults} faults",
+                        "{noise}, sigma {width:>4}, {widths} widths from the {side:>5}: {rmse:.4} px, {:.2} \
+                         of the bound {bound:.4}, {pull:.2} of the claim; {faults} faults",
                         rmse / bound
                     );
                     let is_honest = (pull - 1.0).abs() <= 0.1;
@@ -98,9 +99,9 @@ fn a_cut_spot_of_any_width_is_fitted_at_its_own_bound() {
     check_cut_spots(&[(2.0, Some(5.0)), (20.0, None)], &[1.5, 3.0, 10.5, 30.0]);
 }
 
-/// A spot whose centre is beside the sensor, by a tenth of a width to two, is a fault of every estimator.
+/// If the centre is beside the sensor, by 0.1 to two widths, every estimator gives a fault.
 #[test]
-fn what_is_beside_the_sensor_is_a_fault() {
+fn a_spot_beside_the_sensor_is_a_fault() {
     for width in [1.5, 4.0, 10.5, 30.0] {
         let cell = Cell {
             width,
@@ -128,11 +129,11 @@ fn what_is_beside_the_sensor_is_a_fault() {
     }
 }
 
-/// Spots of 0.8 to 100 pixels, four widths beyond the edge to five within, 20,000 rows an estimator: no table
-/// serves where its window would be cut (the narrowest window that may serve reaches three widths), and no
-/// centre is off by more than five times its claim and 0.05 pixel.
+/// Takes spots of 0.8 to 100 pixels, from four widths beyond the edge to five widths inside, 20,000 rows an
+/// estimator. No table measures a window that the edge cuts (the narrowest possible window reaches three
+/// widths). No centre is off by more than five times its claim plus 0.05 pixel.
 #[test]
-fn no_table_serves_a_cut_window_and_no_estimator_errs_with_confidence() {
+fn cut_windows_use_no_table_and_give_no_confident_error() {
     let mut failures = vec![];
     for estimator in Estimator::ALL {
         let is_table = matches!(
@@ -176,7 +177,8 @@ fn no_table_serves_a_cut_window_and_no_estimator_errs_with_confidence() {
             .fold(f64::INFINITY, |nearest, row| nearest.min(row.0));
         let wrong = rows.iter().filter(|row| row.2).count();
         println!(
-            "{:>14}: {} centres of {} rows, the nearest {nearest:.2} widths from the edge; {wrong} confident errors",
+            "{:>14}: {} centres of {} rows, the nearest {nearest:.2} widths from the edge; {wrong} confident \
+             errors",
             estimator.name(),
             with_centre.count(),
             rows.len(),

@@ -1,5 +1,5 @@
-//! What single estimators do with rows that are clean, tilted, saturated, mirrored or no gaussian at all.
-//! Every figure asserted is printed.
+//! What each estimator does with rows that are clean, tilted, saturated or mirrored, or whose spot is no
+//! gaussian. The tests print every figure that they assert.
 
 use host_tests::accuracy::{Cell, PIXELS, centre_after, centre_of};
 use host_tests::profile_rows;
@@ -20,8 +20,8 @@ fn cell(width: f64, amplitude: f64, read_noise: f64, electrons_per_count: Option
     }
 }
 
-/// On a background that rises by 0.3 or 2 counts a pixel the mean error is at most 0.002 px. Telling a tilt
-/// from a shift costs 5 % in white noise, and weights that are not for the noise cost up to 9 %.
+/// The background rises by 0.3 or 2 counts a pixel. The mean error is at most 0.002 px. To tell a tilt from a
+/// shift costs 5 % in white noise. Weights for another noise cost up to 9 %.
 #[test]
 fn a_tilted_background_does_not_move_the_centre() {
     let curve = profiles::gaussian();
@@ -35,7 +35,8 @@ fn a_tilted_background_does_not_move_the_centre() {
             let [adaptive, default] = errors(&curve, cell, |i| (slope * i as f64).round() as u16);
             let ratio = adaptive.root_mean_square / cell.spot().bound();
             println!(
-                "{slope} counts a pixel, sigma {width:>4}: mean error {:+.5} px, of the default estimator {:+.5} px; RMSE / bound {ratio:.2}",
+                "{slope} counts a pixel, sigma {width:>4}: mean error {:+.5} px, of the default estimator \
+                 {:+.5} px; RMSE / bound {ratio:.2}",
                 adaptive.mean, default.mean
             );
             assert!(
@@ -49,11 +50,11 @@ fn a_tilted_background_does_not_move_the_centre() {
     }
 }
 
-/// The side lobes of a slit's diffraction pattern are no tilt: with the weights for the noise the estimator
-/// is at least as good as the default, which is for no noise in particular. Where they were taken for one it
-/// was 4 % worse.
+/// The estimator `adaptive` must not take the side lobes of a slit's diffraction pattern for a tilted
+/// background. Its weights fit the noise, so its error must be at most that of the default estimator. When it
+/// took side lobes for a tilt, its error was 4 % larger.
 #[test]
-fn side_lobes_are_no_tilt() {
+fn side_lobes_do_not_count_as_a_tilt() {
     let curves = [
         ("sinc^2", profiles::slit()),
         ("Fresnel", Slit::nominal(0.0).curve()),
@@ -73,7 +74,8 @@ fn side_lobes_are_no_tilt() {
                 let [adaptive, default] = errors(curve, cell, |_| 0);
                 let ratio = adaptive.root_mean_square / default.root_mean_square;
                 println!(
-                    "{name:>14}, {amplitude} counts, read noise {read_noise}, sigma {width}: {ratio:.3} of the default estimator's error"
+                    "{name:>14}, {amplitude} counts, read noise {read_noise}, sigma {width}: {ratio:.3} of \
+                     the default estimator's error"
                 );
                 assert!(ratio <= 1.01, "{name}, {cell:?}: {ratio}");
             }
@@ -114,8 +116,9 @@ fn errors(curve: &Curve, cell: Cell, background: impl Fn(usize) -> u16 + Sync) -
     })
 }
 
-/// Heights of 1.5 and 4 times the full scale: full scale is masked. At a width of 10.5 within 0.016 and 0.020
-/// pixel, and at every width as uncertain as claimed. The other estimators refuse.
+/// Heights of 1.5 and 4 times full scale; the fit leaves out the pixels at full scale. At a width of 10.5 the
+/// error is at most 0.016 and 0.020 pixel. At every width the claim is right. The other estimators give a
+/// fault.
 #[test]
 fn a_saturated_spot_is_fitted_by_its_flanks() {
     println!("least-squares fit of a spot beyond full scale, 5 e/count, read noise 2");
@@ -132,7 +135,8 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
             centre_of(geometry, light, Estimator::GaussNewton)
         });
         println!(
-            "sigma {width:>4}, {factor} of full scale: {:.4} px, {:.2} of the whole spot's bound, {:.2} of the claim",
+            "sigma {width:>4}, {factor} of full scale: {:.4} px, {:.2} of the whole spot's bound, {:.2} of \
+             the claim",
             outcome.rmse,
             outcome.ratio(),
             outcome.pull
@@ -158,13 +162,15 @@ fn a_saturated_spot_is_fitted_by_its_flanks() {
     }
 }
 
-/// A gaussian spot is a misfit in no more than one row in 500; with a pixel that is 300 counts off within two
-/// widths, or a second spot of a tenth at three widths, always. Except where the pixel is at the top of the
-/// widest spot, which has the most noise and samples of three pixels: 300 counts are 12 standard deviations
-/// there, 139 of a sum of squares of which 85 are allowed, and that sum itself scatters by 28. The fit misses
-/// such a pixel in one row in 30, and one of these in one of 50.
+/// At most one gaussian row in 500 is a misfit. A row is always a misfit if a pixel within two widths is off
+/// by 300 counts, or if a second spot of a tenth of the height is three widths away.
+///
+/// There is one exception: a pixel at the top of the widest spot, where the noise is largest and a sample has
+/// three pixels. There, 300 counts are 12 standard deviations. They add 139 to a sum of squares that may
+/// reach 85 and scatters by 28. The fit misses such a pixel in one row in 30, and on average one of the 50
+/// hot pixels of this test.
 #[test]
-fn what_is_no_gaussian_is_a_misfit() {
+fn a_spot_that_is_no_gaussian_is_a_misfit() {
     for width in [2.0, 10.5, 30.0] {
         let cell = cell(width, 2000.0, 4.0, Some(10.0));
         let geometry = cell.scene_of(PIXELS).geometry();
@@ -192,21 +198,22 @@ fn what_is_no_gaussian_is_a_misfit() {
             assert!(misfit(&second), "{width}, row {row}: a second spot fits");
         }
         println!(
-            "sigma {width}: {clean} of {rows} clean rows are misfits, {fitting_hot} of 50 with a hot pixel are none"
+            "sigma {width}: {clean} of {rows} clean rows are misfits, {fitting_hot} of 50 with a hot pixel \
+             are none"
         );
-        // Of a mean of one there are five in a run in 300.
+        // If the mean is one, a run has five or more with a probability of 1 in 300.
         let most = if width == 30.0 { 4 } else { 0 };
         assert!(fitting_hot <= most, "{width}: {fitting_hot}");
         assert!(clean * 500 <= rows as i32, "{width}: {clean}");
     }
 }
 
-/// A mirrored row, searched anew, has its centre mirrored: no estimator leans to a side. To a tenth of its
-/// uncertainty; with the default to 0.35, sqrt(1.06^2 - 1), because phases and blocks then lie otherwise and
-/// weigh the noise a little otherwise. (Between two tables' widths, which are left out here, it may be 0.9:
-/// either table may serve.)
+/// Searches the mirrored row anew. No estimator prefers a side: the centres agree to a tenth of the
+/// uncertainty, and for the default estimator to 0.35 = sqrt(1.06^2 - 1), because the phases and blocks of
+/// the mirrored row weigh the noise differently. (The test leaves out widths between those of two tables.
+/// There the difference may be 0.9, because the two rows may use different tables.)
 #[test]
-fn mirrors_mirror() {
+fn a_mirrored_row_has_the_mirrored_centre() {
     for (estimator, limit, widths) in [
         (Estimator::Centroid, 0.1, &[1.2, 4.0, 10.5][..]),
         (Estimator::GaussNewton, 0.1, &[1.2, 4.0, 10.5]),
@@ -235,10 +242,10 @@ fn mirrors_mirror() {
     }
 }
 
-/// With the row before, an estimator follows a spot whose width changes by half over 100 rows while it moves,
-/// and loses no accuracy by it.
+/// With the result of the row before, an estimator follows a spot that moves, and whose width grows by half
+/// over 100 rows. The estimator loses no accuracy.
 #[test]
-fn the_row_before_is_followed() {
+fn a_spot_that_moves_and_widens_is_followed() {
     for estimator in [Estimator::Centroid, Estimator::GaussNewton] {
         let (mut squares, mut pulls, mut before) = (0.0, 0.0, None);
         for row in 0..100u64 {
@@ -263,9 +270,9 @@ fn the_row_before_is_followed() {
     }
 }
 
-/// Rows of every length that is served, from 32 pixels, have their spot found.
+/// The search finds the spot in rows of every supported length, from 32 pixels on.
 #[test]
-fn rows_of_any_length_are_searched() {
+fn spots_are_found_in_rows_of_any_length() {
     let geometry = cell(1.2, 2000.0, 2.0, None).scene().geometry();
     for length in (32..=300).chain(1000..=1003).chain(4090..=4096) {
         let truth = length as f64 / 2.0 + 0.2;
@@ -286,11 +293,11 @@ fn rows_of_any_length_are_searched() {
     }
 }
 
-/// From the edge inwards a spot is cut, and from some place on it is whole: no hole between. The window
-/// reaches at most 4.5 widths and four pixels; the coarse search, which may take the spot for twice as wide,
-/// does not make it longer.
+/// From the edge inwards, a spot is cut up to some place, and is whole from this place on without a gap. The
+/// window reaches at most 4.5 widths plus four pixels. The coarse search may take the spot for twice as wide,
+/// but this does not make the window longer.
 #[test]
-fn whole_spots_are_not_called_cut() {
+fn whole_spots_do_not_count_as_cut() {
     for width in [
         1.0, 1.2, 1.7, 2.3, 3.1, 4.2, 5.5, 6.8, 8.0, 9.3, 10.5, 11.5, 13.4, 18.0, 24.0, 31.0, 40.0,
         60.0, 90.0,

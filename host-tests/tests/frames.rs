@@ -1,5 +1,5 @@
-//! Frames: rows that are not alike, rows that are wrong, rows that err alike. What their mean is off by, and
-//! what it claims.
+//! Frames with rows of different quality, with wrong rows, and with rows that have similar errors: the error
+//! of their mean, and the uncertainty that it claims.
 
 use std::fmt;
 
@@ -131,7 +131,8 @@ impl fmt::Display for Outcome {
         let percent = |count: usize| 100.0 * count as f64 / self.frames as f64;
         write!(
             f,
-            "RMSE / bound {:7.3}, error / claim {:6.3}, faults {:5.2} %, confident errors {:5.2} %, flagged {:6.2} %, claim / error of the others {:.2}",
+            "RMSE / bound {:7.3}, error / claim {:6.3}, faults {:5.2} %, confident errors {:5.2} %, flagged \
+             {:6.2} %, claim / error of the others {:.2}",
             self.ratio,
             self.pull,
             percent(self.faults),
@@ -201,8 +202,8 @@ fn line(name: &str, rows: usize, how: Mean, outcome: &Outcome) -> String {
 
 const FRAMES: u64 = 20_000;
 
-/// Rows that are wrong cost no more than their number. Of five rows, two are wrong in 8 frames of 100, and
-/// nobody can tell; of 64 a majority is right.
+/// Wrong rows cost no more than their number. Of five rows, two are wrong in 8 frames of 100, and then no
+/// method can tell which rows are right. Of 64 rows, most are right.
 #[test]
 fn the_mean_is_at_the_bound_of_the_good_rows() {
     for (name, alike, outliers, most) in [
@@ -249,9 +250,9 @@ fn the_mean_is_at_the_bound_of_the_good_rows() {
     }
 }
 
-/// The standard deviation of error over claim, for rows that are independent and right about themselves.
+/// Measures the standard deviation of error over claim, for independent rows with right claims.
 #[test]
-fn a_mean_is_off_by_what_it_claims() {
+fn the_error_of_a_mean_agrees_with_its_claim() {
     for (name, alike) in [("equal", None), ("brightness 4", Some(4.0))] {
         for rows in ROWS {
             for how in Mean::ALL {
@@ -266,11 +267,11 @@ fn a_mean_is_off_by_what_it_claims() {
     }
 }
 
-/// Of a target that moves, the frame's centre is where it was in the middle of the frame, whichever rows are
-/// bright. Rows that are wrong by less than the way that the target goes are not told from it in every frame;
-/// those frames claim more.
+/// The frame's centre is the place of the moving target in the middle of the frame, whichever rows are
+/// bright. If a row is wrong by less than the target moves within the frame, the frame may use the row. Such
+/// frames claim a larger uncertainty.
 #[test]
-fn a_target_that_moves_is_where_it_was_in_the_middle() {
+fn a_moving_target_is_measured_at_the_middle_of_the_frame() {
     for speed in [0.001, 0.01, 0.1, 0.3] {
         for rows in [8, 16, 64] {
             for (name, outliers, most) in [
@@ -303,8 +304,8 @@ fn a_target_that_moves_is_where_it_was_in_the_middle() {
     }
 }
 
-/// Where rows that are wrong agree among themselves, and are half of the frame or more, they are the majority
-/// now and then. Where they do not, or are fewer, a frame is right, or is a fault.
+/// If half of the rows or more are wrong, and the wrong rows agree with each other, then the wrong rows
+/// sometimes win. If they are fewer, or do not agree, the frame is right or a fault.
 #[test]
 fn frames_with_many_wrong_rows_are_seldom_wrong() {
     for (name, outliers, most) in [
@@ -372,11 +373,12 @@ fn share_for(count: usize, worth: f64) -> f64 {
     low
 }
 
-/// Power and false alarms. Of 64 rows each of which hangs on the one before, those that are worth fewer than
-/// eight are flagged; those that are worth 12 to 24 often are, because they may be worth fewer; and all claim
-/// at least 0.8 of what they are off by. 16 rows say little about it, and eight next to nothing.
+/// Measures detections and false alarms in frames whose rows are correlated with the rows before. A frame of
+/// 64 rows is flagged if it is worth fewer than 8 independent rows. A frame worth 12 to 24 is often flagged,
+/// because it may be worth fewer. The claim is always at least 0.8 of the error. A frame of 16 rows shows
+/// little of the correlation, and a frame of 8 rows almost nothing.
 #[test]
-fn rows_that_err_alike_are_flagged() {
+fn rows_with_correlated_errors_are_flagged() {
     for count in [8, 16, 64] {
         for worth in [1.5, 2.0, 3.0, 4.0, 6.0, 7.9, 12.0, 16.0, 24.0, 32.0, 64.0] {
             if worth > count as f64 {

@@ -12,7 +12,7 @@ use slitrange::centre::Estimator;
 static CATALOGUE: LazyLock<Catalogue> = LazyLock::new(Catalogue::run);
 
 #[test]
-fn the_catalogue_is_large_and_tells_its_cases_apart() {
+fn the_catalogue_is_large_and_its_cases_differ() {
     let cases = hard_cases::rows();
     let names: HashSet<&str> = cases.iter().map(|case| case.name.as_str()).collect();
     println!("{} cases of rows, {} of all", cases.len(), CATALOGUE.len());
@@ -34,10 +34,10 @@ fn the_catalogue_is_large_and_tells_its_cases_apart() {
     }
 }
 
-/// No estimator, alone or as the measurement takes it, gives what cannot be; and no calibration is other than
-/// it must be.
+/// No estimator gives an impossible answer, alone or in the measurement. Every calibration gives its expected
+/// result.
 #[test]
-fn no_answer_is_nonsense() {
+fn no_case_gives_an_impossible_answer() {
     for estimator in Estimator::ALL {
         let failures = CATALOGUE.failures(estimator);
         let nonsense: Vec<_> = (failures.iter())
@@ -50,12 +50,12 @@ fn no_answer_is_nonsense() {
     }
 }
 
-/// The estimators that people use.
+/// The estimators that most users choose.
 const USED: [Estimator; 2] = [Estimator::PhaseTable, Estimator::Adaptive];
 
-/// Each gives what is due in every case.
+/// Runs every case of the catalogue with the default estimator and with `adaptive`.
 #[test]
-fn the_estimators_that_people_use_give_what_is_due() {
+fn the_used_estimators_give_the_expected_result_in_every_case() {
     for estimator in USED {
         let failures = CATALOGUE.failures(estimator);
         let failures: Vec<String> = failures.iter().map(ToString::to_string).collect();
@@ -63,9 +63,9 @@ fn the_estimators_that_people_use_give_what_is_due() {
     }
 }
 
-/// The repair finds the spot among bad pixels, beside a second spot, and without its top.
+/// The repair finds the spot among bad pixels, beside a second spot, and if its top is cut off.
 #[test]
-fn the_repair_gives_what_is_due() {
+fn the_repair_gives_the_expected_result() {
     let cases = hard_cases::rows();
     let due = cases.iter().filter(|case| case.repair_within.is_some());
     println!("{} cases", due.clone().count());
@@ -76,9 +76,9 @@ fn the_repair_gives_what_is_due() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// Which estimator fails at what: a change shows as a difference.
+/// The snapshot lists the cases in which each estimator fails, so that a change shows as a difference.
 #[test]
-fn estimators_fail_at_what_the_snapshot_lists() {
+fn estimators_fail_only_in_the_cases_of_the_snapshot() {
     let mut text = String::new();
     for estimator in Estimator::ALL {
         let failures = CATALOGUE.failures(estimator);

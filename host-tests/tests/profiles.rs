@@ -1,5 +1,5 @@
-//! Other profiles than the gaussian, tables made of a sensor's own rows, and tables of a wrong width. Every
-//! figure asserted is printed.
+//! Profiles other than the gaussian, tables made of a sensor's own rows, and tables of a wrong width. The
+//! tests print every figure that they assert.
 
 use host_tests::accuracy::{Cell, centre_after, centre_of, centre_with, largest};
 use host_tests::core_tables;
@@ -49,9 +49,9 @@ fn standard_deviations<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
     root_mean_squares(&centred)
 }
 
-/// Without noise, as [`bias`] looks for it: at most 0.0005 px for widths from 1 px on the gaussian, and 0.001
-/// px for widths from 1.5 px on the patterns of a slit. The tables of sinc^2 are not for the gaussian and are
-/// off by 0.0025 px on narrow ones.
+/// Measures the bias without noise (see [`bias`]). On the gaussian, the bias is at most 0.0005 px for widths
+/// from 1 px on. On the patterns of a slit, the bias is at most 0.001 px for widths from 1.5 px on. The
+/// tables of sinc^2 are not made for the gaussian: on a narrow gaussian they are off by 0.0025 px.
 #[test]
 fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     const WIDTHS: [f64; 12] = [
@@ -62,7 +62,8 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     const EVERY_MIX: [u16; 5] = [0, 6, 30, 90, 6554];
 
     let mut text = format!(
-        "largest bias over 40 phases in 1e-4 px, with the row before and without; sigma in pixels\n{:>28}{}\n",
+        "largest bias over 40 phases in 1e-4 px, with the row before and without; sigma in pixels\n\
+         {:>28}{}\n",
         "",
         columns(&WIDTHS, 6)
     );
@@ -124,7 +125,8 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
 fn of_fraunhofer(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
     let curve = profiles::slit();
     let mut text = format!(
-        "RMSE / bound on sinc^2 of the estimator fraunhofer, the estimator phase-table, and the fit in f64, 10000 rows a cell; sigma in pixels\n\
+        "RMSE / bound on sinc^2 of the estimator fraunhofer, the estimator phase-table, and the fit in f64, \
+         10000 rows a cell; sigma in pixels\n\
          counts, e/count, read{}\n",
         columns(widths, 19)
     );
@@ -216,7 +218,8 @@ const MEASURED_ROWS: u64 = 400;
 /// scatter that counts, and the bias over the phase about its mean is at most 0.001 px.
 fn of_measured_profiles(profiles: &[(&str, Curve)], widths: &[f64]) -> String {
     let mut text = format!(
-        "RMSE of tables of a profile measured on {MEASURED_ROWS} rows, and of the gaussian's, over that of tables of the true profile,\n\
+        "RMSE of tables of a profile measured on {MEASURED_ROWS} rows, and of the gaussian's, over that of \
+         tables of the true profile,\n\
          and of these over the bound; 20000 rows a cell; for the asymmetric spot without the mean\n\
          {:>14}{:>7}{:>22}{:>26}{:>26}\n",
         "", "sigma", "counts, e/count, read", "default r", "r for the noise"
@@ -338,13 +341,15 @@ fn errors_with(curve: &Curve, cell: Cell, tables: &[Vec<IntegerTable>; 3]) -> Ve
     errors.expect("centres")
 }
 
-/// Bias over the phase of tables of a measured asymmetric profile, about the mean, which is a convention: at
-/// most 0.001 px. With the gaussian's tables it is up to 0.05 px, as one table or its neighbour serves.
+/// Measures the bias over the phase about its mean; the mean is a convention. With tables of a measured
+/// asymmetric profile, the bias is at most 0.001 px. With the gaussian's tables the bias is up to 0.05 px,
+/// because rows may use one table or its neighbour.
 #[test]
 fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
     let curve = profiles::tailed();
     let mut text = String::from(
-        "largest bias over the phase of an asymmetric spot about its mean, in px: tables of the measured profile, of the gaussian\n",
+        "largest bias over the phase of an asymmetric spot about its mean, in px: tables of the measured \
+         profile, of the gaussian\n",
     );
     for width in [2.0, 4.0, 8.0] {
         for noise_ratio in [f64::INFINITY, DEFAULT.noise_ratio, 0.02] {
@@ -394,7 +399,8 @@ fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
 fn of_wrong_widths(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
     let curve = profiles::gaussian();
     let mut text = format!(
-        "RMSE / bound with a table 9.5 % too narrow, right, 9.5 % too wide; 40000 rows a cell; sigma in pixels\n\
+        "RMSE / bound with a table 9.5 % too narrow, right, 9.5 % too wide; 40000 rows a cell; sigma in \
+         pixels\n\
          counts, e/count, read     r  of table{}\n",
         columns(widths, 19)
     );

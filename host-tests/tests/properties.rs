@@ -1,4 +1,4 @@
-//! What holds for all inputs.
+//! Properties that hold for all inputs.
 
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
@@ -103,7 +103,8 @@ fn rows() -> impl Strategy<Value = Vec<u16>> {
                         let u = (i as f64 - place * length as f64) / width;
                         height * (-0.5 * u * u).exp()
                     };
-                    let noise = (i as u32).wrapping_mul(seed | 1).wrapping_mul(0x9e37_79b9) >> (32 - bits.max(1));
+                    let mixed = (i as u32).wrapping_mul(seed | 1).wrapping_mul(0x9e37_79b9);
+                    let noise = mixed >> (32 - bits.max(1));
                     (level + spots.iter().map(light).sum::<f64>() + f64::from(noise)).min(4095.0) as u16
                 };
                 (0..length).map(count).collect()
@@ -132,8 +133,7 @@ fn is_sane(found: &RowCentre, pixels: usize) -> bool {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// No row, no spot and no row before stops an estimator or the look that follows it, and what they let
-    /// out is within the rules.
+    /// No row, spot or row before makes an estimator or the check panic. Every result is in its range.
     #[test]
     fn any_row_gives_a_centre_or_a_fault(
         light in rows(),
@@ -167,9 +167,10 @@ proptest! {
         }
     }
 
-    /// Rows of any length, parts of any place: a row that is none is a silent sensor.
+    /// Rows of any length, with the parts of the sensor at any place. If the words cannot be a row, the
+    /// result is the fault "sensor silent".
     #[test]
-    fn any_geometry_and_length_is_borne(
+    fn any_geometry_and_length_gives_a_result(
         length in 0..6000usize,
         geometry in (any::<[u16; 5]>(), any::<bool>(), any::<u8>()),
         seed in any::<u32>(),
@@ -193,7 +194,7 @@ proptest! {
         }
     }
 
-    /// A frame of n rows is complete after n rows, whatever they are, and counts them.
+    /// A frame of n rows is complete after n rows, whatever the rows show.
     #[test]
     fn a_frame_is_complete_after_its_rows(rows in 1..=64u16, level in 0..4096u16) {
         let mut measurement = measurement(sensor_heads::tcd1304dg(), rows, BlackLevel::Shielded);
@@ -203,8 +204,8 @@ proptest! {
         }
     }
 
-    /// A constant on all words that keeps them within 12 bits changes no bit of a reading but the black
-    /// level.
+    /// A constant on all words changes no bit of a reading except the black level, if the words stay within
+    /// 12 bits.
     #[test]
     fn a_constant_changes_the_black_level_only(
         centre in 1250.0..2600.0f64,
@@ -233,7 +234,7 @@ proptest! {
         }
     }
 
-    /// No line stops the parser; what it takes it would say the same way.
+    /// No line makes the parser panic. An accepted command, written as text, reads back as the same command.
     #[test]
     fn any_line_is_a_command_or_an_error(line in prop_oneof![
         prop::collection::vec(any::<u8>(), 0..80).boxed(),
@@ -246,7 +247,7 @@ proptest! {
         }
     }
 
-    /// Bytes in any order give at most an answer a line end, or one for a line that is too long.
+    /// Bytes in any order give at most one answer for each line end, or one for a line that is too long.
     #[test]
     fn bytes_give_no_more_answers_than_lines(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
         let mut input = Input::new();
@@ -273,8 +274,7 @@ fn words_of(spots: &[(f64, f64, f64)]) -> Vec<u16> {
         .collect()
 }
 
-/// Every kind of fault comes of rows that a sensor can deliver, whichever estimator is asked; and so does a
-/// reading.
+/// Rows that a sensor can deliver give every kind of fault with every estimator, and also a reading.
 #[test]
 fn every_fault_is_reachable() {
     let spot = |centre| words_of(&[(centre, 8.0, 2000.0)]);

@@ -1,5 +1,5 @@
-//! The repair on pixels that do not belong to the spot, beside the default estimator alone and the bound of
-//! clean rows.
+//! The repair of rows with pixels that do not belong to the spot, compared with the default estimator alone
+//! and with the bound of clean rows.
 
 use host_tests::accuracy::{Answer, Cell, centre_of};
 use rand::{Rng as _, SeedableRng as _};
@@ -116,15 +116,16 @@ fn run(centre: fn(&Geometry, &[u16]) -> Answer, width: f64, flaw: Flaw) -> Outco
     }
 }
 
-/// The limits in pixels. With a pixel less the bound is up to a third higher at sigma 10.5, and up to several
-/// times where a narrow spot loses the pixel that tells most. A second spot of half the height so near that
-/// it merges with the first in the coarse search has no limit: such rows are far off, but they must say so.
-/// (The rows that the search does tell apart are off by 0.3 pixel, or flagged.)
+/// The limits are in pixels. Without one pixel, the bound is up to a third higher at sigma 10.5. It is
+/// several times higher if a narrow spot loses its most important pixel. One flaw has no limit: a second spot
+/// of half the height that is so near that the coarse search sees only one spot. Such rows are far off, but
+/// must have a flag. (If the search sees two spots, the row is off by at most 0.3 pixel, or has a flag.)
 #[test]
-fn outliers_are_left_out() {
+fn the_repair_leaves_outliers_out() {
     let bound = |width| cell(width, 2000.0, 0).spot().bound();
     println!(
-        "RMSE in px (mean; rows flagged, off by 0.1 sigma and not flagged, without centre), {} rows, {} of sigma 1.5: repair | default",
+        "RMSE in px (mean; rows flagged, off by 0.1 sigma and not flagged, without centre), {} rows, {} of \
+         sigma 1.5: repair | default",
         rows(10.5),
         rows(1.5),
     );
@@ -147,7 +148,8 @@ fn outliers_are_left_out() {
         let repair = run(repaired, width, flaw);
         let default = run(with_the_default, width, flaw);
         let line = format!(
-            "sigma {width:>4} {:<18} {:.4} ({:+.4}; {}, {}, {}) | {:.4} ({:+.4}; {}, {}), bound {:.4}, limit {limit:.4}\n",
+            "sigma {width:>4} {:<18} {:.4} ({:+.4}; {}, {}, {}) | {:.4} ({:+.4}; {}, {}), bound {:.4}, limit \
+             {limit:.4}\n",
             format!("{flaw:?}"),
             repair.rmse,
             repair.mean,
@@ -173,9 +175,9 @@ fn outliers_are_left_out() {
     insta::assert_snapshot!("repair", table);
 }
 
-/// A blank row with a hot pixel in it has no spot, however hot, whether it has a weaker neighbour or not.
+/// A dark row with a hot pixel has no spot, however bright the pixel is, with or without a weaker neighbour.
 #[test]
-fn a_hot_pixel_alone_is_no_spot() {
+fn a_hot_pixel_alone_has_no_centre() {
     let scene = cell(1.0, 0.0, 13).scene();
     let mut centres = 0;
     for row in 0..600 {
@@ -190,9 +192,9 @@ fn a_hot_pixel_alone_is_no_spot() {
     assert_eq!(centres, 0);
 }
 
-/// On a background that rises by two counts a pixel the repair leaves the adaptive estimator's centre.
+/// On a background that rises by two counts a pixel, the repair keeps the centre of `adaptive`.
 #[test]
-fn a_tilt_is_no_outlier() {
+fn the_repair_does_not_take_a_tilt_for_outliers() {
     for width in [4.0, 10.5, 18.0] {
         let cell = cell(width, 1500.0, 14);
         let scene = cell.scene();

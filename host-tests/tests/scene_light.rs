@@ -1,4 +1,4 @@
-//! Each effect of a scene's light against a closed form, or against a computation of another kind.
+//! Each effect of a scene's light, compared with a closed form or with a different computation.
 
 use std::f64::consts::{PI, SQRT_2, TAU};
 
@@ -119,7 +119,7 @@ fn fraunhofers_slit_has_its_first_zero_at_lambda_z_over_a() {
     }
 }
 
-/// The spot as the sensor's pixels gather it, sinc^2 averaged over each pixel by quadrature, wherever it lies
+/// Compares the light of each pixel with sinc^2 averaged over the pixel by quadrature, for spots at any place
 /// between pixels.
 #[test]
 fn pixels_gather_the_pattern_over_their_width() {
@@ -142,7 +142,8 @@ fn pixels_gather_the_pattern_over_their_width() {
     assert!(worst < 0.01);
 }
 
-/// |int exp(i pi (u^2 (1/R + 1/z) - 2 u x/z) / lambda) du|^2 over the slit, by quadrature, over that at the middle.
+/// |int exp(i pi (u^2 (1/R + 1/z) - 2 u x/z) / lambda) du|^2 over the slit, by quadrature, divided by its
+/// value at x = 0.
 fn fresnel_by_quadrature(gap: &Gap, x: f64) -> f64 {
     let light = |x: f64| {
         let phase = |u: f64| {
@@ -184,10 +185,10 @@ fn fresnels_slit_is_its_integral() {
     }
 }
 
-/// Fresnel's pattern of a laser spot, in the row, as `profiles::Slit` has it, which sums over points and
+/// Compares Fresnel's pattern of a laser spot in a row with `profiles::Slit`, which sums over points and
 /// integrates by Simpson's rule.
 #[test]
-fn a_row_through_a_slit_is_that_of_the_profiles() {
+fn a_row_through_a_slit_agrees_with_the_profile() {
     for diameter in [0.5e-3, 1e-3, 3e-3] {
         let scene = Scene {
             diffraction: Some(Diffraction::Fresnel),
@@ -324,7 +325,7 @@ fn the_zeros_of_an_oblique_pattern_are_even_in_the_sine() {
 }
 
 #[test]
-fn texture_shifts_the_centre_by_chance_and_for_good() {
+fn texture_shifts_the_centre_at_random_and_stays() {
     const SEEDS: u64 = 1500;
     let diameter = 1e-3;
     for length in [0.1e-3, 0.4e-3, 2e-3] {
@@ -514,7 +515,7 @@ fn a_round_pupil_makes_airys_pattern() {
     }
 }
 
-/// The same as a scene's rows: a pupil so small that the pattern is wide.
+/// Compares the rows of a scene with the same closed form. The pupil is so small that the pattern is wide.
 #[test]
 fn a_small_pupil_on_a_camera_shows_rings() {
     let camera = Scene::dark(Sensor::Camera);
@@ -791,8 +792,8 @@ fn motion_smears_the_spot_and_moves_it_from_row_to_row() {
     }
 }
 
-/// The width that an estimator is to expect: that of the reference's fit to the profile that `profiles` has
-/// of the same slit.
+/// The width that a scene states for the estimators is that of the reference fit to the profile of the same
+/// slit in `profiles`.
 #[test]
 fn the_expected_width_is_that_of_the_best_gaussian() {
     for seen in [0.1e-3, 1e-3, 3e-3] {
@@ -827,7 +828,7 @@ fn the_expected_width_is_that_of_the_best_gaussian() {
 }
 
 #[test]
-fn warmth_moves_the_centre() {
+fn a_warmer_sensor_moves_the_centre_as_eq_1_says() {
     let scene = Scene {
         temperature: Some(Temperature {
             kelvin_per_second: 0.1,
@@ -874,10 +875,10 @@ fn camera(aperture: Aperture) -> Scene {
     }
 }
 
-/// Light that adds up without interference, by this module's patterns and by the mean of the field, point by
-/// point: two computations that share no formula.
+/// Light that adds without interference, computed twice: from the patterns of a scene, and from the mean of
+/// the field, point by point. The two computations share no formula.
 #[test]
-fn rows_of_a_camera_are_the_mean_of_the_field() {
+fn rows_of_a_camera_agree_with_the_mean_of_the_field() {
     let laser = Laser::focused(1e-3, 0.8);
     let view = View::at(0.8);
     let scattering = Scattering::surface();
@@ -988,7 +989,7 @@ fn rows_of_a_camera_are_the_mean_of_the_field() {
     }
 }
 
-/// The mean over surfaces is the scene without speckle, whatever the aperture and the sensor.
+/// The mean over surfaces is the scene without speckle, with any aperture and sensor.
 #[test]
 fn speckle_keeps_the_mean() {
     const SEEDS: u64 = 40;
@@ -1072,7 +1073,7 @@ fn speckle_scatters_a_lens_as_dorsch_haeusler_and_herrmann_say() {
 }
 
 #[test]
-fn speckle_belongs_to_the_surface() {
+fn speckle_changes_only_with_the_surface() {
     let scene = |seed, wander| Scene {
         seed,
         laser_spot: Some(LaserSpot {

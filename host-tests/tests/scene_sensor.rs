@@ -1,5 +1,5 @@
-//! What a sensor makes of light, effect by effect, against closed forms and counts; the random numbers of all
-//! effects; and the scenes in the folder. Figures that are asserted are printed.
+//! What a sensor makes of light, effect by effect, compared with closed forms and counts. Also the random
+//! numbers of all effects, and the scenes in the folder. The tests print every figure that they assert.
 
 use rayon::prelude::*;
 use simulator::optics::Aperture;
@@ -113,8 +113,8 @@ fn read_noise_is_white_and_normal() {
     }
 }
 
-/// Of few electrons by the probability of each number, of any by the first moments: mean and variance n,
-/// skewness 1 / sqrt(n).
+/// Compares the probability of each number for few electrons, and the first moments for any number n of
+/// electrons: mean and variance n, skewness 1 / sqrt(n).
 #[test]
 fn shot_noise_is_poisson_distributed() {
     for mean in [0.02, 0.5, 3.0, 9.9, 10.1, 30.0, 1000.0, 30_000.0] {
@@ -166,9 +166,9 @@ fn shot_noise_is_poisson_distributed() {
     }
 }
 
-/// Light elsewhere on the row changes no pixel's noise, and where there is none no number is drawn.
+/// Light elsewhere on the row does not change a pixel's noise. A row without light draws no random number.
 #[test]
-fn shot_noise_is_each_pixels_own() {
+fn the_shot_noise_of_a_pixel_does_not_depend_on_other_pixels() {
     let noise = ShotNoise {
         electrons_per_count: 10.0,
     };
@@ -214,10 +214,10 @@ fn response_differs_in_proportion_to_light() {
     assert_eq!(doubled, lit(200.0));
 }
 
-/// The deviation is the same in the dark and in light, after any exposure, under metal and on dummies, and
-/// stays from row to row.
+/// The deviation is the same in the dark and in light, after any exposure, under metal and on dummy pixels.
+/// It stays from row to row.
 #[test]
-fn a_fixed_pattern_is_there_in_the_dark() {
+fn the_fixed_pattern_is_the_same_in_the_dark_and_in_light() {
     let scene = Scene {
         fixed_pattern: Some(FixedPattern { counts: 3.0 }),
         ..Scene::dark(Sensor::Tcd1304dg)
@@ -239,7 +239,7 @@ fn a_fixed_pattern_is_there_in_the_dark() {
     assert_eq!(lit.row(0, 0.8, 1.0)[light], expected);
 }
 
-/// A camera's rows are other pixels, until the next frame reads them again.
+/// Each row of a camera's frame has other pixels. The next frame reads the same pixels again.
 #[test]
 fn each_line_of_a_camera_has_patterns_of_its_own() {
     let scene = Scene {
@@ -268,9 +268,9 @@ fn each_line_of_a_camera_has_patterns_of_its_own() {
     assert!(response.factors(seed, 1, 10) != response.factors(seed, 2, 10));
 }
 
-/// Their number is binomial, their current in proportion to the exposure, and scatters as light does.
+/// The current of hot pixels is proportional to the exposure, and has shot noise as light has.
 #[test]
-fn hot_pixels_are_a_share() {
+fn the_number_of_hot_pixels_is_binomial() {
     let hot = HotPixels {
         share: 0.01,
         counts_per_second: 400.0,
@@ -317,7 +317,7 @@ fn hot_pixels_are_a_share() {
 }
 
 #[test]
-fn a_full_pixel_is_full() {
+fn a_pixel_never_exceeds_its_full_well() {
     let scene = Scene {
         saturation: Some(Saturation {
             full_well: 1000.0,
@@ -335,10 +335,10 @@ fn a_full_pixel_is_full() {
     assert_eq!(rows(lit(5000.0), 1), [1200.0; 4096]);
 }
 
-/// One pixel of n and a half wells, between empty ones: half of what is too much to either side, a well in
-/// each pixel.
+/// One pixel holds several and a half wells, and its neighbours are empty. Half of the excess goes to either
+/// side, and fills one well in each pixel.
 #[test]
-fn charge_flows_over_as_far_as_it_has_to() {
+fn excess_charge_fills_the_neighbours() {
     let saturation = Saturation {
         full_well: 100.0,
         blooming: 1.0,
@@ -374,9 +374,9 @@ fn charge_flows_over_as_far_as_it_has_to() {
     assert_eq!(light, expected);
 }
 
-/// A gaussian spot five times as high as a well: charge is kept, and the flat top reaches as far as the
-/// charge above it fills the flanks. Its half-length h solves, to a pixel, h = int of the spot from 0 to h,
-/// over the well.
+/// A gaussian spot five times as high as a well. The total charge stays, and the charge above the well fills
+/// the flanks, so the top is flat. The half-length h of the top solves h = (integral of the spot from 0 to h)
+/// / well, to a pixel.
 #[test]
 fn a_bloomed_spot_has_a_flat_top() {
     let (full, width, height) = (1000.0, 12.0, 5000.0);
@@ -424,7 +424,8 @@ fn a_bloomed_spot_has_a_flat_top() {
     assert_eq!(light[end..], before[end..]);
 }
 
-/// Of any row charge is kept, no pixel is more than full, and the mirrored row gives the mirrored row.
+/// For any row, the total charge stays, no pixel exceeds its well, and the mirrored row gives the mirrored
+/// result.
 #[test]
 fn blooming_favours_no_side() {
     let saturation = Saturation {
@@ -452,7 +453,7 @@ fn blooming_favours_no_side() {
     }
 }
 
-/// All outputs have it, and it rises with time: from row to row of a line sensor, from frame to frame of a
+/// All outputs have the drift. It rises with time: from row to row of a line sensor, from frame to frame of a
 /// camera.
 #[test]
 fn the_black_level_drifts() {
@@ -477,8 +478,8 @@ fn the_black_level_drifts() {
     }
 }
 
-/// As high as it is said in the middle, rising by the slope from pixel to pixel, in proportion to the
-/// exposure, never below zero; not under metal.
+/// Ambient light has the stated height in the middle, and rises by the slope from pixel to pixel. It is
+/// proportional to the exposure, never below zero, and absent under metal.
 #[test]
 fn ambient_light_has_a_slope() {
     let scene = |slope| Scene {
@@ -504,9 +505,9 @@ fn ambient_light_has_a_slope() {
     assert!(row[light.end..].iter().all(|&x| x == 0.0));
 }
 
-/// Where noise is wider than a step, rounding adds a variance of step^2 / 12, and no mean.
+/// If the noise is wider than a step, rounding adds a variance of step^2 / 12 and no mean.
 #[test]
-fn rounding_is_noise_of_a_twelfth_of_the_steps_square() {
+fn rounding_adds_a_variance_of_a_twelfth_of_the_squared_step() {
     let before = Scene {
         black_level: Some(BlackLevel::steady(300.3)),
         read_noise: Some(ReadNoise { counts: 20.0 }),
@@ -535,7 +536,7 @@ fn rounding_is_noise_of_a_twelfth_of_the_steps_square() {
 }
 
 #[test]
-fn halves_are_rounded_up_and_ends_are_ends() {
+fn counts_round_half_up_and_clip_at_both_ends() {
     let mut counts = [-9.0, -8.0, -7.9, 0.0, 7.9, 8.0, 23.9, 4087.9, 4088.0, 1e9];
     Quantisation { step: 16.0 }.apply(&mut counts, 4095);
     // 8 bits: 256 codes, of which the last is 255 steps.
@@ -549,7 +550,8 @@ fn halves_are_rounded_up_and_ends_are_ends() {
     assert_eq!(quantise(&counts, 4095), [0, 0, 1, 7, 4095, 4095, 4095, 0]);
 }
 
-/// Exposures do not overlap: rows of one that is longer than the sensor's period come as slowly.
+/// Exposures do not overlap: if the exposure is longer than the sensor's period, rows come at the period of
+/// the exposure.
 #[test]
 fn a_row_takes_as_long_as_its_exposure() {
     for (exposure, period) in [(0.005, 1.0 / 175.4), (0.02, 0.02)] {
@@ -603,10 +605,10 @@ fn listing(scene: Scene, effect: Effect) -> Scene {
     scene.with(effect, &every)
 }
 
-/// Each effect has a stream for each row, each line of the sensor and each seed, and what is made of them is
-/// not the same either.
+/// Each effect has its own stream of random numbers for each row, each line of the sensor and each seed. The
+/// patterns made from the streams differ too.
 #[test]
-fn every_stream_is_another() {
+fn all_random_streams_differ() {
     let mut first = vec![];
     for seed in [1, 2] {
         for effect in Effect::ALL {
@@ -702,8 +704,8 @@ fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
     counts
 }
 
-/// Whichever effect is added to a scene of all kinds of noise, or taken away, the others keep their random
-/// numbers, to the bit.
+/// Adding an effect to a scene with all kinds of noise, or removing an effect, changes no bit of the other
+/// effects.
 #[test]
 fn no_effect_changes_the_random_numbers_of_another() {
     let noises = [
@@ -765,8 +767,8 @@ fn listing_in_vain(scene: Scene, effect: Effect) -> Option<Scene> {
     Some(scene)
 }
 
-/// An effect that is listed, and by its parameters does nothing, changes no bit of a row in which all others
-/// are at work, whether it draws random numbers or not.
+/// If the parameters of a listed effect are zero, the effect changes no bit of a row with all other effects,
+/// whether it draws random numbers or not.
 #[test]
 fn an_effect_that_does_nothing_changes_nothing() {
     let mut effects = 0;
@@ -802,9 +804,9 @@ fn first_rows(scene: &Scene) -> std::ops::Range<u64> {
     lines / 2 - 3..lines / 2 + 3
 }
 
-/// From one thread, from two and backwards.
+/// Computes the rows in one thread, in two, and backwards.
 #[test]
-fn rows_do_not_depend_on_who_makes_them() {
+fn rows_do_not_depend_on_threads_or_order() {
     for name in [
         "old-sensor",
         "moving-target",
@@ -830,10 +832,10 @@ fn rows_do_not_depend_on_who_makes_them() {
     }
 }
 
-/// A change of any random number, or of any light by some millionths, shows here. FNV-1a of the counts'
-/// bytes.
+/// The snapshot has a checksum (FNV-1a) of the bytes of the counts. It shows a change of any random number,
+/// or of any light by some millionths.
 #[test]
-fn rows_stay_what_they_were() {
+fn rows_of_scenes_never_change() {
     let mut table = String::new();
     // Among them they list every effect that draws random numbers.
     for name in [
@@ -888,9 +890,9 @@ fn scenes_are_read_and_written() {
     assert_eq!(quiet, white);
 }
 
-/// Each file begins by saying what it shows, and says of each effect why it is there.
+/// Each file says first what the scene shows, and gives the reason for each effect.
 #[test]
-fn scenes_say_why() {
+fn scenes_give_a_reason_for_each_effect() {
     for name in file::names().expect("the folder of scenes") {
         let text = std::fs::read_to_string(file::folder().join(format!("{name}.toml")));
         let text = text.expect("a file");
@@ -920,10 +922,10 @@ fn centre(simulation: &Simulation, row: u64) -> Result<RowCentre, Fault> {
     centre::centre(Estimator::default(), &row, &spot, None, &geometry)
 }
 
-/// The core finds the spot of each scene's rows, within a width of where it should be, or the fault that the
-/// file announces.
+/// In the rows of each scene, the core finds the spot within a width of its true place, or gives the fault
+/// that the file names.
 #[test]
-fn scenes_give_what_they_announce() {
+fn scenes_give_a_centre_or_the_fault_that_their_file_names() {
     for name in file::names().expect("the folder of scenes") {
         let text = std::fs::read_to_string(file::folder().join(format!("{name}.toml")));
         let text = text.expect("a file");
@@ -956,9 +958,9 @@ fn scenes_give_what_they_announce() {
     }
 }
 
-/// What a file's author gets to read.
+/// Checks the errors that the author of a file reads.
 #[test]
-fn scenes_that_mean_nothing_are_refused() {
+fn meaningless_scenes_are_refused() {
     let lens = spot_behind_a_lens().to_toml().expect("text");
     let every = format!("{EVERY_EFFECT}{lens}");
     assert!(Scene::from_toml(&every).is_ok());
@@ -1076,10 +1078,10 @@ fn scenes_that_mean_nothing_are_refused() {
     assert!(error.contains("no-such.toml; there are black-tape"));
 }
 
-/// With speckle the surface is made for a beam up to 1.5 times as far away as the scene's target: at that end
-/// it still can be seen, and beyond it is refused.
+/// With speckle, the surface is as large as a beam at 1.5 times the distance of the scene's target. The scene
+/// accepts distances up to this limit, and refuses larger ones.
 #[test]
-fn speckle_has_an_end() {
+fn a_scene_with_speckle_refuses_distances_beyond_its_surface() {
     let scene = Scene::load("speckle-receding").expect("a scene");
     let farthest = 1.5 * scene.distance;
     for distance in [0.3, farthest] {

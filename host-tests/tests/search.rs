@@ -1,5 +1,5 @@
-//! The coarse search on seeded rows: that it finds the spot, tells it from a second one, and takes nothing
-//! else for one. Every figure asserted is printed.
+//! The coarse search on seeded rows: it finds the spot, tells the spot from a second one, and finds no spot
+//! in noise. The tests print every figure that they assert.
 
 use host_tests::accuracy::{Cell, centre_of};
 use host_tests::hard_cases::Truth;
@@ -75,7 +75,8 @@ fn check_dim_spots(cells: &[(f64, usize, f64)], snrs: &[f64]) {
             let [missed, wrong, misleading] =
                 (0..ROWS).into_par_iter().map(row).reduce(|| [0; 3], add);
             println!(
-                "sigma {width:>5}, {pixels} pixels, signal to noise {snr}: missed {:.3} %, wrong {:.3} %, a centre of that {misleading} times",
+                "sigma {width:>5}, {pixels} pixels, signal to noise {snr}: missed {:.3} %, wrong {:.3} %, a \
+                 centre of that {misleading} times",
                 100.0 * f64::from(missed) / ROWS as f64,
                 100.0 * f64::from(wrong) / ROWS as f64,
             );
@@ -108,8 +109,8 @@ fn dim_spots_of_any_width_are_found_or_no_centre_is() {
     check_dim_spots(&cells, &[3.0, 4.0, 5.0, 6.0, 8.0]);
 }
 
-/// Noise alone passes for a spot in one row of forty, for a centre in none, and the default estimator alone
-/// finds none either.
+/// In noise alone, the search finds a spot in one row of forty, but no row gives a centre, not even with the
+/// default estimator without the check.
 #[test]
 fn noise_has_no_centre() {
     const ROWS: u64 = 20_000;
@@ -162,9 +163,9 @@ fn pair(number: u64, width: f64, strength: f64, apart: f64) -> (Vec<u16>, f64) {
     (light, truth + if strength > 1.0 { offset } else { 0.0 })
 }
 
-/// A second spot of half the height leads the search no further astray than half a width, or half a block and
-/// a tenth of one for the noise that decides between two, as a spot alone. One of 80 to 120 % is a fault, in
-/// the first row and where it turns up in a later one.
+/// A second spot of half the height moves the place that the search gives by at most half a width, or 0.6 of
+/// a block (the 0.1 is for noise that decides between two blocks), as for a single spot. A second spot of 80
+/// to 120 % is a fault, in the first row and also if it appears in a later row.
 #[test]
 fn two_spots_are_told_apart() {
     const ROWS: u64 = 4000;
@@ -181,7 +182,8 @@ fn two_spots_are_told_apart() {
             let near = found.iter().flatten().filter(|found| found.1).count();
             let furthest = (found.iter().flatten()).fold(0.0, |most: f64, found| most.max(found.0));
             println!(
-                "sigma {width:>4}, 50 % at {apart:>2} widths: {near} of {ROWS} near, the furthest {:.2} widths off",
+                "sigma {width:>4}, 50 % at {apart:>2} widths: {near} of {ROWS} near, the furthest {:.2} \
+                 widths off",
                 furthest / width
             );
             assert!(near as f64 >= 0.999 * ROWS as f64);
@@ -197,7 +199,8 @@ fn two_spots_are_told_apart() {
                 });
                 let (first, again) = faults.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
                 println!(
-                    "sigma {width:>4}, {:>3} % at {apart:>2} widths: of {} rows {first} are two spots, and {again} after a row with one",
+                    "sigma {width:>4}, {:>3} % at {apart:>2} widths: of {} rows {first} are two spots, and \
+                     {again} after a row with one",
                     100.0 * strength,
                     ROWS / 4
                 );
@@ -220,9 +223,9 @@ fn noisy(seed: u64, light: impl Fn(f64) -> f64) -> Vec<u16> {
     quantise(&counts, 4095)
 }
 
-/// A flat top, a box, side lobes, a hot or a dead pixel do not make a second spot of one.
+/// A flat top, a box, side lobes, a hot pixel or a dead pixel are not a second spot.
 #[test]
-fn one_spot_is_one() {
+fn one_spot_does_not_count_as_two() {
     let sinc_squared = |u: f64| {
         let v = std::f64::consts::PI * u;
         if v == 0.0 { 1.0 } else { (v.sin() / v).powi(2) }
@@ -273,10 +276,10 @@ fn one_spot_is_one() {
     }
 }
 
-/// Speckle of full contrast that breaks a spot into lumps is two spots in less than one row in seven: where
-/// two lumps have nearly all the light, and are as far apart as two spots.
+/// Speckle of full contrast breaks a spot into lumps. In less than one row in seven the search sees two
+/// spots: if two lumps have nearly all the light, and are as far apart as two spots.
 #[test]
-fn lumps_are_mostly_one_spot() {
+fn speckle_lumps_mostly_count_as_one_spot() {
     const ROWS: u64 = 500;
     for (width, grain) in [
         (10.5, 1.0f64),
@@ -315,8 +318,8 @@ fn lumps_are_mostly_one_spot() {
     }
 }
 
-/// A background that rises by up to 5 counts a pixel, over all that a converter holds, hides no spot; and its
-/// level is that under the spot.
+/// The background rises by up to 5 counts a pixel, over the full range of the converter. The search still
+/// finds the spot, and gives the level of the background under the spot.
 #[test]
 fn a_rising_background_hides_no_spot() {
     let mut furthest = 0.0f64;
@@ -354,9 +357,9 @@ fn a_rising_background_hides_no_spot() {
     assert!(furthest <= 1.0);
 }
 
-/// Rows that show nothing, or nothing that a sensor makes.
+/// Rows that are too short, constant or alternating.
 #[test]
-fn senseless_rows_have_no_spot() {
+fn rows_that_no_sensor_makes_have_no_spot() {
     for pixels in [0, 1, MIN_PIXELS - 1] {
         assert!(matches!(
             find(&vec![100; pixels]),
@@ -372,10 +375,10 @@ fn senseless_rows_have_no_spot() {
     }
 }
 
-/// A converter of one bit, of two, or with a bit that is stuck, still shows where a spot is; and a spot may
-/// fill a third of a short row.
+/// The search still finds the spot if the converter has one or two bits or a stuck bit, and if the spot fills
+/// a third of a short row.
 #[test]
-fn crude_rows_have_their_spot() {
+fn spots_are_found_with_few_bits_and_in_short_rows() {
     for (width, pixels) in [(4.0, 142), (10.5, 142), (10.5, 1000), (30.0, 1000)] {
         let truth = pixels as f64 / 2.0 + 3.3;
         let light = noisy(5, |x| 3000.0 * gaussian(x - truth, width));

@@ -1,4 +1,4 @@
-//! Every command, fault and start of a sensor, through the core's session: without hardware and without an
+//! Every command, fault and start of a sensor, through the core's session, without hardware and without an
 //! emulator.
 
 use proptest::prelude::*;
@@ -423,13 +423,15 @@ fn defaults_are_those_of_the_factory_and_leave_the_stream() {
 }
 
 proptest! {
-    /// Whatever is typed, in whatever order: one answer to each line, and what is in use can be saved and
-    /// loaded.
+    /// Any lines in any order: each line gets one answer, and the configuration can be saved and loaded.
     #[test]
     fn any_lines_are_answered_and_leave_a_configuration_that_loads(
         lines in prop::collection::vec(
             prop_oneof![
-                "(rows|mean|black|estimator|stream|calibration|defaults|help|info|status)( [a-z0-9-]{1,8}){0,2}",
+                concat!(
+                    "(rows|mean|black|estimator|stream|calibration|defaults|help|info|status)",
+                    "( [a-z0-9-]{1,8}){0,2}",
+                ),
                 "rows [0-9]{1,2}",
                 "black fixed [0-9]{1,4}",
                 "calibration (begin|data) [0-9]{1,4}",

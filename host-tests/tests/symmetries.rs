@@ -1,6 +1,6 @@
-//! What a row's centre must not depend on, and how it must follow what it depends on, for every estimator of
-//! the ladder, on rows that proptest draws around a spot. Draws are the same in every run; each figure
-//! asserted is printed.
+//! What must not change a row's centre, and how the centre must follow a change of the row, for every
+//! estimator. proptest draws the rows around a spot, the same rows in every run. The tests print every figure
+//! that they assert.
 
 use std::cell::RefCell;
 
@@ -167,6 +167,17 @@ fn steady(estimator: Estimator) -> Way {
     }
 }
 
+/// Finds the spot of a row and then its centre.
+fn find_centre(
+    way: Way,
+    estimator: Estimator,
+    light: &[u16],
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    centre_at(way, estimator, light, &find(light)?, geometry)
+}
+
+/// Finds the centre of a spot that [`find`] found.
 fn centre_at(
     way: Way,
     estimator: Estimator,
@@ -219,8 +230,8 @@ impl Spreads {
     }
 }
 
-/// A constant on all pixels, none of them clipped, changes no bit of what is found, nor of a fault that names
-/// no counts.
+/// A constant on all pixels, with no pixel clipped, changes no bit of a centre, nor of a fault without
+/// counts.
 #[test]
 fn the_black_level_changes_no_bit() {
     const CASES: u32 = 1000;
@@ -231,7 +242,7 @@ fn the_black_level_changes_no_bit() {
         let raised: Vec<u16> = light.iter().map(|count| count + offset).collect();
         for estimator in Estimator::ALL {
             for way in WAYS {
-                let of = |light: &[u16]| centre_at(way, estimator, light, &find(light)?, &geometry);
+                let of = |light: &[u16]| find_centre(way, estimator, light, &geometry);
                 let (dark, bright) = (of(&light), of(&raised));
                 prop_assert_eq!(dark, bright, "{:?} {:?}", estimator, way);
                 *found.borrow_mut() += u32::from(dark.is_ok());
@@ -250,11 +261,11 @@ fn turned(light: &[u16], pixels: usize) -> Vec<u16> {
     [leaves, stays].concat()
 }
 
-/// Where the coarse search names the pixel that belongs to it, a spot that is shifted by any number of whole
-/// pixels has its centre shifted by that, and every other bit is as it was. The windows move with the spot by
-/// pixels, and f32 sees only places within a window.
+/// The spot is shifted by any number of whole pixels, and the estimator starts from the shifted pixel. Then
+/// the centre is shifted by the same number, and every other bit stays. The reason: the windows move with the
+/// spot by whole pixels, and f32 sees only places within a window.
 #[test]
-fn a_shifted_spot_is_the_same_spot() {
+fn a_shifted_spot_has_the_shifted_centre() {
     let found = RefCell::new(0);
     holds(2000, (drawn(), 1..100usize), |(drawn, pixels)| {
         let geometry = drawn.geometry();
@@ -311,13 +322,16 @@ fn shifted_back(centre: RowCentre, pixels: usize) -> RowCentre {
     }
 }
 
-/// With the coarse search: the same holds for shifts by its largest block. For others the search may name
-/// another pixel or another width to start from, and measures the noise on other pixels, so that another
-/// table or window serves. On clean rows that moves the centre by a tenth of its uncertainty root mean
-/// square, which adds half a per cent to an error, and by two of them at most. A gaussian is not the pattern
-/// of a slit: what the slit's tables make of it depends more on the table.
+/// Here the coarse search starts anew in the shifted row. If the shift is a multiple of the search's largest
+/// block, the centre is shifted exactly. For other shifts, the search may give another pixel or another width
+/// to start from, and it measures the noise on other pixels. So the estimator may use another table or
+/// window. On clean rows this moves the centre by a tenth of its uncertainty root mean square, and by twice
+/// its uncertainty at most. A tenth adds half a per cent to an error.
+///
+/// `fraunhofer` depends more on the table, because its tables are for the pattern of a slit, and the spot is
+/// a gaussian.
 #[test]
-fn a_shifted_row_is_the_same_row() {
+fn a_shifted_row_has_the_shifted_centre() {
     let (spreads, whole) = (Spreads::default(), RefCell::new(0));
     let shifts = prop_oneof![(1..300usize), (1..4usize).prop_map(|blocks| 128 * blocks)];
     holds(4000, (drawn(), shifts), |(drawn, pixels)| {
@@ -333,15 +347,7 @@ fn a_shifted_row_is_the_same_row() {
         let light = drawn.light(4095);
         let shifted = turned(&light, pixels);
         for estimator in Estimator::ALL {
-            let of = |light: &[u16]| {
-                centre_at(
-                    steady(estimator),
-                    estimator,
-                    light,
-                    &find(light)?,
-                    &geometry,
-                )
-            };
+            let of = |light: &[u16]| find_centre(steady(estimator), estimator, light, &geometry);
             let (Ok(here), Ok(there)) = (of(&light), of(&shifted)) else {
                 continue;
             };
@@ -358,7 +364,8 @@ fn a_shifted_row_is_the_same_row() {
     });
     let whole = whole.into_inner();
     println!(
-        "{whole} centres move by 128 pixels or a multiple, and in no other bit; by another number, they are off by"
+        "{whole} centres move by 128 pixels or a multiple, and in no other bit; by another number, they are \
+         off by"
     );
     assert!(whole > 4000, "{whole}");
     for estimator in Estimator::ALL {
@@ -382,17 +389,19 @@ fn a_shifted_row_is_the_same_row() {
     }
 }
 
-/// The row in a mirror has its centre in the mirror: no estimator leans to a side.
+/// The mirrored row has the mirrored centre: no estimator prefers a side.
 ///
-/// Exactly, but for what sums that are taken in another order round, for the centroid. The others may look at
-/// the spot from a window half a sample or a phase beside the one they took, which sees other noise. Two
-/// unbiased estimates of k times the bound differ by at most 2 sqrt(1 - 1/k^2) of their uncertainty root mean
-/// square: by 0.8 for the phase tables (1.09). What is asserted is a tenth, which adds half a per cent to an
-/// error. The check makes a second fit in one of a hundred rows, be it in the mirror only. A gaussian is not
-/// the pattern of a slit: one of the slit's tables may find it some uncertainties from where the next one
-/// does. So do all with spots narrower than they have tables for.
+/// For the centroid this is exact, except for the rounding of sums in another order. The other estimators may
+/// use a window that is half a sample or a phase away, and such a window sees other noise. Two unbiased
+/// estimates with errors of k times the bound differ by at most 2 sqrt(1 - 1/k^2) of their uncertainty root
+/// mean square: by 0.8 for the phase tables (k = 1.09). The test asserts a tenth, which adds half a per cent
+/// to an error.
+///
+/// In one of a hundred rows the check makes a second fit, perhaps in the mirrored row only. `fraunhofer` may
+/// differ by several uncertainties, because its tables are for the pattern of a slit: two neighbouring tables
+/// find different centres for a gaussian. All estimators do so with spots narrower than their tables.
 #[test]
-fn a_mirror_mirrors() {
+fn a_mirrored_spot_has_the_mirrored_centre() {
     let spreads = Spreads::default();
     holds(2000, drawn(), |drawn| {
         if !(drawn.is_clean() && drawn.is_bright() && drawn.cell.width >= NARROWEST) {
@@ -449,16 +458,16 @@ const NARROWEST: f64 = 0.79;
 /// Steps of a centre in a pixel.
 const STEPS: f64 = 65536.0;
 
-/// Twice the counts above the lowest, with twice the shot noise's variance in a count: the centre stays, and
-/// so does its uncertainty.
+/// Doubles the counts above the lowest count, and the variance of the shot noise in a count. The centre and
+/// its uncertainty stay the same.
 ///
-/// To the bit where only sums and ratios are taken, because a float doubles exactly: but for blocks of 16
-/// pixels, which are halved, so that half a count of a sample is cut off. A half maximum is rounded to 2^-8
-/// count. A tilt is taken off in whole counts before the search: none is drawn here. The noise is measured to
-/// 2^-8 count, one and a half of them after the roundings on its way; what it decides, a set of tables or an
-/// outlier, may tip. Where it does, the centre moves by a small part of its uncertainty.
+/// Sums and ratios stay the same to the bit, because doubling is exact in a float. There are exceptions.
+/// Blocks of 16 pixels are halved, which cuts off half a count of a sample. A half maximum is rounded to 2^-8
+/// count. The search removes a tilt in whole counts, so these rows have no tilt. The noise is measured to
+/// 2^-8 count, with an error of one and a half steps after all roundings. Such a difference may change the
+/// choice of tables or of outliers. The centre then moves by a small part of its uncertainty.
 #[test]
-fn twice_the_light_is_the_same_spot() {
+fn twice_the_light_gives_the_same_centre_and_uncertainty() {
     let (steps, parts, claims) = (Spreads::default(), Spreads::default(), Spreads::default());
     holds(2000, drawn(), |drawn| {
         if matches!(drawn.flaw, Flaw::Tilt { .. }) {
@@ -512,8 +521,8 @@ fn twice_the_light_is_the_same_spot() {
             claims.of(estimator),
         );
         println!(
-            "{:>14}: off by {:.0} steps of 2^-16 pixel at most, {:.4} of the uncertainty rms, {:.2} at most; uncertainty by \
-             {:.2} % and its rounding at most, of {}",
+            "{:>14}: off by {:.0} steps of 2^-16 pixel at most, {:.4} of the uncertainty rms, {:.2} at most; \
+             uncertainty by {:.2} % and its rounding at most, of {}",
             estimator.name(),
             steps.worst,
             parts.rms(),
@@ -540,11 +549,11 @@ fn twice_the_light_is_the_same_spot() {
 /// The same noise under a spot of one to four times the height: the claimed uncertainty does not grow, and no
 /// centre is lost.
 ///
-/// Not either where another table serves the brighter spot. A wide one's flanks pass for a little noise, and
-/// the centroid's claim goes with a width from the half maximum: together for 5 % of a claim in one of some
-/// thousand rows.
+/// This holds too if the brighter spot uses another table. The limit of 5 % has two reasons. The flanks of a
+/// wide spot look like a little noise, and the claim of the centroid depends on the width at half maximum.
+/// Together they change the claim by 5 % in one of some thousand rows.
 #[test]
-fn more_light_is_never_more_uncertain() {
+fn more_light_never_raises_the_uncertainty() {
     let growth = Spreads::default();
     holds(3000, (drawn(), logarithmic(1.0, 4.0)), |(drawn, factor)| {
         let amplitude = drawn.cell.amplitude * factor;
@@ -563,15 +572,7 @@ fn more_light_is_never_more_uncertain() {
         };
         let (dim, bright) = (of(drawn.cell.amplitude), of(amplitude));
         for estimator in Estimator::ALL {
-            let of = |light: &[u16]| {
-                centre_at(
-                    steady(estimator),
-                    estimator,
-                    light,
-                    &find(light)?,
-                    &geometry,
-                )
-            };
+            let of = |light: &[u16]| find_centre(steady(estimator), estimator, light, &geometry);
             let Ok(dim) = of(&dim) else {
                 continue;
             };

@@ -1,5 +1,5 @@
-//! Rows that follow one another: what the first row of a frame says spares the next ones work, and must not
-//! lead them astray. Every figure asserted is printed.
+//! Rows that follow each other: the result of the row before saves work in the next rows, and must not
+//! mislead them. The tests print every figure that they assert.
 
 use proptest::prelude::*;
 use rand::{Rng as _, SeedableRng as _};
@@ -189,7 +189,8 @@ fn after(
     }
     let (worst, shown) = after.worst();
     println!(
-        "{:>14}: {} centres, error / claim {:.3} RMS, {worst:.2} at most, width off by a factor of {:.2}; faults {:?}",
+        "{:>14}: {} centres, error / claim {:.3} RMS, {worst:.2} at most, width off by a factor of {:.2}; \
+         faults {:?}",
         estimator.name(),
         after.pulls.len(),
         after.rms_pull(),
@@ -202,9 +203,9 @@ fn after(
     after
 }
 
-/// [`Tracker`] does what [`Measurement`] does: the frame's centre is the mean of the tracker's.
+/// [`Tracker`] does the same as [`Measurement`]: the frame's centre is the mean of the tracker's centres.
 #[test]
-fn the_rows_here_are_those_of_a_measurement() {
+fn the_tracker_agrees_with_a_measurement() {
     for estimator in Estimator::ALL {
         let settings = Settings {
             rows: 16,
@@ -229,11 +230,11 @@ fn the_rows_here_are_those_of_a_measurement() {
     }
 }
 
-/// A spot at rest: what the row before says changes the centre by no more than 0.3 of its uncertainty (root
-/// mean square over the rows), and makes it no worse. The tables of [`Estimator::Fraunhofer`] are for another
-/// shape than this spot's, so that each table finds another centre in the same noise: 0.4 there.
+/// The result of the row before changes the centre by at most 0.3 of its uncertainty (root mean square over
+/// the rows), and does not enlarge its error. The limit for [`Estimator::Fraunhofer`] is 0.4: its tables are
+/// for another shape, so each table finds another centre in the same noise.
 #[test]
-fn at_rest_the_row_before_changes_little() {
+fn the_row_before_changes_little_for_a_spot_at_rest() {
     let mut failures = vec![];
     for estimator in Estimator::ALL {
         for (width, amplitude, read_noise) in [
@@ -275,8 +276,8 @@ fn at_rest_the_row_before_changes_little() {
             }
             let [apart, tracked, alone] = [apart, tracked, alone].map(|sum| f64::sqrt(sum / n));
             println!(
-                "{:>14} width {width} amplitude {amplitude} noise {read_noise}: apart {apart:.3}, error / claim {tracked:.3} \
-                 with the row before, {alone:.3} without; faults {faults}",
+                "{:>14} width {width} amplitude {amplitude} noise {read_noise}: apart {apart:.3}, error / \
+                 claim {tracked:.3} with the row before, {alone:.3} without; faults {faults}",
                 estimator.name()
             );
             let limit = if estimator == Estimator::Fraunhofer {
@@ -294,9 +295,9 @@ fn at_rest_the_row_before_changes_little() {
     assert!(failures.is_empty(), "{failures:?}");
 }
 
-/// Half of the jumps are of up to eight widths, the others of any distance on the row.
+/// Half of the jumps have up to eight widths. The others have any length on the row.
 #[test]
-fn a_spot_that_jumps_is_where_it_went() {
+fn a_spot_that_jumps_is_found_at_its_new_place() {
     for estimator in Estimator::ALL {
         let after = after(estimator, 1500, |random, start| {
             let near = 8.0 * start.width * random.random_range(-1.0..1.0);
@@ -314,13 +315,13 @@ fn a_spot_that_jumps_is_where_it_went() {
     }
 }
 
-/// A spot that becomes twice or half as wide (one of less than two pixels: twice) while its target moves a
+/// The spot becomes twice or half as wide (a spot of less than two pixels: twice) while its target moves a
 /// little.
 ///
-/// The estimators that look at the width in each row stay honest. The phase tables take it over from the row
-/// before, so until the frame ends a table of the wrong width serves: a wider spot is then less certain than
-/// they claim, by up to 1.6. The centroid's window follows over some rows. To [`Estimator::Fraunhofer`] the
-/// spot has the wrong shape in any table.
+/// The estimators that measure the width in each row stay honest. The phase tables use the width of the row
+/// before, so the wrong table serves until the frame ends. If the spot became wider, its error is then up to
+/// 1.6 times the claim. The window of the centroid follows over some rows. For [`Estimator::Fraunhofer`]
+/// every table has the wrong shape.
 #[test]
 fn a_spot_that_changes_its_width_is_not_lost() {
     for estimator in Estimator::ALL {
@@ -346,7 +347,7 @@ fn a_spot_that_changes_its_width_is_not_lost() {
     }
 }
 
-/// The spot goes over either edge, and comes back.
+/// The spot leaves the sensor over either edge, and comes back.
 #[test]
 fn a_spot_at_an_edge_is_a_fault_or_right() {
     for estimator in Estimator::ALL {
@@ -362,7 +363,7 @@ fn a_spot_at_an_edge_is_a_fault_or_right() {
     }
 }
 
-/// Heights of up to two and a half times full scale. Only the Gauss-Newton fit does without the top.
+/// Heights of up to 2.5 times full scale. Only the Gauss-Newton fit can measure a spot without its top.
 #[test]
 fn a_spot_that_saturates_is_a_fault_or_right() {
     for estimator in Estimator::ALL {
@@ -377,8 +378,8 @@ fn a_spot_that_saturates_is_a_fault_or_right() {
     }
 }
 
-/// A lamp that flickers: the black level is another in each row. No centre is wrong for it; the centroid,
-/// which needs the level itself, may find no spot by the level of the row before.
+/// The lamp gives each row another black level. No centre is wrong. The centroid needs the level itself: with
+/// the level of the row before, it may find no spot.
 #[test]
 fn a_lamp_that_flickers_moves_no_centre() {
     for estimator in Estimator::ALL {
@@ -397,11 +398,11 @@ fn a_lamp_that_flickers_moves_no_centre() {
     }
 }
 
-/// The laser goes off, and with it, or not, a lamp goes on: the noise is then twice what the first row told.
-/// What is left is noise, and has no centre. The estimators that do not fit a gaussian take one row in some
-/// thousands for a spot, with a row before or without.
+/// The laser goes off. In the second case a lamp goes on at the same time, and the noise becomes twice that
+/// of the first row. The noise that remains has no centre. The estimators that do not fit a gaussian take
+/// one row in some thousands for a spot, with a row before or without.
 #[test]
-fn a_spot_that_went_away_has_no_centre() {
+fn a_spot_that_disappears_has_no_centre() {
     for estimator in Estimator::ALL {
         for (black_level, read_noise) in [(300.0, 4.0), (800.0, 8.0)] {
             let after = after(estimator, 1500, |_, start| Shown {
@@ -420,10 +421,11 @@ fn a_spot_that_went_away_has_no_centre() {
     }
 }
 
-/// Wherever [`spot::find`] finds a spot of 6 pixels' width or more, [`spot::find_again`] does, as near: to
-/// half a block, and but for one row in a thousand a tenth for the noise that decides between two blocks.
+/// [`spot::find_again`] finds every spot that [`spot::find`] finds, if the spot has a width of 6 pixels or
+/// more. The place is within half a block, plus a tenth of a block for noise that decides between two blocks,
+/// except for one row in a thousand.
 #[test]
-fn a_spot_is_found_again_as_well_as_at_first() {
+fn find_again_is_as_exact_as_find() {
     let random = &mut ChaCha8Rng::seed_from_u64(5);
     let (mut first, mut again, mut apart) = (0.0f64, 0.0f64, 0.0f64);
     let mut further = 0;
@@ -604,8 +606,8 @@ fn black_levels() -> impl Strategy<Value = BlackLevel> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2500))]
 
-    /// No sequence of rows stops the measurement; a distance comes from within the calibration only, with an
-    /// uncertainty.
+    /// No sequence of rows makes the measurement panic. Every distance is in the range of the calibration,
+    /// and has an uncertainty.
     #[test]
     fn any_rows_give_readings_or_faults(
         rows in any_rows(),
@@ -613,8 +615,13 @@ proptest! {
         estimator in prop::sample::select(&Estimator::ALL[..]),
         black_level in black_levels(),
     ) {
-        let settings =
-            Settings { rows: in_a_frame, estimator, black_level, mean: Mean::default(), ..Settings::default() };
+        let settings = Settings {
+            rows: in_a_frame,
+            estimator,
+            black_level,
+            mean: Mean::default(),
+            ..Settings::default()
+        };
         let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
         let calibration = NOMINAL.expect("a curve");
         let (from, to) = calibration.valid();

@@ -36,7 +36,7 @@ fn the_nominal_calibration_is_that_of_the_nominal_optics() {
 }
 
 #[test]
-fn what_is_no_curve_is_refused() {
+fn invalid_curves_are_refused() {
     let new = |d, k, pole, from, to| {
         Eq1::new(
             Micrometres::from_int(d),
@@ -75,10 +75,10 @@ fn what_is_no_curve_is_refused() {
     assert_eq!(new(0, i64::MIN, -1000, 0, 3000), Some(Eq1Error::K));
 }
 
-/// The pole nearer than a pixel is refused to the last bit, and at a pixel the curve is what f64 says, up to
-/// the largest distance that can be held.
+/// The limit is exact to the last bit. At one pixel from the pole, the curve agrees with f64 up to the
+/// largest distance of the number format.
 #[test]
-fn beside_the_pole() {
+fn curves_are_refused_less_than_a_pixel_from_the_pole() {
     let pixel = 1 << Pixels::FRACTION;
     // 8.388 m and half a step more, a pixel from the pole: the last K whose distance there can be held.
     let most = (i64::from(i32::MAX) << 8) + (1 << 7) - 1;
@@ -113,9 +113,9 @@ fn beside_the_pole() {
     assert!((distance.to_f64() - 2f64.powi(38 - 16)).abs() <= 0.5 / 256.0 + 1e-4);
 }
 
-/// D alone may be anything; the sum is what must be held.
+/// D alone may have any value; the sum must be in range.
 #[test]
-fn extreme_parameters_give_distances_that_can_be_held_or_none() {
+fn extreme_parameters_give_distances_in_range_or_are_refused() {
     let (first, last) = (Pixels::from_int(1000), Pixels::from_int(2000));
     let curve = |d, k| Eq1::new(d, k, Pixels::from_int(0), first..=last);
     let metre = |k: i64| (k * 1_000_000 * 1000) << 16;
@@ -161,10 +161,15 @@ fn exact(d: i32, k: i64, from_pole: i64) -> i128 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 4000, rng_seed: RngSeed::Fixed(6), failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 4000,
+        rng_seed: RngSeed::Fixed(6),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
 
-    /// Whatever curve is accepted, every centre of its range has the distance that a division of integers
-    /// gives, and a monotone one.
+    /// For every accepted curve, the distance of every centre in its range is that of an exact division of
+    /// integers, and the distances are monotone.
     #[test]
     fn every_accepted_curve_is_right_and_monotone(
         d in any::<i32>(),

@@ -399,9 +399,9 @@ mod tests {
         budget.whole.rms_px.expect("readings")
     }
 
-    /// The errors of independent noises add as squares: all of the error is theirs, but for rounding's 1/12
-    /// of a count squared. And a black level that does not drift costs nothing at all: the weights sum to
-    /// zero.
+    /// The squares of the errors of independent noises add up. So the shares cover the whole error, except
+    /// for the rounding of counts with a variance of 1/12. A black level that does not drift adds nothing,
+    /// because the weights sum to zero.
     #[test]
     fn shares_of_independent_noises_add_up_to_one() {
         let budget = budget(&Scene::white_paper());
@@ -436,10 +436,10 @@ mod tests {
         assert!(budget.whole.faults.is_empty());
     }
 
-    /// Steps of q err by q/sqrt(12), where noise moves the counts over more than a step: they err the centre
-    /// as that much read noise does.
+    /// Steps of q give errors of q/sqrt(12), if noise moves the counts over more than one step. The error of
+    /// the centre is the same as with read noise of this size.
     #[test]
-    fn coarse_steps_cost_what_noise_of_their_size_costs() {
+    fn coarse_steps_cost_the_same_as_read_noise_of_their_size() {
         let paper = Scene::white_paper();
         let noisy = |counts: f64| Scene {
             read_noise: Some(ReadNoise { counts }),
@@ -464,10 +464,10 @@ mod tests {
         assert!(uncertainty_of(share) < 0.1 && expected > 0.1);
     }
 
-    /// A geometry that grows by a factor g draws the spot g times as far from the axis. It does so evenly
-    /// over ten minutes.
+    /// If the geometry grows by a factor g, the spot is g times as far from the axis. The growth is even over
+    /// ten minutes.
     #[test]
-    fn a_warm_sensor_errs_as_its_geometry_says() {
+    fn the_error_of_a_warm_sensor_is_that_of_its_geometry() {
         let scene = Scene {
             temperature: Some(Temperature {
                 kelvin_per_second: 0.05,
@@ -497,9 +497,9 @@ mod tests {
         assert!(share.value > 0.99, "{share:?}");
     }
 
-    /// The truth moves with the target; and faults are counted with and without.
+    /// The truth moves with the target. Faults are counted with and without the effect.
     #[test]
-    fn faults_are_counted_and_blamed() {
+    fn faults_are_counted_with_and_without_each_effect() {
         let moving = Scene {
             motion: Some(Motion { speed: 0.02 }),
             ..Scene::white_paper()
@@ -533,9 +533,10 @@ mod tests {
         }
     }
 
-    /// A reading that only one of two has says nothing of their difference: 1 - (1 + 1) / (4 + 4).
+    /// A reading with a centre in only one of the two runs says nothing about their difference: 1 - (1 + 1) /
+    /// (4 + 4).
     #[test]
-    fn shares_are_of_readings_that_have_a_centre_with_and_without() {
+    fn a_share_uses_only_readings_with_a_centre_in_both_runs() {
         let fault = Err(Fault::Saturated { pixels: 1 });
         let whole = [vec![Ok((2.0, 0.0)), fault], vec![Ok((-2.0, 0.0)), fault]];
         let without = [
@@ -553,7 +554,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_on_any_number_of_threads() {
+    fn the_budget_does_not_depend_on_the_number_of_threads() {
         let scene = Scene::white_paper();
         let plan = Plan {
             realisations: 8,

@@ -6,7 +6,7 @@ use host_tests::hard_cases::report::{self, Catalogue};
 use lab::docs;
 
 #[test]
-fn the_page_is_what_the_catalogue_says() {
+fn the_page_agrees_with_the_catalogue() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/hard-cases.md");
     let text = std::fs::read_to_string(page).expect("docs/hard-cases.md");
     let tables = Catalogue::run().markdown();

@@ -5,8 +5,8 @@ use lab::paper::apparatus::{LASER, WANDER};
 use lab::paper::materials::MATERIALS;
 use simulator::scene::{LaserSpot, Scene, Sensor, Speckle};
 
-/// The scenes of the paper's materials show the surfaces that the paper's experiment is simulated with, lit
-/// by the same laser.
+/// The scenes of the paper's materials have the same surfaces and the same laser as the simulated experiment
+/// of the paper.
 #[test]
 fn materials_are_those_of_the_experiment() {
     let names = [
@@ -42,9 +42,9 @@ fn materials_are_those_of_the_experiment() {
     }
 }
 
-/// A plan that takes the target beyond the end of its surface is refused before it is run.
+/// If a plan moves the target beyond the end of its surface, the plan is refused before it runs.
 #[test]
-fn plans_end_where_the_surface_does() {
+fn plans_beyond_the_surface_are_refused() {
     let scene = Scene::load("speckle-receding").expect("a scene");
     // 0.01 m/s from 0.8 m: to 1.2 m in 40 s.
     let plan = |seconds| Plan {

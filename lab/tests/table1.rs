@@ -13,20 +13,20 @@ use slitrange::centre::{self, Estimator};
 use slitrange::row::Row;
 use slitrange::spot;
 
-/// For each material the slit's mean absolute error is within a factor of 1.5 of the paper's, with either
-/// fit; the fits differ by less than 15 %; and rows that weigh for speckle beat the paper's plain mean. 210
-/// positions, 2 mm apart, which is about a speckle.
+/// For each material, the slit's mean absolute error is within a factor of 1.5 of the paper's, with either
+/// fit. The two fits differ by less than 15 %. Weights of the rows that suit speckle give smaller errors than
+/// the paper's plain mean. The test takes 210 positions, 2 mm apart, which is about a speckle.
 #[test]
 #[ignore = "all six materials take 54 s of processor time; .ci/run runs it"]
-fn the_slit_errs_as_the_papers_does_and_ours_errs_less() {
+fn the_slits_errors_are_near_the_papers_and_ours_are_smaller() {
     for material in 0..TABLE_1.len() {
         check(material);
     }
 }
 
-/// The same of one material.
+/// As the test above, for one material.
 #[test]
-fn the_slit_errs_as_the_papers_does_on_brushed_metal() {
+fn the_slits_errors_are_near_the_papers_on_brushed_metal() {
     check(0);
 }
 
@@ -69,10 +69,10 @@ fn check(material: usize) {
     assert!(mae(&ours) < gaussian);
 }
 
-/// For laser spots of 1 and 2 mm a frame's error is the same within 15 % with a gaussian as with sinc^2: 120
-/// surfaces at 0.8 m, every 20th row.
+/// For laser spots of 1 and 2 mm, a frame's error with a gaussian is within 15 % of the error with sinc^2.
+/// The test takes 120 surfaces at 0.8 m, and every 20th row.
 #[test]
-fn gaussian_and_fraunhofer_are_alike_for_wide_spots() {
+fn gaussian_and_fraunhofer_have_equal_errors_for_wide_spots() {
     const COLUMNS: usize = 320;
     let geometry = Sensor::Row(COLUMNS).geometry();
     let pitch = Sensor::Camera.pitch();

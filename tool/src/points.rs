@@ -141,8 +141,8 @@ impl Columns {
         let must = |name: &str| {
             place(name).with_context(|| {
                 format!(
-                    "line {line} names no column {name}: the first line that is no comment must be x_px,d_mm or \
-                     x_px,d_mm,sigma_px"
+                    "line {line} names no column {name}: the first line that is no comment must be x_px,d_mm \
+                     or x_px,d_mm,sigma_px"
                 )
             })
         };
@@ -161,7 +161,8 @@ impl Columns {
             let number: Option<f64> = field.parse().ok().filter(|number: &f64| number.is_finite());
             number.map(Some).with_context(|| {
                 format!(
-                    "line {line}: {name} is {field:?}, which is no finite number: correct it, or remove the line"
+                    "line {line}: {name} is {field:?}, which is no finite number: correct it, or remove the \
+                     line"
                 )
             })
         };
@@ -177,17 +178,20 @@ impl Columns {
         let last = tcd1304dg().light.len() as f64 - 0.5;
         ensure!(
             (-0.5..=last).contains(&x_px),
-            "line {line}: x_px is {x_px}, and a {HEAD} has its pixels from -0.5 to {last}: correct it, or remove the line"
+            "line {line}: x_px is {x_px}, and a {HEAD} has its pixels from -0.5 to {last}: correct it, or \
+             remove the line"
         );
         let farthest = Micrometres::MAX.to_f64() / 1e3;
         ensure!(
             d_mm.abs() < farthest,
-            "line {line}: d_mm is {d_mm}, and a record holds distances below {farthest:.0} mm: correct it, or remove the line"
+            "line {line}: d_mm is {d_mm}, and a record holds distances below {farthest:.0} mm: correct it, \
+             or remove the line"
         );
         if let Some(sigma) = sigma_px {
             ensure!(
                 SIGMAS_PX.contains(&sigma),
-                "line {line}: sigma_px is {sigma}, and must be {} to {} px: correct it, or leave the column out",
+                "line {line}: sigma_px is {sigma}, and must be {} to {} px: correct it, or leave the column \
+                 out",
                 SIGMAS_PX.start(),
                 SIGMAS_PX.end()
             );
@@ -298,10 +302,12 @@ mod tests {
     use slitrange::units::Counts;
 
     #[test]
-    fn reads_what_is_there_and_no_more() {
+    fn the_setup_and_the_named_columns_are_read() {
         let read = Points::parse(
-            "\u{feff}# serial 42\r\n# taken on the long bench\r\n#estimator adaptive\r\n# black fixed 120\r\n# head TCD1304DG\r\n\
-             frames, d_mm ,note,x_px,sigma_px\r\n\r\n16, 600.5,\"a, b\", 2404.25,0.002\r\n# later\r\n16,607,,+2.37e3,0.003\r\n",
+            "\u{feff}# serial 42\r\n# taken on the long bench\r\n#estimator adaptive\r\n\
+             # black fixed 120\r\n# head TCD1304DG\r\n\
+             frames, d_mm ,note,x_px,sigma_px\r\n\r\n16, 600.5,\"a, b\", 2404.25,0.002\r\n\
+             # later\r\n16,607,,+2.37e3,0.003\r\n",
         )
         .expect("points");
         assert_eq!(
@@ -370,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_said() {
+    fn malformed_points_are_refused_with_a_reason() {
         let refusals: Vec<String> = [
             "",
             "# black 12\n",

@@ -52,8 +52,8 @@ pub fn write(path: &Path, record: &EncodedRecord, force: bool) -> Result<()> {
         _ if force => {}
         Ok(bytes) => ensure!(
             bytes == record.bytes(),
-            "{shown} stays as it is, it holds something else than this record: name another file with --output, or replace it \
-             with --force"
+            "{shown} stays as it is, it holds something else than this record: name another file with \
+             --output, or replace it with --force"
         ),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
         Err(error) => return Err(error).with_context(|| format!("{shown} cannot be read")),
@@ -224,7 +224,8 @@ impl Shown {
             (
                 "counts",
                 format!(
-                    "{bits} bits that {polarity} with light, shot noise {shot_variance_per_count:.5} counts^2 a count"
+                    "{bits} bits that {polarity} with light, shot noise {shot_variance_per_count:.5} \
+                     counts^2 a count"
                 ),
             ),
             ("estimator", self.estimator.clone()),

@@ -1,5 +1,5 @@
-//! From a sensor whose geometry nobody knows to distances: each command as its user gives it, against the
-//! firmware on the emulated board, with a power cycle in between.
+//! Calibrates a sensor of unknown geometry with the commands that its user gives, against the firmware on the
+//! emulated board, with a power cycle in between.
 #![cfg(unix)]
 
 use std::cell::RefCell;
@@ -220,21 +220,23 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
         largest.max(compared.error.abs())
     });
     println!(
-        "{} readings after a power cycle: RMS error {rms_error:.2} um, bound {bound:.2} um, largest {largest:.2} um",
+        "{} readings after a power cycle: RMS error {rms_error:.2} um, bound {bound:.2} um, largest \
+         {largest:.2} um",
         errors.len()
     );
     assert!(rms_error <= most * bound + 1.0);
 }
 
-/// The bound is what the light's noise leaves, and the default estimator takes up to 1.1 of it. Nine points
-/// of a frame of 64 rows have a quarter of a reading's variance each, and eq. (1) three parameters: a twelfth
-/// more variance. Twelve readings give an RMS to 20 %, of which three: 1.1 * 1.04 * 1.61.
+/// The limit is 1.1 * 1.04 * 1.61 of the bound, which is the error by the noise of the light. 1.1: the
+/// default estimator. 1.04: the calibration has nine points, each with a quarter of the variance of a
+/// reading, for the three parameters of eq. (1), which adds a twelfth to the variance. 1.61: twelve readings
+/// give an RMS to 20 %, and the test allows three standard deviations.
 #[test]
 fn a_sensor_of_unknown_geometry_is_calibrated() {
     check(0.0, "9", "1", (6, 2), 1.84);
 }
 
-/// With 60 points of two frames, each of an eighth of a reading's variance.
+/// The calibration has 60 points of two frames, each with an eighth of the variance of a reading.
 #[test]
 #[ignore = "78 s of an emulated board; takes 180 CPU s; run by .ci/run"]
 fn a_sensor_that_departs_from_eq1_is_calibrated() {

@@ -345,7 +345,7 @@ mod tests {
 
     /// Two equal gaussians have two peaks where they are more than two sigma apart.
     #[test]
-    fn the_higher_spot_is_the_lasers_unless_they_are_alike_or_one() {
+    fn the_higher_spot_counts_unless_two_spots_are_similar_or_have_one_peak() {
         let truth = |share, offset| {
             let second = Second {
                 share,

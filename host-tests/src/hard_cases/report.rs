@@ -132,7 +132,8 @@ impl Catalogue {
         let total = self.len();
         _ = writeln!(
             text,
-            "{total} cases: {} of rows ({ROWS} rows each), {} of frames ({FRAMES} frames each), {} of calibrations.\n",
+            "{total} cases: {} of rows ({ROWS} rows each), {} of frames ({FRAMES} frames each), {} of \
+             calibrations.\n",
             self.rows.len(),
             self.frames.len(),
             self.calibrations.len()
@@ -263,8 +264,11 @@ const FAULTS: [&str; Fault::KINDS] = [
 /// The random rows' rates, as docs/hard-cases.md shows them.
 pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
     let mut text = format!(
-        "On a PC: {} clean rows, and {} rows with one to three flaws. *errors*: confident errors in a million rows. *unchecked*: confident errors in a million rows if the check is left out. *flagged*, *flagged though good* and *fault*: per cent of the rows.\n\n\
-         | estimator | clean: errors | unchecked | flagged | fault | flawed: errors | unchecked | flagged | flagged though good | fault |\n\
+        "On a PC: {} clean rows, and {} rows with one to three flaws. *errors*: confident errors in a \
+         million rows. *unchecked*: confident errors in a million rows if the check is left out. *flagged*, \
+         *flagged though good* and *fault*: per cent of the rows.\n\n\
+         | estimator | clean: errors | clean: unchecked | clean: flagged | clean: fault | flawed: errors | \
+         flawed: unchecked | flawed: flagged | flawed: flagged though good | flawed: fault |\n\
          |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
         clean.rows, mixtures.rows
     );
@@ -288,7 +292,8 @@ pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
         ];
         _ = writeln!(text, "| {} |", cells.join(" | "));
     }
-    text += "\nConfident errors of the default estimator in a million rows that have this flaw. A row with two flaws counts for both.\n\n\
+    text += "\nConfident errors of the default estimator in a million rows that have this flaw. A row with \
+             two flaws counts for both.\n\n\
              | flaw | rows | errors | unchecked |\n|---|---:|---:|---:|\n";
     let mut kinds = Kind::ALL.to_vec();
     kinds.sort_by_key(|(kind, _)| std::cmp::Reverse(mixtures.kinds[*kind as usize].checked));

@@ -70,9 +70,9 @@ impl Shape {
 mod tests {
     use super::*;
 
-    /// Sums over the pixels: a gaussian's area, and the centroid that is claimed.
+    /// Sums over the pixels: the area must be that of a gaussian, and the centroid must be the stated one.
     #[test]
-    fn a_lopsided_spot_has_its_centroid() {
+    fn the_stated_centroid_of_a_lopsided_spot_is_that_of_its_pixels() {
         for share in [-0.3, -0.1, 0.0, 0.2, 0.3] {
             let shape = Shape::Lopsided(share);
             let (mut area, mut moment) = (0.0, 0.0);

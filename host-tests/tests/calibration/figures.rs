@@ -60,7 +60,7 @@ fn arithmetic(rise: f64) -> f64 {
 }
 
 #[test]
-fn tables_of_the_papers_geometry_are_as_good_as_they_can_be() {
+fn tables_add_only_rounding_to_the_error_of_pchip() {
     let optics = optics();
     let truth = |centre: f64| optics.distance(centre) * 1e6;
     let range = paper_range(&optics);
@@ -88,7 +88,7 @@ fn tables_of_the_papers_geometry_are_as_good_as_they_can_be() {
 }
 
 #[test]
-fn residuals_take_a_lens_out() {
+fn residuals_correct_a_lens_distortion() {
     let optics = optics();
     let range = paper_range(&optics);
     let middle = 0.5 * (range.0 + range.1);
@@ -120,7 +120,7 @@ fn residuals_take_a_lens_out() {
 }
 
 #[test]
-fn over_the_papers_geometry_a_cubic_is_the_usual_pchip() {
+fn tables_of_the_papers_geometry_agree_with_pchip_in_f64() {
     let optics = optics();
     let truth = |centre: f64| optics.distance(centre) * 1e6;
     for count in [3, 5, 9, 33, 129] {

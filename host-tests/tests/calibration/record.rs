@@ -1,4 +1,4 @@
-//! The record: what goes in comes out, and what is not whole or not usable does not.
+//! The record: encoding and decoding give the same record back, and damaged or unusable records are refused.
 
 use std::collections::BTreeSet;
 
@@ -94,10 +94,10 @@ fn digest(calibration: &Calibration) -> u32 {
     crc32(&bytes)
 }
 
-/// The format of a record in flash must not change unless its version does: this firmware decodes what the
-/// old one wrote, to the same distances bit for bit, and writes it the same again.
+/// The format of a record in flash must not change unless its version changes. This firmware decodes the
+/// records of older firmware to the same distances, bit for bit, and encodes them to the same bytes.
 #[test]
-fn old_records_mean_what_they_meant() {
+fn old_records_decode_to_the_same_distances() {
     let (mut kinds, mut letters) = (BTreeSet::new(), BTreeSet::new());
     for old in old_records().iter().filter(|old| old.kind != "lines") {
         let record = decode(&old.bytes).expect("a record");
@@ -161,7 +161,7 @@ fn the_longest_record_is_as_long_as_is_stated() {
 }
 
 #[test]
-fn what_is_not_whole_is_refused() {
+fn damaged_and_cut_off_records_are_refused() {
     let bytes = encoded(&nominal());
     assert_eq!(decode(&bytes), Ok(nominal()));
     for length in 0..bytes.len() {
@@ -212,10 +212,10 @@ fn what_is_not_whole_is_refused() {
     );
 }
 
-/// Every part that cannot be used is refused on its way out and, as far as it can be written at all, on its
-/// way in.
+/// The encoder refuses every part that cannot be used. The decoder refuses the part too, if it can be written
+/// at all.
 #[test]
-fn what_cannot_be_used_is_refused() {
+fn unusable_records_are_refused() {
     let wrong = |record: Record| encode(&record, &mut [0; MAX_ENCODED]).err();
     assert_eq!(wrong(nominal()), None);
     let head = sensor_heads::tcd1304dg;
@@ -371,9 +371,9 @@ fn slack(calibration: &Calibration) -> f64 {
 proptest! {
     #![proptest_config(cases(4000))]
 
-    /// Every record that can be made comes back as it was, and is written the same again.
+    /// Every possible record decodes to itself, and is encoded to the same bytes again.
     #[test]
-    fn what_goes_in_comes_out(record in records()) {
+    fn every_record_decodes_to_itself(record in records()) {
         let Some(record) = record else { return Ok(()) };
         let mut buffer = [0xa5; MAX_ENCODED];
         let bytes = match encode(&record, &mut buffer) {
@@ -390,7 +390,7 @@ proptest! {
         prop_assert_eq!(encoded(&record), bytes);
     }
 
-    /// A burst of up to 32 bits in the wrong, which a CRC-32 always finds, or any bytes in their place.
+    /// The damage is a burst of up to 32 wrong bits, which a CRC-32 always finds, or any other bytes.
     #[test]
     fn a_damaged_record_is_refused(
         record in records(),
@@ -414,9 +414,10 @@ proptest! {
         prop_assert!(scattered == bytes || decode(&scattered).is_err());
     }
 
-    /// Other bytes with a right CRC: what is taken keeps every promise of a calibration, and can be written.
+    /// Changed bytes with a right CRC: an accepted record keeps every promise of a calibration, and can be
+    /// encoded.
     #[test]
-    fn what_is_taken_can_be_used(
+    fn accepted_records_can_be_used(
         record in records(),
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         cut in prop::option::weighted(0.1, any::<prop::sample::Index>()),
@@ -438,9 +439,9 @@ proptest! {
         }
     }
 
-    /// Any bytes at all, with a right CRC and version or without.
+    /// Any bytes, with or without a right CRC and version.
     #[test]
-    fn any_bytes_are_borne(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn any_bytes_are_accepted_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         if bytes.len() < 100 {
             prop_assert!(decode(&bytes).is_err());
         }

@@ -1,4 +1,4 @@
-//! What is no calibration is refused, with what is wrong with it.
+//! Invalid calibrations are refused, and the error says what is wrong.
 
 use proptest::prelude::*;
 use slitrange::distance::eq1::NOMINAL;
@@ -11,7 +11,7 @@ use crate::common::knot;
 use crate::records::cases;
 
 #[test]
-fn what_is_no_table_is_refused_with_the_knot_that_is_wrong() {
+fn the_error_of_an_invalid_table_names_the_wrong_knot() {
     let wrong = |knots: &[Knot]| Table::new(knots).err();
     let good = [knot(0, 900_000), knot(10, 890_000), knot(2000, 500_000)];
     assert_eq!(wrong(&good), None);
@@ -83,7 +83,7 @@ fn what_is_no_table_is_refused_with_the_knot_that_is_wrong() {
 }
 
 #[test]
-fn residuals_that_do_not_go_with_the_curve_are_refused() {
+fn the_error_of_invalid_residuals_names_the_wrong_knot() {
     let nominal = NOMINAL.expect("a curve");
     let wrong = |knots: &[Knot]| Corrected::new(nominal.clone(), knots).err();
     assert_eq!(wrong(&[knot(1191, 50), knot(2654, -50)]), None);
@@ -173,7 +173,7 @@ fn errors_say_what_is_wrong_and_what_to_do() {
 proptest! {
     #![proptest_config(cases(4000))]
 
-    /// What is refused was refused for the reason that it gives; nothing stops the constructor.
+    /// The reason in the error is true, and the constructor never panics.
     #[test]
     fn any_knots_are_a_table_or_an_error(
         knots in prop::collection::vec(any::<(i32, i32)>(), 0..6),

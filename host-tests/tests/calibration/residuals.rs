@@ -1,4 +1,4 @@
-//! What holds for every eq. (1) with residuals.
+//! Properties of every eq. (1) with residuals.
 
 use proptest::prelude::*;
 use slitrange::distance::Calibration;
@@ -10,9 +10,9 @@ use slitrange::units::{Micrometres, Pixels};
 use crate::common::{STEP, holds_what_it_promises, knot, largest_rise, places};
 use crate::records::{cases, chain};
 
-/// Every centre of some intervals, one by one: how far the two roundings take the distance back.
+/// Takes every centre of some intervals, one by one: two roundings can move the distance the wrong way.
 #[test]
-fn no_more_than_the_stated_steps_go_back() {
+fn a_corrected_distance_turns_back_by_the_stated_steps_at_most() {
     let curve = NOMINAL.expect("a curve");
     let (first, last) = (2600, 2620);
     // As steep against the curve as may be, and level. A cubic is half as steep again as its secants.
@@ -44,7 +44,7 @@ fn no_more_than_the_stated_steps_go_back() {
 proptest! {
     #![proptest_config(cases(4000))]
 
-    /// Eq. (1) with residuals that it takes is monotone but for what its rounding is stated to be.
+    /// Every accepted eq. (1) with residuals is monotone, except for the stated rounding.
     #[test]
     fn every_corrected_curve_is_monotone(
         ends in (1191..1900i32, 1901..=2654i32),
@@ -88,7 +88,7 @@ proptest! {
         }
     }
 
-    /// Any eq. (1) with any residuals: usable or refused.
+    /// Any eq. (1) with any residuals is usable, or is refused.
     #[test]
     fn any_residuals_are_usable_or_refused(
         d in any::<i32>(),

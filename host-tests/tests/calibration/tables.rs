@@ -1,4 +1,4 @@
-//! What holds for every table of distances.
+//! Properties of every table of distances.
 
 use proptest::prelude::*;
 use slitrange::distance::Calibration;
@@ -9,10 +9,10 @@ use crate::common::{STEP, holds_what_it_promises, knot, largest_rise, monotone_k
 use crate::records::cases;
 use crate::reference::pchip;
 
-/// Every centre of some intervals, one by one: no bit goes back, and none goes further than the slope and a
-/// rounding allow.
+/// Takes every centre of some intervals, one by one. From one centre to the next, the distance never goes the
+/// wrong way, and it changes by no more than the slope and a rounding.
 #[test]
-fn no_bit_goes_back_between_neighbouring_centres() {
+fn a_distance_never_turns_back_between_neighbouring_centres() {
     // Falling by about 200 um a pixel, as a sensor does: 0.8 steps from centre to centre; then by 1/16 um.
     let knots = [
         (0, 900_000),
@@ -46,8 +46,8 @@ fn no_bit_goes_back_between_neighbouring_centres() {
 proptest! {
     #![proptest_config(cases(4000))]
 
-    /// Every table rises or falls to the last bit, is exact at its knots, has a slope that is its own, and is
-    /// what f64 says.
+    /// Every table rises or falls to the last bit, is exact at its knots, agrees with f64, and gives its own
+    /// slope.
     #[test]
     fn every_table_is_monotone_and_right(
         knots in monotone_knots(),
@@ -65,7 +65,8 @@ proptest! {
         for centre in places(table.valid(), &at) {
             let (distance, slope) = table.distance_at(centre).expect("in range");
             let should = reference(centre.to_f64());
-            prop_assert!((distance.to_f64() - should).abs() <= error, "{} for {should} at {centre}", distance.to_f64());
+            let found = distance.to_f64();
+            prop_assert!((found - should).abs() <= error, "{found} for {should} at {centre}");
             // The slope against a difference within the interval: both exact to the square of the step.
             let i = exact.partition_point(|k| k.0 <= centre.to_f64()).clamp(1, exact.len() - 1) - 1;
             let (h, rise) = (exact[i + 1].0 - exact[i].0, exact[i + 1].1 - exact[i].1);
@@ -80,10 +81,9 @@ proptest! {
         holds_what_it_promises(&Calibration::Table(table), &at, 0.0)?;
     }
 
-    /// Every centre that there is has a distance or is out of range, and which of them is a matter of the
-    /// range alone.
+    /// Any centre has a distance if it is in the range of the table. Otherwise it is out of range.
     #[test]
-    fn any_centre_is_borne(
+    fn any_centre_gives_a_distance_or_a_fault(
         knots in monotone_knots(),
         centres in prop::collection::vec(any::<i32>(), 1..40),
     ) {

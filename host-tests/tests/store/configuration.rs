@@ -1,4 +1,5 @@
-//! The bytes of a configuration: encoding and decoding give it back, and what cannot be used is refused.
+//! The bytes of a configuration: encoding and decoding give the same configuration back, and unusable bytes
+//! are refused.
 
 use proptest::prelude::*;
 use slitrange::record::{self, Record, RecordError};
@@ -27,8 +28,8 @@ fn settings_bytes(configuration: &Configuration) -> usize {
     .len()
 }
 
-/// Later firmware reads what is in flash, unless the version changes. The core's own tests hold the settings'
-/// lines.
+/// Later firmware reads these bytes, unless the version changes. The core's own tests check the lines of the
+/// settings.
 #[test]
 fn the_records_own_bytes_follow_the_settings() {
     let configuration = sample(Size::Middle, 5);
@@ -126,9 +127,10 @@ proptest! {
         prop_assert_eq!(again.as_ref(), Ok(&configuration));
     }
 
-    /// Damaged bytes and any others: what decodes can be encoded, and decodes to the same again.
+    /// Takes damaged bytes and any other bytes. If they decode, the configuration can be encoded, and decodes
+    /// to itself again.
     #[test]
-    fn decoded_configurations_are_encoded_the_same(
+    fn decoded_configurations_encode_and_decode_to_themselves(
         configuration in all(),
         changes in prop::collection::vec((0..80usize, any::<u8>()), 1..4),
         any_bytes in prop::collection::vec(any::<u8>(), 0..60),

@@ -87,13 +87,13 @@ fn saves(size: Size, count: u32) -> (Flash, Vec<Configuration>) {
 }
 
 #[test]
-fn in_erased_flash() {
+fn a_flipped_bit_in_erased_flash() {
     let count = flip("erased", &Flash::erased(), &[], all());
     assert_eq!(count.unusable, 8 * BYTES);
 }
 
 #[test]
-fn after_a_single_save() {
+fn a_flipped_bit_after_a_single_save() {
     for size in [Size::Middle, Size::Most] {
         let (flash, saved) = saves(size, 1);
         let count = flip(&format!("one {size:?}"), &flash, &saved, one_of_each_byte());
@@ -104,7 +104,7 @@ fn after_a_single_save() {
 
 #[test]
 #[ignore = "every bit; takes 8 CPU s; run by .ci/run"]
-fn of_every_bit_after_a_single_save() {
+fn every_flipped_bit_after_a_single_save() {
     let (flash, saved) = saves(Size::Middle, 1);
     let count = flip("one", &flash, &saved, all());
     let bits = 8 * item_bytes(Size::Middle);
@@ -112,7 +112,7 @@ fn of_every_bit_after_a_single_save() {
 }
 
 #[test]
-fn after_several_saves() {
+fn a_flipped_bit_after_several_saves() {
     for (size, saves_of_it) in [(Size::Middle, 4), (Size::Most, 3)] {
         let (flash, saved) = saves(size, saves_of_it);
         let what = format!("{saves_of_it} {size:?}");
@@ -123,7 +123,7 @@ fn after_several_saves() {
 
 #[test]
 #[ignore = "every bit; takes 9 CPU s; run by .ci/run"]
-fn of_every_bit_after_several_saves() {
+fn every_flipped_bit_after_several_saves() {
     let (flash, saved) = saves(Size::Middle, 4);
     let count = flip("four", &flash, &saved, all());
     let bits = 8 * item_bytes(Size::Middle);
@@ -139,14 +139,14 @@ fn flip_after_a_change_of_sectors(step: usize) -> Count {
 }
 
 #[test]
-fn after_a_change_of_sectors() {
+fn a_flipped_bit_after_a_change_of_sectors() {
     let count = flip_after_a_change_of_sectors(16);
     assert!(count.unusable == 0 && count.before > 0, "{count:?}");
 }
 
 #[test]
 #[ignore = "every byte; takes 9 CPU s; run by .ci/run"]
-fn of_every_byte_after_a_change_of_sectors() {
+fn a_flipped_bit_of_every_byte_after_a_change_of_sectors() {
     let count = flip_after_a_change_of_sectors(1);
     let bytes = item_bytes(Size::Most) + 7 * HEADER;
     assert_eq!((count.unusable, count.before), (0, bytes));

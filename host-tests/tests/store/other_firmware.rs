@@ -95,7 +95,7 @@ const VERSION_1: &str = "\
 0080e00300bbe2951c869fffb0d09240bbe2a2248080b84a8080f0a501d6f64a8a000000";
 
 #[test]
-fn what_the_first_firmware_saved_is_the_newest_and_stays_until_a_change() {
+fn a_configuration_of_the_first_firmware_is_the_newest_until_a_change() {
     let mut flash = Flash::erased();
     for (i, place) in (0..VERSION_1.len()).step_by(2).zip(&mut flash.bytes) {
         *place = u8::from_str_radix(&VERSION_1[i..i + 2], 16).expect("a byte");

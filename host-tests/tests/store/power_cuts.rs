@@ -112,17 +112,17 @@ fn cuts_of(size: Size) {
 }
 
 #[test]
-fn the_largest() {
+fn power_cuts_in_saves_of_the_largest_configuration() {
     cuts_of(Size::Most);
 }
 
 #[test]
-fn the_smallest() {
+fn power_cuts_in_saves_of_the_smallest_configuration() {
     cuts_of(Size::Least);
 }
 
 #[test]
-fn large_and_small_by_turns() {
+fn power_cuts_in_saves_of_large_and_small_configurations() {
     let (large, small) = (Size::Most, Size::Least);
     nothing_is_lost("large on small", &with(&[small]), &sample(large, 1));
     nothing_is_lost("small on large", &with(&[large]), &sample(small, 1));
@@ -131,9 +131,9 @@ fn large_and_small_by_turns() {
     nothing_is_lost("by turns, in a used sector", &before, &first);
 }
 
-/// The flash holds nothing until the first word is programmed, and is unusable until the item is whole.
+/// The store finds nothing until the first word is programmed, and then "unusable" until the item is whole.
 #[test]
-fn the_first_ever() {
+fn power_cuts_in_the_very_first_save() {
     for size in [Size::Most, Size::Least] {
         let what = format!("{size:?}, the first");
         let [plain, torn] = cut_each_operation(&what, &Flash::erased(), &sample(size, 0));
@@ -145,9 +145,9 @@ fn the_first_ever() {
     }
 }
 
-/// Unusable flash stays unusable until a save is whole: it never looks as if nothing had ever been saved.
+/// Unusable flash stays unusable until a save is whole: the store never reports erased flash.
 #[test]
-fn over_unusable_contents() {
+fn power_cuts_in_a_save_over_unusable_contents() {
     let mut interrupted = Flash::erased();
     interrupted.cut_after(100, None);
     assert!(save(&mut interrupted, &sample(Size::Most, 0)).is_err());
@@ -171,9 +171,9 @@ fn over_unusable_contents() {
     }
 }
 
-/// A power cut, and another one in the save that follows.
+/// Cuts the power in a save, and again in the next save.
 #[test]
-fn two_cuts() {
+fn two_power_cuts_in_two_saves() {
     let (_, after, _) = around_a_change(Flash::erased(), &[Size::Most]);
     let (before, _, first) = around_a_change(after, &[Size::Most]);
     let (second, third) = (sample(Size::Most, 2000), sample(Size::Most, 3000));

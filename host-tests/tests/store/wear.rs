@@ -30,7 +30,7 @@ fn wear(what: &str, saves: u32, sizes: &[Size]) {
 
 #[test]
 #[ignore = "ten thousand saves; takes 6 CPU s; run by .ci/run"]
-fn of_the_largest() {
+fn ten_thousand_saves_of_the_largest_wear_both_sectors_evenly() {
     wear("the largest", 10_000, &[Size::Most]);
 }
 
@@ -41,23 +41,23 @@ fn wear_of_all_sizes(saves: u32) {
 }
 
 #[test]
-fn of_all_sizes() {
+fn saves_of_all_sizes_wear_both_sectors_evenly() {
     wear_of_all_sizes(1000);
 }
 
 #[test]
 #[ignore = "ten thousand saves; takes 5 CPU s; run by .ci/run"]
-fn of_all_sizes_for_long() {
+fn ten_thousand_saves_of_all_sizes_wear_both_sectors_evenly() {
     wear_of_all_sizes(10_000);
 }
 
 #[test]
-fn of_the_smallest() {
+fn saves_of_the_smallest_wear_both_sectors_evenly() {
     wear("the smallest", 2000, &[Size::Least]);
 }
 
 #[test]
-fn the_same_again_writes_nothing() {
+fn saving_the_same_configuration_again_writes_nothing() {
     let mut flash = Flash::erased();
     for (i, size) in (0..).zip([Size::Least, Size::Middle, Size::Most].repeat(5)) {
         let saved = sample(size, i);

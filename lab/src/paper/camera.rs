@@ -115,7 +115,7 @@ pub fn noise(seed: u64, position: u64, capture: u64) -> ChaCha8Rng {
 mod tests {
     use super::*;
 
-    /// Mean and variance of a pixel are those of Poisson's electrons, the read noise and the rounding.
+    /// Mean and variance of a pixel come from Poisson's electrons, the read noise and the rounding.
     #[test]
     fn noise_is_that_of_the_sensor() {
         const PIXELS: usize = 200_000;

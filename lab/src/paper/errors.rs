@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_residual_table_follows_what_is_smooth_and_not_what_is_not() {
+    fn a_residual_table_follows_smooth_errors_only() {
         let cubic = |x: f64| 1e-9 * (x - 900.0).powi(3) - 2e-4 * (x - 900.0);
         let points: Vec<(f64, f64)> = (0..2000)
             .map(|i| {

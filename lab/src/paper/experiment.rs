@@ -95,11 +95,11 @@ impl Experiment {
 mod tests {
     use super::*;
 
-    /// A small experiment is the same to the last bit on one thread and on two, and its figures are those of
-    /// a slit and a lens: the errors are of speckle, so their mean lies between a tenth and the whole of what
-    /// a pixel stands for, 176 to 442 um, and fits in f64 find the same centres.
+    /// A small experiment gives the same bits on one thread and on two. Its errors come from speckle, so
+    /// their mean is between a tenth and the whole of the distance that a pixel stands for (176 to 442 um).
+    /// Fits in f64 find the same centres.
     #[test]
-    fn a_small_experiment_is_sane_and_the_same_on_any_number_of_threads() {
+    fn a_small_experiment_is_plausible_and_does_not_depend_on_threads() {
         let experiment = Experiment {
             stride: 420,
             seed: 7,

@@ -112,8 +112,8 @@ pub struct Place {
 mod tests {
     use super::*;
 
-    /// A ghost and a veil that are wholly on the image hold their shares of the light, and the ghost is on
-    /// the other side of the axis.
+    /// If the ghost and the veil are wholly on the image, they have their shares of the light. The ghost is
+    /// on the other side of the axis.
     #[test]
     fn flare_holds_its_share() {
         const SIZE: usize = 600;

@@ -158,10 +158,10 @@ mod tests {
     use crate::paper::lens_effects::{Ghost, Veil};
     use rayon::prelude::*;
 
-    /// A ghost that is wholly in the region draws the centroid towards itself by its share: share / (1 +
-    /// share) of the way. One that is outside does nothing.
+    /// A ghost that is wholly in the region moves the centroid towards the ghost by share / (1 + share) of
+    /// the way. A ghost outside the region does nothing.
     #[test]
-    fn a_ghost_draws_the_centroid_while_it_is_in_the_region() {
+    fn a_ghost_in_the_region_moves_the_centroid() {
         let flare = Flare {
             veil: Veil {
                 share: 0.0,
@@ -192,11 +192,11 @@ mod tests {
         assert!(inside > 20);
     }
 
-    /// Where there is no speckle, distortion, defocus and coma leave what eq. (1) cannot follow: a cubic,
-    /// which is largest at the ends of the table. Flare moves a least-squares fit by less than a hundredth of
-    /// that.
+    /// Without speckle, distortion, defocus and coma leave an error that eq. (1) cannot follow: a cubic,
+    /// largest at the ends of the table. Flare moves a least-squares fit by less than a hundredth of this
+    /// error.
     #[test]
-    fn the_lens_errs_at_the_ends() {
+    fn the_lens_has_its_largest_errors_at_the_ends() {
         let distances = [0.6, 0.68, 0.77, 0.81, 0.9, 0.96, 1.02];
         let centres = |flare: Option<&Flare>| -> Vec<(f64, f64)> {
             distances

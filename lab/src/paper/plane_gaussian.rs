@@ -261,7 +261,7 @@ mod tests {
         }
     }
 
-    /// A spot on a slope, whose moments are those of the slope more than its own: found all the same.
+    /// The spot is on a slope, so its moments are mostly those of the slope. The fit still finds the spot.
     #[test]
     fn a_start_that_is_far_off_is_enough() {
         let truth = PlaneGaussian {
@@ -274,9 +274,9 @@ mod tests {
         assert!((found.x - truth.x).abs() < 0.1 && (found.y - truth.y).abs() < 0.1);
     }
 
-    /// The scatter in white noise is that of the Cramér-Rao bound: the covariance of x alone, because the
-    /// centre's derivatives are odd and all others even, (sum of (dg/dx)^2)^-1 noise^2 with A^2 pi/2 for that
-    /// sum where a = c = 1/(2 s^2) and b = 0.
+    /// The scatter in white noise is the Cramér-Rao bound. The covariance of x alone is enough, because the
+    /// derivative by the centre is odd and all others are even: (sum of (dg/dx)^2)^-1 noise^2. The sum is A^2
+    /// pi/2 if a = c = 1/(2 s^2) and b = 0.
     #[test]
     fn reaches_the_bound() {
         const FITS: usize = 600;

@@ -65,7 +65,8 @@ fn shifted_values(source: &str) -> Vec<&str> {
 
 #[test]
 fn a_shifted_value_is_found() {
-    let source = "const A: u32 = B << 3;\nlet a = 1u32 << n;\nlet b = a << 3;\nlet c = f(x) << 1;\n// d << 4\n#[cfg(test)]\ne << 5";
+    let source = "const A: u32 = B << 3;\nlet a = 1u32 << n;\nlet b = a << 3;\nlet c = f(x) << 1;\n\
+                  // d << 4\n#[cfg(test)]\ne << 5";
     assert_eq!(
         shifted_values(source),
         ["let b = a << 3;", "let c = f(x) << 1;"]

@@ -56,16 +56,17 @@ impl Gap {
 
     /// Fresnel's integral, squared: the light at 0, `step`, 2 `step` ... up to `reach`, over that at 0.
     ///
-    /// |int exp(i pi (u^2 (1/R + 1/z) - 2 u x/z) / lambda) du|^2, u from -a/2 to a/2, is the cosine transform of the autocorrelation of
-    /// exp(i b u^2), b = pi (1/R + 1/z) / lambda, over the slit, which has a closed form (the optical
-    /// transfer function, Goodman, section 6.4):
+    /// The light is |int exp(i pi (u^2 (1/R + 1/z) - 2 u x/z) / lambda) du|^2, u from -a/2 to a/2. It is also
+    /// the cosine transform of the autocorrelation of exp(i b u^2) over the slit, with
+    /// b = pi (1/R + 1/z) / lambda. The autocorrelation has a closed form (the optical transfer function,
+    /// Goodman, section 6.4):
     ///
     /// ```text
     /// I(x) = int cos(2 pi x s / (lambda z)) H(s) ds,  H(s) = sin(b s (a - |s|)) / (b s),  s from -a to a
     /// ```
     ///
-    /// By the trapezoidal rule with N intervals it repeats every N lambda z / a, and is right but for the
-    /// tails of its repetitions.
+    /// The trapezoidal rule with N intervals gives a pattern that repeats every N lambda z / a. Its only
+    /// error is the tails of the repetitions.
     fn fresnel(&self, step: f64, reach: f64) -> Vec<f64> {
         let details = reach / self.detail();
         // The first repetition is seven times as far as the last knot; the tails fall with the square.

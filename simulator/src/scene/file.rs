@@ -111,8 +111,8 @@ impl Scene {
             let farthest = speckle::FARTHEST * self.distance;
             ensure!(
                 (nearest..=farthest).contains(&distance),
-                "the target's distance is {distance} m: with [speckle] this scene can be seen from {nearest} to \
-                 {farthest:.3} m, 1.5 times its own distance; move that, or leave [speckle] out"
+                "the target's distance is {distance} m: with [speckle] this scene can be seen from {nearest} \
+                 to {farthest:.3} m, 1.5 times its own distance; move that, or leave [speckle] out"
             );
         }
         Ok(())
@@ -251,9 +251,8 @@ impl Scene {
         if let Some(noise) = &self.shot_noise {
             ensure!(
                 noise.electrons_per_count > 1.0 && noise.electrons_per_count.is_finite(),
-                "shot_noise.electrons_per_count is {}: a converter that counts single electrons is beyond what \
-                 the core can be told of; \
-                 more than 1 are needed",
+                "shot_noise.electrons_per_count is {}: a converter that counts single electrons is beyond \
+                 what the core can be told of; more than 1 are needed",
                 noise.electrons_per_count
             );
         }

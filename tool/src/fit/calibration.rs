@@ -109,8 +109,8 @@ fn eq1(curve: &Curve) -> anyhow::Result<Eq1> {
     let farthest = Micrometres::MAX.to_f64();
     ensure!(
         (1e6 * found.d).abs() < farthest && found.pole.abs() < Pixels::MAX.to_f64(),
-        "D = {:.1} mm and xp = {:.0} px are beyond what a record holds (8389 mm, 32768 px): the points lie nearly on a \
-         straight line; take a wider range of distances, or a table (--form table)",
+        "D = {:.1} mm and xp = {:.0} px are beyond what a record holds (8389 mm, 32768 px): the points lie \
+         nearly on a straight line; take a wider range of distances, or a table (--form table)",
         1e3 * found.d,
         found.pole
     );

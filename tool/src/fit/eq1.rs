@@ -125,7 +125,8 @@ impl Fit {
 /// Steps at most; three are usual, because the start is within some per cent.
 const MAX_STEPS: usize = 50;
 
-/// |r| below which points lie on a straight line to within rounding: the pole is a thousand million times the range away.
+/// |r| below which points lie on a straight line to within rounding: the pole is a thousand million times the
+/// range away.
 const STRAIGHT: f64 = 1e-9;
 
 /// Fits the curve to centres in pixels and their distances in metres, all with the same variance.
@@ -176,13 +177,13 @@ pub fn fit_weighted(points: &[Observation]) -> anyhow::Result<Fit> {
     }
     ensure!(
         scaled[2].abs() > STRAIGHT,
-        "the points lie on a straight line, for which eq. (1) has no finite parameters: check the distances, or take a wider range of \
-         them"
+        "the points lie on a straight line, for which eq. (1) has no finite parameters: check the distances, \
+         or take a wider range of them"
     );
     ensure!(
         scaled[2].abs() < 1.0,
-        "the curve that fits best has its pole at pixel {:.1}, among the centres from {:.1} to {:.1}: these are no \
-         centres of one target that moves",
+        "the curve that fits best has its pole at pixel {:.1}, among the centres from {:.1} to {:.1}: these \
+         are no centres of one target that moves",
         scale.eq1(&scaled).pole,
         scale.first,
         scale.last
@@ -362,9 +363,9 @@ mod tests {
         assert!(found.largest < 1e-12, "{} m", found.largest);
     }
 
-    /// Any four parameters with the same three give the same data: the fit finds the three.
+    /// Any four parameters with the same D, K and xp give the same data, and the fit finds D, K and xp.
     #[test]
-    fn four_parameters_are_three() {
+    fn many_geometries_give_the_same_curve() {
         let points = exact(30);
         let found = fit(&points).expect("a fit").curve;
         // f = -xp t from the axis, b = -K t/(xp (1 + t^2)) and d0 = D + b/t for another t.
@@ -385,7 +386,7 @@ mod tests {
         }
     }
 
-    /// The scaled form is well-conditioned; that in (D, K, xp) is not.
+    /// The scaled form is well-conditioned. The form in (D, K, xp) is not.
     #[test]
     fn the_scaled_form_is_well_conditioned() {
         let points = exact(1000);
@@ -409,9 +410,9 @@ mod tests {
         assert!(fitted < 20.0 && physical > 10.0 * fitted);
     }
 
-    /// The covariance against the scatter of 2000 fits of 40 points with errors of 20 um.
+    /// Compares the covariance with the scatter of 2000 fits of 40 points with errors of 20 um.
     #[test]
-    fn the_covariance_is_that_of_many_fits() {
+    fn the_covariance_agrees_with_the_scatter_of_many_fits() {
         const FITS: usize = 2000;
         let points = exact(40);
         let mut random = ChaCha8Rng::seed_from_u64(11);
@@ -465,7 +466,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_curve_is_said() {
+    fn points_without_a_curve_are_refused_with_a_reason() {
         let error = |points: &[(f64, f64)]| fit(points).expect_err("no curve").to_string();
         assert!(error(&[(1.0, 2.0); 2]).contains("2 points"));
         assert!(error(&[(1.0, 2.0); 9]).contains("the same"));

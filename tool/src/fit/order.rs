@@ -103,8 +103,8 @@ impl std::fmt::Display for OutOfOrder {
         };
         write!(
             f,
-            "line {}: its distance, {} mm, comes after the {} mm of line {}, where the others {} from line to line: sort the \
-             lines by distance, or correct it",
+            "line {}: its distance, {} mm, comes after the {} mm of line {}, where the others {} from line \
+             to line: sort the lines by distance, or correct it",
             after.line,
             after.d_mm,
             before.d_mm,
@@ -133,7 +133,8 @@ fn repeated(points: &[Point]) -> anyhow::Result<()> {
             first.line
         );
         bail!(
-            "line {} has the distance of line {}, {} mm, with another centre: keep one of them, or their mean",
+            "line {} has the distance of line {}, {} mm, with another centre: keep one of them, or their \
+             mean",
             later.line,
             first.line,
             first.d_mm
@@ -141,8 +142,8 @@ fn repeated(points: &[Point]) -> anyhow::Result<()> {
     }
     if let Some((first, later)) = twice(|point| point.x_px) {
         bail!(
-            "line {} has the centre of line {}, {} px, at another distance: no calibration can tell the two apart; take one \
-             of them again, or remove it",
+            "line {} has the centre of line {}, {} px, at another distance: no calibration can tell the two \
+             apart; take one of them again, or remove it",
             later.line,
             first.line,
             first.x_px
@@ -232,8 +233,9 @@ fn steps_back(points: &[Point]) -> anyhow::Result<()> {
         .find(|pair| sign * pair[1].x_px < sign * pair[0].x_px);
     if let Some([near, far]) = pair {
         bail!(
-            "line {}: its centre, {} px, goes back from the {} px of line {} while the distance goes on from {} to {} mm: take it \
-             again, or leave it out (a wrong point can be told from good ones where there are {FEWEST_TO_REJECT} or more)",
+            "line {}: its centre, {} px, goes back from the {} px of line {} while the distance goes on from \
+             {} to {} mm: take it again, or leave it out (a wrong point can be told from good ones where \
+             there are {FEWEST_TO_REJECT} or more)",
             far.line,
             far.x_px,
             near.x_px,
@@ -268,8 +270,9 @@ fn groups_go_back(points: &[Point]) -> anyhow::Result<()> {
     let back = steps.iter().position(|step| sign * step <= 0.0);
     if let Some(i) = back {
         bail!(
-            "lines {} to {}: from {} to {} mm the centres go back, from about {:.1} to {:.1} px, where the others go on: two \
-             distances would have one centre; take a range in which the centre only rises or only falls",
+            "lines {} to {}: from {} to {} mm the centres go back, from about {:.1} to {:.1} px, where the \
+             others go on: two distances would have one centre; take a range in which the centre only rises \
+             or only falls",
             groups[i + 1][0].line,
             groups[i + 1][groups[i + 1].len() - 1].line,
             groups[i][0].d_mm,
@@ -299,8 +302,9 @@ fn folds(points: &[Point], scatter: &[f64]) -> anyhow::Result<()> {
         .find(|run| run.windows(2).all(goes_back));
     if let Some([(first, _), .., (last, _)]) = fold {
         bail!(
-            "lines {} to {}: the centre goes back from {} to {} px while the distance goes on from {} to {} mm: two distances \
-             would have one centre; take a range in which the centre only rises or only falls",
+            "lines {} to {}: the centre goes back from {} to {} px while the distance goes on from {} to {} \
+             mm: two distances would have one centre; take a range in which the centre only rises or only \
+             falls",
             first.line,
             last.line,
             first.x_px,
@@ -317,7 +321,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_longest_run_is_the_longest() {
+    fn the_longest_rising_run_is_found() {
         for (numbers, run) in [
             (&[1.0, 2.0, 3.0][..], &[0, 1, 2][..]),
             (&[3.0, 1.0, 2.0, 4.0, 3.5], &[1, 2, 3]),

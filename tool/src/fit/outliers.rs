@@ -2,7 +2,8 @@
 //! of a sensor is lost that departs from eq. (1) smoothly.
 //!
 //! ```text
-//! start (3 points) -> smooth curve by least absolute residuals -> Tukey's biweight, penalty by cross-validation -> verdicts
+//! start (3 points) -> smooth curve by least absolute residuals
+//!     -> Tukey's biweight, penalty by cross-validation -> verdicts
 //! ```
 //!
 //! None of the steps lets a point that is far off have more weight than one that is not: however far off

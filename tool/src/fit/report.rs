@@ -250,7 +250,8 @@ impl Report {
         let mut limits = Vec::new();
         if self.used == 3 {
             limits.push(
-                "three points lie on some eq. (1) whatever they are: there are no residuals, and nothing checks them".into(),
+                "three points lie on some eq. (1) whatever they are: there are no residuals, and nothing \
+                 checks them".into(),
             );
             if weights == Weights::Alike {
                 limits
@@ -258,7 +259,8 @@ impl Report {
             }
         } else if self.points < FEWEST_TO_REJECT {
             limits.push(format!(
-                "with fewer than {FEWEST_TO_REJECT} points none could be rejected, and no departure from eq. (1) be seen"
+                "with fewer than {FEWEST_TO_REJECT} points none could be rejected, and no departure from eq. \
+                 (1) be seen"
             ));
         }
         let freedom = self.used as f64 - self.curve.freedoms;
@@ -266,8 +268,8 @@ impl Report {
             let percent = 100.0 / (2.0 * freedom).sqrt();
             limits.push(if weights == Weights::Known && freedom < FEW_FREEDOMS {
                 format!(
-                    "the scatter is known to {percent:.0} % only: however small it is, the uncertainties here are not less than what \
-                     was given of the points makes them"
+                    "the scatter is known to {percent:.0} % only: however small it is, the uncertainties \
+                     here are not less than what was given of the points makes them"
                 )
             } else {
                 format!(
@@ -282,19 +284,21 @@ impl Report {
             ] {
                 if leverage > 0.5 {
                     limits.push(format!(
-                        "the {which} point holds the curve there: {:.0} % of its error is in it; take more points near that end",
+                        "the {which} point holds the curve there: {:.0} % of its error is in it; take more \
+                         points near that end",
                         100.0 * leverage
                     ));
                 }
             }
         }
         limits.push(
-            "an error that all positions share (the zero or the scale of a stage or ruler) is in the calibration, and not in \
-             these figures"
+            "an error that all positions share (the zero or the scale of a stage or ruler) is in the \
+             calibration, and not in these figures"
                 .into(),
         );
         limits.push(
-            "one that neighbours share (speckle, where steps are short) makes the uncertainties too small".into(),
+            "one that neighbours share (speckle, where steps are short) makes the uncertainties too \
+             small".into(),
         );
         limits
     }

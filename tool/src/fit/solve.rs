@@ -78,8 +78,8 @@ pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> 
             .map(|(_, point)| point.line.to_string())
             .collect();
         bail!(
-            "{} of {} points lie off the curve that the others make (lines {}{}), more than a fifth: look at what is wrong with \
-             them, or take a range over which the centre follows the distance smoothly",
+            "{} of {} points lie off the curve that the others make (lines {}{}), more than a fifth: look at \
+             what is wrong with them, or take a range over which the centre follows the distance smoothly",
             all.len() - kept.len(),
             all.len(),
             lines.join(", "),
@@ -113,8 +113,8 @@ pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> 
         .unwrap_or(1.0);
     ensure!(
         plain.eq1.unit_bend() > BENT * scatter,
-        "{}: a straight line goes through the points as well as eq. (1), whose xp would be at infinity: take a wider range of \
-         distances, or points that scatter less",
+        "{}: a straight line goes through the points as well as eq. (1), whose xp would be at infinity: take \
+         a wider range of distances, or points that scatter less",
         lines()
     );
     let scatter_px: Vec<f64> = all

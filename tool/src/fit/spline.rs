@@ -253,9 +253,9 @@ mod tests {
         Equations::new(grid, residuals(count, value).into_iter(), count as f64)
     }
 
-    /// Three freedoms are left of the largest penalty, and the quadratic is not touched.
+    /// The largest penalty leaves three freedoms, and does not change a quadratic.
     #[test]
-    fn what_eq1_can_follow_is_not_smoothed() {
+    fn the_largest_penalty_leaves_a_quadratic_unchanged() {
         let quadratic = |d: f64| 3e-3 - 2e-3 * d + 5e-3 * d * d;
         let spline = equations(60, quadratic).solve(1e8).expect("a curve");
         println!("{} freedoms", spline.freedoms);
@@ -266,7 +266,7 @@ mod tests {
         }
     }
 
-    /// A wave of 300 um under noise of 2 um: the penalty that is chosen leaves less of the noise than half.
+    /// A wave of 300 um under noise of 2 um: with the chosen penalty, less than half of the noise remains.
     #[test]
     fn the_penalty_is_neither_too_small_nor_too_large() {
         use rand::SeedableRng as _;

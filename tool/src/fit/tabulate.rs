@@ -121,9 +121,9 @@ fn part_of_way(from: Pixels, to: Pixels, part: i32, of: i32) -> Pixels {
 mod tests {
     use super::*;
 
-    /// A cubic of 300 um, as a lens leaves it, and a wave with five turns.
+    /// A cubic of 300 um, as a lens gives it, and a wave with five turns.
     #[test]
-    fn few_knots_do_for_smooth_curves() {
+    fn smooth_curves_need_few_knots() {
         let (first, last) = (Pixels::from_int(1290), Pixels::from_int(2404));
         let part = |x: f64| (x - 1847.0) / 557.0;
         let cubic = |x: f64| 300.0 * (4.0 * part(x).powi(3) - 3.0 * part(x));
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_jump_takes_what_knots_there_are() {
+    fn a_jump_leaves_an_error_above_the_limit() {
         let made = tabulate(
             |x| if x < 2000.5 { 0.0 } else { 1000.0 },
             Pixels::from_int(1000),

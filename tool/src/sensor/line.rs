@@ -106,7 +106,8 @@ impl fmt::Display for LineError {
                 heard: None,
             } => write!(
                 f,
-                "nobody answers `{command}` at {name}: check that this is the sensor's port and that the sensor has power"
+                "nobody answers `{command}` at {name}: check that this is the sensor's port and that the \
+                 sensor has power"
             ),
             Self::Silent {
                 name,
@@ -114,8 +115,8 @@ impl fmt::Display for LineError {
                 heard: Some(line),
             } => write!(
                 f,
-                "`{command}` has no answer at {name}, where `{}` came last: check that this is the sensor's port, and that its \
-                 firmware knows that command (`info`, `help`)",
+                "`{command}` has no answer at {name}, where `{}` came last: check that this is the sensor's \
+                 port, and that its firmware knows that command (`info`, `help`)",
                 line.escape_debug()
             ),
             Self::Refused { command, answer } => {
@@ -150,7 +151,8 @@ fn cannot_open(f: &mut fmt::Formatter<'_>, name: &str, error: &serialport::Error
         }
         Io(io::ErrorKind::PermissionDenied) => write!(
             f,
-            "{name} may not be opened: on Linux, become a member of the group that owns it (`ls -l {name}`), often dialout"
+            "{name} may not be opened: on Linux, become a member of the group that owns it (`ls -l {name}`), \
+             often dialout"
         ),
         _ => write!(f, "{name} cannot be opened as a serial port: {error}"),
     }

@@ -88,7 +88,8 @@ fn listed(text: &str) -> Result<Vec<f64>> {
         let position = distance(word).with_context(|| format!("line {number}"))?;
         ensure!(
             !positions.contains(&position),
-            "line {number}: {word} is there already; a position is measured once, with more --frames if need be"
+            "line {number}: {word} is there already; a position is measured once, with more --frames if need \
+             be"
         );
         positions.push(position);
     }
@@ -113,7 +114,8 @@ fn spread(from: f64, to: f64, points: usize, spacing: Spacing) -> Result<Vec<f64
         );
         ensure!(
             spacing == Spacing::Distance || end > D_MM,
-            "{end} mm is no distance from the laser's origin, which even pixels are reckoned from: give --spacing distance"
+            "{end} mm is no distance from the laser's origin, which even pixels are reckoned from: give \
+             --spacing distance"
         );
     }
     let most = ((to - from).abs() * 1000.0) as usize;
@@ -254,7 +256,8 @@ fn shell(line: &str) -> Command {
 pub fn check_command(command: &str) -> Result<()> {
     ensure!(
         command.contains("{}"),
-        "the stage's command `{command}` has no {{}} where the distance goes: --stage-command 'move-stage {{}}'"
+        "the stage's command `{command}` has no {{}} where the distance goes: --stage-command 'move-stage \
+         {{}}'"
     );
     Ok(())
 }
@@ -313,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn positions_that_are_none_are_refused() {
+    fn malformed_positions_are_refused() {
         for (from, to, points) in [
             (600.0, 600.0, 2),
             (600.0, 1020.0, 1),
@@ -364,7 +367,7 @@ mod tests {
         assert_eq!(list("900\n600\n650\n"), [900.0, 650.0, 600.0]);
     }
 
-    /// A stage may count from anywhere, and towards the sensor.
+    /// The zero of a stage may be anywhere, and its positions may rise towards the sensor.
     #[test]
     fn the_zero_may_be_anywhere() {
         assert_eq!(
@@ -382,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_what_no_point_stands_for() {
+    fn positions_without_a_near_point_are_missing() {
         let wanted = [600.0, 610.0, 640.0, 700.0];
         assert_eq!(missing(&wanted, &[]), wanted);
         // Typed beside the position; beyond half-way to the next; too far off; exactly there.
@@ -393,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn a_person_answers() {
+    fn answers_of_a_person_move_skip_or_quit() {
         let mut output = Vec::new();
         let mut answers = b"\n 612.5 mm\nsixhundred\ns\nq\n".as_slice();
         let mut mover = Mover::Person {

@@ -47,7 +47,8 @@ slitrange calibrate run --port PORT --from MM --to MM [OPTIONS] FILE
     after_help = "\
 Examples:
   slitrange calibrate run --port /dev/ttyACM0 --from 600 --to 1020 --points 30 points.csv
-  slitrange calibrate run --port /dev/ttyACM0 --positions table.txt --stage-command 'stage --to {}' --settle 0.5 points.csv
+  slitrange calibrate run --port /dev/ttyACM0 --positions table.txt --stage-command 'stage --to {}' \
+--settle 0.5 points.csv
 
 Then: slitrange calibrate fit points.csv"
 )]
@@ -74,7 +75,12 @@ pub struct RunOptions {
     pub settle: f64,
     /// Frames at each position. They average noise, but not the speckle that a target at rest keeps: more
     /// positions do
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 8,
+        value_parser = clap::value_parser!(u16).range(1..=1000)
+    )]
     pub frames: u16,
 }
 
@@ -205,8 +211,8 @@ impl std::fmt::Display for NoPoint {
             Self::Fault(NoCentre { fault, advice }) => write!(f, "{fault} ({advice})"),
             Self::Scattered { least, most } => write!(
                 f,
-                "the frames' centres lie from {least:.3} to {most:.3} px, most of them close together (let the target come to \
-                 rest)"
+                "the frames' centres lie from {least:.3} to {most:.3} px, most of them close together (let \
+                 the target come to rest)"
             ),
         }
     }

@@ -259,8 +259,10 @@ fn heading(setup: &Setup, found: Before, started: &str) -> Vec<String> {
     lines.push(format!("# started {started}"));
     lines.extend(
         [
-            "# x_px: the mean of the frames' centres. sigma_px: the larger of the frames' scatter and what the sensor claims for a",
-            "# frame, over the square root of their number. Frames of a target at rest share its speckle, which is not in it: it",
+            "# x_px: the mean of the frames' centres. sigma_px: the larger of the frames' scatter and what \
+             the sensor claims for a",
+            "# frame, over the square root of their number. Frames of a target at rest share its speckle, \
+             which is not in it: it",
             "# shows as residuals of the fit.",
         ]
         .map(str::to_owned),
@@ -285,7 +287,8 @@ impl Content {
         let text = std::str::from_utf8(whole).context("it is not text")?;
         ensure!(
             text.lines().next() == Some(TITLE),
-            "it was not made by `calibrate run`, which goes on with its own files only: its first line is not `{TITLE}`"
+            "it was not made by `calibrate run`, which goes on with its own files only: its first line is \
+             not `{TITLE}`"
         );
         let mut lines = text.lines().zip(1..);
         for (line, number) in lines.by_ref() {
@@ -368,14 +371,15 @@ fn check_setup(first: &[String], setup: &Setup) -> Result<()> {
         }
         match name {
             "estimator" | "black" => bail!(
-                "its points were taken with `{name} {then}`, and the sensor is set to `{name} {now}`: set it to that, or take \
-                 another file"
+                "its points were taken with `{name} {then}`, and the sensor is set to `{name} {now}`: set it \
+                 to that, or take another file"
             ),
             "head" => bail!(
                 "its points were taken with sensor head {then}, and this is {now}: take another file"
             ),
             _ => bail!(
-                "its points were taken with the sensor of serial number {then}, and this one's is {now}: take another file"
+                "its points were taken with the sensor of serial number {then}, and this one's is {now}: \
+                 take another file"
             ),
         }
     }
@@ -466,12 +470,15 @@ mod tests {
             prop_assert!(text.contains("\n# started today\n"));
         }
 
-        /// Cut off at any byte below the line above the points, as power that fails may leave it.
+        /// Cuts the file off at any byte after its header, as a power failure may do.
         #[test]
-        fn a_line_that_is_cut_off_costs_itself_only(
+        fn a_cut_off_line_loses_no_other_line(
             points in prop::collection::vec(point(), 1..5),
             part in 0.0..1.0,
-            garbage in prop::collection::vec(any::<u8>().prop_filter("no line end", |byte| *byte != b'\n'), 0..4),
+            garbage in prop::collection::vec(
+                any::<u8>().prop_filter("no line end", |byte| *byte != b'\n'),
+                0..4,
+            ),
         ) {
             let directory = tempfile::tempdir().expect("a directory");
             let (_, path) = file(&directory, &points);

@@ -198,7 +198,8 @@ fn commit(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
         }) if now.crc == written.sum() => Ok(()),
         Ok(_) => Err(error).context("nothing has changed, the sensor uses the calibration that it had"),
         Err(_) => Err(error).context(
-            "the sensor uses the calibration that it had or the new one: `calibrate show` tells, with FILE and --port",
+            "the sensor uses the calibration that it had or the new one: `calibrate show` tells, with FILE \
+             and --port",
         ),
     }
 }
@@ -235,7 +236,8 @@ fn save(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
         if tries == TRIES {
             saved.context("it is in use, but not saved")?;
             bail!(
-                "the sensor says that it saved, but not that its flash holds what it uses: it says `stored {}`",
+                "the sensor says that it saved, but not that its flash holds what it uses: it says `stored \
+                 {}`",
                 now.stored
             );
         }
@@ -287,7 +289,8 @@ fn record_in_use(session: &mut Session<'_>) -> Result<EncodedRecord> {
         .context("what the sensor sent is no record")?;
     ensure!(
         written.sum() == crc,
-        "what the sensor sent is another record, CRC-32 {:08x}, than it said, {crc:08x}: somebody changed it meanwhile, read it again",
+        "what the sensor sent is another record, CRC-32 {:08x}, than it said, {crc:08x}: somebody changed it \
+         meanwhile, read it again",
         written.sum()
     );
     Ok(written)

@@ -1,4 +1,4 @@
-//! How far the fit is from the truth.
+//! The error of the fit, compared with the truth.
 
 use slitrange_tool::fit::solve::{Form, Solved, solve};
 use slitrange_tool::points::Point;
@@ -28,10 +28,10 @@ fn rejected(solved: &Solved) -> Vec<u64> {
         .collect()
 }
 
-/// The bound for 200 points with independent errors of 0.02 px, at even distances: over even steps of the
-/// centre 0.690 um with the paper's geometry on its camera's pixels of 5.86 um, and 0.942 um on the larger
-/// ones of a TCD1304DG (over even steps of the distance, which give the far end more weight, 0.740 and 1.010
-/// um). 400 fits give the root mean square to 2 % (three freedoms each).
+/// The bound for 200 points at even steps of the centre, with independent errors of 0.02 px: 0.690 um with
+/// the paper's geometry on its camera's pixels of 5.86 um, and 0.942 um on the larger pixels of a TCD1304DG.
+/// At even steps of the distance, which give more weight to the far end: 0.740 and 1.010 um. 400 fits give
+/// the root mean square to 2 % (three freedoms each).
 #[test]
 fn two_hundred_points_give_the_curve_to_0_7_um() {
     const SEEDS: u64 = 400;
@@ -42,7 +42,8 @@ fn two_hundred_points_give_the_curve_to_0_7_um() {
     assert!(nominal < 1.1 * 0.942);
 }
 
-/// One point in twenty off by 25 to 5000 standard deviations: what is left of their weight would show.
+/// One point in twenty is off by 25 to 5000 standard deviations. If the fit gave these points any weight, the
+/// result would show it.
 #[test]
 fn gross_outliers_change_little() {
     const SEEDS: u64 = 60;
@@ -63,7 +64,7 @@ fn gross_outliers_change_little() {
     }
 }
 
-/// Distances that were mistyped, among them such as break the order of the lines.
+/// Some of the mistyped distances break the order of the lines.
 #[test]
 fn mistyped_distances_are_rejected() {
     let truth = Truth::nominal();
@@ -78,9 +79,10 @@ fn mistyped_distances_are_rejected() {
     }
 }
 
-/// On eq. (1) the correction only follows noise, and is left; on a distorted row it is taken.
+/// On points of eq. (1), residuals would only follow the noise, so the tool does not choose them. On a
+/// distorted row it chooses residuals.
 #[test]
-fn the_form_is_that_of_the_data() {
+fn eq_1_is_chosen_for_eq_1_and_residuals_for_a_distortion() {
     const SETS: u64 = 100;
     for count in [10, 20, 60] {
         let corrected = |truth: &Truth, noise: f64| {
@@ -97,8 +99,8 @@ fn the_form_is_that_of_the_data() {
     }
 }
 
-/// A row whose distances depart from eq. (1) by 300 um at the end, 60 points of 0.002 px: no point is lost,
-/// and what is left is noise.
+/// The distances differ from eq. (1) by 300 um at the end; 60 points of 0.002 px. The fit rejects no point,
+/// and only noise remains.
 #[test]
 fn a_distorted_row_is_corrected() {
     const SEEDS: u64 = 50;
@@ -126,8 +128,8 @@ fn a_distorted_row_is_corrected() {
         }
         let (error, claim) = (rms(&errors), rms(&claims));
         println!(
-            "outliers of {size} px: eq. (1) off by {:.0} um, corrected {error:.3} um, claimed {claim:.3} um, largest of all \
-             {largest:.2} um, wrongly judged {lost} of {SEEDS}",
+            "outliers of {size} px: eq. (1) off by {:.0} um, corrected {error:.3} um, claimed {claim:.3} um, \
+             largest of all {largest:.2} um, wrongly judged {lost} of {SEEDS}",
             rms(&departures)
         );
         assert!((250.0..350.0).contains(&rms(&departures)) || size > 0.0);
@@ -137,8 +139,9 @@ fn a_distorted_row_is_corrected() {
     }
 }
 
-/// The parameters' distance from the truth by their covariance: three freedoms, and the scatter from n - 3
-/// residuals, so that its mean is 3 (n - 3)/(n - 5). 300 sets give it to 5 %.
+/// Measures the distance of the parameters from the truth, in units of their covariance. There are three
+/// freedoms, and the scatter comes from n - 3 residuals, so the mean is 3 (n - 3)/(n - 5). 300 sets give the
+/// mean to 5 %.
 #[test]
 fn covariance_and_uncertainty_are_honest() {
     const SETS: u64 = 300;
@@ -167,7 +170,8 @@ fn covariance_and_uncertainty_are_honest() {
         let expected = 3.0 * (count as f64 - 3.0) / (count as f64 - 5.0);
         let mean = squares / SETS as f64;
         println!(
-            "{count} points: chi-square {mean:.2} for {expected:.2}, error over claim {:.3}, scatter {:.4} of what was given",
+            "{count} points: chi-square {mean:.2} for {expected:.2}, error over claim {:.3}, scatter {:.4} \
+             of what was given",
             rms(&ratios),
             rms(&scatters)
         );
@@ -180,12 +184,13 @@ fn covariance_and_uncertainty_are_honest() {
     }
 }
 
-/// Four points with known uncertainties: the one residual's scatter z is often near zero by chance, and the
-/// claim is at least what was given. For z normal and independent of the error, error over claim squared is
-/// on average P(z^2 < 1) + E(1/z^2; z^2 > 1) = 0.849, the root of which is 0.92; and the claim's square
-/// E(max(1, z^2)) = 1.484 of the error's, whose root is 1.22. 400 sets give both to 5 %.
+/// Four points with known uncertainties leave one residual. Its scatter z is often near zero by chance, so
+/// the claim is at least the given uncertainty. For a normal z that is independent of the error, (error /
+/// claim)^2 is on average P(z^2 < 1) + E(1/z^2; z^2 > 1) = 0.849, whose root is 0.92. The square of the claim
+/// is on average E(max(1, z^2)) = 1.484 of the square of the error, whose root is 1.22. 400 sets give both to
+/// 5 %.
 #[test]
-fn four_points_claim_no_less_than_was_given() {
+fn four_points_claim_at_least_the_given_uncertainty() {
     const SETS: u64 = 400;
     let truth = Truth::nominal();
     let (mut ratios, mut errors, mut claims, mut of_d) = (vec![], vec![], vec![], vec![]);

@@ -1,4 +1,4 @@
-//! The command itself.
+//! The command `calibrate fit`, as a user runs it.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -84,7 +84,7 @@ fn points_become_a_record_a_report_and_a_figure() {
 }
 
 #[test]
-fn options_go_before_what_the_points_say_and_json_is_the_report() {
+fn options_override_the_points_and_json_prints_the_report() {
     let directory = tempfile::tempdir().expect("a directory");
     let points = Truth::nominal().points(20, 0.002, &mut seeded(3));
     file(&directory.path().join("points.csv"), &points);
@@ -151,17 +151,17 @@ fn another_record_is_not_replaced_unless_forced() {
     assert_eq!(code, Some(2));
     assert_eq!(
         said,
-        "slitrange: sensor.record stays as it is, it holds something else than this record: name another file with --output, or \
-         replace it with --force\n"
+        "slitrange: sensor.record stays as it is, it holds something else than this record: name another \
+         file with --output, or replace it with --force\n"
     );
     assert_eq!(std::fs::read(&record).expect("a record"), first);
     assert_eq!(fit(&["--date", "2026-02-01", "--force"]).0, Some(0));
     assert_ne!(std::fs::read(&record).expect("a record"), first);
 }
 
-/// What is refused leaves no record, and an older one as it was.
+/// A refused file of points makes no record, and leaves an older record unchanged.
 #[test]
-fn refusals_leave_what_is_there() {
+fn refusals_leave_existing_files_unchanged() {
     let directory = tempfile::tempdir().expect("a directory");
     let points = Truth::nominal().points(20, 0.002, &mut seeded(3));
     file(&directory.path().join("good.csv"), &points);

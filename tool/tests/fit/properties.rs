@@ -1,4 +1,4 @@
-//! What holds for every file of points.
+//! Properties that hold for every file of points.
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -85,7 +85,12 @@ proptest! {
 
     /// Any text.
     #[test]
-    fn no_text_makes_it_panic(text in "(x_px,d_mm(,sigma_px)?\n)?([-0-9.,e#\"NaN \n]|[0-9]{1,4},[0-9]{1,4}\n){0,80}") {
+    fn any_text_is_fitted_or_refused_without_a_panic(
+        text in concat!(
+            "(x_px,d_mm(,sigma_px)?\n)?",
+            "([-0-9.,e#\"NaN \n]|[0-9]{1,4},[0-9]{1,4}\n){0,80}",
+        )
+    ) {
         let _ = accepted(&text, None)?;
     }
 }
@@ -93,9 +98,9 @@ proptest! {
 proptest! {
     #![proptest_config(cases(400))]
 
-    /// Points on any curve of the kind, with any noise, lines and numbers spoilt here and there.
+    /// Takes points on any curve of the kind, with any noise; some lines and numbers are spoilt.
     #[test]
-    fn what_is_accepted_is_held(
+    fn accepted_points_give_a_curve_that_keeps_its_promises(
         count in 0..80usize,
         ends in (0.0..3600.0f64, 0.0..3600.0f64),
         pole in -5000.0..9000.0f64,
@@ -128,9 +133,9 @@ proptest! {
     }
 }
 
-/// The strategy above is worth something: many of its like are accepted.
+/// Checks that the test above has an effect: the tool accepts many such points.
 #[test]
-fn usual_points_are_accepted() {
+fn random_points_on_a_curve_are_accepted() {
     use crate::truth::{Truth, seeded};
     for (seed, distortion) in (0..10).flat_map(|seed| [(seed, 0.0), (seed, 0.03)]) {
         let points = Truth::distorted(distortion).points(40, 0.01, &mut seeded(seed));

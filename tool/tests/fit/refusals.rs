@@ -1,4 +1,4 @@
-//! What is refused, in which words, and what is not.
+//! Which points are refused, with which words, and which points are accepted.
 
 use slitrange_tool::fit::solve::solve;
 use slitrange_tool::points::{Point, Points};
@@ -31,7 +31,7 @@ fn renumbered(mut points: Vec<Point>) -> Vec<Point> {
 }
 
 #[test]
-fn what_makes_no_calibration_is_said() {
+fn unusable_points_are_refused_with_a_reason() {
     let mut said = Vec::new();
     let mut say = |name: &str, points: Vec<Point>| {
         said.push(format!("{name}: {}", refusal(&points)));
@@ -105,9 +105,9 @@ fn what_makes_no_calibration_is_said() {
     insta::assert_snapshot!(said.join("\n"));
 }
 
-/// Both sides of the rules: what is refused in a few points or in many is an outlier where it is one of many.
+/// A change that would make few points unusable is an outlier among many points.
 #[test]
-fn a_point_that_is_off_among_many_is_an_outlier() {
+fn one_wrong_point_among_many_is_an_outlier() {
     for change in [
         |points: &mut [Point]| points[20].x_px += 200.0,
         |points: &mut [Point]| points[20].d_mm += 500.0,
@@ -138,7 +138,7 @@ fn a_point_that_is_off_among_many_is_an_outlier() {
 }
 
 #[test]
-fn three_points_do() {
+fn three_points_give_a_calibration() {
     let points = Truth::nominal().points(3, 0.0, &mut seeded(0));
     let solved = solve(&points, None).expect("a fit");
     assert!(Truth::nominal().error(|x| solved.plain.distance(x)).1 < 1e-3);
@@ -154,7 +154,7 @@ fn three_points_do() {
     assert!((5.0..20.0).contains(&uncertainty));
 }
 
-/// A file without columns, or with what is no number, is refused before.
+/// The reader refuses a file with a malformed number before the fit.
 #[test]
 fn the_readers_refusals_name_the_line() {
     let error = Points::parse("x_px,d_mm\n1500,600\n1490,NaN\n").expect_err("refused");

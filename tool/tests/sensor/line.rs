@@ -1,4 +1,4 @@
-//! A port is opened, a command answered, and what goes wrong is said.
+//! Opens a port and sends commands. Errors say what went wrong.
 
 use std::cell::Cell;
 use std::fs::File;
@@ -109,7 +109,7 @@ fn a_stream_that_was_off_stays_off() {
 }
 
 #[test]
-fn what_stands_in_the_way_is_said() {
+fn a_port_that_cannot_be_opened_is_an_error_with_a_reason() {
     let pc = RealPorts::default();
     let none = error(&pc, "/dev/none");
     println!("{none}");
@@ -135,7 +135,8 @@ fn what_stands_in_the_way_is_said() {
     assert_eq!(
         error(&sensor, &port),
         format!(
-            "nobody answers `stream` at {port}: check that this is the sensor's port and that the sensor has power"
+            "nobody answers `stream` at {port}: check that this is the sensor's port and that the sensor has \
+             power"
         )
     );
     sensor.state().trouble.lost = 0.0;
@@ -172,9 +173,9 @@ fn a_sensor_that_starts_anew_is_noticed() {
     println!("{}", error.expect_err("restarted"));
 }
 
-/// Values arrive whole over a line on which every fifth line is lost or garbled, either way.
+/// Every fifth line is lost or garbled, in both directions. Every value still arrives unchanged.
 #[test]
-fn a_bad_line_takes_longer_and_no_more() {
+fn a_bad_line_slows_a_session_and_changes_no_value() {
     let sensor = StandIn::new(5, Trouble::default());
     let mut session = Session::open(&sensor, &sensor.port()).expect("a session");
     sensor.state().trouble = Trouble {

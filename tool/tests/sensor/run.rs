@@ -1,4 +1,4 @@
-//! Points are taken, whatever happens meanwhile, and none is lost.
+//! `calibrate run` takes all points and loses none, whatever goes wrong.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -201,7 +201,8 @@ fn a_person_is_asked_and_asked_again() {
     );
     result.expect("the input's end");
     assert!(output.contains("2 of 3 positions to go"), "{output}");
-    let fault = "600.000 mm  too dim: 35.0 counts, needs 60.0 (more laser power, a brighter target or less ambient light)";
+    let fault = "600.000 mm  too dim: 35.0 counts, needs 60.0 (more laser power, a brighter target or less \
+                 ambient light)";
     assert_eq!(output.matches(fault).count(), 2, "{output}");
     assert!(
         output.contains("there is a point at 799.500 mm already\n"),
@@ -223,7 +224,9 @@ fn a_stage_that_fails_stops_the_run_and_loses_nothing() {
     );
     let error = result.expect_err("the stage fails");
     assert!(
-        error.starts_with("stopped; run the same command again to go on: the stage's command `test 660.000 != 660.000 && "),
+        error.starts_with(
+            "stopped; run the same command again to go on: the stage's command `test 660.000 != 660.000 && "
+        ),
         "{error}"
     );
     assert!(error.ends_with("failed: exit status: 1"), "{error}");
@@ -295,7 +298,8 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
         (
             "# estimator phase-table",
             "# estimator adaptive",
-            "taken with `estimator adaptive`, and the sensor is set to `estimator phase-table`: set it to that, or take another file",
+            "taken with `estimator adaptive`, and the sensor is set to `estimator phase-table`: set it to \
+             that, or take another file",
         ),
         (
             "# points of",
@@ -320,7 +324,7 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
     run().expect("nothing to do");
 }
 
-/// Points are added after the first record was written, with which the sensor got its number.
+/// The first record gave the sensor its serial number. Points can be added after that.
 #[test]
 fn points_are_added_once_the_sensor_has_a_number() {
     let sensor = StandIn::new(18, Trouble::default());
@@ -334,7 +338,7 @@ fn points_are_added_once_the_sensor_has_a_number() {
 }
 
 #[test]
-fn a_cable_that_falls_out_and_power_that_fails_are_waited_for() {
+fn a_run_waits_for_an_unplugged_cable_and_for_power() {
     const MOMENT: Duration = Duration::from_millis(500);
     let sensor = StandIn::new(15, Trouble::default());
     // What was set, and not saved, is set again.
@@ -379,7 +383,7 @@ fn a_sensor_that_stays_away_stops_the_run_and_loses_nothing() {
     assert!(before.iter().all(|line| lines(&sensor).contains(line)));
 }
 
-/// Every thing that can go wrong on the line does, at random.
+/// Everything that can go wrong on the line goes wrong at random.
 #[test]
 fn a_bad_line_loses_no_point() {
     const FRAMES: u16 = 4;
@@ -415,7 +419,7 @@ fn a_bad_line_loses_no_point() {
     }
 }
 
-/// What was set before the run that was killed is set after the one that goes on.
+/// The settings from before the killed run are set again after the run that continues it.
 #[test]
 fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
     let sensor = StandIn::new(19, Trouble::default());
@@ -433,8 +437,8 @@ fn rows_and_stream_are_put_back_after_a_run_that_was_killed() {
     assert_eq!(set(), (32, true));
 }
 
-/// The program is killed after each point, at whatever it is about; what was in the file then is in it in the
-/// end.
+/// The program is killed after each point, at any moment. The final file has every line that the file had
+/// then.
 #[test]
 fn a_run_that_is_killed_goes_on_where_it_was() {
     let sensor = StandIn::new(17, Trouble::default());

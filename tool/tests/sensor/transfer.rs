@@ -1,4 +1,4 @@
-//! Records are written, read and compared; the sensor has the old one or the new one, never a mixture.
+//! Writes, reads and compares records. The sensor always has the old record or the new one, never a mixture.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -84,7 +84,7 @@ fn text(path: &std::path::Path) -> &str {
 }
 
 #[test]
-fn every_kind_is_written_read_and_the_same() {
+fn every_kind_of_record_is_written_and_read_back_unchanged() {
     let sensor = StandIn::new(30, Trouble::default());
     let port = sensor.port();
     for written in kinds() {
@@ -158,9 +158,10 @@ fn without_saving_the_flash_stays_as_it_is() {
     );
 }
 
-/// A sensor that starts anew uses the old record again: saving that once more is no help.
+/// A sensor that starts again uses the old record. So the tool must upload the new record again; another save
+/// alone would not help.
 #[test]
-fn power_that_fails_while_it_is_saved_is_made_up_for() {
+fn a_record_is_written_again_after_power_fails_during_a_save() {
     let sensor = StandIn::new(36, Trouble::default());
     let port = sensor.port();
     let [first, second, third, ..] = &kinds()[..] else {
@@ -185,7 +186,8 @@ fn power_that_fails_while_it_is_saved_is_made_up_for() {
         .expect_err("no power");
     assert!(
         error.starts_with(
-            "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor started anew: `"
+            "uploaded; whether it is saved, `calibration` on the sensor's line tells: the sensor started \
+             anew: `"
         ),
         "{error}"
     );
@@ -203,8 +205,8 @@ fn another_record_is_not_replaced_unless_forced() {
     assert_eq!(
         error,
         format!(
-            "{} stays as it is, it holds something else than this record: name another file with --output, or replace it with \
-             --force",
+            "{} stays as it is, it holds something else than this record: name another file with --output, \
+             or replace it with --force",
             path.display()
         )
     );
@@ -243,7 +245,7 @@ fn the_exit_code_tells_a_difference_from_an_error() {
 }
 
 #[test]
-fn what_is_no_record_of_the_sensor_is_refused() {
+fn damaged_and_foreign_records_are_refused() {
     let sensor = StandIn::new(32, Trouble::default());
     let port = sensor.port();
     let written = kinds().remove(0);
@@ -288,8 +290,8 @@ fn what_is_no_record_of_the_sensor_is_refused() {
         .expect_err("another head");
     assert!(
         error.starts_with(
-            "nothing has changed, the sensor uses the calibration that it had: the sensor answers `calibration commit` with \
-             `E13 the record is of another sensor head"
+            "nothing has changed, the sensor uses the calibration that it had: the sensor answers \
+             `calibration commit` with `E13 the record is of another sensor head"
         ),
         "{error}"
     );
@@ -304,10 +306,9 @@ fn what_is_no_record_of_the_sensor_is_refused() {
     );
 }
 
-/// A line in which a byte changes, and a line that is lost, at each step of an upload, on the way there and
-/// back.
+/// At each step of an upload, a byte of a line changes or the line is lost, in both directions.
 #[test]
-fn a_bad_line_at_any_step_of_an_upload_is_made_up_for() {
+fn an_upload_succeeds_with_a_bad_line_at_any_step() {
     let sensor = StandIn::new(33, Trouble::default());
     let written = kinds().remove(2);
     let path = file(&sensor, "record", &written);
@@ -328,7 +329,8 @@ fn a_bad_line_at_any_step_of_an_upload_is_made_up_for() {
     }
 }
 
-/// Everything goes wrong at random: what the sensor has and what it keeps is the old record or the new one.
+/// Everything goes wrong at random. The record in use and the saved record are each the old one or the new
+/// one.
 #[test]
 fn over_a_bad_line_the_record_is_the_old_one_or_the_new_one() {
     let kinds = kinds();
@@ -388,7 +390,9 @@ fn an_upload_that_is_interrupted_is_dropped() {
     let error = run(&sensor, &["write", text(&path), "--port", &port]).0;
     let error = error.expect_err("deaf");
     assert!(
-        error.starts_with("nothing has changed, the sensor uses the calibration that it had: nobody answers `stream` at "),
+        error.starts_with(
+            "nothing has changed, the sensor uses the calibration that it had: nobody answers `stream` at "
+        ),
         "{error}"
     );
     sensor.state().deaf_after_piece = false;

@@ -119,7 +119,7 @@ mod tests {
     use lab::paper::apparatus::{Aperture, TABLE, optics};
     use slitrange::distance::knots::MAX_KNOTS;
 
-    /// The program on the chip has the paper's numbers of its own.
+    /// The program on the chip states the numbers of the paper's geometry again.
     #[test]
     fn the_geometry_is_the_papers() {
         let optics = optics(Aperture::Slit);
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn the_memory_is_what_is_said() {
+    fn a_calibration_takes_the_memory_of_the_most_knots() {
         // Room for the most knots, each with two control points; their number and their range.
         let numbers = MAX_KNOTS * 2 * size_of::<Knot>();
         let whole = size_of::<Calibration>() - size_of::<Eq1>();

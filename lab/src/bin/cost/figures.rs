@@ -30,8 +30,8 @@ mod tests {
     use crate::made_up;
     use cost_on_chip::methods::Method;
 
-    /// Every figure of the methods names each method; `cargo test -p lab --bin cost figures` leaves them to
-    /// be looked at.
+    /// Every figure of the methods names each method. `cargo test -p lab --bin cost figures` keeps the
+    /// figures, so that you can look at them.
     #[test]
     fn figures_name_every_method() {
         let directory = std::env::temp_dir().join("slitrange-made-up-figures");

@@ -156,9 +156,9 @@ fn write_distances(distances: &[distances::Distance]) -> anyhow::Result<()> {
 mod tests {
     use super::*;
 
-    /// A look with few rows goes through all of it but the chip: 64 rows give a ratio to 9 %.
+    /// A run with few rows tests everything except the chip. 64 rows give a ratio to 9 %.
     #[test]
-    fn a_quick_look_comes_near_the_bound() {
+    fn a_quick_run_comes_near_the_bound() {
         let accuracy = accuracy::measure(&[Method::default()], 64);
         let worst = accuracy.worst(Method::default());
         println!("{worst:?}");

@@ -35,7 +35,7 @@ mod tests {
     }
 
     #[test]
-    fn ties_and_what_is_no_number() {
+    fn the_first_of_a_tie_is_kept_and_nan_is_left_out() {
         let points = [
             (1.0, 2.0),
             (1.0, 1.5),

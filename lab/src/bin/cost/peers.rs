@@ -448,9 +448,9 @@ impl fmt::Display for Peers {
 mod tests {
     use super::*;
 
-    /// An unweighted fit of the reference scene has 1.201 times the bound: J^T J inverse times J^T V J times
-    /// J^T J inverse. The standard error over 1000 rows is 2.2 %, of which four are allowed to either side of
-    /// 1 and 1.201.
+    /// An unweighted fit of the reference scene has errors of 1.201 times the bound, from (J^T J)^-1 J^T V J
+    /// (J^T J)^-1. The standard error over 1000 rows is 2.2 %. The test allows four of these beyond 1 and
+    /// 1.201.
     #[test]
     fn every_method_is_near_the_bound() {
         let scene = rows::REFERENCE;

@@ -286,7 +286,7 @@ mod tests {
         assert!((noise / 8.0 - 1.0).abs() < 0.3);
     }
 
-    /// 40 readings give an RMS to 11 %, or to some 15 % in speckle, whose dim rows are far off.
+    /// 40 readings give an RMS to 11 %, and to about 15 % in speckle, because dim rows are far off.
     #[test]
     #[ignore = "speckle takes 11 s of processor time; .ci/run runs it"]
     fn rows_help_against_speckle_as_far_as_it_changes() {
@@ -316,10 +316,11 @@ mod tests {
         }
     }
 
-    /// Given sum |E|^2 over two polarisations of mean light 1, the shift is normal with a variance of s^2 /
-    /// (2 sum |E|^2), s being the standard deviation of the spot's image: 2 / s times it is distributed as
-    /// Student's t with 4 degrees of freedom, whose median without sign is 0.7407 and whose standard
-    /// deviation is sqrt 2. The median of 3000 is good to 2 %.
+    /// Let sum |E|^2 be the light over two polarisations, with a mean of 1. For a given sum, the shift is
+    /// normal with a variance of s^2 / (2 sum |E|^2), where s is the standard deviation of the spot's image.
+    /// So 2 / s times the shift has Student's t distribution with 4 degrees of freedom. The median of its
+    /// absolute value is 0.7407, and its standard deviation is sqrt 2. The median of 3000 shifts is exact to
+    /// 2 %.
     #[test]
     fn a_narrow_slit_has_a_closed_form() {
         let scene = Light::SpeckleAtRest.scene().expect("a scene");

@@ -197,12 +197,14 @@ impl Measured {
     /// The tables of `docs/accuracy.md`.
     pub fn markdown(&self) -> String {
         format!(
-            "Accuracy: on a PC, {} synthetic rows a cell; the worst over widths from 1.2 to 18 px. {LABELS}\n\n{}\n\
+            "Accuracy: on a PC, {} synthetic rows a cell; the worst over widths from 1.2 to 18 px. \
+             {LABELS}\n\n\
+             {}\n\
              Cost: on the emulated chip, except *host ns*.\n\n{}\n\
-             The search for the spot takes {:.2} instructions a pixel if the row before gave the width and it is 6 pixels \
-             or more. In the first row of a frame, and for narrower spots, it takes {:.2} instructions a pixel. \
-             Turning a read-out into a row takes {:.2} instructions a word. With the default estimator, a whole row \
-             takes {} instructions from the second row of a frame on.\n",
+             The search for the spot takes {:.2} instructions a pixel if the row before gave the width and \
+             it is 6 pixels or more. In the first row of a frame, and for narrower spots, it takes {:.2} \
+             instructions a pixel. Turning a read-out into a row takes {:.2} instructions a word. With the \
+             default estimator, a whole row takes {} instructions from the second row of a frame on.\n",
             self.accuracy.rows,
             table::markdown(&self.accuracy_table()),
             table::markdown(&self.cost_table()),
@@ -252,8 +254,9 @@ impl Measured {
             ]);
         }
         format!(
-            "{}\nThe bound (Cramér-Rao) is the smallest error that any unbiased method can have with this noise. Ratios: the \
-             worst over spot widths (sigma) from 1.2 to 18 px. Time: from counted instructions, at 168 MHz.\n",
+            "{}\nThe bound (Cramér-Rao) is the smallest error that any unbiased method can have with this \
+             noise. Ratios: the worst over spot widths (sigma) from 1.2 to 18 px. Time: from counted \
+             instructions, at 168 MHz.\n",
             table::markdown(&rows),
         )
     }
@@ -561,7 +564,8 @@ fn label(method: Method) -> String {
 }
 
 /// What the marks of [`label`] mean.
-const LABELS: &str = "The baselines are not in the firmware. *repair* is the robust fit that the check runs on a row that fails the check.";
+const LABELS: &str = "The baselines are not in the firmware. *repair* is the robust fit that the check runs \
+                      on a row that fails the check.";
 
 /// A ratio, with fewer digits where it is large.
 fn ratio(value: f64) -> String {
@@ -605,9 +609,9 @@ mod tests {
     use super::*;
     use crate::made_up;
 
-    /// The keys that others rely on.
+    /// Other programs rely on these keys.
     #[test]
-    fn the_json_has_its_shape() {
+    fn the_json_has_the_keys_that_users_rely_on() {
         let measured = made_up::measured();
         let json = serde_json::to_value(measured.json()).expect("JSON");
         assert!(json.get("peers").is_none());
@@ -648,7 +652,12 @@ mod tests {
         });
         assert_eq!(
             json.expect("JSON")["peers"],
-            serde_json::json!([{"name": "a", "host_time_ratio": 2.0, "chip_instruction_ratio": null, "rmse_over_bound": 1.5}])
+            serde_json::json!([{
+                "name": "a",
+                "host_time_ratio": 2.0,
+                "chip_instruction_ratio": null,
+                "rmse_over_bound": 1.5,
+            }])
         );
     }
 

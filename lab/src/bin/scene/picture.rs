@@ -449,7 +449,7 @@ mod tests {
         assert!((column - seen.truth).abs() < 4.0, "{column}");
     }
 
-    /// All figures of docs/ are read over a network.
+    /// Readers load all figures of docs/ over a network.
     #[test]
     fn pictures_are_small_and_whole() {
         for name in ["lens", "laser-off", "moving-target"] {

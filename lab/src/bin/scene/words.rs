@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn effects_are_told_with_their_parameters() {
+    fn effects_are_printed_with_their_parameters() {
         let scene = Scene::load("sunlit").expect("a scene");
         let mut text = String::new();
         write_parameters(&mut text, &scene).expect("text");

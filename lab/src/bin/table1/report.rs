@@ -117,7 +117,8 @@ impl Report {
     pub fn markdown(&self) -> String {
         let mut text = format!(
             "Errors in µm, simulated on a PC, with the paper's in brackets; {}.\n\n\
-             | Material | Lens MAX | MAE | Slit, gaussian MAX | MAE | Slit, Fraunhofer MAX | MAE | Slit, ours MAX | MAE |\n\
+             | Material | Lens MAX | MAE | Slit, gaussian MAX | MAE | Slit, Fraunhofer MAX | MAE | Slit, \
+             ours MAX | MAE |\n\
              |:--|--:|--:|--:|--:|--:|--:|--:|--:|\n",
             self.extent()
         );
@@ -144,17 +145,17 @@ impl Report {
             let gains = self.gains(&best);
             let gains = || gains.iter().map(|gain| gain.gain_percent);
             text += &format!(
-                "\nOurs is `{}`. Its MAE is {:.0} to {:.0} % below that of the paper's gaussian. This gain is known to 3 %, \
-                 because the travel covers only about 100 independent speckles.\n",
+                "\nOurs is `{}`. Its MAE is {:.0} to {:.0} % below that of the paper's gaussian. This gain \
+                 is known to 3 %, because the travel covers only about 100 independent speckles.\n",
                 best.name(),
                 gains().fold(f64::INFINITY, f64::min),
                 gains().fold(f64::NEG_INFINITY, f64::max)
             );
         }
         text + "\nThe paper does not give the following values. We chose them, the same for the lens and the \
-                slit. *Paths*: the mean extra path of light within the material. *Glossy lobe*: its brightness \
-                over that of the matt surface. *Texture*: the standard deviation of the reflectance over its \
-                mean, and the length over which the reflectance varies.\n\n"
+                slit. *Paths*: the mean extra path of light within the material. *Glossy lobe*: its \
+                brightness over that of the matt surface. *Texture*: the standard deviation of the \
+                reflectance over its mean, and the length over which the reflectance varies.\n\n"
             + &chosen()
     }
 
@@ -385,7 +386,8 @@ fn chosen() -> String {
     let lens = apparatus::lens();
     let mut list = format!(
         "- laser: linewidth {:.1} nm, waist {:.2} mm at {:.2} m, {:.1} mrad to the table\n\
-         - axis of the camera: tan u = {TAN_ANGLE}\n\
+         - axis of the camera: tan u = {TAN_ANGLE}, with u the angle between the axis and the \
+         baseline, as in eq. (1)\n\
          - lens: in focus at {:.2} m, distortion {:+.1} % and coma of {:.2} waves at the edge of the \
          field\n\
          - lens flare: a ghost of {:.1} % of the light, {:.2} mm in radius, at -{:.1} times the \

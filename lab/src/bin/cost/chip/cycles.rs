@@ -145,9 +145,10 @@ mod tests {
 
     use super::*;
 
-    /// A loop as the inner product's, four times, and the timings of the manual: 10 instructions.
+    /// A loop like that of the inner product runs four times. The expected cycles are those of the manual,
+    /// for 10 instructions.
     #[test]
-    fn a_loop() {
+    fn a_loop_takes_the_cycles_of_the_manual() {
         let program = Program::of_lines(
             "100: e8f1 2302 	ldrd	r2, r3, [r1], #8
              104: f850 4b04 	ldr	r4, [r0], #4

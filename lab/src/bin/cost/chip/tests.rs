@@ -63,8 +63,7 @@ fn on_this_pc(method: Method, width: f32, row: usize) -> Result<(i32, i32), Stri
     }
 }
 
-/// The chip's inner products are assembly, and its floating point is the core's own or the compiler's
-/// library.
+/// The chip's inner products are assembly. Its floating point is the core's own or the compiler's library.
 #[test]
 fn the_chip_and_a_pc_find_the_same_bits() {
     let mut found = on_the_chip().into_iter();
@@ -91,15 +90,15 @@ fn the_chip_and_a_pc_find_the_same_bits() {
     assert!(centres > 9 * faults, "{faults} faults");
 }
 
-/// A difference would be an error of [`chip`].
+/// [`chip`] gives an error if the assembly and the portable function differ.
 #[test]
 fn the_assembly_and_its_twin_agree() {
     println!("{} are the same", CHIP.kernels_compared);
     assert!(CHIP.kernels_compared >= 9000);
 }
 
-/// The peers fit the spot that the estimators fit: the same noise moves both, so that they lie within three
-/// standard uncertainties.
+/// The peers fit the same spot as the estimators. The same noise moves both, so their centres differ by less
+/// than three standard uncertainties.
 #[test]
 fn the_peers_fit_the_same_spot() {
     let default = Method::default().name();
@@ -146,7 +145,7 @@ fn every_method_is_there_at_every_width() {
     }
 }
 
-/// Distances are integers and slopes single operations of f32, which the chip has in hardware.
+/// Distances are integers. Slopes are single operations of f32, which the chip has in hardware.
 #[test]
 fn the_chip_and_a_pc_make_the_same_distances() {
     let mut on_the_chip = lines::all(&RUN.lines, Kind::Distance);
@@ -165,7 +164,7 @@ fn the_chip_and_a_pc_make_the_same_distances() {
     assert_eq!(on_the_chip.next(), None);
 }
 
-/// At most 60 by eq. (1) and 120 by a PCHIP, at any centre.
+/// At any centre, eq. (1) takes at most 60 instructions, and a PCHIP at most 120.
 #[test]
 fn a_distance_takes_few_instructions() {
     for (form, most) in Form::ALL.into_iter().zip([60, 120, 200]) {

@@ -152,9 +152,9 @@ mod tests {
         assert!(f32.abs() < 1e-3);
     }
 
-    /// The project's reference takes four sigma where the peers take 128 pixels. What lies beyond four sigma
-    /// holds the part 2 exp(-16) 4/sqrt(pi) = 5e-7 of the information on the centre, so the two agree to 7e-4
-    /// of the bound, standard deviation.
+    /// The project's reference uses four sigma, and the peers use 128 pixels. The pixels beyond four sigma
+    /// hold 2 exp(-16) 4/sqrt(pi) = 5e-7 of the information on the centre. So the two fits differ by a
+    /// standard deviation of 7e-4 of the bound.
     #[test]
     fn agrees_with_the_reference_fit() {
         for (window, bound) in examples::noisy(100) {

@@ -183,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_row_before_tells_what_it_should() {
+    fn the_start_of_a_fit_is_near_the_truth() {
         for scene in [REFERENCE, WHITE[0], WHITE[1]] {
             // What the row before did not measure better, five standard deviations: the width's bound is
             // about that of the centre.

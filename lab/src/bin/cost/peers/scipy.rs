@@ -155,8 +155,9 @@ mod tests {
     use crate::peers::gaussian::examples;
     use crate::peers::levenberg_marquardt;
 
-    /// All of them minimise the same sum of squares. L-BFGS-B stops where the sum's gradient is below 1e-5,
-    /// and its curvature along the centre is about sqrt(pi/2) (A = 1, 10.5 pixels a sigma): 1e-4 px.
+    /// All fits minimise the same sum of squares. L-BFGS-B stops if the gradient of the sum is below 1e-5.
+    /// The curvature along the centre is about sqrt(pi/2) (A = 1, 10.5 pixels a sigma), so the centre is
+    /// exact to 1e-4 px.
     #[test]
     fn agrees_with_levenberg_marquardt() {
         let Some(environment) = Environment::existing() else {
