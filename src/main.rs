@@ -57,7 +57,8 @@ async fn main(spawner: embassy_executor::Spawner) {
 #[cfg(not(target_os = "none"))]
 fn main() -> std::process::ExitCode {
     eprintln!(
-        "This is the firmware, which runs on a NUCLEO-F429ZI: `cargo board` flashes and runs it, `cargo fw` only"
+        "This is the firmware, which runs on a NUCLEO-F429ZI: `cargo board` flashes and runs it, \
+         `cargo fw` only"
     );
     eprintln!(
         "builds it. Without the hardware, `cargo demo` runs it on an emulated board with a target that moves."

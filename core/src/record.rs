@@ -444,22 +444,26 @@ impl fmt::Display for RecordError {
             }
             Self::Checksum { written, computed } => write!(
                 f,
-                "the record is damaged, its CRC is {written:08x} and not {computed:08x}: write the calibration again"
+                "the record is damaged, its CRC is {written:08x} and not {computed:08x}: write the \
+                calibration again"
             ),
             Self::Version { version } => write!(
                 f,
-                "the record has format {version}, and this firmware knows {VERSION}: write it with the tool of this firmware"
+                "the record has format {version}, and this firmware knows {VERSION}: write it with the tool \
+                of this firmware"
             ),
             Self::Shape => f.write_str(
-                "the CRC is right, but the bytes are not a record: write the calibration with the tool of this firmware",
+                "the CRC is right, but the bytes are not a record: write the calibration with the tool of \
+                this firmware",
             ),
             Self::StraightLines => f.write_str(
-                "the record is a table with straight lines between its knots, which this firmware no longer has: fit again \
-                 from the points file",
+                "the record is a table with straight lines between its knots, which this firmware no longer \
+                has: fit again from the points file",
             ),
             Self::Date => f.write_str("the record's date is not a day of the calendar: set the date"),
             Self::Geometry => f.write_str(
-                "the record's sensor is impossible: its parts must lie within a row, with 1 to 4096 pixels of 1 to 12 bits",
+                "the record's sensor is impossible: its parts must lie within a row, with 1 to 4096 pixels \
+                of 1 to 12 bits",
             ),
             Self::Estimator { letter } => write!(
                 f,
@@ -468,14 +472,16 @@ impl fmt::Display for RecordError {
             ),
             Self::BlackLevel { level } => write!(
                 f,
-                "the record's black level of {level} counts is outside a pixel's range: set it to 0 to {LARGEST_COUNT}"
+                "the record's black level of {level} counts is outside a pixel's range: set it to 0 to \
+                {LARGEST_COUNT}"
             ),
             Self::Eq1(error) => error.fmt(f),
             Self::Table(error) => error.fmt(f),
             Self::Corrected(error) => error.fmt(f),
             Self::OffTheSensor { first, last } => write!(
                 f,
-                "the record's centres, {first:.1} to {last:.1} px, reach beyond the sensor: take a smaller range"
+                "the record's centres, {first:.1} to {last:.1} px, reach beyond the sensor: take a smaller \
+                range"
             ),
         }
     }

@@ -27,7 +27,8 @@ macro_rules! list {
             Stream "stream" stream: bool = true, Form::Words("on|off"), Affects::Session;
 
             /// rows in a frame
-            Rows "rows" rows: u16 = 16, Form::Number { least: 1, most: MAX_ROWS, unit: "" }, Affects::Measurement;
+            Rows "rows" rows: u16 = 16,
+                Form::Number { least: 1, most: MAX_ROWS, unit: "" }, Affects::Measurement;
 
             /// how the rows' centres are averaged
             Mean "mean" mean: Mean = Mean::Weighted, Form::Words("plain|weighted"), Affects::Measurement;
@@ -37,7 +38,8 @@ macro_rules! list {
                 Form::Words("fixed 0..4095|shielded|frame"), Affects::Measurement;
 
             /// how the centre of a row is found
-            Estimator "estimator" estimator: Estimator = Estimator::PhaseTable, Form::Listed, Affects::Measurement;
+            Estimator "estimator" estimator: Estimator = Estimator::PhaseTable,
+                Form::Listed, Affects::Measurement;
         }
     };
 }
@@ -97,7 +99,10 @@ pub trait ValueText: Copy {
 }
 
 macro_rules! declare {
-    ($($(#[doc = $help:literal])+ $variant:ident $name:literal $field:ident: $type:ty = $default:expr, $form:expr, $affects:expr;)+) => {
+    ($(
+        $(#[doc = $help:literal])+
+        $variant:ident $name:literal $field:ident: $type:ty = $default:expr, $form:expr, $affects:expr;
+    )+) => {
         /// The value of every setting.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct Settings {

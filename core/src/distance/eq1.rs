@@ -63,8 +63,8 @@ impl fmt::Display for Eq1Error {
                 "a distance in the range of centres is beyond 8.38 m: take a smaller range, further from xp"
             }
             Self::Flat => {
-                "the distance hardly depends on the centre, by less than 1/16 um a pixel: check K, or take a range \
-                 nearer to xp"
+                "the distance hardly depends on the centre, by less than 1/16 um a pixel: check K, or take \
+                a range nearer to xp"
             }
         })
     }

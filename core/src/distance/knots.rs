@@ -214,8 +214,8 @@ impl fmt::Display for KnotsError {
             }
             Self::Order { index, centre } => write!(
                 f,
-                "knot {index} at {centre} px is not beyond the one before it: sort the knots by their centres, a \
-                 sixteenth of a pixel or more apart"
+                "knot {index} at {centre} px is not beyond the one before it: sort the knots by their \
+                centres, a sixteenth of a pixel or more apart"
             ),
             Self::Step { index, value } => write!(
                 f,

@@ -151,12 +151,13 @@ impl fmt::Display for CorrectedError {
             Self::Knots(error) => error.fmt(f),
             Self::Beyond { index, centre } => write!(
                 f,
-                "residual {index} at {centre} px is outside the range of eq. (1): leave it out, or widen that range"
+                "residual {index} at {centre} px is outside the range of eq. (1): leave it out, or widen \
+                that range"
             ),
             Self::Steep { index, centre } => write!(
                 f,
-                "the residuals up to number {index} at {centre} px change the slope of eq. (1) by more than half: smooth \
-                 them, or use a table of distances"
+                "the residuals up to number {index} at {centre} px change the slope of eq. (1) by more than \
+                half: smooth them, or use a table of distances"
             ),
             Self::Distance { centre } => write!(
                 f,

@@ -80,8 +80,8 @@ impl fmt::Display for TableError {
             Self::Knots(error) => error.fmt(f),
             Self::NotMonotone { index, distance } => write!(
                 f,
-                "knot {index} with {distance} um does not go on from the one before it: distances must all rise or all \
-                 fall, by 1/16 um a pixel at least; leave that point out, or smooth the table"
+                "knot {index} with {distance} um does not go on from the one before it: distances must all \
+                rise or all fall, by 1/16 um a pixel at least; leave that point out, or smooth the table"
             ),
         }
     }

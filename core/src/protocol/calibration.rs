@@ -94,7 +94,8 @@ impl CalibrationAnswer<'_> {
                 Some("what was saved cannot be used: upload it again, or defaults, then save")
             }
             FlashStatus::Older(_) => Some(
-                "the last save is unusable, flash holds an earlier one: upload the calibration again, or save",
+                "the last save is unusable, flash holds an earlier one: upload the calibration again, or \
+                save",
             ),
             FlashStatus::OtherSensor => Some(
                 "what was saved is of another sensor head: upload this one's calibration, then save",
@@ -198,7 +199,8 @@ mod tests {
                 FlashStatus::Older(own.sum()),
                 &[
                     "source stored",
-                    "fault the last save is unusable, flash holds an earlier one: upload the calibration again, or save",
+                    "fault the last save is unusable, flash holds an earlier one: upload the calibration \
+                    again, or save",
                     "stored same",
                 ],
             ),
@@ -206,7 +208,8 @@ mod tests {
                 FlashStatus::OtherSensor,
                 &[
                     "source uploaded",
-                    "fault what was saved is of another sensor head: upload this one's calibration, then save",
+                    "fault what was saved is of another sensor head: upload this one's calibration, then \
+                    save",
                     "stored unusable",
                 ],
             ),

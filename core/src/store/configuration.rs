@@ -207,7 +207,8 @@ impl fmt::Display for ConfigurationError {
         match self {
             Self::NoRoom { bytes } => write!(
                 f,
-                "a buffer of {bytes} bytes is too short for settings and record: {MAX_ENCODED} are enough for any"
+                "a buffer of {bytes} bytes is too short for settings and record: {MAX_ENCODED} are enough \
+                for any"
             ),
             Self::Short { bytes } => {
                 write!(f, "{bytes} bytes are too few for settings: save again")

@@ -26,7 +26,8 @@ impl fmt::Display for StoreError {
         match self {
             Self::Configuration(error) => error.fmt(f),
             Self::Flash => f.write_str(
-                "the flash failed to read, write or erase, the configuration saved before is unchanged: save again",
+                "the flash failed to read, write or erase, the configuration saved before is unchanged: \
+                save again",
             ),
             Self::Worn => f.write_str(
                 "the flash does not keep what is written, the configuration saved before is unchanged: save \
