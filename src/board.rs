@@ -19,7 +19,7 @@
 //!    pulses.
 //! 3. USART3, a character every 87 us. It may wait 10 us for the pulses, because the hardware holds one
 //!    character until the next has come.
-//! 4. FLASH, after each word of a save. It only wakes the task that waits, and nothing waits for that.
+//! 4. FLASH, after each word of a save. It only wakes the task that saves, which has no deadline.
 //! 5. Thread mode: computation and text. Whatever it does, rows are taken on time.
 
 use cortex_m::peripheral::DWT;
@@ -70,7 +70,7 @@ pub const SERIAL_INTERRUPT: interrupt::Interrupt = interrupt::USART3;
 /// frame is one row. With less, lines are dropped after `help estimator`.
 static TO_SEND: ConstStaticCell<[u8; 2 * MAX_ANSWER]> = ConstStaticCell::new([0; 2 * MAX_ANSWER]);
 
-/// Incoming characters: 44 ms of the line, more than thread mode computes without looking.
+/// Incoming characters: 44 ms of the line, longer than any computation in thread mode.
 static RECEIVED: ConstStaticCell<[u8; 512]> = ConstStaticCell::new([0; 512]);
 
 static URGENT: InterruptExecutor = InterruptExecutor::new();

@@ -1,13 +1,13 @@
 //! The firmware: laser spots in, distances out of the serial line.
 //!
-//! Four tasks, and what passes between them ([`shared`]):
+//! Three tasks and the flash, and what passes between them ([`shared`]):
 //!
 //! ```text
 //! acquisition --full rows--> measuring --centres, faults---> serial line --records--> flash
 //!             <--free rows--           <-settings, pauses---
 //! ```
 //!
-//! A fifth task feeds the watchdog while all others make progress. Acquisition and watchdog run in an
+//! A fourth task feeds the watchdog while all others make progress. Acquisition and watchdog run in an
 //! interrupt, above the other tasks, so that a row's computation never shifts the sensor's pulses.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 

@@ -30,7 +30,7 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
         match select(RESULTS.receive(), rx.read(&mut bytes)).await {
             Either::First(result) => shell.take(Event::Frame(result)).await,
             Either::Second(received) => {
-                // Never an error in this driver, which counts and drops them. An error would bring no bytes.
+                // This driver never returns an error: it drops them, and `board` counts them.
                 let received = received.unwrap_or(0);
                 for command in bytes[..received]
                     .iter()

@@ -80,9 +80,9 @@ const TRANSFER_START: u32 = 6 * CYCLES_A_MASTER_CLOCK;
 /// From the fall of ICG to its rise if no row is read: SH fell at least 1000 ns before (data sheet, t1).
 const ICG_LOW: u32 = 10 * CYCLES_A_MASTER_CLOCK;
 
-/// From the start of word 1 to the rise of ICG, to the nearest rise of fM. The converter samples word 2 3.5
-/// SCLK into it: 16 + 3.5 SCLK (1857 ns) after the start of word 1. A pixel lasts 1524 ns; 70 % of it is 1067
-/// ns.
+/// From the start of word 1 to the rise of ICG, to the nearest rise of fM. The converter samples word 2 when
+/// 3.5 SCLK of the word have passed: 16 + 3.5 SCLK (1857 ns) after the start of word 1. By then 70 % of pixel
+/// D0 must have passed, 1067 of 1524 ns.
 const ICG_AFTER_WORD_1: u32 = cycles_in_ns(1857 - 1067);
 
 /// The first word takes 1.5 us. If it has not come after this time, it will not come.

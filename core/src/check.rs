@@ -44,8 +44,8 @@ use crate::fault::Fault;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 
-/// A narrower spot, in pixels, is flagged: three bad pixels side by side look like one of 0.95, with noise
-/// like one of up to 1.2, and nothing in a row tells them from a spot.
+/// A narrower spot, in pixels, is flagged. Three bad pixels side by side look like a spot of 0.95, and with
+/// noise like one of up to 1.2. Nothing in a row tells them from a spot.
 const NARROWEST_SURE: f32 = 1.2;
 
 /// If the sensor's edge cuts a narrower spot, in pixels, nothing tells it from bad pixels.

@@ -36,8 +36,8 @@ pub enum Fault {
         /// Where the other one is, roughly.
         other: Pixels,
     },
-    /// The centres of the frame's rows lie further apart than the spot is wide: the target moved, or there
-    /// are two spots.
+    /// The centres of the frame's rows do not agree, or scatter by more than the spot's width: the target
+    /// moved, or there are two spots.
     Unsteady {
         /// Standard deviation of the rows' centres.
         scatter: Pixels,

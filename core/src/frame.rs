@@ -146,7 +146,7 @@ impl Frame {
             return Err(self.unsteady());
         }
         let fitted = if motion == 0.0 { 1.0 } else { 2.0 };
-        let (growth, correlated) = match correlation::independent(&members, fitted) {
+        let (growth, correlated) = match correlation::estimate(&members, fitted) {
             Some(found) => (found.growth, found.rows_if_few()),
             None => (1.0, None),
         };
@@ -202,12 +202,12 @@ type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
 /// A row as the mean uses it.
 ///
 /// No sum over 64 members leaves the range of an f32 (2^127), and no division is by zero. Two centres differ
-/// by less than 2^17 px. A line through some of them is at most so steep, so a centre less that line is below
-/// 2^24. An uncertainty is 2^-16 to 2^15 px. A residual, which is centre over uncertainty, is below 2^40,
-/// from another line below 2^47, and 64 squares are below 2^100. A weight is at most 1/u^2 = 2^32. 64
-/// weights, each times an offset and the square of a row's number, are below 2^74; a weight times u is at
-/// most 2^16. Most of the rows that agree have more than half of their 1/u^2 >= 2^-30, so sums of weights are
-/// above zero.
+/// by less than 2^17 px. A line through some of them changes by at most 2^17 px a row, so a centre less that
+/// line is below 2^24. An uncertainty is 2^-16 to 2^15 px. A residual, which is centre over uncertainty, is
+/// below 2^40, from another line below 2^47, and 64 squares are below 2^100. A weight is at most 1/u^2 =
+/// 2^32. 64 weights, each times an offset and the square of a row's number, are below 2^74; a weight times u
+/// is at most 2^16. A row that agrees has a weight of more than half of its 1/u^2, which is 2^-30 or more, so
+/// sums of weights are above zero.
 #[derive(Clone, Copy)]
 struct Member<'a> {
     row: &'a RowCentre,

@@ -39,7 +39,7 @@
 //!
 //! # Memory
 //!
-//! Static RAM on a 32-bit chip: two bytes for each word of a row, and those of these values that the program
+//! Static RAM on a 32-bit chip: two bytes for each word of a row, plus the values below that the program
 //! keeps.
 //!
 //! | | bytes |

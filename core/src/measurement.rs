@@ -107,7 +107,7 @@ impl Measurement {
         )?;
         self.before = Some((spot, centre));
         if self.settings.estimator != Estimator::Centroid {
-            // These fit or cancel the level under the spot, and measure the height above it.
+            // The other estimators fit or cancel the level under the spot, and measure the height above it.
             return Ok(centre);
         }
         let amplitude = spot.above_black(centre.amplitude);

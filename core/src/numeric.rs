@@ -4,7 +4,7 @@
 //! Elsewhere the core uses the plain operators, and the program `panic-free` checks that none of them can
 //! overflow: the compiler adds a panic wherever it cannot exclude an overflow, and the program links only if
 //! no panic is reachable. These functions have no such panic. With debug assertions, as in all tests and in
-//! fuzzing, a reason that does not hold panics.
+//! fuzzing, they panic on an overflow.
 
 /// a + b.
 #[inline(always)]
@@ -83,15 +83,15 @@ pub(crate) const fn add_usize(a: usize, b: usize) -> usize {
     a.wrapping_add(b)
 }
 
-/// Counts how many are true. They are in memory, so a `usize` holds their number. The sum in a filter's
-/// `count` is one that the compiler cannot prove.
+/// Counts the values that are true. They are in memory, so a `usize` holds their number. The compiler cannot
+/// prove that the sum in the `count` of a filter does not overflow.
 #[inline(always)]
 pub(crate) fn count(all: impl Iterator<Item = bool>) -> usize {
     all.fold(0, |number, is_so| add_usize(number, usize::from(is_so)))
 }
 
-/// Limits a value to `low` and `high`; not-a-number stays what it is. `f32::clamp` has a panic on bounds that
-/// are not in order, which brings 20 KB of formatting to the chip. `max` and `min` have rules for
+/// Limits a value to `low` and `high`; not-a-number stays not-a-number. `f32::clamp` has a panic on bounds
+/// that are not in order, which brings 20 KB of formatting to the chip. `max` and `min` have rules for
 /// not-a-number that take ten instructions each.
 #[inline(always)]
 pub(crate) fn limited(value: f32, low: f32, high: f32) -> f32 {

@@ -35,7 +35,7 @@ impl Measured {
         let (distance, slope) = calibration.distance_at(frame.centre)?;
         Ok(Reading {
             distance,
-            // Never zero: the finest step is larger than the true uncertainty then.
+            // Never zero: if the true uncertainty is below the finest step, the step is reported.
             uncertainty: Micrometres::from_f32(frame.uncertainty.to_f32() * slope.abs())
                 .max(Micrometres::from_bits(1)),
             centre: frame.centre,
@@ -83,10 +83,10 @@ pub struct Reading {
     /// errors and the number is below [`FEWEST_INDEPENDENT`](crate::frame::FEWEST_INDEPENDENT). The
     /// uncertainty is then an estimate from too few rows, and may be several times too small.
     ///
-    /// `None` does not say that the rows are independent. Few rows tell little about that: of frames of 64
-    /// rows that are worth fewer than eight 96 % are flagged, of 16 rows that are worth four 18 %. An error
-    /// that all rows share does not show in their differences. Speckle makes a reading of a target at rest,
-    /// or of one that drifts steadily, wrong by hundreds of times its uncertainty, and nothing in the frame
-    /// tells. Only readings of other places on the surface do.
+    /// `None` does not say that the rows are independent. Few rows tell little about that: the flag marks
+    /// 96 % of the frames of 64 rows that are worth fewer than eight, but only 18 % of the frames of 16 rows
+    /// that are worth four. An error that all rows share does not show in their differences. Speckle makes a
+    /// reading of a target at rest, or of one that drifts steadily, wrong by hundreds of times its
+    /// uncertainty. Nothing in the frame shows that error, only readings of other places on the surface do.
     pub correlated: Option<u16>,
 }

@@ -107,8 +107,8 @@ pub enum RowError {
 }
 
 impl Geometry {
-    /// Whether a calibration that was made with one geometry may be used with the other. All fields must
-    /// agree but the noise figure, which changes a centre's uncertainty and not its meaning.
+    /// Whether a calibration that was made with one geometry may be used with the other. All fields but the
+    /// noise figure must agree: the noise figure changes a centre's uncertainty and not its meaning.
     pub fn is_compatible_with(&self, other: &Self) -> bool {
         // All fields by name: a new one does not compile until someone decides here whether it counts.
         let Self {
@@ -154,16 +154,16 @@ impl Geometry {
             return Err(length);
         }
         let full_scale = self.full_scale();
-        let (any, reaches_full_scale) = match self.polarity {
+        let (bits, reaches_full_scale) = match self.polarity {
             Polarity::Falling => invert_words(words, full_scale),
             Polarity::Rising => {
-                let any = words.iter().fold(0, |any, &word| any | word);
-                (any, words.iter().any(|&word| word >= full_scale))
+                let bits = words.iter().fold(0, |bits, &word| bits | word);
+                (bits, words.iter().any(|&word| word >= full_scale))
             }
         };
         // Full scale is 2^bits - 1: a larger word sets a bit that no valid word has.
-        if any > full_scale {
-            return Err(RowError::Impossible { bits: any });
+        if bits > full_scale {
+            return Err(RowError::Impossible { bits });
         }
         let words = &*words;
         match (
@@ -188,11 +188,11 @@ impl Geometry {
 fn invert_words(words: &mut [u16], full_scale: u16) -> (u16, bool) {
     const ONES: u32 = 0x0001_0001;
     let full_scales = u32::from(full_scale) * ONES;
-    let (mut any, mut borrows) = (0u32, 0u32);
+    let (mut bits, mut borrows) = (0u32, 0u32);
     let (pairs, last) = words.as_chunks_mut::<2>();
     for pair in pairs {
         let both = u32::from(pair[0]) | (u32::from(pair[1]) * 0x1_0000);
-        any |= both;
+        bits |= both;
         // The high bit of a half is set if subtracting one borrows: only zero does (A. Mycroft, 1987). A zero
         // in the low half may set the bit of the high half too, which does not change the result.
         borrows |= both.wrapping_sub(ONES) & !both;
@@ -202,11 +202,11 @@ fn invert_words(words: &mut [u16], full_scale: u16) -> (u16, bool) {
         *pair = [inverted as u16, (inverted >> 16) as u16];
     }
     for word in last {
-        any |= u32::from(*word);
+        bits |= u32::from(*word);
         borrows |= u32::from(word.wrapping_sub(1) & !*word);
         *word = full_scale.wrapping_sub(*word);
     }
-    ((any | any >> 16) as u16, borrows & 0x8000_8000 != 0)
+    ((bits | bits >> 16) as u16, borrows & 0x8000_8000 != 0)
 }
 
 #[cfg(test)]

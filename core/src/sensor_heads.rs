@@ -1,11 +1,11 @@
-//! The sensor heads that there are drivers for: what the words of their rows are. The drivers give the
-//! pulses; the simulation and the tests on a PC need the same numbers.
+//! The layout of the rows of each sensor head that has a driver. The simulation and the tests on a PC need
+//! the same numbers as the driver.
 
 use crate::row::{Geometry, Polarity};
 
 /// Words of a TCD1304DG's read-out before the one that samples the sensor's first output, D0. The converter
-/// runs before the sensor is let go, so that the phase between their clocks does not depend on the program's
-/// speed. Word `LEAD_IN + k` samples output k.
+/// runs before the sensor puts out D0, so that the phase between their clocks does not depend on the
+/// program's speed. Word `LEAD_IN + k` samples output k.
 pub const TCD1304DG_LEAD_IN: usize = 2;
 
 /// Toshiba TCD1304DG behind a 12-bit converter.
@@ -25,7 +25,7 @@ pub const fn tcd1304dg() -> Geometry {
         light: S1..S1 + 3648,
         polarity: Polarity::Falling,
         bits: 12,
-        // One over ten.
+        // One over ten electrons.
         shot_variance_per_count_q16: 6554,
     }
 }

@@ -3,7 +3,7 @@
 //! ```text
 //! flash's contents ─┐                       ┌─ text to send
 //! command ──────────┼─> Session::take ──────┼─ settings for the measurement
-//! result of a frame ┘    (+ what counts)    └─ settings and record for flash
+//! result of a frame ┘    (+ vitals)         └─ settings and record for flash
 //! ```
 //!
 //! The owner of the serial line brings the events and carries out the actions: the firmware, or a test on a
@@ -63,7 +63,7 @@ pub struct Actions {
 impl Actions {
     /// Adds a line to the text.
     fn add_line(&mut self, line: &dyn fmt::Display) {
-        // An answer that does not fit is cut off; the protocol's tests hold that all fit.
+        // An answer that does not fit is cut off; the protocol's tests check that all fit.
         let _ = write!(self.text, "{line}\r\n");
     }
 }

@@ -178,13 +178,13 @@ fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
 #[cold]
 #[inline(never)]
 fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
-    let mut level: Vec<u16, MAX_PIXELS> = Vec::new();
+    let mut untilted: Vec<u16, MAX_PIXELS> = Vec::new();
     // Every push succeeds: a row has at most MAX_PIXELS.
     let (lowest, above) = tilt.subtract_from(light);
     for count in above {
-        let _ = level.push(count);
+        let _ = untilted.push(count);
     }
-    match search(&level, true)? {
+    match search(&untilted, true)? {
         Found::Spot(spot) => {
             let level = Counts::from_bits(
                 (spot.background.level.to_bits())
@@ -229,12 +229,12 @@ pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, F
     let background = under_the_kernel(level, block_log2);
     let above = |response: u32| in_q8(response).saturating_sub(background).max(0);
     // Another spot has two thirds of the peak's response or more: see `second_spot::has_similar_height`.
-    // Below 2^30 and 2^31.
-    let least_like = |peak: u32| {
+    // Both terms are below 2^29.
+    let least_similar = |peak: u32| {
         (numeric::add_i32(background, above(peak) / 3 * 2).max(0) >> Counts::FRACTION)
             .unsigned_abs()
     };
-    let Some(peak) = sweep.peak(least_like) else {
+    let Some(peak) = sweep.peak(least_similar) else {
         return find(row);
     };
     let response = above(peak.response);
@@ -384,7 +384,7 @@ impl<'a> Sums<'a> {
             .map(|(highest, start)| (highest, start..start + 2 * PART))
     }
 
-    /// The block on which the kernel's middle has its highest response: the first of several.
+    /// The block on which the kernel's middle has its highest response; of equal ones, the first.
     fn highest(&self, block_log2: u32) -> Option<usize> {
         // Not `>=`: of equal parts the first.
         let (response, mut blocks) = (self.parts(block_log2))

@@ -160,8 +160,8 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// [`StoreError`] says why the save failed.
     pub async fn save(&mut self, configuration: &Configuration) -> Result<(), StoreError> {
-        // Compare what a later read will give: flash holds neither the settings of a session nor a part of a
-        // count.
+        // Compare what a later read will give: flash holds neither the settings of a session nor fractions of
+        // a count.
         let bytes = configuration::encode(configuration, &mut self.item)?;
         let configuration = &configuration::decode(bytes)?;
         let Items { last, newest } = self.items().await?;

@@ -49,7 +49,7 @@ macro_rules! quantity {
                 }
             }
 
-            /// The value to within a step (an f32 has 24 bits), saturating; not-a-number becomes zero.
+            /// Converts a float, to within a step (an f32 has 24 bits). Saturates; not-a-number becomes zero.
             #[inline]
             pub fn from_f32(value: f32) -> Self {
                 // `as` takes the whole part, saturates, and maps NaN to zero.

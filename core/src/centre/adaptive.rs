@@ -124,8 +124,8 @@ fn is_straight(
     (within(left) - tilt).abs() <= allowed && (within(right) - tilt).abs() <= allowed
 }
 
-/// The flanks to the left and to the right. Both are as far from the centre, to half a pixel, so that the
-/// light of a symmetric spot does not look like a tilt.
+/// The flanks to the left and to the right, equally far from the centre to half a pixel, so that the light of
+/// a symmetric spot does not look like a tilt.
 fn flanks<'a>(light: &'a [u16], fit: &Fit<'_>) -> Option<(&'a [u16; FLANK], &'a [u16; FLANK])> {
     const HALF: i32 = 1 << (Pixels::FRACTION - 1);
     // A centre is below 2^13 pixels, a width below 2^8.

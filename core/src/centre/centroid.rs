@@ -23,7 +23,8 @@
 //! u^2 = (noise^2 (2/3 h^3 - h^2/3) + g k M sigma^2) / (kM)^2,
 //!
 //! which is 1.6 times the bound in white noise, and 1.01 in shot noise. The window's ends on whole pixels
-//! leave an error of up to 0.005 pixel for a width of 0.8, 0.003 for 1.2 and 0.001 for 2, which is not in it.
+//! leave an error of up to 0.005 pixel for a width of 0.8, 0.003 for 1.2 and 0.001 for 2. u does not include
+//! that error.
 //!
 //! | | |
 //! |---|---|

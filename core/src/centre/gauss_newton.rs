@@ -215,8 +215,8 @@ pub(crate) struct Start {
 }
 
 impl Start {
-    /// Finds the start values from the half maximum. If the sensor's edge cuts the spot, uses the side that
-    /// is left.
+    /// Finds the start values from the half maximum. If the sensor's edge cuts off one side of the spot, uses
+    /// the other.
     pub(crate) fn find(light: &[u16], spot: &Spot, geometry: &Geometry) -> Result<Self, Fault> {
         let half = half_width::find(light, spot)?;
         let (offset, half_maximum) = match (half.left, half.right) {
@@ -336,7 +336,7 @@ impl Window {
         (-0.5..self.length as f32 - 0.5).contains(&at.centre)
     }
 
-    /// Takes back the samples that [`Sample::mask`] masked. Samples at full scale stay masked.
+    /// Unmasks the samples that [`Sample::mask`] masked. Samples at full scale stay masked.
     pub(crate) fn unmask(&mut self) {
         for sample in &mut self.samples {
             if sample.is_masked_by_check() {
@@ -358,8 +358,8 @@ impl Window {
         }
     }
 
-    /// The mean of the samples within `reach` of a sample, above the row's level: from -2^8 to 2^9. They may
-    /// lie outside the window. `None` where they are not all on the row.
+    /// The mean of the samples within `reach` of a sample, above the row's level. The samples may lie outside
+    /// the window: `sample` is within -2^8 to 2^9. `None` where they are not all on the row.
     pub(crate) fn mean(
         &self,
         row: &Row<'_>,

@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn what_never_falls_is_no_spot() {
+    fn counts_that_never_fall_to_half_are_no_spot() {
         let mut light = [300u16; 1000];
         light[999] = 200;
         for block_log2 in [0, 3, 7, 31] {

@@ -56,8 +56,8 @@ pub fn count_saturated_pixels(
 /// and `width` are in pixels, `amplitude` in counts.
 ///
 /// # Errors
-/// [`Fault::TooDim`], with the height at which the uncertainty would do, in noise that does not grow with the
-/// light.
+/// [`Fault::TooDim`], with the height at which the uncertainty would be small enough, if the noise did not
+/// grow with the light.
 #[inline]
 pub fn check_uncertainty(amplitude: f32, uncertainty: f32, width: f32) -> Result<(), Fault> {
     if uncertainty * DIMMEST <= width {

@@ -68,7 +68,8 @@ pub enum TableError {
     Scales,
 }
 
-/// The number of all sets that are not the core's own. A result with one of these tells nothing to another.
+/// The number of every set that is not the core's own. The core cannot tell such sets apart, so a result of
+/// one of them must not be the `before` of another.
 const FOREIGN: u8 = u8::MAX;
 
 /// The largest sample that tables are proven for.

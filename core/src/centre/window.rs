@@ -75,8 +75,8 @@ impl<'r, 't> Window<'r, 't> {
             )
         } else {
             let phase = phases / 2;
-            // The offset counts from the middle sample's first pixel, so it has half a block less half a
-            // pixel more.
+            // The offset counts from the middle sample's first pixel. That sample's middle is (block - 1) / 2
+            // pixels further.
             let beside = ((2 * phase + 1 - phases) * block * HALF).checked_div(phases)?;
             let offset = (block - 1) * HALF + beside;
             let middle =

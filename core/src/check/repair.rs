@@ -7,9 +7,9 @@
 //!
 //! 1. **Pixels.** Hot and dead ones: the worst first, because one outlier bends the fit and makes good pixels
 //!    look bad until it is gone.
-//! 2. **Light.** A second spot or a reflection, which leads a fit astray from the start: the spot's top and
-//!    the dark are fitted first, then all but the light that stands out beside the spot, as far as it is more
-//!    than a thousandth of the spot.
+//! 2. **Light.** A second spot or a reflection, which leads a fit astray from the start. The first fit takes
+//!    only the spot's top and the dark. The next fits mask only the second light, wherever it is more than a
+//!    thousandth of the spot.
 //! 3. **One pixel** of a narrow spot. Among its few pixels one bad pixel makes all of them look bad: each in
 //!    turn is masked.
 //!
@@ -43,8 +43,8 @@ const NEIGHBOUR_UNCERTAINTY: f32 = 2.8;
 /// A narrower spot, in pixels, has too few pixels to mask any.
 const NARROWEST: f32 = 1.0;
 
-/// A fit with masked pixels of a narrower spot, in pixels, is flagged: the few bad pixels that are left may
-/// fit by chance.
+/// If a fit with masked pixels finds a narrower spot, in pixels, it is flagged: the few bad pixels that are
+/// left may fit by chance.
 pub(super) const NARROWEST_SURE_REFIT: f32 = 2.5;
 
 /// The most bad pixels side by side, in samples. More samples side by side are light, which may be the spot.
@@ -299,6 +299,7 @@ impl Residuals {
     #[inline(never)]
     fn of(window: &Window, at: &Parameters, shot: f32) -> Self {
         let mut residuals = Self {
+            // Each place holds the spot's light over its height, until the deviation replaces it.
             deviations: gauss_newton::exponentials(at),
             worst: 0.0,
             squares: 0.0,

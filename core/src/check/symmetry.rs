@@ -283,10 +283,10 @@ impl Symmetry {
         let mut ratio = libm::expf(-pitch * (u + 0.5 * pitch));
         let falls = libm::expf(-pitch * pitch);
         let height = found.amplitude.to_f32() * block;
-        let bend = Bend::of(mirror.offset, per_s, height);
+        let correction = Correction::of(mirror.offset, per_s, height);
         let (noise, shot) = spot.background.variances(geometry);
         let noise = 2.0 * noise * block;
-        let trusted = OTHER_PROFILE * bend.third;
+        let profile_deviation = OTHER_PROFILE * correction.third;
         let level = spot.background.level_bits();
         let full_scale = geometry.full_scale();
         let is_cut = row.reaches_full_scale();
@@ -325,10 +325,10 @@ impl Symmetry {
                 let both = right + left;
                 let lit = if both > 0.0 { both } else { 0.0 };
                 odd.add(
-                    right - left + bend.at(u, e) - slope * u,
+                    right - left + correction.at(u, e) - slope * u,
                     u,
                     e,
-                    1.0 / (noise + trusted * trusted + shot * lit),
+                    1.0 / (noise + profile_deviation * profile_deviation + shot * lit),
                 );
                 even.add(both, u, e);
             }
@@ -426,19 +426,19 @@ fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
     sum as f32 / 256.0 + offset * ends
 }
 
-/// The error that linear interpolation of a gaussian leaves in z.
+/// Corrects z for the error of linear interpolation of a gaussian: add [`Correction::at`] to z.
 ///
 /// Interpolation by a part t of a pixel adds t (1-t) ((1-t)^(n-1) - t^(n-1)) / n! times the nth derivative to
 /// a function that is even about the centre, with the sign of t, for n = 3 and 5. The derivatives of a
 /// gaussian are e (3 u - u^3) / s^3 and e (10 u^3 - 15 u - u^5) / s^5.
-struct Bend {
+struct Correction {
     third: f32,
     c0: f32,
     c1: f32,
     c2: f32,
 }
 
-impl Bend {
+impl Correction {
     fn of(offset: f32, per_s: f32, height: f32) -> Self {
         let d = offset.abs();
         let t = 1.0 - d;
@@ -551,12 +551,12 @@ impl Even {
 
     /// Subtracts from each function in turn its parts along those before.
     fn solve(&self) -> Shape {
-        let pairs = self.samples;
+        let samples = self.samples;
         let (l0, l1, l2, p) = (
-            self.l0 / pairs,
-            self.l1 / pairs,
-            self.l2 / pairs,
-            self.p / pairs,
+            self.l0 / samples,
+            self.l1 / samples,
+            self.l2 / samples,
+            self.p / samples,
         );
         let c00 = self.m0 - l0 * self.l0;
         let c01 = self.m1 - l0 * self.l1;
@@ -694,9 +694,8 @@ mod tests {
         }
     }
 
-    /// A gaussian sampled at whole pixels, without noise: the error of interpolation in z, less the third and
-    /// the fifth derivative, is below a hundredth of the height at a width of 0.85 pixels, and 5 % with the
-    /// derivatives.
+    /// A gaussian sampled at whole pixels, without noise. At a width of 0.85 pixels, interpolation makes an
+    /// error in z of 5 % of the height, and the correction leaves less than a hundredth.
     #[test]
     fn interpolation_leaves_no_derivatives() {
         for (width, limit) in [(0.85f32, 6e-3), (1.5, 2e-4), (4.0, 1e-5)] {
@@ -704,7 +703,7 @@ mod tests {
             for step in -25..=25 {
                 let offset = step as f32 / 100.0;
                 let y = |x: f32| libm::expf(-0.5 * (x - offset) * (x - offset) / (width * width));
-                let bend = Bend::of(offset, 1.0 / width, 1.0);
+                let correction = Correction::of(offset, 1.0 / width, 1.0);
                 let moved = |x: f32| {
                     let next = if offset > 0.0 { x + 1.0 } else { x - 1.0 };
                     y(x) + offset.abs() * (y(next) - y(x))
@@ -713,7 +712,7 @@ mod tests {
                     let x = i as f32 * 0.5;
                     let z = moved(x) - moved(-x);
                     let u = x / width;
-                    worst = worst.max((z + bend.at(u, libm::expf(-0.5 * u * u))).abs());
+                    worst = worst.max((z + correction.at(u, libm::expf(-0.5 * u * u))).abs());
                     without = without.max(z.abs());
                 }
             }

@@ -57,8 +57,8 @@ impl Dividend {
     ///   is below the quotient by at least 8 e - 4.01 e and at most 12.01 e of it. So `first_digit` is not
     ///   above the quotient, and below it by less than 12.01 * 2^8 + 1 < 3076. With the half that rounds, the
     ///   rest is less than 3077 divisors, and so than 2^44.
-    /// - In units the rest loses less than one in becoming whole, a sixteenth of the divisor at most. With
-    ///   the same roundings as before, the estimate of rest / divisor is not above it, and less than
+    /// - The rest in units of 2^12 is cut off to a whole number: it loses at most a sixteenth of the divisor.
+    ///   With the same roundings as before, the estimate of rest / divisor is not above it, and less than
     ///   1/16 + 3077 * 12.01 e < 0.07 below it. So its whole part is right or one too small, and
     ///   `second_digit` one too large or right. If it is too large, the last rest is below zero.
     #[inline(always)]

@@ -32,9 +32,9 @@ const MOTION_PASSES: usize = 4;
 /// small an uncertainty weighs at most as much as 64 others.
 const MOST_CERTAIN: f32 = 8.0;
 
-/// From so many rows on, their own scatter tells how far one of them may lie. The median deviation of n
-/// normal values is known to 1.17 / sqrt(n), 41 % for 8 rows. With fewer rows only their uncertainties tell
-/// it.
+/// From so many rows on, their own scatter tells how far from the mean a good row may lie. The median
+/// deviation of n normal values is known to 1.17 / sqrt(n), 41 % for 8 rows. With fewer rows only their
+/// uncertainties tell it.
 const ENOUGH_TO_SCATTER: usize = 8;
 
 /// From so many rows on, a frame without a majority is always a fault. With fewer rows the mean of all does
@@ -75,7 +75,7 @@ pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
         let is_fault = members.len() >= ENOUGH_FOR_GROUPS && are_two_groups(members);
         return (!is_fault).then_some(motion);
     }
-    // If a few rows disagree, all count, and their scatter is in the mean's uncertainty.
+    // Without a majority all rows count, and their scatter widens the mean's uncertainty.
     for member in members.iter_mut() {
         member.weight = 1.0 / square(member.uncertainty);
     }
@@ -93,7 +93,7 @@ fn leave_misfits_out(members: &mut Members<'_>) {
     }
 }
 
-/// As `Vec::retain`, whose counters could overflow for all that the compiler knows.
+/// As `Vec::retain`, but without its counters: the compiler cannot prove that those do not overflow.
 fn keep(members: &mut Members<'_>, is_kept: impl Fn(&Member<'_>) -> bool) {
     let mut kept = Members::new();
     for member in members.iter().filter(|it| is_kept(it)) {

@@ -52,7 +52,7 @@ impl Correlated {
 
 /// What the rows are worth, if neighbours have similar errors by more than chance. `None` otherwise, and for
 /// too few rows. `fitted` as in [`super::birge_ratio`].
-pub(super) fn independent(members: &[Member<'_>], fitted: f32) -> Option<Correlated> {
+pub(super) fn estimate(members: &[Member<'_>], fitted: f32) -> Option<Correlated> {
     if members.len() < usize::from(FEWEST_INDEPENDENT) {
         return None;
     }
@@ -138,7 +138,7 @@ mod tests {
                 weight: 1.0,
             })
             .collect();
-        independent(&members, 1.0)
+        estimate(&members, 1.0)
     }
 
     #[test]
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_and_rows_that_differ_are_none() {
+    fn motion_equal_rows_and_opposite_neighbours_are_no_correlation() {
         assert_eq!(of((0..64).map(|i| 0.1 * i as f32)), None, "steady motion");
         assert_eq!(of((0..64).map(|_| 0.5)), None, "rows that are equal");
         assert_eq!(

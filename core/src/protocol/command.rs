@@ -71,7 +71,7 @@ pub enum Error {
     },
 }
 
-/// The commands that name the longest record.
+/// The commands whose form contains the length of the longest record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecordForm {
     /// `calibration begin`

@@ -72,7 +72,7 @@ impl fmt::Display for Help {
         }
         for &setting in Setting::ALL {
             let mut typed = Text::<64>::default();
-            // A test holds that all fit.
+            // A test checks that all fit.
             let _ = write!(typed, "{} [{}]", setting.name(), setting.form());
             write!(f, "{:38} {}\r\n", typed.as_str(), setting.help())?;
         }

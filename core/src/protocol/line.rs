@@ -15,7 +15,7 @@
 //! of its rows. The longest line of a frame of one row is 64 bytes with its end, for distances that are
 //! positive and below 10 m, uncertainties below 10 mm, and a black level below 1000 counts. With a higher
 //! black level it is 65 bytes. To fit, the centre has four decimals, which are 0.02 to 0.07 um of distance
-//! and so as fine as the distance's own. The black level, on which the distance does not depend, has none.
+//! and so as fine as the distance's own. The black level, on which only the centroid depends, has none.
 //! The flag `c` comes only with frames of eight rows or more, whose line has eight times the room. The
 //! longest line of all, of 64 rows, is 72 bytes.
 

@@ -1,8 +1,8 @@
 //! Pieces of a record. A record is longer than a line, so each piece is a line with a checksum of its own.
 //!
-//! `calibration data 32 00112233445566778899aabbccddeeff a23c` is the record's bytes from the 32nd on: up to
-//! [`PIECE`] bytes in hexadecimal digits, and a CRC-16 (IBM-3740). The CRC is that of the offset, two bytes
-//! little endian, and of the bytes.
+//! `calibration data 32 00112233445566778899aabbccddeeff a23c` holds the record's bytes from offset 32 on:
+//! up to [`PIECE`] bytes in hexadecimal digits, and a CRC-16 (IBM-3740). The CRC is that of the offset, two
+//! bytes little endian, and of the bytes.
 
 use core::fmt;
 
@@ -77,7 +77,7 @@ impl Piece {
         Ok(piece)
     }
 
-    /// The piece of a record that begins at an offset. `None` if the record ends before it.
+    /// The piece of a record that begins at an offset. `None` if the record has no byte there.
     pub fn of(record: &[u8], offset: u16) -> Option<Self> {
         let rest = record.get(usize::from(offset)..)?;
         Self::new(offset, rest.get(..PIECE).unwrap_or(rest))
@@ -193,7 +193,7 @@ mod tests {
     /// row, and so a change of the offset or of a digit.
     #[test]
     fn a_character_that_is_garbled_is_noticed() {
-        /// Characters of which one is tried: Miri is slow.
+        /// One character in so many is tried: Miri is slow.
         const STRIDE: usize = if cfg!(miri) { 97 } else { 1 };
 
         let bytes = [7, 0, 255, 128, 1, 9, 0x5c, 0xa3, 77, 3, 250, 0, 0, 0, 0, 1];

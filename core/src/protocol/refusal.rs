@@ -36,7 +36,7 @@ pub enum Refusal {
     Record(RecordError),
     /// The record was made with a sensor head that has other rows.
     OtherSensor,
-    /// The record in use ends before that offset.
+    /// The record in use has no byte at that offset.
     NoPiece {
         /// The offset.
         offset: u16,

@@ -69,7 +69,7 @@ pub struct SerialErrors {
     pub noise: u32,
     /// Bytes without a stop bit.
     pub framing: u32,
-    /// Bytes that came before the one ahead was fetched.
+    /// Bytes lost because an earlier one was not fetched in time.
     pub overrun: u32,
 }
 

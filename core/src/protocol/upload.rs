@@ -8,7 +8,7 @@
 //! calibration commit
 //! ```
 //!
-//! Each line is answered by itself. A piece whose answer was lost may be sent again.
+//! The sensor answers each line. A piece whose answer was lost may be sent again.
 
 use core::fmt;
 
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_sent_is_what_comes() {
+    fn the_record_that_is_sent_is_the_one_that_comes() {
         let mut upload = Upload::none();
         for written in [nominal(), long(), nominal()] {
             println!(
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_on_after_a_refusal_and_not_beyond_what_was_announced() {
+    fn an_upload_goes_on_after_a_refusal_and_not_beyond_its_announced_length() {
         let written = nominal();
         let announced = written.bytes().len();
         let mut upload = Upload::none();
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_begin_nothing_comes() {
+    fn steps_without_a_begin_are_refused() {
         let written = nominal();
         let first = Step::Piece(Piece::of(written.bytes(), 0).expect("a piece"));
         let mut upload = Upload::none();
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_record_of_this_sensor_is_refused_and_the_upload_over() {
+    fn a_record_that_is_damaged_or_of_another_sensor_is_refused_and_ends_the_upload() {
         let written = nominal();
         let mut damaged = written.bytes().to_vec();
         damaged[7] ^= 1;

@@ -4,7 +4,7 @@
 use crate::numeric;
 use crate::row::{LARGEST_COUNT, MAX_PIXELS};
 
-/// Blocks of 2^3 = 8 pixels: their sums fit 16 bits, and four words of two pixels make one.
+/// Blocks of 2^3 = 8 pixels: a block's sum fits 16 bits, and a block is four words of two pixels.
 pub(super) const BLOCK_LOG2: u32 = 3;
 
 const _: () = assert!((LARGEST_COUNT as u32) << BLOCK_LOG2 <= u16::MAX as u32);
@@ -27,12 +27,12 @@ pub(super) struct Sweep<'a> {
     highest_in_parts: [u32; PARTS],
 }
 
-/// The highest response: the first of several.
+/// The highest response; of equal ones, the first.
 #[derive(Clone, Copy)]
 pub(super) struct Peak {
     pub(super) group: usize,
     pub(super) response: u32,
-    /// Whether another response that is like it lies more than [`SPOT_REACH`] groups away.
+    /// Whether a similar response lies more than [`SPOT_REACH`] groups away.
     pub(super) has_another: bool,
 }
 
@@ -50,11 +50,11 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// Finds the peak. `least_like` gives the least response that is like a given one. `None` where the row
-    /// is too short for a response.
-    pub(super) fn peak(&self, least_like: impl FnOnce(u32) -> u32) -> Option<Peak> {
+    /// Finds the peak. `least_similar` gives the least response that is similar to a given one. `None` where
+    /// the row is too short for a response.
+    pub(super) fn peak(&self, least_similar: impl FnOnce(u32) -> u32) -> Option<Peak> {
         let highest = *self.highest_in_parts.iter().max()?;
-        let least = least_like(highest);
+        let least = least_similar(highest);
         let mut peak = None;
         let (mut first, mut last) = (usize::MAX, 0);
         let parts = (0..PARTS).zip(&self.highest_in_parts);

@@ -33,8 +33,8 @@ impl Tilt {
                 .ok()?;
         }
         let step = i64::from(median(&mut steps)?);
-        // A step of sums over the pixels of a block is the step of the mean. That step over the pixels again
-        // is the slope.
+        // The step of the sums, divided by the pixels of a block, is the step of the means. Divided by them
+        // again, it is the slope.
         Some(Self {
             slope: (step * (1 << FRACTION)) >> (2 * block_log2.min(LARGEST_BLOCK_LOG2)),
         })
@@ -42,9 +42,8 @@ impl Tilt {
 
     /// Whether the tilt may hide a spot of this height. It may if the background's change from the row's
     /// middle to its end is more than a quarter of the height, and more than twice a pixel's noise. Noise
-    /// alone makes a change of 0.4 of a pixel's noise (standard deviation), so twice is five times that. (28
-    /// blocks of 128 pixels: median steps scatter by 1.25 sqrt(2 / 128) / sqrt(27), and half a row has 14 of
-    /// them.)
+    /// alone makes a change of 0.4 of a pixel's noise, so that limit is five standard deviations. (28 blocks
+    /// of 128 pixels: median steps scatter by 1.25 sqrt(2 / 128) / sqrt(27), and half a row has 14 of them.)
     pub(super) fn may_hide(self, light: &[u16], height: Counts, noise: Counts) -> bool {
         let drift = self.rise(light.len() / 2);
         drift > 2 * i64::from(noise.to_bits()) && drift > i64::from(height.to_bits()) / 4

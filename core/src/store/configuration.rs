@@ -298,7 +298,7 @@ mod tests {
         let expected = Settings {
             rows: 7,
             mean: Mean::Plain,
-            // Today's name of what `robust` began with.
+            // The letter r was `robust`, which `adaptive` replaces.
             estimator: Estimator::Adaptive,
             black_level: BlackLevel::Fixed(Counts::from_int(300)),
             ..Settings::default()
