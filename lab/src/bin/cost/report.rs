@@ -201,8 +201,8 @@ impl Measured {
              {LABELS}\n\n\
              {}\n\
              Cost: on the emulated chip, except *host ns*.\n\n{}\n\
-             The search for the spot takes {:.2} instructions a pixel if the row before gave the width and \
-             it is 6 pixels or more. In the first row of a frame, and for narrower spots, it takes {:.2} \
+             The search for the spot takes {:.2} instructions a pixel if the row before gave a width of 6 \
+             pixels or more. In the first row of a frame, and for narrower spots, it takes {:.2} \
              instructions a pixel. Turning a read-out into a row takes {:.2} instructions a word. With the \
              default estimator, a whole row takes {} instructions from the second row of a frame on.\n",
             self.accuracy.rows,
@@ -224,7 +224,7 @@ impl Measured {
             let worst = self.accuracy.worst(method);
             rows.push(vec![
                 format!(
-                    "RMS error of a row's centre over the bound, `{}`{mark}",
+                    "RMS error of a row's centre divided by the bound, `{}`{mark}",
                     method.name()
                 ),
                 ratio(worst.white.max(worst.shot)),
@@ -254,9 +254,9 @@ impl Measured {
             ]);
         }
         format!(
-            "{}\nThe bound (Cramér-Rao) is the smallest error that any unbiased method can have with this \
-             noise. Ratios: the worst over spot widths (sigma) from 1.2 to 18 px. Time: from counted \
-             instructions, at 168 MHz.\n",
+            "{}\nA row is one read-out of the pixels. The bound (Cramér-Rao) is the smallest error of any \
+             unbiased method with this noise. Ratios: the worst of spot widths (sigma) from 1.2 to 18 px. \
+             Time: counted instructions at 168 MHz.\n",
             table::markdown(&rows),
         )
     }

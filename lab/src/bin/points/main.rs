@@ -185,7 +185,8 @@ fn table(cells: &[Vec<Vec<Cell>>]) -> String {
         "RMS error of the fitted curve in micrometres, over 0.60 to 1.02 m. Each cell is {SENSORS} simulated \
          sensors on a PC, each with a geometry of its own, fitted as `fit` does without options. Each column \
          is for one standard uncertainty of the points' distances, and says what typically has it. In \
-         brackets: the per cent of the sensors for which `fit` chose eq. (1) with residuals.\n"
+         brackets: the per cent of the sensors for which `fit` chose eq. (1) with residuals; no brackets: \
+         none.\n"
     );
     for (departure, cells) in DEPARTURES.iter().zip(cells) {
         text += &if *departure > 0.0 {
