@@ -52,8 +52,6 @@ pub enum Error {
     Unknown,
     /// A value is missing, is not understood, or is one too many. Holds the expected form.
     Form(&'static str),
-    /// A number is too small or too large. Holds the expected form and range.
-    Range(&'static str),
     /// The value of a setting is not understood, out of range, or not in its list.
     Value(Setting, ValueError),
     /// An offset or a length that no record has.
@@ -94,7 +92,6 @@ impl fmt::Display for Error {
         match self {
             Self::Unknown => f.write_str("E1 unknown command, try help"),
             Self::Form(form) => write!(f, "E2 expected {form}"),
-            Self::Range(range) => write!(f, "E3 out of range, expected {range}"),
             Self::Value(setting, error) => {
                 let (name, form) = (setting.name(), setting.form());
                 match error {

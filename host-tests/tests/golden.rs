@@ -1,0 +1,172 @@
+//! The core's answers to seeded rows and frames, to their last bit. Other tests judge whether the answers are
+//! good. These tables show every change of an answer as a diff, so that no change goes unnoticed.
+
+use std::fmt::Write as _;
+
+use host_tests::hard_cases::{self, HardRow};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, StandardNormal};
+use slitrange::centre::{Estimator, RowCentre, WidthClass};
+use slitrange::check;
+use slitrange::fault::Fault;
+use slitrange::frame::{Frame, Mean};
+use slitrange::row::Row;
+use slitrange::spot;
+use slitrange::units::{Counts, Pixels};
+
+/// The checked centre of a row.
+fn answer(row: &HardRow, before: Option<&RowCentre>) -> Result<RowCentre, Fault> {
+    let light = Row::new(&row.light, &[], 4095).expect("quantised to 12 bits");
+    let spot = spot::find(&light)?;
+    check::centre(Estimator::default(), &light, &spot, before, &row.geometry)
+}
+
+/// An answer to a row. Pixels as multiples of 2^-16, counts as multiples of 2^-8.
+fn answer_text(answer: &Result<RowCentre, Fault>) -> String {
+    match answer {
+        Ok(row) => format!(
+            "x {} u {} a {} w {}{}",
+            row.centre.to_bits(),
+            row.uncertainty.to_bits(),
+            row.amplitude.to_bits(),
+            row.width.to_bits(),
+            if row.misfit { " misfit" } else { "" }
+        ),
+        Err(fault) => fault.to_string(),
+    }
+}
+
+/// The first row of each hard case, and the second row with the first row's centre as the row before.
+#[test]
+fn answers_to_hard_rows_stay_the_same() {
+    let mut text = String::new();
+    for case in hard_cases::rows() {
+        let (first, second) = (case.row(0), case.row(1));
+        let before = answer(&first, None);
+        let following = answer(&second, before.as_ref().ok());
+        writeln!(text, "{}: {}", case.name, answer_text(&before)).expect("text");
+        writeln!(text, "    {}", answer_text(&following)).expect("text");
+    }
+    insta::assert_snapshot!("rows", text);
+}
+
+/// What the rows of a frame are like, besides their noise.
+#[derive(Clone, Copy, Debug)]
+enum Rows {
+    /// Nothing else.
+    Alike,
+    /// Each row has its own uncertainty, within a factor of 20.
+    Unlike,
+    /// One row claims to be 1000 times as certain as the others.
+    OneCertain,
+    /// One row of four lies 0.5 px away.
+    Outliers,
+    /// One row of four has the flag misfit.
+    Misfits,
+    /// One row of four has a fault.
+    Faults,
+    /// The errors are three times as large as the rows claim.
+    TooCertain,
+    /// The target moves by 0.05 px a row.
+    Moving,
+    /// The target moves, and one row of four lies 0.5 px away.
+    MovingOutliers,
+    /// Each error is 0.9 of the one before and 0.44 of a new one.
+    Correlated,
+    /// Correlated errors, five times as large as the rows claim.
+    CorrelatedExcess,
+    /// The rows are at one of two places, 0.3 px apart.
+    TwoPlaces,
+}
+
+impl Rows {
+    const ALL: [Self; 12] = [
+        Self::Alike,
+        Self::Unlike,
+        Self::OneCertain,
+        Self::Outliers,
+        Self::Misfits,
+        Self::Faults,
+        Self::TooCertain,
+        Self::Moving,
+        Self::MovingOutliers,
+        Self::Correlated,
+        Self::CorrelatedExcess,
+        Self::TwoPlaces,
+    ];
+
+    fn frame(self, count: usize) -> Frame {
+        const UNCERTAINTY: f64 = 0.03;
+        let mut random = ChaCha8Rng::seed_from_u64(count as u64);
+        let mut frame = Frame::default();
+        let mut error: f64 = StandardNormal.sample(&mut random);
+        for number in 0..count {
+            let new: f64 = StandardNormal.sample(&mut random);
+            let is_fourth = number % 4 == 1;
+            error = match self {
+                Self::Correlated | Self::CorrelatedExcess => 0.9 * error + 0.44 * new,
+                _ => new,
+            };
+            let uncertainty = match self {
+                Self::Unlike => UNCERTAINTY * 20f64.powf(random.random()),
+                Self::OneCertain if number == 2 => 1e-3 * UNCERTAINTY,
+                _ => UNCERTAINTY,
+            };
+            let growth = match self {
+                Self::TooCertain => 3.0,
+                Self::CorrelatedExcess => 5.0,
+                _ => 1.0,
+            };
+            let place = match self {
+                Self::Outliers if is_fourth => 0.5,
+                Self::Moving => 0.05 * number as f64,
+                Self::MovingOutliers => 0.05 * number as f64 + if is_fourth { 0.5 } else { 0.0 },
+                Self::TwoPlaces => 0.3 * f64::from(u8::from(random.random::<bool>())),
+                _ => 0.0,
+            };
+            if matches!(self, Self::Faults) && is_fourth {
+                frame.add(Err(Fault::SensorSilent));
+                continue;
+            }
+            frame.add(Ok(RowCentre {
+                centre: Pixels::from_f32((1800.3 + place + growth * uncertainty * error) as f32),
+                uncertainty: Pixels::from_f32(uncertainty as f32),
+                amplitude: Counts::from_int(1000 + number as i32),
+                width: Pixels::from_int(9),
+                class: WidthClass::default(),
+                misfit: matches!(self, Self::Misfits) && is_fourth,
+            }));
+        }
+        frame
+    }
+}
+
+/// Frames of a few rows, of as many as turn one rule of the mean into another, and of the most.
+#[test]
+fn centres_of_frames_stay_the_same() {
+    const COUNTS: [usize; 10] = [1, 2, 3, 5, 7, 8, 16, 17, 40, 64];
+    let mut text = String::new();
+    for rows in Rows::ALL {
+        for count in COUNTS {
+            let frame = rows.frame(count);
+            for how in Mean::ALL {
+                let answer = match frame.centre(how) {
+                    Ok(centre) => format!(
+                        "x {} u {} a {} n {}/{} m {} c {:?}",
+                        centre.centre.to_bits(),
+                        centre.uncertainty.to_bits(),
+                        centre.amplitude.to_bits(),
+                        centre.rows_used,
+                        centre.rows,
+                        centre.misfits,
+                        centre.correlated
+                    ),
+                    Err(fault) => fault.to_string(),
+                };
+                writeln!(text, "{rows:?} {count} {}: {answer}", how.name()).expect("text");
+            }
+        }
+    }
+    insta::assert_snapshot!("frames", text);
+}
