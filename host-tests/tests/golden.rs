@@ -3,7 +3,9 @@
 
 use std::fmt::Write as _;
 
-use host_tests::hard_cases::{self, HardRow};
+use host_tests::accuracy;
+use host_tests::hard_cases::flaw::{Bad, Flaw, Second};
+use host_tests::hard_cases::{self, HardRow, Recipe, Shape};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
@@ -169,4 +171,99 @@ fn centres_of_frames_stay_the_same() {
         }
     }
     insta::assert_snapshot!("frames", text);
+}
+
+/// A flaw that grows from nothing until nobody can miss it, for spots of several widths and shapes. Each
+/// character is a row: the estimator's centre (.), a repaired centre (r), a flag (m), a fault (f). So a line
+/// shows from which strength on the check finds the flaw, and from which strength on the repair succeeds.
+#[test]
+fn the_strengths_at_which_flaws_are_found_stay_the_same() {
+    const STRENGTHS: u32 = 48;
+    let bad = |counts, pixels, at| Bad {
+        counts,
+        pixels,
+        from_spot: (at, at + 0.1),
+    };
+    let second = |share, offset, widths| {
+        Flaw::Second(Second {
+            share,
+            offset,
+            widths,
+        })
+    };
+    let flaws: [(&str, &dyn Fn(f64) -> Flaw); 14] = [
+        ("one hot pixel at 1 sigma, to 3000 counts", &|s| {
+            Flaw::Hot(bad(3000.0 * s, 1, 1.0))
+        }),
+        ("two hot pixels at 4 sigma, to 3000 counts", &|s| {
+            Flaw::Hot(bad(3000.0 * s, 2, 4.0))
+        }),
+        ("a dead pixel at 0.5 sigma, from 4000 counts", &|s| {
+            Flaw::Stuck(bad(4000.0 * (1.0 - s), 1, 0.5))
+        }),
+        ("a second spot at 2 sigma, to 1.2", &|s| {
+            second(1.2 * s, 2.0, 1.0)
+        }),
+        ("a second spot at 3 sigma, to 1.2", &|s| {
+            second(1.2 * s, 3.0, 1.0)
+        }),
+        ("a second spot at 5.5 sigma, to 1.2", &|s| {
+            second(1.2 * s, 5.5, 1.0)
+        }),
+        ("a narrow second spot at 12 sigma, to 1.2", &|s| {
+            second(1.2 * s, 12.0, 0.7)
+        }),
+        ("a wide second spot at -15 sigma, to 1.2", &|s| {
+            second(1.2 * s, -15.0, 1.5)
+        }),
+        ("a wide ghost at 3 sigma, to 0.2", &|s| Flaw::Ghost {
+            share: 0.2 * s,
+            widths: 6.0,
+            offset: 3.0,
+        }),
+        ("a slope, to 20 counts a pixel", &|s| Flaw::Slope(20.0 * s)),
+        ("a step at 1 sigma, to 800 counts", &|s| Flaw::Step {
+            counts: 800.0 * s,
+            offset: 1.0,
+        }),
+        ("a ripple of 30 px, to 400 counts", &|s| Flaw::Ripple {
+            counts: 400.0 * s,
+            period: 30.0,
+        }),
+        ("responses that differ, to 0.2", &|s| {
+            Flaw::Response(0.2 * s)
+        }),
+        ("steps of the converter, to 512 counts", &|s| {
+            Flaw::Steps(1.0 + 511.0 * s)
+        }),
+    ];
+    let shapes: [(&str, Shape); 2] = [("gaussian", Shape::Gaussian), ("Fresnel", Shape::Fresnel)];
+    let mut text = String::new();
+    for (name, flaw) in flaws {
+        writeln!(text, "{name}").expect("text");
+        for (shape_name, shape) in shapes {
+            for width in [1.0, 1.5, 4.0, 10.5, 20.0] {
+                let clean = Recipe::clean(width).spot(|spot| spot.shape = shape);
+                let found: String = (1..=STRENGTHS)
+                    .map(|step| {
+                        // From 1/1000 to 1.
+                        let strength = 1e-3f64.powf(1.0 - f64::from(step) / f64::from(STRENGTHS));
+                        let row = clean.clone().with(flaw(strength)).row(7, 0);
+                        let [alone, checked] =
+                            accuracy::answers(&row.geometry, &row.light, Estimator::default());
+                        match checked {
+                            Err(_) => 'f',
+                            Ok(found) if found.misfit => 'm',
+                            Ok(found) if Some(found.centre) == alone.ok().map(|it| it.centre) => {
+                                '.'
+                            }
+                            Ok(_) => 'r',
+                        }
+                    })
+                    .collect();
+                writeln!(text, "  {found} {shape_name}, sigma {width}").expect("text");
+            }
+        }
+    }
+    insta::assert_snapshot!("strengths", text);
 }
