@@ -640,6 +640,161 @@ mod tests {
         (symmetry, found)
     }
 
+    /// A normal deviate: twelve even ones, summed. `state` is that of a linear congruential generator.
+    fn normal(state: &mut u64) -> f32 {
+        let sum: f32 = (0..12)
+            .map(|_| {
+                *state = state
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1_442_695_040_888_963_407);
+                (*state >> 40) as f32 / (1u64 << 24) as f32
+            })
+            .sum();
+        sum - 6.0
+    }
+
+    /// Compares spots with shot and read noise with their mirror images. The module's table gives the variance
+    /// of each statistic. So tilt^2, skew^2 and shift^2 over their norms have a mean of 1, and the squares of n
+    /// pairs less one for the shift a mean of n - 1. The mean of 4000 squares is known to 2.2 %; the test
+    /// allows five times this.
+    #[test]
+    fn statistics_of_noise_have_the_variances_that_the_check_assumes() {
+        const ROWS: usize = if cfg!(miri) { 3 } else { 4000 };
+        let geometry = crate::sensor_heads::tcd1304dg();
+        // That of the TCD1304DG, in counts^2 a count.
+        let shot = f32::from(geometry.shot_variance_per_count_q16) / 65536.0;
+        let (level, height, read_noise) = (300.0f32, 2000.0f32, 8.0f32);
+        let mut state = 1;
+        for width in [3.0f32, 4.3, 9.0] {
+            let mut sums = [0.0f64; 7];
+            for number in 0..ROWS {
+                // At all places within a pixel.
+                let centre = 63.0 + number as f32 / ROWS as f32;
+                let s = libm::sqrtf(width * width + 1.0 / 12.0);
+                let light: [u16; 128] = core::array::from_fn(|i| {
+                    let u = (i as f32 - centre) / s;
+                    let spot = height * libm::expf(-0.5 * u * u);
+                    let noise = libm::sqrtf(read_noise * read_noise + shot * spot);
+                    (level + spot + noise * normal(&mut state) + 0.5) as u16
+                });
+                let row = Row::new(&light, &[], geometry.full_scale()).expect("12 bits");
+                let spot = Spot {
+                    centre: centre as usize,
+                    block_log2: 0,
+                    height: Counts::from_f32(height),
+                    background: crate::spot::Background {
+                        level: Counts::from_f32(level),
+                        // With the rounding of a word.
+                        noise: Counts::from_f32(libm::sqrtf(read_noise * read_noise + 1.0 / 12.0)),
+                    },
+                    black_level: Counts::from_f32(level),
+                };
+                let found = RowCentre {
+                    centre: Pixels::from_f32(centre),
+                    uncertainty: Pixels::from_f32(0.01),
+                    amplitude: Counts::from_f32(height),
+                    width: Pixels::from_f32(width),
+                    class: Default::default(),
+                    misfit: false,
+                };
+                let nothing = MaskedPixels::default();
+                let it = Symmetry::of(&row, &spot, &found, &geometry, &nothing, 0.0);
+                let (k4, deviation) = it.flatness.expect("many pairs");
+                let statistics = [
+                    it.shift * it.shift / it.shift_norm,
+                    it.tilt * it.tilt / it.tilt_norm,
+                    it.skew * it.skew / it.skew_norm,
+                    it.squares / (it.pairs - 1.0),
+                    (k4 / deviation) * (k4 / deviation),
+                    it.shape_misfit / it.shape_misfit_deviation,
+                    (it.shape_misfit / it.shape_misfit_deviation)
+                        * (it.shape_misfit / it.shape_misfit_deviation),
+                ];
+                for (sum, statistic) in sums.iter_mut().zip(statistics) {
+                    *sum += f64::from(statistic);
+                }
+            }
+            let means = sums.map(|sum| sum / ROWS as f64);
+            println!("width {width}: {means:.3?}");
+            if cfg!(miri) {
+                continue;
+            }
+            for mean in &means[..4] {
+                assert!((mean - 1.0).abs() < 0.11, "{width}: {means:?}");
+            }
+            // The check takes the noise at the spot's top for all samples, so k4 is more certain than it says.
+            assert!((0.35..0.6).contains(&means[4]), "{width}: {means:?}");
+            // The fit leaves less than it should where the noise is less than the mean noise: by up to one
+            // deviation. The limit is four.
+            assert!((-1.0..0.0).contains(&means[5]), "{width}: {means:?}");
+            assert!((0.8..2.0).contains(&means[6]), "{width}: {means:?}");
+        }
+    }
+
+    /// A spot of a width on a row of 101 pixels.
+    fn found_at(centre: f32, width: f32) -> RowCentre {
+        RowCentre {
+            centre: Pixels::from_f32(centre),
+            uncertainty: Pixels::from_f32(0.01),
+            amplitude: Counts::from_int(1000),
+            width: Pixels::from_f32(width),
+            class: Default::default(),
+            misfit: false,
+        }
+    }
+
+    #[test]
+    fn a_row_is_too_short_if_three_widths_fit_on_neither_side() {
+        let light = [300; 101];
+        for (centre, width, is_too_short) in [
+            (50.0, 16.5, false),
+            (50.0, 17.0, true),
+            (45.0, 17.0, false),
+            (55.0, 17.0, false),
+            // Exactly three widths on one side.
+            (51.0, 17.0, false),
+            (49.0, 17.0, false),
+            (49.5, 16.75, false),
+            (49.5, 17.0, true),
+        ] {
+            let found = found_at(centre, width);
+            assert_eq!(
+                is_row_too_short(&light, &found),
+                is_too_short,
+                "{centre} {width}"
+            );
+        }
+    }
+
+    /// Steps of 8 counts have a noise of 8 / sqrt(12) = 2.31 counts. Only pixels within six widths and four
+    /// pixels matter.
+    #[test]
+    fn steps_are_coarse_if_their_noise_exceeds_the_rows_noise() {
+        let geometry = crate::sensor_heads::tcd1304dg();
+        let mut light: [u16; 101] = core::array::from_fn(|i| 320 + 8 * (i as u16 % 3));
+        let spot = |noise| Spot {
+            centre: 50,
+            block_log2: 0,
+            height: Counts::from_int(1000),
+            background: crate::spot::Background {
+                level: Counts::from_int(320),
+                noise: Counts::from_f32(noise),
+            },
+            black_level: Counts::from_int(320),
+        };
+        let is_coarse = |light: &[u16], noise| {
+            let row = Row::new(light, &[], geometry.full_scale()).expect("12 bits");
+            is_coarse(row.light(), &spot(noise), &found_at(50.0, 4.0))
+        };
+        assert!(is_coarse(&light, 2.2) && !is_coarse(&light, 2.4));
+        // 6 * 4 + 4 = 28 pixels: the 29th does not matter, the 27th does.
+        light[50 - 29] += 1;
+        light[50 + 29] += 1;
+        assert!(is_coarse(&light, 2.2));
+        light[50 - 27] += 1;
+        assert!(!is_coarse(&light, 2.2));
+    }
+
     /// With three or four pairs the norm of u^4 e is often nothing but rounding, and its root not a number.
     #[test]
     fn flatness_is_a_number_or_is_not_tested() {
