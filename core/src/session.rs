@@ -300,9 +300,14 @@ impl Session {
                 actions.apply = Some(self.settings);
                 actions.add_line(&command);
             }
-            Command::Save => {
-                if self.record.is_none() {
-                    return Err(Refusal::NoCalibration);
+            Command::Save | Command::SaveNominal => {
+                let record = self.record.as_ref().ok_or(Refusal::NoCalibration)?;
+                let is_nominal = record.record().is_nominal();
+                if command == Command::Save && is_nominal && self.flash.holds_other(record.sum()) {
+                    return Err(Refusal::WouldReplace);
+                }
+                if command == Command::SaveNominal && !is_nominal {
+                    return Err(Refusal::NotNominal);
                 }
                 actions.save = true;
                 actions.add_line(&"save pauses the stream");

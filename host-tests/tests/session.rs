@@ -107,6 +107,16 @@ fn vitals() -> Vitals {
     }
 }
 
+/// A record of a sensor head with longer rows.
+fn of_another_head() -> Record {
+    let mut record = own_record().record().clone();
+    record.geometry = Geometry {
+        words: record.geometry.words + 2,
+        ..record.geometry
+    };
+    record
+}
+
 /// A frame whose spot is at a centre in pixels.
 fn frame(centre: f32) -> Measured {
     Measured {
@@ -380,13 +390,8 @@ fn a_save_comes_back_after_a_power_cycle() {
     );
     assert!(shown.ends_with("\r\ncalibration stored same"), "{shown}");
 
-    let mut record = own_record().record().clone();
-    record.geometry = Geometry {
-        words: record.geometry.words + 2,
-        ..record.geometry
-    };
     let other = Configuration {
-        record: Some(record),
+        record: Some(of_another_head()),
         ..saved
     };
     let mut other = Sensor::started(Stored::Newest(other));
@@ -420,6 +425,41 @@ fn defaults_are_those_of_the_factory_and_leave_the_stream() {
     assert_eq!(sensor.actions.apply, Some(expected));
     assert_eq!(sensor.session.record(), Record::nominal().as_ref());
     assert!(sensor.ask("calibration").starts_with("calibration on\r\n"));
+}
+
+#[test]
+fn save_replaces_a_stored_calibration_by_the_nominal_one_only_if_told_so() {
+    let mut sensor = Sensor::new();
+    sensor.upload(&own_record());
+    let own = sensor.save();
+    let refusal = sensor.ask("save nominal");
+    assert!(refusal.starts_with("E18 "), "{refusal}");
+    sensor.set("defaults");
+    let stored = [
+        Stored::Newest(own.clone()),
+        Stored::Older(own.clone()),
+        Stored::Newest(Configuration {
+            record: Some(of_another_head()),
+            ..own
+        }),
+    ];
+    for stored in stored {
+        let mut sensor = Sensor::started(stored);
+        sensor.set("defaults");
+        let refusal = sensor.ask("save");
+        assert!(refusal.starts_with("E17 "), "{refusal}");
+        assert!(!sensor.actions.save);
+        assert_eq!(sensor.ask("save nominal"), "save pauses the stream");
+        assert!(sensor.actions.save);
+        let saved = sensor.session.configuration().expect("the nominal one");
+        assert_eq!(saved.record, None);
+        assert_eq!(sensor.take(Event::Saved(Ok(()))), "save");
+        // Flash now holds the nominal calibration: nothing can be lost.
+        sensor.save();
+    }
+    let mut new = Sensor::new();
+    new.set("defaults");
+    new.save();
 }
 
 proptest! {

@@ -16,6 +16,8 @@ pub struct Target(Arc<Mutex<Place>>);
 struct Place {
     /// In metres. If the scene moves the target, the distance at the first row after `move_to`.
     distance: f64,
+    /// The number of its surface ([`Simulation::set_surface`]).
+    surface: u64,
     /// The first row after `move_to`; `None` until there is one.
     put: Option<u64>,
     /// The ends of the last exposures, and the distances at their middles in metres.
@@ -30,6 +32,7 @@ impl Target {
     pub fn at(distance: f64) -> Self {
         Self(Arc::new(Mutex::new(Place {
             distance,
+            surface: 0,
             put: None,
             seen: VecDeque::new(),
         })))
@@ -45,6 +48,11 @@ impl Target {
         let mut place = self.place();
         place.distance = distance;
         place.put = None;
+    }
+
+    /// Shows another surface: another place on the target, or another target of the same material.
+    pub fn show_surface(&self, number: u64) {
+        self.place().surface = number;
     }
 
     /// The mean distance in metres over `exposures` exposures, of which `last` is the last one. `None` if one
@@ -97,10 +105,15 @@ fn seen(
     target: Target,
     seen_at: impl Fn(f64) -> f64 + Send + 'static,
 ) -> LightSource {
-    let simulation = Simulation::new(scene);
-    let mut row = 0;
+    let mut simulation = Simulation::new(scene);
+    let (mut row, mut surface) = (0, 0);
     Box::new(move |exposure: &Exposure| {
         row += 1;
+        let shown = target.place().surface;
+        if surface != shown {
+            surface = shown;
+            simulation.set_surface(surface);
+        }
         let distance = target.expose(exposure, row, &simulation);
         simulation.row(row, seen_at(distance), exposure.duration() as f64 * 1e-9)
     })
@@ -123,7 +136,7 @@ mod tests {
     use super::*;
     use simulator::least_squares;
     use simulator::optics::Optics;
-    use simulator::scene::{Motion, Sensor};
+    use simulator::scene::{FixedPattern, Motion, Sensor};
 
     /// The scene's own geometry puts the spot some pixels away.
     #[test]
@@ -156,6 +169,40 @@ mod tests {
             assert!((found.centre - expected).abs() < 1e-4);
             assert!((found.centre - own.centre(distance)).abs() > 2.0);
         }
+    }
+
+    /// Another surface has other speckle, so the spot is elsewhere. The sensor's pixels stay as they are.
+    #[test]
+    fn another_surface_moves_the_spot_and_leaves_the_sensor() {
+        let scene = Scene {
+            shot_noise: None,
+            read_noise: None,
+            fixed_pattern: Some(FixedPattern { counts: 5.0 }),
+            ..Scene::load("brushed-metal").expect("a scene")
+        };
+        let expected = scene.optics.centre(scene.distance);
+        let target = Target::at(scene.distance);
+        let mut light = of_scene(scene, target.clone());
+        let exposure = Exposure {
+            start: 0,
+            end: 5_700_000,
+        };
+        let [own, other, own_again] = [0, 1, 0].map(|surface| {
+            target.show_surface(surface);
+            light(&exposure)
+        });
+        assert_eq!(own, own_again);
+        let centre = |outputs: &[f32]| {
+            let counts: Vec<f64> = outputs[LIGHT].iter().map(|&count| count.into()).collect();
+            least_squares::fit_near(&counts, expected)
+                .expect("a spot")
+                .centre
+        };
+        println!("{} {}", centre(&own), centre(&other));
+        assert!((centre(&own) - centre(&other)).abs() > 0.1);
+        // Far from the spot there is only the sensor.
+        let far = LIGHT.start..LIGHT.start + 500;
+        assert_eq!(own[far.clone()], other[far]);
     }
 
     /// 0.1 m/s at 175.4 rows a second: n rows after the target was put somewhere it is n / 1754 m farther

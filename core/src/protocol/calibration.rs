@@ -23,6 +23,17 @@ pub enum FlashStatus {
     Older(u32),
 }
 
+impl FlashStatus {
+    /// Whether flash holds a calibration other than the one with this CRC-32.
+    pub fn holds_other(self, sum: u32) -> bool {
+        match self {
+            Self::Nothing | Self::Damaged => false,
+            Self::OtherSensor => true,
+            Self::Record(stored) | Self::Older(stored) => stored != sum,
+        }
+    }
+}
+
 /// The answer to `calibration`, lines parted by CR LF. The first is `calibration on`, `calibration off` or,
 /// without a calibration, `calibration none`. The others are `calibration`, a name and a value, and the last
 /// of them is `stored`.

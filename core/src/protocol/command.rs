@@ -39,8 +39,10 @@ pub enum Command {
     Data(u16),
     /// A step of an upload of another record.
     Upload(Step),
-    /// Write settings and calibration to flash.
+    /// Write settings and calibration to flash, unless that would replace a calibration by the nominal one.
     Save,
+    /// Write settings and the nominal calibration to flash, over the calibration that flash holds.
+    SaveNominal,
     /// Settings and calibration as they left the factory.
     Defaults,
 }
@@ -121,6 +123,7 @@ impl fmt::Display for Error {
 impl core::error::Error for Error {}
 
 const HELP: &str = "help [estimator]";
+const SAVE: &str = "save [nominal]";
 const CALIBRATION: &str = "calibration on|off|begin|data|commit|abort";
 
 /// Reads a line (without its end).
@@ -158,7 +161,11 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         "status" => expect_no_value(values, Command::Status, "status"),
         "distance" => expect_no_value(values, Command::Distance, "distance"),
         "centre" => expect_no_value(values, Command::Centre, "centre"),
-        "save" => expect_no_value(values, Command::Save, "save"),
+        "save" => match values {
+            [] => Ok(Command::Save),
+            ["nominal"] => Ok(Command::SaveNominal),
+            _ => Err(Error::Form(SAVE)),
+        },
         "defaults" => expect_no_value(values, Command::Defaults, "defaults"),
         "calibration" => calibration(values),
         _ => Err(Error::Unknown),
@@ -225,6 +232,7 @@ impl fmt::Display for Command {
             Self::Data(offset) => write!(f, "calibration data {offset}"),
             Self::Upload(step) => step.fmt(f),
             Self::Save => f.write_str("save"),
+            Self::SaveNominal => f.write_str("save nominal"),
             Self::Defaults => f.write_str("defaults"),
         }
     }
@@ -255,6 +263,7 @@ mod tests {
             Command::Upload(Step::Commit),
             Command::Upload(Step::Abort),
             Command::Save,
+            Command::SaveNominal,
             Command::Defaults,
         ];
         for &setting in Setting::ALL {
@@ -323,7 +332,7 @@ mod tests {
             ("calibration abort 1", calibration),
             ("calibration on off", calibration),
             ("calibration start", calibration),
-            ("save it", "E2 expected save"),
+            ("save it", "E2 expected save [nominal]"),
             ("defaults on", "E2 expected defaults"),
             ("centre 3", "E2 expected centre"),
             ("rows\u{0}1", "E5 not ASCII text"),

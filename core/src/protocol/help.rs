@@ -31,7 +31,7 @@ pub const BEFORE_SETTINGS: [Line; 5] = [
 ];
 
 /// The commands that `help` shows after the settings.
-pub const AFTER_SETTINGS: [Line; 6] = [
+pub const AFTER_SETTINGS: [Line; 7] = [
     (
         "calibration [on|off]",
         "show the calibration; on: give distances, off: centres only",
@@ -53,8 +53,12 @@ pub const AFTER_SETTINGS: [Line; 6] = [
         "write settings and calibration to flash; pauses the stream",
     ),
     (
+        "save nominal",
+        "the same with the nominal calibration, over the stored one",
+    ),
+    (
         "defaults",
-        "go back to the factory's settings and calibration; save keeps them",
+        "use the factory's settings and the nominal calibration, in RAM only",
     ),
 ];
 
@@ -123,7 +127,8 @@ mod tests {
         let help = Help.to_string();
         println!("{help}");
         let lines: std::vec::Vec<&str> = help.split("\r\n").collect();
-        assert_eq!(lines.len(), 5 + Setting::ALL.len() + 6 + 1);
+        let commands = BEFORE_SETTINGS.len() + AFTER_SETTINGS.len();
+        assert_eq!(lines.len(), commands + Setting::ALL.len() + 1);
         for line in &lines {
             assert!(line.len() <= 110 && line.is_ascii(), "{line}");
             // The column of the explanations.

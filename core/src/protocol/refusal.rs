@@ -47,6 +47,10 @@ pub enum Refusal {
     NoCalibration,
     /// The configuration could not be saved.
     NotSaved(StoreError),
+    /// Flash holds a calibration, and `save` would replace it by the nominal one.
+    WouldReplace,
+    /// `save nominal`, and the calibration in use is not the nominal one.
+    NotNominal,
 }
 
 impl fmt::Display for Refusal {
@@ -75,6 +79,12 @@ impl fmt::Display for Refusal {
                 f.write_str("E15 there is no calibration: upload one, or defaults")
             }
             Self::NotSaved(error) => write!(f, "E16 not saved: {error}"),
+            Self::WouldReplace => f.write_str(
+                "E17 save would replace the stored calibration by the nominal one: save nominal does so",
+            ),
+            Self::NotNominal => {
+                f.write_str("E18 the calibration in use is not the nominal one: save, or defaults first")
+            }
         }
     }
 }
@@ -110,6 +120,8 @@ mod tests {
             },
             Refusal::NoCalibration,
             Refusal::NotSaved(StoreError::Worn),
+            Refusal::WouldReplace,
+            Refusal::NotNominal,
         ];
         for (refusal, number) in refusals.into_iter().zip(8..) {
             let text = refusal.to_string();

@@ -21,6 +21,16 @@ impl Simulation {
         Self { scene, prepared }
     }
 
+    /// Replaces the target's surface: its speckle and its texture are new, the sensor stays. Each number is
+    /// another surface, and 0 is the scene's own.
+    pub fn set_surface(&mut self, number: u64) {
+        let seed = self.scene.seed.wrapping_add(number);
+        self.prepared.laser_light = LaserLight::new(&Scene {
+            seed,
+            ..self.scene.clone()
+        });
+    }
+
     /// The scene.
     pub fn scene(&self) -> &Scene {
         &self.scene

@@ -60,8 +60,8 @@ fn the_stack_stays_far_from_the_statics() {
     board.take_lines();
     // Records are the largest objects. Upload one, save it, and start again with it.
     upload(&mut board, &longest());
-    for _ in 0..2 {
-        board.send("save\r\n");
+    for command in ["save", "save nominal"] {
+        board.send(&format!("{command}\r\n"));
         board
             .run_until_line(|line| line == "save", PATIENCE)
             .expect("it is saved");

@@ -25,6 +25,10 @@ const STEPS_AT_REST: u32 = 8;
 /// count.
 const RESULTS_A_STEP: usize = 4;
 
+/// The same for a target whose surface moves the spot: each result that counts shows another surface.
+const STEPS_OF_SURFACES: u32 = 32;
+const RESULTS_A_SURFACE: usize = 1;
+
 /// The demo's results.
 #[derive(Debug, Serialize)]
 pub struct Summary {
@@ -104,10 +108,17 @@ fn patience(rows: u16) -> Duration {
 /// Measures at each step and sums up.
 pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let (scene, start) = scene(options)?;
+    let has_surface = scene.speckle.is_some() || scene.texture.is_some();
     let steps = match (options.steps, &options.scene) {
         (Some(steps), _) => steps,
         (None, None) => STEPS,
+        (None, Some(_)) if has_surface => STEPS_OF_SURFACES,
         (None, Some(_)) => STEPS_AT_REST,
+    };
+    let results = if has_surface {
+        RESULTS_A_SURFACE
+    } else {
+        RESULTS_A_STEP
     };
     // Where the target stays, if it does not move over the whole table.
     let stays = options.distance.is_some() || options.scene.is_some() && options.steps.is_none();
@@ -136,9 +147,12 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
             true => target.move_to(start),
             false => target.move_to(NEAREST + share * (FARTHEST - NEAREST)),
         }
+        if has_surface {
+            target.show_surface(step.into());
+        }
         // The rows that are being read and computed still show the old place. At most two frames end with
         // such a row.
-        for result in 0..2 + RESULTS_A_STEP {
+        for result in 0..2 + results {
             let line = board
                 .run_until_line(
                     |line| matches!(Report::parse(line), Ok(Some(_)) | Err(_)),
