@@ -396,6 +396,26 @@ mod tests {
         assert_eq!(counts(plain), (1, 4, 4));
     }
 
+    /// Chi square of n degrees has the mean n and the standard deviation sqrt(2 n).
+    #[test]
+    fn chance_ends_three_standard_deviations_beyond_the_mean() {
+        for (chi_square, degrees, is_more) in [
+            (79.9, 50.0, false),
+            (80.1, 50.0, true),
+            (13.9, 5.0, false),
+            (14.6, 5.0, true),
+            (5.2, 1.0, false),
+            (5.3, 1.0, true),
+            (1e9, 0.0, false),
+        ] {
+            assert_eq!(
+                is_more_than_chance(chi_square, degrees),
+                is_more,
+                "{degrees}"
+            );
+        }
+    }
+
     #[test]
     fn scatter_beyond_chance_widens_the_uncertainty() {
         // Four rows, +-0.5 with a claim of 0.1: chi square 4 * 25 = 100, three degrees, ratio sqrt(100/3). No

@@ -28,11 +28,14 @@ fn answer(row: &HardRow, before: Option<&RowCentre>) -> Result<RowCentre, Fault>
 fn answer_text(answer: &Result<RowCentre, Fault>) -> String {
     match answer {
         Ok(row) => format!(
-            "x {} u {} a {} w {}{}",
+            "x {} u {} a {} w {} table {}/{}/{}{}",
             row.centre.to_bits(),
             row.uncertainty.to_bits(),
             row.amplitude.to_bits(),
             row.width.to_bits(),
+            row.class.set,
+            row.class.table,
+            row.class.block,
             if row.misfit { " misfit" } else { "" }
         ),
         Err(fault) => fault.to_string(),

@@ -35,6 +35,35 @@ fn the_nominal_calibration_is_that_of_the_nominal_optics() {
     }
 }
 
+/// The constants are those of the docs of [`NOMINAL`], rounded to their last bits.
+#[test]
+fn the_nominal_constants_are_rounded_to_the_nearest() {
+    let nominal = NOMINAL.expect("a curve");
+    let (b, f, t) = (300_000.0, 50_000.0 / 8.0, 2.6);
+    let k: f64 = b * f * (1.0 + t * t) / (t * t);
+    assert_eq!(nominal.d().to_bits(), (-b / t * 256.0f64).round() as i32);
+    assert_eq!(nominal.k(), (k * 65536.0).round() as i64);
+    let pole: f64 = 1823.5 - f / t;
+    assert_eq!(nominal.pole().to_bits(), (pole * 65536.0).round() as i32);
+}
+
+/// At p = 512 px from the pole, K = p (2^31 - 1/2) steps of 2^-8 um rounds to 2^31 steps, one more than fits.
+#[test]
+fn a_curve_is_refused_from_the_first_distance_on_that_does_not_fit() {
+    let k = 512 * ((1 << 39) - (1 << 7));
+    let new = |k| {
+        let (pole, valid) = (
+            Pixels::from_int(0),
+            Pixels::from_int(512)..=Pixels::from_int(513),
+        );
+        Eq1::new(Micrometres::from_int(0), k, pole, valid)
+    };
+    assert_eq!(new(k).err(), Some(Eq1Error::Distance));
+    let curve = new(k - 1).expect("a curve");
+    let (distance, _) = curve.distance_at(Pixels::from_int(512)).expect("in range");
+    assert_eq!(distance, Micrometres::MAX);
+}
+
 #[test]
 fn invalid_curves_are_refused() {
     let new = |d, k, pole, from, to| {

@@ -160,7 +160,6 @@ impl Scene<'_> {
     ) -> Option<RowCentre> {
         let found = window.row_centre(fit);
         let found = RowCentre {
-            class: self.found.class,
             misfit: found.width.to_f32() < NARROWEST_SURE_REFIT,
             ..found
         };

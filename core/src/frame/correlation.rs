@@ -154,6 +154,16 @@ mod tests {
         assert!((1.6..=2.6).contains(&steps.growth), "{steps:?}");
     }
 
+    /// The margin of 2.5 may take 8 from 20, which is enough.
+    #[test]
+    fn eight_independent_rows_are_enough() {
+        let worth = |rows| Correlated { rows, growth: 1.0 }.rows_if_few();
+        assert_eq!(
+            [worth(20.0), worth(19.9), worth(1.0)],
+            [None, Some(7), Some(1)]
+        );
+    }
+
     #[test]
     fn motion_equal_rows_and_opposite_neighbours_are_no_correlation() {
         assert_eq!(of((0..64).map(|i| 0.1 * i as f32)), None, "steady motion");

@@ -26,6 +26,8 @@ fn the_error_of_an_invalid_table_names_the_wrong_knot() {
     assert_eq!(wrong(&unsorted), order(1, Pixels::from_int(0)));
     let equal = [good[0], good[1], good[1]];
     assert_eq!(wrong(&equal), order(2, Pixels::from_int(10)));
+    // A sixteenth of a pixel.
+    assert_eq!(16 * CLOSEST.to_bits(), Pixels::from_int(1).to_bits());
     let close = |bits| {
         let centre = Pixels::from_bits(CLOSEST.to_bits() + bits);
         let values = [knot(0, 900_000), Knot { centre, ..good[1] }];
