@@ -653,10 +653,10 @@ mod tests {
         sum - 6.0
     }
 
-    /// Compares spots with shot and read noise with their mirror images. The module's table gives the variance
-    /// of each statistic. So tilt^2, skew^2 and shift^2 over their norms have a mean of 1, and the squares of n
-    /// pairs less one for the shift a mean of n - 1. The mean of 4000 squares is known to 2.2 %; the test
-    /// allows five times this.
+    /// Compares spots with shot and read noise with their mirror images. The table in `check` gives the
+    /// variance of each statistic. So the mean of shift^2, tilt^2 and skew^2, each over its norm, is 1. The
+    /// squares of n pairs have a mean of n - 1, because the shift takes one. The mean of 4000 squares is known
+    /// to 2.2 %; the test allows five times this.
     #[test]
     fn statistics_of_noise_have_the_variances_that_the_check_assumes() {
         const ROWS: usize = if cfg!(miri) { 3 } else { 4000 };
@@ -722,7 +722,7 @@ mod tests {
             for mean in &means[..4] {
                 assert!((mean - 1.0).abs() < 0.11, "{width}: {means:?}");
             }
-            // The check takes the noise at the spot's top for all samples, so k4 is more certain than it says.
+            // The check takes the noise at the spot's top for all samples, so k4 is more certain than that.
             assert!((0.35..0.6).contains(&means[4]), "{width}: {means:?}");
             // The fit leaves less than it should where the noise is less than the mean noise: by up to one
             // deviation. The limit is four.
@@ -793,6 +793,35 @@ mod tests {
         assert!(is_coarse(&light, 2.2));
         light[50 - 27] += 1;
         assert!(!is_coarse(&light, 2.2));
+    }
+
+    /// The rise to a single pixel and the fall behind it are each as large as its height, together twice the
+    /// height. A spot with a sigma of one pixel has 0.94 of its height.
+    #[test]
+    fn a_single_bright_pixel_is_sharper_than_any_spot() {
+        let geometry = crate::sensor_heads::tcd1304dg();
+        let spot = Spot {
+            centre: 50,
+            block_log2: 0,
+            height: Counts::from_int(1000),
+            background: crate::spot::Background {
+                level: Counts::from_int(300),
+                noise: Counts::from_int(2),
+            },
+            black_level: Counts::from_int(300),
+        };
+        let mut light = [300; 101];
+        light[50] = 1300;
+        let is_sharp =
+            |light: &[u16], width| is_sharp(light, &spot, &found_at(50.0, width), &geometry);
+        assert!(is_sharp(&light, 1.0));
+        // Too wide to be bad pixels.
+        assert!(!is_sharp(&light, 1.6));
+        let spot_of_one: [u16; 101] = core::array::from_fn(|i| {
+            let u = i as f32 - 50.0;
+            300 + (1000.0 * libm::expf(-0.5 * u * u)) as u16
+        });
+        assert!(!is_sharp(&spot_of_one, 1.0));
     }
 
     /// With three or four pairs the norm of u^4 e is often nothing but rounding, and its root not a number.
