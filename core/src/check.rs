@@ -154,7 +154,7 @@ mod tests {
     use super::*;
     use crate::units::{Counts, Pixels};
 
-    fn found_at(centre: f32, width: f32) -> RowCentre {
+    pub(super) fn found_at(centre: f32, width: f32) -> RowCentre {
         RowCentre {
             centre: Pixels::from_f32(centre),
             uncertainty: Pixels::from_f32(0.25),

@@ -335,7 +335,7 @@ mod tests {
     use super::*;
     use crate::centre::WidthClass;
 
-    fn row(centre: f32, uncertainty: f32) -> Result<RowCentre, Fault> {
+    pub(super) fn row(centre: f32, uncertainty: f32) -> Result<RowCentre, Fault> {
         Ok(RowCentre {
             centre: Pixels::from_f32(centre),
             uncertainty: Pixels::from_f32(uncertainty),

@@ -85,8 +85,8 @@ pub struct Reading {
     ///
     /// `None` does not say that the rows are independent. Few rows tell little about that: the flag marks
     /// 96 % of the frames of 64 rows that are worth fewer than eight, but only 18 % of the frames of 16 rows
-    /// that are worth four. An error that all rows share does not show in their differences. Speckle makes a
-    /// reading of a target at rest, or of one that drifts steadily, wrong by hundreds of times its
-    /// uncertainty. Nothing in the frame shows that error, only readings of other places on the surface do.
+    /// that are worth four. An error that all rows share does not show in their differences. If a
+    /// target is at rest or drifts steadily, the error by speckle is hundreds of times the uncertainty.
+    /// Nothing in the frame shows that error. Only readings of other places on the surface show it.
     pub correlated: Option<u16>,
 }

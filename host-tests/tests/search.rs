@@ -75,8 +75,8 @@ fn check_dim_spots(cells: &[(f64, usize, f64)], snrs: &[f64]) {
             let [missed, wrong, misleading] =
                 (0..ROWS).into_par_iter().map(row).reduce(|| [0; 3], add);
             println!(
-                "sigma {width:>5}, {pixels} pixels, signal to noise {snr}: missed {:.3} %, wrong {:.3} %, a \
-                 centre of that {misleading} times",
+                "sigma {width:>5}, {pixels} pixels, signal to noise {snr}: missed {:.3} %, wrong {:.3} %, \
+                 {misleading} of the wrong spots gave a centre",
                 100.0 * f64::from(missed) / ROWS as f64,
                 100.0 * f64::from(wrong) / ROWS as f64,
             );

@@ -40,7 +40,7 @@ pub struct HalfMaximum {
 }
 
 /// Finds the width in pixels that chooses a window. If the centre of the row before is within a width of this
-/// spot, the width of that row is taken. Otherwise the half maximum gives the width.
+/// spot, this is the width of the row before. Otherwise the half maximum gives the width.
 ///
 /// # Errors
 /// [`Fault::SpotAtEdge`] where the row ends before the counts fall to half, [`Fault::NoSpot`] where they

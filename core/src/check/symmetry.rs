@@ -579,6 +579,7 @@ impl Even {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::check::tests::found_at;
 
     #[test]
     fn the_mirror_is_the_nearest_half_pixel() {
@@ -728,18 +729,6 @@ mod tests {
             // deviation. The limit is four.
             assert!((-1.0..0.0).contains(&means[5]), "{width}: {means:?}");
             assert!((0.8..2.0).contains(&means[6]), "{width}: {means:?}");
-        }
-    }
-
-    /// A spot of a width on a row of 101 pixels.
-    fn found_at(centre: f32, width: f32) -> RowCentre {
-        RowCentre {
-            centre: Pixels::from_f32(centre),
-            uncertainty: Pixels::from_f32(0.01),
-            amplitude: Counts::from_int(1000),
-            width: Pixels::from_f32(width),
-            class: Default::default(),
-            misfit: false,
         }
     }
 

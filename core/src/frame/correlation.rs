@@ -116,19 +116,11 @@ fn residuals(members: &[Member<'_>]) -> Option<Vec<f32, { MAX_ROWS as usize }>> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::centre::{RowCentre, WidthClass};
-    use crate::units::{Counts, Pixels};
+    use crate::frame::tests::row;
 
     /// What rows with these offsets in pixels are worth, if each claims an uncertainty of 0.02.
     fn of(offsets: impl Iterator<Item = f32>) -> Option<Correlated> {
-        let row = RowCentre {
-            centre: Pixels::from_int(0),
-            uncertainty: Pixels::from_f32(0.02),
-            amplitude: Counts::from_int(1000),
-            width: Pixels::from_int(9),
-            class: WidthClass::default(),
-            misfit: false,
-        };
+        let row = row(0.0, 0.02).expect("a centre");
         let members: std::vec::Vec<Member<'_>> = (offsets.zip(0u8..))
             .map(|(offset, number)| Member {
                 row: &row,

@@ -73,20 +73,12 @@ pub(super) fn of(members: &[Member<'_>]) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::centre::{RowCentre, WidthClass};
-    use crate::units::{Counts, Pixels};
+    use crate::frame::tests::row;
 
     /// The motion that eight rows show if only some of them count. The target moves by `speed` pixels a row,
     /// and each row claims an uncertainty of 0.02 pixels.
     fn motion(counting: &[usize], speed: f32) -> Option<f32> {
-        let row = RowCentre {
-            centre: Pixels::from_int(0),
-            uncertainty: Pixels::from_f32(0.02),
-            amplitude: Counts::from_int(1000),
-            width: Pixels::from_int(9),
-            class: WidthClass::default(),
-            misfit: false,
-        };
+        let row = row(0.0, 0.02).expect("a centre");
         let members: [Member<'_>; 8] = core::array::from_fn(|number| Member {
             row: &row,
             rows_from_middle: number as f32 - 3.5,
