@@ -83,6 +83,13 @@ pub struct FrameCentre {
     pub misfits: u16,
     /// See [`Reading::correlated`](crate::reading::Reading::correlated).
     pub correlated: Option<u16>,
+    /// How far the rows' centres scatter beyond what their own uncertainties explain, as a standard deviation
+    /// about their mean, or about their motion: different speckle, if the surface is rough and the target
+    /// moves.
+    pub spread: Pixels,
+    /// The standard uncertainty of where the target was in the middle of the frame, because its motion is not
+    /// known exactly.
+    pub motion: Pixels,
 }
 
 impl Frame {
@@ -163,6 +170,8 @@ impl Frame {
             rows: self.rows,
             misfits: count_where(&members, |it| it.row.misfit) as u16,
             correlated,
+            spread: Pixels::default(),
+            motion: Pixels::default(),
         })
     }
 

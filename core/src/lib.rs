@@ -72,6 +72,8 @@ pub mod frame;
 
 pub mod distance;
 
+pub mod pixels;
+
 pub mod measurement;
 
 pub mod reading;

@@ -9,6 +9,7 @@ use crate::centre::{Estimator, RowCentre};
 use crate::check;
 use crate::fault::Fault;
 use crate::frame::Frame;
+use crate::pixels::PixelErrors;
 use crate::reading::Measured;
 use crate::row::{Geometry, Row};
 use crate::settings::Settings;
@@ -24,6 +25,8 @@ pub struct Measurement {
     black: BlackPixels,
     /// The result of the row before, if it is of the same frame and had a centre.
     before: Option<(Spot, RowCentre)>,
+    /// The background above the black level, of the latest row of the frame with a spot.
+    ambient: Counts,
 }
 
 impl Measurement {
@@ -35,6 +38,7 @@ impl Measurement {
             frame: Frame::default(),
             black: BlackPixels::default(),
             before: None,
+            ambient: Counts::default(),
         }
     }
 
@@ -98,6 +102,8 @@ impl Measurement {
             black_level: black.level(how).unwrap_or(spot.background.level),
             ..spot
         };
+        let above_black = spot.above_black(Counts::default()).to_bits();
+        self.ambient = Counts::from_bits(above_black.max(0));
         let centre = check::centre(
             self.settings.estimator,
             row,
@@ -128,7 +134,9 @@ impl Measurement {
                 .black
                 .level(self.settings.black_level)
                 .unwrap_or_default(),
+            ambient: self.ambient,
             estimator: self.settings.estimator,
+            pixels: PixelErrors::TCD1304DG,
         })
     }
 }

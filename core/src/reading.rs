@@ -4,6 +4,7 @@ use crate::centre::Estimator;
 use crate::distance::Calibration;
 use crate::fault::Fault;
 use crate::frame::FrameCentre;
+use crate::pixels::PixelErrors;
 use crate::units::{Counts, Micrometres, Pixels};
 
 /// The result of a frame without a calibration. Calibrations are made from such results.
@@ -13,8 +14,12 @@ pub struct Measured {
     pub frame: FrameCentre,
     /// The counts of an unlit pixel.
     pub black_level: Counts,
+    /// Counts of the background above the black level: ambient light.
+    pub ambient: Counts,
     /// How the rows' centres were found.
     pub estimator: Estimator,
+    /// How far the pixels differ, after the correction that the rows had.
+    pub pixels: PixelErrors,
 }
 
 impl Measured {
@@ -27,6 +32,7 @@ impl Measured {
             frame,
             black_level,
             estimator,
+            ..
         } = *self;
         let calibration = calibration.ok_or(Fault::NotCalibrated {
             centre: frame.centre,

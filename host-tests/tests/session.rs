@@ -7,6 +7,7 @@ use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
+use slitrange::pixels::PixelErrors;
 use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::help::{Estimators, Help};
 use slitrange::protocol::info::{Banner, Hardware, Info};
@@ -129,9 +130,13 @@ fn frame(centre: f32) -> Measured {
             rows: 16,
             misfits: 0,
             correlated: None,
+            spread: Pixels::default(),
+            motion: Pixels::default(),
         },
         black_level: Counts::from_int(300),
+        ambient: Counts::default(),
         estimator: Estimator::PhaseTable,
+        pixels: PixelErrors::TCD1304DG,
     }
 }
 

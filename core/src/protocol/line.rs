@@ -49,6 +49,7 @@ impl fmt::Display for Measured {
             frame,
             black_level,
             estimator,
+            ..
         } = self;
         write!(
             f,
@@ -104,6 +105,7 @@ mod tests {
     use super::*;
     use crate::centre::Estimator;
     use crate::frame::{FEWEST_INDEPENDENT, FrameCentre};
+    use crate::pixels::PixelErrors;
     use crate::units::{Counts, Micrometres, Pixels};
 
     #[test]
@@ -173,9 +175,13 @@ mod tests {
                 rows: 16,
                 misfits: 0,
                 correlated: None,
+                spread: Pixels::default(),
+                motion: Pixels::default(),
             },
             black_level: Counts::from_f32(300.25),
+            ambient: Counts::default(),
             estimator: Estimator::PhaseTable,
+            pixels: PixelErrors::TCD1304DG,
         };
         let line = "x 1770.98767 u 0.00195 a 1993 n 16/16 b 300 e t";
         assert_eq!(measured.to_string(), line);

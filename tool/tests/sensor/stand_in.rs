@@ -18,6 +18,7 @@ use rand_distr::{Distribution, StandardNormal};
 use slitrange::distance::eq1::NOMINAL;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
+use slitrange::pixels::PixelErrors;
 use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::Input;
@@ -516,9 +517,13 @@ impl Sensor {
                 rows: settings.rows,
                 misfits: 0,
                 correlated: None,
+                spread: Pixels::default(),
+                motion: Pixels::default(),
             },
             black_level: Counts::from_int(300),
+            ambient: Counts::default(),
             estimator: settings.estimator,
+            pixels: PixelErrors::TCD1304DG,
         })
     }
 

@@ -9,6 +9,7 @@ use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::fault::Fault;
 use slitrange::frame::{FrameCentre, Mean};
+use slitrange::pixels::PixelErrors;
 use slitrange::reading::{Measured, Reading};
 use slitrange::record::Record;
 use slitrange::record::date::Date;
@@ -136,9 +137,13 @@ pub fn measured() -> Measured {
             rows: 0,
             misfits: 0,
             correlated: None,
+            spread: Pixels::default(),
+            motion: Pixels::default(),
         },
         black_level: Counts::MIN,
+        ambient: Counts::default(),
         estimator: Estimator::Centroid,
+        pixels: PixelErrors::TCD1304DG,
     })
 }
 
