@@ -2,7 +2,9 @@
 //!
 //!     cargo run --package slitrange --example frame_to_distance
 
-use slitrange::{Calibration, Fault, Measurement, Reading, Settings, sensor_heads};
+use slitrange::{
+    Calibration, CalibrationErrors, Fault, Measurement, Reading, Settings, Surface, sensor_heads,
+};
 
 /// The words of a read-out, which fall with light: a spot of some height at a place in pixels, and noise that
 /// differs from row to row.
@@ -27,9 +29,11 @@ fn measure(centre: f64, height: f64) -> Result<Reading, Fault> {
     };
     let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
     let frame = (0..).find_map(|number| measurement.row(&mut words(number, centre, height)));
-    frame
-        .expect("16 rows are a frame")?
-        .reading(calibration.as_ref())
+    frame.expect("16 rows are a frame")?.reading(
+        calibration.as_ref(),
+        &CalibrationErrors::Nominal,
+        Surface::Auto,
+    )
 }
 
 /// A good frame, a dim one, one that is too bright, and one outside the calibration.

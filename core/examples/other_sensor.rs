@@ -4,7 +4,8 @@
 
 use slitrange::distance::eq1::{Eq1, Eq1Error};
 use slitrange::{
-    BlackLevel, Calibration, Geometry, Measurement, Micrometres, Pixels, Polarity, Settings,
+    BlackLevel, Calibration, CalibrationErrors, Geometry, Measurement, Micrometres, Pixels,
+    Polarity, Settings, Surface,
 };
 
 /// The sensor behind a 12-bit converter. It has no shielded pixels, and its driver reads 16 words before the
@@ -54,7 +55,11 @@ pub fn main() {
     let frame = (0..).find_map(|number| measurement.row(&mut words(number)));
     let measured = frame.expect("four rows are a frame").expect("a centre");
     let calibration = calibration().expect("a curve over these centres");
-    let reading = measured.reading(Some(&calibration)).expect("a distance");
+    // Nothing is known of this calibration's errors, and the target is smooth.
+    let errors = CalibrationErrors::Unknown;
+    let reading = measured
+        .reading(Some(&calibration), &errors, Surface::Off)
+        .expect("a distance");
     println!("{reading}");
     assert!((reading.centre.to_f64() - 1100.4).abs() < 0.01);
     assert!((reading.black_level.to_f64() - 253.5).abs() < 0.5);

@@ -5,6 +5,7 @@ use crate::distance::Calibration;
 use crate::fault::Fault;
 use crate::frame::FrameCentre;
 use crate::pixels::PixelErrors;
+use crate::uncertainty::{CalibrationErrors, Parts, Place, Surface};
 use crate::units::{Counts, Micrometres, Pixels};
 
 /// The result of a frame without a calibration. Calibrations are made from such results.
@@ -23,27 +24,40 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// Converts the centre to a distance.
+    /// Converts the centre to a distance, with all that is known of its error.
     ///
     /// # Errors
     /// [`Fault::NotCalibrated`] without a calibration, [`Fault::OutOfRange`] where it is not valid.
-    pub fn reading(&self, calibration: Option<&Calibration>) -> Result<Reading, Fault> {
+    pub fn reading(
+        &self,
+        calibration: Option<&Calibration>,
+        errors: &CalibrationErrors,
+        surface: Surface,
+    ) -> Result<Reading, Fault> {
         let Self {
             frame,
             black_level,
+            ambient,
             estimator,
-            ..
+            pixels,
         } = *self;
         let calibration = calibration.ok_or(Fault::NotCalibrated {
             centre: frame.centre,
             uncertainty: frame.uncertainty,
         })?;
         let (distance, slope) = calibration.distance_at(frame.centre)?;
+        let (first, last) = calibration.valid();
+        let place = Place {
+            distance,
+            slope: slope.abs(),
+            along: (frame.centre.to_f32() - first.to_f32()) / (last.to_f32() - first.to_f32()),
+        };
+        let pixels = pixels.of_centre(estimator, frame.width, frame.amplitude, ambient);
+        let parts = place.parts(&frame, pixels, errors, surface);
         Ok(Reading {
             distance,
-            // Never zero: if the true uncertainty is below the finest step, the step is reported.
-            uncertainty: Micrometres::from_f32(frame.uncertainty.to_f32() * slope.abs())
-                .max(Micrometres::from_bits(1)),
+            uncertainty: parts.combined(),
+            parts,
             centre: frame.centre,
             centre_uncertainty: frame.uncertainty,
             amplitude: frame.amplitude,
@@ -54,6 +68,8 @@ impl Measured {
             estimator,
             misfits: frame.misfits,
             correlated: frame.correlated,
+            is_nominal: *errors == CalibrationErrors::Nominal,
+            has_other_settings: false,
         })
     }
 }
@@ -63,9 +79,10 @@ impl Measured {
 pub struct Reading {
     /// Distance to the target; to a moving target, in the middle of the frame.
     pub distance: Micrometres,
-    /// Standard uncertainty of the distance (one sigma): that of the centre times the slope of the
-    /// calibration.
+    /// u, the combined standard uncertainty of the distance (one sigma): all of the parts.
     pub uncertainty: Micrometres,
+    /// What it is made of. The first part is r, the repeatability: what frames of a target at rest scatter by.
+    pub parts: Parts,
     /// Centre of the spot on the light range.
     pub centre: Pixels,
     /// Standard uncertainty of the centre.
@@ -87,12 +104,16 @@ pub struct Reading {
     pub misfits: u16,
     /// The number of independent rows that the frame's rows may be worth, if neighbouring rows have similar
     /// errors and the number is below [`FEWEST_INDEPENDENT`](crate::frame::FEWEST_INDEPENDENT). The
-    /// uncertainty is then an estimate from too few rows, and may be several times too small.
+    /// repeatability is then an estimate from too few rows, and may be several times too small.
     ///
     /// `None` does not say that the rows are independent. Few rows tell little about that: the flag marks
     /// 96 % of the frames of 64 rows that are worth fewer than eight, but only 18 % of the frames of 16 rows
-    /// that are worth four. An error that all rows share does not show in their differences. If a
-    /// target is at rest or drifts steadily, the error by speckle is hundreds of times the uncertainty.
-    /// Nothing in the frame shows that error. Only readings of other places on the surface show it.
+    /// that are worth four. An error that all rows share does not show in their differences: speckle, if a
+    /// target is at rest. [`Parts::surface`] holds it.
     pub correlated: Option<u16>,
+    /// The calibration is the nominal one: nobody calibrated this head.
+    pub is_nominal: bool,
+    /// The settings differ from those with which the calibration was made: on a spot that is no gaussian, two
+    /// estimators find two centres.
+    pub has_other_settings: bool,
 }

@@ -2,10 +2,12 @@
 //!
 //! ```text
 //! format version | the record, by postcard | CRC-32 of all before it, little endian
-//! 1 byte         | up to 1356 bytes        | 4 bytes
+//! 1 byte: 2      | up to 1493 bytes        | 4 bytes
 //! ```
 //!
 //! The CRC-32 is ISO-HDLC, as in zip and PNG.
+//!
+//! Version 1, which earlier firmware wrote, is read too: it says nothing of the calibration's errors.
 //!
 //! [`decode`] makes a record with the constructors of its parts, and refuses what they refuse. The range of
 //! distances is not in the bytes: it follows from the calibration and the range of its centres.
@@ -28,6 +30,7 @@ use crate::distance::residuals::{Corrected, CorrectedError};
 use crate::distance::table::{Table, TableError};
 use crate::row::{Geometry, LARGEST_COUNT, MAX_PIXELS, Polarity};
 use crate::sensor_heads;
+use crate::uncertainty::CalibrationErrors;
 use crate::units::{Counts, Micrometres, Pixels};
 use date::Date;
 
@@ -47,13 +50,19 @@ pub struct Record {
     pub black_level: BlackLevel,
     /// The distance for each centre.
     pub calibration: Calibration,
+    /// What is known of the calibration's errors.
+    pub errors: CalibrationErrors,
 }
 
-/// The format that this firmware writes and reads.
-pub const VERSION: u8 = 1;
+/// The format that this firmware writes.
+pub const VERSION: u8 = 2;
 
-/// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, each number at its longest.
-pub const MAX_ENCODED: usize = 1361;
+/// The format of earlier firmware: the same without [`Record::errors`].
+const VERSION_1: u8 = 1;
+
+/// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, and all that a fit says of its errors,
+/// each number at its longest.
+pub const MAX_ENCODED: usize = 1498;
 
 /// Computed bit by bit, without a table: a record is read once at the start.
 const CRC: Crc<u32, crc::Table<0>> = Crc::<u32, crc::Table<0>>::new(&CRC_32_ISO_HDLC);
@@ -71,8 +80,12 @@ pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], Rec
     };
     let (version, rest) = buffer.split_first_mut().ok_or(no_room)?;
     *version = VERSION;
-    let body = postcard::to_slice(&fields, rest).map_err(|_| no_room)?;
-    let summed = body.len().saturating_add(1);
+    let fields = postcard::to_slice(&fields, rest)
+        .map_err(|_| no_room)?
+        .len();
+    let rest = rest.get_mut(fields..).ok_or(no_room)?;
+    let errors = postcard::to_slice(&record.errors, rest).map_err(|_| no_room)?;
+    let summed = fields.saturating_add(errors.len()).saturating_add(1);
     let (before, after) = buffer.split_at_mut_checked(summed).ok_or(no_room)?;
     let sum = after.first_chunk_mut().ok_or(no_room)?;
     *sum = CRC.checksum(before).to_le_bytes();
@@ -97,12 +110,26 @@ pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
     let (&version, body) = before
         .split_first()
         .ok_or(RecordError::Short { bytes: bytes.len() })?;
-    if version != VERSION {
+    if version != VERSION && version != VERSION_1 {
         return Err(RecordError::Version { version });
     }
     match &Fields::read(body) {
-        Ok(fields) => fields.record(),
+        Ok((fields, rest)) => fields.record(read_errors(version, rest)?),
         Err(error) => Err(*error),
+    }
+}
+
+/// Reads what follows the fields.
+fn read_errors(version: u8, rest: &[u8]) -> Result<CalibrationErrors, RecordError> {
+    if version == VERSION_1 {
+        return match rest {
+            [] => Ok(CalibrationErrors::Unknown),
+            _ => Err(RecordError::Shape),
+        };
+    }
+    match postcard::take_from_bytes(rest) {
+        Ok((errors, [])) => Ok(errors),
+        _ => Err(RecordError::Shape),
     }
 }
 
@@ -117,6 +144,7 @@ impl Record {
             estimator: Estimator::default(),
             black_level: BlackLevel::Shielded,
             calibration: Calibration::nominal()?,
+            errors: CalibrationErrors::Nominal,
         })
     }
 
@@ -154,12 +182,15 @@ impl Record {
         if first.to_bits() < -HALF || last.to_bits() > end {
             return Err(RecordError::OffTheSensor { first, last });
         }
+        if !self.errors.are_sensible() {
+            return Err(RecordError::Errors);
+        }
         Ok(())
     }
 }
 
-/// The fields of a record in the order of its bytes. A change of this type changes the format: it needs a new
-/// [`VERSION`].
+/// The fields of a record in the order of its bytes; [`Record::errors`] follows. A change of this type
+/// changes the format: it needs a new [`VERSION`].
 #[derive(Serialize, Deserialize)]
 struct Fields {
     serial_number: u32,
@@ -256,19 +287,19 @@ impl Fields {
     /// Reads the fields. This function and those that make a calibration of the fields each move kilobytes.
     /// They are not inlined, so that their copies are not all on the chip's stack at once.
     #[inline(never)]
-    fn read(body: &[u8]) -> Result<Self, RecordError> {
+    fn read(body: &[u8]) -> Result<(Self, &[u8]), RecordError> {
         match postcard::take_from_bytes::<Self>(body) {
             Ok((fields, _)) if fields.calibration.has_straight_lines() => {
                 Err(RecordError::StraightLines)
             }
-            Ok((fields, [])) => Ok(fields),
-            _ => Err(RecordError::Shape),
+            Ok(read) => Ok(read),
+            Err(_) => Err(RecordError::Shape),
         }
     }
 
     /// Makes the record with the constructors of its parts.
     #[inline(never)]
-    fn record(&self) -> Result<Record, RecordError> {
+    fn record(&self, errors: CalibrationErrors) -> Result<Record, RecordError> {
         let estimator = Estimator::from_stored_letter(char::from(self.estimator)).ok_or(
             RecordError::Estimator {
                 letter: self.estimator,
@@ -297,6 +328,7 @@ impl Fields {
                 BlackLevelFields::Frame => BlackLevel::Frame,
             },
             calibration: self.calibration.calibration()?,
+            errors,
         };
         record.check()?;
         Ok(record)
@@ -423,6 +455,8 @@ pub enum RecordError {
     Table(TableError),
     /// The residuals, or the curve below them, cannot be used.
     Corrected(CorrectedError),
+    /// An uncertainty below zero, or a usual height of the spot that is not above zero.
+    Errors,
     /// The range of centres reaches beyond the sensor's pixels.
     OffTheSensor {
         /// The first centre.
@@ -449,8 +483,8 @@ impl fmt::Display for RecordError {
             ),
             Self::Version { version } => write!(
                 f,
-                "the record has format {version}, and this firmware knows {VERSION}: write it with the tool \
-                of this firmware"
+                "the record has format {version}, and this firmware knows {VERSION_1} and {VERSION}: write it \
+                with the tool of this firmware"
             ),
             Self::Shape => f.write_str(
                 "the CRC is right, but the bytes are not a record: write the calibration with the tool of \
@@ -478,6 +512,9 @@ impl fmt::Display for RecordError {
             Self::Eq1(error) => error.fmt(f),
             Self::Table(error) => error.fmt(f),
             Self::Corrected(error) => error.fmt(f),
+            Self::Errors => f.write_str(
+                "the record's uncertainties are impossible: fit again from the points file",
+            ),
             Self::OffTheSensor { first, last } => write!(
                 f,
                 "the record's centres, {first:.1} to {last:.1} px, reach beyond the sensor: take a smaller \

@@ -11,18 +11,19 @@
 
 use core::fmt::{self, Write as _};
 
-use crate::distance::Calibration;
 use crate::fault::Fault;
+use crate::pixels::PixelErrors;
 use crate::protocol::MAX_ANSWER;
 use crate::protocol::calibration::{CalibrationAnswer, FlashStatus};
 use crate::protocol::command::{Command, Error};
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::{Banner, Hardware, Info};
+use crate::protocol::line::PartsOf;
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
 use crate::protocol::status::{StartCause, Status, Vitals};
 use crate::protocol::upload::{Step, Upload};
-use crate::reading::Measured;
+use crate::reading::{Measured, Reading};
 use crate::record::Record;
 use crate::record::encoded::EncodedRecord;
 use crate::row::Geometry;
@@ -30,6 +31,7 @@ use crate::settings::{Affects, Setting, Settings};
 use crate::store::configuration::Configuration;
 use crate::store::{StoreError, Stored};
 use crate::text::Text;
+use crate::uncertainty::CalibrationErrors;
 
 /// What happens to the sensor.
 #[derive(Debug)]
@@ -85,6 +87,9 @@ pub struct Session {
     upload: Upload,
     distance_wanted: bool,
     centre_wanted: bool,
+    parts_wanted: bool,
+    /// As the latest frame says.
+    pixels: PixelErrors,
     readings: u32,
     faults: [u32; Fault::KINDS],
 }
@@ -104,6 +109,8 @@ impl Session {
             upload: Upload::none(),
             distance_wanted: false,
             centre_wanted: false,
+            parts_wanted: false,
+            pixels: PixelErrors::TCD1304DG,
             readings: 0,
             faults: [0; Fault::KINDS],
         }
@@ -205,8 +212,10 @@ impl Session {
 
     /// Counts a result, and reports it if someone asked for it or the stream is on.
     fn report(&mut self, measured: Result<Measured, Fault>, actions: &mut Actions) {
-        let calibration = self.calibration();
-        let result = measured.and_then(|measured| measured.reading(calibration));
+        if let Ok(measured) = &measured {
+            self.pixels = measured.pixels;
+        }
+        let result = measured.and_then(|measured| self.reading(&measured));
         let count = match &result {
             Ok(_) => Some(&mut self.readings),
             Err(fault) => self.faults.get_mut(fault.kind()),
@@ -228,7 +237,13 @@ impl Session {
                 Err(fault) => advise(fault, actions),
             }
         }
-        if !distance_wanted && !centre_wanted && self.settings.stream {
+        if core::mem::take(&mut self.parts_wanted) {
+            match &result {
+                Ok(reading) => actions.add_line(&PartsOf(reading)),
+                Err(fault) => advise(fault, actions),
+            }
+        }
+        if actions.text.as_str().is_empty() && self.settings.stream {
             actions.may_drop = true;
             match &result {
                 Ok(reading) => actions.add_line(reading),
@@ -237,10 +252,20 @@ impl Session {
         }
     }
 
-    /// The calibration, if there is one and it is on.
-    fn calibration(&self) -> Option<&Calibration> {
-        let record = self.record().filter(|_| self.calibration_on)?;
-        Some(&record.calibration)
+    /// Converts a frame's centre by the record, if there is one and it is on.
+    fn reading(&self, measured: &Measured) -> Result<Reading, Fault> {
+        let Some(record) = self.record().filter(|_| self.calibration_on) else {
+            return measured.reading(None, &CalibrationErrors::Unknown, self.settings.surface);
+        };
+        let calibration = Some(&record.calibration);
+        let reading = measured.reading(calibration, &record.errors, self.settings.surface)?;
+        let is_as_calibrated = reading.is_nominal
+            || record.estimator == self.settings.estimator
+                && record.black_level == self.settings.black_level;
+        Ok(Reading {
+            has_other_settings: !is_as_calibrated,
+            ..reading
+        })
     }
 
     /// Executes a command, and writes its answer into `actions`.
@@ -260,6 +285,7 @@ impl Session {
                 settings: &self.settings,
                 record: self.record(),
                 is_calibration_on: self.calibration_on,
+                pixels: self.pixels,
             }),
             Command::Status => actions.add_line(&Status {
                 started_by: self.started_by,
@@ -270,6 +296,7 @@ impl Session {
             // The next frame answers.
             Command::Distance => self.distance_wanted = true,
             Command::Centre => self.centre_wanted = true,
+            Command::Uncertainty => self.parts_wanted = true,
             Command::Show(setting) => actions.add_line(&self.settings.get(setting)),
             Command::Set(value) => {
                 self.settings.set(value);

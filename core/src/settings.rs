@@ -14,7 +14,8 @@ use heapless::Vec;
 use crate::black_level::BlackLevel;
 use crate::centre::Estimator;
 use crate::frame::{MAX_ROWS, Mean};
-use crate::units::Counts;
+use crate::uncertainty::Surface;
+use crate::units::{Counts, Micrometres};
 
 /// # The list
 ///
@@ -40,6 +41,10 @@ macro_rules! list {
             /// how the centre of a row is found
             Estimator "estimator" estimator: Estimator = Estimator::PhaseTable,
                 Form::Listed, Affects::Measurement;
+
+            /// how far speckle moves a distance, in um
+            Surface "surface" surface: Surface = Surface::Auto,
+                Form::Words("auto|off|0..50000"), Affects::Measurement;
         }
     };
 }
@@ -340,6 +345,32 @@ impl ValueText for BlackLevel {
     }
 }
 
+/// The largest displacement by a surface that can be set, in micrometres: that of a laser spot of some
+/// decimetres.
+const MAX_SURFACE: u32 = 50_000;
+
+impl ValueText for Surface {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match *words {
+            ["auto"] => Ok(Self::Auto),
+            ["off"] => Ok(Self::Off),
+            [deviation] => {
+                let deviation = read_number(deviation, 0, MAX_SURFACE)?;
+                Ok(Self::Fixed(Micrometres::from_int(deviation as i32)))
+            }
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Off => f.write_str("off"),
+            Self::Fixed(deviation) => write!(f, "{deviation:.0}"),
+        }
+    }
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
@@ -357,6 +388,11 @@ pub(crate) mod tests {
             .chain(Mean::ALL.map(Value::Mean))
             .chain(Estimator::ALL.map(Value::Estimator))
             .chain(black.map(Value::Black))
+            .chain([Surface::Auto, Surface::Off].map(Value::Surface))
+            .chain(
+                [0, 437, 50_000]
+                    .map(|um| Value::Surface(Surface::Fixed(Micrometres::from_int(um)))),
+            )
             .collect()
     }
 
@@ -387,7 +423,10 @@ pub(crate) mod tests {
                 for value in of_setting() {
                     let line = value.to_string();
                     let word = line.split(' ').nth(1).expect("a value");
-                    let is_named = |known: &str| known.split(' ').next() == Some(word);
+                    let is_number =
+                        |known: &str| word.parse::<u32>().is_ok() && known.contains("..");
+                    let is_named =
+                        |known: &str| known.split(' ').next() == Some(word) || is_number(known);
                     assert!(words.split('|').any(is_named), "{line}");
                 }
             }
@@ -409,6 +448,9 @@ pub(crate) mod tests {
             (Setting::Black, &["fixed", "-1"], ValueError::Form),
             (Setting::Black, &["fixed", "4096"], ValueError::Range),
             (Setting::Stream, &["on", "off"], ValueError::Form),
+            (Setting::Surface, &["50001"], ValueError::Range),
+            (Setting::Surface, &["-1"], ValueError::Form),
+            (Setting::Surface, &["auto", "1"], ValueError::Form),
             (Setting::Estimator, &["Adaptive"], ValueError::Unlisted),
             (Setting::Estimator, &["robust"], ValueError::Unlisted),
             (Setting::Estimator, &["gauss", "newton"], ValueError::Form),

@@ -24,6 +24,7 @@ use slitrange::settings::Settings;
 use slitrange::store::configuration::{Configuration, MAX_ENCODED, decode, encode};
 use slitrange::store::{Store, Stored};
 use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange::uncertainty::{CalibrationErrors};
 
 use flash::{BYTES, Flash, SECTOR};
 
@@ -184,6 +185,7 @@ fn sample(what: u8, i: u16) -> Configuration {
             estimator: Estimator::PhaseTable,
             black_level: BlackLevel::Shielded,
             calibration,
+            errors: CalibrationErrors::Unknown,
         }),
     }
 }

@@ -15,6 +15,7 @@ use slitrange::fault::Fault;
 use slitrange::frame::{Frame, FrameCentre, Mean};
 use slitrange::measurement::Measurement;
 use slitrange::settings::Settings;
+use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Counts, Pixels};
 
 /// Where the spot is, in pixels.
@@ -436,11 +437,17 @@ fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
                 result = measurement.row(&mut words);
             }
             let measured = result.expect("a frame is complete").ok()?;
-            let reading = measured.reading(calibration.as_ref()).ok()?;
+            let reading = measured
+                .reading(
+                    calibration.as_ref(),
+                    &CalibrationErrors::Unknown,
+                    Surface::Off,
+                )
+                .ok()?;
             Some(Found {
                 bound: 0.0,
                 error: reading.distance.to_f64() - truth,
-                claim: reading.uncertainty.to_f64(),
+                claim: reading.parts.noise.to_f64(),
                 is_flagged: reading.correlated.is_some(),
             })
         })
@@ -448,8 +455,8 @@ fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
     results.into_iter().flatten().collect()
 }
 
-/// Speckle that changes within a frame is seen in its rows. Where it does not, all rows have the same error,
-/// and nothing in them tells; that is what a reading of a target at rest cannot know.
+/// Speckle that changes within a frame is seen in its rows, and r covers it. Where it does not change, all
+/// rows have the same error, and nothing in them tells: that is the surface's part of u.
 fn check_speckle(scenes: &[(&str, u16)]) {
     const READINGS: usize = 30;
     for &(name, rows) in scenes {

@@ -16,6 +16,7 @@ use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use slitrange::spot::{Background, Spot};
+use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Counts, Pixels};
 
 fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measurement {
@@ -33,7 +34,11 @@ fn measurement(geometry: Geometry, rows: u16, black_level: BlackLevel) -> Measur
 
 /// With the nominal calibration.
 fn reading(result: Result<Measured, Fault>) -> Result<Reading, Fault> {
-    result?.reading(Calibration::nominal().as_ref())
+    result?.reading(
+        Calibration::nominal().as_ref(),
+        &CalibrationErrors::Unknown,
+        Surface::Off,
+    )
 }
 
 /// Any spot, be it one that the search would never find.
@@ -310,7 +315,13 @@ fn every_fault_is_reachable() {
                 .filter_map(|row| measurement.row(&mut row.clone()));
             let result = results.last().expect("the frame is complete");
             let calibration = Calibration::nominal().filter(|_| *calibrated);
-            let result = result.and_then(|measured| measured.reading(calibration.as_ref()));
+            let result = result.and_then(|measured| {
+                measured.reading(
+                    calibration.as_ref(),
+                    &CalibrationErrors::Unknown,
+                    Surface::Off,
+                )
+            });
             let found = result.map_or_else(|fault| fault.name(), |_| "reading");
             assert_eq!(found, *name, "{estimator:?}: {result:?}");
         }

@@ -23,6 +23,7 @@ use slitrange::session::{Actions, Event, Session};
 use slitrange::settings::{Affects, Setting, Settings};
 use slitrange::store::configuration::Configuration;
 use slitrange::store::{StoreError, Stored};
+use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Counts, Pixels};
 
 const HARDWARE: Hardware = Hardware {
@@ -217,6 +218,7 @@ fn help_info_and_status_are_answered() {
             settings: &Settings::default(),
             record: nominal.as_ref(),
             is_calibration_on: on,
+            pixels: PixelErrors::TCD1304DG,
         };
         assert_eq!(sensor.ask("info"), info.to_string());
     }
@@ -245,7 +247,11 @@ fn frames_stream_and_may_be_dropped_answers_may_not() {
     let mut sensor = Sensor::new();
     let calibration = Calibration::nominal();
     let reading = frame(1800.0)
-        .reading(calibration.as_ref())
+        .reading(
+            calibration.as_ref(),
+            &CalibrationErrors::Nominal,
+            Surface::Auto,
+        )
         .expect("a distance");
     assert_eq!(
         sensor.take(Event::Frame(Ok(frame(1800.0)))),

@@ -16,6 +16,7 @@ use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use slitrange::spot::{self, Spot};
+use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Counts, Pixels};
 
 const PIXELS: usize = 2048;
@@ -630,7 +631,7 @@ proptest! {
             let is_last = (i + 1) % usize::from(in_a_frame) == 0;
             let result = measurement.row(&mut row.words());
             prop_assert_eq!(result.is_some(), is_last);
-            if let Some(Ok(reading)) = result.map(|result| result?.reading(Calibration::nominal().as_ref())) {
+            if let Some(Ok(reading)) = result.map(|result| result?.reading(Calibration::nominal().as_ref(), &CalibrationErrors::Unknown, Surface::Off)) {
                 prop_assert!(reading.centre >= from && reading.centre <= to, "{}", reading);
                 let within = ends[0].min(ends[1])..=ends[0].max(ends[1]);
                 prop_assert!(within.contains(&reading.distance), "{}", reading);

@@ -77,15 +77,35 @@ impl core::error::Error for Eq1Error {}
 /// it, wherever the spot is.
 pub const LEAST_SLOPE_HALVINGS: u32 = 4;
 
-/// The calibration of the paper's geometry on a TCD1304DG, used until a sensor has its own. Slit 50 mm from
-/// the sensor (f), baseline 300 mm (b), tan u = 2.6, d0 = 0, optical axis through the middle of the 3648
-/// pixels of 8 um. Valid from 0.55 m to 1.10 m.
+/// The paper's geometry on a TCD1304DG: slit 50 mm from the sensor (f), baseline 300 mm (b), optical axis
+/// through the middle of the 3648 pixels of 8 um. tan u is 2.6, and d0 is 0.
+pub const DRAWING: Drawing = Drawing {
+    baseline_um: 300_000.0,
+    focal_px: 50_000.0 / 8.0,
+    axis_px: 1823.5,
+};
+
+/// See [`DRAWING`].
+#[derive(Clone, Copy, Debug)]
+pub struct Drawing {
+    /// From the laser to the slit, in micrometres.
+    pub baseline_um: f32,
+    /// From the slit to the sensor, in pixels.
+    pub focal_px: f32,
+    /// The pixel on the optical axis.
+    pub axis_px: f32,
+}
+
+/// The calibration of [`DRAWING`], used until a sensor has its own. Valid from 0.55 m to 1.10 m.
 ///
-/// D = -b/t, xp = 1823.5 px - f/t, K = b f (1 + t^2)/t^2.
+/// D = -b/t, xp = axis - f/t, K = b f (1 + t^2)/t^2.
 pub const NOMINAL: Result<Eq1, Eq1Error> = Eq1::new(
-    Micrometres::from_bits((-300_000.0 / T * 256.0 - 0.5) as i32),
-    (300_000.0 * (50_000.0 / 8.0) * (1.0 + T * T) / (T * T) * 65536.0 + 0.5) as i64,
-    Pixels::from_bits(((1823.5 - 50_000.0 / 8.0 / T) * 65536.0 - 0.5) as i32),
+    Micrometres::from_bits((-(DRAWING.baseline_um as f64) / T * 256.0 - 0.5) as i32),
+    (DRAWING.baseline_um as f64 * DRAWING.focal_px as f64 * (1.0 + T * T) / (T * T) * 65536.0 + 0.5)
+        as i64,
+    Pixels::from_bits(
+        ((DRAWING.axis_px as f64 - DRAWING.focal_px as f64 / T) * 65536.0 - 0.5) as i32,
+    ),
     Pixels::from_int(1191)..=Pixels::from_int(2654),
 );
 

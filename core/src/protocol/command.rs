@@ -29,6 +29,8 @@ pub enum Command {
     Distance,
     /// One centre, calibrated or not.
     Centre,
+    /// One reading with the parts of its uncertainty.
+    Uncertainty,
     /// Show a setting.
     Show(Setting),
     /// Set a setting.
@@ -161,6 +163,7 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         "status" => expect_no_value(values, Command::Status, "status"),
         "distance" => expect_no_value(values, Command::Distance, "distance"),
         "centre" => expect_no_value(values, Command::Centre, "centre"),
+        "uncertainty" => expect_no_value(values, Command::Uncertainty, "uncertainty"),
         "save" => match values {
             [] => Ok(Command::Save),
             ["nominal"] => Ok(Command::SaveNominal),
@@ -224,6 +227,7 @@ impl fmt::Display for Command {
             Self::Status => f.write_str("status"),
             Self::Distance => f.write_str("distance"),
             Self::Centre => f.write_str("centre"),
+            Self::Uncertainty => f.write_str("uncertainty"),
             Self::Show(setting) => f.write_str(setting.name()),
             Self::Set(value) => value.fmt(f),
             Self::Calibration(None) => f.write_str("calibration"),
@@ -254,6 +258,7 @@ mod tests {
             Command::Status,
             Command::Distance,
             Command::Centre,
+            Command::Uncertainty,
             Command::Calibration(None),
             Command::Calibration(Some(true)),
             Command::Calibration(Some(false)),

@@ -10,7 +10,7 @@ use crate::text::Text;
 pub type Line = (&'static str, &'static str);
 
 /// The commands that `help` shows before the settings.
-pub const BEFORE_SETTINGS: [Line; 5] = [
+pub const BEFORE_SETTINGS: [Line; 6] = [
     (
         "help [estimator]",
         "this list, or what each estimator is for",
@@ -27,6 +27,10 @@ pub const BEFORE_SETTINGS: [Line; 5] = [
     (
         "centre",
         "the next frame's centre, calibrated or not, or its fault",
+    ),
+    (
+        "uncertainty",
+        "the next frame's reading, and what its uncertainty is made of",
     ),
 ];
 

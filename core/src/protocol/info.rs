@@ -6,10 +6,12 @@ use super::status::StartCause;
 use crate::distance::Calibration;
 use crate::distance::eq1::Eq1;
 use crate::distance::knots::Knots;
+use crate::pixels::PixelErrors;
 use crate::record::Record;
 use crate::row::{Geometry, Polarity};
 use crate::settings::Settings;
-use crate::units::AsMillimetres;
+use crate::uncertainty::{CalibrationErrors, Surface};
+use crate::units::{AsMillimetres, Micrometres};
 
 /// The version of the firmware.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -49,6 +51,8 @@ pub struct Info<'a> {
     pub record: Option<&'a Record>,
     /// Whether frames become distances.
     pub is_calibration_on: bool,
+    /// How far the pixels differ, as corrected.
+    pub pixels: PixelErrors,
 }
 
 impl fmt::Display for Info<'_> {
@@ -120,7 +124,82 @@ impl fmt::Display for Info<'_> {
                 AsMillimetres(*distances.end())
             )?;
         }
-        Ok(())
+        self.write_parts(record, f)
+    }
+}
+
+impl Info<'_> {
+    /// Writes a line for each part of u: how large it is as far as that is known beforehand, and where it
+    /// comes from.
+    fn write_parts(&self, record: &Record, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const PART: &str = "\r\ninfo uncertainty";
+        let of_each_frame = "of each frame, from its rows";
+        write!(f, "{PART} noise: {of_each_frame}; this part alone is r")?;
+        let PixelErrors {
+            response_q16,
+            offset,
+        } = self.pixels;
+        // Below 2^16 * 1000.
+        let response = (u32::from(response_q16) * 1000 + 32768) / 65536;
+        write!(
+            f,
+            "{PART} pixels: response {}.{} %, offset {offset:.1} counts",
+            response / 10,
+            response % 10
+        )?;
+        let fitted = match &record.errors {
+            CalibrationErrors::Fitted(fitted) => Some(fitted),
+            CalibrationErrors::Unknown | CalibrationErrors::Nominal => None,
+        };
+        match (&record.errors, fitted) {
+            (_, Some(fitted)) => {
+                write!(
+                    f,
+                    "{PART} calibration: {}, from its fit",
+                    Range(&fitted.curve)
+                )?;
+            }
+            (CalibrationErrors::Nominal, _) => {
+                write!(f, "{PART} calibration: none, it is the nominal one")?;
+            }
+            _ => write!(
+                f,
+                "{PART} calibration: not in the record, so not in u: fit it again"
+            )?,
+        }
+        let of_points = fitted.and_then(|fitted| fitted.surface);
+        match (self.settings.surface, of_points) {
+            (Surface::Off, _) => write!(f, "{PART} surface: off")?,
+            (Surface::Fixed(um), _) => write!(f, "{PART} surface: {um} um, set by hand")?,
+            (Surface::Auto, Some(surface)) => write!(
+                f,
+                "{PART} surface: {}, from the calibration's points",
+                Range(&surface.deviation)
+            )?,
+            (Surface::Auto, None) => write!(
+                f,
+                "{PART} surface: an estimate, for a laser spot of 1 mm on metal"
+            )?,
+        }
+        match &record.errors {
+            CalibrationErrors::Nominal => write!(
+                f,
+                "{PART} geometry: tolerances of a head that was never calibrated (flag g)"
+            )?,
+            _ => write!(f, "{PART} geometry: in the calibration")?,
+        }
+        write!(f, "{PART} motion: {of_each_frame}")
+    }
+}
+
+/// The least and the largest of some uncertainties.
+struct Range<'a>(&'a [Micrometres]);
+
+impl fmt::Display for Range<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let least = self.0.iter().min().copied().unwrap_or_default();
+        let largest = self.0.iter().max().copied().unwrap_or_default();
+        write!(f, "{least} to {largest} um")
     }
 }
 
@@ -161,7 +240,8 @@ mod tests {
     use crate::distance::table::Table;
     use crate::record::date::Date;
     use crate::sensor_heads;
-    use crate::units::{Micrometres, Pixels};
+    use crate::uncertainty::{FittedErrors, FittedSurface, PLACES};
+    use crate::units::{Counts, Micrometres, Pixels};
 
     const HARDWARE: Hardware = Hardware {
         board: "NUCLEO-F429ZI",
@@ -176,6 +256,7 @@ mod tests {
             settings: &Settings::default(),
             record,
             is_calibration_on: on,
+            pixels: PixelErrors::TCD1304DG,
         }
         .to_string();
         assert!(
@@ -195,9 +276,16 @@ mod tests {
         );
         let nominal = Record::nominal();
         let on = info(nominal.as_ref(), true);
-        assert_eq!(
-            on.lines().last(),
-            Some("info range x 1191 to 2654 px, 550.0874 to 1099.7177 mm"),
+        assert!(
+            on.ends_with(
+                "\r\ninfo range x 1191 to 2654 px, 550.0874 to 1099.7177 mm\r\n\
+                 info uncertainty noise: of each frame, from its rows; this part alone is r\r\n\
+                 info uncertainty pixels: response 2.8 %, offset 5.4 counts\r\n\
+                 info uncertainty calibration: none, it is the nominal one\r\n\
+                 info uncertainty surface: an estimate, for a laser spot of 1 mm on metal\r\n\
+                 info uncertainty geometry: tolerances of a head that was never calibrated (flag g)\r\n\
+                 info uncertainty motion: of each frame, from its rows"
+            ),
             "{on}"
         );
         assert!(
@@ -209,6 +297,41 @@ mod tests {
         assert!(off.ends_with("\r\ninfo calibration off"), "{off}");
         let none = info(None, true);
         assert!(none.ends_with("\r\ninfo calibration none"), "{none}");
+    }
+
+    /// An old record says nothing of its errors; a new one says how large they are.
+    #[test]
+    fn info_says_where_each_part_of_u_comes_from() {
+        let own = |errors| Record {
+            serial_number: 17,
+            errors,
+            ..Record::nominal().expect("a record")
+        };
+        let old = info(Some(&own(CalibrationErrors::Unknown)), true);
+        for line in [
+            "calibration: not in the record, so not in u: fit it again",
+            "surface: an estimate, for a laser spot of 1 mm on metal",
+            "geometry: in the calibration",
+        ] {
+            let line = format!("\r\ninfo uncertainty {line}\r\n");
+            assert!(old.contains(&line), "{old}");
+        }
+        let rising = core::array::from_fn(|i| Micrometres::from_int(10 + i as i32));
+        let fitted = CalibrationErrors::Fitted(FittedErrors {
+            curve: rising,
+            surface: Some(FittedSurface {
+                deviation: rising.map(|um| Micrometres::from_bits(20 * um.to_bits())),
+                height: [Counts::from_int(1000); PLACES],
+            }),
+        });
+        let new = info(Some(&own(fitted)), true);
+        for line in [
+            "calibration: 10 to 18 um, from its fit",
+            "surface: 200 to 360 um, from the calibration's points",
+        ] {
+            let line = format!("\r\ninfo uncertainty {line}\r\n");
+            assert!(new.contains(&line), "{new}");
+        }
     }
 
     #[test]
@@ -243,6 +366,9 @@ mod tests {
                     ),
                     "{off}"
                 );
+                let (calibration, _) = calibration
+                    .split_once("\r\ninfo uncertainty")
+                    .expect("the parts of u");
                 calibration.to_owned()
             });
         assert_eq!(

@@ -1,45 +1,88 @@
 //! Readings and faults as lines, without their line ends.
 //!
-//! A reading is `d 800.1234 mm u 0.0035 x 1823.1234 a 1830 n 16/16 b 312 e t`: distance and its standard
-//! uncertainty in millimetres, centre in pixels, amplitude in counts, rows used of the frame's, black level
-//! in counts, and the estimator's [`letter`](crate::centre::Estimator::letter). A flag may follow: `m 3` says
-//! that three of the rows used did not fit their spot. `c 3` says that neighbouring rows have similar errors,
-//! and that all rows may be worth as few as three independent ones; this flag comes only below eight
-//! ([`Reading::correlated`]).
+//! A reading is `d 800.1234 mm u 0.4372 r 0.0035 x 1823.1234 a 1830 n 16/16`: distance, its combined standard
+//! uncertainty u and its repeatability r, all in millimetres; centre in pixels, amplitude in counts, rows used
+//! of the frame's. A difference from `zero` begins with `z` instead of `d`. Flags may follow:
+//!
+//! * `m 3`: three of the rows used did not fit their spot.
+//! * `c 3`: neighbouring rows have similar errors, and all rows may be worth as few as three independent ones.
+//!   This flag comes only below eight ([`Reading::correlated`]).
+//! * `g`: the geometry is the nominal one, because the head was never calibrated.
+//! * `s`: estimator or black level are not those of the calibration.
 //!
 //! A fault is `f too dim: 35.2 counts, needs 60.1`. The centre of a frame, calibrated or not, is
-//! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t`: a reading's centre and its own uncertainty in pixels,
-//! to all their digits.
+//! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t`: centre and its repeatability in pixels, to all their
+//! digits, and also the black level in counts and the estimator's
+//! [`letter`](crate::centre::Estimator::letter).
 //!
 //! 115200 baud carries 65.6 bytes in the 5.7 ms of a row, so a frame's line may have that many bytes for each
-//! of its rows. The longest line of a frame of one row is 64 bytes with its end, for distances that are
-//! positive and below 10 m, uncertainties below 10 mm, and a black level below 1000 counts. With a higher
-//! black level it is 65 bytes. To fit, the centre has four decimals, which are 0.02 to 0.07 um of distance
-//! and so as fine as the distance's own. The black level, on which only the centroid depends, has none.
-//! The flag `c` comes only with frames of eight rows or more, whose line has eight times the room. The
-//! longest line of all, of 64 rows, is 72 bytes.
+//! of its rows. The longest line of a frame of one row is 65 bytes with its end, for distances that are
+//! positive and below 10 m, u below 1 m and r below 10 mm. To fit, the centre has four decimals, which are
+//! 0.02 to 0.07 um of distance and so as fine as the distance's own, and u has two from 10 mm on. The flag `c`
+//! comes only with frames of eight rows or more, whose line has eight times the room.
 
 use core::fmt;
 
 use crate::fault::Fault;
 use crate::reading::{Measured, Reading};
-use crate::units::AsMillimetres;
+use crate::units::{AsMillimetres, Micrometres};
 
 impl fmt::Display for Reading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "d {}", AsMillimetres(self.distance))?;
+        self.fmt_rest(f)
+    }
+}
+
+impl Reading {
+    /// The line after the distance.
+    fn fmt_rest(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "d {} mm u {} x {:.4} a {:.0} n {}/{} b {:.0} e {}",
-            AsMillimetres(self.distance),
-            AsMillimetres(self.uncertainty),
+            " mm u {} r {} x {:.4} a {:.0} n {}/{}",
+            Short(self.uncertainty),
+            Short(self.parts.noise),
             self.centre,
             self.amplitude,
             self.rows_used,
             self.rows,
-            self.black_level,
-            self.estimator.letter()
         )?;
-        flags(f, self.misfits, self.correlated)
+        flags(f, self.misfits, self.correlated)?;
+        if self.is_nominal {
+            f.write_str(" g")?;
+        }
+        if self.has_other_settings {
+            f.write_str(" s")?;
+        }
+        Ok(())
+    }
+}
+
+/// An uncertainty in millimetres, with four decimals below 10 mm, otherwise with two.
+struct Short(Micrometres);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Nearer to 10 mm than to 9.9999 mm.
+        if self.0 < Micrometres::from_bits((9_999_950_i64 * 256 / 1000) as i32) {
+            return AsMillimetres(self.0).fmt(f);
+        }
+        let hundredths = (i64::from(self.0.to_bits()) + 5 * 256) / (10 * 256);
+        write!(f, "{}.{:02}", hundredths / 100, hundredths % 100)
+    }
+}
+
+/// The parts of a reading's uncertainty, lines parted by CR LF: the reading, then a line for each part.
+#[derive(Clone, Copy, Debug)]
+pub struct PartsOf<'a>(pub &'a Reading);
+
+impl fmt::Display for PartsOf<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.0)?;
+        for (name, part) in self.0.parts.named() {
+            write!(f, "\r\nuncertainty {name} {} mm", AsMillimetres(part))?;
+        }
+        Ok(())
     }
 }
 
@@ -106,13 +149,19 @@ mod tests {
     use crate::centre::Estimator;
     use crate::frame::{FEWEST_INDEPENDENT, FrameCentre};
     use crate::pixels::PixelErrors;
+    use crate::uncertainty::Parts;
     use crate::units::{Counts, Micrometres, Pixels};
 
     #[test]
     fn lines_are_as_documented() {
         let reading = Reading {
             distance: Micrometres::from_int(800_123),
-            uncertainty: Micrometres::from_int(35),
+            uncertainty: Micrometres::from_int(437),
+            parts: Parts {
+                noise: Micrometres::from_int(35),
+                surface: Micrometres::from_int(436),
+                ..Parts::default()
+            },
             centre: Pixels::from_f32(1823.125),
             centre_uncertainty: Pixels::from_f32(0.001),
             amplitude: Counts::from_f32(1830.25),
@@ -123,10 +172,12 @@ mod tests {
             estimator: Estimator::PhaseTable,
             misfits: 0,
             correlated: None,
+            is_nominal: false,
+            has_other_settings: false,
         };
         assert_eq!(
             reading.to_string(),
-            "d 800.1230 mm u 0.0350 x 1823.1250 a 1830 n 16/16 b 312 e t"
+            "d 800.1230 mm u 0.4370 r 0.0350 x 1823.1250 a 1830 n 16/16"
         );
         let misfit = Reading {
             rows_used: 15,
@@ -136,7 +187,7 @@ mod tests {
         };
         assert_eq!(
             misfit.to_string(),
-            "d 800.1230 mm u 0.0350 x 1823.1250 a 1830 n 15/16 b 312 e a m 3"
+            "d 800.1230 mm u 0.4370 r 0.0350 x 1823.1250 a 1830 n 15/16 m 3"
         );
         let correlated = Reading {
             correlated: Some(3),
@@ -144,13 +195,29 @@ mod tests {
         };
         assert_eq!(
             correlated.to_string(),
-            "d 800.1230 mm u 0.0350 x 1823.1250 a 1830 n 16/16 b 312 e t c 3"
+            "d 800.1230 mm u 0.4370 r 0.0350 x 1823.1250 a 1830 n 16/16 c 3"
         );
         let both = Reading {
             misfits: 2,
             ..correlated
         };
-        assert!(both.to_string().ends_with(" e t m 2 c 3"), "{both}");
+        assert!(both.to_string().ends_with(" n 16/16 m 2 c 3"), "{both}");
+        let marked = Reading {
+            uncertainty: Micrometres::from_int(13_456),
+            is_nominal: true,
+            has_other_settings: true,
+            ..both
+        };
+        assert_eq!(
+            marked.to_string(),
+            "d 800.1230 mm u 13.46 r 0.0350 x 1823.1250 a 1830 n 16/16 m 2 c 3 g s"
+        );
+        let of_parts = PartsOf(&reading).to_string();
+        let lines: std::vec::Vec<&str> = of_parts.split("\r\n").collect();
+        assert_eq!(lines[0], reading.to_string());
+        assert_eq!(lines[1], "uncertainty noise 0.0350 mm");
+        assert_eq!(lines[4], "uncertainty surface 0.4360 mm");
+        assert_eq!(lines.len(), 7);
         let two = Fault::TwoSpots {
             centre: Pixels::from_f32(1200.25),
             other: Pixels::from_f32(1810.5),
@@ -197,20 +264,26 @@ mod tests {
     }
 
     /// The longest line of a frame, in bytes with its end.
-    fn longest(rows: u16, black_level: i32) -> usize {
+    fn longest(rows: u16) -> usize {
         let longest = Reading {
             distance: Micrometres::from_f32(8_388_000.0),
-            uncertainty: Micrometres::from_int(9_999),
+            uncertainty: Micrometres::from_int(999_994),
+            parts: Parts {
+                noise: Micrometres::from_int(9_999),
+                ..Parts::default()
+            },
             centre: Pixels::from_f32(3646.9),
             centre_uncertainty: Pixels::from_int(16),
             amplitude: Counts::from_int(4095),
             width: Pixels::from_int(130),
             rows_used: rows,
             rows,
-            black_level: Counts::from_int(black_level),
+            black_level: Counts::from_int(4095),
             estimator: Estimator::GaussNewton,
             misfits: rows,
             correlated: (rows >= FEWEST_INDEPENDENT).then_some(FEWEST_INDEPENDENT - 1),
+            is_nominal: true,
+            has_other_settings: false,
         };
         println!("{longest}");
         longest.to_string().len() + 2
@@ -218,12 +291,11 @@ mod tests {
 
     #[test]
     fn the_line_carries_every_frame() {
-        assert_eq!((longest(1, 999), longest(1, 4095)), (64, 65));
-        assert_eq!(longest(64, 4095), 72);
+        assert_eq!((longest(1), longest(64)), (65, 72));
         // 115200 baud, ten bits a byte, a row in 5.7 ms.
         let bytes_a_row = 11_520.0 * 5.7e-3;
         for rows in [1, 2, 7, 8, 64] {
-            assert!(longest(rows, 4095) as f64 <= f64::from(rows) * bytes_a_row);
+            assert!(longest(rows) as f64 <= f64::from(rows) * bytes_a_row);
         }
     }
 }

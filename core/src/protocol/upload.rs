@@ -155,6 +155,7 @@ mod tests {
     use crate::record::encoded::EncodedRecord;
     use crate::row::Polarity;
     use crate::sensor_heads::tcd1304dg;
+    use crate::uncertainty::CalibrationErrors;
     use crate::units::{Micrometres, Pixels};
 
     /// A record of several pieces, the last of which is shorter.
@@ -174,6 +175,7 @@ mod tests {
         let corrected = Corrected::new(curve, &knots).expect("usable");
         EncodedRecord::new(Record {
             calibration: Calibration::Corrected(corrected),
+            errors: CalibrationErrors::Unknown,
             ..Record::nominal().expect("a record")
         })
         .expect("a record")

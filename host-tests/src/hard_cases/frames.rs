@@ -13,6 +13,7 @@ use slitrange::measurement::Measurement;
 use slitrange::reading::Reading;
 use slitrange::row::Geometry;
 use slitrange::settings::Settings;
+use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Micrometres, Pixels};
 
 use crate::hard_cases::flaw::{Flaw, Second};
@@ -94,7 +95,13 @@ impl HardFrame {
         let mut reading = Err(Fault::SensorSilent);
         for row in &self.rows {
             if let Some(complete) = measurement.row(&mut row.clone()) {
-                reading = complete.and_then(|measured| measured.reading(Some(&calibration)));
+                reading = complete.and_then(|measured| {
+                    measured.reading(
+                        Some(&calibration),
+                        &CalibrationErrors::Unknown,
+                        Surface::Off,
+                    )
+                });
             }
         }
         reading

@@ -11,6 +11,7 @@ use slitrange::distance::table::Table;
 use slitrange::record::{MAX_ENCODED, Record, RecordError, VERSION, decode, encode};
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
 use crate::common::{STEP, holds_what_it_promises, largest_rise};
@@ -95,7 +96,8 @@ fn digest(calibration: &Calibration) -> u32 {
 }
 
 /// The format of a record in flash must not change unless its version changes. This firmware decodes the
-/// records of older firmware to the same distances, bit for bit, and encodes them to the same bytes.
+/// records of older firmware to the same distances, bit for bit, and says that they know nothing of their
+/// errors.
 #[test]
 fn old_records_decode_to_the_same_distances() {
     let (mut kinds, mut letters) = (BTreeSet::new(), BTreeSet::new());
@@ -114,10 +116,14 @@ fn old_records_decode_to_the_same_distances() {
             name => Estimator::named(name).expect("an estimator"),
         };
         assert_eq!(record.estimator, estimator, "{}", old.estimator);
-        // The estimator's letter may be another: all else is as it was.
+        assert_eq!(record.errors, CalibrationErrors::Unknown);
+        // The version is another and the estimator's letter may be; a byte follows, which says that nothing
+        // is known of the errors. All else is as it was.
         let letter = 18;
         let mut bytes = old.bytes[..old.bytes.len() - 4].to_vec();
+        bytes[0] = 2;
         bytes[letter] = estimator.letter() as u8;
+        bytes.push(0);
         assert_eq!(encoded(&record), sealed(bytes), "{} {kind}", old.estimator);
         kinds.insert(kind);
         letters.insert(old.bytes[letter]);
@@ -293,6 +299,26 @@ fn unusable_records_are_refused() {
         let error = (!fits).then_some(RecordError::OffTheSensor { first, last });
         assert_eq!(wrong(record), error);
     }
+    let errors = |curve: i32, height: i32| {
+        CalibrationErrors::Fitted(FittedErrors {
+            curve: [Micrometres::from_bits(curve); PLACES],
+            surface: Some(FittedSurface {
+                deviation: [Micrometres::from_int(300); PLACES],
+                height: [Counts::from_bits(height); PLACES],
+            }),
+        })
+    };
+    for (errors, is_wrong) in [
+        (errors(0, 1), false),
+        (errors(-1, 1), true),
+        (errors(0, 0), true),
+    ] {
+        let record = Record {
+            errors,
+            ..nominal()
+        };
+        assert_eq!(wrong(record), is_wrong.then_some(RecordError::Errors));
+    }
     // The same in bytes, where each stands by the format: 1 version, 2 serial number, 2 year, then month,
     // day.
     let bytes = encoded(&nominal());
@@ -348,6 +374,7 @@ fn errors_say_what_is_wrong_and_what_to_do() {
         RecordError::BlackLevel {
             level: Counts::from_int(5000),
         },
+        RecordError::Errors,
         RecordError::OffTheSensor {
             first: Pixels::from_int(-3),
             last: Pixels::from_int(4000),

@@ -13,6 +13,7 @@ use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads;
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
 /// Thousands of cases, the same in every run.
@@ -33,6 +34,7 @@ pub fn nominal() -> Record {
         estimator: Estimator::PhaseTable,
         black_level: BlackLevel::Fixed(Counts::from_int(120)),
         calibration: Calibration::nominal().expect("a curve"),
+        errors: CalibrationErrors::Unknown,
     }
 }
 
@@ -65,6 +67,13 @@ pub fn longest() -> Record {
         estimator: Estimator::GaussNewton,
         black_level: BlackLevel::Fixed(Counts::from_int(4095)),
         calibration: Calibration::Corrected(Corrected::new(curve, &knots).expect("usable")),
+        errors: CalibrationErrors::Fitted(FittedErrors {
+            curve: [Micrometres::MAX; PLACES],
+            surface: Some(FittedSurface {
+                deviation: [Micrometres::MAX; PLACES],
+                height: [Counts::MAX; PLACES],
+            }),
+        }),
     }
 }
 
@@ -107,9 +116,10 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
         estimators,
         black_levels,
         calibrations(),
+        errors(),
     )
         .prop_map(
-            |(serial_number, date, geometry, estimator, black_level, calibration)| {
+            |(serial_number, date, geometry, estimator, black_level, calibration, errors)| {
                 Some(Record {
                     serial_number,
                     date: date?,
@@ -117,9 +127,30 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
                     estimator,
                     black_level,
                     calibration: calibration?,
+                    errors,
                 })
             },
         )
+}
+
+/// Errors of every kind.
+fn errors() -> impl Strategy<Value = CalibrationErrors> {
+    let positive = |bits: u32| (bits >> 1).cast_signed();
+    let lengths = move || {
+        any::<[u32; PLACES]>()
+            .prop_map(move |bits| bits.map(|bits| Micrometres::from_bits(positive(bits))))
+    };
+    let heights = any::<[u16; PLACES]>()
+        .prop_map(|bits| bits.map(|bits| Counts::from_bits(i32::from(bits) + 1)));
+    let surface =
+        (lengths(), heights).prop_map(|(deviation, height)| FittedSurface { deviation, height });
+    let fitted = (lengths(), prop::option::of(surface))
+        .prop_map(|(curve, surface)| CalibrationErrors::Fitted(FittedErrors { curve, surface }));
+    prop_oneof![
+        1 => Just(CalibrationErrors::Unknown),
+        1 => Just(CalibrationErrors::Nominal),
+        4 => fitted
+    ]
 }
 
 /// Calibrations over centres of 3648 pixels.

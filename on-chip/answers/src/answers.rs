@@ -13,6 +13,7 @@ use slitrange::reading::Reading;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::settings::Settings;
 use slitrange::spot;
+use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Micrometres, Pixels};
 
 /// Rows that make a reading.
@@ -70,7 +71,13 @@ impl Estimators {
             });
             say_centre(checked, &mut say);
             if let Some(result) = measurement.row(light) {
-                let result = result.and_then(|measured| measured.reading(calibration.as_ref()));
+                let result = result.and_then(|measured| {
+                    measured.reading(
+                        calibration.as_ref(),
+                        &CalibrationErrors::Unknown,
+                        Surface::Off,
+                    )
+                });
                 say_reading(result, &mut say);
             }
         }

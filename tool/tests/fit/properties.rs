@@ -4,6 +4,7 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use slitrange::record::decode;
 use slitrange::record::encoded::EncodedRecord;
+use slitrange::uncertainty::CalibrationErrors;
 use slitrange_tool::fit::calibration::make;
 use slitrange_tool::fit::figure;
 use slitrange_tool::fit::report::Report;
@@ -46,6 +47,7 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
             estimator: Default::default(),
             black_level: slitrange::black_level::BlackLevel::Shielded,
             calibration: made.calibration.clone(),
+            errors: CalibrationErrors::Unknown,
         };
         let written = EncodedRecord::new(record.clone()).expect("a record");
         let read = decode(written.bytes()).expect("a record");

@@ -17,6 +17,7 @@ use slitrange::record::date::Date;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads::tcd1304dg;
+use slitrange::uncertainty::CalibrationErrors;
 use slitrange::units::{Counts, Micrometres, Pixels};
 use slitrange_tool::pc::Pc as _;
 use slitrange_tool::record_file;
@@ -31,6 +32,7 @@ fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
         estimator: Estimator::Adaptive,
         black_level: BlackLevel::Fixed(Counts::from_int(300)),
         calibration,
+        errors: CalibrationErrors::Unknown,
     })
     .expect("a record")
 }

@@ -9,6 +9,7 @@ use slitrange::record::RecordError;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
 use slitrange::settings::Settings;
+use slitrange::uncertainty::Surface;
 use slitrange::{frame, sensor_heads};
 use virtual_board::VirtualBoard;
 
@@ -92,7 +93,8 @@ fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<Strin
         .filter_map(|row| measurement.row(&mut row.words.clone()))
         .map(|measured| {
             let measured = measured.expect("a centre");
-            let reading = measured.reading(Some(&record.calibration));
+            let reading =
+                measured.reading(Some(&record.calibration), &record.errors, Surface::Auto);
             reading.expect("a distance").to_string()
         })
         .collect()

@@ -14,6 +14,7 @@ use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
 use slitrange::settings::Settings;
+use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::{sensor_heads, spot};
 use virtual_board::{Exposure, LightSource, Row};
 
@@ -101,12 +102,14 @@ fn on_this_pc(rows: &[Row], settings: Settings, calibration: Option<&Calibration
     let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
     rows.iter()
         .filter_map(|row| measurement.row(&mut row.words.clone()))
-        .map(
-            |result| match result.and_then(|measured| measured.reading(calibration)) {
+        .map(|result| {
+            match result.and_then(|measured| {
+                measured.reading(calibration, &CalibrationErrors::Nominal, Surface::Auto)
+            }) {
                 Ok(reading) => reading.to_string(),
                 Err(fault) => fault.to_string(),
-            },
-        )
+            }
+        })
         .collect()
 }
 

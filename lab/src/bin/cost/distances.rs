@@ -11,6 +11,7 @@ use slitrange::distance::knots::Knot;
 use slitrange::record::date::Date;
 use slitrange::record::{MAX_ENCODED, Record, encode};
 use slitrange::sensor_heads;
+use slitrange::uncertainty::CalibrationErrors;
 use slitrange::units::Pixels;
 
 use crate::chip::Chip;
@@ -109,6 +110,7 @@ fn record_bytes(calibration: Calibration) -> anyhow::Result<usize> {
         estimator: Estimator::default(),
         black_level: BlackLevel::Shielded,
         calibration,
+        errors: CalibrationErrors::Unknown,
     };
     Ok(encode(&record, &mut [0; MAX_ENCODED])?.len())
 }

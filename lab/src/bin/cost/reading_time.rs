@@ -20,6 +20,7 @@ use slitrange::distance::Calibration;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
 use slitrange::settings::Settings;
+use slitrange::uncertainty::{CalibrationErrors, Surface};
 
 /// Rows a second that the sensor is read out with.
 pub const ROWS_PER_SECOND: f64 = 175.4;
@@ -181,9 +182,13 @@ fn read(scene: &Scene, reading: u64) -> Vec<Option<Found>> {
                 continue;
             }
             let measured = measurement.row(&mut words.clone());
-            if let Some(Ok(reading)) =
-                measured.map(|measured| measured?.reading(calibration.as_ref()))
-            {
+            if let Some(Ok(reading)) = measured.map(|measured| {
+                measured?.reading(
+                    calibration.as_ref(),
+                    &CalibrationErrors::Unknown,
+                    Surface::Off,
+                )
+            }) {
                 *result = Some(Found {
                     error: reading.distance.to_f64() - sum_of_truths / rows as f64,
                     claim: reading.uncertainty.to_f64(),

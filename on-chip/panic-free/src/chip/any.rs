@@ -17,6 +17,7 @@ use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use slitrange::spot::{Background, Spot};
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
 /// What might be any value of its type, though it is the one given.
@@ -99,6 +100,22 @@ pub fn record(calibration: Calibration) -> Option<Record> {
         estimator: any(Estimator::Centroid),
         black_level: any(BlackLevel::Shielded),
         calibration,
+        errors: errors(),
+    })
+}
+
+pub fn errors() -> CalibrationErrors {
+    let unknown = any(CalibrationErrors::Unknown);
+    let places = || any([Micrometres::MIN; PLACES]);
+    if any(true) {
+        return unknown;
+    }
+    CalibrationErrors::Fitted(FittedErrors {
+        curve: places(),
+        surface: any(true).then(|| FittedSurface {
+            deviation: places(),
+            height: any([Counts::MIN; PLACES]),
+        }),
     })
 }
 

@@ -36,7 +36,9 @@ pub fn measure_rows() {
         }
         match measurement.row(any::words(&mut words)) {
             Some(Ok(measured)) => {
-                any(measured.reading(None).is_ok());
+                any(measured
+                    .reading(None, &any::errors(), any::settings().surface)
+                    .is_ok());
                 reached(measured.frame.centre.to_bits());
                 #[cfg(feature = "put-an-overflow-in")]
                 any(measured.frame.centre.to_bits() + measured.frame.uncertainty.to_bits());
@@ -110,8 +112,11 @@ pub fn find_distances() {
         return;
     };
     any(calibration.distances().is_ok());
-    if let Ok(reading) = any(any::measured().reading(Some(&calibration))) {
+    if let Ok(reading) =
+        any(any::measured().reading(Some(&calibration), &any::errors(), any::settings().surface))
+    {
         say(&reading);
+        say(&PartsOf(&reading));
         reached(reading.distance.to_bits());
     }
     if let Ok((distance, _)) = any(calibration.distance_at(any(Pixels::MIN))) {

@@ -1,0 +1,291 @@
+//! The standard uncertainty of a distance, in parts (after the GUM: the parts are independent, so their
+//! squares add up).
+//!
+//! | part | what it is | more rows of a target at rest reduce it |
+//! |---|---|---|
+//! | noise | the rows' own noise: the repeatability r | yes |
+//! | pixels | response and offset of the pixels, which stay | no |
+//! | calibration | the curve's own uncertainty at this centre | no |
+//! | surface | speckle, which moves the whole spot | no |
+//! | geometry | tolerances of a head that was never calibrated | no |
+//! | motion | where the target was in the middle of the frame | no |
+//!
+//! **Surface.** Behind a slit that is narrower than a speckle, the light that the sensor sees is a plane wave
+//! with a random tilt, and the tilt moves the spot. For a spot that is made of M equal speckle patterns, the
+//! displacement given the spot's light I is normal, with the variance s^2 / (2 M) times the mean light over
+//! I: s is the standard deviation of the laser spot, converted to a distance. So u = c sqrt(usual height /
+//! height), where `c` depends on the surface and rises in proportion to the distance.
+
+use serde::{Deserialize, Serialize};
+
+use crate::distance::eq1;
+use crate::frame::FrameCentre;
+use crate::units::{Counts, Micrometres, Pixels};
+
+/// Where the surface's part comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Surface {
+    /// From the calibration's points; where they do not tell it, from [`SPECKLE`].
+    #[default]
+    Auto,
+    /// This, for a spot of the usual height.
+    Fixed(Micrometres),
+    /// The surface is smooth, or its errors are not to count.
+    Off,
+}
+
+/// What is known of a calibration's errors. Records hold these bytes, by postcard.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum CalibrationErrors {
+    /// Nothing: a calibration of a library's user, or a record of earlier firmware.
+    Unknown,
+    /// The nominal calibration, in front of a head that nobody adjusted: [`TOLERANCES`].
+    Nominal,
+    /// What the fit found.
+    Fitted(FittedErrors),
+}
+
+/// Places of [`FittedErrors`], evenly over the calibration's centres.
+pub const PLACES: usize = 9;
+
+/// The errors that a fit found, at [`PLACES`] centres from the calibration's first to its last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FittedErrors {
+    /// Standard uncertainty of the curve.
+    pub curve: [Micrometres; PLACES],
+    /// Standard uncertainty by the surface, for a spot of the usual height. `None` if the points could not
+    /// tell it.
+    pub surface: Option<FittedSurface>,
+}
+
+/// How a surface moves the spot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FittedSurface {
+    /// Standard uncertainty of a distance, for a spot of the usual height.
+    pub deviation: [Micrometres; PLACES],
+    /// The usual height of the spot.
+    pub height: [Counts; PLACES],
+}
+
+/// A rough target in front of the nominal head: speckle of a laser with a single wavelength, on a surface
+/// that keeps the polarisation. Other surfaces have less.
+pub const SPECKLE: Speckle = Speckle {
+    // sigma_spot / (b sqrt 2), where sigma_spot is a quarter of the spot's diameter of 1 mm and b = 300 mm.
+    share_of_distance: 0.25 / 300.0 * core::f32::consts::FRAC_1_SQRT_2,
+    usual_height: 1000.0,
+};
+
+/// See [`SPECKLE`].
+#[derive(Clone, Copy, Debug)]
+pub struct Speckle {
+    /// Standard uncertainty over the distance, for a spot of the usual height.
+    pub share_of_distance: f32,
+    /// The usual height in counts: a quarter of full scale, as in the paper.
+    pub usual_height: f32,
+}
+
+/// Standard uncertainties of a head that was put together by its drawing and never adjusted. Each is uniform
+/// within a limit: lengths within 1 %, the zero within 5 mm. A laser module's beam is 0.25 to 0.5 degrees off
+/// its housing.
+pub const TOLERANCES: Tolerances = Tolerances {
+    length: 0.0058,
+    offset_um: 2890.0,
+    angle: 0.006_67,
+};
+
+/// See [`TOLERANCES`].
+#[derive(Clone, Copy, Debug)]
+pub struct Tolerances {
+    /// Of baseline and focal length, over themselves.
+    pub length: f32,
+    /// Of d0 in micrometres.
+    pub offset_um: f32,
+    /// Of the angle u in radians.
+    pub angle: f32,
+}
+
+/// The parts of a standard uncertainty.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Parts {
+    /// The repeatability r.
+    pub noise: Micrometres,
+    /// Response and offset of the pixels.
+    pub pixels: Micrometres,
+    /// The calibration's curve.
+    pub calibration: Micrometres,
+    /// Speckle.
+    pub surface: Micrometres,
+    /// Tolerances of a head that was never calibrated.
+    pub geometry: Micrometres,
+    /// Motion that is not known exactly.
+    pub motion: Micrometres,
+}
+
+impl Parts {
+    /// Names and values, in the order of the pipeline.
+    pub const fn named(&self) -> [(&'static str, Micrometres); 6] {
+        [
+            ("noise", self.noise),
+            ("pixels", self.pixels),
+            ("calibration", self.calibration),
+            ("surface", self.surface),
+            ("geometry", self.geometry),
+            ("motion", self.motion),
+        ]
+    }
+
+    /// The combined standard uncertainty u. Never zero: if it is below the finest step, it is the step.
+    pub fn combined(&self) -> Micrometres {
+        // Six squares of at most 2^23 um.
+        let squares: f32 = self
+            .named()
+            .iter()
+            .map(|part| square(part.1.to_f32()))
+            .sum();
+        Micrometres::from_f32(libm::sqrtf(squares)).max(Micrometres::from_bits(1))
+    }
+}
+
+/// A distance, and what its uncertainty is made of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    /// The distance.
+    pub distance: Micrometres,
+    /// Micrometres a pixel, without sign.
+    pub slope: f32,
+    /// How far along the calibration's centres, 0 to 1.
+    pub along: f32,
+}
+
+impl Place {
+    /// The parts of the uncertainty of a frame's distance here.
+    pub fn parts(
+        &self,
+        frame: &FrameCentre,
+        pixels: f32,
+        errors: &CalibrationErrors,
+        surface: Surface,
+    ) -> Parts {
+        let distance_of = |pixels: f32| Micrometres::from_f32(pixels * self.slope);
+        Parts {
+            noise: distance_of(frame.uncertainty.to_f32()).max(Micrometres::from_bits(1)),
+            pixels: distance_of(pixels),
+            calibration: errors.curve(self),
+            surface: self.surface(frame, errors, surface),
+            geometry: match errors {
+                CalibrationErrors::Nominal => self.geometry(frame.centre),
+                CalibrationErrors::Unknown | CalibrationErrors::Fitted(_) => Micrometres::default(),
+            },
+            motion: distance_of(frame.motion.to_f32()),
+        }
+    }
+
+    /// The surface's part. Rows that see different speckle scatter, and the scatter is what their mean has
+    /// already lost of the variance of one: [`FrameCentre::spread`]. At most the rows are independent.
+    fn surface(
+        &self,
+        frame: &FrameCentre,
+        errors: &CalibrationErrors,
+        surface: Surface,
+    ) -> Micrometres {
+        let Some((deviation, height)) = errors.surface(self, surface) else {
+            return Micrometres::default();
+        };
+        let seen = frame.amplitude.to_f32();
+        let seen = if seen > 1.0 { seen } else { 1.0 };
+        let variance = square(deviation) * height / seen;
+        let rest = variance - square(frame.spread.to_f32() * self.slope);
+        let least = variance / f32::from(frame.rows_used.max(1));
+        Micrometres::from_f32(libm::sqrtf(if rest > least { rest } else { least }))
+    }
+
+    /// Eq. (1)'s derivatives by angle, baseline, focal length and offset, each times its tolerance.
+    fn geometry(&self, centre: Pixels) -> Micrometres {
+        let eq1::Drawing {
+            baseline_um: b,
+            focal_px,
+            axis_px,
+        } = eq1::DRAWING;
+        let distance = self.distance.to_f32();
+        let Tolerances {
+            length,
+            offset_um,
+            angle,
+        } = TOLERANCES;
+        // d = b tan(theta), alpha = atan((x - axis) / f).
+        let by_angle = b + distance * distance / b;
+        let tangent = (centre.to_f32() - axis_px) / focal_px;
+        let by_focal = by_angle * tangent / (1.0 + tangent * tangent);
+        let squares = square(by_angle * angle)
+            + square(distance * length)
+            + square(by_focal * length)
+            + square(offset_um);
+        Micrometres::from_f32(libm::sqrtf(squares))
+    }
+}
+
+impl CalibrationErrors {
+    /// Whether no uncertainty is below zero, and all usual heights are above zero.
+    pub fn are_sensible(&self) -> bool {
+        let Self::Fitted(fitted) = self else {
+            return true;
+        };
+        let none_negative = |values: &[Micrometres]| values.iter().all(|it| it.to_bits() >= 0);
+        none_negative(&fitted.curve)
+            && fitted.surface.as_ref().is_none_or(|surface| {
+                none_negative(&surface.deviation)
+                    && surface.height.iter().all(|height| height.to_bits() > 0)
+            })
+    }
+
+    fn curve(&self, place: &Place) -> Micrometres {
+        match self {
+            Self::Fitted(fitted) => {
+                Micrometres::from_f32(between(&fitted.curve.map(Micrometres::to_f32), place.along))
+            }
+            Self::Unknown | Self::Nominal => Micrometres::default(),
+        }
+    }
+
+    /// The surface's standard uncertainty in micrometres for a spot of the usual height, and that height in
+    /// counts. `None` where it does not count.
+    fn surface(&self, place: &Place, surface: Surface) -> Option<(f32, f32)> {
+        let physical = (
+            place.distance.to_f32().abs() * SPECKLE.share_of_distance,
+            SPECKLE.usual_height,
+        );
+        let fitted = match self {
+            Self::Fitted(FittedErrors {
+                surface: Some(FittedSurface { deviation, height }),
+                ..
+            }) => Some((
+                between(&deviation.map(Micrometres::to_f32), place.along),
+                between(&height.map(Counts::to_f32), place.along),
+            )),
+            _ => None,
+        };
+        let (deviation, height) = fitted.unwrap_or(physical);
+        match surface {
+            Surface::Auto => Some((deviation, height)),
+            Surface::Fixed(deviation) => Some((deviation.to_f32(), height)),
+            Surface::Off => None,
+        }
+    }
+}
+
+/// Linear interpolation. `along` is limited to 0 to 1; not-a-number counts as 0.
+fn between(values: &[f32; PLACES], along: f32) -> f32 {
+    const LAST: usize = PLACES - 1;
+    let place = if along > 0.0 { along } else { 0.0 } * LAST as f32;
+    let index = (place as usize).min(LAST - 1);
+    let part = place - index as f32;
+    let part = if part < 1.0 { part } else { 1.0 };
+    match values.get(index..) {
+        Some([from, to, ..]) => from + (to - from) * part,
+        _ => 0.0,
+    }
+}
+
+fn square(value: f32) -> f32 {
+    value * value
+}
