@@ -6,4 +6,5 @@ pub mod docs;
 pub mod paper;
 pub mod progress;
 pub mod serial_line;
+pub mod surfaces;
 pub mod table;

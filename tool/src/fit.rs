@@ -7,6 +7,7 @@
 pub mod calibration;
 pub mod curve;
 pub mod eq1;
+pub mod errors;
 pub mod figure;
 pub mod observed;
 pub mod order;
@@ -15,6 +16,7 @@ pub mod report;
 pub mod solve;
 pub mod spline;
 pub mod start;
+pub mod surface;
 pub mod tabulate;
 
 use std::io::Write;
@@ -27,6 +29,7 @@ use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::sensor_heads::tcd1304dg;
+use slitrange::uncertainty::CalibrationErrors;
 
 use crate::points::{self, Points, Setup};
 use crate::record_file::{self, Shown};
@@ -36,7 +39,7 @@ use solve::Form;
 /// Of `slitrange calibrate fit`.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The points: a CSV file with the columns x_px, d_mm and, if there, sigma_px
+    /// The points: a CSV file with the columns x_px, d_mm and, if there, sigma_px and height_counts
     points: PathBuf,
     /// What the calibration is made of
     #[arg(long, value_enum, default_value = "auto")]
@@ -106,7 +109,8 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
     let solved = solve::solve(&points, position).with_context(|| file.clone())?;
     let made = calibration::make(&solved, options.form.form()).with_context(|| file.clone())?;
     let mut report = Report::of(file, &solved, &made);
-    let record = options.record(&setup, made.calibration.clone())?;
+    let errors = errors::of(&solved, &made);
+    let record = options.record(&setup, made.calibration.clone(), errors)?;
     let path = options.record_path();
     ensure!(
         path != options.points,
@@ -132,6 +136,7 @@ impl Options {
         &self,
         setup: &Setup,
         calibration: slitrange::distance::Calibration,
+        errors: CalibrationErrors,
     ) -> anyhow::Result<EncodedRecord> {
         Ok(EncodedRecord::new(Record {
             serial_number: self.serial.or(setup.serial_number).unwrap_or(0),
@@ -146,6 +151,7 @@ impl Options {
                 .or(setup.black_level)
                 .unwrap_or(BlackLevel::Shielded),
             calibration,
+            errors,
         })?)
     }
 

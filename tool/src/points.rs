@@ -1,14 +1,14 @@
 //! Known distances and the centres that a sensor had there: a CSV file of `x_px`, `d_mm` and, if there,
-//! `sigma_px`.
+//! `sigma_px` and `height_counts`.
 //!
 //! ```text
 //! # serial 42
 //! # estimator phase-table
 //! # black shielded
 //! # head TCD1304DG
-//! x_px,d_mm,sigma_px
-//! 2404.12345,600,0.0021
-//! 2371.60220,607.1,0.0020
+//! x_px,d_mm,sigma_px,height_counts
+//! 2404.12345,600,0.0021,1011
+//! 2371.60220,607.1,0.0020,870
 //! ```
 //!
 //! Lines that begin with `#` are comments. The comments above are a [`Setup`], which goes into the record.
@@ -35,6 +35,8 @@ pub struct Point {
     pub d_mm: f64,
     /// The centre's standard uncertainty in pixels, where it is known.
     pub sigma_px: Option<f64>,
+    /// The spot's height in counts, where it is known.
+    pub height_counts: Option<f64>,
 }
 
 /// The content of a file of points.
@@ -133,6 +135,7 @@ struct Columns {
     x: usize,
     d: usize,
     sigma: Option<usize>,
+    height: Option<usize>,
 }
 
 impl Columns {
@@ -150,6 +153,7 @@ impl Columns {
             x: must("x_px")?,
             d: must("d_mm")?,
             sigma: place("sigma_px"),
+            height: place("height_counts"),
         })
     }
 
@@ -175,6 +179,10 @@ impl Columns {
             Some(column) => number("sigma_px", column)?,
             None => None,
         };
+        let height_counts = match self.height {
+            Some(column) => number("height_counts", column)?,
+            None => None,
+        };
         let last = tcd1304dg().light.len() as f64 - 0.5;
         ensure!(
             (-0.5..=last).contains(&x_px),
@@ -196,11 +204,19 @@ impl Columns {
                 SIGMAS_PX.end()
             );
         }
+        if let Some(height) = height_counts {
+            ensure!(
+                height > 0.0 && height <= LARGEST_COUNT.into(),
+                "line {line}: height_counts is {height}, and must be above 0 and at most {LARGEST_COUNT}: \
+                 correct it, or leave the column out"
+            );
+        }
         Ok(Point {
             line,
             x_px,
             d_mm,
             sigma_px,
+            height_counts,
         })
     }
 }
@@ -324,6 +340,7 @@ mod tests {
             x_px,
             d_mm,
             sigma_px: Some(sigma_px),
+            height_counts: None,
         };
         assert_eq!(
             read.points,

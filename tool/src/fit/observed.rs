@@ -16,6 +16,8 @@ pub struct Observed {
     pub sigma_centre: f64,
     /// Of the distance, in metres.
     pub sigma_distance: f64,
+    /// The spot's height in counts, where it is known.
+    pub height: Option<f64>,
 }
 
 /// What was known of the points' errors beforehand.
@@ -45,6 +47,7 @@ impl Observed {
             distance: point.d_mm * 1e-3,
             sigma_centre: point.sigma_px.unwrap_or(otherwise),
             sigma_distance: position.unwrap_or(0.0),
+            height: point.height_counts,
         });
         (observed.collect(), weights)
     }

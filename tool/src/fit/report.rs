@@ -9,6 +9,7 @@ use super::curve::{FEW_FREEDOMS, Quality};
 use super::observed::Weights;
 use super::order::FEWEST_TO_REJECT;
 use super::solve::{Form, Solved};
+use super::surface::Surface;
 
 /// The report. Units stand in the names.
 #[derive(Clone, Debug, Serialize)]
@@ -44,6 +45,8 @@ pub struct Report {
     /// How much the points scatter over what was given of their errors; where nothing was, their centres'
     /// scatter in pixels.
     pub scatter: Option<f64>,
+    /// How far the target's surface moves distances, if the points tell it.
+    pub surface: Option<ShownSurface>,
     /// What the points cannot show.
     pub cannot_show: Vec<String>,
     /// The record that was written.
@@ -119,6 +122,20 @@ pub struct Residuals {
     pub leverage_last: f64,
 }
 
+/// How far a target's surface moves distances. It grows with the distance, and varies as one over the square
+/// root of the spot's height.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ShownSurface {
+    /// The distance in the middle of the points.
+    pub middle_mm: f64,
+    /// Standard deviation there, of a spot of the usual height.
+    pub deviation_um: f64,
+    /// How well that is known, over itself.
+    pub known_to: f64,
+    /// The usual height there.
+    pub height_counts: f64,
+}
+
 /// For which centres and distances a calibration holds.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Range {
@@ -175,10 +192,7 @@ impl Residuals {
 impl Report {
     /// That of a calibration.
     pub fn of(file: String, solved: &Solved, made: &Made<'_>) -> Self {
-        let (curve, quality) = match &solved.corrected {
-            Some((curve, quality)) if made.form != Form::Eq1 => (curve, quality),
-            _ => (&solved.plain, &solved.plain_quality),
-        };
+        let (curve, quality) = (made.curve, solved.quality(made.form));
         let fit = &solved.plain.eq1;
         let unit = fit.unit_covariance;
         let variance = solved.variance();
@@ -238,6 +252,12 @@ impl Report {
                 Weights::Known => "by what was given of the points' uncertainties".into(),
             },
             scatter: quality.scatter,
+            surface: Surface::of(solved, curve).map(|surface| ShownSurface {
+                middle_mm: 1e3 * (curve.eq1.curve.d + surface.middle),
+                deviation_um: 1e6 * surface.share * surface.middle,
+                known_to: surface.known_to,
+                height_counts: surface.height,
+            }),
             cannot_show: Vec::new(),
             record: None,
         };
@@ -398,6 +418,24 @@ impl fmt::Display for Report {
             "  freedoms {:.1}; leverage of the first point {:.2}, of the last {:.2}",
             self.curve.freedoms, self.curve.leverage_first, self.curve.leverage_last
         )?;
+
+        writeln!(f, "\nThe target's surface")?;
+        match &self.surface {
+            Some(surface) => writeln!(
+                f,
+                "  moves a distance by {:.1} um +- {:.0} % at {:.0} mm, for a spot of {:.0} counts: the part \
+                 of u that more rows do not reduce",
+                surface.deviation_um,
+                100.0 * surface.known_to,
+                surface.middle_mm,
+                surface.height_counts
+            )?,
+            None => writeln!(
+                f,
+                "  not told by these points: they have no height_counts, or there are too few; the sensor \
+                 takes an estimate"
+            )?,
+        }
 
         if !self.rejected.is_empty() {
             writeln!(f, "\nRejected: off the curve that the others make")?;

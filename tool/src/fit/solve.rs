@@ -37,6 +37,8 @@ pub struct Solved {
     pub gain: Option<f64>,
     /// The points in their order.
     pub points: Vec<Point>,
+    /// Those that count, as the fit sees them.
+    pub observed: Vec<Observed>,
     /// What became of each.
     pub verdicts: Vec<Verdict>,
     /// What was known of their errors.
@@ -134,6 +136,7 @@ pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> 
         corrected,
         gain,
         points: points.to_vec(),
+        observed: kept,
         verdicts,
         weights,
     })
@@ -212,6 +215,14 @@ fn gain(plain: &Curve, corrected: &Curve, points: &[Observed]) -> Option<f64> {
 }
 
 impl Solved {
+    /// How well the curve of a form goes with the points.
+    pub fn quality(&self, form: Form) -> &Quality {
+        match &self.corrected {
+            Some((_, quality)) if form != Form::Eq1 => quality,
+            _ => &self.plain_quality,
+        }
+    }
+
     /// The form to take: the corrected one where its cross-validated error is clearly lower, by [`CLEARLY`]
     /// times its standard error.
     pub fn better(&self) -> Form {

@@ -8,6 +8,8 @@ pub struct Centre {
     pub x_px: f64,
     /// The standard uncertainty that the sensor claims, in pixels.
     pub claimed_px: f64,
+    /// The spot's height in counts.
+    pub height_counts: f64,
     /// Rows in the frame.
     pub rows: u16,
     /// The estimator's letter.
@@ -72,12 +74,14 @@ fn reading(line: &str) -> Option<Centre> {
     let (used, of) = rows.split_once('/')?;
     let used: u16 = used.parse().ok()?;
     let rows = of.parse().ok()?;
-    // They are of no interest here, but where noise made something else of them, it may have of the rest.
-    let _: (i32, i32) = (amplitude.parse().ok()?, black.parse().ok()?);
+    let height: i32 = amplitude.parse().ok()?;
+    // It is of no interest here, but where noise made something else of it, it may have of the rest.
+    let _: i32 = black.parse().ok()?;
     let mut letters = letter.chars();
     Some(Centre {
         x_px: five_decimals(x)?,
         claimed_px: five_decimals(u)?,
+        height_counts: height.into(),
         rows: Some(rows).filter(|&rows| used <= rows)?,
         estimator: letters.next().filter(|_| letters.next().is_none())?,
         misfits: misfits.map_or(Some(0), |count| count.parse().ok())?,
@@ -168,6 +172,7 @@ mod tests {
         let read = Centre {
             x_px: 1770.98771,
             claimed_px: 0.00195,
+            height_counts: 1993.0,
             rows: 16,
             estimator: 't',
             misfits: 3,
@@ -189,7 +194,8 @@ mod tests {
         println!("{lost:#?}");
         assert!(lost.iter().all(|line| {
             let read = reading(line).expect("filtered");
-            read.rows != 16 || (read.x_px < 1000.0 && read.claimed_px == 0.00195)
+            let is_of_height = read.height_counts < 1000.0;
+            read.rows != 16 || is_of_height || (read.x_px < 1000.0 && read.claimed_px == 0.00195)
         }));
     }
 

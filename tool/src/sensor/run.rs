@@ -400,6 +400,9 @@ fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
         claimed_px: rounded(claimed).max(FINEST_PX),
         misfits: centres.iter().map(|centre| centre.misfits).sum(),
         correlated: centres.iter().filter_map(|centre| centre.correlated).min(),
+        // The median: a line that lost a digit does not count.
+        height_counts: Some(median(centres.iter().map(|it| it.height_counts).collect()))
+            .filter(|height| *height > 0.0),
     }
 }
 
@@ -418,6 +421,7 @@ mod tests {
         Centre {
             x_px,
             claimed_px: 0.002,
+            height_counts: 1000.0,
             rows: 64,
             estimator: 't',
             misfits: 0,
@@ -433,6 +437,7 @@ mod tests {
         assert_eq!(point.x_px, 1800.0);
         assert_eq!(point.scatter_px, Some(0.02582));
         assert_eq!(point.sigma_px, 0.01291);
+        assert_eq!(point.height_counts, Some(1000.0));
         // Frames that agree better than chance: what the sensor claims counts.
         let point = taken(700.0, &[centre(1800.0); 4]);
         assert_eq!((point.scatter_px, point.sigma_px), (Some(0.0), 0.001));

@@ -17,7 +17,11 @@ use super::session::Before;
 use crate::points::Setup;
 
 /// The line above the points.
-const COLUMNS: &str = "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated";
+const COLUMNS: &str =
+    "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated,height_counts";
+
+/// The same in files of earlier programs.
+const COLUMNS_BEFORE: &str = "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated";
 
 /// The first line, by which a file is known as one of these.
 const TITLE: &str = "# points of a sensor, by slitrange calibrate run";
@@ -54,6 +58,8 @@ pub struct Taken {
     pub misfits: u32,
     /// As how few independent rows a frame's may count: the least of those that the sensor flagged.
     pub correlated: Option<u16>,
+    /// The spot's height in counts, the mean of the frames'. Earlier programs did not note it.
+    pub height_counts: Option<f64>,
 }
 
 impl fmt::Display for Taken {
@@ -76,9 +82,12 @@ impl fmt::Display for Taken {
             write!(f, "{scatter:.6}")?;
         }
         write!(f, ",{claimed_px:.6},{misfits},")?;
-        match self.correlated {
-            Some(rows) => write!(f, "{rows}"),
-            None => Ok(()),
+        if let Some(rows) = self.correlated {
+            write!(f, "{rows}")?;
+        }
+        match self.height_counts {
+            Some(height) => write!(f, ",{height:.1}"),
+            None => f.write_str(","),
         }
     }
 }
@@ -87,9 +96,12 @@ impl Taken {
     /// The point that a line stands for.
     fn parse(line: &str) -> Option<Self> {
         let columns: Vec<&str> = line.split(',').map(str::trim).collect();
-        let &[x, d, sigma, frames, scatter, claimed, misfits, correlated] = columns.as_slice()
-        else {
-            return None;
+        let (&[x, d, sigma, frames, scatter, claimed, misfits, correlated], rest) =
+            columns.split_first_chunk()?;
+        let height = match *rest {
+            [] | [""] => None,
+            [height] => Some(height),
+            _ => return None,
         };
         let number = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite());
         Some(Self {
@@ -108,6 +120,10 @@ impl Taken {
                 None
             } else {
                 Some(correlated.parse().ok()?)
+            },
+            height_counts: match height {
+                Some(height) => Some(number(height)?),
+                None => None,
             },
         })
     }
@@ -292,7 +308,7 @@ impl Content {
         );
         let mut lines = text.lines().zip(1..);
         for (line, number) in lines.by_ref() {
-            if line == COLUMNS {
+            if line == COLUMNS || line == COLUMNS_BEFORE {
                 break;
             }
             ensure!(
@@ -424,8 +440,12 @@ mod tests {
             claimed_px in steps(1..100_000_000, 1e6),
             misfits: u32,
             correlated: Option<u16>,
+            height_counts in proptest::option::of(steps(1..40_950, 10.0)),
         ) -> Taken {
-            Taken { x_px, d_mm, sigma_px, frames, scatter_px, claimed_px, misfits, correlated }
+            Taken {
+                x_px, d_mm, sigma_px, frames, scatter_px, claimed_px, misfits, correlated,
+                height_counts,
+            }
         }
     }
 
@@ -513,15 +533,38 @@ mod tests {
             claimed_px: 0.0019,
             misfits: 0,
             correlated: Some(3),
+            height_counts: Some(1011.0),
         };
         let typed = Taken {
             d_mm: 810.12345,
             scatter_px: None,
             correlated: None,
+            height_counts: None,
             ..point
         };
         let (_, path) = file(&directory, &[point, typed]);
         insta::assert_snapshot!(std::fs::read_to_string(path).expect("text"));
+    }
+
+    /// Earlier programs did not note the spot's height. More points can be added to their files.
+    #[test]
+    fn a_file_of_an_earlier_program_takes_more_points() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let (_, path) = file(&directory, &[]);
+        let text = std::fs::read_to_string(&path).expect("text");
+        let line = "1770.987710,800.000,0.000700,8,0.001950,0.001900,0,3\n";
+        let before = text.replace(COLUMNS, COLUMNS_BEFORE) + line;
+        std::fs::write(&path, before).expect("written");
+        let mut file = PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
+        assert_eq!(file.points()[0].height_counts, None);
+        let later = Taken {
+            d_mm: 810.0,
+            height_counts: Some(900.0),
+            ..file.points()[0]
+        };
+        file.add(later).expect("added");
+        let again = PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
+        assert_eq!(again.points()[1], later);
     }
 
     #[test]

@@ -84,6 +84,7 @@ impl Truth {
                     x_px: self.centre(distance) + noise * normal,
                     d_mm: distance * 1e3,
                     sigma_px: None,
+                    height_counts: None,
                 }
             })
             .collect()

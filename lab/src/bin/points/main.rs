@@ -145,6 +145,7 @@ fn solved(
             x_px: optics.centre(d_mm * 1e-3 + means.position * normal()) + CENTRE * normal(),
             d_mm,
             sigma_px: Some(CENTRE),
+            height_counts: None,
         })
         .collect();
     Some((optics, solve(&points, Some(means.position)).ok()?))

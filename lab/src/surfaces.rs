@@ -1,0 +1,183 @@
+//! How true u is on rough surfaces: a simulated sensor is calibrated on a material, and then reads other
+//! places of the same material.
+
+use anyhow::{Context as _, Result};
+use rayon::prelude::*;
+use simulator::scene::{Scene, Simulation, quantise};
+use slitrange::black_level::BlackLevel;
+use slitrange::centre::Estimator;
+use slitrange::fault::Fault;
+use slitrange::measurement::Measurement;
+use slitrange::reading::{Measured, Reading};
+use slitrange::record::Record;
+use slitrange::record::date::Date;
+use slitrange::sensor_heads;
+use slitrange::settings::Settings;
+use slitrange::uncertainty::Surface;
+use slitrange_tool::fit::{calibration, errors, solve};
+use slitrange_tool::points::Point;
+use slitrange_tool::sensor::positions::{Spacing, Which};
+
+/// The materials, by the scenes that show them. The first is white paper in the light of a laser with a
+/// single wavelength; the others have a laser of 1 nm.
+pub const MATERIALS: [(&str, &str); 6] = [
+    ("white paper", "speckle-at-rest"),
+    ("brushed metal", "brushed-metal"),
+    ("rusty metal", "rusty-metal"),
+    ("light wood", "light-wood"),
+    ("black tape", "black-tape"),
+    ("microfiber", "microfiber"),
+];
+
+/// Distances over which sensors are judged: the paper's position table, in metres.
+const TABLE: std::ops::Range<f64> = 0.60..1.02;
+
+/// Distances of a calibration's points, in millimetres: a little more than the table.
+const POINTS_MM: [f64; 2] = [580.0, 1050.0];
+
+/// Rows in a frame: the firmware's default.
+const ROWS: u16 = 16;
+
+/// The frame's centre of a target at rest at a distance in metres, on a surface.
+fn frame(scene: &Scene, surface: u64, distance: f64) -> Result<Measured, Fault> {
+    let mut simulation = Simulation::new(scene.clone());
+    simulation.set_surface(surface);
+    let head = sensor_heads::tcd1304dg();
+    let full_scale = head.full_scale();
+    let settings = Settings {
+        rows: ROWS,
+        ..Settings::default()
+    };
+    let mut measurement = Measurement::new(head, settings);
+    // Other noise for each surface.
+    let first = u64::from(ROWS) * surface;
+    (first..first + u64::from(ROWS))
+        .find_map(|row| {
+            let light = simulation.row(row, distance, scene.exposure);
+            let words = quantise(&light, full_scale).into_iter();
+            measurement.row(&mut words.map(|count| full_scale - count).collect::<Vec<u16>>())
+        })
+        .unwrap_or(Err(Fault::SensorSilent))
+}
+
+/// Calibrates a sensor on a material, as its owner does: points at known distances, each on another place of
+/// the surface, then the tool's fit. `first` is the number of the first surface.
+///
+/// # Errors
+/// No calibration fits the points.
+pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
+    let which = Which {
+        positions: None,
+        from: Some(POINTS_MM[0]),
+        to: Some(POINTS_MM[1]),
+        points,
+        spacing: Spacing::Pixels,
+    };
+    let points: Vec<Point> = (which.list()?.into_par_iter().enumerate())
+        .filter_map(|(index, d_mm)| {
+            let line = index as u64 + 2;
+            // A place without a centre is passed over for the next one.
+            let frame = (0..10)
+                .find_map(|other| frame(scene, first + 10 * line + other, 1e-3 * d_mm).ok())?;
+            Some(Point {
+                line,
+                x_px: frame.frame.centre.to_f64(),
+                d_mm,
+                sigma_px: Some(frame.frame.uncertainty.to_f64()),
+                height_counts: Some(frame.frame.amplitude.to_f64()),
+            })
+        })
+        .collect();
+    let solved = solve::solve(&points, None)?;
+    let made = calibration::make(&solved, None)?;
+    Ok(Record {
+        serial_number: 1,
+        date: Date::new(2026, 11, 22).context("a day")?,
+        geometry: sensor_heads::tcd1304dg(),
+        estimator: Estimator::default(),
+        black_level: BlackLevel::Shielded,
+        errors: errors::of(&solved, &made),
+        calibration: made.calibration,
+    })
+}
+
+/// A reading and how far it is off, in micrometres.
+#[derive(Clone, Copy, Debug)]
+pub struct Judged {
+    /// The reading.
+    pub reading: Reading,
+    /// Distance less truth.
+    pub error: f64,
+}
+
+impl Judged {
+    /// The error over u.
+    pub fn in_u(&self) -> f64 {
+        self.error / self.reading.uncertainty.to_f64()
+    }
+}
+
+/// Readings of `count` surfaces at distances spread over the table, those with a distance.
+pub fn judge(
+    scene: &Scene,
+    record: &Record,
+    surface: Surface,
+    count: u64,
+    first: u64,
+) -> Vec<Judged> {
+    (first..first + count)
+        .into_par_iter()
+        .filter_map(|number| {
+            // Additive recurrence with the golden ratio: even over the table.
+            let share = (number as f64 * 0.618_033_988_749_895).fract();
+            let distance = TABLE.start + share * (TABLE.end - TABLE.start);
+            let measured = frame(scene, number, distance).ok()?;
+            let calibration = Some(&record.calibration);
+            let reading = measured
+                .reading(calibration, &record.errors, surface)
+                .ok()?;
+            Some(Judged {
+                reading,
+                error: reading.distance.to_f64() - 1e6 * distance,
+            })
+        })
+        .collect()
+}
+
+/// How errors and claims of some readings compare.
+#[derive(Clone, Copy, Debug)]
+pub struct Summary {
+    /// Readings.
+    pub count: usize,
+    /// Root mean square error in micrometres.
+    pub rms: f64,
+    /// Median of u in micrometres.
+    pub median_u: f64,
+    /// Median of r in micrometres.
+    pub median_r: f64,
+    /// Shares of the errors within u, 2 u and 3 u.
+    pub within: [f64; 3],
+}
+
+impl Summary {
+    /// That of some readings.
+    pub fn of(judged: &[Judged]) -> Self {
+        let count = judged.len();
+        let median = |value: &dyn Fn(&Reading) -> f64| {
+            let mut values: Vec<f64> = judged.iter().map(|it| value(&it.reading)).collect();
+            values.sort_by(f64::total_cmp);
+            values.get(count / 2).copied().unwrap_or(f64::NAN)
+        };
+        let squares: f64 = judged.iter().map(|it| it.error * it.error).sum();
+        Self {
+            count,
+            rms: (squares / count as f64).sqrt(),
+            median_u: median(&|reading| reading.uncertainty.to_f64()),
+            median_r: median(&|reading| reading.parts.noise.to_f64()),
+            within: [1.0, 2.0, 3.0].map(|times| {
+                let within = judged.iter().filter(|it| it.in_u().abs() <= times);
+                within.count() as f64 / count as f64
+            }),
+        }
+    }
+}

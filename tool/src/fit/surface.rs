@@ -1,0 +1,143 @@
+//! How far the target's surface moves distances: what the points scatter beyond their noise.
+//!
+//! Speckle moves each point by s sqrt(usual height / height), where s rises with the distance (core,
+//! `uncertainty`). Here s = c (d - D), with D of eq. (1), so that the zero of a stage does not matter; and the
+//! usual height is H (d - D)^q, which follows the laser, the slit and the material.
+
+use nalgebra::{Matrix2, Vector2};
+use serde::Serialize;
+
+use super::curve::Curve;
+use super::observed::Observed;
+use super::solve::Solved;
+
+/// The surface of the points' target.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Surface {
+    /// c: standard deviation of a distance over d - D, of a spot of the usual height.
+    pub share: f64,
+    /// How well c is known, over itself.
+    pub known_to: f64,
+    /// Mean of the spots' heights in counts, in the middle of the points.
+    pub height: f64,
+    /// q: how the usual height changes with d - D, as a power.
+    pub power: f64,
+    /// d - D in the middle of the points, in metres.
+    pub middle: f64,
+}
+
+/// Points beyond the curve's freedoms from which on their scatter tells enough of a surface: s is then known
+/// to 22 %.
+const FEWEST_FREEDOMS: f64 = 10.0;
+
+impl Surface {
+    /// The surface that the points of a fit show. `None` where they have no heights, or are too few.
+    pub fn of(solved: &Solved, curve: &Curve) -> Option<Self> {
+        let points: Vec<(Observed, f64)> = (solved.observed.iter())
+            .map(|point| Some((*point, point.height?)))
+            .collect::<Option<_>>()?;
+        let freedom = points.len() as f64 - curve.freedoms();
+        if freedom < FEWEST_FREEDOMS {
+            return None;
+        }
+        let from_pole = |point: &Observed| (point.distance - curve.eq1.curve.d).abs();
+        let logs: Vec<f64> = points
+            .iter()
+            .map(|(point, _)| from_pole(point).ln())
+            .collect();
+        let middle = (logs.iter().sum::<f64>() / logs.len() as f64).exp();
+        let heights: Vec<(f64, f64)> = (points.iter().zip(&logs))
+            .map(|((_, height), log)| (log - middle.ln(), *height))
+            .collect();
+        let (height, power) = usual_height(&heights);
+        let usual = Self {
+            share: 0.0,
+            known_to: 1.0 / (2.0 * freedom).sqrt(),
+            height,
+            power,
+            middle,
+        };
+        // Each residual's square, less the variance of the point's own noise, in squares of the model's s for
+        // c = 1. A residual is short of the point's error by what the curve takes over.
+        let squares: Vec<f64> = (points.iter())
+            .map(|(point, height)| {
+                let unit = from_pole(point).powi(2) * usual.height_at(from_pole(point)) / height;
+                let residual = point.distance - curve.distance(point.centre);
+                let own = point.sigma_at(curve.slope(point.centre)).powi(2);
+                (residual.powi(2) * points.len() as f64 / freedom - own) / unit
+            })
+            .collect();
+        let square = squares.iter().sum::<f64>() / squares.len() as f64;
+        // The scatter of few points is too small as often as too large, and too small counts for more: twice
+        // this holds 95 % of the errors, as twice Student's t does (first order in 1 / freedom).
+        let student = 1.0 + 1.25 / freedom;
+        Some(Self {
+            share: square.max(0.0).sqrt() * student,
+            ..usual
+        })
+    }
+
+    /// The usual height in counts at a distance d - D in metres.
+    pub fn height_at(&self, from_pole: f64) -> f64 {
+        self.height * (from_pole / self.middle).powf(self.power)
+    }
+}
+
+/// What is thought of q before the points are seen: light falls as one over the square of the distance, but
+/// laser and material may change that.
+const POWER: f64 = -1.0;
+
+/// Standard deviation of what is thought of q.
+const POWER_DEVIATION: f64 = 1.5;
+
+/// H and q for heights at logarithms of distances. Heights scatter by a share of their mean, up to all of it,
+/// so this is the regression of a gamma distribution (P. McCullagh and J. A. Nelder, Generalized Linear Models,
+/// 2nd ed., section 8), with [`POWER`] before it.
+fn usual_height(heights: &[(f64, f64)]) -> (f64, f64) {
+    let mean = heights.iter().map(|(_, height)| height).sum::<f64>() / heights.len() as f64;
+    let (mut log_height, mut power) = (mean.ln(), 0.0);
+    for _ in 0..20 {
+        let before = POWER_DEVIATION.powi(-2);
+        let mut matrix = Matrix2::new(0.0, 0.0, 0.0, before);
+        let mut vector = Vector2::new(0.0, before * (POWER - power));
+        for (log, height) in heights {
+            let over = height / (log_height + power * log).exp() - 1.0;
+            matrix += Matrix2::new(1.0, *log, *log, log * log);
+            vector += Vector2::new(over, over * log);
+        }
+        let Some(step) = matrix.lu().solve(&vector) else {
+            break;
+        };
+        // Half a step where a step would be large: the exponential runs away from it.
+        let length = step.amax();
+        let step = if length > 0.5 {
+            step * (0.5 / length)
+        } else {
+            step
+        };
+        (log_height, power) = (log_height + step[0], power + step[1]);
+    }
+    (log_height.exp(), power)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_usual_height_is_the_mean_and_follows_the_distance() {
+        // Pairs of a high and a low spot, with a mean of 1000 d^-2.
+        let heights: Vec<(f64, f64)> = (0..400)
+            .map(|i| {
+                let log = f64::from(i) / 400.0 - 0.5;
+                let share = if i % 2 == 0 { 0.2 } else { 1.8 };
+                (log, 1000.0 * share * (-2.0 * log).exp())
+            })
+            .collect();
+        let (height, power) = usual_height(&heights);
+        println!("{height} {power}");
+        assert!((height / 1000.0 - 1.0).abs() < 0.02);
+        // 400 points over 1: the power is known to 0.14, what is thought of it to 1.5.
+        assert!((power + 2.0).abs() < 0.05);
+    }
+}
