@@ -7,7 +7,12 @@
 //! errors, it grows to that of fewer independent rows (`correlation`). If no majority of the rows agrees, or
 //! the rows scatter by more than the spot's width, they do not show one spot: the frame has no centre.
 //!
-//! If the target moves, the centre is that in the middle of the frame, whichever rows count most (`motion`).
+//! If the target moves, both means hold at one time: half-way between the frame's first row and its last. The
+//! steady part of the motion is a line through the rows (`motion`). That line is no scatter, so the
+//! uncertainty leaves it out. If the mean of the rows' times is not the middle of the frame, because rows are
+//! missing or count less, the line takes the centre to the middle. From a target that accelerates the mean
+//! lies off its place in the middle of the frame; [`FrameCentre::motion`] says by how much. Frames of fewer
+//! than eight rows show no motion: there the motion is scatter, and widens the uncertainty.
 
 mod agreement;
 mod correlation;
@@ -20,13 +25,18 @@ use crate::fault::Fault;
 use crate::numeric;
 use crate::units::{Counts, Pixels};
 
+use correlation::Correlated;
+use motion::Course;
+
 /// The most rows in a frame.
 pub const MAX_ROWS: u32 = 64;
 
 /// How the rows' centres are combined into one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mean {
-    /// The mean of all rows, as in the paper.
+    /// The mean of all rows, as in the paper. If rows are missing and the target moves, the mean is taken to
+    /// the middle of the frame, with the speed that the rows show. If all rows have a centre, it is the plain
+    /// mean to the last bit.
     Plain,
     /// The mean weighted by the rows' uncertainties, and by how far each row is from the others.
     #[default]
@@ -67,9 +77,18 @@ pub struct Frame {
 /// The centre of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameCentre {
-    /// The mean of the rows' centres.
+    /// The mean of the rows' centres. If the target moves, where the spot was in the middle of the frame:
+    /// half-way between the first row and the last.
     pub centre: Pixels,
-    /// Its standard uncertainty.
+    /// The standard uncertainty of the centre that the rows' errors cause, and their scatter beyond those. If
+    /// the target moves steadily, that motion is not scatter. [`Self::motion`] is not part of this
+    /// uncertainty.
+    ///
+    /// A motion counts from four standard deviations on. Slower motion goes unseen, and shifts the centre if
+    /// the mean of the rows' times is not the middle of the frame: by up to 4 m / s uncertainties, where m
+    /// is the mean of the times, taken from the middle of the frame, and s their standard deviation. That is
+    /// 0.15 with every fourth row missing of 16, and 3.4 without the first third of 64 rows. At worst it is
+    /// 6.5, without the first 31 of 64 rows.
     pub uncertainty: Pixels,
     /// The mean height of the spot.
     pub amplitude: Counts,
@@ -84,11 +103,44 @@ pub struct FrameCentre {
     /// See [`Reading::correlated`](crate::reading::Reading::correlated).
     pub correlated: Option<u16>,
     /// How far the rows' centres scatter beyond what their own uncertainties explain, as a standard deviation
-    /// about their mean, or about their motion: different speckle, if the surface is rough and the target
-    /// moves.
+    /// in pixels about their mean, or about their motion: different speckle, if the surface is rough and the
+    /// target moves. Zero if chance explains the scatter, and for fewer than three rows. Fewer than eight
+    /// rows show no motion, so their spread contains the motion. Chance alone gives a spread in 0.5 % of the
+    /// frames of 64 rows, 1 % of 16, and 3 % of three.
+    ///
+    /// The square is the variance of the rows about their mean (the sum of squares over the number of rows,
+    /// not over one less), less the mean of the squares of their uncertainties. Each row counts as in the
+    /// mean: alike in the plain one, with 1/u^2 in the weighted one.
+    ///
+    /// If V is the variance of each row's displacement, then the mean's error has the variance
+    /// V - E\[spread^2\] exactly, however the displacements of different rows depend on each other. For the
+    /// variance about the mean is on average the variance of a row less the variance of the mean. The noise
+    /// is part of that error: n rows with the uncertainty u leave u^2 / n. E is the mean over many frames; in
+    /// one frame spread^2 may exceed V.
+    ///
+    /// Three limits make V - E\[spread^2\] too large. (1) Where the spread is too small to be more than
+    /// chance, it is zero. (2) A line through the rows takes a part of the displacements with it. For
+    /// independent rows the variance about the line is V (1 - 2/n) instead of V (1 - 1/n), so
+    /// V - E\[spread^2\] is twice the variance of the mean; about a parabola, three times. Displacements that
+    /// drift through the frame may look like a motion, although the target is at rest. (3) The weighted mean
+    /// leaves out rows that are far from it. One limit makes V - E\[spread^2\] too small: a motion that is
+    /// too slow for the rows to show it beside their scatter is part of the spread.
     pub spread: Pixels,
-    /// The standard uncertainty of where the target was in the middle of the frame, because its motion is not
-    /// known exactly.
+    /// The standard uncertainty of where the target was in the middle of the frame that comes from motion
+    /// which a straight line does not describe. Independent of [`Self::uncertainty`]: combine both in
+    /// quadrature.
+    ///
+    /// If the target accelerates by a pixels a row^2, the mean of its positions in n rows lies off its place
+    /// in the middle by a (n^2 - 1)/24. A parabola through the rows gives that shift, with whichever rows are
+    /// missing or count less. The centre stays a mean: the shift is not subtracted, and its whole size is
+    /// this uncertainty.
+    ///
+    /// Zero if a straight line describes the motion, or if the curvature is less than four times its own
+    /// standard deviation. Such a curvature shifts the centre by up to 4.5 times the uncertainty, and goes
+    /// unseen. Zero for motion that neither a line nor a parabola describes: such motion is scatter. If the
+    /// target swings half a period to two periods in the frame, the error is up to 1.3 times the uncertainty
+    /// (root mean square over all phases). If the target swings more often, the centre is the mean of its
+    /// places with the uncertainty of the mean, and not its place in the middle of the frame.
     pub motion: Pixels,
 }
 
@@ -140,25 +192,30 @@ impl Frame {
             .map(|(_, row)| ordered(row.centre.to_bits()));
         let origin = median(keys).map_or(0, from_ordered);
         let mut members = self.members(origin);
-        let motion = match how {
-            Mean::Plain => Some(0.0),
-            Mean::Weighted => agreement::weigh(&mut members),
+        let found = match how {
+            Mean::Plain => plain_mean(&mut members),
+            Mean::Weighted => agreeing_mean(&mut members),
         };
-        let (Some(motion), Some(offset)) = (motion, weighted_mean(&members)) else {
+        let Some((offset, course)) = found else {
             return Err(self.unsteady());
         };
         let width = Pixels::from_bits(mean(members.iter().map(|it| it.row.width.to_bits())));
-        let is_steady = scatter(&members, motion) <= width.to_f32();
+        let is_steady = scatter(&members, course.speed) <= width.to_f32();
         if !is_steady {
             return Err(self.unsteady());
         }
-        let fitted = if motion == 0.0 { 1.0 } else { 2.0 };
-        let (growth, correlated) = match correlation::estimate(&members, fitted) {
-            Some(found) => (found.growth, found.rows_if_few()),
-            None => (1.0, None),
+        let fluctuation = Fluctuation::about(&mut members, &course);
+        let Fluctuation {
+            fitted, correlated, ..
+        } = fluctuation;
+        let excess = birge_ratio(&members, offset, fitted);
+        let growth = correlated.map_or(1.0, |it| it.growth);
+        let uncertainty = propagated(&members, &course) * excess * growth;
+        let spread = if excess > 1.0 && members.len() as f32 - fitted >= 2.0 {
+            spread(&members, how)
+        } else {
+            0.0
         };
-        let uncertainty =
-            propagated(&members, motion) * birge_ratio(&members, offset, fitted) * growth;
         Ok(FrameCentre {
             centre: Pixels::from_bits(origin.saturating_add(Pixels::from_f32(offset).to_bits())),
             // Never an uncertainty below one step.
@@ -169,9 +226,9 @@ impl Frame {
             rows_used: members.len() as u16,
             rows: self.rows,
             misfits: count_where(&members, |it| it.row.misfit) as u16,
-            correlated,
-            spread: Pixels::default(),
-            motion: Pixels::default(),
+            correlated: correlated.and_then(Correlated::rows_if_few),
+            spread: Pixels::from_f32(spread),
+            motion: Pixels::from_f32(fluctuation.shift),
         })
     }
 
@@ -217,6 +274,9 @@ type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
 /// 2^32. 64 weights, each times an offset and the square of a row's number, are below 2^74; a weight times u
 /// is at most 2^16. A row that agrees has a weight of more than half of its 1/u^2, which is 2^-30 or more, so
 /// sums of weights are above zero.
+///
+/// A parabola through the members (`motion`) has a shape below 2^14 rows^2. 64 weights, each times the square
+/// of a shape, are below 2^66; each times a shape and an offset, below 2^76.
 #[derive(Clone, Copy)]
 struct Member<'a> {
     row: &'a RowCentre,
@@ -237,6 +297,43 @@ impl Member<'_> {
     }
 }
 
+/// The plain mean in the middle of the frame, in pixels from the frame's origin, and the motion of the
+/// target. Subtracts the steady part of the motion from the members.
+///
+/// The motion comes from a copy of the rows with weights of 1/u^2. The speed and its error reach the mean
+/// only as far as the mean of the rows' numbers is from zero.
+fn plain_mean(members: &mut Members<'_>) -> Option<(f32, Course)> {
+    let mean = weighted_mean(members)?;
+    let mut certain = changed(members, |it| it);
+    agreement::weigh_by_certainty(&mut certain);
+    let speed = match motion::of(&certain) {
+        Some(speed) if members.len() >= motion::ENOUGH => speed,
+        _ => 0.0,
+    };
+    for member in members.iter_mut().chain(certain.iter_mut()) {
+        member.offset -= speed * member.rows_from_middle;
+    }
+    // The new offsets have rounding errors; this mean of a full frame has none, because its mean number is
+    // zero.
+    let offset = mean - speed * mean_number(members);
+    Some((offset, Course::of(&certain, &certain, speed)))
+}
+
+/// The weighted mean of the rows that agree, and the motion, as [`plain_mean`].
+///
+/// An acceleration comes from a copy of these rows with weights of 1/u^2. The ends of a parabola look like
+/// rows that disagree: with the weights of the mean its curvature would be up to 8 % too small (measured on
+/// 64 rows, with a shift of ten uncertainties).
+fn agreeing_mean(members: &mut Members<'_>) -> Option<(f32, Course)> {
+    let speed = agreement::weigh(members)?;
+    let mut certain = changed(members, |it| it);
+    agreement::weigh_by_uncertainty(&mut certain);
+    Some((
+        weighted_mean(members)?,
+        Course::of(members, &certain, speed),
+    ))
+}
+
 /// The weighted mean in pixels from the frame's origin. `None` if no row counts.
 fn weighted_mean(members: &[Member<'_>]) -> Option<f32> {
     let weights: f32 = members.iter().map(|it| it.weight).sum();
@@ -244,24 +341,107 @@ fn weighted_mean(members: &[Member<'_>]) -> Option<f32> {
     (weights > 0.0).then(|| sum / weights)
 }
 
+/// The weighted mean of the rows' numbers, from the middle of the frame: the time at which a mean of the
+/// rows holds. Not a number if no row counts.
+fn mean_number(members: &[Member<'_>]) -> f32 {
+    total(members, |it| it.weight * it.rows_from_middle) / total(members, |it| it.weight)
+}
+
+/// A copy of the members, each changed. Not `Vec::clone`: see `agreement::keep`.
+fn changed<'a>(members: &Members<'a>, change: impl Fn(Member<'a>) -> Member<'a>) -> Members<'a> {
+    let mut copy = Members::new();
+    for member in members {
+        // There is room for as many as there were.
+        let _ = copy.push(change(*member));
+    }
+    copy
+}
+
+/// How the rows scatter about their motion.
+struct Fluctuation {
+    /// The number of parameters that come from the rows themselves: 1 for their mean, 2 with a speed, 3 with
+    /// an acceleration.
+    fitted: f32,
+    /// What the rows are worth, if neighbours have similar errors.
+    correlated: Option<Correlated>,
+    /// How far the mean of the positions lies off the position in the middle of the frame, because the target
+    /// accelerates. In pixels, not negative.
+    shift: f32,
+}
+
+impl Fluctuation {
+    /// Compares the rows with their line. If the target accelerates, compares the rows with their parabola,
+    /// and subtracts the parabola from the members without changing their mean.
+    ///
+    /// Speckle, a lamp that flickers or a target that swings make rows similar to their neighbours beside the
+    /// parabola too. If the curvature does not exceed what such errors cause, all of it counts as scatter.
+    fn about(members: &mut Members<'_>, course: &Course) -> Self {
+        if let Some(parabola) = &course.parabola {
+            let place = |it: &Member<'_>| parabola.at(it.rows_from_middle);
+            let mean = total(members, |it| it.weight * place(it)) / total(members, |it| it.weight);
+            let straight = changed(members, |it| Member {
+                offset: it.offset - (place(&it) - mean),
+                ..it
+            });
+            let fitted = 3.0;
+            let correlated = correlation::estimate(&straight, fitted);
+            if parabola.is_motion(correlated.map_or(1.0, |it| it.growth)) {
+                *members = straight;
+                return Self {
+                    fitted,
+                    correlated,
+                    shift: (mean - parabola.at(0.0)).abs(),
+                };
+            }
+        }
+        let fitted = if course.speed == 0.0 { 1.0 } else { 2.0 };
+        Self {
+            fitted,
+            correlated: correlation::estimate(members, fitted),
+            shift: 0.0,
+        }
+    }
+}
+
 /// The uncertainty of the mean in pixels, if the uncertainty of each row is true and all rows are
-/// independent. The uncertainty of the motion adds to it, as far as the mean of the rows' numbers is from the
-/// middle of the frame.
-fn propagated(members: &[Member<'_>], motion: f32) -> f32 {
+/// independent. The uncertainty of the speed adds to it, as far as the mean of the rows' numbers is from the
+/// middle of the frame: it comes from the rows' errors too, and grows with them.
+fn propagated(members: &[Member<'_>], course: &Course) -> f32 {
     let weights: f32 = members.iter().map(|it| it.weight).sum();
     let variance: f32 = members
         .iter()
         .map(|it| square(it.weight * it.uncertainty))
         .sum();
-    let of_motion = match motion::Line::through(members) {
-        Some(line) if motion != 0.0 => square(line.middle) / line.moment,
-        _ => 0.0,
+    let of_motion = if course.speed == 0.0 {
+        0.0
+    } else {
+        square(mean_number(members)) / course.moment
     };
     libm::sqrtf(variance / square(weights) + of_motion)
 }
 
+/// See [`FrameCentre::spread`]. The members are without their motion.
+fn spread(members: &[Member<'_>], how: Mean) -> f32 {
+    // Not the members' weights: those of the weighted mean are smaller for rows further from it, so they show
+    // 83 % of a normal variance.
+    let share = |it: &Member<'_>| match how {
+        Mean::Plain => 1.0,
+        Mean::Weighted => 1.0 / square(it.uncertainty),
+    };
+    let shares = total(members, share);
+    let centre = total(members, |it| share(it) * it.offset) / shares;
+    let excess = total(members, |it| {
+        share(it) * (square(it.offset - centre) - square(it.uncertainty))
+    }) / shares;
+    if excess > 0.0 {
+        libm::sqrtf(excess)
+    } else {
+        0.0
+    }
+}
+
 /// The rows' scatter over the scatter that their uncertainties explain, or 1 if chance explains it. `fitted`
-/// is the number of parameters that come from the rows themselves: 1 for their mean, 1 more for their motion.
+/// is the number of parameters that come from the rows themselves, as in [`Fluctuation`].
 fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
     let chi_square: f32 = members.iter().map(|it| square(it.residual(centre))).sum();
     let degrees = members.len() as f32 - fitted;
@@ -285,6 +465,11 @@ fn scatter(members: &[Member<'_>], motion: f32) -> f32 {
     let mean = members.iter().map(offset).sum::<f32>() / n;
     let squares: f32 = members.iter().map(|it| square(offset(it) - mean)).sum();
     libm::sqrtf(squares / n)
+}
+
+/// The sum of a value over the members.
+fn total(members: &[Member<'_>], value: impl Fn(&Member<'_>) -> f32) -> f32 {
+    members.iter().map(value).sum()
 }
 
 /// Counts the members for which `is_so` is true.
@@ -440,6 +625,79 @@ mod tests {
     }
 
     #[test]
+    fn spread_is_the_scatter_less_the_rows_uncertainties() {
+        // Four rows, +-0.5 with a claim of 0.1: a variance of 0.25 about the mean, 0.01 of it claimed.
+        let rows = |count| (0..count).map(|i| row(if i % 2 == 0 { 99.5 } else { 100.5 }, 0.1));
+        for how in Mean::ALL {
+            let spread = |count| frame(rows(count)).centre(how).expect("a centre").spread;
+            assert!((spread(4).to_f64() - 0.24f64.sqrt()).abs() < 1e-4);
+            // Three rows: 2/9, and two rows do not tell.
+            assert!((spread(3).to_f64() - (2.0 / 9.0 - 0.01f64).sqrt()).abs() < 1e-4);
+            assert_eq!(spread(2), Pixels::default());
+        }
+        // 0.13 with a claim of 0.1: chi square 6.8 of three degrees is chance.
+        let small = (0..4).map(|i| row(if i % 2 == 0 { 99.87 } else { 100.13 }, 0.1));
+        for how in Mean::ALL {
+            let found = frame(small.clone()).centre(how).expect("a centre");
+            assert_eq!(found.spread, Pixels::default());
+        }
+        // Rows at 0 and 1 with the weights 4 and 1 have their mean at 1/5 and a variance of 4/25. The mean of
+        // u^2 with these weights is (4 * 0.01 + 1 * 0.04) / 5. With equal weights: 1/4, and 0.025.
+        let unlike = || (0..4).map(|i| row(i as f32 % 2.0, if i % 2 == 0 { 0.1 } else { 0.2 }));
+        let found = weighted(unlike()).spread.to_f64();
+        assert!((found - (0.16 - 0.016f64).sqrt()).abs() < 1e-4, "{found}");
+        let plain = frame(unlike()).centre(Mean::Plain).expect("a centre");
+        let found = plain.spread.to_f64();
+        assert!((found - (0.25 - 0.025f64).sqrt()).abs() < 1e-4, "{found}");
+    }
+
+    #[test]
+    fn a_moving_target_is_where_it_is_in_the_middle_of_the_frame() {
+        let moving = |speed: f32, acceleration: f32, first: u8| {
+            (0..16u8).map(move |i| {
+                let x = f32::from(i) - 7.5;
+                if i < first {
+                    Err(Fault::SensorSilent)
+                } else {
+                    row(1200.0 + speed * x + 0.5 * acceleration * x * x, 0.02)
+                }
+            })
+        };
+        let close = |found: Pixels, to: f64| (found.to_f64() - to).abs() < 2e-4;
+        for how in Mean::ALL {
+            let find = |rows| frame(rows).centre(how).expect("a centre");
+            let full = find(moving(0.5, 0.0, 0));
+            assert!(close(full.centre, 1200.0), "{full:?}");
+            assert!(close(full.uncertainty, 0.02 / 4.0), "{full:?}");
+            assert_eq!((full.motion, full.spread), Default::default());
+            // Eleven rows, whose mean number is 2.5 from the middle. Their moment is 11 (11^2 - 1)/12 = 110.
+            let late = find(moving(0.5, 0.0, 5));
+            assert!(close(late.centre, 1200.0), "{late:?}");
+            let variance = 1.0 / 11.0 + 2.5f64.powi(2) / 110.0;
+            assert!(close(late.uncertainty, 0.02 * variance.sqrt()), "{late:?}");
+            assert_eq!((late.motion, late.spread), Default::default());
+            // 0.02 (16^2 - 1)/24 px. The weighted mean counts the ends less.
+            let bent = find(moving(0.1, 0.02, 0));
+            assert!(
+                close(bent.motion, (bent.centre.to_f64() - 1200.0).abs()),
+                "{bent:?}"
+            );
+            assert!(
+                how == Mean::Weighted || close(bent.motion, 0.2125),
+                "{bent:?}"
+            );
+            assert_eq!(bent.spread, Pixels::default());
+            assert!(
+                (0.005..0.0055).contains(&bent.uncertainty.to_f64()),
+                "{bent:?}"
+            );
+        }
+        // Seven rows show no motion: it is scatter.
+        let few = weighted(moving(0.1, 0.0, 0).take(7));
+        assert!(few.spread.to_f64() > 0.19, "{few:?}");
+    }
+
+    #[test]
     fn a_row_that_is_wrong_is_left_out_where_the_others_agree() {
         // However certain the wrong row is of its centre.
         for uncertainty in [0.2, 0.02, 1e-5] {
@@ -511,7 +769,9 @@ mod tests {
                     for how in Mean::ALL {
                         if let Ok(centre) = frame(rows.clone()).centre(how) {
                             found += 1;
-                            assert!(centre.uncertainty > Pixels::from_bits(0), "{centre:?}");
+                            let zero = Pixels::default();
+                            assert!(centre.uncertainty > zero, "{centre:?}");
+                            assert!(centre.spread >= zero && centre.motion >= zero, "{centre:?}");
                             let between = a.min(c)..=a.max(c);
                             // To within the 24 bits of an f32.
                             let off = |end: i32| {

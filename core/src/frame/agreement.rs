@@ -35,7 +35,7 @@ const MOST_CERTAIN: f32 = 8.0;
 /// From so many rows on, their own scatter tells how far from the mean a good row may lie. The median
 /// deviation of n normal values is known to 1.17 / sqrt(n), 41 % for 8 rows. With fewer rows only their
 /// uncertainties tell it.
-const ENOUGH_TO_SCATTER: usize = 8;
+const ENOUGH_TO_SCATTER: usize = motion::ENOUGH;
 
 /// From so many rows on, a frame without a majority is always a fault. With fewer rows the mean of all does
 /// not claim too much: for two groups it is off by at most sqrt(n - 1) times the uncertainty that n rows with
@@ -76,11 +76,22 @@ pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
         return (!is_fault).then_some(motion);
     }
     // Without a majority all rows count, and their scatter widens the mean's uncertainty.
-    for member in members.iter_mut() {
-        member.weight = 1.0 / square(member.uncertainty);
-    }
+    weigh_by_uncertainty(members);
     let is_fault = members.len() >= ENOUGH_FOR_GROUPS || by_scatter && are_two_groups(members);
     (!is_fault).then_some(motion)
+}
+
+/// Gives each row the weight 1/u^2, with a limit to its certainty. No row is left out.
+pub(super) fn weigh_by_certainty(members: &mut [Member<'_>]) {
+    limit_certainty(members);
+    weigh_by_uncertainty(members);
+}
+
+/// Gives each row the weight 1/u^2.
+pub(super) fn weigh_by_uncertainty(members: &mut [Member<'_>]) {
+    for member in members {
+        member.weight = 1.0 / square(member.uncertainty);
+    }
 }
 
 /// Leaves out the rows whose pixels do not fit their spot, because such a row is off by more than its

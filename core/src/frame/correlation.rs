@@ -51,7 +51,7 @@ impl Correlated {
 }
 
 /// What the rows are worth, if neighbours have similar errors by more than chance. `None` otherwise, and for
-/// too few rows. `fitted` as in [`super::birge_ratio`].
+/// too few rows. `fitted` as in [`super::Fluctuation`].
 pub(super) fn estimate(members: &[Member<'_>], fitted: f32) -> Option<Correlated> {
     if members.len() < usize::from(FEWEST_INDEPENDENT) {
         return None;

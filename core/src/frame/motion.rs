@@ -1,6 +1,34 @@
-//! How the rows' centres move during the frame: a straight line through them.
+//! How the rows' centres move during the frame: a straight line through them, and a parabola.
 
-use super::{Member, count_where, square};
+use super::{Member, count_where, square, total};
+
+/// From so many rows on, the rows can show a motion: their own scatter then tells how large a slope chance
+/// gives.
+pub(super) const ENOUGH: usize = 8;
+
+/// How the target moves during a frame.
+pub(super) struct Course {
+    /// The speed of the steady motion in pixels a row, zero for a target at rest. The members' offsets are
+    /// without this motion.
+    pub speed: f32,
+    /// The inverse of the variance that the speed has, if the target moves.
+    pub moment: f32,
+    /// The motion that remains, if the target accelerates.
+    pub parabola: Option<Parabola>,
+}
+
+impl Course {
+    /// Describes the motion of rows from which the motion `speed` is subtracted. The speed comes from the
+    /// weights of `members`, the parabola from those of `certain`: the same rows with weights of 1/u^2.
+    pub fn of(members: &[Member<'_>], certain: &[Member<'_>], speed: f32) -> Self {
+        Self {
+            speed,
+            moment: Line::through(members).map_or(f32::INFINITY, |line| line.moment),
+            parabola: Parabola::through(certain)
+                .filter(|it| certain.len() >= ENOUGH && it.is_motion(1.0)),
+        }
+    }
+}
 
 /// A straight line through the rows, weighted.
 pub(super) struct Line {
@@ -64,6 +92,66 @@ impl Line {
     }
 }
 
+/// A parabola through the rows, weighted: a line, and a curvature times a shape that no line describes.
+///
+/// With x the row's number from the line's middle, the shape is x^2 - skew x - mean_square. Its weighted sums
+/// with 1 and with x are zero, so the line is the one through the rows alone.
+pub(super) struct Parabola {
+    line: Line,
+    /// Pixels a row^2: half of the target's acceleration.
+    curvature: f32,
+    skew: f32,
+    mean_square: f32,
+    /// The square of the curvature over its standard deviation.
+    significance: f32,
+}
+
+impl Parabola {
+    /// Fits the parabola. `None` for fewer than four rows that count.
+    fn through(members: &[Member<'_>]) -> Option<Self> {
+        let line = Line::through(members)?;
+        let counting = count_where(members, |it| it.weight > 0.0);
+        // The parabola has three parameters: nothing is left of three rows.
+        if counting <= 3 {
+            return None;
+        }
+        let x = |it: &Member<'_>| it.rows_from_middle - line.middle;
+        let rest = |it: &Member<'_>| it.offset - line.at(it.rows_from_middle);
+        // |x|^3 is at most 63 x^2, so the skew is at most 63 and the shape below 2^14.
+        let skew = total(members, |it| it.weight * x(it) * square(x(it))) / line.moment;
+        let mean_square = line.moment / total(members, |it| it.weight);
+        let shape = |it: &Member<'_>| square(x(it)) - skew * x(it) - mean_square;
+        let moment = total(members, |it| it.weight * square(shape(it)));
+        let curvature = total(members, |it| it.weight * shape(it) * rest(it)) / moment;
+        let squares = total(members, |it| {
+            it.weight * square(rest(it) - curvature * shape(it))
+        });
+        let variance = squares / (counting as f32 - 3.0);
+        let variance = if variance > 1.0 { variance } else { 1.0 };
+        (moment > 0.0).then_some(Self {
+            line,
+            curvature,
+            skew,
+            mean_square,
+            significance: square(curvature) * moment / variance,
+        })
+    }
+
+    /// The parabola's value at a row, in pixels from the frame's origin.
+    pub fn at(&self, rows_from_middle: f32) -> f32 {
+        let x = rows_from_middle - self.line.middle;
+        let shape = square(x) - self.skew * x - self.mean_square;
+        self.line.at(rows_from_middle) + self.curvature * shape
+    }
+
+    /// Whether the target accelerates: the curvature is more than chance, and more than the rows' scatter
+    /// makes it. `growth` is the factor by which the scatter makes the mean less certain than independent
+    /// errors would.
+    pub fn is_motion(&self, growth: f32) -> bool {
+        self.significance > square(SIGNIFICANT * growth)
+    }
+}
+
 /// The motion of the target in pixels a row, if it moves.
 pub(super) fn of(members: &[Member<'_>]) -> Option<f32> {
     let line = Line::through(members)?;
@@ -91,6 +179,60 @@ mod tests {
             },
         });
         of(&members)
+    }
+
+    /// Eight rows of which some count, at places that are a function of their numbers from the middle.
+    fn parabola(counting: &[usize], place: impl Fn(f32) -> f32) -> Option<Parabola> {
+        let row = row(0.0, 0.02).expect("a centre");
+        let members: [Member<'_>; 8] = core::array::from_fn(|number| Member {
+            row: &row,
+            rows_from_middle: number as f32 - 3.5,
+            offset: place(number as f32 - 3.5),
+            uncertainty: 0.02,
+            weight: if counting.contains(&number) {
+                2500.0
+            } else {
+                0.0
+            },
+        });
+        Parabola::through(&members)
+    }
+
+    #[test]
+    fn a_parabola_goes_through_the_rows_of_a_target_that_accelerates() {
+        let place = |x: f32| 0.7 - 0.3 * x + 0.05 * x * x;
+        for counting in [
+            &[0, 1, 2, 3, 4, 5, 6, 7][..],
+            &[0, 1, 2, 3, 4],
+            &[1, 4, 6, 7],
+        ] {
+            let found = parabola(counting, place).expect("a parabola");
+            for x in [-3.5, -0.5, 0.0, 3.5] {
+                assert!((found.at(x) - place(x)).abs() < 1e-5, "{counting:?} {x}");
+            }
+            assert!(found.is_motion(1.0), "{counting:?}");
+        }
+        assert!(
+            parabola(&[0, 3, 7], place).is_none(),
+            "three rows have no rest"
+        );
+    }
+
+    /// Eight rows: the squares of the shape x^2 - 21/4 sum to 168. A curvature of four standard deviations is
+    /// 4 * 0.02 / sqrt(168) = 0.00617.
+    #[test]
+    fn a_curvature_counts_from_four_standard_deviations_on() {
+        let all = [0, 1, 2, 3, 4, 5, 6, 7];
+        for (curvature, growth, is_motion) in [
+            (0.0061, 1.0, false),
+            (0.0063, 1.0, true),
+            (-0.0063, 1.0, true),
+            (0.0122, 2.0, false),
+            (0.0125, 2.0, true),
+        ] {
+            let found = parabola(&all, |x| 0.2 * x + curvature * x * x).expect("a parabola");
+            assert_eq!(found.is_motion(growth), is_motion, "{curvature}");
+        }
     }
 
     #[test]
