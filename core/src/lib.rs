@@ -83,6 +83,8 @@ pub mod uncertainty;
 
 pub mod reading;
 
+pub mod difference;
+
 pub mod fault;
 
 pub mod record;

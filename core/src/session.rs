@@ -11,6 +11,7 @@
 
 use core::fmt::{self, Write as _};
 
+use crate::difference::Difference;
 use crate::fault::Fault;
 use crate::pixels::PixelErrors;
 use crate::protocol::MAX_ANSWER;
@@ -27,7 +28,7 @@ use crate::reading::{Measured, Reading};
 use crate::record::Record;
 use crate::record::encoded::EncodedRecord;
 use crate::row::Geometry;
-use crate::settings::{Affects, Setting, Settings};
+use crate::settings::{Affects, Setting, Settings, Value};
 use crate::store::configuration::Configuration;
 use crate::store::{StoreError, Stored};
 use crate::text::Text;
@@ -88,6 +89,9 @@ pub struct Session {
     distance_wanted: bool,
     centre_wanted: bool,
     parts_wanted: bool,
+    zero_wanted: bool,
+    /// Distances are relative to this reading's.
+    zero: Option<Reading>,
     /// As the latest frame says.
     pixels: PixelErrors,
     readings: u32,
@@ -110,6 +114,8 @@ impl Session {
             distance_wanted: false,
             centre_wanted: false,
             parts_wanted: false,
+            zero_wanted: false,
+            zero: None,
             pixels: PixelErrors::TCD1304DG,
             readings: 0,
             faults: [0; Fault::KINDS],
@@ -202,6 +208,7 @@ impl Session {
     fn set_record(&mut self, record: Record) {
         // A record that was read can be written.
         self.record = EncodedRecord::new(record).ok();
+        self.zero = None;
     }
 
     fn note_saved(&mut self) {
@@ -223,30 +230,45 @@ impl Session {
         if let Some(count) = count {
             *count = count.wrapping_add(1);
         }
-        let distance_wanted = core::mem::take(&mut self.distance_wanted);
-        let centre_wanted = core::mem::take(&mut self.centre_wanted);
-        if distance_wanted {
-            match &result {
-                Ok(reading) => actions.add_line(reading),
+        let take = core::mem::take;
+        let is_zero = take(&mut self.zero_wanted);
+        if is_zero {
+            self.zero = result.ok().or(self.zero);
+        }
+        let reading = match &self.zero {
+            Some(zero) if !is_zero => result.map(|now| Difference::between(zero, &now).0),
+            _ => result,
+        };
+        let is_difference = self.zero.is_some() && !is_zero;
+        let add = |actions: &mut Actions, reading: &Reading| match is_difference {
+            true => actions.add_line(&Difference(*reading)),
+            false => actions.add_line(reading),
+        };
+        if take(&mut self.distance_wanted) || is_zero {
+            match &reading {
+                Ok(reading) => add(actions, reading),
                 Err(fault) => advise(fault, actions),
             }
         }
-        if centre_wanted {
+        if take(&mut self.centre_wanted) {
             match &measured {
                 Ok(measured) => actions.add_line(measured),
                 Err(fault) => advise(fault, actions),
             }
         }
-        if core::mem::take(&mut self.parts_wanted) {
-            match &result {
-                Ok(reading) => actions.add_line(&PartsOf(reading)),
+        if take(&mut self.parts_wanted) {
+            match &reading {
+                Ok(reading) => {
+                    add(actions, reading);
+                    actions.add_line(&PartsOf(&reading.parts));
+                }
                 Err(fault) => advise(fault, actions),
             }
         }
         if actions.text.as_str().is_empty() && self.settings.stream {
             actions.may_drop = true;
-            match &result {
-                Ok(reading) => actions.add_line(reading),
+            match &reading {
+                Ok(reading) => add(actions, reading),
                 Err(fault) => actions.add_line(fault),
             }
         }
@@ -297,9 +319,17 @@ impl Session {
             Command::Distance => self.distance_wanted = true,
             Command::Centre => self.centre_wanted = true,
             Command::Uncertainty => self.parts_wanted = true,
+            Command::Zero(true) => self.zero_wanted = true,
+            Command::Zero(false) => {
+                (self.zero, self.zero_wanted) = (None, false);
+                actions.add_line(&command);
+            }
             Command::Show(setting) => actions.add_line(&self.settings.get(setting)),
             Command::Set(value) => {
                 self.settings.set(value);
+                if matches!(value, Value::Estimator(_) | Value::Black(_)) {
+                    self.zero = None;
+                }
                 if value.setting().affects() == Affects::Measurement {
                     actions.apply = Some(self.settings);
                 }
@@ -374,6 +404,7 @@ impl Session {
         }
         self.record = EncodedRecord::nominal();
         self.calibration_on = true;
+        self.zero = None;
     }
 }
 

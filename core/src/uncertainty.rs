@@ -84,6 +84,31 @@ pub struct Speckle {
     pub usual_height: f32,
 }
 
+/// How far a target moves along the beam until it has other speckle: a laser spot of 1 mm in front of the
+/// nominal head. A smaller spot's memory is longer, in inverse proportion, and a difference is then better
+/// than it claims.
+pub const MEMORY: Memory = Memory {
+    um: 840.0,
+    range_um: 854_400.0,
+};
+
+/// See [`MEMORY`].
+#[derive(Clone, Copy, Debug)]
+pub struct Memory {
+    /// The step at which the correlation of the errors has fallen to 1/e, in micrometres, at `range_um`.
+    pub um: f32,
+    /// From the slit to the target, in micrometres.
+    pub range_um: f32,
+}
+
+impl Memory {
+    /// The memory at a distance, in micrometres: it grows as the square of the range.
+    pub fn at(&self, distance_um: f32) -> f32 {
+        let squares = square(distance_um) + square(eq1::DRAWING.baseline_um);
+        self.um * squares / square(self.range_um)
+    }
+}
+
 /// Standard uncertainties of a head that was put together by its drawing and never adjusted. Each is uniform
 /// within a limit: lengths within 1 %, the zero within 5 mm. A laser module's beam is 0.25 to 0.5 degrees off
 /// its housing.

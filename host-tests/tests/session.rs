@@ -297,6 +297,117 @@ fn frames_stream_and_may_be_dropped_answers_may_not() {
 }
 
 #[test]
+fn the_parts_of_one_reading_are_shown() {
+    let mut sensor = Sensor::new();
+    assert_eq!(sensor.ask("uncertainty"), "");
+    let answer = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    println!("{answer}");
+    let lines: Vec<&str> = answer.split("\r\n").collect();
+    assert!(lines[0].starts_with("d 788.8397 mm u 16.74 r 0.0008 x "));
+    let part = |name: &str| -> f64 {
+        let start = format!("uncertainty {name} ");
+        let line = lines.iter().find_map(|line| line.strip_prefix(&start));
+        let value = line.and_then(|line| line.strip_suffix(" mm"));
+        value.expect("a part").parse().expect("a number")
+    };
+    let names = [
+        "noise",
+        "pixels",
+        "calibration",
+        "surface",
+        "geometry",
+        "motion",
+    ];
+    let squares: f64 = names.map(|name| part(name).powi(2)).iter().sum();
+    assert!((squares.sqrt() - 16.74).abs() < 0.01);
+    assert_eq!(lines.len(), 1 + names.len());
+    assert!(!sensor.actions.may_drop);
+
+    assert_eq!(sensor.ask("surface off"), "surface off");
+    sensor.ask("uncertainty");
+    let answer = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    assert!(
+        answer.contains("\r\nuncertainty surface 0.0000 mm\r\n"),
+        "{answer}"
+    );
+    sensor.set("surface 437");
+    sensor.ask("uncertainty");
+    let answer = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    // 1993 counts, where 1000 are usual.
+    assert!(
+        answer.contains("\r\nuncertainty surface 0.3095 mm\r\n"),
+        "{answer}"
+    );
+}
+
+/// The nominal calibration marks each line, and so do settings that are not the calibration's.
+#[test]
+fn lines_are_marked_if_the_calibration_is_not_for_them() {
+    let mut sensor = Sensor::new();
+    let flags = |sensor: &mut Sensor| {
+        let line = sensor.take(Event::Frame(Ok(frame(1800.0))));
+        let (_, flags) = line.split_once(" n 16/16").expect("a reading");
+        flags.to_owned()
+    };
+    assert_eq!(flags(&mut sensor), " g");
+    // The nominal calibration is no one's: other settings add nothing.
+    sensor.set("estimator centroid");
+    assert_eq!(flags(&mut sensor), " g");
+    let mut own = own_record().record().clone();
+    own.errors = CalibrationErrors::Unknown;
+    sensor.upload(&EncodedRecord::new(own).expect("a record"));
+    assert_eq!(flags(&mut sensor), "");
+    sensor.set("estimator phase-table");
+    assert_eq!(flags(&mut sensor), " s");
+    sensor.set("estimator adaptive");
+    sensor.set("black shielded");
+    assert_eq!(flags(&mut sensor), " s");
+    sensor.set("black frame");
+    assert_eq!(flags(&mut sensor), "");
+}
+
+/// The difference loses what both readings share: here all but the noise, because nothing has moved.
+#[test]
+fn distances_are_relative_to_zero() {
+    let mut sensor = Sensor::new();
+    assert_eq!(sensor.ask("zero"), "");
+    let zero = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    assert!(
+        zero.starts_with("d 788.8397 mm u 16.74 r 0.0008 "),
+        "{zero}"
+    );
+    assert!(!sensor.actions.may_drop);
+    let same = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    assert!(
+        same.starts_with("z 0.0000 mm u 0.0011 r 0.0011 x 1800.0000 "),
+        "{same}"
+    );
+    let far = sensor.take(Event::Frame(Ok(frame(1700.0))));
+    println!("{far}");
+    assert!(far.starts_with("z 39.6"), "{far}");
+    sensor.ask("distance");
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1700.0)))), far);
+    sensor.ask("uncertainty");
+    let parts = sensor.take(Event::Frame(Ok(frame(1700.0))));
+    assert!(
+        parts.starts_with(&far) && parts.contains("\r\nuncertainty noise "),
+        "{parts}"
+    );
+    // A fault leaves the zero as it was.
+    sensor.ask("zero");
+    let advised = format!("{TOO_DIM}\r\n({})", TOO_DIM.advice());
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), advised);
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1700.0)))), far);
+    for end in ["zero off", "defaults", "estimator adaptive"] {
+        sensor.ask("zero");
+        sensor.take(Event::Frame(Ok(frame(1800.0))));
+        sensor.ask(end);
+        let line = sensor.take(Event::Frame(Ok(frame(1700.0))));
+        assert!(line.starts_with("d "), "{end}: {line}");
+    }
+}
+
+#[test]
 fn without_a_calibration_there_is_a_fault_and_no_distance() {
     let mut sensor = Sensor::new();
     sensor.set("calibration off");

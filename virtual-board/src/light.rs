@@ -18,6 +18,8 @@ struct Place {
     distance: f64,
     /// The number of its surface ([`Simulation::set_surface`]).
     surface: u64,
+    /// Seconds of the scene that pass before the next row.
+    waits: f64,
     /// The first row after `move_to`; `None` until there is one.
     put: Option<u64>,
     /// The ends of the last exposures, and the distances at their middles in metres.
@@ -33,6 +35,7 @@ impl Target {
         Self(Arc::new(Mutex::new(Place {
             distance,
             surface: 0,
+            waits: 0.0,
             put: None,
             seen: VecDeque::new(),
         })))
@@ -53,6 +56,12 @@ impl Target {
     /// Shows another surface: another place on the target, or another target of the same material.
     pub fn show_surface(&self, number: u64) {
         self.place().surface = number;
+    }
+
+    /// Lets time pass in the scene, of which the board sees nothing: for what is slow, as a sensor that warms
+    /// up.
+    pub fn let_time_pass(&self, seconds: f64) {
+        self.place().waits += seconds;
     }
 
     /// The mean distance in metres over `exposures` exposures, of which `last` is the last one. `None` if one
@@ -109,7 +118,11 @@ fn seen(
     let (mut row, mut surface) = (0, 0);
     Box::new(move |exposure: &Exposure| {
         row += 1;
-        let shown = target.place().surface;
+        let (shown, waits) = {
+            let mut place = target.place();
+            (place.surface, std::mem::take(&mut place.waits))
+        };
+        row += (waits / simulation.scene().period()) as u64;
         if surface != shown {
             surface = shown;
             simulation.set_surface(surface);

@@ -31,6 +31,8 @@ pub enum Command {
     Centre,
     /// One reading with the parts of its uncertainty.
     Uncertainty,
+    /// Make the next reading the zero of distances, or give distances from the laser again.
+    Zero(bool),
     /// Show a setting.
     Show(Setting),
     /// Set a setting.
@@ -125,6 +127,7 @@ impl fmt::Display for Error {
 impl core::error::Error for Error {}
 
 const HELP: &str = "help [estimator]";
+const ZERO: &str = "zero [off]";
 const SAVE: &str = "save [nominal]";
 const CALIBRATION: &str = "calibration on|off|begin|data|commit|abort";
 
@@ -163,6 +166,11 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         "status" => expect_no_value(values, Command::Status, "status"),
         "distance" => expect_no_value(values, Command::Distance, "distance"),
         "centre" => expect_no_value(values, Command::Centre, "centre"),
+        "zero" => match values {
+            [] => Ok(Command::Zero(true)),
+            ["off"] => Ok(Command::Zero(false)),
+            _ => Err(Error::Form(ZERO)),
+        },
         "uncertainty" => expect_no_value(values, Command::Uncertainty, "uncertainty"),
         "save" => match values {
             [] => Ok(Command::Save),
@@ -228,6 +236,8 @@ impl fmt::Display for Command {
             Self::Distance => f.write_str("distance"),
             Self::Centre => f.write_str("centre"),
             Self::Uncertainty => f.write_str("uncertainty"),
+            Self::Zero(true) => f.write_str("zero"),
+            Self::Zero(false) => f.write_str("zero off"),
             Self::Show(setting) => f.write_str(setting.name()),
             Self::Set(value) => value.fmt(f),
             Self::Calibration(None) => f.write_str("calibration"),
@@ -259,6 +269,8 @@ mod tests {
             Command::Distance,
             Command::Centre,
             Command::Uncertainty,
+            Command::Zero(true),
+            Command::Zero(false),
             Command::Calibration(None),
             Command::Calibration(Some(true)),
             Command::Calibration(Some(false)),
@@ -337,6 +349,7 @@ mod tests {
             ("calibration abort 1", calibration),
             ("calibration on off", calibration),
             ("calibration start", calibration),
+            ("zero 100", "E2 expected zero [off]"),
             ("save it", "E2 expected save [nominal]"),
             ("defaults on", "E2 expected defaults"),
             ("centre 3", "E2 expected centre"),

@@ -10,7 +10,7 @@ use crate::text::Text;
 pub type Line = (&'static str, &'static str);
 
 /// The commands that `help` shows before the settings.
-pub const BEFORE_SETTINGS: [Line; 6] = [
+pub const BEFORE_SETTINGS: [Line; 7] = [
     (
         "help [estimator]",
         "this list, or what each estimator is for",
@@ -31,6 +31,10 @@ pub const BEFORE_SETTINGS: [Line; 6] = [
     (
         "uncertainty",
         "the next frame's reading, and what its uncertainty is made of",
+    ),
+    (
+        "zero [off]",
+        "give distances relative to the next frame's; off: from the laser again",
     ),
 ];
 
@@ -66,8 +70,12 @@ pub const AFTER_SETTINGS: [Line; 7] = [
     ),
 ];
 
-/// The last line of `help`.
-const LAST: &str = "a name alone shows its value; d is a reading, x a centre, f a fault";
+/// The last lines of `help`.
+const LAST: [&str; 3] = [
+    "a name alone shows its value; f is a fault; d is a reading, z one relative to zero:",
+    "u uncertainty, r repeatability, x centre, a height, n rows used; and flags:",
+    "m rows misfit, c rows correlated, g never calibrated, s not as calibrated",
+];
 
 /// The answer to `help`: a line for each command, parted by CR LF.
 #[derive(Clone, Copy, Debug)]
@@ -87,7 +95,8 @@ impl fmt::Display for Help {
         for (typed, help) in AFTER_SETTINGS {
             write!(f, "{typed:38} {help}\r\n")?;
         }
-        write!(f, "{:38} {LAST}", "")
+        let [first, second, third] = LAST;
+        write!(f, "{first}\r\n{second}\r\n{third}")
     }
 }
 
@@ -132,9 +141,13 @@ mod tests {
         println!("{help}");
         let lines: std::vec::Vec<&str> = help.split("\r\n").collect();
         let commands = BEFORE_SETTINGS.len() + AFTER_SETTINGS.len();
-        assert_eq!(lines.len(), commands + Setting::ALL.len() + 1);
-        for line in &lines {
+        let (lines, last) = lines.split_at(lines.len() - LAST.len());
+        assert_eq!(lines.len(), commands + Setting::ALL.len());
+        assert_eq!(last, LAST);
+        for line in lines.iter().chain(last) {
             assert!(line.len() <= 110 && line.is_ascii(), "{line}");
+        }
+        for line in lines {
             // The column of the explanations.
             assert_eq!(line.as_bytes().get(38), Some(&b' '), "{line}");
             assert!(
@@ -142,7 +155,7 @@ mod tests {
                 "{line}"
             );
         }
-        for line in &lines[..lines.len() - 1] {
+        for line in lines {
             let name = line.split(' ').next().expect("a name");
             assert!(parse(name.as_bytes()).is_ok(), "{name}");
         }

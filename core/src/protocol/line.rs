@@ -23,14 +23,23 @@
 
 use core::fmt;
 
+use crate::difference::Difference;
 use crate::fault::Fault;
 use crate::reading::{Measured, Reading};
+use crate::uncertainty::Parts;
 use crate::units::{AsMillimetres, Micrometres};
 
 impl fmt::Display for Reading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "d {}", AsMillimetres(self.distance))?;
         self.fmt_rest(f)
+    }
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "z {}", AsMillimetres(self.0.distance))?;
+        self.0.fmt_rest(f)
     }
 }
 
@@ -72,15 +81,16 @@ impl fmt::Display for Short {
     }
 }
 
-/// The parts of a reading's uncertainty, lines parted by CR LF: the reading, then a line for each part.
+/// The parts of an uncertainty, a line for each, parted by CR LF.
 #[derive(Clone, Copy, Debug)]
-pub struct PartsOf<'a>(pub &'a Reading);
+pub struct PartsOf<'a>(pub &'a Parts);
 
 impl fmt::Display for PartsOf<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.0)?;
-        for (name, part) in self.0.parts.named() {
-            write!(f, "\r\nuncertainty {name} {} mm", AsMillimetres(part))?;
+        let mut end = "";
+        for (name, part) in self.0.named() {
+            write!(f, "{end}uncertainty {name} {} mm", AsMillimetres(part))?;
+            end = "\r\n";
         }
         Ok(())
     }
@@ -149,7 +159,6 @@ mod tests {
     use crate::centre::Estimator;
     use crate::frame::{FEWEST_INDEPENDENT, FrameCentre};
     use crate::pixels::PixelErrors;
-    use crate::uncertainty::Parts;
     use crate::units::{Counts, Micrometres, Pixels};
 
     #[test]
@@ -212,12 +221,19 @@ mod tests {
             marked.to_string(),
             "d 800.1230 mm u 13.46 r 0.0350 x 1823.1250 a 1830 n 16/16 m 2 c 3 g s"
         );
-        let of_parts = PartsOf(&reading).to_string();
+        let of_parts = PartsOf(&reading.parts).to_string();
         let lines: std::vec::Vec<&str> = of_parts.split("\r\n").collect();
-        assert_eq!(lines[0], reading.to_string());
-        assert_eq!(lines[1], "uncertainty noise 0.0350 mm");
-        assert_eq!(lines[4], "uncertainty surface 0.4360 mm");
-        assert_eq!(lines.len(), 7);
+        assert_eq!(lines[0], "uncertainty noise 0.0350 mm");
+        assert_eq!(lines[3], "uncertainty surface 0.4360 mm");
+        assert_eq!(lines.len(), 6);
+        let difference = Difference(Reading {
+            distance: Micrometres::from_int(-1234),
+            ..reading
+        });
+        assert_eq!(
+            difference.to_string(),
+            "z -1.2340 mm u 0.4370 r 0.0350 x 1823.1250 a 1830 n 16/16"
+        );
         let two = Fault::TwoSpots {
             centre: Pixels::from_f32(1200.25),
             other: Pixels::from_f32(1810.5),

@@ -116,7 +116,8 @@ pub fn find_distances() {
         any(any::measured().reading(Some(&calibration), &any::errors(), any::settings().surface))
     {
         say(&reading);
-        say(&PartsOf(&reading));
+        say(&PartsOf(&reading.parts));
+        say(&Difference::between(&any(reading), &any(reading)));
         reached(reading.distance.to_bits());
     }
     if let Ok((distance, _)) = any(calibration.distance_at(any(Pixels::MIN))) {

@@ -4,18 +4,22 @@ use anyhow::{Context as _, Result};
 use slitrange::fault::Fault;
 
 /// A reading from the serial line.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
     /// Distance in millimetres.
     pub distance: f64,
-    /// Its standard uncertainty in millimetres.
+    /// Its combined standard uncertainty u in millimetres.
     pub uncertainty: f64,
+    /// Its repeatability r in millimetres.
+    pub repeatability: f64,
     /// Centre in pixels.
     pub centre: f64,
     /// Amplitude in counts.
     pub amplitude: f64,
     /// The rows used.
     pub rows: u16,
+    /// The flags, as the line has them.
+    pub flags: String,
 }
 
 /// A line that is the result of a frame.
@@ -47,17 +51,15 @@ impl Report {
             "mm",
             "u",
             uncertainty,
+            "r",
+            repeatability,
             "x",
             centre,
             "a",
             amplitude,
             "n",
             rows,
-            "b",
-            _,
-            "e",
-            _,
-            ..,
+            ref flags @ ..,
         ] = words[..]
         else {
             anyhow::bail!("{line:?} is no reading");
@@ -70,11 +72,13 @@ impl Report {
         Ok(Some(Self::Reading(Reading {
             distance: number(distance)?,
             uncertainty: number(uncertainty)?,
+            repeatability: number(repeatability)?,
             centre: number(centre)?,
             amplitude: number(amplitude)?,
             rows: used
                 .parse()
                 .with_context(|| format!("{rows:?} in {line:?} is no count of rows"))?,
+            flags: flags.join(" "),
         })))
     }
 }

@@ -1,4 +1,8 @@
 //! Moves a target from step to step, and compares the firmware's readings with the truth.
+//!
+//! The sensor was calibrated before, on white paper in the light of a laser with a single wavelength. Its
+//! record is `paper.record`, which `cargo surfaces --write` makes as an owner would: from points at known
+//! distances, by the tool's fit.
 
 use std::time::Duration;
 
@@ -6,6 +10,9 @@ use anyhow::{Context as _, Result, ensure};
 use serde::Serialize;
 use simulator::bound;
 use simulator::scene::{Scene, Sensor, Simulation};
+use slitrange::protocol::command::Command;
+use slitrange::protocol::piece::{PIECE, Piece};
+use slitrange::protocol::upload::Step;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::{Firmware, Line, VirtualBoard};
 
@@ -25,9 +32,16 @@ const STEPS_AT_REST: u32 = 8;
 /// count.
 const RESULTS_A_STEP: usize = 4;
 
-/// The same for a target whose surface moves the spot: each result that counts shows another surface.
-const STEPS_OF_SURFACES: u32 = 32;
-const RESULTS_A_SURFACE: usize = 1;
+/// A target whose surface moves the spot shows another surface for each result that counts: so many at each
+/// step of the table, or at rest.
+const SURFACES_A_STEP: u32 = 4;
+const SURFACES_AT_REST: u32 = 32;
+
+/// How long a sensor warms up, in seconds of the scene. The board does not run meanwhile.
+const WARM_UP: f64 = 600.0;
+
+/// The calibration of the sensor.
+const RECORD: &[u8] = include_bytes!("paper.record");
 
 /// The demo's results.
 #[derive(Debug, Serialize)]
@@ -40,6 +54,8 @@ pub struct Summary {
     max_error_um: Option<f64>,
     /// Share of readings whose error is within twice the claimed uncertainty.
     within_2u: Option<f64>,
+    median_u_um: Option<f64>,
+    median_r_um: Option<f64>,
     readings_per_s: f64,
     rows_per_s: f64,
     rows_lost: u64,
@@ -48,17 +64,24 @@ pub struct Summary {
     faults: usize,
 }
 
-/// The error, claimed uncertainty and bound of a reading, in micrometres.
+/// The error, claimed uncertainty, repeatability and bound of a reading, in micrometres.
 struct Compared {
     error: f64,
     uncertainty: f64,
+    repeatability: f64,
     bound: Option<f64>,
 }
 
 /// The scene to show, and the first distance of its target.
 pub fn scene(options: &Options) -> Result<(Scene, f64)> {
     let Some(name) = &options.scene else {
-        return Ok((Scene::white_paper(), options.distance.unwrap_or(NEAREST)));
+        // At a terminal a person may put the target anywhere, and give the sensor another geometry: speckle is
+        // made for neither.
+        let scene = match options.pty {
+            true => Scene::white_paper(),
+            false => Scene::load("speckle-at-rest")?,
+        };
+        return Ok((scene, options.distance.unwrap_or(NEAREST)));
     };
     let scene = Scene::load(name)?;
     ensure!(
@@ -109,26 +132,25 @@ fn patience(rows: u16) -> Duration {
 pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let (scene, start) = scene(options)?;
     let has_surface = scene.speckle.is_some() || scene.texture.is_some();
-    let steps = match (options.steps, &options.scene) {
-        (Some(steps), _) => steps,
-        (None, None) => STEPS,
-        (None, Some(_)) if has_surface => STEPS_OF_SURFACES,
-        (None, Some(_)) => STEPS_AT_REST,
-    };
-    let results = if has_surface {
-        RESULTS_A_SURFACE
-    } else {
-        RESULTS_A_STEP
-    };
     // Where the target stays, if it does not move over the whole table.
     let stays = options.distance.is_some() || options.scene.is_some() && options.steps.is_none();
+    let (steps, results) = match (options.steps, has_surface) {
+        (Some(steps), true) => (steps, 1),
+        (Some(steps), false) => (steps, RESULTS_A_STEP),
+        (None, true) if stays => (SURFACES_AT_REST, 1),
+        (None, true) => (STEPS * SURFACES_A_STEP, 1),
+        (None, false) if stays => (STEPS_AT_REST, RESULTS_A_STEP),
+        (None, false) => (STEPS, RESULTS_A_STEP),
+    };
     if options.scene.is_some() {
         say(options.json, &scene.about);
     }
     let target = Target::at(start);
+    let warms_up = scene.temperature.is_some();
     let simulation = Simulation::new(scene.clone());
     let mut board = VirtualBoard::power_on(firmware, of_scene(scene, target.clone()))?;
     let patience = patience(options.rows);
+    calibrate(&mut board, patience)?;
     board.send(&format!("rows {}\r\n", options.rows));
     board
         .run_until_line(|line| line == format!("rows {}", options.rows), patience)
@@ -136,7 +158,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
 
     say(
         options.json,
-        "   true mm  reported mm  error um  claimed u um  rows  virtual s",
+        "   true mm  reported mm  error um      u um     r um  rows  virtual s  flags",
     );
     let (started, first_row) = (board.now(), board.head(|head| head.row_count()));
     let (mut readings, mut faults, mut compared) = (0, 0, vec![]);
@@ -146,6 +168,9 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
             // A target that the scene moves starts again.
             true => target.move_to(start),
             false => target.move_to(NEAREST + share * (FARTHEST - NEAREST)),
+        }
+        if warms_up && step > 0 {
+            target.let_time_pass(WARM_UP / f64::from(steps.max(2) - 1));
         }
         if has_surface {
             target.show_surface(step.into());
@@ -180,13 +205,15 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                         say(
                             options.json,
                             &format!(
-                                "{:>10.3} {:>12.4} {:>+9.2} {:>13.2} {:>5} {:>10.3}",
+                                "{:>10.3} {:>12.4} {:>+9.2} {:>9.2} {:>8.2} {:>5} {:>10.3}  {}",
                                 distance * 1e3,
                                 reading.distance,
                                 found.error,
                                 found.uncertainty,
+                                found.repeatability,
                                 reading.rows,
-                                line.at as f64 * 1e-9
+                                line.at as f64 * 1e-9,
+                                reading.flags
                             ),
                         );
                     }
@@ -222,6 +249,8 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                 .count();
             within as f64 / compared.len() as f64
         }),
+        median_u_um: median(compared.iter().map(|reading| reading.uncertainty)),
+        median_r_um: median(compared.iter().map(|reading| reading.repeatability)),
         readings_per_s: f64::from(readings) / seconds,
         rows_per_s: rows as f64 / seconds,
         rows_lost,
@@ -259,9 +288,28 @@ fn compare(
     Ok(Compared {
         error: (reading.distance - distance * 1e3) * 1e3,
         uncertainty: reading.uncertainty * 1e3,
+        repeatability: reading.repeatability * 1e3,
         bound: bound::of_row(simulation, distance, exposure)
             .map(|bound| bound / f64::from(reading.rows).sqrt() * metres_per_pixel * 1e6),
     })
+}
+
+/// Gives the sensor its calibration, as `slitrange calibrate write` does.
+fn calibrate(board: &mut VirtualBoard, patience: Duration) -> Result<()> {
+    let begin = Command::Upload(Step::Begin(RECORD.len() as u16));
+    let pieces = (0..RECORD.len()).step_by(PIECE).map(|offset| {
+        let piece = Piece::of(RECORD, offset as u16).context("no piece of the record there")?;
+        Ok(Command::Upload(Step::Piece(piece)))
+    });
+    let commands = [Ok(begin)].into_iter().chain(pieces);
+    for command in commands.chain([Ok(Command::Upload(Step::Commit))]) {
+        let command = command?.to_string();
+        board.send(&format!("{command}\r\n"));
+        board
+            .run_until_line(|line| line == command, patience)
+            .with_context(|| format!("the firmware did not take the command `{command}`"))?;
+    }
+    Ok(())
 }
 
 /// The rows that the firmware lost or failed to read, by its own count.
@@ -285,6 +333,13 @@ pub fn rms(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| (values.map(|value| value * value).sum::<f64>() / count as f64).sqrt())
 }
 
+/// The middle value, or the upper of the two that are; `None` without values.
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
 impl Summary {
     fn in_words(&self, readings: usize) -> String {
         let bound = match (self.rms_error_um, self.bound_um) {
@@ -298,9 +353,11 @@ impl Summary {
         };
         let accuracy = match (self.rms_error_um, self.max_error_um, self.within_2u) {
             (Some(rms), Some(largest), Some(within)) => format!(
-                "RMS error {rms:.2} um{bound}; largest {largest:.2} um; \
-                 {:.1} % within twice the claimed uncertainty",
-                within * 100.0
+                "RMS error {rms:.2} um{bound}; largest {largest:.2} um; {:.1} % within twice u\n\
+                 median u {:.2} um, what a distance may be off by; median r {:.2} um, what it repeats to",
+                within * 100.0,
+                self.median_u_um.unwrap_or(f64::NAN),
+                self.median_r_um.unwrap_or(f64::NAN)
             ),
             _ => "no reading".to_owned(),
         };

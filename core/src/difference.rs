@@ -1,0 +1,84 @@
+//! The difference of two readings, `zero`: what both share of their errors does not count.
+//!
+//! | part | shared by both readings |
+//! |---|---|
+//! | noise, motion | nothing |
+//! | pixels | the window: nothing from about two widths on |
+//! | calibration | all for a small step, nothing over half of the range |
+//! | geometry | all, but it grows with the distance |
+//! | surface | all for a small step, nothing for one beyond the speckle's memory |
+//!
+//! For two errors with the standard deviations a and b, and the correlation rho, the difference has the
+//! variance a^2 + b^2 - 2 rho a b.
+//!
+//! **Surface.** If the target moves along the beam by a step D, rho = exp(-(D / L)^2), with the memory L =
+//! K lambda R^3 / (w b d). So for a step far below L the error is a share of the step: sqrt(2) s / L. On white
+//! paper with a laser spot of 1 mm that share is about one, with a spot of 0.42 mm it is a quarter
+//! (docs/physics.md, *Steps*). A target that slides sideways forgets sooner.
+
+use crate::reading::Reading;
+use crate::uncertainty::{MEMORY, Parts};
+use crate::units::Micrometres;
+
+/// A reading relative to an earlier one: its distance and its uncertainty are those of the difference.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Difference(pub Reading);
+
+impl Difference {
+    /// The later reading's distance less the earlier one's.
+    pub fn between(zero: &Reading, now: &Reading) -> Self {
+        let bits = now.distance.to_bits();
+        let distance = Micrometres::from_bits(bits.saturating_sub(zero.distance.to_bits()));
+        let step = distance.to_f32();
+        let pixels = now.centre.to_f32() - zero.centre.to_f32();
+        let in_widths = pixels / now.width.to_f32().max(zero.width.to_f32()).max(1.0);
+        let (a, b) = (&zero.parts, &now.parts);
+        let parts = Parts {
+            noise: root(a.noise, b.noise, 0.0),
+            pixels: root(a.pixels, b.pixels, of_pixels(in_widths)),
+            calibration: root(a.calibration, b.calibration, of_curve(step)),
+            surface: root(a.surface, b.surface, of_surface(step, now)),
+            // Each tolerance moves both distances, in proportion.
+            geometry: root(a.geometry, b.geometry, 1.0),
+            motion: root(a.motion, b.motion, 0.0),
+        };
+        Self(Reading {
+            distance,
+            uncertainty: parts.combined(),
+            parts,
+            is_nominal: zero.is_nominal || now.is_nominal,
+            has_other_settings: zero.has_other_settings || now.has_other_settings,
+            ..*now
+        })
+    }
+}
+
+/// The standard deviation of the difference of two errors.
+fn root(a: Micrometres, b: Micrometres, correlation: f32) -> Micrometres {
+    let (a, b) = (a.to_f32(), b.to_f32());
+    let between = a - b;
+    // a^2 + b^2 - 2 rho a b, without the loss of digits where rho is near 1.
+    let variance = between * between + 2.0 * (1.0 - correlation) * a * b;
+    Micrometres::from_f32(libm::sqrtf(if variance > 0.0 { variance } else { 0.0 }))
+}
+
+/// Pixels act with the weight u exp(-u^2), with u from the centre in widths, as an unweighted fit has it. Its
+/// correlation with itself at a lag.
+fn of_pixels(lag: f32) -> f32 {
+    let square = lag * lag;
+    (1.0 - square) * libm::expf(-0.5 * square)
+}
+
+/// The error of eq. (1), whose three parameters were fitted over half a metre, changes over so much.
+const CURVE_MEMORY_UM: f32 = 150_000.0;
+
+fn of_curve(step: f32) -> f32 {
+    let over = step / CURVE_MEMORY_UM;
+    libm::expf(-over * over)
+}
+
+/// See the module. L is that of the nominal head.
+fn of_surface(step: f32, now: &Reading) -> f32 {
+    let over = step / MEMORY.at(now.distance.to_f32() - 0.5 * step);
+    libm::expf(-over * over)
+}
