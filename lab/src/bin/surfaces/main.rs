@@ -1,13 +1,15 @@
 //! How true u is on rough surfaces: `cargo surfaces`.
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use clap::Parser;
-use lab::surfaces::{Judged, MATERIALS, Summary, calibrate, judge};
+use lab::docs;
+use lab::surfaces::steps;
+use lab::surfaces::{MATERIALS, Study, calibrate, report};
 use simulator::scene::Scene;
-use slitrange::record::Record;
-use slitrange::uncertainty::Surface;
+use slitrange::record::encoded::EncodedRecord;
 
 /// Calibrates simulated sensors on rough materials, and compares what their readings claim with the truth.
+/// Takes about ten minutes.
 #[derive(Parser)]
 #[command(name = "cargo surfaces", bin_name = "cargo surfaces")]
 struct Options {
@@ -15,44 +17,43 @@ struct Options {
     #[arg(long, default_value_t = 10)]
     sensors: u64,
     /// Surfaces that each of them reads
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 105)]
     surfaces: u64,
-    /// Points of a calibration
-    #[arg(long, default_value_t = 60)]
-    points: usize,
+    /// Also rewrite the tables of docs/uncertainty.md, and the record of the demo's sensor
+    #[arg(long)]
+    write: bool,
 }
+
+/// The demo's record, from the workspace's root.
+const RECORD: &str = "virtual-board/src/bin/demo/paper.record";
+
+/// Points of the demo's calibration.
+const POINTS: usize = 240;
+
+/// The first surface of the demo's calibration. No other sensor sees these.
+const FIRST: u64 = 50_000_000;
 
 fn main() -> Result<()> {
     let options = Options::parse();
-    for (name, scene) in MATERIALS {
-        let scene = Scene::load(scene)?;
-        let (mut own, mut nominal) = (vec![], vec![]);
-        for sensor in 0..options.sensors {
-            // Surfaces that no other sensor sees: 10,000 for its calibration, and its readings after them.
-            let first = 100_000 * (sensor + 1);
-            let record = calibrate(&scene, options.points, first)?;
-            let readings = |record: &Record| {
-                judge(
-                    &scene,
-                    record,
-                    Surface::Auto,
-                    options.surfaces,
-                    first + 50_000,
-                )
-            };
-            own.extend(readings(&record));
-            if sensor == 0 {
-                println!("{:?}", record.errors);
-            }
-            if let Some(record) = Record::nominal() {
-                nominal.extend(readings(&record));
-            }
-        }
-        println!("{name}: {:.0?}", Summary::of(&own));
-        println!(
-            "   {:.3?} nominal {:.3?}",
-            Summary::of(&own).within,
-            Summary::of(&nominal).within
+    if options.write {
+        let paper = Scene::load(MATERIALS[0].1)?;
+        let record = EncodedRecord::new(calibrate(&paper, POINTS, FIRST)?)?;
+        std::fs::write(docs::path(RECORD), record.bytes()).context(RECORD)?;
+    }
+    let studies: Vec<Study> = (MATERIALS.into_iter())
+        .map(|(name, scene)| Study::run(name, scene, options.sensors, options.surfaces))
+        .collect::<Result<_>>()?;
+    let surfaces = report(&studies);
+    println!("{surfaces}");
+    let steps = steps::report(&steps::measure(steps::SURFACES)?);
+    println!("{steps}");
+    if options.write {
+        docs::write_block("docs/uncertainty.md", "cargo surfaces", &surfaces)?;
+        docs::write_block("docs/uncertainty.md", "cargo surfaces, steps", &steps)?;
+    } else {
+        docs::print_hint(
+            "cargo surfaces",
+            "docs/uncertainty.md and the demo's record",
         );
     }
     Ok(())

@@ -296,14 +296,14 @@ fn compare(
 
 /// Gives the sensor its calibration, as `slitrange calibrate write` does.
 fn calibrate(board: &mut VirtualBoard, patience: Duration) -> Result<()> {
-    let begin = Command::Upload(Step::Begin(RECORD.len() as u16));
-    let pieces = (0..RECORD.len()).step_by(PIECE).map(|offset| {
+    let mut steps = vec![Step::Begin(RECORD.len() as u16)];
+    for offset in (0..RECORD.len()).step_by(PIECE) {
         let piece = Piece::of(RECORD, offset as u16).context("no piece of the record there")?;
-        Ok(Command::Upload(Step::Piece(piece)))
-    });
-    let commands = [Ok(begin)].into_iter().chain(pieces);
-    for command in commands.chain([Ok(Command::Upload(Step::Commit))]) {
-        let command = command?.to_string();
+        steps.push(Step::Piece(piece));
+    }
+    steps.push(Step::Commit);
+    for step in steps {
+        let command = Command::Upload(step).to_string();
         board.send(&format!("{command}\r\n"));
         board
             .run_until_line(|line| line == command, patience)
