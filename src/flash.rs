@@ -1,4 +1,4 @@
-//! The flash of the store: the first two sectors of bank 2.
+//! The flash of the store and of the map of the pixels: the first four sectors of bank 2.
 //!
 //! embassy-stm32's driver waits for the flash's interrupt while it erases and programs. Rows are taken
 //! meanwhile, because the program is in bank 1. This module adds a sign of life for each operation, by which
@@ -19,6 +19,9 @@ use super::shared::COUNTERS;
 /// STM32F429, flash memory programming, by bytes: the driver does not change that).
 const PART_OF_AN_ERASE: Duration = Duration::from_millis(300);
 
+/// Two sectors for the configuration, two for the map of the pixels.
+const SECTORS: usize = 4;
+
 unsafe extern "C" {
     /// The start of the memory that `memory.x` reserves.
     static _calibration_start: u8;
@@ -30,7 +33,7 @@ unsafe extern "C" {
 pub struct CalibrationFlash(Bank2Region1<'static, Async>);
 
 impl CalibrationFlash {
-    /// Takes the memory that `memory.x` reserves in a region: the first two sectors.
+    /// Takes the memory that `memory.x` reserves in a region: the first four sectors.
     pub fn new(region: Bank2Region1<'static, Async>) -> Self {
         let (start, end) = (
             (&raw const _calibration_start).addr(),
@@ -38,7 +41,7 @@ impl CalibrationFlash {
         );
         // Constants of the program: wrong ones fail at the first start.
         defmt::assert_eq!(start, region.0.base() as usize);
-        defmt::assert_eq!(end - start, 2 * Self::ERASE_SIZE);
+        defmt::assert_eq!(end - start, SECTORS * Self::ERASE_SIZE);
         Self(region)
     }
 }
@@ -56,7 +59,7 @@ impl ReadNorFlash for CalibrationFlash {
     }
 
     fn capacity(&self) -> usize {
-        2 * Self::ERASE_SIZE
+        SECTORS * Self::ERASE_SIZE
     }
 }
 

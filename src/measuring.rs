@@ -2,14 +2,19 @@
 
 use core::sync::atomic::Ordering;
 
-use embassy_futures::select::{Either, select};
+use embassy_futures::select::{Either3, select3};
 use embassy_time::{Duration, with_timeout};
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
+use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
+use slitrange::pixels::map::PixelMap;
 use slitrange::reading::Measured;
 use slitrange::settings::Settings;
 
-use super::shared::{COUNTERS, FREE, FULL, PAUSED, RESULTS, SETTINGS, WORDS};
+use super::shared::{
+    COUNTERS, FLAT_REQUESTS, FREE, FULL, Flat, FlatRequest, GIVEN, PAUSED, RESULTS, SETTINGS,
+    TAKEN, WORDS,
+};
 use super::{board, tcd1304};
 
 /// The sensor is silent if no row comes for so long, 17 row periods.
@@ -19,31 +24,80 @@ const SILENCE: Duration = Duration::from_millis(100);
 #[embassy_executor::task]
 pub async fn measure() {
     let mut measurement = Measurement::new(tcd1304::geometry(), Settings::default());
+    let mut flat: Option<Flat> = None;
+    let mut is_corrected = false;
     loop {
-        // Settings first, so that they hold for every row that comes after them.
-        match select(SETTINGS.wait(), with_timeout(SILENCE, FULL.receive())).await {
-            Either::Second(Ok(row)) if paused() => {
+        // Settings and requests first, so that they hold for every row that comes after them.
+        let event = select3(
+            SETTINGS.wait(),
+            FLAT_REQUESTS.receive(),
+            with_timeout(SILENCE, FULL.receive()),
+        );
+        match event.await {
+            Either3::Third(Ok(row)) if paused() => {
                 FREE.send(row).await;
                 // The frame starts again after the pause.
                 measurement.set(*measurement.settings());
             }
-            Either::Second(Ok(row)) => {
+            Either3::Third(Ok(row)) => {
                 let start = board::cycles();
-                let result = measure_row(&mut measurement, row);
+                let map = flat.as_deref().and_then(FlatField::map);
+                let map = map.filter(|_| is_corrected);
+                let result = measure_row(&mut measurement, row, map);
                 COUNTERS.row_cycles.set(board::cycles().wrapping_sub(start));
                 FREE.send(row).await;
                 if let Some(result) = result {
                     publish(result);
                 }
             }
-            Either::Second(Err(_)) if paused() => {}
-            Either::Second(Err(_)) => publish(Err(measurement.silence())),
-            Either::First(settings) => {
+            Either3::Third(Err(_)) if paused() => {}
+            Either3::Third(Err(_)) => publish(Err(measurement.silence())),
+            Either3::First(settings) => {
                 measurement.set(settings);
                 // The frame starts again, so this counts as a result. Otherwise a user who changes settings
                 // faster than frames end would make the watchdog take the lack of results for a fault.
                 COUNTERS.results.add();
             }
+            Either3::Second(FlatRequest::Use(given, on)) => {
+                flat = Some(given);
+                is_corrected = on;
+                // All rows of a frame need the same map.
+                measurement.set(*measurement.settings());
+                COUNTERS.results.add();
+            }
+            Either3::Second(FlatRequest::Take(kind)) => {
+                let taken = match &mut flat {
+                    Some(flat) => take_rows(flat, kind).await,
+                    None => Err(TakeError::Silent),
+                };
+                TAKEN.send(taken).await;
+            }
+            Either3::Second(FlatRequest::Give) => {
+                if let Some(flat) = flat.take() {
+                    GIVEN.send(flat).await;
+                }
+            }
+        }
+    }
+}
+
+/// Takes the rows of a map. Each row counts as a sign of life: no reading is due meanwhile.
+async fn take_rows(flat: &mut FlatField, kind: Kind) -> Result<Taken, TakeError> {
+    let geometry = tcd1304::geometry();
+    // The rows that wait may have been exposed before the command came.
+    while let Ok(row) = FULL.try_receive() {
+        FREE.send(row).await;
+    }
+    flat.begin(kind, &geometry)?;
+    loop {
+        let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {
+            return Err(TakeError::Silent);
+        };
+        let taken = flat.add(row, &geometry);
+        FREE.send(row).await;
+        COUNTERS.results.add();
+        if let Some(taken) = taken {
+            return taken;
         }
     }
 }
@@ -62,8 +116,9 @@ fn paused() -> bool {
 fn measure_row(
     measurement: &mut Measurement,
     words: &mut [u16; WORDS],
+    map: Option<&PixelMap>,
 ) -> Option<Result<Measured, Fault>> {
-    measurement.row(words)
+    measurement.row_with(words, map)
 }
 
 /// Never waits: a serial line that is behind must not keep rows from being measured.

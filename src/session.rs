@@ -4,21 +4,34 @@
 use core::sync::atomic::Ordering;
 
 use embassy_time::Instant;
+use slitrange::pixels::flat_field::FlatField;
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::status::StartCause;
+use slitrange::sensor_heads;
+use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Event, Session};
-use slitrange::store::Store;
+use slitrange::store::{Store, pixel_map};
+use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
-use super::shared::{COUNTERS, PAUSED, SETTINGS};
+use super::shared::{COUNTERS, FLAT_REQUESTS, Flat, FlatRequest, GIVEN, PAUSED, SETTINGS, TAKEN};
 use super::transmitter::Transmitter;
 use super::{acquisition, board, tcd1304};
+
+/// The pixels of a map.
+const PIXELS: usize = {
+    let light = sensor_heads::tcd1304dg().light;
+    light.end - light.start
+};
 
 const HARDWARE: Hardware = Hardware {
     board: board::NAME,
     head: tcd1304::NAME,
     row_us: acquisition::ROW_PERIOD.as_micros() as u32,
 };
+
+/// The map of the pixels.
+static FLAT: ConstStaticCell<FlatField> = ConstStaticCell::new(FlatField::new());
 
 /// See the module.
 pub struct Shell {
@@ -47,8 +60,10 @@ impl Shell {
         let stored = self.store.read().await;
         self.update_session(Event::Started(stored));
         self.apply();
-        PAUSED.store(false, Ordering::Relaxed);
         self.send().await;
+        // No answer is due, so the text is that of the banner.
+        self.load_map(FLAT.take()).await;
+        PAUSED.store(false, Ordering::Relaxed);
     }
 
     /// Takes an event and carries out the actions.
@@ -63,6 +78,80 @@ impl Shell {
             self.send().await;
             self.save().await;
         }
+        if let Some(job) = self.actions.flat.take() {
+            self.send().await;
+            self.do_flat(job).await;
+            return;
+        }
+        self.send().await;
+    }
+
+    /// Does what the session asked for with the map of the pixels. No frame is due meanwhile.
+    async fn do_flat(&mut self, job: Job) {
+        PAUSED.store(true, Ordering::Relaxed);
+        // As in `save`.
+        COUNTERS.results.add();
+        match job {
+            Job::Take(kind) => {
+                FLAT_REQUESTS.send(FlatRequest::Take(kind)).await;
+                let taken = TAKEN.receive().await;
+                if taken.is_ok() {
+                    // Lit rows make a map, which is in use from now on.
+                    let flat = self.take_map().await;
+                    FLAT_REQUESTS.send(FlatRequest::Use(flat, true)).await;
+                }
+                self.report_flat(Outcome::Taken(kind, taken)).await;
+            }
+            Job::Use(on) => {
+                let flat = self.take_map().await;
+                FLAT_REQUESTS.send(FlatRequest::Use(flat, on)).await;
+            }
+            Job::Load => {
+                let flat = self.take_map().await;
+                self.load_map(flat).await;
+            }
+            Job::Save => {
+                let flat = self.take_map().await;
+                let saved = match flat.map() {
+                    Some(map) => pixel_map::save(self.store.flash(), map).await,
+                    // The session asks for a save only with a map.
+                    None => Ok(()),
+                };
+                COUNTERS.results.add();
+                self.report_flat(Outcome::Saved(saved)).await;
+                // Whether the map is in use does not change.
+                let is_on = self.session.is_map_on();
+                FLAT_REQUESTS.send(FlatRequest::Use(flat, is_on)).await;
+            }
+            Job::Erase => {
+                let flat = self.take_map().await;
+                flat.place().clear();
+                let erased = pixel_map::erase(self.store.flash(), PIXELS).await;
+                COUNTERS.results.add();
+                self.report_flat(Outcome::Erased(erased)).await;
+                FLAT_REQUESTS.send(FlatRequest::Use(flat, false)).await;
+            }
+        }
+        COUNTERS.results.add();
+        PAUSED.store(false, Ordering::Relaxed);
+    }
+
+    /// Reads the map from flash, and gives it to measuring.
+    async fn load_map(&mut self, flat: Flat) {
+        let stored = pixel_map::load(self.store.flash(), PIXELS, flat.place()).await;
+        let map = flat.map().map(|map| *map.summary());
+        FLAT_REQUESTS.send(FlatRequest::Use(flat, true)).await;
+        self.report_flat(Outcome::Loaded(stored, map)).await;
+    }
+
+    /// Takes the map from measuring, which holds it between two jobs.
+    async fn take_map(&mut self) -> Flat {
+        FLAT_REQUESTS.send(FlatRequest::Give).await;
+        GIVEN.receive().await
+    }
+
+    async fn report_flat(&mut self, outcome: Outcome) {
+        self.update_session(Event::Flat(outcome));
         self.send().await;
     }
 

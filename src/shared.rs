@@ -6,6 +6,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use slitrange::fault::Fault;
+use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::protocol::status::{SerialErrors, Vitals};
 use slitrange::reading::Measured;
 use slitrange::sensor_heads;
@@ -37,6 +38,28 @@ pub static SETTINGS: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
 /// While this is set, no reading is due: rows are taken and dropped. It is set from the start until the flash
 /// has been read, and during each save.
 pub static PAUSED: AtomicBool = AtomicBool::new(true);
+
+/// The map of the pixels, with the sums of rows for another one. The task that has the reference owns them.
+pub type Flat = &'static mut FlatField;
+
+/// What measuring does with the map of the pixels.
+pub enum FlatRequest {
+    /// Use this map, or only hold it.
+    Use(Flat, bool),
+    /// Take rows for a map. The answer comes by [`TAKEN`].
+    Take(Kind),
+    /// Give the map away, by [`GIVEN`].
+    Give,
+}
+
+/// Requests to measuring. Holds one, because the serial line waits for the answer to each.
+pub static FLAT_REQUESTS: Channel<CriticalSectionRawMutex, FlatRequest, 1> = Channel::new();
+
+/// How the rows of a map were taken.
+pub static TAKEN: Channel<CriticalSectionRawMutex, Result<Taken, TakeError>, 1> = Channel::new();
+
+/// The map that measuring gives away.
+pub static GIVEN: Channel<CriticalSectionRawMutex, Flat, 1> = Channel::new();
 
 /// What is counted since the start.
 pub static COUNTERS: Counters = Counters {

@@ -50,11 +50,12 @@
 //! | [`Measurement`], with the frame under way | 1792 |
 //! | [`Calibration`] | 2144 |
 //! | [`record::Record`], a calibration with the sensor that it belongs to | 2304 |
-//! | [`session::Session`], the serial line with its copies of both | 5448 |
+//! | [`pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |
+//! | [`session::Session`], the serial line with its copies of both | 5544 |
 //! | [`Measured`], [`Reading`], [`Geometry`], [`Settings`] | 68 or less, each |
 //!
 //! Stack: a row takes 18 KB, because the search keeps the sums over its blocks, and 26 KB if a background
-//! that rises along the row is removed first. At most 41,564 bytes were measured on the NUCLEO-F429ZI, in a
+//! that rises along the row is removed first. At most 41,612 bytes were measured on the NUCLEO-F429ZI, in a
 //! save that reads the longest record again (docs/proofs.md says how).
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]

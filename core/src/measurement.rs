@@ -4,17 +4,18 @@
 //! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> [`Measured`], the centre of the frame.
 //! A [`Calibration`](crate::distance::Calibration) turns that into a distance: [`Measured::reading`].
 
-use crate::black_level::BlackPixels;
+use crate::black_level::{BlackLevel, BlackPixels};
 use crate::centre::{Estimator, RowCentre};
 use crate::check;
 use crate::fault::Fault;
 use crate::frame::Frame;
 use crate::pixels::PixelErrors;
+use crate::pixels::map::{self, PixelMap};
 use crate::reading::Measured;
 use crate::row::{Geometry, Row};
 use crate::settings::Settings;
 use crate::spot::{self, Spot};
-use crate::units::Counts;
+use crate::units::{Counts, Pixels};
 
 /// The pipeline with the state of the frame that is under way.
 #[derive(Clone, Debug)]
@@ -56,17 +57,22 @@ impl Measurement {
     /// Takes the words of a read-out. Where words fall with light, subtracts them from full scale in place.
     /// Returns the measurement, or a fault, when the frame is complete.
     pub fn row(&mut self, words: &mut [u16]) -> Option<Result<Measured, Fault>> {
-        let centre = match self.geometry.row(words) {
-            Ok(row) => self.centre(&row),
-            Err(_) => {
-                self.before = None;
-                Err(Fault::SensorSilent)
-            }
-        };
+        self.row_with(words, None)
+    }
+
+    /// As [`Measurement::row`], and corrects the pixels around the spot with a map, in place. Ignores the map
+    /// of a sensor with another number of pixels. All rows of a frame need the same map.
+    pub fn row_with(
+        &mut self,
+        words: &mut [u16],
+        map: Option<&PixelMap>,
+    ) -> Option<Result<Measured, Fault>> {
+        let map = map.filter(|map| map.fits(&self.geometry));
+        let centre = self.centre(words, map);
         self.frame.add(centre);
         let rows = self.settings.rows.clamp(1, crate::frame::MAX_ROWS as u16);
         (self.frame.rows() >= rows).then(|| {
-            let measured = self.measured();
+            let measured = self.measured(map);
             self.start_frame();
             measured
         })
@@ -86,32 +92,52 @@ impl Measurement {
 
     /// Finds the centre of a row. The first row of a frame is searched and measured in full; its result saves
     /// most of the work for the next ones.
-    fn centre(&mut self, row: &Row<'_>) -> Result<RowCentre, Fault> {
+    #[inline(always)]
+    fn centre(&mut self, words: &mut [u16], map: Option<&PixelMap>) -> Result<RowCentre, Fault> {
         let before = self.before.take();
+        let Ok(row) = self.geometry.row(words) else {
+            return Err(Fault::SensorSilent);
+        };
         let spot = match &before {
-            Some((spot, centre)) => spot::find_again(row, spot, centre.width),
-            None => spot::find(row),
+            Some((spot, centre)) => spot::find_again(&row, spot, centre.width),
+            None => spot::find(&row),
         };
         let how = self.settings.black_level;
         let mut black = BlackPixels::default();
-        black.add(how, row, spot.ok().map(|spot| spot.background));
+        black.add(how, &row, spot.ok().map(|spot| spot.background));
         self.black.merge(black);
-        let spot = spot?;
+        let found = spot?;
         let spot = Spot {
             // A sensor without shielded pixels has only the background's level.
-            black_level: black.level(how).unwrap_or(spot.background.level),
-            ..spot
+            black_level: black.level(how).unwrap_or(found.background.level),
+            ..found
+        };
+        let (row, spot) = match map {
+            None => (row, spot),
+            Some(map) => {
+                let black = black_level(&row).unwrap_or(spot.background.level);
+                let reaches_full_scale = row.reaches_full_scale();
+                let width = before.as_ref().map(|(_, centre)| centre.width);
+                correct(&self.geometry, words, map, &spot, width, black);
+                let row = self.geometry.corrected_row(words, reaches_full_scale);
+                let spot = Spot {
+                    background: map.background_of(spot.background),
+                    ..spot
+                };
+                // The words were a row before the correction.
+                (row.ok_or(Fault::SensorSilent)?, spot)
+            }
         };
         let above_black = spot.above_black(Counts::default()).to_bits();
         self.ambient = Counts::from_bits(above_black.max(0));
         let centre = check::centre(
             self.settings.estimator,
-            row,
+            &row,
             &spot,
             before.as_ref().map(|(_, centre)| centre),
             &self.geometry,
         )?;
-        self.before = Some((spot, centre));
+        self.before = Some((found, centre));
         if self.settings.estimator != Estimator::Centroid {
             // The other estimators fit or cancel the level under the spot, and measure the height above it.
             return Ok(centre);
@@ -126,7 +152,7 @@ impl Measurement {
         })
     }
 
-    fn measured(&self) -> Result<Measured, Fault> {
+    fn measured(&self, map: Option<&PixelMap>) -> Result<Measured, Fault> {
         let frame = self.frame.centre(self.settings.mean)?;
         Ok(Measured {
             frame,
@@ -136,7 +162,31 @@ impl Measurement {
                 .unwrap_or_default(),
             ambient: self.ambient,
             estimator: self.settings.estimator,
-            pixels: PixelErrors::TCD1304DG,
+            pixels: map.map_or(PixelErrors::TCD1304DG, PixelMap::errors),
         })
     }
+}
+
+/// Corrects the pixels around a spot, in place.
+// Not inlined: sensors without a map do not pay for it.
+#[inline(never)]
+fn correct(
+    geometry: &Geometry,
+    words: &mut [u16],
+    map: &PixelMap,
+    spot: &Spot,
+    width: Option<Pixels>,
+    black: Counts,
+) {
+    let light = words.get_mut(geometry.light.clone()).unwrap_or_default();
+    let window = map::window(spot, width);
+    map.correct(light, window, black, geometry.full_scale());
+}
+
+/// The mean of a row's shielded pixels, if there are any.
+#[inline(never)]
+fn black_level(row: &Row<'_>) -> Option<Counts> {
+    let mut black = BlackPixels::default();
+    black.add(BlackLevel::Shielded, row, None);
+    black.level(BlackLevel::Shielded)
 }

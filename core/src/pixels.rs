@@ -1,6 +1,12 @@
 //! How a sensor's pixels differ: a response and an offset of their own, which stay.
 //!
-//! The rows of a frame share these errors, so more rows do not reduce what they do to a centre.
+//! The rows of a frame share these errors, so more rows do not reduce what they do to a centre. A [`map`] of
+//! the pixels, taken once, corrects them.
+
+pub mod encoded;
+pub mod flat_field;
+pub mod map;
+pub mod scatter;
 
 use crate::centre::Estimator;
 use crate::units::{Counts, Pixels};

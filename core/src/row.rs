@@ -182,6 +182,25 @@ impl Geometry {
     }
 }
 
+impl Geometry {
+    /// Makes a row again from words that [`Geometry::row`] made a row of, and whose light pixels were then
+    /// corrected: see [`PixelMap::correct`](crate::pixels::map::PixelMap::correct). A correction keeps the
+    /// counts in their range.
+    pub(crate) fn corrected_row<'a>(
+        &self,
+        words: &'a [u16],
+        reaches_full_scale: bool,
+    ) -> Option<Row<'a>> {
+        let light = words.get(self.light.clone())?;
+        let shielded = words.get(self.shielded.clone())?;
+        (light.len().max(shielded.len()) <= MAX_PIXELS).then_some(Row {
+            light,
+            shielded,
+            reaches_full_scale,
+        })
+    }
+}
+
 /// Subtracts each word from full scale, in place. Returns all bits that were set in any word, and whether a
 /// word was zero (full scale of light). Takes two words at a time, because it runs on every word of every
 /// row.

@@ -9,6 +9,8 @@
 //! The owner of the serial line brings the events and carries out the actions: the firmware, or a test on a
 //! PC.
 
+pub mod flat;
+
 use core::fmt::{self, Write as _};
 
 use crate::difference::Difference;
@@ -47,6 +49,8 @@ pub enum Event {
     Frame(Result<Measured, Fault>),
     /// The save that [`Actions::save`] asked for has ended.
     Saved(Result<(), StoreError>),
+    /// The job that [`Actions::flat`] asked for has ended, or flash was read at the start.
+    Flat(flat::Outcome),
 }
 
 /// What the owner of the serial line must do, in this order.
@@ -61,6 +65,8 @@ pub struct Actions {
     /// Write [`Session::configuration`] to flash, and then take the event [`Event::Saved`]. No frame is due
     /// before that.
     pub save: bool,
+    /// Do this with the map of the pixels, and then take the event [`Event::Flat`].
+    pub flat: Option<flat::Job>,
 }
 
 impl Actions {
@@ -86,6 +92,7 @@ pub struct Session {
     /// Whether frames become distances.
     calibration_on: bool,
     upload: Upload,
+    flat: flat::FlatState,
     distance_wanted: bool,
     centre_wanted: bool,
     parts_wanted: bool,
@@ -111,6 +118,7 @@ impl Session {
             flash: FlashStatus::Nothing,
             calibration_on: true,
             upload: Upload::none(),
+            flat: flat::FlatState::new(),
             distance_wanted: false,
             centre_wanted: false,
             parts_wanted: false,
@@ -132,6 +140,11 @@ impl Session {
         self.record.as_ref().map(EncodedRecord::record)
     }
 
+    /// Whether rows are to be corrected with the map of the pixels.
+    pub const fn is_map_on(&self) -> bool {
+        self.flat.is_on()
+    }
+
     /// What `save` writes to flash. `None` without a calibration, because the next start would then take the
     /// nominal one.
     #[inline(never)]
@@ -148,6 +161,7 @@ impl Session {
     pub fn take(&mut self, event: Event, vitals: &Vitals, actions: &mut Actions) {
         actions.text.clear();
         (actions.may_drop, actions.apply, actions.save) = (false, None, false);
+        actions.flat = None;
         match event {
             Event::Started(stored) => {
                 self.load(stored);
@@ -166,6 +180,7 @@ impl Session {
                 actions.add_line(&Command::Save);
             }
             Event::Saved(Err(error)) => actions.add_line(&Refusal::NotSaved(error)),
+            Event::Flat(outcome) => self.flat.end(outcome, actions),
         }
     }
 
@@ -369,6 +384,7 @@ impl Session {
                 actions.save = true;
                 actions.add_line(&"save pauses the stream");
             }
+            Command::Flat(flat) => self.flat.execute(flat, actions)?,
         }
         Ok(())
     }

@@ -14,6 +14,7 @@
 
 pub mod configuration;
 mod error;
+pub mod pixel_map;
 mod sector;
 
 use embedded_storage_async::nor_flash::NorFlash;
@@ -83,6 +84,11 @@ impl<F: NorFlash> Store<F> {
             flash,
             item: [0; LONGEST],
         }
+    }
+
+    /// The flash, for what else it holds: see [`pixel_map`].
+    pub const fn flash(&mut self) -> &mut F {
+        &mut self.flash
     }
 
     /// Reads the configuration of the last save, or of the newest earlier save that is usable. Never writes.

@@ -10,7 +10,12 @@ fn types_fit_the_memory_that_the_crate_page_states() {
         ("Measurement", size_of::<Measurement>(), 1792),
         ("Calibration", size_of::<Calibration>(), 2144),
         ("Record", size_of::<record::Record>(), 2304),
-        ("Session", size_of::<session::Session>(), 5448),
+        (
+            "FlatField",
+            size_of::<slitrange::pixels::flat_field::FlatField>(),
+            29_500,
+        ),
+        ("Session", size_of::<session::Session>(), 5544),
         ("Measured", size_of::<Measured>(), 68),
         ("Reading", size_of::<Reading>(), 68),
         ("Geometry", size_of::<Geometry>(), 68),

@@ -8,10 +8,13 @@ use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
 use slitrange::pixels::PixelErrors;
+use slitrange::pixels::flat_field::{Kind, TakeError, Taken};
+use slitrange::pixels::map::MapSummary;
 use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::help::{Estimators, Help};
 use slitrange::protocol::info::{Banner, Hardware, Info};
 use slitrange::protocol::piece::{PIECE, Piece};
+use slitrange::protocol::refusal::Refusal;
 use slitrange::protocol::status::{StartCause, Status, Vitals};
 use slitrange::protocol::upload::Step;
 use slitrange::reading::Measured;
@@ -19,9 +22,11 @@ use slitrange::record::Record;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads::tcd1304dg;
+use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Event, Session};
 use slitrange::settings::{Affects, Setting, Settings};
 use slitrange::store::configuration::Configuration;
+use slitrange::store::pixel_map::StoredMap;
 use slitrange::store::{StoreError, Stored};
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Counts, Pixels};
@@ -591,7 +596,7 @@ proptest! {
         lines in prop::collection::vec(
             prop_oneof![
                 concat!(
-                    "(rows|mean|black|estimator|stream|calibration|defaults|help|info|status)",
+                    "(rows|mean|black|estimator|stream|calibration|defaults|help|info|status|flat)",
                     "( [a-z0-9-]{1,8}){0,2}",
                 ),
                 "rows [0-9]{1,2}",
@@ -619,5 +624,97 @@ proptest! {
             ..*again.session.settings()
         };
         prop_assert_eq!(restarted, *sensor.session.settings());
+    }
+}
+
+/// What a map says of a sensor.
+fn map_summary() -> MapSummary {
+    MapSummary {
+        errors: PixelErrors {
+            response_q16: 34,
+            offset: Counts::from_bits(66),
+        },
+        pattern: Counts::from_int(5),
+        outside: 2,
+    }
+}
+
+#[test]
+fn a_map_of_the_pixels_is_taken_used_saved_and_erased() {
+    let mut sensor = Sensor::new();
+    assert_eq!(sensor.ask("flat"), "flat none\r\nflat stored none");
+    for line in ["flat on", "flat off", "flat save"] {
+        assert_eq!(sensor.ask(line), Refusal::NoMap.to_string(), "{line}");
+        assert_eq!(sensor.actions.flat, None, "{line}");
+    }
+    let no_dark = Refusal::NotTaken(TakeError::NoDark).to_string();
+    assert_eq!(sensor.ask("flat lit"), no_dark);
+    assert_eq!(sensor.ask("flat dark"), "flat dark pauses the stream");
+    assert_eq!(sensor.actions.flat, Some(Job::Take(Kind::Dark)));
+    let taken = |counts, map| Taken {
+        mean: Counts::from_int(counts),
+        map,
+    };
+    let outcome = Outcome::Taken(Kind::Dark, Ok(taken(300, None)));
+    assert_eq!(sensor.take(Event::Flat(outcome)), "flat dark 300.0 counts");
+    assert!(sensor.ask("flat").contains("then flat lit"));
+    // Twice, because the first answer may be lost.
+    for _ in 0..2 {
+        assert_eq!(sensor.ask("flat lit"), "flat lit pauses the stream");
+        let outcome = Outcome::Taken(Kind::Lit, Ok(taken(2300, Some(map_summary()))));
+        let answer = "flat lit 2300.0 counts response 0.052 % offset 0.26 counts outside 2";
+        assert_eq!(sensor.take(Event::Flat(outcome)), answer);
+        assert!(sensor.session.is_map_on());
+    }
+    let lines = "flat on\r\n\
+         flat remaining response 0.052 % offset 0.26 counts\r\n\
+         flat outside 2 pixels\r\n\
+         flat stored none";
+    assert_eq!(sensor.ask("flat"), lines);
+    sensor.set("flat off");
+    assert_eq!(sensor.actions.flat, Some(Job::Use(false)));
+    assert!(!sensor.session.is_map_on());
+    assert_eq!(sensor.ask("flat save"), "flat save pauses the stream");
+    assert_eq!(sensor.actions.flat, Some(Job::Save));
+    let failed = Event::Flat(Outcome::Saved(Err(StoreError::Worn)));
+    assert!(sensor.take(failed).starts_with("E21 "));
+    assert!(sensor.ask("flat").ends_with("flat stored none"));
+    assert_eq!(
+        sensor.take(Event::Flat(Outcome::Saved(Ok(())))),
+        "flat save"
+    );
+    assert!(sensor.ask("flat").ends_with("flat stored same"));
+    // Dark rows take the place of the map, which comes back from flash.
+    let outcome = Outcome::Taken(Kind::Dark, Ok(taken(300, None)));
+    sensor.take(Event::Flat(outcome));
+    assert!(sensor.ask("flat").ends_with("flat stored other"));
+    assert_eq!(sensor.ask("flat on"), "");
+    assert_eq!(sensor.actions.flat, Some(Job::Load));
+    let loaded = Outcome::Loaded(Ok(StoredMap::Newest), Some(map_summary()));
+    assert_eq!(sensor.take(Event::Flat(loaded)), "flat on");
+    assert_eq!(sensor.ask("flat none"), "flat none pauses the stream");
+    assert_eq!(sensor.actions.flat, Some(Job::Erase));
+    assert_eq!(
+        sensor.take(Event::Flat(Outcome::Erased(Ok(())))),
+        "flat none"
+    );
+    assert_eq!(sensor.ask("flat"), "flat none\r\nflat stored none");
+}
+
+#[test]
+fn a_map_in_flash_is_used_from_the_start_or_its_damage_is_reported() {
+    let mut sensor = Sensor::new();
+    let loaded = Outcome::Loaded(Ok(StoredMap::Older), Some(map_summary()));
+    assert_eq!(sensor.take(Event::Flat(loaded)), "");
+    assert!(sensor.session.is_map_on());
+    let answer = sensor.ask("flat");
+    assert!(answer.starts_with("flat on\r\n"), "{answer}");
+    assert!(answer.contains("flat fault the last save"), "{answer}");
+    for loaded in [Ok(StoredMap::Unusable), Err(StoreError::Flash)] {
+        sensor.take(Event::Flat(Outcome::Loaded(loaded, None)));
+        assert!(!sensor.session.is_map_on());
+        let answer = sensor.ask("flat");
+        assert!(answer.starts_with("flat none\r\nflat fault"), "{answer}");
+        assert_eq!(sensor.ask("flat on"), Refusal::NoMap.to_string());
     }
 }

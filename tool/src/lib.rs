@@ -1,4 +1,4 @@
-//! What the owner of a sensor does on a PC: calibrate it.
+//! What the owner of a sensor does on a PC: calibrate it, and prepare its sensor head.
 //!
 //! ```text
 //! stage, sensor -> points -> fit -> record -> sensor
@@ -25,6 +25,17 @@ pub enum Command {
     /// From known distances to a calibration in the sensor's flash
     #[command(subcommand)]
     Calibrate(Calibrate),
+    /// What belongs to the sensor head
+    #[command(subcommand)]
+    Head(Head),
+}
+
+/// The commands of `slitrange head`.
+// Each command's help is that of its options.
+#[expect(missing_docs)]
+#[derive(clap::Subcommand)]
+pub enum Head {
+    Flat(sensor::FlatOptions),
 }
 
 /// The commands of `slitrange calibrate`.
@@ -51,7 +62,13 @@ impl Command {
         input: &mut dyn BufRead,
         output: &mut dyn Write,
     ) -> anyhow::Result<ExitCode> {
-        let Self::Calibrate(command) = self;
+        let command = match self {
+            Self::Calibrate(command) => command,
+            Self::Head(Head::Flat(options)) => {
+                sensor::flat(options, pc, input, output)?;
+                return Ok(ExitCode::SUCCESS);
+            }
+        };
         match command {
             Calibrate::Fit(options) => fit::run(options, output)?,
             Calibrate::Run(options) => sensor::run(options, pc, input, output)?,

@@ -6,6 +6,7 @@
 //! ```
 
 pub mod answers;
+pub mod flat;
 pub mod line;
 pub mod positions;
 pub mod run;
@@ -13,5 +14,6 @@ pub mod session;
 pub mod taken;
 pub mod transfer;
 
+pub use flat::{FlatOptions, flat};
 pub use run::{RunOptions, run};
 pub use transfer::{ReadOptions, ShowOptions, WriteOptions, read, show, write};

@@ -1,7 +1,8 @@
-//! The contents of the flash sectors that hold the calibration: sectors 12 and 13, the first two of bank 2.
+//! The contents of the flash sectors that hold calibration and map of the pixels: sectors 12 to 15, the first
+//! four of bank 2.
 //!
 //! rigless models the registers of the flash interface (keys and lock, how long an erase takes, its
-//! interrupt) but not the contents. This module adds the contents of the two sectors. They are not in the
+//! interrupt) but not the contents. This module adds the contents of the four sectors. They are not in the
 //! core's memory map, so each load and store comes here. An erase that the registers begin sets the sector's
 //! bits, and a store with PG set clears bits. If silicon would answer with an error, or would stop the core
 //! until an erase ends, the access is a [`Violation`] of the run, and nothing is stored.
@@ -42,7 +43,7 @@ const WORDS: u64 = 2;
 /// How many violations are kept. The first ones show what is wrong.
 const VIOLATIONS_KEPT: usize = 200;
 
-/// The two sectors. A clone is the same flash.
+/// The four sectors. A clone is the same flash.
 #[derive(Clone, Debug)]
 pub struct SharedFlash(Arc<Mutex<Flash>>);
 
@@ -369,7 +370,7 @@ mod tests {
             assert_eq!(flash.operation_count(), 0);
         }
         let flash = flash(busy);
-        load(&flash, BASE + 0x7FFC, Width::W32);
+        load(&flash, BASE + 0xFFFC, Width::W32);
         assert_eq!(flash.violation_count(), 1, "the core stands still");
     }
 
@@ -379,15 +380,16 @@ mod tests {
             let flash = SharedFlash::default();
             flash.lock().erase(control, 5);
             let history = flash.take_history();
-            [12, 13, 14].map(|sector| history.erases_of(sector))
+            [12, 13, 14, 15].map(|sector| history.erases_of(sector))
         };
         // SER is bit 1, SNB begins at bit 3, MER1 is bit 15 (RM0090 section 3.9.8).
         let sector = |snb: u64| erased_by(1 << 1 | snb << 3);
-        assert_eq!(sector(16), [1, 0, 0]);
-        assert_eq!(sector(17), [0, 1, 0]);
-        assert_eq!(sector(18), [0, 0, 0], "another one of bank 2");
-        assert_eq!(sector(0), [0, 0, 0], "one of bank 1");
-        assert_eq!(erased_by(1 << 15), [1, 1, 0], "the whole bank");
+        assert_eq!(sector(16), [1, 0, 0, 0]);
+        assert_eq!(sector(17), [0, 1, 0, 0]);
+        assert_eq!(sector(19), [0, 0, 0, 1]);
+        assert_eq!(sector(20), [0, 0, 0, 0], "another one of bank 2");
+        assert_eq!(sector(0), [0, 0, 0, 0], "one of bank 1");
+        assert_eq!(erased_by(1 << 15), [1, 1, 1, 1], "the whole bank");
     }
 
     #[test]

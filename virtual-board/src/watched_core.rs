@@ -31,7 +31,7 @@ pub(crate) struct Watched {
     pub(crate) probe_writes: Arc<Mutex<Vec<(u64, u32, Nanos)>>>,
     /// The traced functions, and their calls.
     pub(crate) traces: Arc<Mutex<Traces>>,
-    /// The contents of the two sectors, which are not in its memory map.
+    /// The contents of the four sectors, which are not in its memory map.
     pub(crate) flash: SharedFlash,
 }
 
@@ -227,7 +227,7 @@ impl Processor for Core {
         (exit, ran)
     }
 
-    /// Maps all memory except the two sectors, whose contents are in [`SharedFlash`].
+    /// Maps all memory except the four sectors, whose contents are in [`SharedFlash`].
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
         let end = start + length;
         let hole = [flash::BASE, flash::BASE + flash::BYTES as u64];

@@ -4,6 +4,7 @@
 
 use core::fmt;
 
+use super::flat::Flat;
 use super::piece::{Piece, PieceError};
 use super::upload::Step;
 use crate::record::MAX_ENCODED;
@@ -49,6 +50,8 @@ pub enum Command {
     SaveNominal,
     /// Settings and calibration as they left the factory.
     Defaults,
+    /// Take, use, save or erase the map of the pixels.
+    Flat(Flat),
 }
 
 /// Why a line is not a command. `Display` is the answer, without its line end.
@@ -179,6 +182,10 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         },
         "defaults" => expect_no_value(values, Command::Defaults, "defaults"),
         "calibration" => calibration(values),
+        "flat" => match Flat::parse(values) {
+            Some(flat) => Ok(Command::Flat(flat)),
+            None => Err(Error::Form(Flat::FORM)),
+        },
         _ => Err(Error::Unknown),
     }
 }
@@ -248,6 +255,7 @@ impl fmt::Display for Command {
             Self::Save => f.write_str("save"),
             Self::SaveNominal => f.write_str("save nominal"),
             Self::Defaults => f.write_str("defaults"),
+            Self::Flat(flat) => flat.fmt(f),
         }
     }
 }
@@ -256,6 +264,7 @@ impl fmt::Display for Command {
 mod tests {
     use super::*;
     use crate::black_level::BlackLevel;
+    use crate::pixels::flat_field::Kind;
     use crate::units::Counts;
 
     #[test]
@@ -282,6 +291,13 @@ mod tests {
             Command::Save,
             Command::SaveNominal,
             Command::Defaults,
+            Command::Flat(Flat::Show),
+            Command::Flat(Flat::Take(Kind::Dark)),
+            Command::Flat(Flat::Take(Kind::Lit)),
+            Command::Flat(Flat::Save),
+            Command::Flat(Flat::Use(true)),
+            Command::Flat(Flat::Use(false)),
+            Command::Flat(Flat::Erase),
         ];
         for &setting in Setting::ALL {
             commands.push(Command::Show(setting));
@@ -352,6 +368,11 @@ mod tests {
             ("zero 100", "E2 expected zero [off]"),
             ("save it", "E2 expected save [nominal]"),
             ("defaults on", "E2 expected defaults"),
+            ("flat field", "E2 expected flat [dark|lit|save|on|off|none]"),
+            (
+                "flat dark 3",
+                "E2 expected flat [dark|lit|save|on|off|none]",
+            ),
             ("centre 3", "E2 expected centre"),
             ("rows\u{0}1", "E5 not ASCII text"),
             ("rows \u{ff}", "E5 not ASCII text"),

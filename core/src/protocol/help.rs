@@ -39,7 +39,7 @@ pub const BEFORE_SETTINGS: [Line; 7] = [
 ];
 
 /// The commands that `help` shows after the settings.
-pub const AFTER_SETTINGS: [Line; 7] = [
+pub const AFTER_SETTINGS: [Line; 10] = [
     (
         "calibration [on|off]",
         "show the calibration; on: give distances, off: centres only",
@@ -67,6 +67,18 @@ pub const AFTER_SETTINGS: [Line; 7] = [
     (
         "defaults",
         "use the factory's settings and the nominal calibration, in RAM only",
+    ),
+    (
+        "flat [on|off]",
+        "show the map of the pixels that differ; correct rows with it, or not",
+    ),
+    (
+        "flat dark|lit",
+        "take dark rows, then evenly lit rows for a map, in RAM only; pauses",
+    ),
+    (
+        "flat save|none",
+        "write the map to flash, or erase it; pauses the stream",
     ),
 ];
 

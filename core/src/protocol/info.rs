@@ -139,13 +139,18 @@ impl Info<'_> {
             response_q16,
             offset,
         } = self.pixels;
-        // Below 2^16 * 1000.
-        let response = (u32::from(response_q16) * 1000 + 32768) / 65536;
+        // Below 2^16 * 10^4, in hundredths of a per cent.
+        let response = (u32::from(response_q16) * 10_000 + 32768) / 65536;
+        let source = if self.pixels == PixelErrors::TCD1304DG {
+            "as the data sheet allows"
+        } else {
+            "left by the map of the pixels"
+        };
         write!(
             f,
-            "{PART} pixels: response {}.{} %, offset {offset:.1} counts",
-            response / 10,
-            response % 10
+            "{PART} pixels: response {}.{:02} %, offset {offset:.2} counts, {source}",
+            response / 100,
+            response % 100
         )?;
         let fitted = match &record.errors {
             CalibrationErrors::Fitted(fitted) => Some(fitted),
@@ -280,7 +285,7 @@ mod tests {
             on.ends_with(
                 "\r\ninfo range x 1191 to 2654 px, 550.0874 to 1099.7177 mm\r\n\
                  info uncertainty noise: of each frame, from its rows; this part alone is r\r\n\
-                 info uncertainty pixels: response 2.8 %, offset 5.4 counts\r\n\
+                 info uncertainty pixels: response 2.80 %, offset 5.40 counts, as the data sheet allows\r\n\
                  info uncertainty calibration: none, it is the nominal one\r\n\
                  info uncertainty surface: an estimate, for a laser spot of 1 mm on metal\r\n\
                  info uncertainty geometry: tolerances of a head that was never calibrated (flag g)\r\n\

@@ -3,6 +3,7 @@
 
 use core::fmt;
 
+use crate::pixels::flat_field::TakeError;
 use crate::record::RecordError;
 use crate::store::StoreError;
 
@@ -51,6 +52,12 @@ pub enum Refusal {
     WouldReplace,
     /// `save nominal`, and the calibration in use is not the nominal one.
     NotNominal,
+    /// There is no map of the pixels.
+    NoMap,
+    /// The rows make no map.
+    NotTaken(TakeError),
+    /// The map could not be saved or erased.
+    MapNotSaved(StoreError),
 }
 
 impl fmt::Display for Refusal {
@@ -85,6 +92,12 @@ impl fmt::Display for Refusal {
             Self::NotNominal => {
                 f.write_str("E18 the calibration in use is not the nominal one: save, or defaults first")
             }
+            Self::NoMap => f.write_str("E19 there is no map of the pixels: flat dark, then flat lit"),
+            Self::NotTaken(error) => write!(f, "E20 {error}"),
+            Self::MapNotSaved(_) => f.write_str(
+                "E21 the flash does not hold what was written or erased: try again, and if that does not help, \
+                 replace the sensor's board",
+            ),
         }
     }
 }
@@ -122,6 +135,9 @@ mod tests {
             Refusal::NotSaved(StoreError::Worn),
             Refusal::WouldReplace,
             Refusal::NotNominal,
+            Refusal::NoMap,
+            Refusal::NotTaken(TakeError::NoDark),
+            Refusal::MapNotSaved(StoreError::Worn),
         ];
         for (refusal, number) in refusals.into_iter().zip(8..) {
             let text = refusal.to_string();

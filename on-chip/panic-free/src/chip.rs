@@ -11,6 +11,7 @@ use core::panic::PanicInfo;
 extern "C" fn _start() -> ! {
     whole_core::measure_rows();
     whole_core::find_centres();
+    whole_core::correct_pixels();
     whole_core::find_distances();
     whole_core::make_numbers();
     whole_core::talk();

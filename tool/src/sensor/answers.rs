@@ -148,6 +148,24 @@ pub fn in_use(lines: &[String]) -> Option<InUse> {
     })
 }
 
+/// The answer to a command that takes rows for a map of the pixels: `flat dark 300.1 counts`.
+pub fn taken(lines: &[String], command: &str) -> Option<String> {
+    let line = lines.last()?;
+    let (counts, rest) = line
+        .strip_prefix(command)?
+        .strip_prefix(' ')?
+        .split_once(' ')?;
+    let is_whole = counts.parse::<f64>().is_ok() && rest.starts_with("counts");
+    is_whole.then(|| line.clone())
+}
+
+/// The lines of the answer to `flat`.
+pub fn flat(lines: &[String]) -> Option<Vec<String>> {
+    lines.last()?.strip_prefix("flat stored ")?;
+    let of_flat = lines.iter().filter(|line| line.starts_with("flat "));
+    Some(of_flat.cloned().collect())
+}
+
 /// The sensor head's name, once a line of the answer to `info` says it.
 pub fn head(lines: &[String]) -> Option<String> {
     lines

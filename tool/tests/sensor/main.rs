@@ -2,6 +2,7 @@
 //! goes away.
 #![cfg(unix)]
 
+mod flat;
 mod line;
 mod run;
 mod stand_in;

@@ -19,6 +19,8 @@ use slitrange::distance::eq1::NOMINAL;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
 use slitrange::pixels::PixelErrors;
+use slitrange::pixels::flat_field::{Kind, TakeError, Taken};
+use slitrange::pixels::map::MapSummary;
 use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::Input;
@@ -28,9 +30,11 @@ use slitrange::reading::Measured;
 use slitrange::record::Record;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::sensor_heads::tcd1304dg;
+use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Event, Session};
 use slitrange::settings::Settings;
 use slitrange::store::configuration::Configuration;
+use slitrange::store::pixel_map::StoredMap;
 use slitrange::store::{StoreError, Stored};
 use slitrange::units::{Counts, Pixels};
 use slitrange_tool::Command as Slitrange;
@@ -87,6 +91,10 @@ pub struct State {
     pub spoil: Option<(usize, bool)>,
     /// It hears nothing any more, once a piece of a record has come.
     pub deaf_after_piece: bool,
+    /// So many times the light is wrong for a map of the pixels.
+    pub wrong_light: usize,
+    /// The flash holds a map of the pixels.
+    pub has_saved_map: bool,
     /// Power fails so many times while the flash is written, which then holds what it held.
     pub restarts_on_save: usize,
     /// The tool is killed after so many uses of its port.
@@ -151,6 +159,12 @@ impl State {
         } = self;
         session.take(event, &Vitals::default(), actions);
         let mut text = actions.text.as_str().to_owned();
+        if let Some(job) = actions.flat.take() {
+            if let Some(outcome) = self.do_flat(job) {
+                text.push_str(&self.take(Event::Flat(outcome)));
+            }
+            return text;
+        }
         if !actions.save {
             return text;
         }
@@ -170,6 +184,55 @@ impl State {
         text
     }
 }
+
+impl State {
+    /// Does a job with the map of the pixels.
+    fn do_flat(&mut self, job: Job) -> Option<Outcome> {
+        let result = if self.flash_works {
+            Ok(())
+        } else {
+            Err(StoreError::Flash)
+        };
+        Some(match job {
+            Job::Take(kind) if self.wrong_light > 0 => {
+                self.wrong_light -= 1;
+                let error = match kind {
+                    Kind::Dark => TakeError::SpotInTheDark {
+                        pixel: 1760,
+                        above: 900,
+                    },
+                    Kind::Lit => TakeError::Saturated { pixels: 3648 },
+                };
+                Outcome::Taken(kind, Err(error))
+            }
+            Job::Take(kind) => {
+                let is_lit = kind == Kind::Lit;
+                let taken = Taken {
+                    mean: Counts::from_int(if is_lit { 2300 } else { 300 }),
+                    map: is_lit.then_some(MAP),
+                };
+                Outcome::Taken(kind, Ok(taken))
+            }
+            Job::Save => {
+                self.has_saved_map |= self.flash_works;
+                Outcome::Saved(result)
+            }
+            Job::Erase => Outcome::Erased(result),
+            Job::Load => Outcome::Loaded(Ok(StoredMap::Newest), Some(MAP)),
+            Job::Use(_) => return None,
+        })
+    }
+}
+
+/// What every map of the stand-in says.
+const MAP: MapSummary = MapSummary {
+    errors: PixelErrors {
+        response_q16: 34,
+        offset: Counts::from_bits(66),
+    },
+    pattern: Counts::from_int(5),
+    outside: 2,
+};
 
 fn new_session() -> Session {
     Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn)
@@ -200,6 +263,8 @@ impl StandIn {
             unplugged_until: None,
             spoil: None,
             deaf_after_piece: false,
+            wrong_light: 0,
+            has_saved_map: false,
             restarts_on_save: 0,
             kill_after: None,
             killed: false,
@@ -248,7 +313,19 @@ impl StandIn {
     /// `slitrange calibrate` with these arguments and what a person types: the exit code or error, and the
     /// output.
     pub fn slitrange(&self, arguments: &[&str], typed: &str) -> (Result<ExitCode, String>, String) {
-        let all = ["slitrange", "calibrate"].iter().chain(arguments);
+        self.command("calibrate", arguments, typed)
+    }
+
+    /// The same of another command than `calibrate`.
+    pub fn command(
+        &self,
+        command: &str,
+        arguments: &[&str],
+        typed: &str,
+    ) -> (Result<ExitCode, String>, String) {
+        let all = ["slitrange", command]
+            .into_iter()
+            .chain(arguments.iter().copied());
         let command = Slitrange::try_parse_from(all).unwrap_or_else(|error| panic!("{error}"));
         let mut output = Vec::new();
         let result = command.run(self, &mut typed.as_bytes(), &mut output);

@@ -1,4 +1,4 @@
-//! The contents of the two sectors, and how operations change them: done in full, or cut off by a power cut.
+//! The contents of the four sectors, and how operations change them: done in full, or cut off by a power cut.
 
 use std::fmt;
 
@@ -12,13 +12,13 @@ pub const BASE: u64 = 0x0810_0000;
 /// Bytes of a sector (RM0090 table 6).
 pub const SECTOR_BYTES: usize = 16 << 10;
 
-/// The number of the first sector. The second sector has the next number (RM0090 table 6).
+/// The number of the first sector. The others have the next numbers (RM0090 table 6).
 pub const FIRST_SECTOR: usize = 12;
 
 /// How many sectors there are.
-pub const SECTORS: usize = 2;
+pub const SECTORS: usize = 4;
 
-/// Bytes of both sectors.
+/// Bytes of all four sectors.
 pub const BYTES: usize = SECTORS * SECTOR_BYTES;
 
 /// An erased byte.
@@ -29,7 +29,7 @@ const ERASED: u8 = 0xFF;
 pub enum Operation {
     /// Sets all bits of a sector.
     Erase {
-        /// 12 or 13.
+        /// 12 to 15.
         sector: usize,
     },
     /// Clears the bits of a word that are clear in `word`.
@@ -50,7 +50,7 @@ impl fmt::Display for Operation {
     }
 }
 
-/// The bytes of sectors 12 and 13.
+/// The bytes of sectors 12 to 15.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Contents(Vec<u8>);
 
@@ -76,7 +76,7 @@ impl Contents {
     pub fn new(bytes: Vec<u8>) -> Result<Self> {
         ensure!(
             bytes.len() == BYTES,
-            "{} bytes are not two sectors of flash, which are {BYTES}",
+            "{} bytes are not four sectors of flash, which are {BYTES}",
             bytes.len()
         );
         Ok(Self(bytes))
@@ -156,7 +156,7 @@ impl Contents {
         let index = number
             .checked_sub(FIRST_SECTOR)
             .filter(|&index| index < SECTORS)
-            .unwrap_or_else(|| panic!("sector {number} is not one of the two"));
+            .unwrap_or_else(|| panic!("sector {number} is not one of the four"));
         &mut self.0[index * SECTOR_BYTES..][..SECTOR_BYTES]
     }
 
@@ -164,7 +164,7 @@ impl Contents {
         let offset = address
             .checked_sub(BASE)
             .filter(|offset| *offset < BYTES as u64 && offset.is_multiple_of(4))
-            .unwrap_or_else(|| panic!("{address:#010x} is no word of the two sectors"));
+            .unwrap_or_else(|| panic!("{address:#010x} is no word of the four sectors"));
         &mut self.0[offset as usize..][..4]
     }
 }
@@ -191,7 +191,7 @@ mod tests {
         contents.apply(Operation::Erase { sector: 12 });
         assert_eq!(contents.read(BASE + 4, 4), 0xFFFF_FFFF);
         assert_eq!(contents.read(BASE + BYTES as u64 - 4, 4), 0);
-        contents.apply(Operation::Erase { sector: 13 });
+        contents.apply(Operation::Erase { sector: 15 });
         assert_eq!(contents, Contents::erased());
     }
 
@@ -221,10 +221,10 @@ mod tests {
         for word in 0..BYTES as u64 / 4 {
             contents.apply(program(BASE + 4 * word, 0));
         }
-        contents.apply_torn(Operation::Erase { sector: 13 }, 1);
-        let (first, second) = contents.bytes().split_at(SECTOR_BYTES);
-        assert!(first.iter().all(|&byte| byte == 0), "another sector");
-        let count = |wanted| second.iter().filter(|&&byte| byte == wanted).count() as f64;
+        contents.apply_torn(Operation::Erase { sector: 15 }, 1);
+        let (others, last) = contents.bytes().split_at(BYTES - SECTOR_BYTES);
+        assert!(others.iter().all(|&byte| byte == 0), "another sector");
+        let count = |wanted| last.iter().filter(|&&byte| byte == wanted).count() as f64;
         let [as_before, erased] = [0, ERASED].map(|byte| count(byte) / SECTOR_BYTES as f64);
         println!("of the bytes to be erased {erased:.3} are, and {as_before:.3} are as before");
         // 1/3 + 1/768 each, of 16,384 throws: 0.0037.
@@ -234,7 +234,7 @@ mod tests {
     #[test]
     fn contents_of_the_wrong_size_are_refused() {
         assert_eq!(
-            Contents::new(vec![ERASED; BYTES]).expect("two sectors"),
+            Contents::new(vec![ERASED; BYTES]).expect("four sectors"),
             Contents::erased()
         );
         let error = Contents::new(vec![0; 7])
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "0x08108000 is no word of the two sectors")]
+    #[should_panic(expected = "0x08110000 is no word of the four sectors")]
     fn a_word_outside_the_sectors_panics() {
         Contents::erased().apply(program(BASE + BYTES as u64, 0));
     }

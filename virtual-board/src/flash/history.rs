@@ -33,7 +33,7 @@ impl History {
         &self.done
     }
 
-    /// How often sector 12 or 13 was erased.
+    /// How often one of the sectors 12 to 15 was erased.
     #[must_use]
     pub fn erases_of(&self, sector: usize) -> usize {
         let erase = Operation::Erase { sector };
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn the_history_gives_the_contents_after_any_operation() {
-        let mut history = History::since(Contents::new(vec![0x55; BYTES]).expect("two sectors"));
+        let mut history = History::since(Contents::new(vec![0x55; BYTES]).expect("four sectors"));
         let operations = [
             Operation::Erase { sector: 13 },
             Operation::Program {

@@ -5,9 +5,11 @@ use std::convert::Infallible;
 
 use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+use slitrange::pixels::map::{MAX_MAP_PIXELS, PixelMap};
 use slitrange::protocol::calibration::FlashStatus;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::store::configuration::Configuration;
+use slitrange::store::pixel_map::{self, StoredMap};
 use slitrange::store::{Store, Stored};
 use virtual_board::VirtualBoard;
 use virtual_board::flash::{BASE, BYTES, Contents, FIRST_SECTOR, Operation, SECTOR_BYTES};
@@ -27,6 +29,17 @@ pub fn read(contents: &Contents) -> Stored {
     let kept = block_on(Store::new(Flash(&mut read)).read());
     assert_eq!(read, *contents, "reading only reads");
     kept
+}
+
+/// The map of the pixels in `contents`, if it is usable.
+pub fn map_in(contents: &Contents) -> (StoredMap, Option<Box<PixelMap>>) {
+    let mut read = contents.clone();
+    let mut map = Box::new(PixelMap::EMPTY);
+    let mut flash = Flash(&mut read);
+    let loaded = block_on(pixel_map::load(&mut flash, MAX_MAP_PIXELS, &mut map));
+    let stored = loaded.expect("sound flash");
+    assert_eq!(read, *contents, "reading only reads");
+    (stored, map.is_whole().then_some(map))
 }
 
 /// The configuration in `contents`. Panics if there is none.

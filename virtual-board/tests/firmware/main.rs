@@ -8,6 +8,7 @@ mod commands;
 mod common;
 mod faults;
 mod flash;
+mod flat;
 mod identical;
 mod kept;
 #[cfg(unix)]

@@ -254,7 +254,7 @@ fn a_failed_save_is_reported_and_the_old_configuration_is_kept() {
 /// The saved configuration is unusable: the sensor gives only centres until a person decides.
 #[test]
 fn without_a_usable_calibration_there_is_no_distance() {
-    let damaged = Contents::new(vec![0x5A; BYTES]).expect("two sectors");
+    let damaged = Contents::new(vec![0x5A; BYTES]).expect("four sectors");
     let other_head = Record {
         geometry: Geometry {
             light: 34..3681,
@@ -316,7 +316,7 @@ fn without_a_usable_calibration_there_is_no_distance() {
 /// `defaults` is the other way to get distances again.
 #[test]
 fn defaults_brings_back_the_nominal_calibration() {
-    let damaged = Contents::new(vec![0x5A; BYTES]).expect("two sectors");
+    let damaged = Contents::new(vec![0x5A; BYTES]).expect("four sectors");
     let mut board = boot_with(SharedFlash::holding(damaged), paper());
     set(&mut board, "defaults");
     let nominal = EncodedRecord::nominal().expect("a record");

@@ -8,6 +8,9 @@ use slitrange::centre::{self, Estimator, phase_table};
 use slitrange::check::{self, repair};
 use slitrange::frame::Frame;
 use slitrange::measurement::Measurement;
+use slitrange::pixels::encoded::{Read, Reader, Words};
+use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
+use slitrange::pixels::map::{Entry, PixelMap, window};
 use slitrange::protocol::command::Command;
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::Input;
@@ -15,9 +18,11 @@ use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
 use slitrange::record;
 use slitrange::row::Row;
+use slitrange::session::flat::Outcome;
 use slitrange::session::{Actions, Event, Session};
 use slitrange::spot;
 use slitrange::store::configuration::{self, Configuration};
+use slitrange::store::pixel_map::StoredMap;
 use slitrange::store::{StoreError, Stored};
 use slitrange::units::{AsMillimetres, Counts, Micrometres, Pixels};
 
@@ -105,6 +110,52 @@ pub fn find_centres() {
     any(black_level::centroid(row.light(), spot.background));
 }
 
+/// The map of the pixels: read from any words, taken from any rows, used on any row.
+pub fn correct_pixels() {
+    let mut field = FlatField::new();
+    let mut words = [0; 4096];
+    let mut measurement = Measurement::new(any::geometry(), any::settings());
+    while any(true) {
+        let geometry = any::geometry();
+        if let Err(error) = field.begin(any(Kind::Dark), &geometry) {
+            say(&error);
+        }
+        match field.add(any::words(&mut words), &geometry) {
+            Some(Ok(taken)) => reached(taken.mean.to_bits()),
+            Some(Err(error)) => say(&error),
+            None => {}
+        }
+        let mut reader = Reader::default();
+        while any(true) {
+            match reader.take(any([0; 4]), any(true).then(|| field.place())) {
+                Read::Whole(number) => reached(number as i32),
+                Read::More | Read::NoMap => reached(i32::from(reader.summary().outside)),
+            }
+        }
+        reached(reader.pixels() as i32);
+        if let Some(result) = measurement.row_with(any::words(&mut words), field.map()) {
+            reached(result.map_or(0, |measured| measured.frame.centre.to_bits()));
+        }
+        if let Some(map) = field.map() {
+            let light = any::words(&mut words);
+            map.correct(light, any(0)..any(0), any(Counts::MIN), any(0));
+            reached(i32::from(light.first().copied().unwrap_or_default()));
+            reached(map.background_of(any::spot().background).noise.to_bits());
+            for word in Words::new(map, any(0)) {
+                reached(i32::from_le_bytes(word));
+            }
+            any(map.entries().len());
+        }
+    }
+    let width = any(true).then(|| any(Pixels::MIN));
+    reached(window(&any::spot(), width).end as i32);
+    any(Entry::new(any(0), any(0)));
+    if any(true) {
+        field.place().clear();
+    }
+    reached(PixelMap::is_whole(field.place()).into());
+}
+
 /// From centres to distances, with whatever calibration is accepted; and its record, written and read, alone
 /// and with what is saved.
 pub fn find_distances() {
@@ -175,6 +226,7 @@ pub fn talk() {
             0 => Event::Started(stored()),
             1 => Event::Frame(any(true).then(any::measured).ok_or(any::fault())),
             2 => Event::Saved(any(Ok(()))),
+            4 => Event::Flat(outcome()),
             3 => Event::Line(Ok(any(Command::Upload(any(Step::Commit))))),
             _ => match input.take(any(0)) {
                 Some(command) => Event::Line(command),
@@ -186,6 +238,7 @@ pub fn talk() {
         if let Some(settings) = actions.apply {
             reached(i32::from(settings.rows));
         }
+        reached(session.is_map_on().into());
         if let Some(configuration) = session.configuration() {
             reached(i32::from(configuration.settings.rows));
         }
@@ -198,6 +251,21 @@ pub fn talk() {
     say(&fault.advice());
     say(&AsMillimetres(any(Micrometres::MIN)));
     say(&any(Pixels::MIN));
+}
+
+fn outcome() -> Outcome {
+    let summary = any(true).then(|| any(*PixelMap::EMPTY.summary()));
+    let taken = Taken {
+        mean: any(Counts::MIN),
+        map: summary,
+    };
+    match any(0) {
+        0 => Outcome::Loaded(any(Ok(StoredMap::Nothing)), summary),
+        1 => Outcome::Taken(any(Kind::Dark), Ok(taken)),
+        2 => Outcome::Taken(any(Kind::Dark), Err(any(TakeError::Silent))),
+        3 => Outcome::Saved(any(Ok(()))),
+        _ => Outcome::Erased(any(Ok(()))),
+    }
 }
 
 fn stored() -> Stored {

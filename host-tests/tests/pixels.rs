@@ -1,0 +1,380 @@
+//! The map of the pixels: what it leaves of the pixels' differences, and what no map may do to a row.
+
+use proptest::prelude::*;
+use rayon::prelude::*;
+use simulator::scene::{Ambient, FixedPattern, Response, Scene, Simulation, quantise};
+use slitrange::measurement::Measurement;
+use slitrange::pixels::PixelErrors;
+use slitrange::pixels::encoded::{Read, Reader, Word, Words};
+use slitrange::pixels::flat_field::{FlatField, Kind, ROWS, TakeError, Taken};
+use slitrange::pixels::map::{Entry, MAX_MAP_PIXELS, PixelMap};
+use slitrange::row::{Geometry, LARGEST_COUNT};
+use slitrange::sensor_heads::tcd1304dg;
+use slitrange::settings::Settings;
+use slitrange::units::Counts;
+
+/// Counts of light in the lit rows.
+const LIGHT: f64 = 2000.0;
+
+/// A response of standard deviation g moves the centre of a gaussian fit by so many times g sqrt(width), px.
+const OF_RESPONSE: f64 = 0.632;
+
+/// Offsets of o counts move it by so many times o sqrt(width) / height, px.
+const OF_OFFSET: f64 = 1.062;
+
+/// The words of a row: the sensor's words fall with light.
+fn words(light: &[f32]) -> Vec<u16> {
+    let full_scale = LARGEST_COUNT;
+    (quantise(light, full_scale).iter())
+        .map(|count| full_scale - count)
+        .collect()
+}
+
+/// A sensor whose pixels differ, before white paper.
+fn paper(seed: u64, response: f64, counts: f64) -> Scene {
+    Scene {
+        seed,
+        response: Some(Response {
+            deviation: response,
+        }),
+        fixed_pattern: Some(FixedPattern { counts }),
+        ..Scene::white_paper()
+    }
+}
+
+/// The same sensor without the laser, in the dark or in light that falls by a fifth along the sensor.
+fn without_laser(paper: &Scene, light: f64) -> Simulation {
+    let counts_per_second = light / paper.exposure;
+    Simulation::new(Scene {
+        spot: None,
+        ambient: Some(Ambient {
+            counts_per_second,
+            slope: -0.2 * counts_per_second / 3648.0,
+        }),
+        ..paper.clone()
+    })
+}
+
+/// Takes rows of one kind.
+fn take(
+    field: &mut FlatField,
+    kind: Kind,
+    geometry: &Geometry,
+    mut row: impl FnMut(u64) -> Vec<u16>,
+) -> Result<Taken, TakeError> {
+    field.begin(kind, geometry)?;
+    for number in 0.. {
+        if let Some(result) = field.add(&mut row(number), geometry) {
+            assert!(number < u64::from(ROWS));
+            return result;
+        }
+    }
+    unreachable!("rows without an end");
+}
+
+/// The map of a sensor.
+fn map_of(paper: &Scene) -> Box<FlatField> {
+    let mut field = Box::new(FlatField::new());
+    // Other rows than those of the frames.
+    for (kind, light, first) in [(Kind::Dark, 0.0, 10_000), (Kind::Lit, LIGHT, 20_000)] {
+        let scene = without_laser(paper, light);
+        let taken = take(&mut field, kind, &paper.geometry(), |row| {
+            words(&scene.row(first + row, paper.distance, paper.exposure))
+        });
+        let taken = taken.unwrap_or_else(|error| panic!("{kind:?}: {error}"));
+        let expected = paper.black_level.map_or(0.0, |_| 300.0) + light;
+        assert!((taken.mean.to_f64() - expected).abs() < 10.0, "{taken:?}");
+    }
+    field
+}
+
+/// The error of a frame's centre in pixels, its claimed uncertainty, and the share of the pixels that differ.
+struct Frame {
+    error: f64,
+    noise: f64,
+    pixels: f64,
+}
+
+fn frame(paper: &Scene, centre: f64, rows: u16, map: Option<&PixelMap>) -> Frame {
+    let simulation = Simulation::new(paper.clone());
+    let settings = Settings {
+        rows,
+        ..Settings::default()
+    };
+    let mut measurement = Measurement::new(paper.geometry(), settings);
+    let distance = paper.optics.distance(centre);
+    let mut result = None;
+    for row in 0..u64::from(rows) {
+        let mut words = words(&simulation.row(row, distance, paper.exposure));
+        result = measurement.row_with(&mut words, map);
+    }
+    let measured = result.expect("a frame is complete").expect("a centre");
+    let PixelErrors {
+        response_q16,
+        offset,
+    } = measured.pixels;
+    let root = measured.frame.width.to_f64().sqrt();
+    let response = OF_RESPONSE * f64::from(response_q16) / 65536.0 * root;
+    let offset = OF_OFFSET * offset.to_f64() * root / measured.frame.amplitude.to_f64();
+    Frame {
+        error: measured.frame.centre.to_f64() - simulation.true_centre(0, distance),
+        noise: measured.frame.uncertainty.to_f64(),
+        pixels: response.hypot(offset),
+    }
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| {
+        (sum + value * value, count + 1.0)
+    });
+    f64::sqrt(sum / count)
+}
+
+/// The pixels of places 400 pixels apart are independent, so eight places on a sensor count as eight sensors.
+#[test]
+fn a_map_leaves_the_error_that_it_states() {
+    const SENSORS: u64 = 40;
+    println!("response offset rows | error without, mpx | error, mpx | r | pixels | error / claim");
+    for (response, counts) in [(0.005, 2.0), (0.01, 5.0), (0.02, 5.0)] {
+        let frames: Vec<[(Frame, Frame); 3]> = (0..SENSORS)
+            .into_par_iter()
+            .flat_map_iter(|sensor| {
+                let paper = paper(1 + sensor, response, counts);
+                let field = map_of(&paper);
+                let frames: Vec<_> = (0..8)
+                    .map(|place| {
+                        let centre = 420.0 + 400.0 * f64::from(place) + 0.123 * sensor as f64;
+                        let map = Some(field.map().expect("a map"));
+                        [1, 16, 64].map(|rows| {
+                            let before = frame(&paper, centre, rows, None);
+                            (before, frame(&paper, centre, rows, map))
+                        })
+                    })
+                    .collect();
+                frames
+            })
+            .collect();
+        assert!(frames.len() >= 200);
+        for (index, rows) in [1, 16, 64].into_iter().enumerate() {
+            let of =
+                |part: fn(&(Frame, Frame)) -> f64| rms(frames.iter().map(|it| part(&it[index])));
+            let [before, error] = [of(|it| it.0.error), of(|it| it.1.error)];
+            let [noise, pixels] = [of(|it| it.1.noise), of(|it| it.1.pixels)];
+            let ratio = error / noise.hypot(pixels);
+            println!(
+                "{:4.1} % {counts} {rows:4} | {:6.2} | {:6.2} | {:6.2} | {:6.2} | {ratio:.3}",
+                100.0 * response,
+                1e3 * before,
+                1e3 * error,
+                1e3 * noise,
+                1e3 * pixels,
+            );
+            // 320 values: 4 %.
+            assert!((0.9..1.1).contains(&ratio), "{ratio}");
+        }
+    }
+}
+
+#[test]
+fn rows_that_make_no_map_are_refused_with_a_reason() {
+    let paper = paper(1, 0.01, 5.0);
+    let geometry = paper.geometry();
+    let dark = without_laser(&paper, 0.0);
+    let row = |scene: &Simulation, row| words(&scene.row(row, paper.distance, paper.exposure));
+    let mut field = Box::new(FlatField::new());
+    assert_eq!(field.begin(Kind::Lit, &geometry), Err(TakeError::NoDark));
+    // The laser's spot in the dark.
+    let spot = Simulation::new(paper.clone());
+    let error = take(&mut field, Kind::Dark, &geometry, |number| {
+        row(&spot, number)
+    });
+    assert!(
+        matches!(error, Err(TakeError::SpotInTheDark { pixel, .. }) if pixel.abs_diff(1771) < 40)
+    );
+    let bright = without_laser(&paper, 400.0);
+    let error = take(&mut field, Kind::Dark, &geometry, |number| {
+        row(&bright, number)
+    });
+    assert!(matches!(error, Err(TakeError::NotDark { .. })));
+    take(&mut field, Kind::Dark, &geometry, |number| {
+        row(&dark, number)
+    })
+    .expect("dark rows");
+    let mut refused = Vec::new();
+    for light in [-20.0, 300.0, 5000.0] {
+        let scene = without_laser(&paper, light);
+        refused.push(take(&mut field, Kind::Lit, &geometry, |number| {
+            row(&scene, number)
+        }));
+    }
+    // A weak spot on even light.
+    let spot = Simulation::new(Scene {
+        ambient: without_ambient(&paper, LIGHT),
+        spot: paper.spot.map(|spot| simulator::scene::Spot {
+            counts_per_second: spot.counts_per_second / 8.0,
+            ..spot
+        }),
+        ..paper.clone()
+    });
+    refused.push(take(&mut field, Kind::Lit, &geometry, |number| {
+        row(&spot, number)
+    }));
+    // Light on a part of the sensor.
+    let half = without_laser(&paper, LIGHT);
+    refused.push(take(&mut field, Kind::Lit, &geometry, |number| {
+        let mut words = row(&half, number);
+        let unlit = row(&dark, number);
+        words[..1500].copy_from_slice(&unlit[..1500]);
+        words
+    }));
+    for error in &refused {
+        println!("{}", error.as_ref().expect_err("no map"));
+        assert_eq!(field.map(), None);
+    }
+    assert!(matches!(
+        refused[..],
+        [
+            Err(TakeError::DarkIsBrighter { .. }),
+            Err(TakeError::TooDim { .. }),
+            Err(TakeError::Saturated { .. }),
+            Err(TakeError::Uneven { .. }),
+            Err(TakeError::TooDimAt { .. }),
+        ]
+    ));
+    // The dark rows are still there.
+    let lit = without_laser(&paper, LIGHT);
+    take(&mut field, Kind::Lit, &geometry, |number| row(&lit, number)).expect("a map");
+    assert!(field.map().is_some());
+}
+
+fn without_ambient(paper: &Scene, light: f64) -> Option<Ambient> {
+    Some(Ambient {
+        counts_per_second: light / paper.exposure,
+        slope: 0.0,
+    })
+}
+
+/// A dead pixel, a bright one and a hot one are counted, and do not spoil their neighbours.
+#[test]
+fn pixels_that_differ_too_much_are_counted() {
+    let paper = paper(3, 0.005, 2.0);
+    let geometry = paper.geometry();
+    let mut field = Box::new(FlatField::new());
+    let first = geometry.light.start;
+    for (kind, light) in [(Kind::Dark, 0.0), (Kind::Lit, LIGHT)] {
+        let scene = without_laser(&paper, light);
+        take(&mut field, kind, &geometry, |row| {
+            let mut counts = scene.row(row, paper.distance, paper.exposure);
+            counts[first + 1000] = 300.0;
+            counts[first + 2000] = 300.0 + light as f32 * 1.8;
+            counts[first + 3000] += 1500.0;
+            words(&counts)
+        })
+        .expect("rows");
+    }
+    let map = field.map().expect("a map");
+    // 1800 of 2000: the light falls by a fifth along the sensor.
+    assert_eq!(map.summary().outside, 2);
+    for (at, entry) in map.entries().iter().enumerate() {
+        let is_bad = [1000, 2000, 3000].contains(&at);
+        assert!(is_bad || entry.gain_q15().abs() < 1000, "{at} {entry:?}");
+    }
+    assert_eq!(map.entries()[1000].gain_q15(), 1 << 14);
+    assert_eq!(map.entries()[3000].offset_q4(), 1 << 14);
+}
+
+/// A map with these entries, as flash holds it.
+fn map_with(entries: &[Entry]) -> Box<PixelMap> {
+    let word =
+        |low: u16, high: u16| -> Word { (u32::from(low) | u32::from(high) << 16).to_le_bytes() };
+    let mut words = vec![*b"FLT1", [1, 0, 0, 0], word(entries.len() as u16, 0)];
+    words.extend([word(30, 0), word(20, 0), word(1000, 0)]);
+    words.extend(
+        (entries.iter()).map(|entry| word(entry.offset_q4() as u16, entry.gain_q15() as u16)),
+    );
+    let crc = crc32(&words.concat());
+    words.push(crc.to_le_bytes());
+    let mut map = Box::new(PixelMap::EMPTY);
+    let mut reader = Reader::default();
+    let read: Vec<Read> = words
+        .iter()
+        .map(|&word| reader.take(word, Some(&mut map)))
+        .collect();
+    assert_eq!(read.last(), Some(&Read::Whole(1)));
+    assert!(Words::new(&map, 1).eq(words));
+    map
+}
+
+/// CRC-32 as of zlib, bit by bit.
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0u32, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |crc, _| {
+            (crc >> 1) ^ (0xEDB8_8320 & 0u32.wrapping_sub(crc & 1))
+        })
+    })
+}
+
+fn entries() -> impl Strategy<Value = Vec<Entry>> {
+    let edges = |most: i16| prop_oneof![Just(most), Just(-most), -most..=most];
+    let entry = (edges(1 << 14), edges(1 << 14));
+    prop::collection::vec(entry, 1..200).prop_map(|some| {
+        let entries = some
+            .into_iter()
+            .map(|(offset, gain)| Entry::new(offset, gain));
+        let entries: Vec<Entry> = entries.map(|entry| entry.expect("in range")).collect();
+        entries
+            .iter()
+            .copied()
+            .cycle()
+            .take(MAX_MAP_PIXELS)
+            .collect()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn no_map_makes_or_hides_full_scale(
+        entries in entries(),
+        row in prop::collection::vec(0u16..=4095, 3648),
+        black in any::<i32>(),
+        full_scale in prop_oneof![Just(4095u16), 0u16..=u16::MAX],
+        begin in 0usize..4000,
+        length in 0usize..4000,
+    ) {
+        let map = map_with(&entries);
+        let mut corrected = row.clone();
+        map.correct(&mut corrected, begin..begin + length, Counts::from_bits(black), full_scale);
+        let full_scale = full_scale.min(4095);
+        for (at, (before, after)) in row.iter().zip(&corrected).enumerate() {
+            prop_assert_eq!(*before >= full_scale, *after >= full_scale);
+            if *before >= full_scale || !(begin..begin + length).contains(&at) {
+                prop_assert_eq!(before, after);
+            }
+        }
+    }
+
+    #[test]
+    fn any_map_and_any_row_measure(
+        entries in entries(),
+        row in prop::collection::vec(0u16..=4095, 3694),
+        height in 0u16..4000,
+        rows in 1u16..4,
+    ) {
+        let map = map_with(&entries);
+        let settings = Settings { rows, ..Settings::default() };
+        let mut measurement = Measurement::new(tcd1304dg(), settings);
+        let noise = tcd1304dg().words;
+        for _ in 0..4 {
+            let mut words: Vec<u16> = row.iter().copied().take(noise).collect();
+            for (at, word) in words.iter_mut().enumerate() {
+                let u = (at as f64 - 1800.0) / 9.0;
+                let spot = f64::from(height) * (-0.5 * u * u).exp();
+                *word = 3800u16.saturating_sub(spot as u16).saturating_sub(*word % 16);
+            }
+            measurement.row_with(&mut words, Some(&map));
+            measurement.row_with(&mut row.clone(), Some(&map));
+        }
+    }
+}

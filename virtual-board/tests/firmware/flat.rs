@@ -1,0 +1,227 @@
+//! Tests of `flat`: the map of the pixels lowers the error of a sensor whose pixels differ, and survives
+//! power cycles and power cuts.
+
+use std::time::Duration;
+
+use simulator::scene::{Ambient, FixedPattern, Response, Scene, Simulation};
+use slitrange::store::pixel_map::StoredMap;
+use virtual_board::flash::SharedFlash;
+use virtual_board::light::{Target, of_scene};
+use virtual_board::{LightSource, VirtualBoard};
+
+use crate::common::{
+    PATIENCE, Status, ask, ask_for_lines, boot, firmware, fresh_results, is_result, number, set,
+};
+use crate::kept;
+
+/// Longer than 256 rows or an erase take.
+const TAKING: Duration = Duration::from_secs(3);
+
+/// A sensor whose pixels differ, before white paper.
+fn scene() -> Scene {
+    Scene {
+        response: Some(Response { deviation: 0.02 }),
+        fixed_pattern: Some(FixedPattern { counts: 5.0 }),
+        ..Scene::white_paper()
+    }
+}
+
+fn paper(distance: f64) -> LightSource {
+    of_scene(scene(), Target::at(distance))
+}
+
+/// The sensor without a laser, in even light of so many counts.
+fn even(counts: f64) -> LightSource {
+    let scene = Scene {
+        spot: None,
+        ambient: Some(Ambient {
+            counts_per_second: counts / scene().exposure,
+            slope: 0.0,
+        }),
+        ..scene()
+    };
+    of_scene(scene, Target::at(0.8))
+}
+
+/// Sends a command that pauses the stream, and gives its answer.
+fn paused(board: &mut VirtualBoard, command: &str) -> String {
+    assert_eq!(ask(board, command), format!("{command} pauses the stream"));
+    let answer = board.run_until_line(|line| !is_result(line), TAKING);
+    answer.expect("an answer").text
+}
+
+/// Takes a map.
+fn take(board: &mut VirtualBoard) -> [String; 2] {
+    board.set_light(even(0.0));
+    let dark = paused(board, "flat dark");
+    board.set_light(even(2000.0));
+    [dark, paused(board, "flat lit")]
+}
+
+/// The root mean square error of centres at several distances, in pixels.
+fn error(board: &mut VirtualBoard) -> f64 {
+    let distances = [0.6, 0.7, 0.8, 0.9, 1.0];
+    let simulation = Simulation::new(scene());
+    let sum: f64 = distances
+        .iter()
+        .map(|&distance| {
+            board.set_light(paper(distance));
+            let reading = fresh_results(board, 1).remove(0);
+            let error = number(&reading, " x ", " a ") - simulation.true_centre(0, distance);
+            println!("{reading} {error:+.4}");
+            error * error
+        })
+        .sum();
+    f64::sqrt(sum / distances.len() as f64)
+}
+
+fn boot_with(flash: SharedFlash) -> VirtualBoard {
+    let mut board = VirtualBoard::power_on_with_flash(firmware(), paper(0.8), flash);
+    let board_ref = board.as_mut().expect("the board starts");
+    board_ref
+        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+        .expect("a banner");
+    board.expect("the board starts")
+}
+
+fn power_cycle(board: VirtualBoard) -> VirtualBoard {
+    let flash = board.flash().clone();
+    board.finish().expect("a clean run");
+    boot_with(flash)
+}
+
+/// What `flat` answers: lines up to that of `flat stored`.
+fn shown(board: &mut VirtualBoard) -> Vec<String> {
+    let mut lines = vec![ask(board, "flat")];
+    while !lines
+        .last()
+        .is_some_and(|line| line.starts_with("flat stored "))
+    {
+        let line = board.run_until_line(|line| !is_result(line), PATIENCE);
+        lines.push(line.expect("a line").text);
+    }
+    lines
+}
+
+#[test]
+fn a_map_lowers_the_error_and_survives_a_power_cycle() {
+    let (mut board, _) = boot(paper(0.8));
+    set(&mut board, "rows 16");
+    assert_eq!(shown(&mut board), ["flat none", "flat stored none"]);
+    let refused = ask(&mut board, "flat lit");
+    assert!(refused.starts_with("E20 "), "{refused}");
+    for command in ["flat on", "flat off", "flat save"] {
+        assert!(ask(&mut board, command).starts_with("E19 "), "{command}");
+    }
+    let before = error(&mut board);
+    let [dark, lit] = take(&mut board);
+    println!("{dark}\n{lit}");
+    assert!((number(&dark, "flat dark ", " counts") - 300.0).abs() < 2.0);
+    // The scene's exposure is 5 ms, the firmware's 5.7 ms.
+    assert!((number(&lit, "flat lit ", " counts") - 2575.0).abs() < 15.0);
+    let after = error(&mut board);
+    let with = Status::ask(&mut board).count("row cycles");
+    println!("before {before:.4} px, after {after:.4} px");
+    assert!(before > 0.015 && after < 0.008 && after < before / 3.0);
+    set(&mut board, "flat off");
+    let without = error(&mut board);
+    let cycles = Status::ask(&mut board).count("row cycles");
+    println!("{with} cycles a row with the map, {cycles} without");
+    assert!(100 * with < 105 * cycles, "{with} {cycles}");
+    assert!((without - before).abs() < 0.008, "{without}");
+    set(&mut board, "flat on");
+    assert_eq!(paused(&mut board, "flat save"), "flat save");
+    let lines = shown(&mut board);
+    println!("{lines:#?}");
+    assert_eq!(lines[0], "flat on");
+    assert_eq!(lines[3], "flat stored same");
+    let status = Status::ask(&mut board);
+    status.assert_none(&["rows failed", "fault sensor silent"]);
+    // While the map is computed, no reading is due.
+    assert!(status.count("rows lost") <= 1, "{status:#?}");
+    assert_eq!(board.resets().expect("resets"), []);
+
+    let mut board = power_cycle(board);
+    set(&mut board, "rows 16");
+    assert_eq!(shown(&mut board), lines);
+    assert!(error(&mut board) < 0.008);
+    // A dark row takes the place of the map; `flat on` brings it back from flash.
+    board.set_light(even(0.0));
+    paused(&mut board, "flat dark");
+    assert_eq!(shown(&mut board)[0], "flat none");
+    set(&mut board, "flat on");
+    assert_eq!(shown(&mut board), lines);
+    // The laser's spot is no even light.
+    board.set_light(paper(0.8));
+    let refused = paused(&mut board, "flat dark");
+    assert!(refused.starts_with("E20 "), "{refused}");
+    assert_eq!(shown(&mut board), lines, "the map is as it was");
+    assert_eq!(paused(&mut board, "flat none"), "flat none");
+    assert_eq!(shown(&mut board), ["flat none", "flat stored none"]);
+    let mut board = power_cycle(board);
+    assert_eq!(shown(&mut board), ["flat none", "flat stored none"]);
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn a_power_cut_leaves_the_old_map_or_the_new_one() {
+    let (mut board, _) = boot(paper(0.8));
+    take(&mut board);
+    assert_eq!(paused(&mut board, "flat save"), "flat save");
+    let (_, old) = kept::map_in(&board.flash().contents());
+    let old = old.expect("a map");
+    // The same sensor with other noise.
+    take(&mut board);
+    let other = shown(&mut board);
+    assert_eq!(other.last().map(String::as_str), Some("flat stored other"));
+    board.flash().take_history();
+    assert_eq!(paused(&mut board, "flat save"), "flat save");
+    let history = board.flash().take_history();
+    board.finish().expect("a clean run");
+    let operations = history.operations().len();
+    let (stored, new) = kept::map_in(&history.after(operations));
+    let new = new.expect("a map");
+    assert_eq!(stored, StoredMap::Newest);
+    assert!(old != new, "noise");
+    let mut interrupted = 0;
+    for count in (0..operations)
+        .step_by(331)
+        .chain([1, 2, 3, operations - 1])
+    {
+        for contents in [history.after(count), history.torn_after(count, 7)] {
+            let (stored, map) = kept::map_in(&contents);
+            let map = map.expect("a map");
+            assert!(map == old || map == new, "{count}");
+            interrupted += usize::from(stored == StoredMap::Older && map == old);
+        }
+    }
+    assert!(interrupted > 10, "{interrupted}");
+
+    let flash = SharedFlash::holding(history.after(operations / 2));
+    let mut board = boot_with(flash);
+    let lines = shown(&mut board);
+    println!("{lines:#?}");
+    assert_eq!(lines[0], "flat on");
+    assert!(lines[3].starts_with("flat fault the last save is unusable"));
+    assert_eq!(lines[4], "flat stored same");
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn a_damaged_map_is_not_used() {
+    let (mut board, _) = boot(paper(0.8));
+    take(&mut board);
+    assert_eq!(paused(&mut board, "flat save"), "flat save");
+    let mut contents = board.flash().contents();
+    board.finish().expect("a clean run");
+    // A bit of an entry in the first sector of the map.
+    contents.flip_bits(2 * virtual_board::flash::SECTOR_BYTES + 5000, 0x10);
+    let mut board = boot_with(SharedFlash::holding(contents));
+    let lines = ask_for_lines(&mut board, "flat", 3);
+    println!("{lines:#?}");
+    assert_eq!(lines[0], "flat none");
+    assert!(lines[1].starts_with("flat fault the saved map cannot be used"));
+    assert_eq!(lines[2], "flat stored unusable");
+    assert!(fresh_results(&mut board, 1)[0].starts_with("d "));
+    board.finish().expect("a clean run");
+}
