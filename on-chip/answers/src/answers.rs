@@ -13,8 +13,8 @@ use slitrange::reading::Reading;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::settings::Settings;
 use slitrange::spot;
-use slitrange::uncertainty::{CalibrationErrors, Surface};
-use slitrange::units::{Micrometres, Pixels};
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Surface};
+use slitrange::units::{Counts, Micrometres, Pixels};
 
 /// Rows that make a reading.
 pub const ROWS: u16 = 2;
@@ -57,7 +57,7 @@ impl Estimators {
 
     /// Asks every estimator, in the order of [`Estimator::ALL`], and says its words.
     pub fn ask(&mut self, light: &mut [u16], mut say: impl FnMut(Estimator, u32)) {
-        let calibration = every_centre();
+        let (calibration, errors) = (every_centre(), some_errors());
         for (estimator, measurement) in Estimator::ALL.into_iter().zip(&mut self.measurements) {
             let mut say = |word| say(estimator, word);
             let found = self.geometry.row(light).map_err(|_| Fault::SensorSilent);
@@ -72,11 +72,7 @@ impl Estimators {
             say_centre(checked, &mut say);
             if let Some(result) = measurement.row(light) {
                 let result = result.and_then(|measured| {
-                    measured.reading(
-                        calibration.as_ref(),
-                        &CalibrationErrors::Unknown,
-                        Surface::Off,
-                    )
+                    measured.reading(calibration.as_ref(), &errors, Surface::Auto)
                 });
                 say_reading(result, &mut say);
             }
@@ -95,6 +91,18 @@ fn every_centre() -> Option<Calibration> {
         valid,
     );
     curve.ok().map(Calibration::Eq1)
+}
+
+/// Errors that differ from place to place.
+fn some_errors() -> CalibrationErrors {
+    let rising = |step: i32| core::array::from_fn(|place| 5000 + step * place as i32);
+    CalibrationErrors::Fitted(FittedErrors {
+        curve: rising(777).map(Micrometres::from_bits),
+        surface: Some(FittedSurface {
+            deviation: rising(9999).map(Micrometres::from_bits),
+            height: rising(55_555).map(Counts::from_bits),
+        }),
+    })
 }
 
 fn say_centre(answer: Result<RowCentre, Fault>, say: &mut impl FnMut(u32)) {
@@ -138,8 +146,14 @@ fn say_reading(answer: Result<Reading, Fault>, say: &mut impl FnMut(u32)) {
             estimator: _,
             misfits,
             correlated,
+            parts,
+            is_nominal: _,
+            has_other_settings: _,
         }) => {
             say(0);
+            for (_, part) in parts.named() {
+                say(part.to_bits() as u32);
+            }
             for bits in [
                 distance.to_bits(),
                 uncertainty.to_bits(),

@@ -6,6 +6,7 @@ use simulator::scene::Scene;
 use slitrange::centre::Estimator;
 use slitrange::distance::eq1;
 use slitrange::fault::Fault;
+use slitrange::pixels::PixelErrors;
 use slitrange::protocol::help::{Estimators, Help};
 use slitrange::protocol::info::{Banner, Hardware, Info};
 use slitrange::protocol::status::StartCause;
@@ -17,8 +18,8 @@ use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use crate::common::{
-    DISTANCE, Status, ask, ask_for_lines, boot, fresh_results, is_reading, is_result, measuring,
-    number, paper, set,
+    DISTANCE, PATIENCE, Status, ask, ask_for_lines, boot, fresh_results, is_reading, is_result,
+    measuring, number, paper, set,
 };
 
 const HARDWARE: Hardware = Hardware {
@@ -59,11 +60,48 @@ fn help_and_info_match_the_core() {
             settings: &Settings::default(),
             record: Record::nominal().as_ref(),
             is_calibration_on: on,
+            pixels: PixelErrors::TCD1304DG,
         }
         .to_string();
         let info: Vec<&str> = info.split("\r\n").collect();
         assert_eq!(ask_for_lines(&mut board, "info", info.len()), info);
     }
+    board.finish().expect("a clean run");
+}
+
+/// u is made of its parts, and the difference to `zero` loses what both readings share: all but noise and
+/// pixels' far parts, for a target at rest.
+#[test]
+fn the_parts_of_u_and_the_zero_are_given() {
+    let mut board = measuring(16);
+    let lines = ask_for_lines(&mut board, "uncertainty", 7);
+    let u = number(&lines[0], " u ", " r ");
+    let squares: f64 = lines[1..]
+        .iter()
+        .map(|line| {
+            let (_, part) = line.rsplit_once("mm").map_or(("", ""), |(part, _)| {
+                part.trim_end().rsplit_once(' ').unwrap_or(("", ""))
+            });
+            part.parse::<f64>().expect("a part").powi(2)
+        })
+        .sum();
+    println!("{lines:#?}");
+    assert!((squares.sqrt() / u - 1.0).abs() < 1e-3);
+    // Nobody calibrated this sensor.
+    assert!(lines[0].ends_with(" g"), "{}", lines[0]);
+
+    let zero = ask(&mut board, "zero");
+    assert!(zero.starts_with("d "), "{zero}");
+    let line = board.run_until_line(|line| line.starts_with("z "), PATIENCE);
+    let line = line.expect("a difference").text;
+    println!("{line}");
+    let off = number(&line, "z ", " mm");
+    let [u, r] = [number(&line, " u ", " r "), number(&line, " r ", " x ")];
+    assert!(off.abs() < 4.0 * u && u < 1.01 * r && r < 0.01, "{line}");
+    set(&mut board, "zero off");
+    board
+        .run_until_line(|line| line.starts_with("d "), PATIENCE)
+        .expect("a distance");
     board.finish().expect("a clean run");
 }
 

@@ -13,6 +13,7 @@ use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::sensor_heads;
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Micrometres, Pixels};
 use virtual_board::VirtualBoard;
 
@@ -30,6 +31,13 @@ pub fn record(calibration: Calibration) -> Record {
         estimator: Estimator::Adaptive,
         black_level: BlackLevel::Fixed(Counts::from_int(300)),
         calibration,
+        errors: CalibrationErrors::Fitted(FittedErrors {
+            curve: [Micrometres::from_int(40); PLACES],
+            surface: Some(FittedSurface {
+                deviation: [Micrometres::from_int(400); PLACES],
+                height: [Counts::from_int(1000); PLACES],
+            }),
+        }),
     }
 }
 
