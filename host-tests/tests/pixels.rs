@@ -5,7 +5,6 @@ use proptest::test_runner::RngSeed;
 use rayon::prelude::*;
 use simulator::scene::{Ambient, FixedPattern, Response, Scene, Simulation, quantise};
 use slitrange::measurement::Measurement;
-use slitrange::pixels::PixelErrors;
 use slitrange::pixels::encoded::{Read, Reader, Word, Words};
 use slitrange::pixels::flat_field::{FlatField, Kind, ROWS, TakeError, Taken};
 use slitrange::pixels::map::{Entry, MAX_MAP_PIXELS, PixelMap};

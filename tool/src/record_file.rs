@@ -11,7 +11,8 @@ use slitrange::distance::knots::{Knot, Knots};
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::record::{MAX_ENCODED, decode};
 use slitrange::row::Polarity;
-use slitrange::units::{Micrometres, Pixels};
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors};
+use slitrange::units::{Counts, Micrometres, Pixels};
 
 use crate::points::black_level_words;
 use crate::whole_file;
@@ -90,8 +91,46 @@ pub struct Shown {
     pub centres_px: [f64; 2],
     /// The shortest and the longest distance, in millimetres.
     pub distances_mm: [f64; 2],
+    /// What the record knows of its errors.
+    pub errors: ShownErrors,
     /// Distances at some centres.
     pub examples: Vec<Example>,
+}
+
+/// What a record knows of its errors: the least and the largest standard uncertainty over its centres.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct ShownErrors {
+    /// Of the curve, in micrometres. None in a record of earlier firmware, and of the nominal calibration.
+    pub curve_um: Option<[f64; 2]>,
+    /// By the target's surface, in micrometres, for a spot of the usual height. None if the points did not
+    /// tell it: the sensor then takes an estimate.
+    pub surface_um: Option<[f64; 2]>,
+    /// The usual height in counts.
+    pub height_counts: Option<[f64; 2]>,
+}
+
+impl ShownErrors {
+    fn of(errors: &CalibrationErrors) -> Self {
+        let CalibrationErrors::Fitted(FittedErrors { curve, surface }) = errors else {
+            return Self::default();
+        };
+        let um = |values: &[Micrometres]| ends(values.iter().map(|value| value.to_f64()));
+        let counts = |values: &[Counts]| ends(values.iter().map(|value| value.to_f64()));
+        Self {
+            curve_um: Some(um(curve)),
+            surface_um: surface.as_ref().map(|surface| um(&surface.deviation)),
+            height_counts: surface.as_ref().map(|surface| counts(&surface.height)),
+        }
+    }
+}
+
+/// The least and the largest, to a tenth.
+fn ends(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
+    let ends = [
+        values.clone().fold(f64::INFINITY, f64::min),
+        values.fold(0.0, f64::max),
+    ];
+    ends.map(|value| (10.0 * value).round() / 10.0)
 }
 
 /// The sensor's rows.
@@ -193,6 +232,7 @@ impl Shown {
             }),
             centres_px: [first.to_f64(), last.to_f64()],
             distances_mm: ends.map(|end| end.to_f64() / 1e3),
+            errors: ShownErrors::of(&record.errors),
             examples: (0..EXAMPLES)
                 .filter_map(|index| at(between(first, last, index)))
                 .collect(),
@@ -262,6 +302,27 @@ impl Shown {
         fields.push(("centres", format!("{first:.5} to {last:.5} px")));
         let [least, most] = self.distances_mm;
         fields.push(("distances", format!("{least:.4} to {most:.4} mm")));
+        fields.push((
+            "curve",
+            match (self.errors.curve_um, self.nominal) {
+                (Some([least, most]), _) => {
+                    format!("standard uncertainty {least:.1} to {most:.1} um")
+                }
+                (None, true) => "tolerances of a head that was never calibrated".to_owned(),
+                (None, false) => "uncertainty not in the record: fit again to have it".to_owned(),
+            },
+        ));
+        let surface = self.errors.surface_um.zip(self.errors.height_counts);
+        fields.push((
+            "surface",
+            match surface {
+                Some(([least, most], [dim, bright])) => format!(
+                    "moves distances by {least:.0} to {most:.0} um, at a height of {dim:.0} to {bright:.0} \
+                     counts"
+                ),
+                None => "not in the record: the sensor takes an estimate".to_owned(),
+            },
+        ));
         fields
     }
 }

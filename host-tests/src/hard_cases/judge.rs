@@ -6,6 +6,7 @@ use slitrange::fault::Fault;
 use slitrange::reading::Reading;
 use slitrange::row::Row;
 use slitrange::spot;
+use slitrange::units::Micrometres;
 
 use crate::hard_cases::frames::is_flagged;
 use crate::hard_cases::truth::is_beyond_claim;
@@ -65,12 +66,16 @@ impl Said {
         }
     }
 
-    /// By a frame.
+    /// By a frame. The claim is that of its rows: noise and motion.
     pub fn of_reading(truth: Truth, answer: &Result<Reading, Fault>) -> Self {
         match answer {
             Ok(reading) => Self::Centre {
                 error: truth.error(reading.centre.to_f64()),
-                claim: reading.centre_uncertainty.to_f64(),
+                claim: {
+                    let [noise, motion] =
+                        [reading.parts.noise, reading.parts.motion].map(Micrometres::to_f64);
+                    reading.centre_uncertainty.to_f64() * noise.hypot(motion) / noise
+                },
                 flagged: is_flagged(reading),
             },
             Err(fault) => Self::Fault(*fault),

@@ -148,7 +148,8 @@ fn readings() -> Vec<Point> {
                 milliseconds: n / reading_time::ROWS_PER_SECOND * 1e3,
                 micrometres,
                 bound_micrometres: 6.0 / n.sqrt(),
-                claimed_micrometres: micrometres,
+                u_micrometres: micrometres,
+                r_micrometres: micrometres,
                 faults: 0,
             });
         }

@@ -19,6 +19,7 @@ use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
+use slitrange::record;
 use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 
@@ -63,6 +64,10 @@ impl Light {
     }
 }
 
+/// The record of a sensor that was calibrated on white paper: the demo's, by `cargo surfaces`.
+const CALIBRATED_ON_PAPER: &[u8] =
+    include_bytes!("../../../../virtual-board/src/bin/demo/paper.record");
+
 /// A point of a curve.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Point {
@@ -76,8 +81,10 @@ pub struct Point {
     pub micrometres: f64,
     /// The Cramér-Rao bound for noise alone in micrometres: that of a row over sqrt(rows).
     pub bound_micrometres: f64,
-    /// Median of the uncertainty that the readings claim, in micrometres.
-    pub claimed_micrometres: f64,
+    /// Median of the readings' u in micrometres.
+    pub u_micrometres: f64,
+    /// Median of the readings' r in micrometres.
+    pub r_micrometres: f64,
     /// Readings without a distance.
     pub faults: u64,
 }
@@ -95,7 +102,7 @@ pub fn measure(readings: u64) -> Result<Vec<Point>> {
 fn measure_light(light: Light, readings: u64) -> Result<Vec<Point>> {
     let bound = bound(&Light::NoiseAlone.scene()?);
     let scene = light.scene()?;
-    // For each reading, error and claim at each number of rows.
+    // For each reading, what is found at each number of rows.
     let results: Vec<Vec<Option<Found>>> = (0..readings)
         .into_par_iter()
         .map(|reading| read(&scene, reading))
@@ -120,11 +127,19 @@ fn bound(scene: &Scene) -> f64 {
         * 1e6
 }
 
-/// The error and the claimed uncertainty of a reading, in micrometres.
+/// The error, u and r of a reading, in micrometres.
 #[derive(Clone, Copy, Debug)]
 struct Found {
     error: f64,
-    claim: f64,
+    u: f64,
+    r: f64,
+}
+
+/// The middle value.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 fn point(
@@ -135,8 +150,6 @@ fn point(
 ) -> Point {
     let count = readings.len();
     let found: Vec<Found> = readings.flatten().collect();
-    let mut claims: Vec<f64> = found.iter().map(|found| found.claim).collect();
-    claims.sort_by(f64::total_cmp);
     let squares: f64 = found.iter().map(|found| found.error.powi(2)).sum();
     Point {
         light,
@@ -144,7 +157,8 @@ fn point(
         milliseconds: rows as f64 / ROWS_PER_SECOND * 1e3,
         micrometres: (squares / found.len() as f64).sqrt(),
         bound_micrometres: bound / (rows as f64).sqrt(),
-        claimed_micrometres: claims.get(claims.len() / 2).copied().unwrap_or(f64::NAN),
+        u_micrometres: median(found.iter().map(|found| found.u)),
+        r_micrometres: median(found.iter().map(|found| found.r)),
         faults: (count - found.len()) as u64,
     }
 }
@@ -166,6 +180,9 @@ fn read(scene: &Scene, reading: u64) -> Vec<Option<Found>> {
         Measurement::new(scene.geometry(), settings)
     });
     let calibration = Calibration::nominal();
+    // The curve is exact here. What it says of the surface is what a calibration on white paper finds.
+    let errors = record::decode(CALIBRATED_ON_PAPER).map(|record| record.errors);
+    let errors = errors.unwrap_or(CalibrationErrors::Unknown);
     let mut results = vec![None; ROWS.len()];
     let full_scale = scene.geometry().full_scale();
     let mut sum_of_truths = 0.0;
@@ -182,16 +199,13 @@ fn read(scene: &Scene, reading: u64) -> Vec<Option<Found>> {
                 continue;
             }
             let measured = measurement.row(&mut words.clone());
-            if let Some(Ok(reading)) = measured.map(|measured| {
-                measured?.reading(
-                    calibration.as_ref(),
-                    &CalibrationErrors::Unknown,
-                    Surface::Off,
-                )
-            }) {
+            if let Some(Ok(reading)) = measured
+                .map(|measured| measured?.reading(calibration.as_ref(), &errors, Surface::Auto))
+            {
                 *result = Some(Found {
                     error: reading.distance.to_f64() - sum_of_truths / rows as f64,
-                    claim: reading.uncertainty.to_f64(),
+                    u: reading.uncertainty.to_f64(),
+                    r: reading.parts.noise.to_f64(),
                 });
             }
         }

@@ -238,9 +238,9 @@ impl Measured {
             "virtual board, estimated".into(),
         ]);
         for (surface, light) in [
-            ("no speckle", reading_time::Light::NoiseAlone),
+            ("quiet surface", reading_time::Light::NoiseAlone),
             (
-                "rough surface at rest (speckle)",
+                "white paper at rest (speckle)",
                 reading_time::Light::SpeckleAtRest,
             ),
         ] {
@@ -248,8 +248,14 @@ impl Measured {
                 |point: &&reading_time::Point| point.light == light && point.rows == README_ROWS;
             let point = self.readings.iter().find(of_light);
             rows.push(vec![
-                format!("RMS error of a distance, 0.8 m, {README_ROWS} rows, {surface}"),
-                point.map_or("-".into(), |point| format!("{:.1} um", point.micrometres)),
+                format!("a distance, 0.8 m, {README_ROWS} rows, {surface}: RMS error; median u; r"),
+                point.map_or("-".into(), |point| {
+                    let digits = if point.micrometres < 10.0 { 1 } else { 0 };
+                    format!(
+                        "{:.digits$} um; {:.0} um; {:.1} um",
+                        point.micrometres, point.u_micrometres, point.r_micrometres
+                    )
+                }),
                 "PC, simulated target".into(),
             ]);
         }

@@ -17,7 +17,7 @@ use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use slitrange::spot::{Background, Spot};
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES, Parts};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
 /// What might be any value of its type, though it is the one given.
@@ -105,10 +105,12 @@ pub fn record(calibration: Calibration) -> Option<Record> {
 }
 
 pub fn errors() -> CalibrationErrors {
-    let unknown = any(CalibrationErrors::Unknown);
     let places = || any([Micrometres::MIN; PLACES]);
     if any(true) {
-        return unknown;
+        return CalibrationErrors::Unknown;
+    }
+    if any(true) {
+        return CalibrationErrors::Nominal;
     }
     CalibrationErrors::Fitted(FittedErrors {
         curve: places(),
@@ -178,6 +180,9 @@ pub fn reading() -> Reading {
         estimator: Estimator::Centroid,
         misfits: 0,
         correlated: None,
+        parts: Parts::default(),
+        is_nominal: false,
+        has_other_settings: false,
     })
 }
 
