@@ -17,8 +17,8 @@ use slitrange::reading::Reading;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
-use slitrange::units::{Counts, Micrometres, Pixels};
 use slitrange::uncertainty::{CalibrationErrors, Surface};
+use slitrange::units::{Counts, Micrometres, Pixels};
 
 /// Rows at most, so that an input takes a few milliseconds.
 const MAX_ROWS_OF_INPUT: usize = 24;
@@ -228,7 +228,13 @@ impl Bench {
         assert_eq!(result.is_some(), due, "after {} rows", self.rows);
         if let Some(result) = result {
             self.rows = 0;
-            match result.and_then(|measured| measured.reading(self.calibration.as_ref(), &CalibrationErrors::Unknown, Surface::Off)) {
+            match result.and_then(|measured| {
+                measured.reading(
+                    self.calibration.as_ref(),
+                    &CalibrationErrors::Nominal,
+                    Surface::Auto,
+                )
+            }) {
                 Ok(reading) => self.check(&reading),
                 Err(fault) => self.check_fault(fault),
             }

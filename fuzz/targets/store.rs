@@ -23,8 +23,8 @@ use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use slitrange::store::configuration::{Configuration, MAX_ENCODED, decode, encode};
 use slitrange::store::{Store, Stored};
+use slitrange::uncertainty::CalibrationErrors;
 use slitrange::units::{Counts, Micrometres, Pixels};
-use slitrange::uncertainty::{CalibrationErrors};
 
 use flash::{BYTES, Flash, SECTOR};
 

@@ -1,6 +1,8 @@
 //! The parts of u: where one alone is large, errors are as large as it says. The parts of a fit are tested
 //! with the tool, noise and motion with the frames.
 
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use rayon::prelude::*;
 use simulator::distorted_optics::DistortedOptics;
 use simulator::scene::{
@@ -15,8 +17,8 @@ use slitrange::measurement::Measurement;
 use slitrange::pixels::PixelErrors;
 use slitrange::reading::{Measured, Reading};
 use slitrange::settings::Settings;
-use slitrange::uncertainty::{CalibrationErrors, Surface};
-use slitrange::units::{Counts, Pixels};
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES, Surface};
+use slitrange::units::{Counts, Micrometres, Pixels};
 
 fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
@@ -230,4 +232,91 @@ fn speckle_moves_distances_as_far_as_physics_says() {
     // Of 400 normal errors the RMS is known to 3.5 %, and the share within 2 u to 1 %.
     assert!((0.88..1.12).contains(&rms(&found)));
     assert!((0.92..0.98).contains(&two));
+}
+
+/// Bits of nine lengths or heights.
+fn nine() -> impl Strategy<Value = [i32; PLACES]> {
+    prop_oneof![
+        any::<[i32; PLACES]>(),
+        any::<[u16; PLACES]>().prop_map(|bits| bits.map(i32::from))
+    ]
+}
+
+fn any_errors() -> impl Strategy<Value = CalibrationErrors> {
+    (0..4, nine(), nine(), nine()).prop_map(|(kind, curve, deviation, height)| match kind {
+        0 => CalibrationErrors::Unknown,
+        1 => CalibrationErrors::Nominal,
+        _ => CalibrationErrors::Fitted(FittedErrors {
+            curve: curve.map(Micrometres::from_bits),
+            surface: (kind == 3).then_some(FittedSurface {
+                deviation: deviation.map(Micrometres::from_bits),
+                height: height.map(Counts::from_bits),
+            }),
+        }),
+    })
+}
+
+fn any_measured() -> impl Strategy<Value = Measured> {
+    let numbers = (
+        1191..=2654i32,
+        any::<[i32; 6]>(),
+        any::<u16>(),
+        any::<u16>(),
+    );
+    numbers.prop_map(|(centre, bits, rows, response_q16)| {
+        let [uncertainty, amplitude, width, spread, motion, offset] = bits;
+        let exact = exact(centre.into());
+        Measured {
+            frame: FrameCentre {
+                uncertainty: Pixels::from_bits(uncertainty),
+                amplitude: Counts::from_bits(amplitude),
+                width: Pixels::from_bits(width),
+                spread: Pixels::from_bits(spread),
+                motion: Pixels::from_bits(motion),
+                rows_used: rows,
+                ..exact.frame
+            },
+            ambient: Counts::from_bits(offset),
+            pixels: PixelErrors {
+                response_q16,
+                offset: Counts::from_bits(offset),
+            },
+            ..exact
+        }
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 4000,
+        rng_seed: RngSeed::Fixed(6),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
+    /// Whatever a record and a frame say, u is above zero, and not below any part. So is that of a difference.
+    #[test]
+    fn u_is_never_zero_and_never_below_a_part(
+        [before, now] in [any_measured(), any_measured()],
+        errors in any_errors(),
+        surface in prop_oneof![
+            Just(Surface::Auto),
+            Just(Surface::Off),
+            (0..50_000).prop_map(|um| Surface::Fixed(Micrometres::from_int(um))),
+        ],
+    ) {
+        let calibration = Calibration::nominal();
+        let [before, now] = [before, now].map(|measured| {
+            measured.reading(calibration.as_ref(), &errors, surface).expect("in range")
+        });
+        for reading in [now, Difference::between(&before, &now).0] {
+            prop_assert!(reading.uncertainty > Micrometres::default());
+            // A float has 24 bits, and u saturates.
+            let least = reading.uncertainty.to_f64() * (1.0 + 1e-6) + 0.01;
+            for (name, part) in reading.parts.named() {
+                prop_assert!(part.to_f64() <= least, "{} {:?}", name, reading);
+            }
+            prop_assert!(reading.to_string().starts_with("d "));
+        }
+    }
 }

@@ -22,25 +22,37 @@ const REFERENCE_MARK: &str = "cargo serial-line";
 const SESSION_MARK: &str = "cargo serial-line, a session";
 
 /// A session on the virtual board. `> ` marks what a person types.
-const SESSION: [&str; 19] = [
+const SESSION: [&str; 31] = [
     "slitrange 0.1.0 NUCLEO-F429ZI TCD1304DG, started by power-on",
-    "d 800.0009 mm u 0.0016 x 1770.9768 a 1992 n 16/16 b 300 e t",
+    "d 800.0009 mm u 17.13 r 0.0016 x 1770.9767 a 1992 n 16/16 g",
     "> stream off",
     "stream off",
     "> rows 64",
     "rows 64",
     "> distance",
-    "d 799.9994 mm u 0.0008 x 1770.9806 a 1994 n 64/64 b 300 e t",
+    "d 800.0003 mm u 17.13 r 0.0008 x 1770.9782 a 1994 n 64/64 g",
     "> black fixed 5000",
     "E3 out of range, expected black fixed 0..4095|shielded|frame",
+    "> uncertainty",
+    "d 800.0003 mm u 17.13 r 0.0008 x 1770.9782 a 1994 n 64/64 g",
+    "uncertainty noise 0.0008 mm",
+    "uncertainty pixels 0.0161 mm",
+    "uncertainty calibration 0.0000 mm",
+    "uncertainty surface 0.3339 mm",
+    "uncertainty geometry 17.1266 mm",
+    "uncertainty motion 0.0000 mm",
     "> estimator adaptive",
     "estimator adaptive",
     "> distance",
-    "d 799.9997 mm u 0.0008 x 1770.9797 a 1949 n 64/64 b 300 e a",
+    "d 799.9993 mm u 17.13 r 0.0008 x 1770.9808 a 1950 n 64/64 g",
+    "> zero",
+    "d 799.9996 mm u 17.13 r 0.0008 x 1770.9801 a 1950 n 64/64 g",
+    "> distance",
+    "z 0.0010 mm u 0.0012 r 0.0011 x 1770.9776 a 1950 n 64/64 g",
     "> calibration off",
     "calibration off",
     "> distance",
-    "f not calibrated: x 1770.97591 u 0.00198",
+    "f not calibrated: x 1770.97815 u 0.00197",
     "(send `calibration on`; if there is no calibration, upload one or send `defaults`)",
 ];
 

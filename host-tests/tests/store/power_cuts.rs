@@ -179,10 +179,10 @@ fn two_power_cuts_in_two_saves() {
     let (second, third) = (sample(Size::Most, 2000), sample(Size::Most, 3000));
     let old = read(&mut before.clone());
     let mut cuts = 0;
-    // A save of the largest has 348 operations.
-    for (at, again) in (0..360)
+    // A save of the largest has 399 operations.
+    for (at, again) in (0..410)
         .step_by(22)
-        .flat_map(|at| (0..360).step_by(20).map(move |again| (at, again)))
+        .flat_map(|at| (0..410).step_by(20).map(move |again| (at, again)))
         // The erasure, each way.
         .chain((0..40).flat_map(|i| [(0, i % 4), (i % 4, 0)]))
     {
