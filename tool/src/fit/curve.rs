@@ -11,7 +11,12 @@ pub struct Curve {
     pub eq1: eq1::Fit,
     /// Distance less eq. (1), over the distance that eq. (1) gives.
     pub correction: Option<Spline>,
+    /// The same, smoothed less by [`LESS_SMOOTH`].
+    pub less_smooth: Option<Spline>,
 }
+
+/// How much less the second curve is smoothed. What it changes is about what the first one smooths away.
+pub const LESS_SMOOTH: f64 = 30.0;
 
 impl Curve {
     /// The distance at a centre.
@@ -48,6 +53,15 @@ impl Curve {
         match &self.correction {
             None => self.eq1.unit_variance_at(centre),
             Some(correction) => correction.unit_variance_at(self.eq1.curve.distance(centre)),
+        }
+    }
+
+    /// What smoothing may have taken away at a centre, in metres.
+    pub fn smoothed_away(&self, centre: f64) -> f64 {
+        let distance = self.eq1.curve.distance(centre);
+        match (&self.correction, &self.less_smooth) {
+            (Some(curve), Some(less_smooth)) => less_smooth.at(distance) - curve.at(distance),
+            _ => 0.0,
         }
     }
 

@@ -33,7 +33,8 @@ pub fn of(solved: &Solved, made: &Made<'_>) -> CalibrationErrors {
     CalibrationErrors::Fitted(FittedErrors {
         curve: centres.map(|centre| {
             let rounding = 1e-6 * made.error_um;
-            um((factor * curve.unit_variance_at(centre).sqrt()).hypot(rounding))
+            let noise = factor * curve.unit_variance_at(centre).sqrt();
+            um(noise.hypot(rounding).hypot(curve.smoothed_away(centre)))
         }),
         surface,
     })

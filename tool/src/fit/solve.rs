@@ -3,7 +3,7 @@
 
 use anyhow::{Context as _, bail, ensure};
 
-use super::curve::{Curve, Quality, without_each};
+use super::curve::{Curve, LESS_SMOOTH, Quality, without_each};
 use super::eq1::{self, Observation};
 use super::observed::{Observed, Weights};
 use super::order::{self, FEWEST_TO_REJECT};
@@ -101,6 +101,7 @@ pub fn solve(points: &[Point], position: Option<f64>) -> anyhow::Result<Solved> 
     let plain = Curve {
         eq1,
         correction: None,
+        less_smooth: None,
     };
     let known = weights == Weights::Known;
     let plain_quality = Quality::of(&plain, &kept, known);
@@ -188,9 +189,11 @@ fn correct(plain: &Curve, points: &[Observed]) -> Option<Curve> {
         weight: 1.0 / point.sigma(&curve).powi(2),
     });
     let equations = Equations::new(grid, residuals, points.len() as f64);
+    let penalty = equations.best_penalty()?;
     Some(Curve {
         eq1: plain.eq1.clone(),
-        correction: Some(equations.solve(equations.best_penalty()?)?),
+        correction: Some(equations.solve(penalty)?),
+        less_smooth: Some(equations.solve(penalty / LESS_SMOOTH)?),
     })
 }
 

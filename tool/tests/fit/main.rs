@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod command;
+mod errors;
 mod properties;
 mod refusals;
 mod truth;

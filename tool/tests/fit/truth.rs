@@ -73,6 +73,18 @@ impl Truth {
         axis + from_axis * (1.0 + self.distortion * (from_axis / HALF_ROW).powi(2))
     }
 
+    /// The distance in metres for a centre in pixels.
+    pub fn distance(&self, centre: f64) -> f64 {
+        let axis = self.optics.axis;
+        // The distortion is small: each step leaves a small part of the error.
+        let mut undistorted = centre;
+        for _ in 0..20 {
+            let over = self.distortion * ((undistorted - axis) / HALF_ROW).powi(2);
+            undistorted = axis + (centre - axis) / (1.0 + over);
+        }
+        self.optics.distance(undistorted)
+    }
+
     /// Points at even steps, with gaussian noise of the centre in pixels.
     pub fn points(&self, count: usize, noise: f64, random: &mut ChaCha8Rng) -> Vec<Point> {
         (0..count)
