@@ -12,8 +12,8 @@
 //! variance a^2 + b^2 - 2 rho a b.
 //!
 //! **Surface.** If the target moves along the beam by a step D, rho = exp(-(D / L)^2), with the memory L =
-//! K lambda R^3 / (w b d). So for a step far below L the error is a share of the step: sqrt(2) s / L. On white
-//! paper with a laser spot of 1 mm that share is about one, with a spot of 0.42 mm it is a quarter
+//! K lambda R^3 / (w b d). So for a step far below L the error is a share of the step: sqrt(2) s / L. On
+//! white paper with a laser spot of 1 mm that share is about one, with a spot of 0.42 mm it is a quarter
 //! (docs/physics.md, *Steps*). A target that slides sideways forgets sooner.
 
 use crate::reading::Reading;

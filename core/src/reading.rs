@@ -81,7 +81,8 @@ pub struct Reading {
     pub distance: Micrometres,
     /// u, the combined standard uncertainty of the distance (one sigma): all of the parts.
     pub uncertainty: Micrometres,
-    /// What it is made of. The first part is r, the repeatability: what frames of a target at rest scatter by.
+    /// What it is made of. The first part is r, the repeatability: how much frames of a target at rest
+    /// scatter.
     pub parts: Parts,
     /// Centre of the spot on the light range.
     pub centre: Pixels,

@@ -483,8 +483,8 @@ impl fmt::Display for RecordError {
             ),
             Self::Version { version } => write!(
                 f,
-                "the record has format {version}, and this firmware knows {VERSION_1} and {VERSION}: write it \
-                with the tool of this firmware"
+                "the record has format {version}, and this firmware knows {VERSION_1} and {VERSION}: write \
+                it with the tool of this firmware"
             ),
             Self::Shape => f.write_str(
                 "the CRC is right, but the bytes are not a record: write the calibration with the tool of \

@@ -12,6 +12,7 @@ use slitrange::distance::eq1::NOMINAL;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
+use slitrange::reading::Measured;
 use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
@@ -631,7 +632,12 @@ proptest! {
             let is_last = (i + 1) % usize::from(in_a_frame) == 0;
             let result = measurement.row(&mut row.words());
             prop_assert_eq!(result.is_some(), is_last);
-            if let Some(Ok(reading)) = result.map(|result| result?.reading(Calibration::nominal().as_ref(), &CalibrationErrors::Unknown, Surface::Off)) {
+            let errors = CalibrationErrors::Unknown;
+            let nominal = Calibration::nominal();
+            let reading = |measured: Measured| {
+                measured.reading(nominal.as_ref(), &errors, Surface::Off)
+            };
+            if let Some(Ok(reading)) = result.map(|result| result.and_then(reading)) {
                 prop_assert!(reading.centre >= from && reading.centre <= to, "{}", reading);
                 let within = ends[0].min(ends[1])..=ends[0].max(ends[1]);
                 prop_assert!(within.contains(&reading.distance), "{}", reading);

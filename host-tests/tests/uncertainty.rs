@@ -294,7 +294,8 @@ proptest! {
         ..ProptestConfig::default()
     })]
 
-    /// Whatever a record and a frame say, u is above zero, and not below any part. So is that of a difference.
+    /// Whatever a record and a frame say, u is above zero, and not below any part: a reading's, and a
+    /// difference's.
     #[test]
     fn u_is_never_zero_and_never_below_a_part(
         [before, now] in [any_measured(), any_measured()],

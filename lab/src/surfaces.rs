@@ -196,12 +196,13 @@ impl Study {
 
 /// The studies as a table.
 pub fn report(studies: &[Study]) -> String {
-    let mut text = "Simulated on a PC: sensors that are calibrated with 60 points on a material, and then read \
-                    other places of it, at 0.60 to 1.02 m, in frames of 16 rows. Lengths in µm; within 2u: the \
-                    share of errors that are at most twice u, which is 95.4 % for normal errors.\n\n"
+    let mut text = "Simulated on a PC: sensors that are calibrated with 60 points on a material, and \
+                    then read other places of it, at 0.60 to 1.02 m, in frames of 16 rows. Lengths in µm; \
+                    within 2u: the share of errors that are at most twice u, which is 95.4 % for normal \
+                    errors.\n\n"
         .to_owned();
-    text += "| material | readings | RMS error | median u | median r | within u | 2u | 3u | nominal: within 2u \
-             | its surface part alone: within 2u |\n";
+    text += "| material | readings | RMS error | median u | median r | within u | 2u | 3u \
+             | nominal: within 2u | its surface part alone: within 2u |\n";
     text += "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
     for study in studies {
         let Summary {
@@ -215,8 +216,8 @@ pub fn report(studies: &[Study]) -> String {
         let [nominal, physical] =
             [study.nominal, study.physical].map(|it| format!("{:.1} %", 100.0 * it.within[1]));
         text += &format!(
-            "| {} | {count} | {rms:.0} | {median_u:.0} | {median_r:.1} | {one} | {two} | {three} | {nominal} | \
-             {physical} |\n",
+            "| {} | {count} | {rms:.0} | {median_u:.0} | {median_r:.1} | {one} | {two} | {three} \
+             | {nominal} | {physical} |\n",
             study.name
         );
     }

@@ -8,7 +8,7 @@ use lab::surfaces::{MATERIALS, Study, report};
 fn u_is_true_on_white_paper() {
     let (name, scene) = MATERIALS[0];
     let study = Study::run(name, scene, 1, 150).expect("a study");
-    println!("{}", report(&[study.clone()]));
+    println!("{}", report(std::slice::from_ref(&study)));
     assert!(study.own.count > 140);
     assert!((0.88..=1.0).contains(&study.own.within[1]));
     // What the rows of a target at rest do not show: r is a hundredth of the error.

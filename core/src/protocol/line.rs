@@ -1,12 +1,12 @@
 //! Readings and faults as lines, without their line ends.
 //!
 //! A reading is `d 800.1234 mm u 0.4372 r 0.0035 x 1823.1234 a 1830 n 16/16`: distance, its combined standard
-//! uncertainty u and its repeatability r, all in millimetres; centre in pixels, amplitude in counts, rows used
-//! of the frame's. A difference from `zero` begins with `z` instead of `d`. Flags may follow:
+//! uncertainty u and its repeatability r, all in millimetres; centre in pixels, amplitude in counts, rows
+//! used of the frame's. A difference from `zero` begins with `z` instead of `d`. Flags may follow:
 //!
 //! * `m 3`: three of the rows used did not fit their spot.
-//! * `c 3`: neighbouring rows have similar errors, and all rows may be worth as few as three independent ones.
-//!   This flag comes only below eight ([`Reading::correlated`]).
+//! * `c 3`: neighbouring rows have similar errors, and all rows may be worth as few as three independent
+//!   ones. This flag comes only below eight ([`Reading::correlated`]).
 //! * `g`: the geometry is the nominal one, because the head was never calibrated.
 //! * `s`: estimator or black level are not those of the calibration.
 //!
@@ -18,8 +18,8 @@
 //! 115200 baud carries 65.6 bytes in the 5.7 ms of a row, so a frame's line may have that many bytes for each
 //! of its rows. The longest line of a frame of one row is 65 bytes with its end, for distances that are
 //! positive and below 10 m, u below 1 m and r below 10 mm. To fit, the centre has four decimals, which are
-//! 0.02 to 0.07 um of distance and so as fine as the distance's own, and u has two from 10 mm on. The flag `c`
-//! comes only with frames of eight rows or more, whose line has eight times the room.
+//! 0.02 to 0.07 um of distance and so as fine as the distance's own, and u has two from 10 mm on. The flag
+//! `c` comes only with frames of eight rows or more, whose line has eight times the room.
 
 use core::fmt;
 

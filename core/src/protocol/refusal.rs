@@ -95,7 +95,7 @@ impl fmt::Display for Refusal {
             Self::NoMap => f.write_str("E19 there is no map of the pixels: flat dark, then flat lit"),
             Self::NotTaken(error) => write!(f, "E20 {error}"),
             Self::MapNotSaved(_) => f.write_str(
-                "E21 the flash does not hold what was written or erased: try again, and if that does not help, \
+                "E21 the flash does not hold what was written or erased: try again; if that does not help, \
                  replace the sensor's board",
             ),
         }

@@ -1,5 +1,5 @@
-//! Keeps the map of the pixels in two sectors of flash, over a power cycle. They follow the two sectors of the
-//! configuration.
+//! Keeps the map of the pixels in two sectors of flash, over a power cycle. They follow the two sectors of
+//! the configuration.
 //!
 //! A save erases the sector that does not hold the newest whole map, and writes the map there. So a power cut
 //! at any moment leaves the old map or the new one.

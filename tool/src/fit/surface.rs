@@ -1,8 +1,8 @@
 //! How far the target's surface moves distances: what the points scatter beyond their noise.
 //!
 //! Speckle moves each point by s sqrt(usual height / height), where s rises with the distance (core,
-//! `uncertainty`). Here s = c (d - D), with D of eq. (1), so that the zero of a stage does not matter; and the
-//! usual height is H (d - D)^q, which follows the laser, the slit and the material.
+//! `uncertainty`). Here s = c (d - D), with D of eq. (1), so that the zero of a stage does not matter; and
+//! the usual height is H (d - D)^q, which follows the laser, the slit and the material.
 
 use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
@@ -91,8 +91,8 @@ const POWER: f64 = -1.0;
 const POWER_DEVIATION: f64 = 1.5;
 
 /// H and q for heights at logarithms of distances. Heights scatter by a share of their mean, up to all of it,
-/// so this is the regression of a gamma distribution (P. McCullagh and J. A. Nelder, Generalized Linear Models,
-/// 2nd ed., section 8), with [`POWER`] before it.
+/// so this is the regression of a gamma distribution (P. McCullagh and J. A. Nelder, Generalized Linear
+/// Models, 2nd ed., section 8), with [`POWER`] before it.
 fn usual_height(heights: &[(f64, f64)]) -> (f64, f64) {
     let mean = heights.iter().map(|(_, height)| height).sum::<f64>() / heights.len() as f64;
     let (mut log_height, mut power) = (mean.ln(), 0.0);

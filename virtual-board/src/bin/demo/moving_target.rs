@@ -75,8 +75,8 @@ struct Compared {
 /// The scene to show, and the first distance of its target.
 pub fn scene(options: &Options) -> Result<(Scene, f64)> {
     let Some(name) = &options.scene else {
-        // At a terminal a person may put the target anywhere, and give the sensor another geometry: speckle is
-        // made for neither.
+        // At a terminal a person may put the target anywhere, and give the sensor another geometry: speckle
+        // is made for neither.
         let scene = match options.pty {
             true => Scene::white_paper(),
             false => Scene::load("speckle-at-rest")?,
