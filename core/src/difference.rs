@@ -3,7 +3,7 @@
 //! | part | shared by both readings |
 //! |---|---|
 //! | noise, motion | nothing |
-//! | pixels | the window: nothing from about two widths on |
+//! | pixels | all at the same centre, nothing one width away, and up to minus 0.45 beyond |
 //! | calibration | all for a small step, nothing over half of the range |
 //! | geometry | all, but it grows with the distance |
 //! | surface | all for a small step, nothing for one beyond the speckle's memory |
@@ -11,10 +11,10 @@
 //! For two errors with the standard deviations a and b, and the correlation rho, the difference has the
 //! variance a^2 + b^2 - 2 rho a b.
 //!
-//! **Surface.** If the target moves along the beam by a step D, rho = exp(-(D / L)^2), with the memory L =
-//! K lambda R^3 / (w b d). So for a step far below L the error is a share of the step: sqrt(2) s / L. On
-//! white paper with a laser spot of 1 mm that share is about one, with a spot of 0.42 mm it is a quarter
-//! (docs/physics.md, *Steps*). A target that slides sideways forgets sooner.
+//! **Surface.** If the target moves along the beam by a step D, rho = exp(-(D / L)^2), with the memory L = K
+//! lambda R^3 / (w b d). So for a step far below L the error is a share of the step: sqrt(2) e / L, where e
+//! is the surface's part. On white paper with a laser spot of 1 mm that share is about one, with a spot of
+//! 0.42 mm it is a quarter (docs/uncertainty.md). A target that slides sideways forgets sooner.
 
 use crate::reading::Reading;
 use crate::uncertainty::{MEMORY, Parts};

@@ -82,7 +82,7 @@ pub struct FrameCentre {
     pub centre: Pixels,
     /// The standard uncertainty of the centre that the rows' errors cause, and their scatter beyond those. If
     /// the target moves steadily, that motion is not scatter. [`Self::motion`] is not part of this
-    /// uncertainty.
+    /// uncertainty. Speckle that all rows share is not in it either.
     ///
     /// A motion counts from four standard deviations on. Slower motion goes unseen, and shifts the centre if
     /// the mean of the rows' times is not the middle of the frame: by up to 4 m / s uncertainties, where m

@@ -86,7 +86,7 @@ pub struct Reading {
     pub parts: Parts,
     /// Centre of the spot on the light range.
     pub centre: Pixels,
-    /// Standard uncertainty of the centre.
+    /// Repeatability of the centre: the noise of the rows. Speckle, pixels and calibration are not in it.
     pub centre_uncertainty: Pixels,
     /// The spot's height above the background, mean over the rows used.
     pub amplitude: Counts,

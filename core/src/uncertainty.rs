@@ -13,8 +13,8 @@
 //! **Surface.** Behind a slit that is narrower than a speckle, the light that the sensor sees is a plane wave
 //! with a random tilt, and the tilt moves the spot. For a spot that is made of M equal speckle patterns, the
 //! displacement given the spot's light I is normal, with the variance s^2 / (2 M) times the mean light over
-//! I: s is the standard deviation of the laser spot, converted to a distance. So u = c sqrt(usual height /
-//! height), where `c` depends on the surface and rises in proportion to the distance.
+//! I: s is the standard deviation of the laser spot, converted to a distance. So the surface's part is
+//! e sqrt(usual height / height). e depends on the surface, and is proportional to the distance.
 
 use serde::{Deserialize, Serialize};
 
@@ -25,10 +25,10 @@ use crate::units::{Counts, Micrometres, Pixels};
 /// Where the surface's part comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Surface {
-    /// From the calibration's points; where they do not tell it, from [`SPECKLE`].
+    /// From the calibration's points. If the record does not hold it, from [`SPECKLE`].
     #[default]
     Auto,
-    /// This, for a spot of the usual height.
+    /// Set by hand, for a spot of the usual height.
     Fixed(Micrometres),
     /// The surface is smooth, or its errors are not to count.
     Off,
@@ -78,15 +78,15 @@ pub const SPECKLE: Speckle = Speckle {
 /// See [`SPECKLE`].
 #[derive(Clone, Copy, Debug)]
 pub struct Speckle {
-    /// Standard uncertainty over the distance, for a spot of the usual height.
+    /// Standard uncertainty divided by the distance, for a spot of the usual height.
     pub share_of_distance: f32,
     /// The usual height in counts: a quarter of full scale, as in the paper.
     pub usual_height: f32,
 }
 
-/// How far a target moves along the beam until it has other speckle: a laser spot of 1 mm in front of the
-/// nominal head. A smaller spot's memory is longer, in inverse proportion, and a difference is then better
-/// than it claims.
+/// The step along the beam after which the errors of two readings by the surface have the correlation 1/e: of
+/// a laser spot of 1 mm in front of the nominal head. A smaller spot's memory is longer, in inverse
+/// proportion, and a difference is then better than it claims.
 pub const MEMORY: Memory = Memory {
     um: 840.0,
     range_um: 854_400.0,
@@ -205,8 +205,9 @@ impl Place {
         }
     }
 
-    /// The surface's part. Rows that see different speckle scatter, and the scatter is what their mean has
-    /// already lost of the variance of one: [`FrameCentre::spread`]. At most the rows are independent.
+    /// The surface's part. The rows of a moving target see different speckle, and their mean has a smaller
+    /// error than one row: by the variance of their scatter ([`FrameCentre::spread`]), but never below that
+    /// of independent rows.
     fn surface(
         &self,
         frame: &FrameCentre,

@@ -66,7 +66,7 @@ const LARGEST_HOT: i32 = 100;
 /// The most pixels that may be at full scale in a row of even light.
 const MOST_SATURATED: usize = 16;
 
-/// What the rows show that are taken for a map.
+/// Which rows are taken: dark or lit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// No light.

@@ -165,11 +165,11 @@ impl Info<'_> {
                 )?;
             }
             (CalibrationErrors::Nominal, _) => {
-                write!(f, "{PART} calibration: none, it is the nominal one")?;
+                write!(f, "{PART} calibration: 0 um, see geometry")?;
             }
             _ => write!(
                 f,
-                "{PART} calibration: not in the record, so not in u: fit it again"
+                "{PART} calibration: unknown, so not in u: fit again from the points"
             )?,
         }
         let of_points = fitted.and_then(|fitted| fitted.surface);
@@ -191,7 +191,7 @@ impl Info<'_> {
                 f,
                 "{PART} geometry: tolerances of a head that was never calibrated (flag g)"
             )?,
-            _ => write!(f, "{PART} geometry: in the calibration")?,
+            _ => write!(f, "{PART} geometry: 0 um, the calibration holds it")?,
         }
         write!(f, "{PART} motion: {of_each_frame}")
     }
@@ -286,7 +286,7 @@ mod tests {
                 "\r\ninfo range x 1191 to 2654 px, 550.0874 to 1099.7177 mm\r\n\
                  info uncertainty noise: of each frame, from its rows; this part alone is r\r\n\
                  info uncertainty pixels: response 2.80 %, offset 5.40 counts, as the data sheet allows\r\n\
-                 info uncertainty calibration: none, it is the nominal one\r\n\
+                 info uncertainty calibration: 0 um, see geometry\r\n\
                  info uncertainty surface: an estimate, for a laser spot of 1 mm on metal\r\n\
                  info uncertainty geometry: tolerances of a head that was never calibrated (flag g)\r\n\
                  info uncertainty motion: of each frame, from its rows"
@@ -314,9 +314,9 @@ mod tests {
         };
         let old = info(Some(&own(CalibrationErrors::Unknown)), true);
         for line in [
-            "calibration: not in the record, so not in u: fit it again",
+            "calibration: unknown, so not in u: fit again from the points",
             "surface: an estimate, for a laser spot of 1 mm on metal",
-            "geometry: in the calibration",
+            "geometry: 0 um, the calibration holds it",
         ] {
             let line = format!("\r\ninfo uncertainty {line}\r\n");
             assert!(old.contains(&line), "{old}");

@@ -372,7 +372,7 @@ fn table_of_materials(studies: &[Study]) -> String {
         "RMS error of a distance, µm",
         "spot's 1/e² diameter at 0.8 m, mm",
         "memory L, mm",
-        "√2 s / L",
+        "√2 e / L",
     ])];
     for study in studies {
         let diameter = study.spot.diameter(0.8, study.optics.wavelength);

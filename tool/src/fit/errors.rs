@@ -1,4 +1,4 @@
-//! What a fit knows of its calibration's errors, as the record holds it.
+//! Computes the uncertainties of a fitted calibration, as its record holds them.
 
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Micrometres};
@@ -14,7 +14,7 @@ pub fn of(solved: &Solved, made: &Made<'_>) -> CalibrationErrors {
     let (first, last) = curve.eq1.valid;
     let centres: [f64; PLACES] =
         std::array::from_fn(|place| first + (last - first) * place as f64 / (PLACES - 1) as f64);
-    // Without a scatter there is nothing to scale with: three points, of which nothing else is known.
+    // Three points leave no residuals, so the fit cannot tell its errors.
     let Some(factor) = solved.quality(made.form).factor else {
         return CalibrationErrors::Unknown;
     };

@@ -423,8 +423,8 @@ impl fmt::Display for Report {
         match &self.surface {
             Some(surface) => writeln!(
                 f,
-                "  moves a distance by {:.1} um +- {:.0} % at {:.0} mm, for a spot of {:.0} counts: the part \
-                 of u that more rows do not reduce",
+                "  moves a distance by {:.1} um +- {:.0} % at {:.0} mm, for a spot of {:.0} counts: the \
+                 surface's part of u; more rows of a target at rest do not reduce it",
                 surface.deviation_um,
                 100.0 * surface.known_to,
                 surface.middle_mm,

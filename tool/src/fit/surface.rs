@@ -1,7 +1,7 @@
 //! How far the target's surface moves distances: what the points scatter beyond their noise.
 //!
-//! Speckle moves each point by s sqrt(usual height / height), where s rises with the distance (core,
-//! `uncertainty`). Here s = c (d - D), with D of eq. (1), so that the zero of a stage does not matter; and
+//! Speckle moves each point by e sqrt(usual height / height), where e rises with the distance (core,
+//! `uncertainty`). Here e = c (d - D), with D of eq. (1), so that the zero of a stage does not matter; and
 //! the usual height is H (d - D)^q, which follows the laser, the slit and the material.
 
 use nalgebra::{Matrix2, Vector2};
@@ -26,8 +26,7 @@ pub struct Surface {
     pub middle: f64,
 }
 
-/// Points beyond the curve's freedoms from which on their scatter tells enough of a surface: s is then known
-/// to 22 %.
+/// The fewest degrees of freedom for an estimate: e is then known to 22 %.
 const FEWEST_FREEDOMS: f64 = 10.0;
 
 impl Surface {
@@ -57,8 +56,9 @@ impl Surface {
             power,
             middle,
         };
-        // Each residual's square, less the variance of the point's own noise, in squares of the model's s for
-        // c = 1. A residual is short of the point's error by what the curve takes over.
+        // Each residual's square, less the variance of the point's own noise, in squares of the model's e for
+        // c = 1. The curve follows the points, so a residual is smaller than the point's error: points over
+        // freedoms corrects this on average.
         let squares: Vec<f64> = (points.iter())
             .map(|(point, height)| {
                 let unit = from_pole(point).powi(2) * usual.height_at(from_pole(point)) / height;
@@ -68,8 +68,9 @@ impl Surface {
             })
             .collect();
         let square = squares.iter().sum::<f64>() / squares.len() as f64;
-        // The scatter of few points is too small as often as too large, and too small counts for more: twice
-        // this holds 95 % of the errors, as twice Student's t does (first order in 1 / freedom).
+        // With few points the estimate scatters, and one that is too small loses more coverage than one that
+        // is too large gains. With this factor 95 % of the errors are within twice the value (Student's t,
+        // first order in 1 / freedom).
         let student = 1.0 + 1.25 / freedom;
         Some(Self {
             share: square.max(0.0).sqrt() * student,
@@ -83,11 +84,11 @@ impl Surface {
     }
 }
 
-/// What is thought of q before the points are seen: light falls as one over the square of the distance, but
-/// laser and material may change that.
+/// Prior mean of q. Light falls as one over the square of the distance, and a target that shines towards the
+/// sensor when it is far makes up for some of that: half-way.
 const POWER: f64 = -1.0;
 
-/// Standard deviation of what is thought of q.
+/// Prior standard deviation of q.
 const POWER_DEVIATION: f64 = 1.5;
 
 /// H and q for heights at logarithms of distances. Heights scatter by a share of their mean, up to all of it,
@@ -97,9 +98,9 @@ fn usual_height(heights: &[(f64, f64)]) -> (f64, f64) {
     let mean = heights.iter().map(|(_, height)| height).sum::<f64>() / heights.len() as f64;
     let (mut log_height, mut power) = (mean.ln(), 0.0);
     for _ in 0..20 {
-        let before = POWER_DEVIATION.powi(-2);
-        let mut matrix = Matrix2::new(0.0, 0.0, 0.0, before);
-        let mut vector = Vector2::new(0.0, before * (POWER - power));
+        let prior = POWER_DEVIATION.powi(-2);
+        let mut matrix = Matrix2::new(0.0, 0.0, 0.0, prior);
+        let mut vector = Vector2::new(0.0, prior * (POWER - power));
         for (log, height) in heights {
             let over = height / (log_height + power * log).exp() - 1.0;
             matrix += Matrix2::new(1.0, *log, *log, log * log);
@@ -108,7 +109,7 @@ fn usual_height(heights: &[(f64, f64)]) -> (f64, f64) {
         let Some(step) = matrix.lu().solve(&vector) else {
             break;
         };
-        // Half a step where a step would be large: the exponential runs away from it.
+        // At most 0.5: Newton's steps on an exponential may diverge.
         let length = step.amax();
         let step = if length > 0.5 {
             step * (0.5 / length)

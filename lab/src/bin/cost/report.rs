@@ -238,17 +238,14 @@ impl Measured {
             "virtual board, estimated".into(),
         ]);
         for (surface, light) in [
-            ("quiet surface", reading_time::Light::NoiseAlone),
-            (
-                "white paper at rest (speckle)",
-                reading_time::Light::SpeckleAtRest,
-            ),
+            ("no speckle", reading_time::Light::NoiseAlone),
+            ("white paper (speckle)", reading_time::Light::SpeckleAtRest),
         ] {
             let of_light =
                 |point: &&reading_time::Point| point.light == light && point.rows == README_ROWS;
             let point = self.readings.iter().find(of_light);
             rows.push(vec![
-                format!("a distance, 0.8 m, {README_ROWS} rows, {surface}: RMS error; median u; r"),
+                format!("distance, 0.8 m, {README_ROWS} rows, {surface}: RMS error; u; r"),
                 point.map_or("-".into(), |point| {
                     let digits = if point.micrometres < 10.0 { 1 } else { 0 };
                     format!(
@@ -256,13 +253,13 @@ impl Measured {
                         point.micrometres, point.u_micrometres, point.r_micrometres
                     )
                 }),
-                "PC, simulated target".into(),
+                "PC, simulated".into(),
             ]);
         }
         format!(
             "{}\nA row is one read-out of the pixels. The bound (Cramér-Rao) is the smallest error of any \
              unbiased method with this noise. Ratios: the worst of spot widths (sigma) from 1.2 to 18 px. \
-             Time: counted instructions at 168 MHz.\n",
+             Time: counted instructions at 168 MHz. u and r are medians.\n",
             table::markdown(&rows),
         )
     }

@@ -1,12 +1,14 @@
 //! How true u is on rough surfaces: `cargo surfaces`.
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use clap::Parser;
 use lab::docs;
 use lab::surfaces::steps;
 use lab::surfaces::{MATERIALS, Study, calibrate, report};
 use simulator::scene::Scene;
+use slitrange::record::Record;
 use slitrange::record::encoded::EncodedRecord;
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors};
 
 /// Calibrates simulated sensors on rough materials, and compares what their readings claim with the truth.
 /// Takes about ten minutes.
@@ -27,17 +29,36 @@ struct Options {
 /// The demo's record, from the workspace's root.
 const RECORD: &str = "virtual-board/src/bin/demo/paper.record";
 
-/// Points of the demo's calibration.
+/// Points of the demo's calibration on white paper.
 const POINTS: usize = 240;
 
 /// The first surface of the demo's calibration. No other sensor sees these.
 const FIRST: u64 = 50_000_000;
 
+/// The demo's sensor: its curve is from a target without speckle, so that the demo shows what the core can do
+/// there; what it says of the surface is from white paper.
+fn record_of_demo() -> Result<Record> {
+    let [quiet, paper] = [("quiet-paper", 60), (MATERIALS[0].1, POINTS)]
+        .map(|(scene, points)| calibrate(&Scene::load(scene)?, points, FIRST));
+    let (quiet, paper) = (quiet?, paper?);
+    let (CalibrationErrors::Fitted(curve), CalibrationErrors::Fitted(surface)) =
+        (&quiet.errors, &paper.errors)
+    else {
+        bail!("a fit of many points says nothing of its errors");
+    };
+    Ok(Record {
+        errors: CalibrationErrors::Fitted(FittedErrors {
+            curve: curve.curve,
+            surface: surface.surface,
+        }),
+        ..quiet
+    })
+}
+
 fn main() -> Result<()> {
     let options = Options::parse();
     if options.write {
-        let paper = Scene::load(MATERIALS[0].1)?;
-        let record = EncodedRecord::new(calibrate(&paper, POINTS, FIRST)?)?;
+        let record = EncodedRecord::new(record_of_demo()?)?;
         std::fs::write(docs::path(RECORD), record.bytes()).context(RECORD)?;
     }
     let studies: Vec<Study> = (MATERIALS.into_iter())

@@ -1,8 +1,8 @@
 //! Moves a target from step to step, and compares the firmware's readings with the truth.
 //!
-//! The sensor was calibrated before, on white paper in the light of a laser with a single wavelength. Its
-//! record is `paper.record`, which `cargo surfaces --write` makes as an owner would: from points at known
-//! distances, by the tool's fit.
+//! The sensor was calibrated before. Its record is `paper.record`, which `cargo surfaces --write` makes as an
+//! owner would: from points at known distances, by the tool's fit. The curve is from a target without
+//! speckle, and the surface's part of u from white paper in the light of a laser with a single wavelength.
 
 use std::time::Duration;
 
