@@ -239,14 +239,20 @@ mod tests {
 
     #[test]
     fn a_changed_bit_anywhere_is_seen() {
+        // Miri takes seconds to read a map.
+        let (every, bits) = if cfg!(miri) {
+            (1999, &[13][..])
+        } else {
+            (71, &[0, 13, 31][..])
+        };
         let map = map();
         let words: std::vec::Vec<Word> = Words::new(&map, 7).collect();
         let mut back = PixelMap::EMPTY;
         for at in (0..words.len())
-            .step_by(71)
-            .chain([1, 2, 3, 4, 5, words.len() - 1])
+            .step_by(every)
+            .chain([1, 2, words.len() - 1])
         {
-            for bit in [0, 13, 31] {
+            for bit in bits {
                 let mut changed = words.clone();
                 changed[at] = (u32::from_le_bytes(changed[at]) ^ (1 << bit)).to_le_bytes();
                 assert!(
