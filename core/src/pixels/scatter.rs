@@ -61,9 +61,11 @@ mod tests {
 
     #[test]
     fn the_variance_is_that_of_the_pixels_and_not_of_the_lamp() {
+        // Fewer rows under Miri, which know the variance to 15 %.
+        let (rows, most) = if cfg!(miri) { (4, 4.0) } else { (256, 0.5) };
         let mut scatter = Scatter::NONE;
         // Pixels alternate by 6 counts, each in its own phase: a variance of 9. The lamp flickers by 100.
-        for row in 0u32..256 {
+        for row in 0u32..rows {
             let light: std::vec::Vec<u16> = (0u32..3648)
                 .map(|pixel| {
                     let mut random = (row * 4096 + pixel).wrapping_mul(0x9E37_79B9);
@@ -77,6 +79,6 @@ mod tests {
         }
         let variance = scatter.variance();
         println!("{variance}");
-        assert!((variance - 9.0).abs() < 0.5, "{variance}");
+        assert!((variance - 9.0).abs() < most, "{variance}");
     }
 }
