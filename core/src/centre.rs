@@ -13,6 +13,7 @@ pub mod plausible;
 pub mod tables;
 mod window;
 
+use crate::asymmetry::Asymmetry;
 use crate::centre::tables::Sampling;
 use crate::fault::Fault;
 use crate::row::{Geometry, Row};
@@ -102,6 +103,9 @@ pub struct RowCentre {
     pub width: Pixels,
     /// The phase table that was used, if any.
     pub class: WidthClass,
+    /// The spot's antisymmetric light. [`check::centre`](crate::check::centre) measures it; the estimators
+    /// leave it at zero.
+    pub asymmetry: Asymmetry,
     /// The row is not symmetric about the centre, or does not have the shape of a spot: the centre may be off
     /// by more than its uncertainty. Of the estimators only [`Estimator::GaussNewton`] sets this flag;
     /// [`check::centre`](crate::check::centre) sets it for all.

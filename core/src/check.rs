@@ -51,6 +51,12 @@ const NARROWEST_SURE: f32 = 1.2;
 /// If the sensor's edge cuts a narrower spot, in pixels, nothing tells it from bad pixels.
 const NARROWEST_CUT: f32 = 1.25;
 
+/// The largest uncertainty by the spot's shape without a flag, in widths: as of noise.
+const LARGEST_SHAPE: f32 = 0.125;
+
+/// In a narrower spot, in pixels, a single bad pixel looks like a shape.
+const NARROWEST_WITH_SHAPE: f32 = 1.5;
+
 /// Finds the centre of a spot that the coarse search found, and checks it.
 ///
 /// [`gauss_newton`] fits a spot that the sensor's edge cuts, whatever the estimator: no other estimator takes
@@ -87,23 +93,23 @@ fn find_and_check(
     let found = match centre::centre(estimator, row, spot, before, geometry) {
         Err(Fault::SpotAtEdge { .. }) if estimator != Estimator::GaussNewton => {
             let found = gauss_newton::centre(row, spot, before, geometry)?;
-            let found = check_symmetry(row, spot, found, geometry);
+            let Checked { found, is_clean } = check_symmetry(row, spot, found, geometry);
             return Ok(RowCentre {
-                misfit: found.misfit || !is_certain_cut(row, &found),
+                misfit: !is_clean || !is_certain_cut(row, &found),
                 ..found
             });
         }
         found => found?,
     };
-    let found = check_symmetry(row, spot, found, geometry);
-    if found.misfit && estimator != Estimator::GaussNewton {
+    let Checked { found, is_clean } = check_symmetry(row, spot, found, geometry);
+    if !is_clean && estimator != Estimator::GaussNewton {
         return Ok(repair_or_keep(row, spot, before, geometry, found));
     }
     Ok(found)
 }
 
-/// The repaired centre if it has no flag, otherwise the one that was found. The table class stays that of the
-/// estimator.
+/// The repaired centre if the row is symmetric about it, otherwise the one that was found. The table class
+/// stays that of the estimator.
 #[cold]
 #[inline(never)]
 fn repair_or_keep(
@@ -124,14 +130,38 @@ fn repair_or_keep(
     }
 }
 
-/// Flags a centre about which the row is not symmetric. A fit's own flag stays if full scale or the sensor's
+/// A centre with what the check says of it.
+struct Checked {
+    /// With its asymmetry, and a flag if the centre may be off by a good part of the width.
+    found: RowCentre,
+    /// Nothing is wrong with the centre.
+    is_clean: bool,
+}
+
+/// Compares a row with its mirror image about a centre. A fit's own flag stays if full scale or the sensor's
 /// edge cuts the spot; for a whole spot the fit would flag every profile that is no gaussian.
-fn check_symmetry(row: &Row<'_>, spot: &Spot, found: RowCentre, geometry: &Geometry) -> RowCentre {
-    let misfit = match symmetry::check(row, spot, &found, geometry, &MaskedPixels::default()) {
-        Some(is_clean) => !is_clean || found.misfit && !is_whole(row, &found),
-        None => found.misfit || found.width.to_f32() < NARROWEST_CUT,
+fn check_symmetry(row: &Row<'_>, spot: &Spot, found: RowCentre, geometry: &Geometry) -> Checked {
+    let verdict = symmetry::check(row, spot, &found, geometry, &MaskedPixels::default());
+    let Some(verdict) = verdict else {
+        let misfit = found.misfit || found.width.to_f32() < NARROWEST_CUT;
+        return Checked {
+            found: RowCentre { misfit, ..found },
+            is_clean: !misfit,
+        };
     };
-    RowCentre { misfit, ..found }
+    let asymmetry = verdict.asymmetry;
+    let is_sound = verdict.is_spot && !(found.misfit && !is_whole(row, &found));
+    let width = found.width.to_f32();
+    let is_expressed = verdict.is_symmetric
+        || width > NARROWEST_WITH_SHAPE && asymmetry.shape().to_f32() <= LARGEST_SHAPE * width;
+    Checked {
+        found: RowCentre {
+            misfit: !(is_sound && is_expressed),
+            asymmetry,
+            ..found
+        },
+        is_clean: is_sound && verdict.is_symmetric,
+    }
 }
 
 /// Whether the part of a spot that the edge leaves is enough to tell it from a background that falls towards
@@ -161,6 +191,7 @@ mod tests {
             amplitude: Counts::from_int(1000),
             width: Pixels::from_f32(width),
             class: Default::default(),
+            asymmetry: Default::default(),
             misfit: false,
         }
     }

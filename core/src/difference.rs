@@ -35,6 +35,7 @@ impl Difference {
         let (a, b) = (&zero.parts, &now.parts);
         let parts = Parts {
             noise: root(a.noise, b.noise, 0.0),
+            shape: root(a.shape, b.shape, 0.0),
             pixels: root(a.pixels, b.pixels, of_pixels(in_widths)),
             calibration: root(a.calibration, b.calibration, of_curve(step)),
             surface: root(a.surface, b.surface, of_surface(step, now)),

@@ -20,6 +20,7 @@ mod motion;
 
 use heapless::Vec;
 
+use crate::asymmetry::{Asymmetry, COMPONENTS};
 use crate::centre::RowCentre;
 use crate::fault::Fault;
 use crate::numeric;
@@ -100,6 +101,9 @@ pub struct FrameCentre {
     pub rows: u16,
     /// Rows used that have the flag [`RowCentre::misfit`].
     pub misfits: u16,
+    /// The spot's antisymmetric light, the mean of the rows used. Noise differs from row to row, so the mean
+    /// shows less of it; a flaw stays.
+    pub asymmetry: Asymmetry,
     /// See [`Reading::correlated`](crate::reading::Reading::correlated).
     pub correlated: Option<u16>,
     /// How far the rows' centres scatter beyond what their own uncertainties explain, as a standard deviation
@@ -226,6 +230,7 @@ impl Frame {
             rows_used: members.len() as u16,
             rows: self.rows,
             misfits: count_where(&members, |it| it.row.misfit) as u16,
+            asymmetry: mean_asymmetry(&members),
             correlated: correlated.and_then(Correlated::rows_if_few),
             spread: Pixels::from_f32(spread),
             motion: Pixels::from_f32(fluctuation.shift),
@@ -420,6 +425,29 @@ fn propagated(members: &[Member<'_>], course: &Course) -> f32 {
     libm::sqrtf(variance / square(weights) + of_motion)
 }
 
+/// The mean of the rows' antisymmetric light, each row with its weight in the mean.
+fn mean_asymmetry(members: &[Member<'_>]) -> Asymmetry {
+    let per_weight = 1.0 / total(members, |it| it.weight);
+    let mut components = [0.0; COMPONENTS];
+    for member in members {
+        let share = member.weight * per_weight;
+        for (sum, component) in components.iter_mut().zip(member.row.asymmetry.components) {
+            *sum += share * component.to_f32();
+        }
+    }
+    let noise = total(members, |it| {
+        square(it.weight * it.row.asymmetry.noise.to_f32())
+    });
+    let rest = total(members, |it| {
+        it.weight * square(it.row.asymmetry.rest.to_f32())
+    });
+    Asymmetry {
+        components: components.map(Pixels::from_f32),
+        noise: Pixels::from_f32(libm::sqrtf(noise) * per_weight),
+        rest: Pixels::from_f32(libm::sqrtf(rest * per_weight)),
+    }
+}
+
 /// See [`FrameCentre::spread`]. The members are without their motion.
 fn spread(members: &[Member<'_>], how: Mean) -> f32 {
     // Not the members' weights: those of the weighted mean are smaller for rows further from it, so they show
@@ -536,6 +564,7 @@ mod tests {
             amplitude: Counts::from_int(1000),
             width: Pixels::from_int(9),
             class: WidthClass::default(),
+            asymmetry: Default::default(),
             misfit: false,
         })
     }

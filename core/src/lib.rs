@@ -72,6 +72,8 @@ pub mod centre;
 
 pub mod check;
 
+pub mod asymmetry;
+
 pub mod frame;
 
 pub mod distance;

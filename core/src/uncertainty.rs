@@ -134,6 +134,8 @@ pub struct Tolerances {
 pub struct Parts {
     /// The repeatability r.
     pub noise: Micrometres,
+    /// A spot that is not its own mirror image.
+    pub shape: Micrometres,
     /// Response and offset of the pixels.
     pub pixels: Micrometres,
     /// The calibration's curve.
@@ -148,9 +150,10 @@ pub struct Parts {
 
 impl Parts {
     /// Names and values, in the order of the pipeline.
-    pub const fn named(&self) -> [(&'static str, Micrometres); 6] {
+    pub const fn named(&self) -> [(&'static str, Micrometres); 7] {
         [
             ("noise", self.noise),
+            ("shape", self.shape),
             ("pixels", self.pixels),
             ("calibration", self.calibration),
             ("surface", self.surface),
@@ -161,7 +164,7 @@ impl Parts {
 
     /// The combined standard uncertainty u. Never zero: if it is below the finest step, it is the step.
     pub fn combined(&self) -> Micrometres {
-        // Six squares of at most 2^23 um.
+        // Seven squares of at most 2^23 um.
         let squares: f32 = self
             .named()
             .iter()
@@ -194,6 +197,7 @@ impl Place {
         let distance_of = |pixels: f32| Micrometres::from_f32(pixels * self.slope);
         Parts {
             noise: distance_of(frame.uncertainty.to_f32()).max(Micrometres::from_bits(1)),
+            shape: distance_of(frame.asymmetry.shape().to_f32()),
             pixels: distance_of(pixels),
             calibration: errors.curve(self),
             surface: self.surface(frame, errors, surface),

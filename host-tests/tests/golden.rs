@@ -140,6 +140,7 @@ impl Rows {
                 amplitude: Counts::from_int(1000 + number as i32),
                 width: Pixels::from_int(9),
                 class: WidthClass::default(),
+                asymmetry: Default::default(),
                 misfit: matches!(self, Self::Misfits) && is_fourth,
             }));
         }

@@ -80,6 +80,7 @@ fn befores() -> impl Strategy<Value = Option<RowCentre>> {
             amplitude: Counts::from_int(1),
             width,
             class,
+            asymmetry: Default::default(),
             misfit: false,
         }),
     )

@@ -134,6 +134,7 @@ fn frame(centre: f32) -> Measured {
             width: Pixels::from_int(9),
             rows_used: 16,
             rows: 16,
+            asymmetry: Default::default(),
             misfits: 0,
             correlated: None,
             spread: Pixels::default(),

@@ -131,6 +131,7 @@ fn exact(centre: f64) -> Measured {
             width: Pixels::from_int(9),
             rows_used: 16,
             rows: 16,
+            asymmetry: Default::default(),
             misfits: 0,
             correlated: None,
             spread: Pixels::default(),

@@ -76,9 +76,13 @@ pub fn centre(
         found => found?,
     };
     let checked = check_symmetry(row, spot, found, geometry);
+    let sure = RowCentre {
+        misfit: !checked.is_clean,
+        ..checked.found
+    };
     // The tilt tables ignore a slope. The fits below would take it for outliers.
-    if !checked.misfit || found.class.set == TILTED.number() {
-        return Ok(checked);
+    if checked.is_clean || found.class.set == TILTED.number() {
+        return Ok(sure);
     }
     let scene = Scene {
         row,
@@ -86,7 +90,7 @@ pub fn centre(
         geometry,
         found,
     };
-    Ok(scene.refit().unwrap_or(checked))
+    Ok(scene.refit().unwrap_or(sure))
 }
 
 /// Why samples are masked.
@@ -174,18 +178,15 @@ impl Scene<'_> {
             && width >= NARROWEST
             && window.has_centre(&fit.parameters)
             && check_uncertainty(found.amplitude.to_f32(), uncertainty, width).is_ok();
-        (sound
-            && !moved
-            && is_noise
-            && self.has_enough(window, fit, uncertainty, cause)
-            && symmetry::check(
-                self.row,
-                self.spot,
-                &found,
-                self.geometry,
-                &window.masked_pixels(),
-            ) == Some(true))
-        .then_some(found)
+        if !sound || moved || !is_noise || !self.has_enough(window, fit, uncertainty, cause) {
+            return None;
+        }
+        let masked = window.masked_pixels();
+        let verdict = symmetry::check(self.row, self.spot, &found, self.geometry, &masked)?;
+        verdict.is_clean().then_some(RowCentre {
+            asymmetry: verdict.asymmetry,
+            ..found
+        })
     }
 
     /// Whether the samples that are not masked suffice for the centre.

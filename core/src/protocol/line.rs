@@ -168,6 +168,7 @@ mod tests {
             uncertainty: Micrometres::from_int(437),
             parts: Parts {
                 noise: Micrometres::from_int(35),
+                shape: Micrometres::default(),
                 surface: Micrometres::from_int(436),
                 ..Parts::default()
             },
@@ -256,6 +257,7 @@ mod tests {
                 width: Pixels::from_int(9),
                 rows_used: 16,
                 rows: 16,
+                asymmetry: Default::default(),
                 misfits: 0,
                 correlated: None,
                 spread: Pixels::default(),
@@ -286,6 +288,7 @@ mod tests {
             uncertainty: Micrometres::from_int(999_994),
             parts: Parts {
                 noise: Micrometres::from_int(9_999),
+                shape: Micrometres::default(),
                 ..Parts::default()
             },
             centre: Pixels::from_f32(3646.9),

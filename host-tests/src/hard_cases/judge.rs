@@ -59,22 +59,23 @@ impl Said {
         match answer {
             Ok(found) => Self::Centre {
                 error: truth.error(found.centre.to_f64()),
-                claim: found.uncertainty.to_f64(),
+                claim: (found.uncertainty.to_f64()).hypot(found.asymmetry.shape().to_f64()),
                 flagged: found.misfit,
             },
             Err(fault) => Self::Fault(*fault),
         }
     }
 
-    /// By a frame. The claim is that of its rows: noise and motion.
+    /// By a frame. The claim is that of its rows: noise, shape and motion.
     pub fn of_reading(truth: Truth, answer: &Result<Reading, Fault>) -> Self {
         match answer {
             Ok(reading) => Self::Centre {
                 error: truth.error(reading.centre.to_f64()),
                 claim: {
-                    let [noise, motion] =
-                        [reading.parts.noise, reading.parts.motion].map(Micrometres::to_f64);
-                    reading.centre_uncertainty.to_f64() * noise.hypot(motion) / noise
+                    let parts = &reading.parts;
+                    let [noise, shape, motion] =
+                        [parts.noise, parts.shape, parts.motion].map(Micrometres::to_f64);
+                    reading.centre_uncertainty.to_f64() * noise.hypot(shape).hypot(motion) / noise
                 },
                 flagged: is_flagged(reading),
             },

@@ -113,6 +113,7 @@ fn say_centre(answer: Result<RowCentre, Fault>, say: &mut impl FnMut(u32)) {
             amplitude,
             width,
             class,
+            asymmetry,
             misfit,
         }) => {
             let WidthClass { set, table, block } = class;
@@ -126,6 +127,14 @@ fn say_centre(answer: Result<RowCentre, Fault>, say: &mut impl FnMut(u32)) {
                 say(bits as u32);
             }
             say(u32::from_le_bytes([set, table, block, u8::from(misfit)]));
+            let Asymmetry {
+                components,
+                noise,
+                rest,
+            } = asymmetry;
+            for bits in components.into_iter().chain([noise, rest]) {
+                say(bits.to_bits() as u32);
+            }
         }
         Err(fault) => say_fault(fault, say),
     }

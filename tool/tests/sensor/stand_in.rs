@@ -592,6 +592,7 @@ impl Sensor {
                 width: Pixels::from_int(9),
                 rows_used: settings.rows,
                 rows: settings.rows,
+                asymmetry: Default::default(),
                 misfits: 0,
                 correlated: None,
                 spread: Pixels::default(),

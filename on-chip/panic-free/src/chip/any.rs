@@ -141,6 +141,7 @@ pub fn row_centre() -> RowCentre {
         amplitude: Counts::MIN,
         width: Pixels::MIN,
         class: WidthClass::default(),
+        asymmetry: Default::default(),
         misfit: false,
     })
 }
@@ -154,6 +155,7 @@ pub fn measured() -> Measured {
             width: Pixels::MIN,
             rows_used: 0,
             rows: 0,
+            asymmetry: Default::default(),
             misfits: 0,
             correlated: None,
             spread: Pixels::default(),
