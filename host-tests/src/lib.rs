@@ -7,3 +7,4 @@ pub mod hard_cases;
 pub mod measured_profile;
 pub mod model;
 pub mod profile_rows;
+pub mod second_judge;

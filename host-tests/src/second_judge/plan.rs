@@ -1,0 +1,201 @@
+//! The plan of a frame: sensor, spot and fault, from which its rows are made.
+//!
+//! A fault is drawn once for a frame and stays in all its rows, as dust and reflections do. Only noise
+//! differs from row to row, and in some frames the spot moves.
+
+use rand::Rng as _;
+use slitrange::row::Geometry;
+
+use crate::hard_cases::Truth;
+use crate::second_judge::sensor::{Sensor, convert};
+use crate::second_judge::spot::Spot;
+use crate::second_judge::{ROWS_OF_FRAME, Rng, log_even};
+
+/// When a row is taken, and where its spot is then.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment {
+    /// Number of the row in its frame.
+    pub row: usize,
+    /// The spot.
+    pub spot: Spot,
+}
+
+/// A transmission at a place in pixels.
+type Glass = Box<dyn Fn(f64) -> f64>;
+
+/// A change of pixels, in counts.
+type Change<T> = Box<dyn Fn(&mut [T], &Moment, &mut Rng)>;
+
+/// A frame to be.
+pub struct Plan {
+    /// Number of rows.
+    pub rows: usize,
+    /// The sensor.
+    pub sensor: Sensor,
+    /// The spot in the middle of the frame.
+    pub spot: Spot,
+    /// Pixels that the spot moves from row to row.
+    pub speed: f64,
+    /// What a perfect reader would say.
+    pub truth: Truth,
+    /// What lies before the sensor, and dims the spot.
+    glass: Vec<Glass>,
+    /// Other light, and pixels that see it differently: before the shot noise.
+    light: Vec<Change<f64>>,
+    /// Charge in the pixels.
+    charge: Vec<Change<f64>>,
+    /// Voltages at the converter, black level included.
+    volts: Vec<Change<f64>>,
+    /// Counts of the light pixels.
+    counts: Vec<Change<u16>>,
+    /// Words of the read-out.
+    words: Vec<Change<u16>>,
+}
+
+/// A frame, and what a perfect reader would say of it.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// The words of its read-outs.
+    pub rows: Vec<Vec<u16>>,
+    /// What the firmware knows of the sensor.
+    pub geometry: Geometry,
+    /// Where the spot is, in pixels of the light range.
+    pub truth: Truth,
+    /// The spot's width and height before the fault, to tell its story.
+    pub spot: (f64, f64),
+}
+
+impl Plan {
+    /// A clean frame. Width: that of the default optics, 7 to 9 pixels, in two of three frames, else 1.2 to
+    /// 16. Height: 60 to 3800 counts. In one of four frames the spot moves, by up to half a pixel in all.
+    pub fn draw(rows: usize, random: &mut Rng) -> Self {
+        let sensor = Sensor::draw(random);
+        let width = if random.random_bool(2.0 / 3.0) {
+            random.random_range(7.0..9.0)
+        } else {
+            log_even(random, 1.2, 16.0)
+        };
+        let height = log_even(random, 60.0, 3800.0).min(sensor.room());
+        // Far enough from the edges for the widest spot.
+        let centre = random.random_range(0.35..0.65) * sensor.pixels as f64;
+        let speed = if random.random_bool(0.25) {
+            random.random_range(-0.5..0.5) / ROWS_OF_FRAME as f64
+        } else {
+            0.0
+        };
+        Self {
+            rows,
+            sensor,
+            spot: Spot::draw(random, centre, width, height),
+            speed,
+            truth: Truth::Centre(centre),
+            glass: vec![],
+            light: vec![],
+            charge: vec![],
+            volts: vec![],
+            counts: vec![],
+            words: vec![],
+        }
+    }
+
+    /// Moves the spot to another place.
+    pub fn place(&mut self, centre: f64) {
+        self.spot.centre = centre;
+        self.truth = Truth::Centre(centre);
+    }
+
+    /// Takes the spot away: a perfect reader says that there is none.
+    pub fn remove_spot(&mut self) {
+        self.spot.height = 0.0;
+        self.truth = Truth::None;
+    }
+
+    /// Leaves room below full scale for so many counts of other light.
+    pub fn leave_room(&mut self, counts: f64) {
+        self.spot.height = self.spot.height.min(self.sensor.room() - counts).max(60.0);
+    }
+
+    /// Puts a glass with a transmission at each place before the sensor.
+    pub fn glass(&mut self, transmission: impl Fn(f64) -> f64 + 'static) {
+        self.glass.push(Box::new(transmission));
+    }
+
+    /// Changes the light before its shot noise.
+    pub fn light(&mut self, change: impl Fn(&mut [f64], &Moment, &mut Rng) + 'static) {
+        self.light.push(Box::new(change));
+    }
+
+    /// Changes the charge in the pixels.
+    pub fn charge(&mut self, change: impl Fn(&mut [f64], &Moment, &mut Rng) + 'static) {
+        self.charge.push(Box::new(change));
+    }
+
+    /// Changes the voltages at the converter.
+    pub fn volts(&mut self, change: impl Fn(&mut [f64], &Moment, &mut Rng) + 'static) {
+        self.volts.push(Box::new(change));
+    }
+
+    /// Changes the counts of the light pixels.
+    pub fn counts(&mut self, change: impl Fn(&mut [u16], &Moment, &mut Rng) + 'static) {
+        self.counts.push(Box::new(change));
+    }
+
+    /// Changes the words of the read-out.
+    pub fn words(&mut self, change: impl Fn(&mut [u16], &Moment, &mut Rng) + 'static) {
+        self.words.push(Box::new(change));
+    }
+
+    /// Takes the frame's rows.
+    pub fn frame(&self, random: &mut Rng) -> Frame {
+        let middle = 0.5 * (self.rows as f64 - 1.0);
+        let mut seen: Option<Vec<f64>> = None;
+        let rows = (0..self.rows)
+            .map(|row| {
+                let spot = Spot {
+                    centre: self.spot.centre + self.speed * (row as f64 - middle),
+                    ..self.spot
+                };
+                // A spot at rest has the same light in every row.
+                let light = match &seen {
+                    Some(light) if self.speed == 0.0 => light.clone(),
+                    _ => {
+                        let mut light = vec![0.0; self.sensor.pixels];
+                        spot.add_to(&mut light, |place| {
+                            self.glass.iter().map(|glass| glass(place)).product()
+                        });
+                        seen.insert(light).clone()
+                    }
+                };
+                self.row(light, &Moment { row, spot }, random)
+            })
+            .collect();
+        Frame {
+            rows,
+            geometry: self.sensor.geometry(),
+            truth: self.truth,
+            spot: (self.spot.width, self.spot.height),
+        }
+    }
+
+    fn row(&self, mut pixels: Vec<f64>, moment: &Moment, random: &mut Rng) -> Vec<u16> {
+        let apply = |changes: &[Change<f64>], pixels: &mut Vec<f64>, random: &mut Rng| {
+            for change in changes {
+                change(pixels, moment, random);
+            }
+        };
+        apply(&self.light, &mut pixels, random);
+        self.sensor.expose(&mut pixels, random);
+        apply(&self.charge, &mut pixels, random);
+        self.sensor.amplify(&mut pixels, random);
+        apply(&self.volts, &mut pixels, random);
+        let mut counts: Vec<u16> = pixels.into_iter().map(convert).collect();
+        for change in &self.counts {
+            change(&mut counts, moment, random);
+        }
+        let mut words = self.sensor.words(&counts, random);
+        for change in &self.words {
+            change(&mut words, moment, random);
+        }
+        words
+    }
+}

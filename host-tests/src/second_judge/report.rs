@@ -1,0 +1,84 @@
+//! What the second judge found, as text.
+
+use std::fmt::Write as _;
+
+use crate::second_judge::tally::{KindReport, Report, Tally};
+
+/// Per cent, with as many digits as matter.
+fn per_cent(share: f64) -> String {
+    match 100.0 * share {
+        0.0 => "0".into(),
+        share if share < 9.95 => format!("{share:.2}"),
+        share => format!("{share:.0}"),
+    }
+}
+
+fn pixels(error: f64) -> String {
+    match error {
+        0.0 => "-".into(),
+        error if error.is_infinite() => "false".into(),
+        error => format!("{error:.2}"),
+    }
+}
+
+impl Report {
+    /// The share of confident errors in all frames, with the default estimator.
+    pub fn frames_in_error(&self) -> f64 {
+        let sum = |count: fn(&Tally) -> u64| -> u64 {
+            self.kinds.iter().map(|kind| count(&kind.frames[0])).sum()
+        };
+        sum(|tally| tally.errors) as f64 / sum(|tally| tally.count).max(1) as f64
+    }
+
+    /// A table of all kinds.
+    pub fn markdown(&self) -> String {
+        let (rows, frames) =
+            (self.kinds.first()).map_or((0, 0), |kind| (kind.rows[0].count, kind.frames[0].count));
+        let mut text = format!(
+            "{rows} rows and {frames} frames of each kind. Per cent of rows or frames; *largest* in pixels. \
+             *errors*: confident errors with the default estimator; *a*: with `adaptive`. *good flagged*: \
+             flagged although the error is as claimed. *unseen*: confident errors in frames without a \
+             doubtful row.\n\n\
+             | fault | rows: fault | flagged | good flagged | errors | a | largest | \
+             frames: fault | flagged | good flagged | errors | a | largest | unseen |\n\
+             |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n"
+        );
+        for report in &self.kinds {
+            let cells = [cells(&report.rows), cells(&report.frames)].concat();
+            let unseen = report.frames[0].share(report.frames[0].undoubted);
+            _ = writeln!(
+                text,
+                "| {} | {} | {} |",
+                report.kind.name,
+                cells.join(" | "),
+                per_cent(unseen)
+            );
+        }
+        _ = writeln!(
+            text,
+            "\nConfident errors in all frames: {} %.",
+            per_cent(self.frames_in_error())
+        );
+        text
+    }
+}
+
+fn cells(tallies: &[Tally; 2]) -> Vec<String> {
+    let [default, adaptive] = tallies;
+    vec![
+        per_cent(default.share(default.faults)),
+        per_cent(default.share(default.flagged)),
+        per_cent(default.share(default.flagged_good)),
+        per_cent(default.share(default.errors)),
+        per_cent(adaptive.share(adaptive.errors)),
+        pixels(default.largest),
+    ]
+}
+
+impl KindReport {
+    /// Errors over claims in a line, to check the generator.
+    pub fn claims(&self) -> String {
+        let [rows, frames] = [&self.rows[0], &self.frames[0]].map(Tally::error_over_claim);
+        format!("{}: rows {rows:.3}, frames {frames:.3}", self.kind.name)
+    }
+}

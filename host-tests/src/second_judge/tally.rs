@@ -1,0 +1,244 @@
+//! What the firmware makes of the rows and frames, counted.
+
+use rayon::prelude::*;
+use slitrange::centre::Estimator;
+use slitrange::fault::Fault;
+use slitrange::frame::FrameCentre;
+use slitrange::measurement::Measurement;
+use slitrange::reading::Measured;
+use slitrange::settings::Settings;
+
+use crate::second_judge::{Due, Frame, Kind, frame, row};
+
+/// The estimators that are judged: the default, and the one that most users choose otherwise.
+pub const ESTIMATORS: [Estimator; 2] = [Estimator::PhaseTable, Estimator::Adaptive];
+
+/// A confident error is larger than so many claimed standard uncertainties ...
+const CLAIMS: f64 = 5.0;
+
+/// ... and than so many pixels.
+const SLACK: f64 = 0.1;
+
+/// What comes of a frame, or of a row that is a frame of its own.
+#[derive(Clone, Copy, Debug)]
+pub enum Verdict {
+    /// No centre.
+    Fault(Fault),
+    /// A centre.
+    Centre {
+        /// How far it is off, in pixels; infinitely, if any centre is wrong.
+        error: f64,
+        /// Its claimed standard uncertainty in pixels.
+        claim: f64,
+        /// Whether the reading has a flag.
+        is_flagged: bool,
+        /// Rows that do not look like their spot.
+        misfits: u16,
+    },
+}
+
+impl Frame {
+    /// Runs the firmware's pipeline with the default settings and an estimator.
+    ///
+    /// # Errors
+    /// The fault that the firmware reports.
+    pub fn measure(&self, estimator: Estimator) -> Result<Measured, Fault> {
+        let settings = Settings {
+            rows: self.rows.len() as u16,
+            estimator,
+            ..Settings::default()
+        };
+        let mut measurement = Measurement::new(self.geometry.clone(), settings);
+        let complete = (self.rows.iter()).filter_map(|row| measurement.row(&mut row.clone()));
+        complete.last().unwrap_or(Err(Fault::SensorSilent))
+    }
+
+    /// What comes of it.
+    pub fn verdict(&self, due: Due, estimator: Estimator) -> Verdict {
+        let measured = match self.measure(estimator) {
+            Ok(measured) => measured,
+            Err(fault) => return Verdict::Fault(fault),
+        };
+        let found = measured.frame;
+        let pixels = if due == Due::HonestOfPixels {
+            let (width, height) = (found.width, found.amplitude);
+            let part = (measured.pixels).of_centre(estimator, width, height, measured.ambient);
+            f64::from(part)
+        } else {
+            0.0
+        };
+        Verdict::Centre {
+            error: self.truth.error(found.centre.to_f64()),
+            claim: (found.uncertainty.to_f64())
+                .hypot(found.motion.to_f64())
+                .hypot(pixels),
+            is_flagged: is_flagged(&found),
+            misfits: found.misfits,
+        }
+    }
+}
+
+/// Whether a reading of this centre says that it is not to be trusted: most of its rows do not look like
+/// their spot, or its rows have similar errors.
+fn is_flagged(found: &FrameCentre) -> bool {
+    2 * found.misfits > found.rows_used || found.correlated.is_some()
+}
+
+impl Verdict {
+    /// Whether it is a centre with a flag.
+    pub const fn is_flagged(&self) -> bool {
+        matches!(self, Self::Centre { is_flagged, .. } if *is_flagged)
+    }
+
+    /// Whether it is a centre that is further off than it claims.
+    pub fn is_beyond_claim(&self) -> bool {
+        matches!(self, Self::Centre { error, claim, .. } if error.abs() > SLACK.max(CLAIMS * claim))
+    }
+
+    /// Whether it is wrong, and does not say so.
+    pub fn is_confident_error(&self) -> bool {
+        self.is_beyond_claim() && !self.is_flagged()
+    }
+}
+
+/// Numbers of rows or frames that are kept, to tell their stories.
+const NUMBERS: usize = 8;
+
+/// What came of many rows or frames.
+#[derive(Clone, Debug, Default)]
+pub struct Tally {
+    /// Rows or frames.
+    pub count: u64,
+    /// Faults.
+    pub faults: u64,
+    /// Centres with a flag.
+    pub flagged: u64,
+    /// Of those, the centres that are as good as they claim.
+    pub flagged_good: u64,
+    /// Confident errors.
+    pub errors: u64,
+    /// Of those, the frames of which no row was doubtful.
+    pub undoubted: u64,
+    /// The largest confident error in pixels; infinite, if a centre came where there is none.
+    pub largest: f64,
+    /// Centres without a flag, and the sum of the squares of their errors over their claims.
+    pub sure: (u64, f64),
+    /// Numbers of the first confident errors.
+    pub numbers: Vec<u64>,
+}
+
+impl Tally {
+    fn of(number: u64, verdict: Verdict) -> Self {
+        let one = |is: bool| u64::from(is);
+        let is_wrong = verdict.is_confident_error();
+        let mut tally = Self {
+            count: 1,
+            faults: one(matches!(verdict, Verdict::Fault(_))),
+            flagged: one(verdict.is_flagged()),
+            flagged_good: one(verdict.is_flagged() && !verdict.is_beyond_claim()),
+            errors: one(is_wrong),
+            ..Self::default()
+        };
+        if let Verdict::Centre {
+            error,
+            claim,
+            is_flagged,
+            misfits,
+        } = verdict
+        {
+            if is_wrong {
+                tally.undoubted = one(misfits == 0);
+                tally.largest = error.abs();
+                tally.numbers = vec![number];
+            }
+            if !is_flagged && error.is_finite() {
+                tally.sure = (1, (error / claim).powi(2));
+            }
+        }
+        tally
+    }
+
+    fn add(mut self, other: Self) -> Self {
+        self.count += other.count;
+        self.faults += other.faults;
+        self.flagged += other.flagged;
+        self.flagged_good += other.flagged_good;
+        self.errors += other.errors;
+        self.undoubted += other.undoubted;
+        self.largest = self.largest.max(other.largest);
+        self.sure.0 += other.sure.0;
+        self.sure.1 += other.sure.1;
+        self.numbers.extend(other.numbers);
+        self.numbers.sort_unstable();
+        self.numbers.truncate(NUMBERS);
+        self
+    }
+
+    /// A count as a share of all.
+    pub fn share(&self, count: u64) -> f64 {
+        count as f64 / self.count.max(1) as f64
+    }
+
+    /// Errors over claims of the centres without a flag, root mean square: 1 if the claims are right.
+    pub fn error_over_claim(&self) -> f64 {
+        (self.sure.1 / self.sure.0.max(1) as f64).sqrt()
+    }
+}
+
+/// What came of a kind, with each of [`ESTIMATORS`].
+#[derive(Clone)]
+pub struct KindReport {
+    /// The kind.
+    pub kind: &'static Kind,
+    /// Of its rows.
+    pub rows: [Tally; ESTIMATORS.len()],
+    /// Of its frames.
+    pub frames: [Tally; ESTIMATORS.len()],
+}
+
+/// What came of all kinds.
+#[derive(Clone)]
+pub struct Report {
+    /// Each kind, in the order of [`Kind::all`].
+    pub kinds: Vec<KindReport>,
+}
+
+/// Judges so many rows and frames of each of these kinds.
+pub fn judge(kinds: &'static [Kind], rows: u64, frames: u64) -> Report {
+    judge_with(kinds, rows, frames, &|| {})
+}
+
+/// As [`judge`]. `done` is told of each row and each frame.
+pub fn judge_with(
+    kinds: &'static [Kind],
+    rows: u64,
+    frames: u64,
+    done: &(impl Fn() + Sync),
+) -> Report {
+    let kinds = kinds.iter().map(|kind| KindReport {
+        kind,
+        rows: tally(kind, rows, row, done),
+        frames: tally(kind, frames, frame, done),
+    });
+    Report {
+        kinds: kinds.collect(),
+    }
+}
+
+fn tally(
+    kind: &Kind,
+    count: u64,
+    take: fn(&Kind, u64) -> Frame,
+    done: &(impl Fn() + Sync),
+) -> [Tally; ESTIMATORS.len()] {
+    let add = |[a, b]: [Tally; 2], [c, d]: [Tally; 2]| [a.add(c), b.add(d)];
+    (0..count)
+        .into_par_iter()
+        .fold(Default::default, |tallies, number| {
+            let frame = take(kind, number);
+            done();
+            let tally = |estimator| Tally::of(number, frame.verdict(kind.due, estimator));
+            add(tallies, ESTIMATORS.map(tally))
+        })
+        .reduce(Default::default, add)
+}

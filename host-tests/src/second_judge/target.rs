@@ -1,0 +1,113 @@
+//! Faults at the target, and light that is not the laser's: more than one spot, none, too much of one.
+
+use rand::Rng as _;
+
+use crate::hard_cases::Truth;
+use crate::second_judge::plan::Plan;
+use crate::second_judge::sensor::FULL_SCALE;
+use crate::second_judge::spot::Spot;
+use crate::second_judge::{Rng, gaussian, log_even, side};
+
+/// Nothing is wrong.
+pub fn clean(_: &mut Plan, _: &mut Rng) {}
+
+/// A steady motion. The truth is the spot's place in the middle of the frame.
+pub fn moves(plan: &mut Plan, random: &mut Rng) {
+    plan.speed = side(random) * log_even(random, 0.02, 0.6);
+}
+
+/// A wide light as a lamp or the sky makes it. The spot is at most six times as high.
+pub fn hump(plan: &mut Plan, random: &mut Rng) {
+    add_hump(plan, random);
+    plan.spot.height = log_even(random, 60.0, 400.0);
+}
+
+/// The wide light without a spot: nothing that a laser makes is that wide.
+pub fn hump_alone(plan: &mut Plan, random: &mut Rng) {
+    add_hump(plan, random);
+    plan.remove_spot();
+}
+
+fn add_hump(plan: &mut Plan, random: &mut Rng) {
+    // Long enough to show that the light is wide.
+    plan.sensor.pixels = 2048;
+    plan.place(random.random_range(200.0..1848.0));
+    let (height, width) = (
+        log_even(random, 20.0, 100.0),
+        random.random_range(200.0..400.0),
+    );
+    let centre = random.random_range(0.0..2048.0);
+    plan.light(move |pixels, _, _| {
+        for (i, pixel) in pixels.iter_mut().enumerate() {
+            *pixel += height * gaussian(i as f64, centre, width);
+        }
+    });
+}
+
+/// Noise, and even light.
+pub fn dark(plan: &mut Plan, random: &mut Rng) {
+    plan.remove_spot();
+    let ambient = random.random_range(0.0..100.0);
+    plan.light(move |pixels, _, _| pixels.iter_mut().for_each(|pixel| *pixel += ambient));
+}
+
+/// A spot whose top is cut off at full scale.
+pub fn saturated(plan: &mut Plan, random: &mut Rng) {
+    plan.spot.height = (FULL_SCALE - plan.sensor.black) * log_even(random, 1.05, 4.0);
+}
+
+/// A spot at an end of the row. The truth is the centre of the whole spot, also beyond the end.
+pub fn edge(plan: &mut Plan, random: &mut Rng) {
+    let inside = random.random_range(-1.0..5.0) * plan.spot.width;
+    let last = plan.sensor.pixels as f64 - 1.0;
+    plan.place(if random.random_bool(0.5) {
+        inside
+    } else {
+        last - inside
+    });
+}
+
+/// Two spots of similar height: nobody can tell which one is the laser's.
+pub fn two_like(plan: &mut Plan, random: &mut Rng) {
+    // At least 4 sigma, so that two peaks show.
+    let offset =
+        side(random) * random.random_range(4.0..(150.0 / plan.spot.width).clamp(5.0, 30.0));
+    let share = random.random_range(0.85..1.15);
+    plan.leave_room(0.15 * plan.spot.height);
+    add_spot(plan, share, offset, 1.0);
+    plan.truth = Truth::None;
+}
+
+/// A spot that a shiny surface makes. It is dimmer, so the higher spot is the laser's.
+pub fn second_reflection(plan: &mut Plan, random: &mut Rng) {
+    let share = random.random_range(0.2..0.75);
+    let offset = side(random) * random.random_range(1.5..6.0);
+    let widths = random.random_range(0.8..1.5);
+    plan.leave_room(0.4 * plan.spot.height);
+    add_spot(plan, share, offset, widths);
+}
+
+/// Adds a spot of the same shape: height as a share, distance and width in widths of the spot. It moves with
+/// the spot.
+pub fn add_spot(plan: &mut Plan, share: f64, offset: f64, widths: f64) {
+    plan.light(move |pixels, moment, _| {
+        let spot = moment.spot;
+        let other = Spot {
+            height: share * spot.height,
+            centre: spot.centre + offset * spot.width,
+            width: widths * spot.width,
+            ..spot
+        };
+        other.add_to(pixels, |_| 1.0);
+    });
+}
+
+/// A laser mode with a hole in its middle. The spot stays symmetric, so its centre is certain.
+pub fn donut(plan: &mut Plan, random: &mut Rng) {
+    let depth = random.random_range(0.2..0.95);
+    let width = random.random_range(0.2..0.6) * plan.spot.width;
+    let centre = plan.spot.centre;
+    // The hole belongs to the spot, and moves with it.
+    plan.speed = 0.0;
+    plan.glass(move |place| 1.0 - depth * gaussian(place, centre, width));
+}
