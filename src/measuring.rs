@@ -37,7 +37,7 @@ pub async fn measure() {
             Either3::Third(Ok(row)) if paused() => {
                 FREE.send(row).await;
                 // The frame starts again after the pause.
-                measurement.set(*measurement.settings());
+                measurement.start_frame();
             }
             Either3::Third(Ok(row)) => {
                 let start = board::cycles();
@@ -52,8 +52,8 @@ pub async fn measure() {
             }
             Either3::Third(Err(_)) if paused() => {}
             Either3::Third(Err(_)) => publish(Err(measurement.silence())),
-            Either3::First(settings) => {
-                measurement.set(settings);
+            Either3::First((settings, profile)) => {
+                measurement.set(settings, profile);
                 // The frame starts again, so this counts as a result. Otherwise a user who changes settings
                 // faster than frames end would make the watchdog take the lack of results for a fault.
                 COUNTERS.results.add();
@@ -62,7 +62,7 @@ pub async fn measure() {
                 flat = Some(given);
                 is_corrected = on;
                 // All rows of a frame need the same map.
-                measurement.set(*measurement.settings());
+                measurement.start_frame();
                 COUNTERS.results.add();
             }
             Either3::Second(FlatRequest::Take(kind)) => {

@@ -7,6 +7,7 @@ use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use slitrange::fault::Fault;
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
+use slitrange::profile::Profile;
 use slitrange::protocol::status::{SerialErrors, Vitals};
 use slitrange::reading::Measured;
 use slitrange::sensor_heads;
@@ -32,8 +33,8 @@ pub static FULL: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::ne
 /// to `status` (about 45 ms) loses none.
 pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Measured, Fault>, 16> = Channel::new();
 
-/// Changed settings. Only the last change matters.
-pub static SETTINGS: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
+/// Changed settings, and the sensor's own spot. Only the last change matters.
+pub static SETTINGS: Signal<CriticalSectionRawMutex, (Settings, Option<Profile>)> = Signal::new();
 
 /// While this is set, no reading is due: rows are taken and dropped. It is set from the start until the flash
 /// has been read, and during each save.

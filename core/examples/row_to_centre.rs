@@ -31,7 +31,7 @@ pub fn main() {
     let row = Row::new(&light, &[], geometry.full_scale()).expect("a row of 12-bit counts");
     let spot = spot::find(&row).expect("a spot");
     let found =
-        check::centre(Estimator::default(), &row, &spot, None, &geometry).expect("a centre");
+        check::centre(Estimator::default(), &row, &spot, None, &geometry, None).expect("a centre");
     println!(
         "centre {} +- {} px, height {} counts, sigma {:.2} px{}",
         found.centre,

@@ -13,10 +13,10 @@ pub mod plausible;
 pub mod tables;
 mod window;
 
-use crate::asymmetry::Asymmetry;
 use crate::centre::tables::Sampling;
 use crate::fault::Fault;
 use crate::row::{Geometry, Row};
+use crate::shape::SpotShape;
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -105,7 +105,7 @@ pub struct RowCentre {
     pub class: WidthClass,
     /// The spot's antisymmetric light. [`check::centre`](crate::check::centre) measures it; the estimators
     /// leave it at zero.
-    pub asymmetry: Asymmetry,
+    pub shape: SpotShape,
     /// The row is not symmetric about the centre, or does not have the shape of a spot: the centre may be off
     /// by more than its uncertainty. Of the estimators only [`Estimator::GaussNewton`] sets this flag;
     /// [`check::centre`](crate::check::centre) sets it for all.

@@ -41,6 +41,7 @@ mod symmetry;
 use crate::centre::gauss_newton::MaskedPixels;
 use crate::centre::{self, Estimator, RowCentre, gauss_newton};
 use crate::fault::Fault;
+use crate::profile::Profile;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 
@@ -51,8 +52,8 @@ const NARROWEST_SURE: f32 = 1.2;
 /// If the sensor's edge cuts a narrower spot, in pixels, nothing tells it from bad pixels.
 const NARROWEST_CUT: f32 = 1.25;
 
-/// The largest uncertainty by the spot's shape without a flag, in widths: as of noise.
-const LARGEST_SHAPE: f32 = 0.125;
+/// The largest uncertainty by the spot's shape without a flag, in widths.
+const LARGEST_SHAPE: f32 = 0.5;
 
 /// In a narrower spot, in pixels, a single bad pixel looks like a shape.
 const NARROWEST_WITH_SHAPE: f32 = 1.5;
@@ -70,8 +71,9 @@ pub fn centre(
     spot: &Spot,
     before: Option<&RowCentre>,
     geometry: &Geometry,
+    profile: Option<&Profile>,
 ) -> Result<RowCentre, Fault> {
-    let found = find_and_check(estimator, row, spot, before, geometry)?;
+    let found = find_and_check(estimator, row, spot, before, geometry, profile)?;
     if before.is_none() {
         other_spot::check(row.light(), spot, &found)?;
     }
@@ -89,11 +91,12 @@ fn find_and_check(
     spot: &Spot,
     before: Option<&RowCentre>,
     geometry: &Geometry,
+    profile: Option<&Profile>,
 ) -> Result<RowCentre, Fault> {
     let found = match centre::centre(estimator, row, spot, before, geometry) {
         Err(Fault::SpotAtEdge { .. }) if estimator != Estimator::GaussNewton => {
             let found = gauss_newton::centre(row, spot, before, geometry)?;
-            let Checked { found, is_clean } = check_symmetry(row, spot, found, geometry);
+            let Checked { found, is_clean } = check_symmetry(row, spot, found, geometry, profile);
             return Ok(RowCentre {
                 misfit: !is_clean || !is_certain_cut(row, &found),
                 ..found
@@ -101,9 +104,9 @@ fn find_and_check(
         }
         found => found?,
     };
-    let Checked { found, is_clean } = check_symmetry(row, spot, found, geometry);
+    let Checked { found, is_clean } = check_symmetry(row, spot, found, geometry, profile);
     if !is_clean && estimator != Estimator::GaussNewton {
-        return Ok(repair_or_keep(row, spot, before, geometry, found));
+        return Ok(repair_or_keep(row, spot, before, geometry, profile, found));
     }
     Ok(found)
 }
@@ -117,9 +120,10 @@ fn repair_or_keep(
     spot: &Spot,
     before: Option<&RowCentre>,
     geometry: &Geometry,
+    profile: Option<&Profile>,
     found: RowCentre,
 ) -> RowCentre {
-    match repair::centre(row, spot, before, geometry) {
+    match repair::centre(row, spot, before, geometry, profile) {
         Ok(other) if !other.misfit || other.width.to_f32() < repair::NARROWEST_SURE_REFIT => {
             RowCentre {
                 class: found.class,
@@ -132,7 +136,7 @@ fn repair_or_keep(
 
 /// A centre with what the check says of it.
 struct Checked {
-    /// With its asymmetry, and a flag if the centre may be off by a good part of the width.
+    /// With its shape, and a flag if the centre may be off by a good part of the width.
     found: RowCentre,
     /// Nothing is wrong with the centre.
     is_clean: bool,
@@ -140,8 +144,17 @@ struct Checked {
 
 /// Compares a row with its mirror image about a centre. A fit's own flag stays if full scale or the sensor's
 /// edge cuts the spot; for a whole spot the fit would flag every profile that is no gaussian.
-fn check_symmetry(row: &Row<'_>, spot: &Spot, found: RowCentre, geometry: &Geometry) -> Checked {
-    let verdict = symmetry::check(row, spot, &found, geometry, &MaskedPixels::default());
+fn check_symmetry(
+    row: &Row<'_>,
+    spot: &Spot,
+    found: RowCentre,
+    geometry: &Geometry,
+    profile: Option<&Profile>,
+) -> Checked {
+    let own = profile.map(|profile| profile.at(found.centre));
+    let own = own.as_ref();
+    let nothing = MaskedPixels::default();
+    let verdict = symmetry::check(row, spot, &found, geometry, own, &nothing);
     let Some(verdict) = verdict else {
         let misfit = found.misfit || found.width.to_f32() < NARROWEST_CUT;
         return Checked {
@@ -149,15 +162,15 @@ fn check_symmetry(row: &Row<'_>, spot: &Spot, found: RowCentre, geometry: &Geome
             is_clean: !misfit,
         };
     };
-    let asymmetry = verdict.asymmetry;
+    let shape = verdict.shape;
     let is_sound = verdict.is_spot && !(found.misfit && !is_whole(row, &found));
     let width = found.width.to_f32();
     let is_expressed = verdict.is_symmetric
-        || width > NARROWEST_WITH_SHAPE && asymmetry.shape().to_f32() <= LARGEST_SHAPE * width;
+        || width > NARROWEST_WITH_SHAPE && shape.uncertainty(own).to_f32() <= LARGEST_SHAPE * width;
     Checked {
         found: RowCentre {
             misfit: !(is_sound && is_expressed),
-            asymmetry,
+            shape,
             ..found
         },
         is_clean: is_sound && verdict.is_symmetric,
@@ -191,7 +204,7 @@ mod tests {
             amplitude: Counts::from_int(1000),
             width: Pixels::from_f32(width),
             class: Default::default(),
-            asymmetry: Default::default(),
+            shape: Default::default(),
             misfit: false,
         }
     }

@@ -20,10 +20,10 @@ mod motion;
 
 use heapless::Vec;
 
-use crate::asymmetry::{Asymmetry, COMPONENTS};
 use crate::centre::RowCentre;
 use crate::fault::Fault;
 use crate::numeric;
+use crate::shape::{COMPONENTS, SpotShape};
 use crate::units::{Counts, Pixels};
 
 use correlation::Correlated;
@@ -103,7 +103,7 @@ pub struct FrameCentre {
     pub misfits: u16,
     /// The spot's antisymmetric light, the mean of the rows used. Noise differs from row to row, so the mean
     /// shows less of it; a flaw stays.
-    pub asymmetry: Asymmetry,
+    pub shape: SpotShape,
     /// See [`Reading::correlated`](crate::reading::Reading::correlated).
     pub correlated: Option<u16>,
     /// How far the rows' centres scatter beyond what their own uncertainties explain, as a standard deviation
@@ -230,7 +230,7 @@ impl Frame {
             rows_used: members.len() as u16,
             rows: self.rows,
             misfits: count_where(&members, |it| it.row.misfit) as u16,
-            asymmetry: mean_asymmetry(&members),
+            shape: mean_shape(&members),
             correlated: correlated.and_then(Correlated::rows_if_few),
             spread: Pixels::from_f32(spread),
             motion: Pixels::from_f32(fluctuation.shift),
@@ -426,23 +426,23 @@ fn propagated(members: &[Member<'_>], course: &Course) -> f32 {
 }
 
 /// The mean of the rows' antisymmetric light, each row with its weight in the mean.
-fn mean_asymmetry(members: &[Member<'_>]) -> Asymmetry {
+fn mean_shape(members: &[Member<'_>]) -> SpotShape {
     let per_weight = 1.0 / total(members, |it| it.weight);
     let mut components = [0.0; COMPONENTS];
     for member in members {
         let share = member.weight * per_weight;
-        for (sum, component) in components.iter_mut().zip(member.row.asymmetry.components) {
+        for (sum, component) in components.iter_mut().zip(member.row.shape.components) {
             *sum += share * component.to_f32();
         }
     }
     let noise = total(members, |it| {
-        square(it.weight * it.row.asymmetry.noise.to_f32())
+        square(it.weight * it.row.shape.noise.to_f32())
     });
-    let rest = total(members, |it| {
-        it.weight * square(it.row.asymmetry.rest.to_f32())
-    });
-    Asymmetry {
+    let rest = total(members, |it| it.weight * square(it.row.shape.rest.to_f32()));
+    let width = total(members, |it| it.weight * it.row.shape.width.to_f32());
+    SpotShape {
         components: components.map(Pixels::from_f32),
+        width: Pixels::from_f32(width * per_weight),
         noise: Pixels::from_f32(libm::sqrtf(noise) * per_weight),
         rest: Pixels::from_f32(libm::sqrtf(rest * per_weight)),
     }
@@ -564,7 +564,7 @@ mod tests {
             amplitude: Counts::from_int(1000),
             width: Pixels::from_int(9),
             class: WidthClass::default(),
-            asymmetry: Default::default(),
+            shape: Default::default(),
             misfit: false,
         })
     }

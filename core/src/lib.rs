@@ -72,7 +72,9 @@ pub mod centre;
 
 pub mod check;
 
-pub mod asymmetry;
+pub mod shape;
+
+pub mod profile;
 
 pub mod frame;
 

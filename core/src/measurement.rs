@@ -11,6 +11,7 @@ use crate::fault::Fault;
 use crate::frame::Frame;
 use crate::pixels::PixelErrors;
 use crate::pixels::map::{self, PixelMap};
+use crate::profile::Profile;
 use crate::reading::Measured;
 use crate::row::{Geometry, Row};
 use crate::settings::Settings;
@@ -22,6 +23,7 @@ use crate::units::{Counts, Pixels};
 pub struct Measurement {
     geometry: Geometry,
     settings: Settings,
+    profile: Option<Profile>,
     frame: Frame,
     black: BlackPixels,
     /// The result of the row before, if it is of the same frame and had a centre.
@@ -36,6 +38,7 @@ impl Measurement {
         Self {
             geometry,
             settings,
+            profile: None,
             frame: Frame::default(),
             black: BlackPixels::default(),
             before: None,
@@ -48,9 +51,10 @@ impl Measurement {
         &self.settings
     }
 
-    /// Changes the settings, and starts the frame under way again.
-    pub fn set(&mut self, settings: Settings) {
+    /// Changes the settings and the sensor's own spot, and starts the frame under way again.
+    pub fn set(&mut self, settings: Settings, profile: Option<Profile>) {
         self.settings = settings;
+        self.profile = profile;
         self.start_frame();
     }
 
@@ -84,7 +88,8 @@ impl Measurement {
         Fault::SensorSilent
     }
 
-    fn start_frame(&mut self) {
+    /// Starts the frame under way again.
+    pub fn start_frame(&mut self) {
         self.frame = Frame::default();
         self.black = BlackPixels::default();
         self.before = None;
@@ -136,6 +141,7 @@ impl Measurement {
             &spot,
             before.as_ref().map(|(_, centre)| centre),
             &self.geometry,
+            self.profile.as_ref(),
         )?;
         self.before = Some((found, centre));
         if self.settings.estimator != Estimator::Centroid {
@@ -154,6 +160,7 @@ impl Measurement {
 
     fn measured(&self, map: Option<&PixelMap>) -> Result<Measured, Fault> {
         let frame = self.frame.centre(self.settings.mean)?;
+        let own = (self.profile.as_ref()).map(|profile| profile.at(frame.centre));
         Ok(Measured {
             frame,
             black_level: self
@@ -162,6 +169,7 @@ impl Measurement {
                 .unwrap_or_default(),
             ambient: self.ambient,
             estimator: self.settings.estimator,
+            by_shape: frame.shape.uncertainty(own.as_ref()),
             pixels: map.map_or(PixelErrors::TCD1304DG, PixelMap::errors),
         })
     }

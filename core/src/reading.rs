@@ -19,6 +19,9 @@ pub struct Measured {
     pub ambient: Counts,
     /// How the rows' centres were found.
     pub estimator: Estimator,
+    /// Standard uncertainty of the centre that comes from the spot's shape, beyond that of the sensor's own
+    /// spot.
+    pub by_shape: Pixels,
     /// How far the pixels differ, after the correction that the rows had.
     pub pixels: PixelErrors,
 }
@@ -39,6 +42,7 @@ impl Measured {
             black_level,
             ambient,
             estimator,
+            by_shape,
             pixels,
         } = *self;
         let calibration = calibration.ok_or(Fault::NotCalibrated {
@@ -53,7 +57,7 @@ impl Measured {
             along: (frame.centre.to_f32() - first.to_f32()) / (last.to_f32() - first.to_f32()),
         };
         let pixels = pixels.of_centre(estimator, frame.width, frame.amplitude, ambient);
-        let parts = place.parts(&frame, pixels, errors, surface);
+        let parts = place.parts(&frame, by_shape, pixels, errors, surface);
         Ok(Reading {
             distance,
             uncertainty: parts.combined(),

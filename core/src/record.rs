@@ -28,6 +28,7 @@ use crate::distance::eq1::{Eq1, Eq1Error};
 use crate::distance::knots::{Knot, Knots, MAX_KNOTS};
 use crate::distance::residuals::{Corrected, CorrectedError};
 use crate::distance::table::{Table, TableError};
+use crate::profile::Profile;
 use crate::row::{Geometry, LARGEST_COUNT, MAX_PIXELS, Polarity};
 use crate::sensor_heads;
 use crate::uncertainty::CalibrationErrors;
@@ -52,13 +53,18 @@ pub struct Record {
     pub calibration: Calibration,
     /// What is known of the calibration's errors.
     pub errors: CalibrationErrors,
+    /// The sensor's own spot, if the calibration learned it.
+    pub profile: Option<Profile>,
 }
 
 /// The format that this firmware writes.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 
-/// The format of earlier firmware: the same without [`Record::errors`].
+/// The first format: the same without [`Record::errors`] and [`Record::profile`].
 const VERSION_1: u8 = 1;
+
+/// The second format: the same without [`Record::profile`].
+const VERSION_2: u8 = 2;
 
 /// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, and all that a fit says of its errors,
 /// each number at its longest.
@@ -84,7 +90,8 @@ pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], Rec
         .map_err(|_| no_room)?
         .len();
     let rest = rest.get_mut(fields..).ok_or(no_room)?;
-    let errors = postcard::to_slice(&record.errors, rest).map_err(|_| no_room)?;
+    let after = (&record.errors, &record.profile);
+    let errors = postcard::to_slice(&after, rest).map_err(|_| no_room)?;
     let summed = fields.saturating_add(errors.len()).saturating_add(1);
     let (before, after) = buffer.split_at_mut_checked(summed).ok_or(no_room)?;
     let sum = after.first_chunk_mut().ok_or(no_room)?;
@@ -110,25 +117,30 @@ pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
     let (&version, body) = before
         .split_first()
         .ok_or(RecordError::Short { bytes: bytes.len() })?;
-    if version != VERSION && version != VERSION_1 {
+    if !(VERSION_1..=VERSION).contains(&version) {
         return Err(RecordError::Version { version });
     }
     match &Fields::read(body) {
-        Ok((fields, rest)) => fields.record(read_errors(version, rest)?),
+        Ok((fields, rest)) => {
+            let (errors, profile) = read_errors(version, rest)?;
+            fields.record(errors, profile)
+        }
         Err(error) => Err(*error),
     }
 }
 
 /// Reads what follows the fields.
-fn read_errors(version: u8, rest: &[u8]) -> Result<CalibrationErrors, RecordError> {
-    if version == VERSION_1 {
-        return match rest {
-            [] => Ok(CalibrationErrors::Unknown),
-            _ => Err(RecordError::Shape),
-        };
-    }
-    match postcard::take_from_bytes(rest) {
-        Ok((errors, [])) => Ok(errors),
+fn read_errors(
+    version: u8,
+    rest: &[u8],
+) -> Result<(CalibrationErrors, Option<Profile>), RecordError> {
+    let read = match version {
+        VERSION_1 => Ok(((CalibrationErrors::Unknown, None), rest)),
+        VERSION_2 => postcard::take_from_bytes(rest).map(|(errors, rest)| ((errors, None), rest)),
+        _ => postcard::take_from_bytes(rest),
+    };
+    match read {
+        Ok((read, [])) => Ok(read),
         _ => Err(RecordError::Shape),
     }
 }
@@ -145,6 +157,7 @@ impl Record {
             black_level: BlackLevel::Shielded,
             calibration: Calibration::nominal()?,
             errors: CalibrationErrors::Nominal,
+            profile: None,
         })
     }
 
@@ -182,7 +195,8 @@ impl Record {
         if first.to_bits() < -HALF || last.to_bits() > end {
             return Err(RecordError::OffTheSensor { first, last });
         }
-        if !self.errors.are_sensible() {
+        let is_sensible = self.profile.as_ref().is_none_or(Profile::is_sensible);
+        if !self.errors.are_sensible() || !is_sensible {
             return Err(RecordError::Errors);
         }
         Ok(())
@@ -299,7 +313,11 @@ impl Fields {
 
     /// Makes the record with the constructors of its parts.
     #[inline(never)]
-    fn record(&self, errors: CalibrationErrors) -> Result<Record, RecordError> {
+    fn record(
+        &self,
+        errors: CalibrationErrors,
+        profile: Option<Profile>,
+    ) -> Result<Record, RecordError> {
         let estimator = Estimator::from_stored_letter(char::from(self.estimator)).ok_or(
             RecordError::Estimator {
                 letter: self.estimator,
@@ -329,6 +347,7 @@ impl Fields {
             },
             calibration: self.calibration.calibration()?,
             errors,
+            profile,
         };
         record.check()?;
         Ok(record)

@@ -16,6 +16,7 @@ use core::fmt::{self, Write as _};
 use crate::difference::Difference;
 use crate::fault::Fault;
 use crate::pixels::PixelErrors;
+use crate::profile::Profile;
 use crate::protocol::MAX_ANSWER;
 use crate::protocol::calibration::{CalibrationAnswer, FlashStatus};
 use crate::protocol::command::{Command, Error};
@@ -60,8 +61,8 @@ pub struct Actions {
     pub text: Text<MAX_ANSWER>,
     /// The text is one of a stream: drop it if the line is busy. Any other text must arrive.
     pub may_drop: bool,
-    /// The settings that the measurement must use from now on.
-    pub apply: Option<Settings>,
+    /// The settings and the sensor's own spot that the measurement must use from now on.
+    pub apply: Option<(Settings, Option<Profile>)>,
     /// Write [`Session::configuration`] to flash, and then take the event [`Event::Saved`]. No frame is due
     /// before that.
     pub save: bool,
@@ -165,7 +166,7 @@ impl Session {
         match event {
             Event::Started(stored) => {
                 self.load(stored);
-                actions.apply = Some(self.settings);
+                actions.apply = Some(self.applied());
                 actions.add_line(&Banner(&self.hardware, self.started_by));
             }
             Event::Line(Ok(command)) => {
@@ -346,7 +347,7 @@ impl Session {
                     self.zero = None;
                 }
                 if value.setting().affects() == Affects::Measurement {
-                    actions.apply = Some(self.settings);
+                    actions.apply = Some(self.applied());
                 }
                 actions.add_line(&value);
             }
@@ -360,6 +361,7 @@ impl Session {
                     return Err(Refusal::NoCalibration);
                 }
                 self.calibration_on = on;
+                actions.apply = Some(self.applied());
                 actions.add_line(&command);
             }
             Command::Data(offset) => actions.add_line(&self.piece(offset)?),
@@ -369,7 +371,7 @@ impl Session {
             }
             Command::Defaults => {
                 self.set_defaults();
-                actions.apply = Some(self.settings);
+                actions.apply = Some(self.applied());
                 actions.add_line(&command);
             }
             Command::Save | Command::SaveNominal => {
@@ -389,6 +391,12 @@ impl Session {
         Ok(())
     }
 
+    /// What the measurement must use.
+    fn applied(&self) -> (Settings, Option<Profile>) {
+        let record = self.record().filter(|_| self.calibration_on);
+        (self.settings, record.and_then(|record| record.profile))
+    }
+
     fn piece(&self, offset: u16) -> Result<Piece, Refusal> {
         let record = self.record.as_ref().ok_or(Refusal::NoCalibration)?;
         let bytes = record.bytes();
@@ -405,7 +413,7 @@ impl Session {
             self.settings.estimator = record.estimator;
             self.settings.black_level = record.black_level;
             self.set_record(record);
-            actions.apply = Some(self.settings);
+            actions.apply = Some(self.applied());
         }
         Ok(())
     }

@@ -190,6 +190,7 @@ impl Place {
     pub fn parts(
         &self,
         frame: &FrameCentre,
+        by_shape: Pixels,
         pixels: f32,
         errors: &CalibrationErrors,
         surface: Surface,
@@ -197,7 +198,7 @@ impl Place {
         let distance_of = |pixels: f32| Micrometres::from_f32(pixels * self.slope);
         Parts {
             noise: distance_of(frame.uncertainty.to_f32()).max(Micrometres::from_bits(1)),
-            shape: distance_of(frame.asymmetry.shape().to_f32()),
+            shape: distance_of(by_shape.to_f32()),
             pixels: distance_of(pixels),
             calibration: errors.curve(self),
             surface: self.surface(frame, errors, surface),
@@ -304,7 +305,7 @@ impl CalibrationErrors {
 }
 
 /// Linear interpolation. `along` is limited to 0 to 1; not-a-number counts as 0.
-fn between(values: &[f32; PLACES], along: f32) -> f32 {
+pub(crate) fn between(values: &[f32; PLACES], along: f32) -> f32 {
     const LAST: usize = PLACES - 1;
     let place = if along > 0.0 { along } else { 0.0 } * LAST as f32;
     let index = (place as usize).min(LAST - 1);

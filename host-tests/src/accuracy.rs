@@ -57,7 +57,7 @@ pub fn answers(geometry: &Geometry, light: &[u16], estimator: Estimator) -> [Ans
     let spot = spot::find(&row);
     [
         spot.and_then(|spot| centre::centre(estimator, &row, &spot, None, geometry)),
-        spot.and_then(|spot| check::centre(estimator, &row, &spot, None, geometry)),
+        spot.and_then(|spot| check::centre(estimator, &row, &spot, None, geometry, None)),
     ]
 }
 

@@ -51,8 +51,12 @@ pub fn frame(kind: &Kind, number: u64) -> Frame {
 fn take(kind: &Kind, rows: usize, number: u64) -> Frame {
     let mut random = Rng::seed_from_u64(seed(kind.name, rows, number));
     let mut plan = Plan::draw(rows, &mut random);
+    let calibration = plan.calibration(&mut random);
     (kind.put)(&mut plan, &mut random);
-    plan.frame(&mut random)
+    Frame {
+        calibration,
+        ..plan.frame(&mut random)
+    }
 }
 
 /// A seed of a kind's name, so that a new kind changes no other kind's rows. SplitMix64's finaliser mixes the

@@ -34,7 +34,7 @@ fn row(centre: f64, uncertainty: f64) -> RowCentre {
         amplitude: Counts::from_int(1000),
         width: Pixels::from_int(9),
         class: WidthClass::default(),
-        asymmetry: Default::default(),
+        shape: Default::default(),
         misfit: false,
     }
 }

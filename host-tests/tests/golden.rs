@@ -21,7 +21,14 @@ use slitrange::units::{Counts, Pixels};
 fn answer(row: &HardRow, before: Option<&RowCentre>) -> Result<RowCentre, Fault> {
     let light = Row::new(&row.light, &[], 4095).expect("quantised to 12 bits");
     let spot = spot::find(&light)?;
-    check::centre(Estimator::default(), &light, &spot, before, &row.geometry)
+    check::centre(
+        Estimator::default(),
+        &light,
+        &spot,
+        before,
+        &row.geometry,
+        None,
+    )
 }
 
 /// An answer to a row. Pixels as multiples of 2^-16, counts as multiples of 2^-8.
@@ -140,7 +147,7 @@ impl Rows {
                 amplitude: Counts::from_int(1000 + number as i32),
                 width: Pixels::from_int(9),
                 class: WidthClass::default(),
-                asymmetry: Default::default(),
+                shape: Default::default(),
                 misfit: matches!(self, Self::Misfits) && is_fourth,
             }));
         }

@@ -87,3 +87,73 @@ fn off(photograph: &Photograph, y: usize, other: &TableSet<'_>) -> Option<(f64, 
         )
     })
 }
+
+#[test]
+fn rows_are_seldom_flagged() {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/laser-spots");
+    let geometry = sensor_heads::tcd1304dg();
+    for name in ["TEM00_200mm", "t-580mm", "t-hene"] {
+        let photograph =
+            Photograph::read(folder.join(format!("{name}.pgm"))).expect("a photograph");
+        let (mut rows, mut flagged, mut within, mut shapes, mut faults, mut ratio) =
+            (0, 0, 0, vec![], 0, vec![]);
+        for y in 0..photograph.height() {
+            let Some((light, first)) = photograph.on_sensor(y) else {
+                continue;
+            };
+            let light = quantise(&light, geometry.full_scale());
+            let first = usize::try_from(first).expect("narrower than the sensor");
+            let picture: Vec<f64> = light[first..][..photograph.width()]
+                .iter()
+                .map(|&count| f64::from(count))
+                .collect();
+            let row = slitrange::row::Row::new(&light, &[], 4095).unwrap();
+            let found = slitrange::spot::find(&row).and_then(|spot| {
+                slitrange::check::centre(Estimator::PhaseTable, &row, &spot, None, &geometry, None)
+            });
+            let found = match found {
+                Ok(f) => f,
+                Err(_) => {
+                    faults += 1;
+                    continue;
+                }
+            };
+            if found.amplitude.to_f64() < BRIGHT {
+                continue;
+            }
+            let Some(fit) = least_squares::fit_near(&picture, found.centre.to_f64() - first as f64)
+            else {
+                continue;
+            };
+            if !fit.is_whole_in(picture.len()) {
+                continue;
+            }
+            rows += 1;
+            flagged += usize::from(found.misfit);
+            let error = found.centre.to_f64() - first as f64 - fit.centre;
+            let shape = found.shape.uncertainty(None).to_f64();
+            let u = found.uncertainty.to_f64().hypot(shape);
+            within += usize::from(error.abs() <= 2.0 * u);
+            shapes.push(shape / fit.width);
+            ratio.push(error / u);
+            if rows % 40 == 1 {
+                let n = found.shape.noise.to_f64();
+                println!(
+                    "   w {:.1} h {:.0} error {error:.3} u {u:.3} r {:.4} flag {} rest {:.2} comps {:.1?}",
+                    found.width.to_f64(),
+                    found.amplitude.to_f64(),
+                    found.uncertainty.to_f64(),
+                    found.misfit,
+                    found.shape.rest.to_f64() / n,
+                    found.shape.components.map(|c| c.to_f64() / n)
+                );
+            }
+        }
+        shapes.sort_by(f64::total_cmp);
+        let rms = (ratio.iter().map(|r| r * r).sum::<f64>() / rows as f64).sqrt();
+        println!(
+            "{name}: {rows} rows, {faults} faults, {flagged} flagged, {within} within 2u, median shape {:.4} widths, error/u {rms:.3}",
+            shapes[shapes.len() / 2]
+        );
+    }
+}

@@ -80,7 +80,7 @@ fn befores() -> impl Strategy<Value = Option<RowCentre>> {
             amplitude: Counts::from_int(1),
             width,
             class,
-            asymmetry: Default::default(),
+            shape: Default::default(),
             misfit: false,
         }),
     )
@@ -166,7 +166,7 @@ proptest! {
         let can_be = found && before.is_none_or(|before| is_width(before.width));
         for estimator in Estimator::ALL {
             let alone = centre::centre(estimator, &row, &spot, before.as_ref(), &geometry);
-            let checked = check::centre(estimator, &row, &spot, before.as_ref(), &geometry);
+            let checked = check::centre(estimator, &row, &spot, before.as_ref(), &geometry, None);
             for found in [alone, checked].iter().flatten() {
                 prop_assert!(!can_be || is_sane(found, light.len()), "{estimator:?}: {found:?}");
             }

@@ -13,7 +13,7 @@ use slitrange::spot;
 
 fn repaired(geometry: &Geometry, light: &[u16]) -> Answer {
     let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
-    repair::centre(&row, &spot::find(&row)?, None, geometry)
+    repair::centre(&row, &spot::find(&row)?, None, geometry, None)
 }
 
 fn with_the_default(geometry: &Geometry, light: &[u16]) -> Answer {

@@ -29,7 +29,7 @@ fn place(spot: &Spot) -> f64 {
 fn misleads(light: &[u16], spot: &Spot, geometry: &Geometry, truth: Truth) -> bool {
     let row = Row::new(light, &[], 4095).expect("12 bits");
     Estimator::ALL.into_iter().any(|estimator| {
-        let found = check::centre(estimator, &row, spot, None, geometry);
+        let found = check::centre(estimator, &row, spot, None, geometry, None);
         Said::of_row(truth, &found).is_confident_error()
     })
 }

@@ -53,7 +53,10 @@ impl Sensor {
         let banner = sensor.take(Event::Started(stored));
         let expected = Banner(&HARDWARE, StartCause::PowerOn);
         assert_eq!(banner, expected.to_string());
-        assert_eq!(sensor.actions.apply, Some(*sensor.session.settings()));
+        assert_eq!(
+            sensor.actions.apply,
+            Some((*sensor.session.settings(), None))
+        );
         sensor
     }
 
@@ -134,7 +137,7 @@ fn frame(centre: f32) -> Measured {
             width: Pixels::from_int(9),
             rows_used: 16,
             rows: 16,
-            asymmetry: Default::default(),
+            shape: Default::default(),
             misfits: 0,
             correlated: None,
             spread: Pixels::default(),
@@ -143,6 +146,7 @@ fn frame(centre: f32) -> Measured {
         black_level: Counts::from_int(300),
         ambient: Counts::default(),
         estimator: Estimator::PhaseTable,
+        by_shape: Default::default(),
         pixels: PixelErrors::TCD1304DG,
     }
 }
@@ -184,7 +188,7 @@ fn every_setting_is_shown_set_and_applied() {
         let setting = Setting::named(name).expect("a setting");
         let applied = sensor.actions.apply;
         match setting.affects() {
-            Affects::Measurement => assert_eq!(applied, Some(*sensor.session.settings())),
+            Affects::Measurement => assert_eq!(applied, Some((*sensor.session.settings(), None))),
             Affects::Session => assert_eq!(applied, None),
         }
         assert_eq!(sensor.ask(name), line);
@@ -460,8 +464,8 @@ fn an_upload_is_used_when_it_is_whole_with_the_settings_it_was_made_with() {
     let mut sensor = Sensor::new();
     sensor.upload(&own);
     let applied = sensor.actions.apply.expect("settings");
-    assert_eq!(applied.estimator, Estimator::Adaptive);
-    assert_eq!(applied.black_level, BlackLevel::Frame);
+    assert_eq!(applied.0.estimator, Estimator::Adaptive);
+    assert_eq!(applied.0.black_level, BlackLevel::Frame);
     assert_eq!(sensor.session.record(), Some(own.record()));
     let shown = sensor.ask("calibration");
     assert!(
@@ -550,7 +554,7 @@ fn defaults_are_those_of_the_factory_and_leave_the_stream() {
         stream: false,
         ..Settings::default()
     };
-    assert_eq!(sensor.actions.apply, Some(expected));
+    assert_eq!(sensor.actions.apply, Some((expected, None)));
     assert_eq!(sensor.session.record(), Record::nominal().as_ref());
     assert!(sensor.ask("calibration").starts_with("calibration on\r\n"));
 }

@@ -188,7 +188,7 @@ fn centre_at(
     let row = Row::new(light, &[], geometry.full_scale()).expect("12 bits");
     match way {
         Way::Alone => centre::centre(estimator, &row, spot, None, geometry),
-        Way::Pipeline => check::centre(estimator, &row, spot, None, geometry),
+        Way::Pipeline => check::centre(estimator, &row, spot, None, geometry, None),
     }
 }
 

@@ -131,7 +131,7 @@ fn exact(centre: f64) -> Measured {
             width: Pixels::from_int(9),
             rows_used: 16,
             rows: 16,
-            asymmetry: Default::default(),
+            shape: Default::default(),
             misfits: 0,
             correlated: None,
             spread: Pixels::default(),
@@ -140,6 +140,7 @@ fn exact(centre: f64) -> Measured {
         black_level: Counts::from_int(300),
         ambient: Counts::default(),
         estimator: Estimator::default(),
+        by_shape: Default::default(),
         pixels: PixelErrors {
             response_q16: 0,
             offset: Counts::default(),
@@ -278,6 +279,7 @@ fn any_measured() -> impl Strategy<Value = Measured> {
                 ..exact.frame
             },
             ambient: Counts::from_bits(offset),
+            by_shape: Default::default(),
             pixels: PixelErrors {
                 response_q16,
                 offset: Counts::from_bits(offset),

@@ -98,6 +98,7 @@ pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
         geometry: sensor_heads::tcd1304dg(),
         estimator: Estimator::default(),
         black_level: BlackLevel::Shielded,
+        profile: None,
         errors: errors::of(&solved, &made),
         calibration: made.calibration,
     })

@@ -124,7 +124,7 @@ pub fn centre(
         amplitude: Counts::from_f32(amplitude),
         width: Pixels::from_f32(half_width::follow(light, spot, at, width)),
         class: WidthClass::default(),
-        asymmetry: Default::default(),
+        shape: Default::default(),
         misfit: false,
     })
 }

@@ -452,7 +452,7 @@ impl Window {
             amplitude: Counts::from_f32(amplitude * s / width),
             width: Pixels::from_f32(width),
             class: WidthClass::default(),
-            asymmetry: Default::default(),
+            shape: Default::default(),
             misfit: !is_noise,
         }
     }

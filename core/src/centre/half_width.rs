@@ -308,7 +308,7 @@ mod tests {
             amplitude: Counts::from_int(1),
             width: Pixels::from_int(9),
             class: Default::default(),
-            asymmetry: Default::default(),
+            shape: Default::default(),
             misfit: false,
         };
         assert_eq!(width(&light, &spot(500, 3), Some(&before)), Ok(9.0));

@@ -465,7 +465,7 @@ impl Fit<'_> {
             amplitude: Counts::from_positive_f32(amplitude),
             width: Pixels::from_f32(self.width),
             class: self.class,
-            asymmetry: Default::default(),
+            shape: Default::default(),
             misfit: false,
         })
     }

@@ -24,6 +24,7 @@ use crate::centre::{RowCentre, adaptive};
 use crate::check::{check_symmetry, symmetry};
 use crate::fault::Fault;
 use crate::numeric;
+use crate::profile::Profile;
 use crate::row::{Geometry, Row};
 use crate::spot::Spot;
 
@@ -69,13 +70,14 @@ pub fn centre(
     spot: &Spot,
     before: Option<&RowCentre>,
     geometry: &Geometry,
+    profile: Option<&Profile>,
 ) -> Result<RowCentre, Fault> {
     let found = match adaptive::centre(row, spot, before, geometry) {
         Err(Fault::Saturated { .. }) => gauss_newton::centre(row, spot, before, geometry)?,
         // If `adaptive` finds no spot there is none: a fit to a hot pixel is not to be trusted.
         found => found?,
     };
-    let checked = check_symmetry(row, spot, found, geometry);
+    let checked = check_symmetry(row, spot, found, geometry, profile);
     let sure = RowCentre {
         misfit: !checked.is_clean,
         ..checked.found
@@ -88,6 +90,7 @@ pub fn centre(
         row,
         spot,
         geometry,
+        profile,
         found,
     };
     Ok(scene.refit().unwrap_or(sure))
@@ -108,6 +111,8 @@ struct Scene<'a> {
     row: &'a Row<'a>,
     spot: &'a Spot,
     geometry: &'a Geometry,
+    /// The sensor's own spot.
+    profile: Option<&'a Profile>,
     /// The first centre.
     found: RowCentre,
 }
@@ -182,9 +187,11 @@ impl Scene<'_> {
             return None;
         }
         let masked = window.masked_pixels();
-        let verdict = symmetry::check(self.row, self.spot, &found, self.geometry, &masked)?;
+        let own = self.profile.map(|profile| profile.at(found.centre));
+        let own = own.as_ref();
+        let verdict = symmetry::check(self.row, self.spot, &found, self.geometry, own, &masked)?;
         verdict.is_clean().then_some(RowCentre {
-            asymmetry: verdict.asymmetry,
+            shape: verdict.shape,
             ..found
         })
     }

@@ -25,12 +25,13 @@
 
 use core::ops::Range;
 
-use crate::asymmetry::{Asymmetry, COMPONENTS};
 use crate::centre::RowCentre;
 use crate::centre::gauss_newton::MaskedPixels;
 use crate::centre::tables::TILTED;
 use crate::numeric;
+use crate::profile::OwnSpot;
 use crate::row::{Geometry, Row};
+use crate::shape::{COMPONENTS, SpotShape};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -107,7 +108,7 @@ pub(super) struct Verdict {
     /// The row is its own mirror image: noise explains the difference.
     pub is_symmetric: bool,
     /// How much the antisymmetric light may have moved the centre.
-    pub asymmetry: Asymmetry,
+    pub shape: SpotShape,
 }
 
 impl Verdict {
@@ -124,6 +125,7 @@ pub(super) fn check(
     spot: &Spot,
     found: &RowCentre,
     geometry: &Geometry,
+    own: Option<&OwnSpot>,
     masked: &MaskedPixels,
 ) -> Option<Verdict> {
     if is_cut_at_zero(row.light(), found)
@@ -146,12 +148,16 @@ pub(super) fn check(
         let slope = symmetry.slope;
         symmetry = Symmetry::of(row, spot, found, geometry, masked, slope);
     }
+    let shape = symmetry.shape();
+    if let Some(own) = own {
+        symmetry.subtract(own);
+    }
     let is_sharp = masked.samples == 0 && is_sharp(row.light(), spot, found, geometry);
     let trust = Trust::of(found, masked);
     Some(Verdict {
         is_spot: !is_sharp && symmetry.is_spot(trust),
         is_symmetric: symmetry.is_symmetric(found, trust),
-        asymmetry: symmetry.asymmetry(),
+        shape,
     })
 }
 
@@ -233,7 +239,7 @@ const SHARP: f32 = 2.5;
 /// How a row differs from its mirror image.
 struct Symmetry {
     pairs: f32,
-    /// The components of z, each in standard deviations of its noise: see [`crate::asymmetry`].
+    /// The components of z, each in standard deviations of its noise: see [`crate::shape`].
     components: [f32; COMPONENTS],
     /// The slope of the tilt, in counts of z for each u.
     slope: f32,
@@ -245,6 +251,8 @@ struct Symmetry {
     squares: f32,
     /// The largest leverage of a pair: how much of a shift's norm is its own.
     leverage: f32,
+    /// The width of the symmetric light, in pixels.
+    width: f32,
     /// k4 and its standard deviation, if there are enough samples for it.
     flatness: Option<(f32, f32)>,
     /// The mean square that the even fit leaves, over that of the spot, and its standard deviation.
@@ -253,6 +261,21 @@ struct Symmetry {
 }
 
 impl Symmetry {
+    /// Subtracts the antisymmetric light of the sensor's own spot.
+    fn subtract(&mut self, own: &OwnSpot) {
+        let (mut before, mut after) = (0.0, 0.0);
+        // The shift is no part of the squares.
+        for (i, (component, own)) in self.components.iter_mut().zip(own.components).enumerate() {
+            let rest = *component - own / self.pixels_a_deviation;
+            if i > 0 {
+                before += *component * *component;
+                after += rest * rest;
+            }
+            *component = rest;
+        }
+        self.squares -= before - after;
+    }
+
     /// Whether noise explains all of the difference. `false` if any of the numbers is not a number.
     fn is_symmetric(&self, found: &RowCentre, trust: Trust) -> bool {
         let Trust { odd: trust, .. } = trust;
@@ -278,7 +301,7 @@ impl Symmetry {
     /// The light that no component describes belongs to a few pixels. A pair that stands out by t standard
     /// deviations moves the centre by t times the root of its leverage, w f^2 / sum w f^2, which is at most
     /// that of the pairs at one width.
-    fn asymmetry(&self) -> Asymmetry {
+    fn shape(&self) -> SpotShape {
         let pixels = self.pixels_a_deviation;
         let described: f32 = self.components.iter().skip(1).map(|it| it * it).sum();
         let freedom = self.pairs - COMPONENTS as f32;
@@ -288,8 +311,9 @@ impl Symmetry {
         } else {
             0.0
         };
-        Asymmetry {
+        SpotShape {
             components: self.components.map(|it| Pixels::from_f32(it * pixels)),
+            width: Pixels::from_f32(self.width),
             noise: Pixels::from_f32(pixels),
             rest: Pixels::from_f32(rest),
         }
@@ -391,6 +415,7 @@ impl Symmetry {
             worst: odd.worst * white,
             squares: (odd.squares - shift * shift) * white,
             leverage: LEVERAGE_A_PITCH * pitch,
+            width: width * (1.0 + shape.wider),
             flatness: shape.k4.map(|(k4, norm)| {
                 // The noise at the top, where most of it comes from.
                 let variance = (noise + 2.0 * shot * height) / norm;
@@ -652,6 +677,8 @@ struct Even {
 
 /// The solution of the even part.
 struct Shape {
+    /// The coefficient of u^2 e over that of e: how much wider the light is than the spot.
+    wider: f32,
     /// The coefficient of u^4 e, and the norm of the part that u^4 e shares with no other function. `None` if
     /// rounding is all of it.
     k4: Option<(f32, f32)>,
@@ -701,7 +728,10 @@ impl Even {
         let f = c12 / c11;
         let norm = self.m4 - l2 * self.l2 - f2 * c02 - f * c12;
         let p2 = self.p2 - p * self.l2 - f2 * p0 - f * p1;
+        let (second, first) = (p1 / c11, p0 / c00);
         Shape {
+            // p0 has the part of u^2 e along e.
+            wider: second / (first - f1 * second),
             k4: (norm > LEAST_NORM * self.m4).then(|| (p2 / norm, norm)),
             rest: self.squares - p * self.p - p0 * p0 / c00 - p1 * p1 / c11,
         }
@@ -766,7 +796,7 @@ mod tests {
             amplitude: Counts::from_int(2000),
             width: Pixels::from_f32(width),
             class: Default::default(),
-            asymmetry: Default::default(),
+            shape: Default::default(),
             misfit: false,
         };
         let nothing = MaskedPixels::default();
@@ -834,7 +864,7 @@ mod tests {
                     amplitude: Counts::from_f32(height),
                     width: Pixels::from_f32(width),
                     class: Default::default(),
-                    asymmetry: Default::default(),
+                    shape: Default::default(),
                     misfit: false,
                 };
                 let nothing = MaskedPixels::default();

@@ -257,7 +257,7 @@ mod tests {
                 width: Pixels::from_int(9),
                 rows_used: 16,
                 rows: 16,
-                asymmetry: Default::default(),
+                shape: Default::default(),
                 misfits: 0,
                 correlated: None,
                 spread: Pixels::default(),
@@ -266,6 +266,7 @@ mod tests {
             black_level: Counts::from_f32(300.25),
             ambient: Counts::default(),
             estimator: Estimator::PhaseTable,
+            by_shape: Default::default(),
             pixels: PixelErrors::TCD1304DG,
         };
         let line = "x 1770.98767 u 0.00195 a 1993 n 16/16 b 300 e t";

@@ -33,7 +33,8 @@ pub fn answers(row: &HardRow) -> [Answers; Estimator::ALL.len()] {
     let spot = spot::find(&parts);
     Estimator::ALL.map(|estimator| Answers {
         alone: spot.and_then(|spot| centre::centre(estimator, &parts, &spot, None, &row.geometry)),
-        checked: spot.and_then(|spot| check::centre(estimator, &parts, &spot, None, &row.geometry)),
+        checked: spot
+            .and_then(|spot| check::centre(estimator, &parts, &spot, None, &row.geometry, None)),
     })
 }
 
@@ -59,7 +60,7 @@ impl Said {
         match answer {
             Ok(found) => Self::Centre {
                 error: truth.error(found.centre.to_f64()),
-                claim: (found.uncertainty.to_f64()).hypot(found.asymmetry.shape().to_f64()),
+                claim: (found.uncertainty.to_f64()).hypot(found.shape.uncertainty(None).to_f64()),
                 flagged: found.misfit,
             },
             Err(fault) => Self::Fault(*fault),
@@ -208,7 +209,7 @@ impl RowCase {
             let row = self.row(number);
             let parts = Row::new(&row.light, &[], row.geometry.full_scale()).expect("12 bits");
             let found = spot::find(&parts)
-                .and_then(|spot| repair::centre(&parts, &spot, None, &row.geometry));
+                .and_then(|spot| repair::centre(&parts, &spot, None, &row.geometry, None));
             Said::of_row(row.truth, &found)
         };
         is_missed(within, &(0..ROWS).map(repaired).collect::<Vec<_>>())

@@ -52,6 +52,9 @@ pub struct Plan {
     words: Vec<Change<u16>>,
 }
 
+/// The least height of the spot that a calibration sees, in counts: a person takes care that it is bright.
+const CALIBRATED_HEIGHT: f64 = 1000.0;
+
 /// A frame, and what a perfect reader would say of it.
 #[derive(Clone, Debug)]
 pub struct Frame {
@@ -63,6 +66,8 @@ pub struct Frame {
     pub truth: Truth,
     /// The spot's width and height before the fault, to tell its story.
     pub spot: (f64, f64),
+    /// The words of read-outs of the same spot without a fault, at rest and bright: what a calibration saw.
+    pub calibration: Vec<Vec<u16>>,
 }
 
 impl Plan {
@@ -174,7 +179,23 @@ impl Plan {
             geometry: self.sensor.geometry(),
             truth: self.truth,
             spot: (self.spot.width, self.spot.height),
+            calibration: vec![],
         }
+    }
+
+    /// Takes the rows that a calibration sees.
+    pub fn calibration(&self, random: &mut Rng) -> Vec<Vec<u16>> {
+        let spot = Spot {
+            height: self.spot.height.max(CALIBRATED_HEIGHT),
+            ..self.spot
+        };
+        (0..ROWS_OF_FRAME)
+            .map(|row| {
+                let mut light = vec![0.0; self.sensor.pixels];
+                spot.add_to(&mut light, |_| 1.0);
+                self.row(light, &Moment { row, spot }, random)
+            })
+            .collect()
     }
 
     fn row(&self, mut pixels: Vec<f64>, moment: &Moment, random: &mut Rng) -> Vec<u16> {

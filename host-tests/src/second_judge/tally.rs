@@ -5,8 +5,11 @@ use slitrange::centre::Estimator;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
 use slitrange::measurement::Measurement;
+use slitrange::profile::Profile;
 use slitrange::reading::Measured;
 use slitrange::settings::Settings;
+use slitrange::uncertainty::PLACES;
+use slitrange::units::Pixels;
 
 use crate::second_judge::{Due, Frame, Kind, frame, row};
 
@@ -15,6 +18,9 @@ pub const ESTIMATORS: [Estimator; 2] = [Estimator::PhaseTable, Estimator::Adapti
 
 /// A confident error is larger than so many claimed standard uncertainties ...
 const CLAIMS: f64 = 5.0;
+
+/// How well a calibration knows the widths of its spots, as a share.
+const WIDTH_DEVIATION: f32 = 0.003;
 
 /// ... and than so many pixels.
 const SLACK: f64 = 0.1;
@@ -49,8 +55,36 @@ impl Frame {
             ..Settings::default()
         };
         let mut measurement = Measurement::new(self.geometry.clone(), settings);
+        measurement.set(
+            settings,
+            std::env::var("NOPROFILE")
+                .is_err()
+                .then(|| self.profile(estimator))
+                .flatten(),
+        );
         let complete = (self.rows.iter()).filter_map(|row| measurement.row(&mut row.clone()));
         complete.last().unwrap_or(Err(Fault::SensorSilent))
+    }
+
+    /// The sensor's own spot, from the rows that a calibration sees.
+    pub fn profile(&self, estimator: Estimator) -> Option<Profile> {
+        let settings = Settings {
+            rows: self.calibration.len() as u16,
+            estimator,
+            ..Settings::default()
+        };
+        let mut measurement = Measurement::new(self.geometry.clone(), settings);
+        let complete = self.calibration.iter();
+        let complete = complete.filter_map(|row| measurement.row(&mut row.clone()));
+        let seen = complete.last()?.ok()?.frame;
+        Some(Profile {
+            first: Pixels::default(),
+            last: Pixels::from_int(self.geometry.light.len() as i32),
+            width: [seen.shape.width; PLACES],
+            width_deviation: Pixels::from_f32(WIDTH_DEVIATION * seen.shape.width.to_f32()),
+            components: seen.shape.components.map(|component| [component; PLACES]),
+            deviation: seen.shape.noise,
+        })
     }
 
     /// What comes of it.
@@ -70,6 +104,7 @@ impl Frame {
         Verdict::Centre {
             error: self.truth.error(found.centre.to_f64()),
             claim: (found.uncertainty.to_f64())
+                .hypot(measured.by_shape.to_f64())
                 .hypot(found.motion.to_f64())
                 .hypot(pixels),
             is_flagged: is_flagged(&found),

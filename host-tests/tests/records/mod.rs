@@ -9,10 +9,12 @@ use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::{CLOSEST, Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
+use slitrange::profile::Profile;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads;
+use slitrange::shape::COMPONENTS;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
@@ -34,6 +36,7 @@ pub fn nominal() -> Record {
         estimator: Estimator::PhaseTable,
         black_level: BlackLevel::Fixed(Counts::from_int(120)),
         calibration: Calibration::nominal().expect("a curve"),
+        profile: None,
         errors: CalibrationErrors::Unknown,
     }
 }
@@ -73,6 +76,14 @@ pub fn longest() -> Record {
                 deviation: [Micrometres::MAX; PLACES],
                 height: [Counts::MAX; PLACES],
             }),
+        }),
+        profile: Some(Profile {
+            first: Pixels::MAX,
+            last: Pixels::MAX,
+            width: [Pixels::MAX; PLACES],
+            width_deviation: Pixels::MAX,
+            components: [[Pixels::MAX; PLACES]; COMPONENTS],
+            deviation: Pixels::MAX,
         }),
     }
 }
@@ -127,6 +138,7 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
                     estimator,
                     black_level,
                     calibration: calibration?,
+                    profile: None,
                     errors,
                 })
             },

@@ -67,7 +67,7 @@ impl Estimators {
             });
             say_centre(alone, &mut say);
             let checked = found.and_then(|(row, spot)| {
-                check::centre(estimator, &row, &spot, None, &self.geometry)
+                check::centre(estimator, &row, &spot, None, &self.geometry, None)
             });
             say_centre(checked, &mut say);
             if let Some(result) = measurement.row(light) {
@@ -113,7 +113,7 @@ fn say_centre(answer: Result<RowCentre, Fault>, say: &mut impl FnMut(u32)) {
             amplitude,
             width,
             class,
-            asymmetry,
+            shape,
             misfit,
         }) => {
             let WidthClass { set, table, block } = class;
@@ -127,12 +127,13 @@ fn say_centre(answer: Result<RowCentre, Fault>, say: &mut impl FnMut(u32)) {
                 say(bits as u32);
             }
             say(u32::from_le_bytes([set, table, block, u8::from(misfit)]));
-            let Asymmetry {
+            let SpotShape {
                 components,
+                width,
                 noise,
                 rest,
-            } = asymmetry;
-            for bits in components.into_iter().chain([noise, rest]) {
+            } = shape;
+            for bits in components.into_iter().chain([width, noise, rest]) {
                 say(bits.to_bits() as u32);
             }
         }

@@ -88,6 +88,6 @@ pub fn centre(
         Method::Blocks => {
             phase_table::centre(row, spot, before, geometry, &GAUSSIAN, Sampling::Coarse)
         }
-        Method::Repair => repair::centre(row, spot, before, geometry),
+        Method::Repair => repair::centre(row, spot, before, geometry, None),
     }
 }

@@ -592,7 +592,7 @@ impl Sensor {
                 width: Pixels::from_int(9),
                 rows_used: settings.rows,
                 rows: settings.rows,
-                asymmetry: Default::default(),
+                shape: Default::default(),
                 misfits: 0,
                 correlated: None,
                 spread: Pixels::default(),
@@ -601,6 +601,7 @@ impl Sensor {
             black_level: Counts::from_int(300),
             ambient: Counts::default(),
             estimator: settings.estimator,
+            by_shape: Default::default(),
             pixels: PixelErrors::TCD1304DG,
         })
     }

@@ -110,6 +110,7 @@ fn record_bytes(calibration: Calibration) -> anyhow::Result<usize> {
         estimator: Estimator::default(),
         black_level: BlackLevel::Shielded,
         calibration,
+        profile: None,
         errors: CalibrationErrors::Unknown,
     };
     Ok(encode(&record, &mut [0; MAX_ENCODED])?.len())

@@ -141,7 +141,7 @@ pub fn row_centre() -> RowCentre {
         amplitude: Counts::MIN,
         width: Pixels::MIN,
         class: WidthClass::default(),
-        asymmetry: Default::default(),
+        shape: Default::default(),
         misfit: false,
     })
 }
@@ -155,7 +155,7 @@ pub fn measured() -> Measured {
             width: Pixels::MIN,
             rows_used: 0,
             rows: 0,
-            asymmetry: Default::default(),
+            shape: Default::default(),
             misfits: 0,
             correlated: None,
             spread: Pixels::default(),
@@ -164,6 +164,7 @@ pub fn measured() -> Measured {
         black_level: Counts::MIN,
         ambient: Counts::default(),
         estimator: Estimator::Centroid,
+        by_shape: Default::default(),
         pixels: PixelErrors::TCD1304DG,
     })
 }
