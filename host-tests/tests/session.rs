@@ -1,6 +1,7 @@
 //! Every command, fault and start of a sensor, through the core's session, without hardware and without an
 //! emulator.
 
+use host_tests::frames::at_centre;
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
@@ -125,24 +126,16 @@ fn of_another_head() -> Record {
 }
 
 /// A frame whose spot is at a centre in pixels.
-fn frame(centre: f32) -> Measured {
+fn frame(centre: f64) -> Measured {
+    let exact = at_centre(centre);
     Measured {
         frame: FrameCentre {
-            centre: Pixels::from_f32(centre),
             uncertainty: Pixels::from_f32(0.002),
             amplitude: Counts::from_int(1993),
-            width: Pixels::from_int(9),
-            rows_used: 16,
-            rows: 16,
-            misfits: 0,
-            correlated: None,
-            spread: Pixels::default(),
-            motion: Pixels::default(),
+            ..exact.frame
         },
-        black_level: Counts::from_int(300),
-        ambient: Counts::default(),
-        estimator: Estimator::PhaseTable,
         pixels: PixelErrors::TCD1304DG,
+        ..exact
     }
 }
 
