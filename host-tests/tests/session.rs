@@ -405,6 +405,51 @@ fn distances_are_relative_to_zero() {
     }
 }
 
+/// Two readings with different maps do not share the errors of the pixels.
+#[test]
+fn another_map_of_the_pixels_ends_the_zero() {
+    let mut sensor = Sensor::new();
+    let errors = PixelErrors {
+        response_q16: 38,
+        offset: Counts::from_bits(66),
+    };
+    let without = frame(1800.0);
+    let with = Measured {
+        pixels: errors,
+        ..without
+    };
+    let summary = MapSummary {
+        errors,
+        pattern: Counts::from_int(5),
+        outside: 0,
+    };
+    let taken = Taken {
+        mean: Counts::from_int(2300),
+        map: Some(summary),
+    };
+    let taken = Event::Flat(Outcome::Taken(Kind::Lit, Ok(taken)));
+    let loaded = Event::Flat(Outcome::Loaded(Ok(StoredMap::Newest), Some(summary)));
+    let erased = Event::Flat(Outcome::Erased(Ok(())));
+    let saved = Event::Flat(Outcome::Saved(Ok(())));
+    // What happens after the zero, and whether the zero stays. `flat on` and `flat off` show in the frames.
+    for (zero, event, now, stays) in [
+        (without, None, without, true),
+        (without, None, with, false),
+        (with, None, without, false),
+        (with, Some(saved), with, true),
+        (with, Some(taken), with, false),
+        (with, Some(loaded), with, false),
+        (with, Some(erased), with, false),
+    ] {
+        sensor.ask("zero");
+        sensor.take(Event::Frame(Ok(zero)));
+        let what = format!("{event:?}");
+        event.map(|event| sensor.take(event));
+        let line = sensor.take(Event::Frame(Ok(now)));
+        assert_eq!(line.starts_with("z "), stays, "{what}: {line}");
+    }
+}
+
 #[test]
 fn without_a_calibration_there_is_a_fault_and_no_distance() {
     let mut sensor = Sensor::new();
