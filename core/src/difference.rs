@@ -15,9 +15,13 @@
 //! lambda R^3 / (w b d). So for a step far below L the error is a share of the step: sqrt(2) e / L, where e
 //! is the surface's part. On white paper with a laser spot of 1 mm that share is about one, with a spot of
 //! 0.42 mm it is a quarter (docs/uncertainty.md). A target that slides sideways forgets sooner.
+//!
+//! **Ranges.** Lengths are below 2^23 um and correlations are -0.45 to 1, so a variance is below 2^50. A lag is
+//! below 2^16 widths, because a width counts as at least a pixel. The memory is above 100 um, so a step is
+//! below 2^17 memories. The squares of both are below 2^34, of which expf makes 0.
 
 use crate::reading::Reading;
-use crate::uncertainty::{MEMORY, Parts};
+use crate::uncertainty::{Parts, memory_um};
 use crate::units::Micrometres;
 
 /// A reading relative to an earlier one: its distance and its uncertainty are those of the difference.
@@ -79,6 +83,6 @@ fn of_curve(step: f32) -> f32 {
 
 /// See the module. L is that of the nominal head.
 fn of_surface(step: f32, now: &Reading) -> f32 {
-    let over = step / MEMORY.at(now.distance.to_f32() - 0.5 * step);
+    let over = step / memory_um(now.distance.to_f32() - 0.5 * step);
     libm::expf(-over * over)
 }
