@@ -7,7 +7,7 @@
 //!
 //! The CRC-32 is ISO-HDLC, as in zip and PNG.
 //!
-//! Version 1, which earlier firmware wrote, is read too: it says nothing of the calibration's errors.
+//! [`decode`] also reads version 1, which earlier firmware wrote. It has no uncertainties.
 //!
 //! [`decode`] makes a record with the constructors of its parts, and refuses what they refuse. The range of
 //! distances is not in the bytes: it follows from the calibration and the range of its centres.
@@ -50,7 +50,7 @@ pub struct Record {
     pub black_level: BlackLevel,
     /// The distance for each centre.
     pub calibration: Calibration,
-    /// What is known of the calibration's errors.
+    /// The uncertainties of the calibration, if a fit found them.
     pub errors: CalibrationErrors,
 }
 
@@ -60,8 +60,8 @@ pub const VERSION: u8 = 2;
 /// The format of earlier firmware: the same without [`Record::errors`].
 const VERSION_1: u8 = 1;
 
-/// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, and all that a fit says of its errors,
-/// each number at its longest.
+/// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals and the uncertainties of a fit, each
+/// number at its longest.
 pub const MAX_ENCODED: usize = 1498;
 
 /// Computed bit by bit, without a table: a record is read once at the start.
