@@ -16,8 +16,8 @@
 //! is the surface's part. On white paper with a laser spot of 1 mm that share is about one, with a spot of
 //! 0.42 mm it is a quarter (docs/uncertainty.md). A target that slides sideways forgets sooner.
 //!
-//! **Ranges.** Lengths are below 2^23 um and correlations are -0.45 to 1, so a variance is below 2^50. A lag is
-//! below 2^16 widths, because a width counts as at least a pixel. The memory is above 100 um, so a step is
+//! **Ranges.** Lengths are below 2^23 um and correlations are -0.45 to 1, so a variance is below 2^50. A lag
+//! is below 2^16 widths, because a width counts as at least a pixel. The memory is above 100 um, so a step is
 //! below 2^17 memories. The squares of both are below 2^34, of which expf makes 0.
 
 use crate::reading::Reading;
@@ -85,4 +85,30 @@ fn of_curve(step: f32) -> f32 {
 fn of_surface(step: f32, now: &Reading) -> f32 {
     let over = step / memory_um(now.distance.to_f32() - 0.5 * step);
     libm::expf(-over * over)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The correlation of the weights u exp(-u^2) with themselves, as sums over steps of 1/1000.
+    #[test]
+    fn pixels_errors_forget_as_the_weights_of_a_fit_do() {
+        let weight = |u: f64| u * (-u * u).exp();
+        let product = |lag: f64| -> f64 {
+            let places = (-12_000..=6000).map(|i| f64::from(i) / 1000.0);
+            places.map(|u| weight(u) * weight(u + lag)).sum()
+        };
+        let mut least = 1.0;
+        for lag in (0..=60).map(|i| f64::from(i) / 10.0) {
+            let [expected, found] = [
+                product(lag) / product(0.0),
+                f64::from(of_pixels(lag as f32)),
+            ];
+            assert!((found - expected).abs() < 1e-6, "{lag}: {found} {expected}");
+            assert_eq!(of_pixels(-lag as f32), of_pixels(lag as f32));
+            least = found.min(least);
+        }
+        assert!((-0.45..-0.44).contains(&least), "{least}");
+    }
 }

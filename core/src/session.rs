@@ -242,7 +242,8 @@ impl Session {
     /// Counts a result, and reports it if someone asked for it or the stream is on.
     fn report(&mut self, measured: Result<Measured, Fault>, actions: &mut Actions) {
         if let Ok(measured) = &measured {
-            // The rows of the zero had another map, or none: the two readings do not share the pixels' errors.
+            // The rows of the zero had another map, or none: the two readings do not share the pixels'
+            // errors.
             if measured.pixels != self.pixels {
                 self.zero = None;
             }

@@ -16,11 +16,11 @@
 //! I: s is the standard deviation of the laser spot, converted to a distance. So the surface's part is
 //! e sqrt(usual height / height). e depends on the surface, and is proportional to the distance.
 //!
-//! **Ranges.** In fixed point, lengths are below 2^23 um, centres below 2^15 px and heights below 2^23 counts.
-//! A curve's slope is below 2^28 um a pixel: knots are at least 1/16 px and less than 2^22 um apart, and eq.
-//! (1)'s pole is at least a pixel away. So (spread times slope)^2 is below 2^86, deviation^2 times height below
-//! 2^69, and no other square is as large: all are far below f32's 2^127. Not-a-number, as from a height below
-//! zero, becomes 0.
+//! **Ranges.** In fixed point, lengths are below 2^23 um, centres below 2^15 px and heights below 2^23
+//! counts. A curve's slope is below 2^28 um a pixel: knots are at least 1/16 px and less than 2^22 um apart,
+//! and eq. (1)'s pole is at least a pixel away. So (spread times slope)^2 is below 2^86, deviation^2 times
+//! height below 2^69, and no other square is as large: all are far below f32's 2^127. Not-a-number, as from a
+//! height below zero, becomes 0.
 
 use serde::{Deserialize, Serialize};
 
@@ -75,8 +75,8 @@ pub struct FittedSurface {
     pub height: [Counts; PLACES],
 }
 
-/// The surface's standard uncertainty divided by the distance, for a spot of [`USUAL_HEIGHT`] on a rough target
-/// before the nominal head: speckle of a laser with a single wavelength, on a surface that keeps the
+/// The surface's standard uncertainty divided by the distance, for a spot of [`USUAL_HEIGHT`] on a rough
+/// target before the nominal head: speckle of a laser with a single wavelength, on a surface that keeps the
 /// polarisation. Other surfaces have less.
 ///
 /// sigma_spot / (b sqrt 2), where sigma_spot is a quarter of the spot's diameter of 1 mm and b = 300 mm.
@@ -87,8 +87,8 @@ pub const USUAL_HEIGHT: f32 = 1000.0;
 
 /// The memory of speckle in micrometres at the range [`MEMORY_RANGE_UM`]: the step along the beam after which
 /// the errors of two readings by the surface have the correlation 1/e. It is that of a laser spot of 1 mm
-/// before the nominal head. A smaller spot's memory is longer, in inverse proportion, and a difference is then
-/// better than it claims.
+/// before the nominal head. A smaller spot's memory is longer, in inverse proportion, and a difference is
+/// then better than it claims.
 pub const MEMORY_UM: f32 = 840.0;
 
 /// From the slit to the target in micrometres, where the memory is [`MEMORY_UM`].

@@ -148,8 +148,8 @@ pub fn judge(seen: &[(f64, Measured)], record: &Record) -> Vec<Judged> {
         .collect()
 }
 
-/// Differences of two readings by a record, before and after the target moves away by `step` metres: on `count`
-/// surfaces at distances spread over the table. Pairs without two distances are left out.
+/// Differences of two readings by a record, before and after the target moves away by `step` metres: on
+/// `count` surfaces at distances spread over the table. Pairs without two distances are left out.
 pub fn judge_steps(
     scene: &Scene,
     record: &Record,
