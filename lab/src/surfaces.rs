@@ -7,6 +7,7 @@ use anyhow::{Context as _, Result};
 use host_tests::frames;
 use rayon::prelude::*;
 use simulator::scene::{Scene, Simulation};
+use simulator::statistics::median;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::difference::Difference;
@@ -275,9 +276,7 @@ impl Summary {
     pub fn of(judged: &[Judged]) -> Self {
         let count = judged.len();
         let median = |value: &dyn Fn(&Reading) -> f64| {
-            let mut values: Vec<f64> = judged.iter().map(|it| value(&it.reading)).collect();
-            values.sort_by(f64::total_cmp);
-            values.get(count / 2).copied().unwrap_or(f64::NAN)
+            median(judged.iter().map(|it| value(&it.reading))).unwrap_or(f64::NAN)
         };
         let squares: f64 = judged.iter().map(|it| it.error * it.error).sum();
         Self {
