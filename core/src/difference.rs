@@ -16,9 +16,12 @@
 //! is the surface's part. On white paper with a laser spot of 1 mm that share is about one, with a spot of
 //! 0.42 mm it is a quarter (docs/uncertainty.md). A target that slides sideways forgets sooner.
 //!
+//! The sensor knows D only by its own readings. If the error shortens the step, the reading alone would also
+//! claim less: readings of 0 would claim nothing. So D is the step that was read, and the part itself on top.
+//!
 //! **Ranges.** Lengths are below 2^23 um and correlations are -0.45 to 1, so a variance is below 2^50. A lag
-//! is below 2^16 widths, because a width counts as at least a pixel. The memory is above 100 um, so a step is
-//! below 2^17 memories. The squares of both are below 2^34, of which expf makes 0.
+//! is below 2^16 widths, because a width counts as at least a pixel. The memory is above 100 um, so D is
+//! below 2^19 memories. The squares of both are below 2^38, of which expf makes 0.
 
 use crate::reading::Reading;
 use crate::uncertainty::{Parts, memory_um};
@@ -36,12 +39,13 @@ impl Difference {
         let step = distance.to_f32();
         let pixels = now.centre.to_f32() - zero.centre.to_f32();
         let in_widths = pixels / now.width.to_f32().max(zero.width.to_f32()).max(1.0);
+        let memory = memory_um(now.distance.to_f32() - 0.5 * step);
         let (a, b) = (&zero.parts, &now.parts);
         let parts = Parts {
             noise: root(a.noise, b.noise, 0.0),
             pixels: root(a.pixels, b.pixels, of_pixels(in_widths)),
             calibration: root(a.calibration, b.calibration, of_curve(step)),
-            surface: root(a.surface, b.surface, of_surface(step, now)),
+            surface: surface(a.surface, b.surface, step, memory),
             // Each tolerance moves both distances, in proportion.
             geometry: root(a.geometry, b.geometry, 1.0),
             motion: root(a.motion, b.motion, 0.0),
@@ -81,10 +85,17 @@ fn of_curve(step: f32) -> f32 {
     libm::expf(-over * over)
 }
 
-/// See the module. L is that of the nominal head.
-fn of_surface(step: f32, now: &Reading) -> f32 {
-    let over = step / memory_um(now.distance.to_f32() - 0.5 * step);
-    libm::expf(-over * over)
+/// The surface's part: see the module. The memory is L in micrometres.
+fn surface(a: Micrometres, b: Micrometres, step: f32, memory: f32) -> Micrometres {
+    /// Each pass adds a share sqrt(2) e / L of what the pass before added, 0.84 on white paper: 16 passes
+    /// find 94 % or more.
+    const PASSES: usize = 16;
+    let mut part = Micrometres::default();
+    for _ in 0..PASSES {
+        let over = (step.abs() + part.to_f32()) / memory;
+        part = root(a, b, libm::expf(-over * over));
+    }
+    part
 }
 
 #[cfg(test)]
@@ -110,5 +121,16 @@ mod tests {
             least = found.min(least);
         }
         assert!((-0.45..-0.44).contains(&least), "{least}");
+    }
+
+    /// For a short step, sqrt(2) e / L = 1/2 makes a part u = (step + u) / 2.
+    #[test]
+    fn the_surfaces_part_allows_for_a_step_that_was_read_too_short() {
+        let memory = 840.0;
+        let error = Micrometres::from_f32(0.5 * memory / core::f32::consts::SQRT_2);
+        for step in [0.0, 5.0, -5.0] {
+            let part = surface(error, error, step, memory).to_f32();
+            assert!((part - step.abs()).abs() < 0.05, "{step}: {part}");
+        }
     }
 }
