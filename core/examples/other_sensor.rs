@@ -55,7 +55,7 @@ pub fn main() {
     let frame = (0..).find_map(|number| measurement.row(&mut words(number)));
     let measured = frame.expect("four rows are a frame").expect("a centre");
     let calibration = calibration().expect("a curve over these centres");
-    // Nothing is known of this calibration's errors, and the target is smooth.
+    // This calibration has no uncertainties, and the target is smooth: u holds noise and pixels only.
     let errors = CalibrationErrors::Unknown;
     let reading = measured
         .reading(Some(&calibration), &errors, Surface::Off)

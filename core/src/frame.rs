@@ -106,29 +106,25 @@ pub struct FrameCentre {
     pub shape: SpotShape,
     /// See [`Reading::correlated`](crate::reading::Reading::correlated).
     pub correlated: Option<u16>,
-    /// How far the rows' centres scatter beyond what their own uncertainties explain, as a standard deviation
-    /// in pixels about their mean, or about their motion: different speckle, if the surface is rough and the
-    /// target moves. Zero if chance explains the scatter, and for fewer than three rows. Fewer than eight
-    /// rows show no motion, so their spread contains the motion. Chance alone gives a spread in 0.5 % of the
-    /// frames of 64 rows, 1 % of 16, and 3 % of three.
+    /// How far the rows' centres scatter beyond their own uncertainties: a standard deviation in pixels about
+    /// their mean, or about their motion. Rows of a rough target that moves scatter so, because each row sees
+    /// other speckle.
     ///
-    /// The square is the variance of the rows about their mean (the sum of squares over the number of rows,
-    /// not over one less), less the mean of the squares of their uncertainties. Each row counts as in the
-    /// mean: alike in the plain one, with 1/u^2 in the weighted one.
+    /// The square is the variance of the rows (the sum of squares over the number of rows) less the mean
+    /// square of their uncertainties. The plain mean counts all rows alike, the weighted mean with 1/u^2.
+    /// Zero for fewer than three rows, and if chance explains the scatter. Chance alone gives a spread in
+    /// 0.5 % of the frames of 64 rows, 1 % of 16, and 3 % of three.
     ///
-    /// If V is the variance of each row's displacement, then the mean's error has the variance
-    /// V - E\[spread^2\] exactly, however the displacements of different rows depend on each other. For the
-    /// variance about the mean is on average the variance of a row less the variance of the mean. The noise
-    /// is part of that error: n rows with the uncertainty u leave u^2 / n. E is the mean over many frames; in
-    /// one frame spread^2 may exceed V.
+    /// The spread shows how good the mean is: if speckle moves each row with the variance V, the mean has an
+    /// error, by speckle and noise together, with the variance V - E\[spread^2\]. E is the mean over many
+    /// frames; in one frame spread^2 may exceed V. The reason: rows vary about their mean by the variance of
+    /// a row less the variance of the mean, whether or not their displacements are independent.
     ///
-    /// Three limits make V - E\[spread^2\] too large. (1) Where the spread is too small to be more than
-    /// chance, it is zero. (2) A line through the rows takes a part of the displacements with it. For
-    /// independent rows the variance about the line is V (1 - 2/n) instead of V (1 - 1/n), so
-    /// V - E\[spread^2\] is twice the variance of the mean; about a parabola, three times. Displacements that
-    /// drift through the frame may look like a motion, although the target is at rest. (3) The weighted mean
-    /// leaves out rows that are far from it. One limit makes V - E\[spread^2\] too small: a motion that is
-    /// too slow for the rows to show it beside their scatter is part of the spread.
+    /// V - E\[spread^2\] is too large in three cases. (1) Chance explains the scatter, so the spread is zero.
+    /// (2) The rows show a motion, or displacements that drift look like one: a line through n independent
+    /// rows hides V / n, a parabola 2 V / n. (3) The weighted mean leaves out rows that are far from it. It
+    /// is too small if the rows do not show a motion, because the spread then contains the motion: a slow
+    /// one, or any one in fewer than eight rows.
     pub spread: Pixels,
     /// The standard uncertainty of where the target was in the middle of the frame that comes from motion
     /// which a straight line does not describe. Independent of [`Self::uncertainty`]: combine both in

@@ -29,7 +29,7 @@
 //!
 //! let mut measurement = Measurement::new(head, Settings { rows: 1, ..Settings::default() });
 //! let measured = measurement.row(&mut words).expect("a frame of one row is complete").expect("a centre");
-//! // Nobody calibrated this head: u holds its tolerances, and speckle as white paper has it.
+//! // Nobody calibrated this head: u holds its tolerances, and speckle at its worst, on bare metal.
 //! let nominal = Calibration::nominal();
 //! let errors = CalibrationErrors::Nominal;
 //! let reading = measured.reading(nominal.as_ref(), &errors, Surface::Auto).expect("a distance");
@@ -55,7 +55,7 @@
 //! | [`Measured`], [`Reading`], [`Geometry`], [`Settings`] | 68 or less, each |
 //!
 //! Stack: a row takes 18 KB, because the search keeps the sums over its blocks, and 26 KB if a background
-//! that rises along the row is removed first. At most 41,612 bytes were measured on the NUCLEO-F429ZI, in a
+//! that rises along the row is removed first. At most 43,668 bytes were measured on the virtual board, in a
 //! save that reads the longest record again (docs/proofs.md says how).
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]

@@ -27,7 +27,7 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// Converts the centre to a distance, with all that is known of its error.
+    /// Converts the centre to a distance, and computes the uncertainty of the distance.
     ///
     /// # Errors
     /// [`Fault::NotCalibrated`] without a calibration, [`Fault::OutOfRange`] where it is not valid.
@@ -85,8 +85,7 @@ pub struct Reading {
     pub distance: Micrometres,
     /// u, the combined standard uncertainty of the distance (one sigma): all of the parts.
     pub uncertainty: Micrometres,
-    /// What it is made of. The first part is r, the repeatability: how much frames of a target at rest
-    /// scatter.
+    /// The parts of u. The first part is r, the repeatability: how much frames of a target at rest scatter.
     pub parts: Parts,
     /// Centre of the spot on the light range.
     pub centre: Pixels,

@@ -7,7 +7,7 @@
 //!
 //! The CRC-32 is ISO-HDLC, as in zip and PNG.
 //!
-//! Version 1, which earlier firmware wrote, is read too: it says nothing of the calibration's errors.
+//! [`decode`] also reads version 1, which earlier firmware wrote. It has no uncertainties.
 //!
 //! [`decode`] makes a record with the constructors of its parts, and refuses what they refuse. The range of
 //! distances is not in the bytes: it follows from the calibration and the range of its centres.
@@ -51,7 +51,7 @@ pub struct Record {
     pub black_level: BlackLevel,
     /// The distance for each centre.
     pub calibration: Calibration,
-    /// What is known of the calibration's errors.
+    /// The uncertainties of the calibration, if a fit found them.
     pub errors: CalibrationErrors,
     /// The sensor's own spot, if the calibration learned it.
     pub profile: Option<Profile>,
@@ -66,8 +66,8 @@ const VERSION_1: u8 = 1;
 /// The second format: the same without [`Record::profile`].
 const VERSION_2: u8 = 2;
 
-/// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, and all that a fit says of its errors,
-/// each number at its longest.
+/// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, the uncertainties of a fit, and the
+/// sensor's own spot, each number at its longest.
 pub const MAX_ENCODED: usize = 1498;
 
 /// Computed bit by bit, without a table: a record is read once at the start.

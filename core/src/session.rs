@@ -98,7 +98,8 @@ pub struct Session {
     centre_wanted: bool,
     parts_wanted: bool,
     zero_wanted: bool,
-    /// Distances are relative to this reading's.
+    /// Distances are relative to this reading's. None after a change of what both readings must share: the
+    /// calibration, the estimator, the black level or the map of the pixels.
     zero: Option<Reading>,
     /// As the latest frame says.
     pixels: PixelErrors,
@@ -181,7 +182,13 @@ impl Session {
                 actions.add_line(&Command::Save);
             }
             Event::Saved(Err(error)) => actions.add_line(&Refusal::NotSaved(error)),
-            Event::Flat(outcome) => self.flat.end(outcome, actions),
+            Event::Flat(outcome) => {
+                // A new map may leave errors of the same size, but not the same errors.
+                if !matches!(outcome, flat::Outcome::Saved(_)) {
+                    self.zero = None;
+                }
+                self.flat.end(outcome, actions);
+            }
         }
     }
 
@@ -236,6 +243,11 @@ impl Session {
     /// Counts a result, and reports it if someone asked for it or the stream is on.
     fn report(&mut self, measured: Result<Measured, Fault>, actions: &mut Actions) {
         if let Ok(measured) = &measured {
+            // The rows of the zero had another map, or none: the two readings do not share the pixels'
+            // errors.
+            if measured.pixels != self.pixels {
+                self.zero = None;
+            }
             self.pixels = measured.pixels;
         }
         let result = measured.and_then(|measured| self.reading(&measured));

@@ -15,6 +15,12 @@
 //! displacement given the spot's light I is normal, with the variance s^2 / (2 M) times the mean light over
 //! I: s is the standard deviation of the laser spot, converted to a distance. So the surface's part is
 //! e sqrt(usual height / height). e depends on the surface, and is proportional to the distance.
+//!
+//! **Ranges.** In fixed point, lengths are below 2^23 um, centres below 2^15 px and heights below 2^23
+//! counts. A curve's slope is below 2^28 um a pixel: knots are at least 1/16 px and less than 2^22 um apart,
+//! and eq. (1)'s pole is at least a pixel away. So (spread times slope)^2 is below 2^86, deviation^2 times
+//! height below 2^69, and no other square is as large: all are far below f32's 2^127. Not-a-number, as from a
+//! height below zero, becomes 0.
 
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +31,8 @@ use crate::units::{Counts, Micrometres, Pixels};
 /// Where the surface's part comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Surface {
-    /// From the calibration's points. If the record does not hold it, from [`SPECKLE`].
+    /// From the calibration's points. If the record does not hold it, from [`SPECKLE`] and
+    /// [`USUAL_HEIGHT`].
     #[default]
     Auto,
     /// Set by hand, for a spot of the usual height.
@@ -34,27 +41,28 @@ pub enum Surface {
     Off,
 }
 
-/// What is known of a calibration's errors. Records hold these bytes, by postcard.
+/// The uncertainties of a calibration. Records hold them, by postcard.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CalibrationErrors {
-    /// Nothing: a calibration of a library's user, or a record of earlier firmware.
+    /// None: a calibration of a library's user, or a record of earlier firmware.
     Unknown,
-    /// The nominal calibration, in front of a head that nobody adjusted: [`TOLERANCES`].
+    /// The nominal calibration, for a head that nobody adjusted: [`LENGTH_TOLERANCE`],
+    /// [`OFFSET_TOLERANCE_UM`] and [`ANGLE_TOLERANCE`].
     Nominal,
-    /// What the fit found.
+    /// Those that the fit of the calibration's points found.
     Fitted(FittedErrors),
 }
 
 /// Places of [`FittedErrors`], evenly over the calibration's centres.
 pub const PLACES: usize = 9;
 
-/// The errors that a fit found, at [`PLACES`] centres from the calibration's first to its last.
+/// The uncertainties that a fit found, at [`PLACES`] centres from the calibration's first to its last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FittedErrors {
     /// Standard uncertainty of the curve.
     pub curve: [Micrometres; PLACES],
-    /// Standard uncertainty by the surface, for a spot of the usual height. `None` if the points could not
-    /// tell it.
+    /// Standard uncertainty by the surface, for a spot of the usual height. `None` if the points did not show
+    /// it.
     pub surface: Option<FittedSurface>,
 }
 
@@ -67,67 +75,41 @@ pub struct FittedSurface {
     pub height: [Counts; PLACES],
 }
 
-/// A rough target in front of the nominal head: speckle of a laser with a single wavelength, on a surface
-/// that keeps the polarisation. Other surfaces have less.
-pub const SPECKLE: Speckle = Speckle {
-    // sigma_spot / (b sqrt 2), where sigma_spot is a quarter of the spot's diameter of 1 mm and b = 300 mm.
-    share_of_distance: 0.25 / 300.0 * core::f32::consts::FRAC_1_SQRT_2,
-    usual_height: 1000.0,
-};
+/// The surface's standard uncertainty divided by the distance, for a spot of [`USUAL_HEIGHT`] on a rough
+/// target before the nominal head: speckle of a laser with a single wavelength, on a surface that keeps the
+/// polarisation. Other surfaces have less.
+///
+/// sigma_spot / (b sqrt 2), where sigma_spot is a quarter of the spot's diameter of 1 mm and b = 300 mm.
+pub const SPECKLE: f32 = 0.25 / 300.0 * core::f32::consts::FRAC_1_SQRT_2;
 
-/// See [`SPECKLE`].
-#[derive(Clone, Copy, Debug)]
-pub struct Speckle {
-    /// Standard uncertainty divided by the distance, for a spot of the usual height.
-    pub share_of_distance: f32,
-    /// The usual height in counts: a quarter of full scale, as in the paper.
-    pub usual_height: f32,
+/// The usual height of a spot in counts if no calibration tells it: a quarter of full scale, as in the paper.
+pub const USUAL_HEIGHT: f32 = 1000.0;
+
+/// The memory of speckle in micrometres at the range [`MEMORY_RANGE_UM`]: the step along the beam after which
+/// the errors of two readings by the surface have the correlation 1/e. It is that of a laser spot of 1 mm
+/// before the nominal head. A smaller spot's memory is longer, in inverse proportion, and a difference is
+/// then better than it claims.
+pub const MEMORY_UM: f32 = 840.0;
+
+/// From the slit to the target in micrometres, where the memory is [`MEMORY_UM`].
+pub const MEMORY_RANGE_UM: f32 = 854_400.0;
+
+/// The memory of speckle at a distance, in micrometres: it grows as the square of the range.
+pub(crate) fn memory_um(distance_um: f32) -> f32 {
+    let squares = square(distance_um) + square(eq1::DRAWING.baseline_um);
+    MEMORY_UM * squares / square(MEMORY_RANGE_UM)
 }
 
-/// The step along the beam after which the errors of two readings by the surface have the correlation 1/e: of
-/// a laser spot of 1 mm in front of the nominal head. A smaller spot's memory is longer, in inverse
-/// proportion, and a difference is then better than it claims.
-pub const MEMORY: Memory = Memory {
-    um: 840.0,
-    range_um: 854_400.0,
-};
+/// The standard uncertainty of baseline and focal length, over themselves, of a head that was put together by
+/// its drawing and never adjusted: uniform within 1 %.
+pub const LENGTH_TOLERANCE: f32 = 0.0058;
 
-/// See [`MEMORY`].
-#[derive(Clone, Copy, Debug)]
-pub struct Memory {
-    /// The step at which the correlation of the errors has fallen to 1/e, in micrometres, at `range_um`.
-    pub um: f32,
-    /// From the slit to the target, in micrometres.
-    pub range_um: f32,
-}
+/// The standard uncertainty of d0 in micrometres, of such a head: uniform within 5 mm.
+pub const OFFSET_TOLERANCE_UM: f32 = 2890.0;
 
-impl Memory {
-    /// The memory at a distance, in micrometres: it grows as the square of the range.
-    pub fn at(&self, distance_um: f32) -> f32 {
-        let squares = square(distance_um) + square(eq1::DRAWING.baseline_um);
-        self.um * squares / square(self.range_um)
-    }
-}
-
-/// Standard uncertainties of a head that was put together by its drawing and never adjusted. Each is uniform
-/// within a limit: lengths within 1 %, the zero within 5 mm. A laser module's beam is 0.25 to 0.5 degrees off
-/// its housing.
-pub const TOLERANCES: Tolerances = Tolerances {
-    length: 0.0058,
-    offset_um: 2890.0,
-    angle: 0.006_67,
-};
-
-/// See [`TOLERANCES`].
-#[derive(Clone, Copy, Debug)]
-pub struct Tolerances {
-    /// Of baseline and focal length, over themselves.
-    pub length: f32,
-    /// Of d0 in micrometres.
-    pub offset_um: f32,
-    /// Of the angle u in radians.
-    pub angle: f32,
-}
+/// The standard uncertainty of the angle u in radians, of such a head. A laser module's beam is 0.25 to 0.5
+/// degrees off its housing.
+pub const ANGLE_TOLERANCE: f32 = 0.006_67;
 
 /// The parts of a standard uncertainty.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -174,7 +156,7 @@ impl Parts {
     }
 }
 
-/// A distance, and what its uncertainty is made of.
+/// A place of the target, as far as the parts of the uncertainty need it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     /// The distance.
@@ -238,19 +220,14 @@ impl Place {
             axis_px,
         } = eq1::DRAWING;
         let distance = self.distance.to_f32();
-        let Tolerances {
-            length,
-            offset_um,
-            angle,
-        } = TOLERANCES;
         // d = b tan(theta), alpha = atan((x - axis) / f).
         let by_angle = b + distance * distance / b;
         let tangent = (centre.to_f32() - axis_px) / focal_px;
         let by_focal = by_angle * tangent / (1.0 + tangent * tangent);
-        let squares = square(by_angle * angle)
-            + square(distance * length)
-            + square(by_focal * length)
-            + square(offset_um);
+        let squares = square(by_angle * ANGLE_TOLERANCE)
+            + square(distance * LENGTH_TOLERANCE)
+            + square(by_focal * LENGTH_TOLERANCE)
+            + square(OFFSET_TOLERANCE_UM);
         Micrometres::from_f32(libm::sqrtf(squares))
     }
 }
@@ -281,10 +258,7 @@ impl CalibrationErrors {
     /// The surface's standard uncertainty in micrometres for a spot of the usual height, and that height in
     /// counts. `None` where it does not count.
     fn surface(&self, place: &Place, surface: Surface) -> Option<(f32, f32)> {
-        let physical = (
-            place.distance.to_f32().abs() * SPECKLE.share_of_distance,
-            SPECKLE.usual_height,
-        );
+        let physical = (place.distance.to_f32().abs() * SPECKLE, USUAL_HEIGHT);
         let fitted = match self {
             Self::Fitted(FittedErrors {
                 surface: Some(FittedSurface { deviation, height }),

@@ -1,29 +1,22 @@
 //! The map of the pixels: what it leaves of the pixels' differences, and what no map may do to a row.
 
+use host_tests::frames::{self, words};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rayon::prelude::*;
-use simulator::scene::{Ambient, FixedPattern, Response, Scene, Simulation, quantise};
+use simulator::scene::{Ambient, FixedPattern, Response, Scene, Simulation};
 use slitrange::measurement::Measurement;
 use slitrange::pixels::encoded::{Read, Reader, Word, Words};
 use slitrange::pixels::flat_field::{FlatField, Kind, ROWS, TakeError, Taken};
 use slitrange::pixels::map::{Entry, MAX_MAP_PIXELS, PixelMap};
 use slitrange::reading::Measured;
-use slitrange::row::{Geometry, LARGEST_COUNT};
+use slitrange::row::Geometry;
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::settings::Settings;
 use slitrange::units::Counts;
 
 /// Counts of light in the lit rows.
 const LIGHT: f64 = 2000.0;
-
-/// The words of a row: the sensor's words fall with light.
-fn words(light: &[f32]) -> Vec<u16> {
-    let full_scale = LARGEST_COUNT;
-    (quantise(light, full_scale).iter())
-        .map(|count| full_scale - count)
-        .collect()
-}
 
 /// A sensor whose pixels differ, before white paper.
 fn paper(seed: u64, response: f64, counts: f64) -> Scene {
@@ -74,7 +67,10 @@ fn map_of(paper: &Scene) -> Box<FlatField> {
     for (kind, light, first) in [(Kind::Dark, 0.0, 10_000), (Kind::Lit, LIGHT, 20_000)] {
         let scene = without_laser(paper, light);
         let taken = take(&mut field, kind, &paper.geometry(), |row| {
-            words(&scene.row(first + row, paper.distance, paper.exposure))
+            words(
+                &scene.row(first + row, paper.distance, paper.exposure),
+                &paper.geometry(),
+            )
         });
         let taken = taken.unwrap_or_else(|error| panic!("{kind:?}: {error}"));
         let expected = paper.black_level.map_or(0.0, |_| 300.0) + light;
@@ -96,14 +92,8 @@ fn frame(paper: &Scene, centre: f64, rows: u16, map: Option<&PixelMap>) -> Frame
         rows,
         ..Settings::default()
     };
-    let mut measurement = Measurement::new(paper.geometry(), settings);
     let distance = paper.optics.distance(centre);
-    let mut result = None;
-    for row in 0..u64::from(rows) {
-        let mut words = words(&simulation.row(row, distance, paper.exposure));
-        result = measurement.row_with(&mut words, map);
-    }
-    let measured = result.expect("a frame is complete").expect("a centre");
+    let measured = frames::measure(&simulation, settings, distance, 0, map).expect("a centre");
     let Measured {
         frame,
         ambient,
@@ -180,7 +170,8 @@ fn rows_that_make_no_map_are_refused_with_a_reason() {
     let paper = paper(1, 0.01, 5.0);
     let geometry = paper.geometry();
     let dark = without_laser(&paper, 0.0);
-    let row = |scene: &Simulation, row| words(&scene.row(row, paper.distance, paper.exposure));
+    let row =
+        |scene: &Simulation, row| words(&scene.row(row, paper.distance, paper.exposure), &geometry);
     let mut field = Box::new(FlatField::new());
     assert_eq!(field.begin(Kind::Lit, &geometry), Err(TakeError::NoDark));
     // The laser's spot in the dark.
@@ -268,7 +259,7 @@ fn pixels_that_differ_too_much_are_counted() {
             counts[first + 1000] = 300.0;
             counts[first + 2000] = 300.0 + light as f32 * 1.8;
             counts[first + 3000] += 1500.0;
-            words(&counts)
+            words(&counts, &geometry)
         })
         .expect("rows");
     }

@@ -1,6 +1,7 @@
 //! Every command, fault and start of a sensor, through the core's session, without hardware and without an
 //! emulator.
 
+use host_tests::frames::at_centre;
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
@@ -128,26 +129,16 @@ fn of_another_head() -> Record {
 }
 
 /// A frame whose spot is at a centre in pixels.
-fn frame(centre: f32) -> Measured {
+fn frame(centre: f64) -> Measured {
+    let exact = at_centre(centre);
     Measured {
         frame: FrameCentre {
-            centre: Pixels::from_f32(centre),
             uncertainty: Pixels::from_f32(0.002),
             amplitude: Counts::from_int(1993),
-            width: Pixels::from_int(9),
-            rows_used: 16,
-            rows: 16,
-            shape: Default::default(),
-            misfits: 0,
-            correlated: None,
-            spread: Pixels::default(),
-            motion: Pixels::default(),
+            ..exact.frame
         },
-        black_level: Counts::from_int(300),
-        ambient: Counts::default(),
-        estimator: Estimator::PhaseTable,
-        by_shape: Default::default(),
         pixels: PixelErrors::TCD1304DG,
+        ..exact
     }
 }
 
@@ -414,6 +405,51 @@ fn distances_are_relative_to_zero() {
         sensor.ask(end);
         let line = sensor.take(Event::Frame(Ok(frame(1700.0))));
         assert!(line.starts_with("d "), "{end}: {line}");
+    }
+}
+
+/// Two readings with different maps do not share the errors of the pixels.
+#[test]
+fn another_map_of_the_pixels_ends_the_zero() {
+    let mut sensor = Sensor::new();
+    let errors = PixelErrors {
+        response_q16: 38,
+        offset: Counts::from_bits(66),
+    };
+    let without = frame(1800.0);
+    let with = Measured {
+        pixels: errors,
+        ..without
+    };
+    let summary = MapSummary {
+        errors,
+        pattern: Counts::from_int(5),
+        outside: 0,
+    };
+    let taken = Taken {
+        mean: Counts::from_int(2300),
+        map: Some(summary),
+    };
+    let taken = Event::Flat(Outcome::Taken(Kind::Lit, Ok(taken)));
+    let loaded = Event::Flat(Outcome::Loaded(Ok(StoredMap::Newest), Some(summary)));
+    let erased = Event::Flat(Outcome::Erased(Ok(())));
+    let saved = Event::Flat(Outcome::Saved(Ok(())));
+    // What happens after the zero, and whether the zero stays. `flat on` and `flat off` show in the frames.
+    for (zero, event, now, stays) in [
+        (without, None, without, true),
+        (without, None, with, false),
+        (with, None, without, false),
+        (with, Some(saved), with, true),
+        (with, Some(taken), with, false),
+        (with, Some(loaded), with, false),
+        (with, Some(erased), with, false),
+    ] {
+        sensor.ask("zero");
+        sensor.take(Event::Frame(Ok(zero)));
+        let what = format!("{event:?}");
+        event.map(|event| sensor.take(event));
+        let line = sensor.take(Event::Frame(Ok(now)));
+        assert_eq!(line.starts_with("z "), stays, "{what}: {line}");
     }
 }
 

@@ -48,7 +48,7 @@ const SESSION: [&str; 31] = [
     "> zero",
     "d 799.9996 mm u 17.13 r 0.0008 x 1770.9801 a 1950 n 64/64 g",
     "> distance",
-    "z 0.0010 mm u 0.0012 r 0.0011 x 1770.9776 a 1950 n 64/64 g",
+    "z 0.0010 mm u 0.0017 r 0.0011 x 1770.9776 a 1950 n 64/64 g",
     "> calibration off",
     "calibration off",
     "> distance",

@@ -4,12 +4,14 @@
 pub mod steps;
 
 use anyhow::{Context as _, Result};
+use host_tests::frames;
 use rayon::prelude::*;
-use simulator::scene::{Scene, Simulation, quantise};
+use simulator::scene::{Scene, Simulation};
+use simulator::statistics::median;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
+use slitrange::difference::Difference;
 use slitrange::fault::Fault;
-use slitrange::measurement::Measurement;
 use slitrange::reading::{Measured, Reading};
 use slitrange::record::Record;
 use slitrange::record::date::Date;
@@ -40,26 +42,21 @@ const POINTS_MM: [f64; 2] = [580.0, 1050.0];
 /// Rows in a frame: the firmware's default.
 const ROWS: u16 = 16;
 
-/// The frame's centre of a target at rest at a distance in metres, on a surface.
-fn frame(scene: &Scene, surface: u64, distance: f64) -> Result<Measured, Fault> {
+/// Measures a frame of a target at rest on a surface, at a distance in metres. The rows have numbers from
+/// `first` on.
+fn frame_from(scene: &Scene, surface: u64, distance: f64, first: u64) -> Result<Measured, Fault> {
     let mut simulation = Simulation::new(scene.clone());
     simulation.set_surface(surface);
-    let geometry = scene.geometry();
-    let full_scale = geometry.full_scale();
     let settings = Settings {
         rows: ROWS,
         ..Settings::default()
     };
-    let mut measurement = Measurement::new(geometry, settings);
-    // Other noise for each surface.
-    let first = u64::from(ROWS) * surface;
-    (first..first + u64::from(ROWS))
-        .find_map(|row| {
-            let light = simulation.row(row, distance, scene.exposure);
-            let words = quantise(&light, full_scale).into_iter();
-            measurement.row(&mut words.map(|count| full_scale - count).collect::<Vec<u16>>())
-        })
-        .unwrap_or(Err(Fault::SensorSilent))
+    frames::measure(&simulation, settings, distance, first, None)
+}
+
+/// The same with other noise for each surface.
+fn frame(scene: &Scene, surface: u64, distance: f64) -> Result<Measured, Fault> {
+    frame_from(scene, surface, distance, u64::from(ROWS) * surface)
 }
 
 /// Calibrates a sensor on a material, as its owner does: points at known distances, each on another place of
@@ -120,14 +117,19 @@ impl Judged {
     }
 }
 
+/// The distance of a surface in metres, by an additive recurrence with the golden ratio: even over the table
+/// for any number of surfaces.
+fn distance_of(number: u64) -> f64 {
+    let share = (number as f64 * 0.618_033_988_749_895).fract();
+    TABLE.start + share * (TABLE.end - TABLE.start)
+}
+
 /// Frames of `count` surfaces at distances spread over the table, which are given in metres.
 pub fn see(scene: &Scene, count: u64, first: u64) -> Vec<(f64, Measured)> {
     (first..first + count)
         .into_par_iter()
         .filter_map(|number| {
-            // Additive recurrence with the golden ratio: even over the table.
-            let share = (number as f64 * 0.618_033_988_749_895).fract();
-            let distance = TABLE.start + share * (TABLE.end - TABLE.start);
+            let distance = distance_of(number);
             Some((distance, frame(scene, number, distance).ok()?))
         })
         .collect()
@@ -143,6 +145,36 @@ pub fn judge(seen: &[(f64, Measured)], record: &Record) -> Vec<Judged> {
             Some(Judged {
                 reading,
                 error: reading.distance.to_f64() - 1e6 * distance,
+            })
+        })
+        .collect()
+}
+
+/// Differences of two readings by a record, before and after the target moves away by `step` metres: on
+/// `count` surfaces at distances spread over the table. Pairs without two distances are left out.
+pub fn judge_steps(
+    scene: &Scene,
+    record: &Record,
+    step: f64,
+    count: u64,
+    first: u64,
+) -> Vec<Judged> {
+    let calibration = Some(&record.calibration);
+    (first..first + count)
+        .into_par_iter()
+        .filter_map(|number| {
+            let before = distance_of(number);
+            let [zero, now] = [(before, 0), (before + step, 1)].map(|(distance, frame)| {
+                let row = u64::from(ROWS) * (2 * number + frame);
+                let measured = frame_from(scene, number, distance, row).ok()?;
+                measured
+                    .reading(calibration, &record.errors, Surface::Auto)
+                    .ok()
+            });
+            let reading = Difference::between(&zero?, &now?).0;
+            Some(Judged {
+                reading,
+                error: reading.distance.to_f64() - 1e6 * step,
             })
         })
         .collect()
@@ -245,9 +277,7 @@ impl Summary {
     pub fn of(judged: &[Judged]) -> Self {
         let count = judged.len();
         let median = |value: &dyn Fn(&Reading) -> f64| {
-            let mut values: Vec<f64> = judged.iter().map(|it| value(&it.reading)).collect();
-            values.sort_by(f64::total_cmp);
-            values.get(count / 2).copied().unwrap_or(f64::NAN)
+            median(judged.iter().map(|it| value(&it.reading))).unwrap_or(f64::NAN)
         };
         let squares: f64 = judged.iter().map(|it| it.error * it.error).sum();
         Self {

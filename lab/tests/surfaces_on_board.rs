@@ -4,12 +4,10 @@ use std::time::Duration;
 
 use lab::surfaces::{MATERIALS, calibrate};
 use simulator::scene::{Scene, Sensor, file};
-use slitrange::protocol::command::Command;
-use slitrange::protocol::piece::{PIECE, Piece};
-use slitrange::protocol::upload::Step;
 use slitrange::record;
 use slitrange::record::encoded::EncodedRecord;
 use virtual_board::light::{Target, of_scene};
+use virtual_board::upload::upload;
 use virtual_board::{Firmware, VirtualBoard};
 
 /// Longer than any frame and any answer.
@@ -17,21 +15,6 @@ const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The demo's record: a sensor that was calibrated on white paper.
 const CALIBRATED_ON_PAPER: &[u8] = include_bytes!("../../virtual-board/src/bin/demo/paper.record");
-
-fn set(board: &mut VirtualBoard, command: &str) {
-    board.send(&format!("{command}\r\n"));
-    let answer = board.run_until_line(|line| line == command, PATIENCE);
-    answer.unwrap_or_else(|error| panic!("{command}: {error:#}"));
-}
-
-fn upload(board: &mut VirtualBoard, bytes: &[u8]) {
-    let pieces = (0..bytes.len()).step_by(PIECE);
-    let pieces = pieces.map(|at| Step::Piece(Piece::of(bytes, at as u16).expect("a piece")));
-    let begin = Step::Begin(bytes.len() as u16);
-    for step in [begin].into_iter().chain(pieces).chain([Step::Commit]) {
-        set(board, &Command::Upload(step).to_string());
-    }
-}
 
 /// The number between two words of a line.
 fn number(line: &str, before: &str, after: &str) -> f64 {
@@ -46,7 +29,7 @@ fn errors(firmware: &Firmware, scene: &Scene, record: &[u8], distances: &[f64]) 
     let target = Target::at(distances[0]);
     let light = of_scene(scene.clone(), target.clone());
     let mut board = VirtualBoard::power_on(firmware, light).expect("a board");
-    upload(&mut board, record);
+    upload(&mut board, record, PATIENCE).expect("an upload");
     let mut found = vec![];
     for (surface, &distance) in (0..).zip(distances) {
         target.move_to(distance);

@@ -14,3 +14,4 @@ pub mod photograph;
 pub mod profiles;
 pub mod scene;
 pub mod sinc_fit;
+pub mod statistics;

@@ -43,6 +43,7 @@ pub mod serial_line;
 pub mod stage;
 pub mod stm32f429;
 pub mod trace;
+pub mod upload;
 mod watched_core;
 
 pub use firmware::Firmware;

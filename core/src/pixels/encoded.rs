@@ -124,8 +124,8 @@ pub enum Read {
 }
 
 impl Reader {
-    /// Takes the next word. Writes entries into `map`, if there is one, which is not whole before the last
-    /// word.
+    /// Takes the next word, and writes what it holds into `map`, if there is one. From the first entry to the
+    /// last word, the map is not whole.
     pub fn take(&mut self, word: Word, map: Option<&mut PixelMap>) -> Read {
         let [low, high] = [0, 2].map(|at| match word.get(at..) {
             Some(&[a, b, ..]) => u16::from_le_bytes([a, b]),

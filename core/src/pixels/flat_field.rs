@@ -39,11 +39,11 @@ const SHORTEST_HALF: usize = 8;
 /// The ratio of the two is 1.41 sigma / n.
 const SLOW: f32 = 1.41 * 10.0 / (2 * HALF_NEIGHBOURHOOD + 1) as f32;
 
-/// The least light, as a share of full scale: one tenth. At the ends, half of that.
-const LEAST_LIGHT: u16 = 10;
+/// Full scale divided by this is the least mean light of lit rows. Each neighbourhood needs half of it.
+const LEAST_LIGHT_DIVISOR: u16 = 10;
 
-/// Dark rows may be brighter than the shielded pixels by one twentieth of full scale.
-const LARGEST_DARK: u16 = 20;
+/// Full scale divided by this is how much brighter dark rows may be than the shielded pixels.
+const LARGEST_DARK_DIVISOR: u16 = 20;
 
 /// Pixels that are compared with their neighbourhood together, where light that is not even is looked for.
 const BLOCK: usize = 8;
@@ -351,7 +351,7 @@ impl FlatField {
             .checked_div(self.shielded_pixels.into());
         if let Some(shielded) = shielded {
             let shielded = Counts::from_bits(shielded as i32);
-            let limit = Counts::from_int(i32::from(full_scale / LARGEST_DARK));
+            let limit = Counts::from_int(i32::from(full_scale / LARGEST_DARK_DIVISOR));
             if light.to_bits().saturating_sub(shielded.to_bits()) > limit.to_bits() {
                 return Err(TakeError::NotDark { light, shielded });
             }
@@ -549,9 +549,9 @@ fn light(sums: &[u32], entries: &[Entry], at: usize, light_of: impl Fn(u32, &Ent
     }
 }
 
-/// A share of full scale: a tenth, or less.
+/// The least light: a tenth of full scale, divided by a number.
 fn least_light(full_scale: u16, divided_by: u16) -> Counts {
-    let bits = i32::from(full_scale) * (1 << Counts::FRACTION) / i32::from(LEAST_LIGHT);
+    let bits = i32::from(full_scale) * (1 << Counts::FRACTION) / i32::from(LEAST_LIGHT_DIVISOR);
     Counts::from_bits(bits.checked_div(divided_by.into()).unwrap_or(bits))
 }
 

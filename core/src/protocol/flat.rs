@@ -115,7 +115,7 @@ impl FlatAnswer<'_> {
     }
 }
 
-/// What a map leaves: `response 0.058 % offset 0.26 counts`.
+/// How far pixels differ, with a map or without one: `response 0.058 % offset 0.26 counts`.
 #[derive(Clone, Copy, Debug)]
 pub struct Remaining(pub PixelErrors);
 

@@ -30,7 +30,7 @@ pub const BEFORE_SETTINGS: [Line; 7] = [
     ),
     (
         "uncertainty",
-        "the next frame's reading, and what its uncertainty is made of",
+        "the next frame's reading with the parts of its uncertainty",
     ),
     (
         "zero [off]",

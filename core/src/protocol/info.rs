@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use super::flat::Remaining;
 use super::status::StartCause;
 use crate::distance::Calibration;
 use crate::distance::eq1::Eq1;
@@ -135,23 +136,12 @@ impl Info<'_> {
         const PART: &str = "\r\ninfo uncertainty";
         let of_each_frame = "of each frame, from its rows";
         write!(f, "{PART} noise: {of_each_frame}; this part alone is r")?;
-        let PixelErrors {
-            response_q16,
-            offset,
-        } = self.pixels;
-        // Below 2^16 * 10^4, in hundredths of a per cent.
-        let response = (u32::from(response_q16) * 10_000 + 32768) / 65536;
         let source = if self.pixels == PixelErrors::TCD1304DG {
             "as the data sheet allows"
         } else {
             "left by the map of the pixels"
         };
-        write!(
-            f,
-            "{PART} pixels: response {}.{:02} %, offset {offset:.2} counts, {source}",
-            response / 100,
-            response % 100
-        )?;
+        write!(f, "{PART} pixels: {}, {source}", Remaining(self.pixels))?;
         let fitted = match &record.errors {
             CalibrationErrors::Fitted(fitted) => Some(fitted),
             CalibrationErrors::Unknown | CalibrationErrors::Nominal => None,
@@ -285,7 +275,7 @@ mod tests {
             on.ends_with(
                 "\r\ninfo range x 1191 to 2654 px, 550.0874 to 1099.7177 mm\r\n\
                  info uncertainty noise: of each frame, from its rows; this part alone is r\r\n\
-                 info uncertainty pixels: response 2.80 %, offset 5.40 counts, as the data sheet allows\r\n\
+                 info uncertainty pixels: response 2.800 % offset 5.40 counts, as the data sheet allows\r\n\
                  info uncertainty calibration: 0 um, see geometry\r\n\
                  info uncertainty surface: an estimate, for a laser spot of 1 mm on metal\r\n\
                  info uncertainty geometry: tolerances of a head that was never calibrated (flag g)\r\n\
@@ -304,7 +294,7 @@ mod tests {
         assert!(none.ends_with("\r\ninfo calibration none"), "{none}");
     }
 
-    /// An old record says nothing of its errors; a new one says how large they are.
+    /// A record of earlier firmware has no uncertainties, a record with a fit has them.
     #[test]
     fn info_says_where_each_part_of_u_comes_from() {
         let own = |errors| Record {

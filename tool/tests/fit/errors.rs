@@ -1,9 +1,11 @@
 //! What a record says of its errors, compared with the truth.
 
+use host_tests::frames::at_centre;
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
-use slitrange::uncertainty::{CalibrationErrors, FittedErrors, PLACES};
+use slitrange::difference::Difference;
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors, PLACES, Surface};
 use slitrange::units::{Micrometres, Pixels};
 use slitrange_tool::fit::solve::{Form, solve};
 use slitrange_tool::fit::{calibration, errors};
@@ -60,6 +62,43 @@ fn curves_are_off_by_the_uncertainty_in_the_record() {
     assert!(hidden.iter().all(|ratio| (0.8..1.4).contains(ratio)));
 }
 
+/// Errors of steps over the curve's part of their u, root mean square over 300 sensors and 9 places of the
+/// first distance. A step in metres leads away from the sensor.
+fn steps_over_claim(step: f64) -> f64 {
+    let truth = Truth::nominal();
+    let mut over_claim = vec![];
+    for seed in 0..300 {
+        let (calibration, errors) = fitted(&truth.points(40, 0.2, &mut seeded(seed)), Form::Eq1);
+        let errors = CalibrationErrors::Fitted(errors);
+        let reading = |distance: f64| {
+            let measured = at_centre(truth.centre(distance));
+            measured.reading(Some(&calibration), &errors, Surface::Off)
+        };
+        for place in 0..9 {
+            // 5 mm from either end, because noise of the first point or the last may shorten the range.
+            let before = 0.605 + (1.015 - 0.605 - step) * f64::from(place) / 8.0;
+            let [zero, now] = [before, before + step].map(|at| reading(at).expect("in range"));
+            let step_read = Difference::between(&zero, &now).0;
+            let error = step_read.distance.to_f64() - 1e6 * step;
+            over_claim.push(error / step_read.parts.calibration.to_f64());
+        }
+    }
+    rms(&over_claim)
+}
+
+/// The correlation exp(-(step / 150 mm)^2) stands for that of a fit of three parameters. It is good to 14 %:
+/// that was found for steps of 0.2 m. 300 sensors tell an RMS to 4.1 %; the bounds are three of these wider.
+/// A memory of half the length, or of twice, would claim twice or half as much for short steps.
+#[test]
+fn curves_make_steps_wrong_as_far_as_claimed() {
+    const THREE_DEVIATIONS: f64 = 3.0 * 0.041;
+    for step in [0.003, 0.03, 0.1, 0.2, 0.4] {
+        let found = steps_over_claim(step);
+        println!("a step of {step} m: {found:.3}");
+        assert!((1.0 - THREE_DEVIATIONS..1.14 + THREE_DEVIATIONS).contains(&found));
+    }
+}
+
 /// Points on a rough surface: two speckle patterns give the light, and the displacement given the light is
 /// normal. The deviation is `share` of the distance from D, and the usual height falls as its inverse square.
 fn rough(truth: &Truth, count: usize, share: f64, random: &mut ChaCha8Rng) -> Vec<Point> {
@@ -78,8 +117,10 @@ fn rough(truth: &Truth, count: usize, share: f64, random: &mut ChaCha8Rng) -> Ve
     points
 }
 
-/// 200 calibrations of 60 points each. A deviation is known to 1 / sqrt(2 * 57) = 9 %, so the mean over the
-/// calibrations to 0.7 %; Student's factor adds 2 %.
+/// 200 calibrations of 60 points each. A deviation is known to 1 / sqrt(2 * 57) = 9.4 %, so the mean over the
+/// calibrations to 0.66 %, and the scatter to 1 / sqrt(2 * 200) = 5 % of itself; Student's factor adds 2 %.
+/// The light of two speckle patterns scatters by 71 %, so the mean over all heights is known to 0.65 %.
+/// Heights beyond full scale are cut off, which takes 1 %. The bounds are five of these standard deviations.
 #[test]
 fn the_surface_is_told_from_the_residuals_and_the_heights() {
     let truth = Truth::nominal();
@@ -111,9 +152,9 @@ fn the_surface_is_told_from_the_residuals_and_the_heights() {
         mean(&ratios),
         mean(&heights)
     );
-    assert!((0.97..1.07).contains(&mean(&ratios)));
-    assert!(scatter < 0.14);
-    assert!((0.93..1.07).contains(&mean(&heights)));
+    assert!((mean(&ratios) - 1.02).abs() < 5.0 * 0.0066);
+    assert!((scatter / 0.094 - 1.0).abs() < 5.0 * 0.05);
+    assert!((mean(&heights) - 0.99).abs() < 5.0 * 0.0065);
 }
 
 /// Without speckle the points scatter by their noise, and the surface's part is small beside it. Without
@@ -140,8 +181,12 @@ fn a_smooth_target_has_no_surface_part() {
         })
         .collect();
     println!("{:.2} um", rms(&deviations));
-    // 0.02 px are 8 um in the middle; their square is known to 19 %, so what is left is 0.4 of them.
-    assert!(rms(&deviations) < 0.5 * 8.0);
+    // 0.02 px are 8 um in the middle. 60 points tell the square of 8 um to s = 8^2 sqrt(2/57) = 12 um^2. What
+    // is found above it, squared, is max(0, x), where x is normal with the deviation s: the mean is 0.399 s
+    // and the standard deviation 0.584 s. Five of those of the mean over 50 calibrations lead to 3.1 um.
+    let s = 64.0 * f64::sqrt(2.0 / 57.0);
+    let most = 0.399 * s + 5.0 * 0.584 * s / f64::sqrt(50.0);
+    assert!(rms(&deviations) < most.sqrt(), "{}", most.sqrt());
     let without_heights = truth.points(60, 0.02, &mut seeded(1));
     assert_eq!(fitted(&without_heights, Form::Eq1).1.surface, None);
     assert_eq!(fitted(&smooth(1)[..12], Form::Eq1).1.surface, None);

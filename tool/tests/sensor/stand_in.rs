@@ -12,6 +12,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
+use host_tests::frames::at_centre;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -584,25 +585,18 @@ impl Sensor {
         let noise: f64 = StandardNormal.sample(&mut self.random);
         let settings = self.state.settings();
         let centre = (centre_px(mm) + centre_px(before)) / 2.0 + NOISE_PX * noise;
+        let exact = at_centre(centre);
         Ok(Measured {
             frame: FrameCentre {
-                centre: Pixels::from_bits((centre * 65536.0).round() as i32),
                 uncertainty: Pixels::from_f32(NOISE_PX as f32),
                 amplitude: Counts::from_int(1993),
-                width: Pixels::from_int(9),
                 rows_used: settings.rows,
                 rows: settings.rows,
-                shape: Default::default(),
-                misfits: 0,
-                correlated: None,
-                spread: Pixels::default(),
-                motion: Pixels::default(),
+                ..exact.frame
             },
-            black_level: Counts::from_int(300),
-            ambient: Counts::default(),
             estimator: settings.estimator,
-            by_shape: Default::default(),
             pixels: PixelErrors::TCD1304DG,
+            ..exact
         })
     }
 

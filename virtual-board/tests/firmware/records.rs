@@ -8,16 +8,16 @@ use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
 use slitrange::protocol::calibration::{CalibrationAnswer, FlashStatus};
-use slitrange::protocol::piece::{PIECE, Piece};
+use slitrange::protocol::piece::Piece;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::sensor_heads;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Micrometres, Pixels};
-use virtual_board::VirtualBoard;
+use virtual_board::{VirtualBoard, upload};
 
-use crate::common::{PATIENCE, ask, is_result, number, set};
+use crate::common::{PATIENCE, ask, is_result, number};
 
 /// A pixel inside the range of each of [`every_kind`].
 pub const CENTRE: f64 = 2300.4;
@@ -104,23 +104,16 @@ pub fn longest() -> EncodedRecord {
 }
 
 pub fn pieces(bytes: &[u8]) -> Vec<Piece> {
-    (0..bytes.len())
-        .step_by(PIECE)
-        .map(|offset| Piece::of(bytes, offset as u16).expect("a piece"))
-        .collect()
+    upload::pieces(bytes).expect("pieces")
 }
 
 /// Sends all of a record except the commit.
 pub fn send(board: &mut VirtualBoard, bytes: &[u8]) {
-    set(board, &format!("calibration begin {}", bytes.len()));
-    for piece in pieces(bytes) {
-        set(board, &piece.to_string());
-    }
+    upload::send(board, bytes, PATIENCE).expect("an upload");
 }
 
 pub fn upload(board: &mut VirtualBoard, written: &EncodedRecord) {
-    send(board, written.bytes());
-    set(board, "calibration commit");
+    upload::upload(board, written.bytes(), PATIENCE).expect("an upload");
 }
 
 /// The record in use, read piece by piece.

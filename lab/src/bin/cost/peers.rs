@@ -14,6 +14,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use rayon::prelude::*;
 use serde::Serialize;
+use simulator::statistics::median;
 use slitrange::centre::{self, Estimator};
 use slitrange::row::{Geometry, Row};
 
@@ -310,13 +311,8 @@ fn time(given: &Given<'_>) -> Vec<(&'static str, f64)> {
     methods
         .iter()
         .zip(times)
-        .map(|(method, times)| (method.name(), median(times)))
+        .map(|(method, times)| (method.name(), median(times).unwrap_or(f64::NAN)))
         .collect()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 /// Collects a scene's errors.

@@ -10,10 +10,12 @@
 //! reading sees a surface of its own. Its truth is the target's mean distance over its rows.
 
 use anyhow::Result;
+use host_tests::frames::words;
 use rayon::prelude::*;
 use serde::Serialize;
 use simulator::bound;
-use simulator::scene::{Effect, Scene, Simulation, quantise};
+use simulator::scene::{Effect, Scene, Simulation};
+use simulator::statistics::median;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::distance::Calibration;
@@ -135,13 +137,6 @@ struct Found {
     r: f64,
 }
 
-/// The middle value.
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-}
-
 fn point(
     light: Light,
     rows: u64,
@@ -157,8 +152,8 @@ fn point(
         milliseconds: rows as f64 / ROWS_PER_SECOND * 1e3,
         micrometres: (squares / found.len() as f64).sqrt(),
         bound_micrometres: bound / (rows as f64).sqrt(),
-        u_micrometres: median(found.iter().map(|found| found.u)),
-        r_micrometres: median(found.iter().map(|found| found.r)),
+        u_micrometres: median(found.iter().map(|found| found.u)).unwrap_or(f64::NAN),
+        r_micrometres: median(found.iter().map(|found| found.r)).unwrap_or(f64::NAN),
         faults: (count - found.len()) as u64,
     }
 }
@@ -184,16 +179,12 @@ fn read(scene: &Scene, reading: u64) -> Vec<Option<Found>> {
     let errors = record::decode(CALIBRATED_ON_PAPER).map(|record| record.errors);
     let errors = errors.unwrap_or(CalibrationErrors::Unknown);
     let mut results = vec![None; ROWS.len()];
-    let full_scale = scene.geometry().full_scale();
+    let geometry = scene.geometry();
     let mut sum_of_truths = 0.0;
     for row in 0..MOST_ROWS {
-        let light = quantise(
-            &simulation.row(row, scene.distance, scene.exposure),
-            full_scale,
-        );
+        let light = simulation.row(row, scene.distance, scene.exposure);
+        let words = words(&light, &geometry);
         sum_of_truths += simulation.true_distance(row, scene.distance) * 1e6;
-        // The sensor's words fall with light.
-        let words: Vec<u16> = light.iter().map(|count| full_scale - count).collect();
         for ((&rows, measurement), result) in ROWS.iter().zip(&mut measurements).zip(&mut results) {
             if row >= rows {
                 continue;

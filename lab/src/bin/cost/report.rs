@@ -239,13 +239,13 @@ impl Measured {
         ]);
         for (surface, light) in [
             ("no speckle", reading_time::Light::NoiseAlone),
-            ("white paper (speckle)", reading_time::Light::SpeckleAtRest),
+            ("white paper", reading_time::Light::SpeckleAtRest),
         ] {
             let of_light =
                 |point: &&reading_time::Point| point.light == light && point.rows == README_ROWS;
             let point = self.readings.iter().find(of_light);
             rows.push(vec![
-                format!("distance, 0.8 m, {README_ROWS} rows, {surface}: RMS error; u; r"),
+                format!("distance, 0.8 m, {README_ROWS} rows, {surface}: RMS error; median u, r"),
                 point.map_or("-".into(), |point| {
                     let digits = if point.micrometres < 10.0 { 1 } else { 0 };
                     format!(
@@ -259,7 +259,7 @@ impl Measured {
         format!(
             "{}\nA row is one read-out of the pixels. The bound (Cramér-Rao) is the smallest error of any \
              unbiased method with this noise. Ratios: the worst of spot widths (sigma) from 1.2 to 18 px. \
-             Time: counted instructions at 168 MHz. u and r are medians.\n",
+             Time: counted instructions at 168 MHz.\n",
             table::markdown(&rows),
         )
     }

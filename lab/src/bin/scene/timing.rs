@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use lab::budget;
 use serde::Serialize;
 use simulator::scene::{Scene, Simulation, quantise};
+use simulator::statistics;
 
 /// What a scene costs.
 #[derive(Serialize)]
@@ -94,21 +95,21 @@ fn compare(
         times.push(whole);
     }
     let differences = differences.into_iter().map(Difference::of).collect();
-    (median(&mut times), differences)
+    (median(&times), differences)
 }
 
 impl Difference {
-    fn of(mut repetitions: Vec<f64>) -> Option<Self> {
+    fn of(repetitions: Vec<f64>) -> Option<Self> {
         if repetitions.is_empty() {
             return None;
         }
-        let nanoseconds = median(&mut repetitions);
-        let mut off: Vec<f64> = (repetitions.iter())
+        let nanoseconds = median(&repetitions);
+        let off: Vec<f64> = (repetitions.iter())
             .map(|difference| (difference - nanoseconds).abs())
             .collect();
         // Of normal values the standard deviation is 1.483 medians, and that of a median of n of them
         // 1.253/sqrt(n) of it.
-        let deviation = 1.483 * median(&mut off);
+        let deviation = 1.483 * median(&off);
         Some(Self {
             nanoseconds,
             uncertainty: 1.253 * deviation / (off.len() as f64).sqrt(),
@@ -163,9 +164,8 @@ fn make(simulation: &Simulation, row: u64) {
 }
 
 /// Zero of nothing.
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+fn median(values: &[f64]) -> f64 {
+    statistics::median(values.iter().copied()).unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -10,10 +10,9 @@ use anyhow::{Context as _, Result, ensure};
 use serde::Serialize;
 use simulator::bound;
 use simulator::scene::{Scene, Sensor, Simulation};
-use slitrange::protocol::command::Command;
-use slitrange::protocol::piece::{PIECE, Piece};
-use slitrange::protocol::upload::Step;
+use simulator::statistics::median;
 use virtual_board::light::{Target, of_scene};
+use virtual_board::upload::upload;
 use virtual_board::{Firmware, Line, VirtualBoard};
 
 use crate::lines::Report;
@@ -150,7 +149,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let simulation = Simulation::new(scene.clone());
     let mut board = VirtualBoard::power_on(firmware, of_scene(scene, target.clone()))?;
     let patience = patience(options.rows);
-    calibrate(&mut board, patience)?;
+    upload(&mut board, RECORD, patience)?;
     board.send(&format!("rows {}\r\n", options.rows));
     board
         .run_until_line(|line| line == format!("rows {}", options.rows), patience)
@@ -294,24 +293,6 @@ fn compare(
     })
 }
 
-/// Gives the sensor its calibration, as `slitrange calibrate write` does.
-fn calibrate(board: &mut VirtualBoard, patience: Duration) -> Result<()> {
-    let mut steps = vec![Step::Begin(RECORD.len() as u16)];
-    for offset in (0..RECORD.len()).step_by(PIECE) {
-        let piece = Piece::of(RECORD, offset as u16).context("no piece of the record there")?;
-        steps.push(Step::Piece(piece));
-    }
-    steps.push(Step::Commit);
-    for step in steps {
-        let command = Command::Upload(step).to_string();
-        board.send(&format!("{command}\r\n"));
-        board
-            .run_until_line(|line| line == command, patience)
-            .with_context(|| format!("the firmware did not take the command `{command}`"))?;
-    }
-    Ok(())
-}
-
 /// The rows that the firmware lost or failed to read, by its own count.
 fn rows_lost(board: &mut VirtualBoard, patience: Duration) -> Result<u64> {
     board.send("status\r\n");
@@ -331,13 +312,6 @@ fn rows_lost(board: &mut VirtualBoard, patience: Duration) -> Result<u64> {
 pub fn rms(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
     let count = values.len();
     (count > 0).then(|| (values.map(|value| value * value).sum::<f64>() / count as f64).sqrt())
-}
-
-/// The middle value, or the upper of the two that are; `None` without values.
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 impl Summary {
