@@ -97,8 +97,3 @@ impl SpotShape {
         beyond
     }
 }
-
-/// Zero for a negative number, and for what is not a number.
-fn above_zero(value: f32) -> f32 {
-    if value > 0.0 { value } else { 0.0 }
-}

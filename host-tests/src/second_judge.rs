@@ -16,9 +16,10 @@ mod optics;
 mod pixels;
 pub mod plan;
 pub mod report;
-mod sensor;
+pub mod sensor;
 mod signal;
 pub mod spot;
+pub mod story;
 pub mod tally;
 mod target;
 mod words;
@@ -28,7 +29,7 @@ use rand_chacha::ChaCha8Rng;
 
 pub use kinds::{Due, Kind};
 pub use plan::Frame;
-pub use tally::{Report, judge};
+pub use tally::{KindReport, Report, judge, judge_with};
 
 use plan::Plan;
 

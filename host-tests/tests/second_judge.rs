@@ -1,15 +1,12 @@
 //! The second judge: rows and frames with one fault each, which stays in all rows of a frame.
 
-use std::time::Instant;
-
 use host_tests::second_judge::{self, Kind, judge};
 
 #[test]
-fn the_table_of_a_few_rows() {
-    let start = Instant::now();
+fn a_few_rows_of_each_kind_are_judged() {
     let report = judge(Kind::all(), 100, 50);
     println!("{}", report.markdown());
-    println!("{:.1} s", start.elapsed().as_secs_f64());
+    assert!(report.kinds.iter().all(|kind| kind.rows[0].count == 100));
 }
 
 #[test]
@@ -21,25 +18,87 @@ fn the_same_number_gives_the_same_row() {
     }
 }
 
-/// What the check has to reach: see docs/hard-cases.md. Takes some minutes.
+/// If the generator's noise or its spots were wrong, clean rows would have other errors than they claim.
+#[test]
+fn clean_rows_have_the_errors_that_they_claim() {
+    let report = judge(kinds("clean"), 5000, 500);
+    let [rows, frames] = [&report.kinds[0].rows[0], &report.kinds[0].frames[0]];
+    println!("{}", report.kinds[0].claims());
+    // Five standard deviations of a root mean square of 5000 and of 500 normal errors, and 3 % for spots that
+    // are no gaussians.
+    assert!((rows.error_over_claim() - 1.0).abs() < 0.08);
+    assert!((frames.error_over_claim() - 1.0).abs() < 0.19);
+    assert_eq!((rows.errors, frames.errors), (0, 0));
+}
+
+#[test]
+fn a_story_tells_the_fault_and_the_result() {
+    let kind = Kind::named("hot block").expect("a kind");
+    let story = second_judge::frame(kind, 1).story(kind);
+    println!("{story}");
+    for words in [
+        "hot block: 1 to 4 pixels",
+        "truth: Centre(",
+        "phase-table: ",
+    ] {
+        assert!(story.contains(words), "{words}");
+    }
+}
+
+/// The kind of a name, as a list of one.
+fn kinds(name: &str) -> &'static [Kind] {
+    let place = Kind::all().iter().position(|kind| kind.name == name);
+    let place = place.expect("a kind");
+    &Kind::all()[place..=place]
+}
+
+/// What the check has to reach. Of the frames of each kind, and of all frames.
+const OF_A_KIND: f64 = 0.01;
+const OF_ALL: f64 = 0.003;
+
 #[test]
 #[ignore = "takes minutes, and the check does not reach it yet"]
 fn confident_errors_are_rare() {
     let report = judge(Kind::all(), 5000, 1000);
     println!("{}", report.markdown());
     for kind in &report.kinds {
-        println!("{} {:?}", kind.claims(), kind.frames[0].numbers);
+        println!("{}; {:?}", kind.claims(), kind.frames[0].numbers);
     }
-    let wrong: Vec<String> = (report.kinds.iter())
-        .filter(|kind| kind.frames[0].share(kind.frames[0].errors) > 0.01)
-        .map(|kind| kind.kind.name.into())
+    let too_many = |report: &&second_judge::KindReport| {
+        let frames = &report.frames[0];
+        frames.share(frames.errors) > OF_A_KIND
+    };
+    let wrong: Vec<&str> = (report.kinds.iter().filter(too_many))
+        .map(|report| report.kind.name)
         .collect();
     assert!(wrong.is_empty(), "more than 1 % of frames: {wrong:#?}");
-    assert!(
-        report.frames_in_error() <= 0.003,
-        "{}",
-        report.frames_in_error()
-    );
+    let all = report.frames_in_error();
+    assert!(all <= OF_ALL, "{all}");
+}
+
+#[test]
+#[ignore = "takes minutes, and the check does not reach it yet"]
+fn clean_rows_are_not_flagged() {
+    let report = judge(kinds("clean"), 100_000, 0);
+    let rows = &report.kinds[0].rows[0];
+    println!("{} flagged, {} faults", rows.flagged, rows.faults);
+    assert!(rows.share(rows.flagged) <= 0.01 && rows.errors <= 1);
+}
+
+#[test]
+#[ignore = "takes minutes, and the search does not reach it yet"]
+fn a_faint_wide_light_hides_no_spot_and_is_none() {
+    let report = judge(kinds("faint wide light"), 20_000, 0);
+    let rows = &report.kinds[0].rows[0];
+    println!("{} of {} lost", rows.faults, rows.count);
+    let alone = judge(kinds("faint wide light alone"), 1_000_000, 0);
+    let false_spots = alone.kinds[0]
+        .rows
+        .each_ref()
+        .map(|rows| rows.count - rows.faults);
+    println!("{false_spots:?} false spots");
+    assert!(rows.share(rows.faults) <= 0.01);
+    assert_eq!(false_spots, [0, 0]);
 }
 
 #[test]

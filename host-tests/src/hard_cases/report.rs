@@ -13,6 +13,7 @@ use crate::hard_cases::judge::{Outcome, Said};
 use crate::hard_cases::mixtures::Kind;
 use crate::hard_cases::tally::Tally;
 use crate::hard_cases::{Due, Group, ROWS, RowCase, rows};
+use crate::second_judge;
 
 /// The mark in docs/hard-cases.md before the catalogue's tables.
 pub const CATALOGUE: &str = "cargo hard-cases, the catalogue";
@@ -56,6 +57,8 @@ impl fmt::Display for Failure<'_> {
 pub struct Json {
     cases: usize,
     estimators: Vec<JsonEstimator>,
+    /// What the second judge found, whose rows have no part in the figures above.
+    second_judge: second_judge::report::Json,
 }
 
 #[derive(Debug, Serialize)]
@@ -312,7 +315,12 @@ pub fn random_rows_markdown(clean: &Tally, mixtures: &Tally) -> String {
 }
 
 /// What `--json` prints.
-pub fn json(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) -> Json {
+pub fn json(
+    catalogue: &Catalogue,
+    clean: &Tally,
+    mixtures: &Tally,
+    second: &second_judge::Report,
+) -> Json {
     let json = |(i, estimator): (usize, Estimator)| JsonEstimator {
         name: estimator.name(),
         failed_cases: catalogue.failures(estimator).len(),
@@ -326,5 +334,6 @@ pub fn json(catalogue: &Catalogue, clean: &Tally, mixtures: &Tally) -> Json {
     Json {
         cases: catalogue.len(),
         estimators: Estimator::ALL.into_iter().enumerate().map(json).collect(),
+        second_judge: second.json(),
     }
 }

@@ -64,8 +64,10 @@ pub struct Frame {
     pub geometry: Geometry,
     /// Where the spot is, in pixels of the light range.
     pub truth: Truth,
-    /// The spot's width and height before the fault, to tell its story.
-    pub spot: (f64, f64),
+    /// The spot without the fault, in the middle of the frame.
+    pub spot: Spot,
+    /// The sensor without the fault.
+    pub sensor: Sensor,
     /// The words of read-outs of the same spot without a fault, at rest and bright: what a calibration saw.
     pub calibration: Vec<Vec<u16>>,
 }
@@ -178,7 +180,8 @@ impl Plan {
             rows,
             geometry: self.sensor.geometry(),
             truth: self.truth,
-            spot: (self.spot.width, self.spot.height),
+            spot: self.spot,
+            sensor: self.sensor,
             calibration: vec![],
         }
     }

@@ -2,7 +2,61 @@
 
 use std::fmt::Write as _;
 
-use crate::second_judge::tally::{KindReport, Report, Tally};
+use serde::Serialize;
+
+use crate::second_judge::Kind;
+use crate::second_judge::tally::{ESTIMATORS, KindReport, Report, Tally};
+
+/// The mark in docs/hard-cases.md before the table.
+pub const SECOND_JUDGE: &str = "cargo hard-cases, the second judge";
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+pub struct Json {
+    /// Confident errors in all frames with the default estimator, as a share.
+    frames_in_error: f64,
+    kinds: Vec<JsonKind>,
+}
+
+#[derive(Debug, Serialize)]
+struct JsonKind {
+    name: &'static str,
+    estimators: Vec<JsonEstimator>,
+}
+
+#[derive(Debug, Serialize)]
+struct JsonEstimator {
+    name: &'static str,
+    rows: JsonTally,
+    frames: JsonTally,
+}
+
+#[derive(Debug, Serialize)]
+struct JsonTally {
+    count: u64,
+    faults: u64,
+    flagged: u64,
+    flagged_good: u64,
+    confident_errors: u64,
+    /// Of those, the frames of which no row was doubtful.
+    without_a_doubtful_row: u64,
+    /// In pixels. None where there is no confident error, or where a centre came without a spot.
+    largest_error: Option<f64>,
+}
+
+impl From<&Tally> for JsonTally {
+    fn from(tally: &Tally) -> Self {
+        Self {
+            count: tally.count,
+            faults: tally.faults,
+            flagged: tally.flagged,
+            flagged_good: tally.flagged_good,
+            confident_errors: tally.errors,
+            without_a_doubtful_row: tally.undoubted,
+            largest_error: (tally.errors > 0 && tally.largest.is_finite()).then_some(tally.largest),
+        }
+    }
+}
 
 /// Per cent, with as many digits as matter.
 fn per_cent(share: f64) -> String {
@@ -28,6 +82,26 @@ impl Report {
             self.kinds.iter().map(|kind| count(&kind.frames[0])).sum()
         };
         sum(|tally| tally.errors) as f64 / sum(|tally| tally.count).max(1) as f64
+    }
+
+    /// What `--json` prints.
+    pub fn json(&self) -> Json {
+        let estimators = |kind: &KindReport| {
+            let of = |(i, estimator): (usize, slitrange::centre::Estimator)| JsonEstimator {
+                name: estimator.name(),
+                rows: (&kind.rows[i]).into(),
+                frames: (&kind.frames[i]).into(),
+            };
+            ESTIMATORS.into_iter().enumerate().map(of).collect()
+        };
+        let kind = |report: &KindReport| JsonKind {
+            name: report.kind.name,
+            estimators: estimators(report),
+        };
+        Json {
+            frames_in_error: self.frames_in_error(),
+            kinds: self.kinds.iter().map(kind).collect(),
+        }
     }
 
     /// A table of all kinds.
@@ -61,6 +135,15 @@ impl Report {
         );
         text
     }
+}
+
+/// A table of what the kinds are.
+pub fn kinds_markdown() -> String {
+    let mut text = String::from("| fault | what it is |\n|---|---|\n");
+    for kind in Kind::all() {
+        _ = writeln!(text, "| {} | {} |", kind.name, kind.what);
+    }
+    text
 }
 
 fn cells(tallies: &[Tally; 2]) -> Vec<String> {

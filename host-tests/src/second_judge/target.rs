@@ -20,6 +20,9 @@ pub fn moves(plan: &mut Plan, random: &mut Rng) {
 pub fn hump(plan: &mut Plan, random: &mut Rng) {
     add_hump(plan, random);
     plan.spot.height = log_even(random, 60.0, 400.0);
+    // With more noise, a spot of 60 counts and 1.2 px would be too dim for a centre.
+    plan.sensor.read_noise = plan.sensor.read_noise.min(2.5);
+    plan.sensor.electrons = plan.sensor.electrons.max(8.0);
 }
 
 /// The wide light without a spot: nothing that a laser makes is that wide.
