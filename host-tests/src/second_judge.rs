@@ -27,7 +27,7 @@ mod words;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-pub use kinds::{Due, Kind};
+pub use kinds::{Claim, Kind};
 pub use plan::Frame;
 pub use tally::{KindReport, Report, judge, judge_with};
 

@@ -4,17 +4,13 @@ use crate::second_judge::Rng;
 use crate::second_judge::plan::Plan;
 use crate::second_judge::{optics, pixels, signal, target, words};
 
-/// What the firmware owes for a kind, besides no confident error.
+/// Which parts of u a kind's errors are compared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Due {
-    /// A centre without a flag.
+pub enum Claim {
+    /// The centre's own: its noise, and the motion.
     Centre,
-    /// A centre as good as it claims, or a flag, or a fault.
-    Honest,
-    /// As [`Due::Honest`]. The claim includes the part of u for pixels that differ.
-    HonestOfPixels,
-    /// No centre: there is no spot.
-    NoSpot,
+    /// Also the part for pixels that differ.
+    CentreAndPixels,
 }
 
 /// One kind of fault.
@@ -24,8 +20,8 @@ pub struct Kind {
     pub name: &'static str,
     /// What it is, with its strengths. *sigma* is the spot's width.
     pub what: &'static str,
-    /// What the firmware owes.
-    pub due: Due,
+    /// Which parts of u its errors are compared with.
+    pub claim: Claim,
     /// Draws the fault and puts it into a plan.
     pub(super) put: fn(&mut Plan, &mut Rng),
 }
@@ -43,86 +39,86 @@ impl Kind {
 }
 
 macro_rules! kinds {
-    ($($name:literal $due:ident $put:path, $what:literal;)+) => {
-        [$(Kind { name: $name, what: $what, due: Due::$due, put: $put }),+]
+    ($($name:literal $claim:ident $put:path, $what:literal;)+) => {
+        [$(Kind { name: $name, what: $what, claim: Claim::$claim, put: $put }),+]
     };
 }
 
 const KINDS: [Kind; 38] = kinds! {
     "clean" Centre target::clean,
         "nothing is wrong";
-    "moving target" Honest target::moves,
+    "moving target" Centre target::moves,
         "the spot moves 0.02 to 0.6 px from row to row";
-    "faint wide light" Honest target::hump,
+    "faint wide light" Centre target::hump,
         "20 to 100 counts with sigma 200 to 400 px beside a spot of 60 to 400 counts";
-    "faint wide light alone" NoSpot target::hump_alone,
+    "faint wide light alone" Centre target::hump_alone,
         "the same without a spot";
-    "dark" NoSpot target::dark,
+    "dark" Centre target::dark,
         "no spot: noise, and up to 100 counts of even light";
-    "saturated" Honest target::saturated,
+    "saturated" Centre target::saturated,
         "the spot is 1.05 to 4 times as high as full scale";
-    "row's edge" Honest target::edge,
+    "row's edge" Centre target::edge,
         "the centre is between 1 sigma beyond the row's end and 5 sigma inside";
-    "two like spots" Honest target::two_like,
+    "two like spots" Centre target::two_like,
         "heights of 0.85 to 1.15, 4 to 30 sigma apart: any centre is wrong";
-    "second reflection" Honest target::second_reflection,
+    "second reflection" Centre target::second_reflection,
         "0.2 to 0.75 of the height, 1.5 to 6 sigma off, 0.8 to 1.5 times as wide";
-    "donut" Honest target::donut,
+    "donut" Centre target::donut,
         "a symmetric hole in the spot: 20 to 95 % deep, 0.2 to 0.6 sigma wide";
-    "dust, wide shadow" Honest optics::dust_wide,
+    "dust, wide shadow" Centre optics::dust_wide,
         "a shadow with a width of 0.5 to 1.5 sigma on one flank, 5 to 60 % deep";
-    "dust, narrow shadow" Honest optics::dust_narrow,
+    "dust, narrow shadow" Centre optics::dust_narrow,
         "a shadow with a width of 0.2 to 0.5 sigma on one flank, 5 to 90 % deep";
-    "speckle grain" Honest optics::grain,
+    "speckle grain" Centre optics::grain,
         "grain of 5 to 40 % contrast and 0.1 to 0.5 sigma in the spot";
-    "weak ghost" Honest optics::weak_ghost,
+    "weak ghost" Centre optics::weak_ghost,
         "1 to 6 % of the height, 1 to 5 sigma off, 0.8 to 2 times as wide";
-    "etalon fringes" Honest optics::fringes,
+    "etalon fringes" Centre optics::fringes,
         "the cover glass modulates the light by 1 to 8 %, with a period of 5 to 40 px";
-    "halo" Honest optics::halo,
+    "halo" Centre optics::halo,
         "2 to 30 % of the height about the spot, 2.5 to 10 times as wide";
-    "veil" Honest optics::veil,
+    "veil" Centre optics::veil,
         "1 to 20 % of the height, 3 to 10 times as wide, up to 6 sigma off";
-    "wide lamp" Honest optics::lamp,
+    "wide lamp" Centre optics::lamp,
         "5 to 60 % of the height, 2.5 to 15 times as wide, up to 2 of its widths off";
-    "blooming tail" Honest pixels::blooming_tail,
+    "blooming tail" Centre pixels::blooming_tail,
         "the well is 5 to 60 % too small, 2 to 30 % of the rest leaks to one side over 1 to 15 px";
-    "lag" Honest pixels::lag,
+    "lag" Centre pixels::lag,
         "1 to 8 % of the row before, when the spot was 0.1 to 2 sigma elsewhere, and before that";
-    "hot block" Honest pixels::hot_block,
+    "hot block" Centre pixels::hot_block,
         "1 to 4 pixels within 3 sigma leak 30 to 3000 counts";
-    "dead block" Honest pixels::dead_block,
+    "dead block" Centre pixels::dead_block,
         "1 to 6 pixels within 3 sigma are dark";
-    "stuck pixel" Honest pixels::stuck,
+    "stuck pixel" Centre pixels::stuck,
         "a pixel within 3 sigma always reads the same";
-    "uneven dark pixels" HonestOfPixels pixels::uneven_dark,
+    "uneven dark pixels" CentreAndPixels pixels::uneven_dark,
         "the pixels' offsets differ by 1 to 8 counts (standard deviation)";
-    "uneven response" HonestOfPixels pixels::uneven_response,
+    "uneven response" CentreAndPixels pixels::uneven_response,
         "the pixels' responses differ by 0.3 to 4 % (standard deviation)";
-    "odd and even pixels" Honest pixels::odd_even,
+    "odd and even pixels" Centre pixels::odd_even,
         "every other pixel has up to 6 % more gain and up to 20 counts more";
-    "sloping black level" Honest signal::slope,
+    "sloping black level" Centre signal::slope,
         "the level rises by 0.02 to 2 counts a pixel";
-    "black level clipped on one side" Honest signal::clipped,
+    "black level clipped on one side" Centre signal::clipped,
         "the level falls by 0.05 to 3 counts a pixel, to below zero from 4 sigma before the spot on";
-    "step of the black level" Honest signal::step,
+    "step of the black level" Centre signal::step,
         "3 to 60 counts within 3 sigma of the centre";
-    "mains flicker" Honest signal::flicker,
+    "mains flicker" Centre signal::flicker,
         "a lamp of 20 to 600 counts goes on and off at 100 Hz, brighter at one end of the row";
-    "ripple" Honest signal::ripple,
+    "ripple" Centre signal::ripple,
         "0.5 to 12 % of the height, with a period of 4 to 150 px";
-    "burst" Honest signal::burst,
+    "burst" Centre signal::burst,
         "an oscillation of 3 to 25 % of the height with a period of 2 to 20 px, as long as 0.5 to 3 sigma";
-    "slow noise" Honest signal::slow_noise,
+    "slow noise" Centre signal::slow_noise,
         "noise of 0.5 to 4 times the read noise that lasts 3 to 60 px";
-    "impulses" Honest signal::impulses,
+    "impulses" Centre signal::impulses,
         "0.1 to 3 % of a row's pixels read anything";
-    "missing codes" Honest words::missing_codes,
+    "missing codes" Centre words::missing_codes,
         "the converter skips 2 to 24 codes at each multiple of 32 to 512";
-    "word lost in the spot" Honest words::lost_word,
+    "word lost in the spot" Centre words::lost_word,
         "a word within 3 sigma of the centre is lost: the next ones move up";
-    "rows slip" Honest words::slip,
+    "rows slip" Centre words::slip,
         "1 to 6 of 16 rows begin 1 to 60 words late; a single row has nothing to tell it by";
-    "lost clock" Honest words::lost_clock,
+    "lost clock" Centre words::lost_clock,
         "from a pixel on, the words are shifted by 1 to 3 bits";
 };

@@ -32,6 +32,9 @@ pub fn blooming_tail(plan: &mut Plan, random: &mut Rng) {
 }
 
 /// Charge of earlier rows stays. The spot was elsewhere before, by so much from row to row.
+///
+/// A single row cannot show what the spot left behind less than a width away: that light only shifts the
+/// spot. In a frame the spot moves by a tenth of its width from row to row at most, and is shifted by less.
 pub fn lag(plan: &mut Plan, random: &mut Rng) {
     // What an image leaves behind in each following row.
     const ROWS: i32 = 3;

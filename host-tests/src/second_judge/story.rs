@@ -56,7 +56,7 @@ impl Frame {
         }
         text.push('\n');
         for estimator in Estimator::ALL {
-            let words = words(&self.verdict(kind.due, estimator));
+            let words = words(&self.verdict(kind, estimator));
             _ = writeln!(text, "{:>14}: {words}", estimator.name());
         }
         text

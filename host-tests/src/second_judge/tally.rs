@@ -11,7 +11,7 @@ use slitrange::settings::Settings;
 use slitrange::uncertainty::PLACES;
 use slitrange::units::Pixels;
 
-use crate::second_judge::{Due, Frame, Kind, frame, row};
+use crate::second_judge::{Claim, Frame, Kind, frame, row};
 
 /// The estimators that are judged: the default, and the one that most users choose otherwise.
 pub const ESTIMATORS: [Estimator; 2] = [Estimator::PhaseTable, Estimator::Adaptive];
@@ -88,13 +88,13 @@ impl Frame {
     }
 
     /// What comes of it.
-    pub fn verdict(&self, due: Due, estimator: Estimator) -> Verdict {
+    pub fn verdict(&self, kind: &Kind, estimator: Estimator) -> Verdict {
         let measured = match self.measure(estimator) {
             Ok(measured) => measured,
             Err(fault) => return Verdict::Fault(fault),
         };
         let found = measured.frame;
-        let pixels = if due == Due::HonestOfPixels {
+        let pixels = if kind.claim == Claim::CentreAndPixels {
             let (width, height) = (found.width, found.amplitude);
             let part = (measured.pixels).of_centre(estimator, width, height, measured.ambient);
             f64::from(part)
@@ -272,7 +272,7 @@ fn tally(
         .fold(Default::default, |tallies, number| {
             let frame = take(kind, number);
             done();
-            let tally = |estimator| Tally::of(number, frame.verdict(kind.due, estimator));
+            let tally = |estimator| Tally::of(number, frame.verdict(kind, estimator));
             add(tallies, ESTIMATORS.map(tally))
         })
         .reduce(Default::default, add)
