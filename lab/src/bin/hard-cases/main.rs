@@ -41,7 +41,8 @@ struct Options {
     #[arg(long, requires = "row")]
     clean: bool,
     /// Tell the story of one frame of the second judge: the name of a fault in its table
-    #[arg(long, value_name = "FAULT", conflicts_with_all = ["json", "rows", "row"], value_parser = kind_named)]
+    #[arg(long, value_name = "FAULT", conflicts_with_all = ["json", "rows", "row"],
+          value_parser = kind_named)]
     second: Option<&'static Kind>,
     /// Which of its frames
     #[arg(long, value_name = "N", requires = "second", default_value_t = 0)]
