@@ -124,7 +124,7 @@ fn stories() {
         } else {
             second_judge::frame(kind, number)
         };
-        let verdict = frame.verdict(kind.due, slitrange::centre::Estimator::PhaseTable);
+        let verdict = frame.verdict(kind.claim, slitrange::centre::Estimator::PhaseTable);
         let want = match (std::env::var("FLAG").is_ok(), verdict) {
             (true, v @ Verdict::Centre { .. }) => v.is_flagged() && !v.is_beyond_claim(),
             _ => verdict.is_confident_error(),
@@ -142,8 +142,8 @@ fn stories() {
             };
             println!(
                 "#{number} w {:.2} h {:.0} (found w {:.2} own {:.2} h {:.0}) err {error:.3} claim {claim:.3} r {:.4} shape {:.4} noise {:.4} rest {:.4} misfits {} err/noise {:.1} comps {:.1?}",
-                frame.spot.0,
-                frame.spot.1,
+                frame.spot.width,
+                frame.spot.height,
                 m.shape.width.to_f64(),
                 frame
                     .profile(slitrange::centre::Estimator::PhaseTable)
@@ -208,7 +208,7 @@ fn growth() {
             let noise = m.frame.shape.noise.to_f64();
             zs.push((
                 (m.frame.shape.width.to_f64() - f64::from(own.width)) / noise,
-                frame.spot.0,
+                frame.spot.width,
             ));
             let c = m.frame.shape.components;
             qs.push(
