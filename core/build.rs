@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use phase_tables::{Background, COARSE, DEFAULT, Plan, Profile, gaussian, set, slit};
+use phase_tables::{Background, COARSE, DEFAULT, FRAUNHOFER, Plan, Profile, gaussian, set, slit};
 
 fn main() {
     let best_for = |noise_ratio| Plan {
@@ -24,7 +24,7 @@ fn main() {
         ("SHOT_NOISE", &gaussian, best_for(0.02)),
         ("PURE_SHOT_NOISE", &gaussian, best_for(0.006)),
         ("TILTED", &gaussian, tilted),
-        ("SLIT", &slit, DEFAULT),
+        ("SLIT", &slit, FRAUNHOFER),
     ];
     let mut source = String::new();
     for (name, profile, plan) in sets {

@@ -33,20 +33,29 @@ impl Rows<'_> {
     }
 
     fn scene(&self) -> Scene {
+        self.scene_of(pixels(self.cell.width))
+    }
+
+    fn scene_of(&self, pixels: usize) -> Scene {
         Scene {
             spot: None,
-            ..self.cell.scene_of(pixels(self.cell.width))
+            ..self.cell.scene_of(pixels)
         }
     }
 
     /// A row's counts, light positive, and where its spot is: evenly over 16 pixels and their phases.
     pub fn row(&self, row: u64) -> (Vec<u16>, f64) {
+        self.row_of(pixels(self.cell.width), row)
+    }
+
+    /// As [`Self::row`], with so many pixels.
+    pub fn row_of(&self, pixels: usize, row: u64) -> (Vec<u16>, f64) {
         const GOLDEN: f64 = 0.618_033_988_749_895;
-        let middle = pixels(self.cell.width) as f64 / 2.0;
+        let middle = pixels as f64 / 2.0;
         let centre = middle - 8.0 + 16.0 * (row as f64 * GOLDEN).fract();
         let mut random = ChaCha8Rng::seed_from_u64(!self.cell.seed);
         random.set_stream(row);
-        let mut counts = self.scene().row_with_centre(row, centre, 1.0);
+        let mut counts = self.scene_of(pixels).row_with_centre(row, centre, 1.0);
         let mut light: Vec<f32> = (0..counts.len())
             .map(|i| self.cell.amplitude * self.curve.at(i as f64 - centre, self.cell.width))
             .map(|light| light as f32)

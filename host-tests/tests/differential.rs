@@ -4,7 +4,7 @@
 use host_tests::accuracy::{Cell, PIXELS};
 use host_tests::model;
 use host_tests::model::phase_table::{Found, Weights};
-use phase_tables::{DEFAULT, Profile, gaussian, slit};
+use phase_tables::{DEFAULT, FRAUNHOFER, Profile, gaussian, slit};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -175,16 +175,17 @@ fn fixed_point_agrees_with_its_model_in_f64() {
 /// rounding of the weights adds a noise of a few thousandths of the noise of the row.
 #[test]
 fn integer_tables_agree_with_the_designed_tables() {
-    for (estimator, profile, set) in [
+    for (estimator, profile, plan, set) in [
         (
             Estimator::PhaseTable,
             &gaussian as Profile<'_>,
+            DEFAULT,
             &tables::GAUSSIAN,
         ),
-        (Estimator::Fraunhofer, &slit, &tables::SLIT),
+        (Estimator::Fraunhofer, &slit, FRAUNHOFER, &tables::SLIT),
     ] {
         let integer = model::phase_table::integer(set.tables());
-        let exact = model::phase_table::exact(profile, DEFAULT);
+        let exact = model::phase_table::exact(profile, plan);
         let both: Vec<Option<[f64; 2]>> = (0..ROWS)
             .into_par_iter()
             .filter_map(|number| {

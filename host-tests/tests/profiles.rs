@@ -1,15 +1,19 @@
 //! Profiles other than the gaussian, tables made of a sensor's own rows, and tables of a wrong width. The
 //! tests print every figure that they assert.
 
-use host_tests::accuracy::{Cell, centre_after, centre_of, centre_with, largest};
+use host_tests::accuracy::{Cell, PIXELS, answers, centre_after, centre_of, centre_with, largest};
 use host_tests::core_tables;
 use host_tests::measured_profile::MeasuredProfile;
 use host_tests::profile_rows::{Rows, bias, pixels};
 use phase_tables::{COARSE, DEFAULT, FINE, IntegerTable, Plan, Profile, Widths, set};
-use simulator::profiles::{self, Curve, Slit};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use simulator::profiles::{self, Blur, Curve, Slit};
 use simulator::sinc_fit::{Sinc, fit_from};
 use slitrange::centre::tables::{MIXES, TableSet};
 use slitrange::centre::{Estimator, RowCentre};
+use slitrange::fault::Fault;
 use slitrange::row::{Geometry, Polarity};
 
 /// The profiles that are symmetric: the point's pattern of the nominal slit, and that of a laser spot of 1
@@ -50,8 +54,7 @@ fn standard_deviations<const N: usize>(errors: &[[f64; N]]) -> [f64; N] {
 }
 
 /// Measures the bias without noise (see [`bias`]). On the gaussian, the bias is at most 0.0005 px for widths
-/// from 1 px on. On the patterns of a slit, the bias is at most 0.001 px for widths from 1.5 px on. The
-/// tables of sinc^2 are not made for the gaussian: on a narrow gaussian they are off by 0.0025 px.
+/// from 1 px on. On the patterns of a slit, the bias is at most 0.001 px for widths from 1.5 px on.
 #[test]
 fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
     const WIDTHS: [f64; 12] = [
@@ -100,7 +103,6 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
                     .fold(0.0, f64::max);
                 text += &format!("{:>6.0}", worst * 1e4);
                 let limit = match (name, estimator) {
-                    ("gaussian", Estimator::Fraunhofer) => 0.0026,
                     ("gaussian", _) => 0.0005,
                     _ if width < 1.5 => f64::INFINITY,
                     _ => 0.001,
@@ -119,9 +121,9 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
 
 /// On sinc^2, over the bound from the pixels within eight widths: the estimator with its tables, the default
 /// with the gaussian's, and the fit of sinc^2 in f64, which weighs all pixels alike. That fit reaches the
-/// bound in white noise. In shot noise, where it is 1.2 to 1.4 of the bound, both estimators beat it, and the
-/// estimator's own tables gain 5 % or more from the side lobes; in white noise they lose as much, because
-/// they weigh side lobes that are dimmer than the noise.
+/// bound in white noise, and is 1.2 to 1.3 of it in shot noise. The estimator stays close to its fit: up to
+/// 1 % worse in white noise, where the default is 3 to 5 % worse; and 2 to 5 % better in shot noise, where
+/// the default is 6 to 9 % better.
 fn of_fraunhofer(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
     let curve = profiles::slit();
     let mut text = format!(
@@ -145,16 +147,7 @@ fn of_fraunhofer(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
                     seed: (amplitude * width) as u64,
                 },
             };
-            let geometry = rows.geometry();
-            let errors = rows.errors(|light| {
-                let found_by = |estimator| centre_of(&geometry, light, estimator);
-                let default = found_by(Estimator::PhaseTable)?;
-                Ok([
-                    found_by(Estimator::Fraunhofer)?.centre.to_f64(),
-                    default.centre.to_f64(),
-                    sinc_fit(light, &default),
-                ])
-            });
+            let errors = rows.errors(|light| centres_and_fit(&rows.geometry(), light));
             let bound = profiles::bound(&curve, &rows.cell.spot(), 8.0);
             let [fraunhofer, default, fit] =
                 root_mean_squares(&errors.expect("centres")).map(|error| error / bound);
@@ -162,14 +155,12 @@ fn of_fraunhofer(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
             // The standard error of a ratio over 10,000 rows is 0.7 %; of one to another on the same rows it
             // is less.
             if electrons_per_count.is_some() {
-                assert!(
-                    fraunhofer < 0.97 * default,
-                    "{width}: {fraunhofer} {default}"
-                );
+                assert!(fraunhofer < fit, "{width}: {fraunhofer} {fit}");
                 assert!(default < 0.97 * fit, "{width}: {default} {fit}");
             } else {
                 assert!((0.98..=1.02).contains(&fit), "{width}: {fit}");
-                assert!(fraunhofer < 1.13 * fit, "{width}: {fraunhofer} {fit}");
+                assert!(fraunhofer < default, "{width}: {fraunhofer} {default}");
+                assert!(fraunhofer < 1.04 * fit, "{width}: {fraunhofer} {fit}");
             }
         }
         text += "\n";
@@ -179,7 +170,7 @@ fn of_fraunhofer(noises: &[(f64, Option<f64>, f64)], widths: &[f64]) -> String {
 }
 
 #[test]
-fn fraunhofer_beats_the_default_in_shot_noise_and_costs_little_in_white_noise() {
+fn fraunhofer_is_as_good_as_the_fit_of_its_profile() {
     of_fraunhofer(&[(2400.0, None, 24.0), (1000.0, Some(5.0), 2.0)], &[8.0]);
 }
 
@@ -194,6 +185,190 @@ fn fraunhofer_against_the_fit_of_its_own_profile_on_the_whole_grid() {
     ];
     let text = of_fraunhofer(&noises, &[2.0, 8.0, 10.5]);
     insta::assert_snapshot!("fraunhofer", text);
+}
+
+/// What `fraunhofer` and the default find in a row, and the fit of sinc^2 in f64.
+fn centres_and_fit(geometry: &Geometry, light: &[u16]) -> Result<[f64; 3], Fault> {
+    let default = centre_of(geometry, light, Estimator::PhaseTable)?;
+    Ok([
+        centre_of(geometry, light, Estimator::Fraunhofer)?
+            .centre
+            .to_f64(),
+        default.centre.to_f64(),
+        sinc_fit(light, &default),
+    ])
+}
+
+/// A row's flaws, besides its noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Flaw {
+    None,
+    /// The background rises by 0.3 counts a pixel.
+    Slope,
+    /// The pixels' sensitivities scatter by 2 %.
+    Sensitivity,
+}
+
+/// sinc^2, blurred by a laser spot: the distance between the centre and that of the fit of sinc^2 in f64 is
+/// for `fraunhofer` at most 0.8 of the default's, in every kind of noise, with flaws, and without
+/// either. A laser spot of 1 mm makes a blur of a quarter of the width, one of 3 mm three quarters.
+#[test]
+fn fraunhofer_is_nearer_to_the_fit_of_its_profile_than_the_default() {
+    let blurs = [
+        ("point", profiles::slit()),
+        (
+            "gaussian, 0.24",
+            profiles::blurred_slit(0.24, Blur::Gaussian),
+        ),
+        ("gaussian, 0.5", profiles::blurred_slit(0.5, Blur::Gaussian)),
+        ("gaussian, 1.0", profiles::blurred_slit(1.0, Blur::Gaussian)),
+        ("box, 0.5", profiles::blurred_slit(0.5, Blur::Box)),
+        ("box, 1.0", profiles::blurred_slit(1.0, Blur::Box)),
+    ];
+    let noises = [
+        (3000.0, None, 0.0, Flaw::None),
+        (2400.0, None, 24.0, Flaw::None),
+        (1000.0, Some(5.0), 2.0, Flaw::None),
+        (3000.0, Some(10.0), 4.0, Flaw::None),
+        (3000.0, None, 1.0, Flaw::Slope),
+        (3000.0, None, 1.0, Flaw::Sensitivity),
+    ];
+    println!(
+        "distance from the fit of sinc^2 in 1e-4 px, RMS over 300 rows: fraunhofer, phase-table; blur: \
+         standard deviation over the width"
+    );
+    for (name, curve) in &blurs {
+        for (amplitude, electrons_per_count, read_noise, flaw) in noises {
+            for width in [4.0, 8.0] {
+                let cell = Cell {
+                    width,
+                    amplitude,
+                    read_noise,
+                    electrons_per_count,
+                    rows: 300,
+                    seed: 71,
+                };
+                let rows = Rows { curve, cell };
+                let distances = rows.errors(|light| {
+                    let light = with_flaw(light, flaw);
+                    let [fraunhofer, default, fit] = centres_and_fit(&rows.geometry(), &light)?;
+                    Ok([fraunhofer - fit, default - fit])
+                });
+                // `errors` subtracts the true centre from both.
+                let distances: Vec<[f64; 2]> = (distances.expect("centres").iter())
+                    .zip(0..cell.rows)
+                    .map(|(distances, row)| distances.map(|distance| distance + rows.row(row).1))
+                    .collect();
+                let [fraunhofer, default] = root_mean_squares(&distances);
+                println!(
+                    "{name:>14}, {amplitude} counts, {electrons_per_count:?} e/count, read noise \
+                     {read_noise}, {flaw:?}, sigma {width}: {:.1} {:.1}",
+                    1e4 * fraunhofer,
+                    1e4 * default
+                );
+                assert!(
+                    fraunhofer <= 0.8 * default || fraunhofer <= 2e-4,
+                    "{name}, {cell:?}, {flaw:?}: {fraunhofer} {default}"
+                );
+            }
+        }
+    }
+}
+
+/// A row with a flaw.
+fn with_flaw(light: &[u16], flaw: Flaw) -> Vec<u16> {
+    let mut random = ChaCha8Rng::seed_from_u64(light.iter().map(|&count| u64::from(count)).sum());
+    let level = f64::from(light[0]);
+    let flawed = light.iter().enumerate().map(|(i, &count)| {
+        let count = f64::from(count);
+        match flaw {
+            Flaw::None => count,
+            Flaw::Slope => count + 0.3 * i as f64,
+            Flaw::Sensitivity => {
+                let scatter: f64 = random.sample(StandardNormal);
+                level + (count - level) * (1.0 + 0.02 * scatter)
+            }
+        }
+    });
+    flawed
+        .map(|count| count.round().clamp(0.0, 4095.0) as u16)
+        .collect()
+}
+
+/// Slits of a Fresnel number up to 0.55, for a point and a laser spot of 1 mm. A slit of 200 um has 0.33 at
+/// 650 nm and 0.47 at 450 nm, one of 250 um 0.51. No estimator gives a fault. The check flags at most one row
+/// in 30 of an estimator. The error is at most 1.15 of the default estimator's. The error is up to 1.4 times
+/// the claimed uncertainty, because the claim does not hold the shot noise of the side lobes.
+#[test]
+fn wide_slits_are_read_without_fault_or_flag() {
+    const ESTIMATORS: [Estimator; 4] = [
+        Estimator::PhaseTable,
+        Estimator::Adaptive,
+        Estimator::GaussNewton,
+        Estimator::Fraunhofer,
+    ];
+    const NUMBERS: [f64; 8] = [0.31, 0.38, 0.40, 0.42, 0.45, 0.47, 0.50, 0.55];
+    let mut failures = vec![];
+    println!(
+        "90 rows of each: rows with a fault, rows with a flag, RMS error over the default's, RMS error over \
+         the claimed uncertainty"
+    );
+    for number in NUMBERS {
+        for spot_diameter in [0.0, 1e-3] {
+            let curve = Slit::of_fresnel_number(number, spot_diameter).curve();
+            for (amplitude, read_noise) in [(200.0, 4.0), (1000.0, 2.0), (3000.0, 2.0)] {
+                let cells = [4.0, 8.0, 10.5].map(|width| Cell {
+                    width,
+                    amplitude,
+                    read_noise,
+                    electrons_per_count: Some(10.0),
+                    rows: 30,
+                    seed: 81 + width as u64,
+                });
+                let mut line = format!(
+                    "Fresnel number {number}, spot of {} mm, {amplitude:>4} counts:",
+                    1e3 * spot_diameter
+                );
+                let read = ESTIMATORS.map(|estimator| read(&curve, &cells, estimator));
+                let [[_, _, default, _], ..] = read;
+                for (estimator, [faults, flags, error, pull]) in ESTIMATORS.into_iter().zip(read) {
+                    let ratio = error / default;
+                    line += &format!(
+                        "   {} {faults} {flags} {ratio:.2} {pull:.2}",
+                        estimator.letter()
+                    );
+                    if faults > 0.0 || flags > 3.0 || ratio > 1.15 {
+                        failures.push(format!("{line}: {}", estimator.name()));
+                    }
+                }
+                println!("{line}");
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
+
+/// The faults, the flags, and the RMS error over the width and over the claim that the measurement has with
+/// an estimator.
+fn read(curve: &Curve, cells: &[Cell], estimator: Estimator) -> [f64; 4] {
+    let (mut faults, mut flags, mut errors) = (0.0, 0.0, vec![]);
+    for &cell in cells {
+        let rows = Rows { curve, cell };
+        let geometry = cell.scene_of(PIXELS).geometry();
+        for row in 0..cell.rows {
+            let (light, truth) = rows.row_of(PIXELS, row);
+            let [_, found] = answers(&geometry, &light, estimator);
+            let Ok(found) = found else {
+                faults += 1.0;
+                continue;
+            };
+            let error = found.centre.to_f64() - truth;
+            flags += f64::from(u8::from(found.misfit));
+            errors.push([error / cell.width, error / found.uncertainty.to_f64()]);
+        }
+    }
+    let [error, pull] = root_mean_squares(&errors);
+    [faults, flags, error, pull]
 }
 
 /// The fit in f64, from where the default estimator found the spot.
@@ -342,8 +517,8 @@ fn errors_with(curve: &Curve, cell: Cell, tables: &[Vec<IntegerTable>; 3]) -> Ve
 }
 
 /// Measures the bias over the phase about its mean; the mean is a convention. With tables of a measured
-/// asymmetric profile, the bias is at most 0.001 px. With the gaussian's tables the bias is up to 0.05 px,
-/// because rows may use one table or its neighbour.
+/// asymmetric profile, the bias is at most 0.001 px. With the gaussian's tables too, as long as all rows use
+/// one table; if some use its neighbour, the bias is up to 0.05 px.
 #[test]
 fn tables_of_a_measured_asymmetric_profile_have_no_bias_over_the_phase() {
     let curve = profiles::tailed();

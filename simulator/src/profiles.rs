@@ -86,6 +86,39 @@ pub fn slit() -> Curve {
     Curve::new(|place| sinc(PI * place / 2.66).powi(2))
 }
 
+/// How the light of a laser spot is distributed along the row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Blur {
+    /// As in a gaussian beam.
+    Gaussian,
+    /// Evenly.
+    Box,
+}
+
+/// [`slit`], blurred by a laser spot whose image has this standard deviation, in widths of the pattern of a
+/// point. The width of the curve is that of the blurred pattern.
+pub fn blurred_slit(deviation: f64, blur: Blur) -> Curve {
+    const POINTS: i32 = 24;
+    let points: Vec<(f64, f64)> = (-POINTS..=POINTS)
+        .map(|i| {
+            let u = f64::from(i) / f64::from(POINTS);
+            match blur {
+                Blur::Gaussian => (4.0 * u * deviation, (-8.0 * u * u).exp()),
+                // The trapezoidal rule.
+                Blur::Box if i.abs() == POINTS => (3f64.sqrt() * u * deviation, 0.5),
+                Blur::Box => (3f64.sqrt() * u * deviation, 1.0),
+            }
+        })
+        .collect();
+    let light = |place: f64| {
+        let light = points
+            .iter()
+            .map(|(at, weight)| weight * sinc(PI * (place - at) / 2.66).powi(2));
+        light.sum::<f64>()
+    };
+    Curve::in_widths(light, 1.0)
+}
+
 fn sinc(u: f64) -> f64 {
     if u.abs() < 1e-8 { 1.0 } else { u.sin() / u }
 }
@@ -133,6 +166,22 @@ impl Slit {
             wavelength: 650e-9,
             spot_diameter,
         }
+    }
+
+    /// [`Self::nominal`] with as wide a slit as has this Fresnel number.
+    pub fn of_fresnel_number(number: f64, spot_diameter: f64) -> Self {
+        let nominal = Self::nominal(spot_diameter);
+        Self {
+            width: nominal.width * (number / nominal.fresnel_number()).sqrt(),
+            ..nominal
+        }
+    }
+
+    /// The Fresnel number: the square of half of the slit's width, over the wavelength, times the sum of one
+    /// over each distance. The nominal slit has 0.326. From about 0.55 on, the pattern has a flat top.
+    pub fn fresnel_number(&self) -> f64 {
+        let half = 0.5 * self.width;
+        half * half / self.wavelength * (1.0 / self.to_spot + 1.0 / self.to_sensor)
     }
 
     /// The light at a place on the sensor, from the laser spot as incoherent points: the pattern of a point

@@ -113,6 +113,15 @@ pub struct Table {
     pub gradient: Vec<DVector<f64>>,
 }
 
+/// The least noise ratio for which the stretch is designed: that of [`crate::DEFAULT`]. With a smaller ratio,
+/// the flanks decide the width. A slit has brighter flanks than a gaussian: at a Fresnel number of 0.55, a
+/// ratio of 0.006 finds 1.5 times the width, and this ratio 1.0 times.
+const LEAST_STRETCH_RATIO: f64 = 0.23;
+
+/// A narrower table, in pixels, keeps the stretch for its own noise ratio. Such a spot has few pixels: if one
+/// at its top is dead, only the flanks tell the width.
+const NARROW: f64 = 2.0;
+
 /// Designs the weights of one width.
 pub fn design(
     profile: Profile<'_>,
@@ -129,14 +138,20 @@ pub fn design(
         profile: vec![],
         gradient: vec![],
     };
-    let weights = |centre| weights(profile, shape, noise_ratio, background, centre);
+    let stretch_ratio = if shape.width < NARROW {
+        noise_ratio
+    } else {
+        noise_ratio.max(LEAST_STRETCH_RATIO)
+    };
+    let weights = |noise_ratio, centre| weights(profile, shape, noise_ratio, background, centre);
     let mut fit = BendFit::default();
     for k in 0..shape.phases {
         let centre = shape.phase(k);
-        let [score, stretch] = weights(centre);
+        let [score, _] = weights(noise_ratio, centre);
+        let [_, stretch] = weights(stretch_ratio, centre);
         let h = 0.01 * shape.width;
-        let [before, _] = weights(centre - h);
-        let [after, _] = weights(centre + h);
+        let [before, _] = weights(noise_ratio, centre - h);
+        let [after, _] = weights(noise_ratio, centre + h);
         let derivative = (before - after) / (2.0 * h);
         let spots = sample_spots(profile, shape, centre, &score);
         let slope = &derivative - fit_asymmetry(&spots, &score, &derivative) * &score;

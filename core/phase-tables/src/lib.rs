@@ -88,6 +88,15 @@ pub const LEAST_SQUARES: Plan = Plan {
     ..DEFAULT
 };
 
+/// Weights for the diffraction pattern of a slit. They are close to those of an unweighted fit of eq. (6): a
+/// side lobe weighs 1.5 times as much as the top. With the noise ratio of [`DEFAULT`], a side lobe would weigh
+/// 4.5 times as much. That ratio gains 10 % in shot noise on the pattern of a point. But its centre lies
+/// further from the fit's than the centre of [`DEFAULT`] does, as soon as a laser spot blurs the pattern.
+pub const FRAUNHOFER: Plan = Plan {
+    noise_ratio: 2.0,
+    ..DEFAULT
+};
+
 impl Plan {
     /// Half of the window in pixels for a width, with up to one more pixel for the phase. Beyond 4 sigma a
     /// window gains less than 0.1 % in white noise. Where shot noise dominates, the flanks weigh more. Only

@@ -124,6 +124,7 @@ impl Scene<'_> {
             centre: self.found.centre,
             width: self.found.width.to_f32(),
             amplitude: self.found.amplitude.to_f32(),
+            is_whole: true,
         };
         let mut window = self.window(&start);
         let mut at = window.parameters(&start);

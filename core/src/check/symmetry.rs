@@ -19,8 +19,9 @@
 //! In what remains, no single pair may stand out, and the sum of squares must be one that noise explains.
 //!
 //! **Even part**: p is fitted by b + A e (1 + k2 u^2 + k4 u^4), unweighted. Optics make k4 as low as -0.040
-//! (sinc^2; Fresnel -0.017); two equal spots 2 widths apart have -0.077. What this fit leaves of an optical
-//! shape has a mean square of at most 0.0031 of that of A e (Fresnel). What it leaves of a box has 0.04 and
+//! (sinc^2; Fresnel -0.022); two equal spots 2 widths apart have -0.077. What this fit leaves of an optical
+//! shape has a mean square of at most 0.015 of that of A e (Fresnel numbers up to 0.55, which a blue laser or
+//! a slit of 250 um stays below; 0.0031 for the nominal slit). What it leaves of a box has 0.04 and
 //! more.
 
 use core::ops::Range;
@@ -83,8 +84,13 @@ const LEVERAGE_A_PITCH: f32 = 0.83;
 const FLAT: f32 = -0.05;
 
 /// Limit of the shape's misfit, which is the mean square that the fit leaves of the even part, over that of
-/// the spot: twice Fresnel's.
-const SHAPE_MISFIT: f32 = 0.006;
+/// the spot. Fresnel's patterns have 0.003 at the nominal slit's Fresnel number of 0.33, and 0.011 at 0.55 if
+/// the width is that of the gaussian that fits best. With the widths and the heights that the estimators find
+/// there, they have up to 0.015.
+const SHAPE_MISFIT: f32 = 0.018;
+
+/// The same for a spot so narrow that it may be bad pixels: twice that of the nominal slit's pattern.
+const SHAPE_MISFIT_OF_NARROW: f32 = 0.006;
 
 /// How many standard deviations k4 and the shape's misfit may be beyond their limits.
 const EVEN: f32 = 4.0;
@@ -291,9 +297,9 @@ impl Symmetry {
 
     /// Whether the even part has the shape of a spot. `false` if any of the numbers is not a number.
     fn is_spot(&self, trust: Trust) -> bool {
-        let Trust { even, .. } = trust;
+        let Trust { even, misfit, .. } = trust;
         (self.flatness).is_none_or(|(k4, deviation)| k4 >= FLAT - even * deviation)
-            && self.shape_misfit <= SHAPE_MISFIT + even * self.shape_misfit_deviation
+            && self.shape_misfit <= misfit + even * self.shape_misfit_deviation
     }
 
     /// How much the antisymmetric light may have moved the centre.
@@ -446,6 +452,8 @@ struct Trust {
     even: f32,
     /// Factor of the limits of the odd ones.
     odd: f32,
+    /// Limit of the shape's misfit.
+    misfit: f32,
 }
 
 impl Trust {
@@ -456,11 +464,13 @@ impl Trust {
             Self {
                 even: EVEN,
                 odd: 1.0,
+                misfit: SHAPE_MISFIT,
             }
         } else {
             Self {
                 even: EVEN_OF_NARROW,
                 odd: TRUST_OF_NARROW,
+                misfit: SHAPE_MISFIT_OF_NARROW,
             }
         }
     }
