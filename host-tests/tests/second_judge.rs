@@ -124,7 +124,7 @@ fn stories() {
         } else {
             second_judge::frame(kind, number)
         };
-        let verdict = frame.verdict(kind.claim, slitrange::centre::Estimator::PhaseTable);
+        let verdict = frame.verdict(kind, slitrange::centre::Estimator::PhaseTable);
         let want = match (std::env::var("FLAG").is_ok(), verdict) {
             (true, v @ Verdict::Centre { .. }) => v.is_flagged() && !v.is_beyond_claim(),
             _ => verdict.is_confident_error(),
