@@ -2,12 +2,13 @@
 //!
 //! ```text
 //! format version | the record, by postcard | CRC-32 of all before it, little endian
-//! 1 byte: 2      | up to 1493 bytes        | 4 bytes
+//! 1 byte: 3      | up to 1784 bytes        | 4 bytes
 //! ```
 //!
 //! The CRC-32 is ISO-HDLC, as in zip and PNG.
 //!
-//! [`decode`] also reads version 1, which earlier firmware wrote. It has no uncertainties.
+//! [`decode`] also reads the versions that earlier firmware wrote. Version 1 has no uncertainties, and neither
+//! version 1 nor 2 has the sensor's own spot.
 //!
 //! [`decode`] makes a record with the constructors of its parts, and refuses what they refuse. The range of
 //! distances is not in the bytes: it follows from the calibration and the range of its centres.
@@ -68,7 +69,7 @@ const VERSION_2: u8 = 2;
 
 /// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, the uncertainties of a fit, and the
 /// sensor's own spot, each number at its longest.
-pub const MAX_ENCODED: usize = 1498;
+pub const MAX_ENCODED: usize = 1789;
 
 /// Computed bit by bit, without a table: a record is read once at the start.
 const CRC: Crc<u32, crc::Table<0>> = Crc::<u32, crc::Table<0>>::new(&CRC_32_ISO_HDLC);
@@ -502,7 +503,7 @@ impl fmt::Display for RecordError {
             ),
             Self::Version { version } => write!(
                 f,
-                "the record has format {version}, and this firmware knows {VERSION_1} and {VERSION}: write \
+                "the record has format {version}, and this firmware knows {VERSION_1} to {VERSION}: write \
                 it with the tool of this firmware"
             ),
             Self::Shape => f.write_str(

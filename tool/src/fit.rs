@@ -12,6 +12,7 @@ pub mod figure;
 pub mod observed;
 pub mod order;
 pub mod outliers;
+pub mod profile;
 pub mod report;
 pub mod solve;
 pub mod spline;
@@ -25,6 +26,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, ensure};
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
+use slitrange::profile::Profile;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::record::encoded::EncodedRecord;
@@ -39,7 +41,7 @@ use solve::Form;
 /// Of `slitrange calibrate fit`.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The points: a CSV file with the columns x_px, d_mm and, if there, sigma_px and height_counts
+    /// The points: a CSV file with the columns x_px, d_mm and, if there, sigma_px, height_counts and the spot's shape
     points: PathBuf,
     /// What the calibration is made of
     #[arg(long, value_enum, default_value = "auto")]
@@ -110,7 +112,8 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
     let made = calibration::make(&solved, options.form.form()).with_context(|| file.clone())?;
     let mut report = Report::of(file, &solved, &made);
     let errors = errors::of(&solved, &made);
-    let record = options.record(&setup, made.calibration.clone(), errors)?;
+    let profile = profile::of(&solved, &made.calibration);
+    let record = options.record(&setup, made.calibration.clone(), errors, profile)?;
     let path = options.record_path();
     ensure!(
         path != options.points,
@@ -137,6 +140,7 @@ impl Options {
         setup: &Setup,
         calibration: slitrange::distance::Calibration,
         errors: CalibrationErrors,
+        profile: Option<Profile>,
     ) -> anyhow::Result<EncodedRecord> {
         Ok(EncodedRecord::new(Record {
             serial_number: self.serial.or(setup.serial_number).unwrap_or(0),
@@ -152,7 +156,7 @@ impl Options {
                 .unwrap_or(BlackLevel::Shielded),
             calibration,
             errors,
-            profile: None,
+            profile,
         })?)
     }
 

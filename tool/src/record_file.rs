@@ -8,12 +8,14 @@ use serde::Serialize;
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::{Knot, Knots};
+use slitrange::profile::Profile;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::record::{MAX_ENCODED, decode};
 use slitrange::row::Polarity;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
+use crate::fit::profile;
 use crate::points::black_level_words;
 use crate::whole_file;
 
@@ -93,6 +95,8 @@ pub struct Shown {
     pub distances_mm: [f64; 2],
     /// What the record knows of its errors.
     pub errors: ShownErrors,
+    /// The sensor's own spot. None if the calibration did not learn it.
+    pub spot: Option<ShownSpot>,
     /// Distances at some centres.
     pub examples: Vec<Example>,
 }
@@ -120,6 +124,25 @@ impl ShownErrors {
             curve_um: Some(um(curve)),
             surface_um: surface.as_ref().map(|surface| um(&surface.deviation)),
             height_counts: surface.as_ref().map(|surface| counts(&surface.height)),
+        }
+    }
+}
+
+/// The sensor's own spot: the least and the largest value over the record's centres, in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ShownSpot {
+    /// The width.
+    pub width_px: [f64; 2],
+    /// How lopsided the spot is.
+    pub lopsided_px: [f64; 2],
+}
+
+impl ShownSpot {
+    fn of(profile: &Profile) -> Self {
+        let rounded = |ends: [f64; 2]| ends.map(|value| (1e4 * value).round() / 1e4);
+        Self {
+            width_px: rounded(profile::widths(profile)),
+            lopsided_px: rounded(profile::lopsided(profile)),
         }
     }
 }
@@ -233,6 +256,7 @@ impl Shown {
             centres_px: [first.to_f64(), last.to_f64()],
             distances_mm: ends.map(|end| end.to_f64() / 1e3),
             errors: ShownErrors::of(&record.errors),
+            spot: record.profile.as_ref().map(ShownSpot::of),
             examples: (0..EXAMPLES)
                 .filter_map(|index| at(between(first, last, index)))
                 .collect(),
@@ -321,6 +345,20 @@ impl Shown {
                      counts"
                 ),
                 None => "not in the record: the sensor takes an estimate".to_owned(),
+            },
+        ));
+        fields.push((
+            "spot",
+            match self.spot {
+                Some(ShownSpot {
+                    width_px: [least, most],
+                    lopsided_px: [even, odd],
+                }) => format!(
+                    "width {least:.3} to {most:.3} px, lopsided by {even:.4} to {odd:.4} px"
+                ),
+                None => {
+                    "not in the record: the check takes a symmetric one of any width".to_owned()
+                }
             },
         ));
         fields

@@ -117,13 +117,14 @@ fn old_records_decode_to_the_same_distances() {
         };
         assert_eq!(record.estimator, estimator, "{}", old.estimator);
         assert_eq!(record.errors, CalibrationErrors::Unknown);
-        // The version is another and the estimator's letter may be; a byte follows, which says that nothing
-        // is known of the errors. All else is as it was.
+        assert_eq!(record.profile, None);
+        // The version is another and the estimator's letter may be; two bytes follow, which say that nothing
+        // is known of the errors or of the sensor's own spot. All else is as it was.
         let letter = 18;
         let mut bytes = old.bytes[..old.bytes.len() - 4].to_vec();
-        bytes[0] = 2;
+        bytes[0] = VERSION;
         bytes[letter] = estimator.letter() as u8;
-        bytes.push(0);
+        bytes.extend([0, 0]);
         assert_eq!(encoded(&record), sealed(bytes), "{} {kind}", old.estimator);
         kinds.insert(kind);
         letters.insert(old.bytes[letter]);
@@ -144,6 +145,21 @@ fn straight_lines_are_refused_with_advice() {
         body.resize(2637, 0x80);
         assert_eq!(decode(&sealed(body)), Err(RecordError::StraightLines));
     }
+}
+
+/// Format 2 ends with the uncertainties.
+#[test]
+fn records_of_format_2_decode_without_a_profile() {
+    let without = Record {
+        profile: None,
+        ..longest()
+    };
+    let mut bytes = encoded(&without);
+    bytes.truncate(bytes.len() - 5);
+    bytes[0] = 2;
+    assert_eq!(decode(&sealed(bytes.clone())), Ok(without));
+    bytes.push(0);
+    assert_eq!(decode(&sealed(bytes)), Err(RecordError::Shape));
 }
 
 #[test]

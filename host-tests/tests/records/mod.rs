@@ -128,9 +128,19 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
         black_levels,
         calibrations(),
         errors(),
+        prop::option::of(profiles()),
     )
         .prop_map(
-            |(serial_number, date, geometry, estimator, black_level, calibration, errors)| {
+            |(
+                serial_number,
+                date,
+                geometry,
+                estimator,
+                black_level,
+                calibration,
+                errors,
+                profile,
+            )| {
                 Some(Record {
                     serial_number,
                     date: date?,
@@ -138,9 +148,33 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
                     estimator,
                     black_level,
                     calibration: calibration?,
-                    profile: None,
+                    profile,
                     errors,
                 })
+            },
+        )
+}
+
+/// Spots of sensors. Some have a width of zero, which a record cannot hold.
+fn profiles() -> impl Strategy<Value = Profile> {
+    let positive = || (0..1u32 << 31).prop_map(|bits| Pixels::from_bits(bits.cast_signed()));
+    let widths = any::<[u16; PLACES]>();
+    let components = any::<[[i32; PLACES]; COMPONENTS]>();
+    (
+        any::<[i32; 2]>(),
+        widths,
+        positive(),
+        components,
+        positive(),
+    )
+        .prop_map(
+            |([first, last], width, width_deviation, components, deviation)| Profile {
+                first: Pixels::from_bits(first),
+                last: Pixels::from_bits(last),
+                width: width.map(|bits| Pixels::from_bits(bits.into())),
+                width_deviation,
+                components: components.map(|values| values.map(Pixels::from_bits)),
+                deviation,
             },
         )
 }

@@ -1,7 +1,7 @@
 //! A point as the fit sees it: in metres, with what is known of its errors.
 
 use super::eq1::{Eq1, Observation};
-use crate::points::Point;
+use crate::points::{KnownShape, Point};
 
 /// A centre at a known distance, with the standard uncertainties of both.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +18,8 @@ pub struct Observed {
     pub sigma_distance: f64,
     /// The spot's height in counts, where it is known.
     pub height: Option<f64>,
+    /// The spot's shape, where it is known.
+    pub shape: Option<KnownShape>,
 }
 
 /// What was known of the points' errors beforehand.
@@ -48,6 +50,7 @@ impl Observed {
             sigma_centre: point.sigma_px.unwrap_or(otherwise),
             sigma_distance: position.unwrap_or(0.0),
             height: point.height_counts,
+            shape: point.shape,
         });
         (observed.collect(), weights)
     }

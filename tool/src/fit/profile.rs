@@ -1,0 +1,143 @@
+//! The sensor's own spot: smooth curves of the spot's width and shape over the centre.
+//!
+//! Optics change slowly over the range, so the width and each of the five components is a polynomial of a low
+//! degree, fitted by least squares. All points count alike: on a rough surface speckle changes the shapes by
+//! more than noise does.
+
+use nalgebra::{DMatrix, DVector};
+use slitrange::distance::Calibration;
+use slitrange::profile::Profile;
+use slitrange::shape::COMPONENTS;
+use slitrange::uncertainty::PLACES;
+use slitrange::units::Pixels;
+
+use super::solve::Solved;
+use super::tabulate::pixels;
+use crate::points::KnownShape;
+
+/// With fewer points the scatter of the shapes is not known.
+const FEWEST: usize = 4;
+
+/// The highest degree of a polynomial. It takes ten points.
+const HIGHEST_DEGREE: usize = 3;
+
+/// The least deviation of the width, over the width. The width of a spot without a flaw changes with its
+/// height and its place between two pixels, by less than this.
+const LEAST_WIDTH_DEVIATION: f64 = 0.002;
+
+/// The estimator makes one combination of the five components zero, so four of them scatter.
+const SCATTERING: f64 = COMPONENTS as f64 - 1.0;
+
+/// Learns the sensor's own spot from the points that the fit kept. `None` with fewer than four points, or if
+/// the points have no shapes.
+pub fn of(solved: &Solved, calibration: &Calibration) -> Option<Profile> {
+    let (first, last) = calibration.valid();
+    let points: Vec<(f64, KnownShape)> = (solved.observed.iter())
+        .filter_map(|point| Some((point.centre, point.shape?)))
+        .collect();
+    if points.len() < FEWEST {
+        return None;
+    }
+    let along = |centre: f64| {
+        let (first, last) = (first.to_f64(), last.to_f64());
+        2.0 * (centre - first) / (last - first) - 1.0
+    };
+    let places = Places {
+        powers: HIGHEST_DEGREE.min((points.len() - 1) / 3) + 1,
+        along: points.iter().map(|(centre, _)| along(*centre)).collect(),
+    };
+    let values = |of: &dyn Fn(&KnownShape) -> f64| -> DVector<f64> {
+        points
+            .iter()
+            .map(|(_, shape)| of(shape))
+            .collect::<Vec<_>>()
+            .into()
+    };
+    let width = places.fit(&values(&|it| it.shape.width_px))?;
+    let mut components = [[0.0; PLACES]; COMPONENTS];
+    let mut squares = 0.0;
+    for (index, component) in components.iter_mut().enumerate() {
+        let fitted = places.fit(&values(&|it| it.shape.components_px[index]))?;
+        *component = fitted.at_places;
+        squares += fitted.variance;
+    }
+    let noise = points
+        .iter()
+        .map(|(_, shape)| shape.noise_px.powi(2))
+        .sum::<f64>()
+        / points.len() as f64;
+    // A curve's own variance is that of a residual times parameters over points, on average.
+    let own = places.powers as f64 / points.len() as f64;
+    let deviation = |variance: f64| ((variance - noise).max(0.0) + variance * own).sqrt();
+    let mean_width = width.at_places.iter().sum::<f64>() / PLACES as f64;
+    let profile = Profile {
+        first,
+        last,
+        width: width.at_places.map(pixels),
+        width_deviation: pixels(deviation(width.variance).max(LEAST_WIDTH_DEVIATION * mean_width)),
+        components: components.map(|values| values.map(pixels)),
+        deviation: pixels(deviation(squares / SCATTERING)),
+    };
+    profile.is_sensible().then_some(profile)
+}
+
+/// Where the points are.
+struct Places {
+    /// Parameters of a polynomial: its degree and one.
+    powers: usize,
+    /// The centres, -1 at the first centre of the calibration and 1 at the last.
+    along: Vec<f64>,
+}
+
+/// A polynomial through values.
+struct Fitted {
+    /// Its values at even steps from the first centre to the last.
+    at_places: [f64; PLACES],
+    /// The variance of the residuals, over their degrees of freedom.
+    variance: f64,
+}
+
+impl Places {
+    /// `None` if the points are at too few places.
+    fn fit(&self, values: &DVector<f64>) -> Option<Fitted> {
+        let matrix = DMatrix::from_fn(self.along.len(), self.powers, |point, power| {
+            self.along[point].powi(power as i32)
+        });
+        let squares = matrix.tr_mul(&matrix);
+        let parameters = squares.cholesky()?.solve(&matrix.tr_mul(values));
+        let residuals = values - matrix * &parameters;
+        let freedom = self.along.len() - self.powers;
+        Some(Fitted {
+            at_places: std::array::from_fn(|place| {
+                let along = 2.0 * place as f64 / (PLACES - 1) as f64 - 1.0;
+                parameters
+                    .iter()
+                    .rev()
+                    .fold(0.0, |sum, factor| sum * along + factor)
+            }),
+            variance: residuals.norm_squared() / freedom as f64,
+        })
+    }
+}
+
+/// The least and the largest width of a spot, in pixels.
+pub fn widths(profile: &Profile) -> [f64; 2] {
+    ends(&profile.width.map(Pixels::to_f64))
+}
+
+/// How lopsided the sensor's own spot is, least and most, in pixels: the root of the sum of the components'
+/// squares.
+pub fn lopsided(profile: &Profile) -> [f64; 2] {
+    let sums: [f64; PLACES] = std::array::from_fn(|place| {
+        let squares = (profile.components.iter()).map(|values| values[place].to_f64().powi(2));
+        squares.sum::<f64>().sqrt()
+    });
+    ends(&sums)
+}
+
+fn ends(values: &[f64]) -> [f64; 2] {
+    [
+        values.iter().copied().fold(f64::INFINITY, f64::min),
+        values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+    ]
+}
