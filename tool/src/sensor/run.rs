@@ -376,7 +376,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// A point of at least one centre.
-fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
+pub fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
     let count = centres.len() as f64;
     let mean = centres.iter().map(|centre| centre.x_px).sum::<f64>() / count;
     let squares = |deviation: &dyn Fn(&Centre) -> f64| {

@@ -3,6 +3,7 @@
 mod accuracy;
 mod command;
 mod errors;
+mod own_spot;
 mod properties;
 mod refusals;
 mod truth;

@@ -47,6 +47,7 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
             estimator: Default::default(),
             black_level: slitrange::black_level::BlackLevel::Shielded,
             calibration: made.calibration.clone(),
+            profile: None,
             errors: CalibrationErrors::Unknown,
         };
         let written = EncodedRecord::new(record.clone()).expect("a record");
