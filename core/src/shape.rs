@@ -40,14 +40,14 @@ const HIDDEN: [f32; COMPONENTS] = [2.0, 1.0, 5.0, 3.0, 2.0];
 
 /// The sum of the squares of the components, in variances, that noise exceeds in 1.5 % of the spots: chi
 /// square of four degrees of freedom. The estimator takes the fifth.
-const NOISE: f32 = 13.3;
+const NOISE: f32 = 12.3;
 
 /// The hidden shift over a change of the width. Of the shadows that leave a spot symmetric, half move it by
 /// less than 1.5 times the change.
 const HIDDEN_A_WIDTH: f32 = 2.0;
 
 /// The width of a spot without a flaw is within so many standard deviations of the sensor's own.
-const NOISE_WITH_WIDTH: f32 = 15.1;
+const NOISE_WITH_WIDTH: f32 = 13.4;
 
 impl SpotShape {
     /// The standard uncertainty of the centre that comes from the spot's shape, in pixels. Zero if noise

@@ -157,7 +157,7 @@ mod tests {
         let lines = "calibration on\r\n\
              calibration source default\r\n\
              calibration kind eq1\r\n\
-             calibration record 48 52205a52\r\n\
+             calibration record 49 f4a3d743\r\n\
              calibration serial 0\r\n\
              calibration date 0001-01-01\r\n\
              calibration estimator phase-table\r\n\

@@ -225,8 +225,8 @@ mod tests {
         let of_parts = PartsOf(&reading.parts).to_string();
         let lines: std::vec::Vec<&str> = of_parts.split("\r\n").collect();
         assert_eq!(lines[0], "uncertainty noise 0.0350 mm");
-        assert_eq!(lines[3], "uncertainty surface 0.4360 mm");
-        assert_eq!(lines.len(), 6);
+        assert_eq!(lines[4], "uncertainty surface 0.4360 mm");
+        assert_eq!(lines.len(), 7);
         let difference = Difference(Reading {
             distance: Micrometres::from_int(-1234),
             ..reading
