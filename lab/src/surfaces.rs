@@ -84,6 +84,7 @@ pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
                 d_mm,
                 sigma_px: Some(frame.frame.uncertainty.to_f64()),
                 height_counts: Some(frame.frame.amplitude.to_f64()),
+                shape: None,
             })
         })
         .collect();

@@ -152,6 +152,7 @@ impl Options {
                 .unwrap_or(BlackLevel::Shielded),
             calibration,
             errors,
+            profile: None,
         })?)
     }
 

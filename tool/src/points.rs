@@ -1,5 +1,5 @@
 //! Known distances and the centres that a sensor had there: a CSV file of `x_px`, `d_mm` and, if there,
-//! `sigma_px` and `height_counts`.
+//! `sigma_px`, `height_counts`, and the spot's shape.
 //!
 //! ```text
 //! # serial 42
@@ -10,6 +10,9 @@
 //! 2404.12345,600,0.0021,1011
 //! 2371.60220,607.1,0.0020,870
 //! ```
+//!
+//! The shape is in the columns `width_px` and `shape_0_px` to `shape_4_px` (see [`Shape`]). It counts only
+//! with `claimed_px`, the uncertainty that the sensor claims for a frame, and `frames`, their number.
 //!
 //! Lines that begin with `#` are comments. The comments above are a [`Setup`], which goes into the record.
 //! Other columns are not read.
@@ -22,7 +25,8 @@ use slitrange::centre::Estimator;
 use slitrange::row::LARGEST_COUNT;
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::settings::{Setting, Value};
-use slitrange::units::Micrometres;
+use slitrange::shape::COMPONENTS;
+use slitrange::units::{Micrometres, Pixels};
 
 /// A centre at a known distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,7 +41,37 @@ pub struct Point {
     pub sigma_px: Option<f64>,
     /// The spot's height in counts, where it is known.
     pub height_counts: Option<f64>,
+    /// The spot's shape, where it is known.
+    pub shape: Option<KnownShape>,
 }
+
+/// The shape of a spot, as the sensor measures it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shape {
+    /// The width: a gaussian's sigma, in pixels.
+    pub width_px: f64,
+    /// The components of the antisymmetric light, as shifts in pixels: see
+    /// [`SpotShape`](slitrange::shape::SpotShape).
+    pub components_px: [f64; COMPONENTS],
+}
+
+/// The shape of a spot, and its noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KnownShape {
+    /// The mean shape of the frames.
+    pub shape: Shape,
+    /// The standard deviation of the width and of each component by noise, in pixels.
+    pub noise_px: f64,
+}
+
+/// The names of the columns with [`Shape::components_px`].
+pub const COMPONENT_NAMES: [&str; COMPONENTS] = [
+    "shape_0_px",
+    "shape_1_px",
+    "shape_2_px",
+    "shape_3_px",
+    "shape_4_px",
+];
 
 /// The content of a file of points.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -136,6 +170,15 @@ struct Columns {
     d: usize,
     sigma: Option<usize>,
     height: Option<usize>,
+    shape: Option<ShapeColumns>,
+}
+
+/// Where the columns of the spot's shape and its noise are.
+struct ShapeColumns {
+    width: usize,
+    components: [usize; COMPONENTS],
+    claimed: usize,
+    frames: usize,
 }
 
 impl Columns {
@@ -154,6 +197,7 @@ impl Columns {
             d: must("d_mm")?,
             sigma: place("sigma_px"),
             height: place("height_counts"),
+            shape: ShapeColumns::of(place),
         })
     }
 
@@ -217,7 +261,75 @@ impl Columns {
             d_mm,
             sigma_px,
             height_counts,
+            shape: match &self.shape {
+                Some(columns) => columns.read(line, number)?,
+                None => None,
+            },
         })
+    }
+}
+
+impl ShapeColumns {
+    /// None unless all of them are there.
+    fn of(place: impl Fn(&str) -> Option<usize>) -> Option<Self> {
+        let mut components = [0; COMPONENTS];
+        for (column, name) in components.iter_mut().zip(COMPONENT_NAMES) {
+            *column = place(name)?;
+        }
+        Some(Self {
+            width: place("width_px")?,
+            components,
+            claimed: place("claimed_px")?,
+            frames: place("frames")?,
+        })
+    }
+
+    /// None if a field is empty.
+    fn read(
+        &self,
+        line: u64,
+        number: impl Fn(&str, usize) -> anyhow::Result<Option<f64>>,
+    ) -> anyhow::Result<Option<KnownShape>> {
+        let width_px = number("width_px", self.width)?;
+        let claimed_px = number("claimed_px", self.claimed)?;
+        let frames = number("frames", self.frames)?;
+        let mut components_px = [0.0; COMPONENTS];
+        let mut are_there = true;
+        for ((value, name), column) in components_px
+            .iter_mut()
+            .zip(COMPONENT_NAMES)
+            .zip(self.components)
+        {
+            match number(name, column)? {
+                Some(number) => *value = number,
+                None => are_there = false,
+            }
+        }
+        let (Some(width_px), Some(claimed_px), Some(frames), true) =
+            (width_px, claimed_px, frames, are_there)
+        else {
+            return Ok(None);
+        };
+        let largest = Pixels::MAX.to_f64();
+        ensure!(
+            width_px > 0.0
+                && width_px < largest
+                && components_px
+                    .iter()
+                    .all(|component| component.abs() < largest)
+                && claimed_px >= 0.0
+                && frames >= 1.0,
+            "line {line}: this is no shape of a spot: width_px must be above 0, frames 1 or more, and all \
+             below {largest:.0} px: correct it, or leave the columns width_px and shape_0_px to shape_4_px \
+             empty"
+        );
+        Ok(Some(KnownShape {
+            shape: Shape {
+                width_px,
+                components_px,
+            },
+            noise_px: claimed_px / frames.sqrt(),
+        }))
     }
 }
 
@@ -341,6 +453,7 @@ mod tests {
             d_mm,
             sigma_px: Some(sigma_px),
             height_counts: None,
+            shape: None,
         };
         assert_eq!(
             read.points,
@@ -352,6 +465,26 @@ mod tests {
         let plain = Points::parse("x_px,d_mm\n1,2").expect("points");
         assert_eq!(plain.points[0].sigma_px, None);
         assert_eq!(plain.setup, Setup::default());
+    }
+
+    #[test]
+    fn a_shape_is_read_if_all_of_it_is_there() {
+        let text = "x_px,d_mm,frames,claimed_px,width_px,shape_0_px,shape_1_px,shape_2_px,shape_3_px,shape_4_px\n\
+                    1500,600,4,0.002,7.625,0.001,-0.002,0.003,0,-0.005\n1510,601,4,0.002,,,,,,\n";
+        let read = Points::parse(text).expect("points").points;
+        let shape = KnownShape {
+            shape: Shape {
+                width_px: 7.625,
+                components_px: [0.001, -0.002, 0.003, 0.0, -0.005],
+            },
+            noise_px: 0.001,
+        };
+        assert_eq!((read[0].shape, read[1].shape), (Some(shape), None));
+        let without = text.replace(",shape_4_px", "").replace(",-0.005", "");
+        assert_eq!(
+            Points::parse(&without).expect("points").points[0].shape,
+            None
+        );
     }
 
     #[test]
@@ -412,6 +545,8 @@ mod tests {
             "x_px,d_mm\n1500,8400\n",
             "x_px,d_mm,sigma_px\n1500,600,0\n",
             "x_px,d_mm,sigma_px\n1500,600,0.02\n1501,601\n",
+            "x_px,d_mm,frames,claimed_px,width_px,shape_0_px,shape_1_px,shape_2_px,shape_3_px,shape_4_px\n\
+             1500,600,8,0.002,0,0,0,0,0,0\n",
         ]
         .map(|text| format!("{:#}", Points::parse(text).expect_err("refused")))
         .to_vec();

@@ -26,7 +26,7 @@ pub const BEFORE_SETTINGS: [Line; 7] = [
     ),
     (
         "centre",
-        "the next frame's centre, calibrated or not, or its fault",
+        "the next frame's centre and the spot's shape, or its fault",
     ),
     (
         "uncertainty",

@@ -11,9 +11,12 @@
 //! * `s`: estimator or black level are not those of the calibration.
 //!
 //! A fault is `f too dim: 35.2 counts, needs 60.1`. The centre of a frame, calibrated or not, is
-//! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t`: centre and its repeatability in pixels, to all their
-//! digits, and also the black level in counts and the estimator's
-//! [`letter`](crate::centre::Estimator::letter).
+//! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t w 7.62131 o 0.00012 -0.00310 0.01203 0.00010 -0.00020`:
+//! centre and its repeatability in pixels, to all their digits, then the black level in counts, the
+//! estimator's [`letter`](crate::centre::Estimator::letter), and the spot's shape
+//! ([`SpotShape`](crate::shape::SpotShape)). `w` is the width, `o` the five components of the antisymmetric
+//! light, all in pixels. All six are zero if the sensor's edge leaves the check too little of the spot. The
+//! flags of a reading may follow.
 //!
 //! 115200 baud carries 65.6 bytes in the 5.7 ms of a row, so a frame's line may have that many bytes for each
 //! of its rows. The longest line of a frame of one row is 65 bytes with its end, for distances that are
@@ -114,6 +117,10 @@ impl fmt::Display for Measured {
             frame.rows,
             estimator.letter()
         )?;
+        write!(f, " w {:.5} o", frame.shape.width)?;
+        for component in frame.shape.components {
+            write!(f, " {component:.5}")?;
+        }
         flags(f, frame.misfits, frame.correlated)
     }
 }
@@ -159,6 +166,7 @@ mod tests {
     use crate::centre::Estimator;
     use crate::frame::{FEWEST_INDEPENDENT, FrameCentre};
     use crate::pixels::PixelErrors;
+    use crate::shape::SpotShape;
     use crate::units::{Counts, Micrometres, Pixels};
 
     #[test]
@@ -257,7 +265,11 @@ mod tests {
                 width: Pixels::from_int(9),
                 rows_used: 16,
                 rows: 16,
-                shape: Default::default(),
+                shape: SpotShape {
+                    components: [0.0001, -0.0031, 0.0123, 0.0, -12.5].map(Pixels::from_f32),
+                    width: Pixels::from_f32(7.625),
+                    ..SpotShape::default()
+                },
                 misfits: 0,
                 correlated: None,
                 spread: Pixels::default(),
@@ -269,7 +281,8 @@ mod tests {
             by_shape: Default::default(),
             pixels: PixelErrors::TCD1304DG,
         };
-        let line = "x 1770.98767 u 0.00195 a 1993 n 16/16 b 300 e t";
+        let line = "x 1770.98767 u 0.00195 a 1993 n 16/16 b 300 e t w 7.62500 o 0.00011 -0.00310 0.01230 \
+                    0.00000 -12.50000";
         assert_eq!(measured.to_string(), line);
         let flagged = Measured {
             frame: FrameCentre {

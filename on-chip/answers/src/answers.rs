@@ -12,6 +12,7 @@ use slitrange::measurement::Measurement;
 use slitrange::reading::Reading;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::settings::Settings;
+use slitrange::shape::SpotShape;
 use slitrange::spot;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, Surface};
 use slitrange::units::{Counts, Micrometres, Pixels};

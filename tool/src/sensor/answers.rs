@@ -1,7 +1,10 @@
 //! What a sensor's answers say, where they are more than the command that they answer.
 
-/// The centre of a frame, as `centre` answers it: `x 1770.98771 u 0.00195 a 1993 n 16/16 b 300 e t`, and ` m
-/// 3` and ` c 3` as in a reading.
+use crate::points::Shape;
+
+/// The centre of a frame, as `centre` answers it: `x 1770.98771 u 0.00195 a 1993 n 16/16 b 300 e t w 7.62131
+/// o 0.00012 -0.00310 0.01203 0.00010 -0.00020`, and ` m 3` and ` c 3` as in a reading. Earlier firmware
+/// sends neither `w` nor `o`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Centre {
     /// In pixels.
@@ -14,6 +17,8 @@ pub struct Centre {
     pub rows: u16,
     /// The estimator's letter.
     pub estimator: char,
+    /// The spot's shape. None if the firmware does not send it, or could not measure it.
+    pub shape: Option<Shape>,
     /// Rows that did not look like their spot.
     pub misfits: u32,
     /// As how few independent rows the frame's may count, where the sensor says so.
@@ -64,6 +69,23 @@ fn reading(line: &str) -> Option<Centre> {
     else {
         return None;
     };
+    let (shape, flags) = match flags.split_first_chunk() {
+        Some((&["w", width, "o", o0, o1, o2, o3, o4], flags)) => {
+            let shape = Shape {
+                width_px: five_decimals(width)?,
+                components_px: [
+                    five_decimals(o0)?,
+                    five_decimals(o1)?,
+                    five_decimals(o2)?,
+                    five_decimals(o3)?,
+                    five_decimals(o4)?,
+                ],
+            };
+            // All are zero if the sensor could not measure the shape.
+            (Some(shape).filter(|shape| shape.width_px > 0.0), flags)
+        }
+        _ => (None, flags),
+    };
     let (misfits, correlated) = match *flags {
         [] => (None, None),
         ["m", misfits] => (Some(misfits), None),
@@ -84,6 +106,7 @@ fn reading(line: &str) -> Option<Centre> {
         height_counts: height.into(),
         rows: Some(rows).filter(|&rows| used <= rows)?,
         estimator: letters.next().filter(|_| letters.next().is_none())?,
+        shape,
         misfits: misfits.map_or(Some(0), |count| count.parse().ok())?,
         correlated: match correlated {
             Some(rows) => Some(rows.parse().ok()?),
@@ -186,13 +209,18 @@ mod tests {
 
     #[test]
     fn a_centre_is_read_whole_or_not_at_all() {
-        let line = "x 1770.98771 u 0.00195 a 1993 n 15/16 b 300 e t m 3 c 2";
+        let line = "x 1770.98771 u 0.00195 a 1993 n 15/16 b 300 e t w 7.62131 o 0.00012 -0.00310 0.01203 \
+                    0.00010 -0.00020 m 3 c 2";
         let read = Centre {
             x_px: 1770.98771,
             claimed_px: 0.00195,
             height_counts: 1993.0,
             rows: 16,
             estimator: 't',
+            shape: Some(Shape {
+                width_px: 7.62131,
+                components_px: [0.00012, -0.00310, 0.01203, 0.00010, -0.00020],
+            }),
             misfits: 3,
             correlated: Some(2),
         };
@@ -213,8 +241,19 @@ mod tests {
         assert!(lost.iter().all(|line| {
             let read = reading(line).expect("filtered");
             let is_of_height = read.height_counts < 1000.0;
-            read.rows != 16 || is_of_height || (read.x_px < 1000.0 && read.claimed_px == 0.00195)
+            let is_of_shape = read.x_px == unflagged.x_px && read.shape != unflagged.shape;
+            let is_of_centre = read.x_px < 1000.0 && read.claimed_px == 0.00195;
+            read.rows != 16 || is_of_height || is_of_centre || is_of_shape
         }));
+        // Earlier firmware sends no shape, and a shape of zeros is none.
+        let (before, _) = plain.split_once(" w ").expect("a shape");
+        let without = Centre {
+            shape: None,
+            ..unflagged
+        };
+        assert_eq!(centre(&lines(before)), Some(Ok(without)));
+        let zeros = format!("{before} w 0.00000 o{}", " 0.00000".repeat(5));
+        assert_eq!(centre(&lines(&zeros)), Some(Ok(without)));
     }
 
     #[test]

@@ -17,7 +17,7 @@ use super::positions::{self, Moved, Mover, Which, check_command};
 use super::session::{Before, Session};
 use super::taken::{Millimetres, PointsFile, Taken};
 use crate::pc::Pc;
-use crate::points::Setup;
+use crate::points::{Setup, Shape};
 
 /// How often a position is tried with a stage, which cannot be asked.
 const TRIES: usize = 3;
@@ -403,7 +403,32 @@ fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
         // The median: a line that lost a digit does not count.
         height_counts: Some(median(centres.iter().map(|it| it.height_counts).collect()))
             .filter(|height| *height > 0.0),
+        shape: mean_shape(centres),
     }
+}
+
+/// The mean shape of the frames, rounded as a file holds it. None if a frame has none.
+fn mean_shape(centres: &[Centre]) -> Option<Shape> {
+    let shapes: Vec<Shape> = centres
+        .iter()
+        .map(|centre| centre.shape)
+        .collect::<Option<_>>()?;
+    let mean = |of: &dyn Fn(&Shape) -> f64| {
+        let mean = middle_mean(shapes.iter().map(of).collect());
+        (mean * 1e6).round() / 1e6
+    };
+    Some(Shape {
+        width_px: mean(&|shape| shape.width_px),
+        components_px: std::array::from_fn(|index| mean(&|shape| shape.components_px[index])),
+    })
+}
+
+/// The mean without the lowest and the highest quarter: a line that lost a digit does not count.
+fn middle_mean(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let quarter = values.len() / 4;
+    let middle = &values[quarter..values.len() - quarter];
+    middle.iter().sum::<f64>() / middle.len() as f64
 }
 
 /// The time, `2026-11-21T11:00:11Z`.
@@ -424,6 +449,7 @@ mod tests {
             height_counts: 1000.0,
             rows: 64,
             estimator: 't',
+            shape: None,
             misfits: 0,
             correlated: None,
         }
@@ -454,6 +480,23 @@ mod tests {
         };
         let point = taken(700.0, &[centre(1800.0), flagged, worse]);
         assert_eq!((point.misfits, point.correlated), (4, Some(3)));
+    }
+
+    #[test]
+    fn a_shape_is_the_mean_of_all_frames() {
+        let with = |width_px: f64| Centre {
+            shape: Some(Shape {
+                width_px,
+                components_px: [0.001, -0.002, 0.1 * (width_px - 7.0), 0.0, 0.0],
+            }),
+            ..centre(1800.0)
+        };
+        let mut centres = [7.1, 17.0, 7.2, 7.3].map(with);
+        let shape = taken(700.0, &centres).shape.expect("a shape");
+        assert_eq!(shape.width_px, 7.25);
+        assert_eq!(shape.components_px, [0.001, -0.002, 0.025, 0.0, 0.0]);
+        centres[3].shape = None;
+        assert_eq!(taken(700.0, &centres).shape, None);
     }
 
     #[test]

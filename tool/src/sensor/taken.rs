@@ -14,14 +14,17 @@ use slitrange::protocol::command::{Command, parse};
 use slitrange::settings::Value;
 
 use super::session::Before;
-use crate::points::Setup;
+use crate::points::{Setup, Shape};
 
 /// The line above the points.
-const COLUMNS: &str =
-    "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated,height_counts";
+const COLUMNS: &str = "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated,height_counts,\
+                       width_px,shape_0_px,shape_1_px,shape_2_px,shape_3_px,shape_4_px";
 
 /// The same in files of earlier programs.
-const COLUMNS_BEFORE: &str = "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated";
+const COLUMNS_BEFORE: [&str; 2] = [
+    "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated",
+    "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated,height_counts",
+];
 
 /// The first line, by which a file is known as one of these.
 const TITLE: &str = "# points of a sensor, by slitrange calibrate run";
@@ -60,6 +63,8 @@ pub struct Taken {
     pub correlated: Option<u16>,
     /// The spot's height in counts, the mean of the frames'. Earlier programs did not note it.
     pub height_counts: Option<f64>,
+    /// The spot's shape, the mean of the frames'. Earlier programs did not note it.
+    pub shape: Option<Shape>,
 }
 
 impl fmt::Display for Taken {
@@ -86,9 +91,14 @@ impl fmt::Display for Taken {
             write!(f, "{rows}")?;
         }
         match self.height_counts {
-            Some(height) => write!(f, ",{height:.1}"),
-            None => f.write_str(","),
+            Some(height) => write!(f, ",{height:.1}")?,
+            None => f.write_str(",")?,
         }
+        let Some(shape) = self.shape else {
+            return f.write_str(",,,,,,");
+        };
+        write!(f, ",{:.6}", shape.width_px)?;
+        (shape.components_px.iter()).try_for_each(|component| write!(f, ",{component:.6}"))
     }
 }
 
@@ -98,12 +108,25 @@ impl Taken {
         let columns: Vec<&str> = line.split(',').map(str::trim).collect();
         let (&[x, d, sigma, frames, scatter, claimed, misfits, correlated], rest) =
             columns.split_first_chunk()?;
-        let height = match *rest {
-            [] | [""] => None,
-            [height] => Some(height),
+        let number = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite());
+        let (height, shape) = match *rest {
+            [] => ("", None),
+            [height] | [height, "", "", "", "", "", ""] => (height, None),
+            [height, width, o0, o1, o2, o3, o4] => {
+                let shape = Shape {
+                    width_px: number(width)?,
+                    components_px: [
+                        number(o0)?,
+                        number(o1)?,
+                        number(o2)?,
+                        number(o3)?,
+                        number(o4)?,
+                    ],
+                };
+                (height, Some(shape))
+            }
             _ => return None,
         };
-        let number = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite());
         Some(Self {
             x_px: number(x)?,
             d_mm: number(d)?,
@@ -121,10 +144,12 @@ impl Taken {
             } else {
                 Some(correlated.parse().ok()?)
             },
-            height_counts: match height {
-                Some(height) => Some(number(height)?),
-                None => None,
+            height_counts: if height.is_empty() {
+                None
+            } else {
+                Some(number(height)?)
             },
+            shape,
         })
     }
 }
@@ -149,6 +174,8 @@ struct Content {
     /// Remarks below.
     remarks: Vec<String>,
     torn: Option<String>,
+    /// The columns are those of an earlier program.
+    is_old: bool,
 }
 
 impl PointsFile {
@@ -171,6 +198,7 @@ impl PointsFile {
                 points: Vec::new(),
                 remarks: Vec::new(),
                 torn: None,
+                is_old: false,
             }
         } else {
             let content =
@@ -182,7 +210,7 @@ impl PointsFile {
         if let Some(torn) = &content.torn {
             content.remarks.push(format!("# cut off: {torn}"));
         }
-        if bytes.is_empty() || content.torn.is_some() {
+        if bytes.is_empty() || content.torn.is_some() || content.is_old {
             content.write(path)?;
         }
         let file = OpenOptions::new()
@@ -279,7 +307,7 @@ fn heading(setup: &Setup, found: Before, started: &str) -> Vec<String> {
              the sensor claims for a",
             "# frame, over the square root of their number. Frames of a target at rest share its speckle, \
              which is not in it: it",
-            "# shows as residuals of the fit.",
+            "# shows as residuals of the fit. width_px and shape_0_px to shape_4_px: the spot's shape.",
         ]
         .map(str::to_owned),
     );
@@ -299,6 +327,7 @@ impl Content {
             points: Vec::new(),
             remarks: Vec::new(),
             torn: (!rest.is_empty()).then(|| rest.escape_ascii().to_string()),
+            is_old: false,
         };
         let text = std::str::from_utf8(whole).context("it is not text")?;
         ensure!(
@@ -308,7 +337,8 @@ impl Content {
         );
         let mut lines = text.lines().zip(1..);
         for (line, number) in lines.by_ref() {
-            if line == COLUMNS || line == COLUMNS_BEFORE {
+            content.is_old = COLUMNS_BEFORE.contains(&line);
+            if line == COLUMNS || content.is_old {
                 break;
             }
             ensure!(
@@ -409,6 +439,7 @@ mod tests {
     use proptest::test_runner::RngSeed;
     use slitrange::black_level::BlackLevel;
     use slitrange::centre::Estimator;
+    use slitrange::shape::COMPONENTS;
     use slitrange::units::Counts;
 
     fn setup() -> Setup {
@@ -441,10 +472,15 @@ mod tests {
             misfits: u32,
             correlated: Option<u16>,
             height_counts in proptest::option::of(steps(1..40_950, 10.0)),
+            shape in proptest::option::of((
+                steps(1..100_000_000, 1e6),
+                [(); COMPONENTS].map(|()| steps(-100_000_000..100_000_000, 1e6)),
+            )),
         ) -> Taken {
             Taken {
                 x_px, d_mm, sigma_px, frames, scatter_px, claimed_px, misfits, correlated,
                 height_counts,
+                shape: shape.map(|(width_px, components_px)| Shape { width_px, components_px }),
             }
         }
     }
@@ -534,37 +570,59 @@ mod tests {
             misfits: 0,
             correlated: Some(3),
             height_counts: Some(1011.0),
+            shape: Some(Shape {
+                width_px: 7.62131,
+                components_px: [0.00012, -0.0031, 0.01203, 0.0001, -0.0002],
+            }),
         };
         let typed = Taken {
             d_mm: 810.12345,
             scatter_px: None,
             correlated: None,
             height_counts: None,
+            shape: None,
             ..point
         };
         let (_, path) = file(&directory, &[point, typed]);
         insta::assert_snapshot!(std::fs::read_to_string(path).expect("text"));
     }
 
-    /// Earlier programs did not note the spot's height. More points can be added to their files.
+    /// Earlier programs did not note the spot's height or shape. More points can be added to their files.
     #[test]
     fn a_file_of_an_earlier_program_takes_more_points() {
-        let directory = tempfile::tempdir().expect("a directory");
-        let (_, path) = file(&directory, &[]);
-        let text = std::fs::read_to_string(&path).expect("text");
-        let line = "1770.987710,800.000,0.000700,8,0.001950,0.001900,0,3\n";
-        let before = text.replace(COLUMNS, COLUMNS_BEFORE) + line;
-        std::fs::write(&path, before).expect("written");
-        let mut file = PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
-        assert_eq!(file.points()[0].height_counts, None);
-        let later = Taken {
-            d_mm: 810.0,
-            height_counts: Some(900.0),
-            ..file.points()[0]
-        };
-        file.add(later).expect("added");
-        let again = PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
-        assert_eq!(again.points()[1], later);
+        let line = "1770.987710,800.000,0.000700,8,0.001950,0.001900,0,3";
+        for (columns, line, height_counts) in [
+            (COLUMNS_BEFORE[0], line.to_owned(), None),
+            (COLUMNS_BEFORE[1], format!("{line},1011.0"), Some(1011.0)),
+        ] {
+            let directory = tempfile::tempdir().expect("a directory");
+            let (_, path) = file(&directory, &[]);
+            let text = std::fs::read_to_string(&path).expect("text");
+            let before = text.replace(COLUMNS, columns) + &line + "\n";
+            std::fs::write(&path, before).expect("written");
+            let mut file = PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
+            assert_eq!(file.points()[0].height_counts, height_counts);
+            assert_eq!(file.points()[0].shape, None);
+            let later = Taken {
+                d_mm: 810.0,
+                height_counts: Some(900.0),
+                shape: Some(Shape {
+                    width_px: 7.625,
+                    components_px: [0.001, 0.0, 0.002, 0.0, -0.001],
+                }),
+                ..file.points()[0]
+            };
+            file.add(later).expect("added");
+            let again = PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
+            assert_eq!(again.points()[1], later);
+            // The fit finds all of it.
+            let read = crate::points::Points::read(&path).expect("points").points;
+            assert_eq!(read[0].height_counts, height_counts);
+            assert_eq!(
+                read[1].shape.map(|known| Some(known.shape)),
+                Some(later.shape)
+            );
+        }
     }
 
     #[test]

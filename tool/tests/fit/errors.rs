@@ -167,6 +167,7 @@ fn a_smooth_target_has_no_surface_part() {
         let known = |point| Point {
             sigma_px: Some(0.02),
             height_counts: Some(1000.0),
+            shape: None,
             ..point
         };
         points.into_iter().map(known).collect()

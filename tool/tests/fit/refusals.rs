@@ -46,6 +46,7 @@ fn unusable_points_are_refused_with_a_reason() {
         d_mm: 600.0 + 50.0 * i as f64,
         sigma_px: None,
         height_counts: None,
+        shape: None,
     });
     say("collinear", straight.clone().collect());
     say("three collinear", straight.take(3).collect());

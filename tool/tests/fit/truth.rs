@@ -97,6 +97,7 @@ impl Truth {
                     d_mm: distance * 1e3,
                     sigma_px: None,
                     height_counts: None,
+                    shape: None,
                 }
             })
             .collect()

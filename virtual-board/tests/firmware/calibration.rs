@@ -270,7 +270,9 @@ fn a_centre_needs_no_calibration() {
             assert!((0.001..0.01).contains(&claimed), "{line}");
             assert!((found - centre).abs() < 5.0 * claimed, "{line}");
             assert!(
-                line.contains(" n 4/4 b ") && line.ends_with(" e t"),
+                line.contains(" n 4/4 b ")
+                    && line.contains(" e t w ")
+                    && line.split(' ').count() == 20,
                 "{line}"
             );
         }

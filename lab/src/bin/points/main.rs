@@ -146,6 +146,7 @@ fn solved(
             d_mm,
             sigma_px: Some(CENTRE),
             height_counts: None,
+            shape: None,
         })
         .collect();
     Some((optics, solve(&points, Some(means.position)).ok()?))
