@@ -460,7 +460,7 @@ impl Rows {
         let row = Row::new(light, &[], 4095).expect("12 bits");
         let geometry = slitrange::sensor_heads::tcd1304dg();
         let found = spot::find(&row)
-            .and_then(|spot| check::centre(estimator, &row, &spot, None, &geometry));
+            .and_then(|spot| check::centre(estimator, &row, &spot, None, &geometry, None));
         let (lost, flagged, misled) = match found {
             Err(_) => (true, false, false),
             Ok(found) => {
@@ -588,7 +588,7 @@ fn check_rows_without_spot(rows: u64) {
             let Ok(spot) = spot::find(&row) else {
                 return [0; 3];
             };
-            match check::centre(Estimator::default(), &row, &spot, None, &geometry) {
+            match check::centre(Estimator::default(), &row, &spot, None, &geometry, None) {
                 Err(_) => [1, 0, 0],
                 Ok(centre) if centre.misfit => [1, 1, 0],
                 Ok(centre) => {
@@ -672,7 +672,7 @@ fn two_spots_and_hot_pixels_are_told_beside_wide_light() {
         }
         let row = Row::new(&light, &[], 4095).expect("12 bits");
         let geometry = slitrange::sensor_heads::tcd1304dg();
-        let centre = |spot| check::centre(Estimator::default(), &row, &spot, None, &geometry);
+        let centre = |spot| check::centre(Estimator::default(), &row, &spot, None, &geometry, None);
         find(&light).and_then(centre).is_ok()
     });
     let centres = centres.count();
@@ -701,7 +701,7 @@ fn a_spot_that_moves_past_wide_light_is_followed() {
             let spot = spot.expect("a spot");
             let before_this = before.as_ref().map(|(_, centre)| centre);
             let estimator = Estimator::default();
-            let centre = check::centre(estimator, &row, &spot, before_this, &geometry);
+            let centre = check::centre(estimator, &row, &spot, before_this, &geometry, None);
             let centre = centre.expect("a centre");
             furthest = furthest.max((centre.centre.to_f64() - truth).abs() / width);
             before = Some((spot, centre));
