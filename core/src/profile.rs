@@ -9,7 +9,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::shape::COMPONENTS;
-use crate::uncertainty::{PLACES, between};
+use crate::uncertainty::{PLACES, place_at};
 use crate::units::Pixels;
 
 /// The sensor's own spot at [`PLACES`] centres, evenly from the first to the last.
@@ -49,10 +49,15 @@ impl Profile {
         let first = self.first.to_f32();
         // Not a number if the range is empty, which counts as its start.
         let along = (centre.to_f32() - first) / (self.last.to_f32() - first);
+        let (index, part) = place_at(along);
+        let between = |values: &[Pixels; PLACES]| match values.get(index..) {
+            Some([from, to, ..]) => from.to_f32() + (to.to_f32() - from.to_f32()) * part,
+            _ => 0.0,
+        };
         OwnSpot {
-            width: between(&self.width.map(Pixels::to_f32), along),
+            width: between(&self.width),
             width_deviation: self.width_deviation.to_f32(),
-            components: (self.components).map(|values| between(&values.map(Pixels::to_f32), along)),
+            components: self.components.each_ref().map(between),
             deviation: self.deviation.to_f32(),
         }
     }
@@ -62,5 +67,59 @@ impl Profile {
         self.width.iter().all(|width| width.to_bits() > 0)
             && self.width_deviation.to_bits() >= 0
             && self.deviation.to_bits() >= 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_own_spot_is_interpolated_and_ends_with_its_range() {
+        let rising =
+            |from: i32| core::array::from_fn(|place| Pixels::from_int(from + place as i32));
+        let mut components = [[Pixels::default(); PLACES]; COMPONENTS];
+        components[2] = rising(-4);
+        let profile = Profile {
+            first: Pixels::from_int(1000),
+            last: Pixels::from_int(1800),
+            width: rising(7),
+            width_deviation: Pixels::from_f32(0.25),
+            components,
+            deviation: Pixels::from_f32(0.5),
+        };
+        for (centre, width) in [
+            (0, 7.0),
+            (1000, 7.0),
+            (1250, 9.5),
+            (1799, 14.99),
+            (1800, 15.0),
+            (3000, 15.0),
+        ] {
+            let own = profile.at(Pixels::from_int(centre));
+            assert!((own.width - width).abs() < 1e-4, "{centre}: {own:?}");
+            assert_eq!(own.components[2], own.width - 11.0);
+            assert_eq!((own.width_deviation, own.deviation), (0.25, 0.5));
+        }
+        let last = profile.first;
+        let empty = Profile { last, ..profile };
+        assert_eq!(empty.at(Pixels::from_int(1000)).width, 7.0);
+        assert!(profile.is_sensible());
+        for spoilt in [
+            Profile {
+                width: rising(-1),
+                ..profile
+            },
+            Profile {
+                width_deviation: Pixels::from_bits(-1),
+                ..profile
+            },
+            Profile {
+                deviation: Pixels::from_bits(-1),
+                ..profile
+            },
+        ] {
+            assert!(!spoilt.is_sensible(), "{spoilt:?}");
+        }
     }
 }

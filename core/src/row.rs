@@ -201,31 +201,48 @@ impl Geometry {
     }
 }
 
-/// Subtracts each word from full scale, in place. Returns all bits that were set in any word, and whether a
-/// word was zero (full scale of light). Takes two words at a time, because it runs on every word of every
+/// Subtracts each word from full scale, in place. Returns all bits that were set in any word if one of them is
+/// above full scale, otherwise full scale; and whether a word was zero (full scale of light). Takes two words at a time, because it runs on every word of every
 /// row.
 fn invert_words(words: &mut [u16], full_scale: u16) -> (u16, bool) {
     const ONES: u32 = 0x0001_0001;
     let full_scales = u32::from(full_scale) * ONES;
-    let (mut bits, mut borrows) = (0u32, 0u32);
+    // All bits of the inverted words, and of those plus one. Full scale is 2^bits - 1: only full scale plus
+    // one has the bit above.
+    let (mut bits, mut bits_plus_one) = (0u32, 0u32);
     let (pairs, last) = words.as_chunks_mut::<2>();
-    for pair in pairs {
+    for pair in &mut *pairs {
         let both = u32::from(pair[0]) | (u32::from(pair[1]) * 0x1_0000);
-        bits |= both;
-        // The high bit of a half is set if subtracting one borrows: only zero does (A. Mycroft, 1987). A zero
-        // in the low half may set the bit of the high half too, which does not change the result.
-        borrows |= both.wrapping_sub(ONES) & !both;
-        // No half borrows from the other if both words are at most full scale. Any other row ends as an
-        // error.
+        // No half borrows from the other if both words are at most full scale.
         let inverted = full_scales.wrapping_sub(both);
+        bits |= inverted;
+        bits_plus_one |= inverted.wrapping_add(ONES);
         *pair = [inverted as u16, (inverted >> 16) as u16];
     }
-    for word in last {
-        bits |= u32::from(*word);
-        borrows |= u32::from(word.wrapping_sub(1) & !*word);
+    for word in &mut *last {
         *word = full_scale.wrapping_sub(*word);
+        bits |= u32::from(*word);
+        bits_plus_one |= u32::from(word.wrapping_add(1));
     }
-    ((bits | bits >> 16) as u16, borrows & 0x8000_8000 != 0)
+    // A word above full scale leaves a bit above it: in its half, or in the one that lent to it.
+    if bits & !full_scales != 0 {
+        return (bits_before(words, full_scale), false);
+    }
+    let above = full_scales.wrapping_add(ONES);
+    (full_scale, bits_plus_one & above != 0)
+}
+
+/// All bits that were set in any word before [`invert_words`].
+#[cold]
+fn bits_before(words: &[u16], full_scale: u16) -> u16 {
+    let full_scales = u32::from(full_scale) * 0x0001_0001;
+    let (pairs, last) = words.as_chunks::<2>();
+    let bits = pairs.iter().fold(0, |bits, pair| {
+        let inverted = u32::from(pair[0]) | (u32::from(pair[1]) * 0x1_0000);
+        bits | full_scales.wrapping_sub(inverted)
+    });
+    let of_last = |bits, word: &u16| bits | full_scale.wrapping_sub(*word);
+    last.iter().fold((bits | bits >> 16) as u16, of_last)
 }
 
 #[cfg(test)]
@@ -240,6 +257,30 @@ mod tests {
             polarity: Polarity::Falling,
             bits: 12,
             shot_variance_per_count_q16: 6554,
+        }
+    }
+
+    /// All pairs of words at the ends of every range, for every number of bits.
+    #[test]
+    fn pairs_of_words_are_inverted_like_single_words() {
+        for bits in 1..=12 {
+            let full_scale = (1 << bits) - 1;
+            let ends = [0, 1, full_scale / 2, full_scale - 1, full_scale];
+            let beyond = [full_scale + 1, full_scale + 2, 0x7FFF, 0x8000, u16::MAX];
+            let all = || ends.into_iter().chain(beyond);
+            for first in all() {
+                for second in all() {
+                    let mut words = [first, second, first];
+                    let (found, is_zero) = invert_words(&mut words, full_scale);
+                    if first > full_scale || second > full_scale {
+                        assert_eq!(found, first | second, "{first} {second} of {bits} bits");
+                    } else {
+                        assert!(found <= full_scale);
+                        assert_eq!(is_zero, first == 0 || second == 0);
+                        assert_eq!(words, [first, second, first].map(|word| full_scale - word));
+                    }
+                }
+            }
         }
     }
 

@@ -8,7 +8,7 @@
 //! not average it out. Sensor, spots and noise are drawn and computed by other code.
 //!
 //! A **confident error** is a centre without a flag that is off by more than five times the claimed standard
-//! uncertainty, and by more than 0.1 pixels. The claim is that of the centre (r, and the motion): the
+//! uncertainty, and by more than 0.1 pixels. The claim is that of the centre (r, shape and motion): the
 //! surface's part of u is off.
 
 mod kinds;

@@ -31,13 +31,15 @@ fn answer(row: &HardRow, before: Option<&RowCentre>) -> Result<RowCentre, Fault>
     )
 }
 
-/// An answer to a row. Pixels as multiples of 2^-16, counts as multiples of 2^-8.
+/// An answer to a row: centre, uncertainty by noise and by the shape, height, width and table. Pixels as
+/// multiples of 2^-16, counts as multiples of 2^-8.
 fn answer_text(answer: &Result<RowCentre, Fault>) -> String {
     match answer {
         Ok(row) => format!(
-            "x {} u {} a {} w {} table {}/{}/{}{}",
+            "x {} u {} s {} a {} w {} table {}/{}/{}{}",
             row.centre.to_bits(),
             row.uncertainty.to_bits(),
+            row.shape.uncertainty(None).to_bits(),
             row.amplitude.to_bits(),
             row.width.to_bits(),
             row.class.set,
@@ -185,8 +187,9 @@ fn centres_of_frames_stay_the_same() {
 }
 
 /// A flaw that grows from nothing until nobody can miss it, for spots of several widths and shapes. Each
-/// character is a row: the estimator's centre (.), a repaired centre (r), a flag (m), a fault (f). So a line
-/// shows from which strength on the check finds the flaw, and from which strength on the repair succeeds.
+/// character is a row: the estimator's centre (.), the same with more uncertainty by its shape than by noise
+/// (u), a repaired centre (r), a flag (m), a fault (f). So a line shows from which strength on the check finds
+/// the flaw, and from which strength on the repair succeeds.
 #[test]
 fn the_strengths_at_which_flaws_are_found_stay_the_same() {
     const STRENGTHS: u32 = 48;
@@ -265,6 +268,7 @@ fn the_strengths_at_which_flaws_are_found_stay_the_same() {
                         match checked {
                             Err(_) => 'f',
                             Ok(found) if found.misfit => 'm',
+                            Ok(found) if found.shape.uncertainty(None) > found.uncertainty => 'u',
                             Ok(found) if Some(found.centre) == alone.ok().map(|it| it.centre) => {
                                 '.'
                             }

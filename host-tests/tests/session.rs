@@ -313,6 +313,7 @@ fn the_parts_of_one_reading_are_shown() {
     };
     let names = [
         "noise",
+        "shape",
         "pixels",
         "calibration",
         "surface",

@@ -30,10 +30,10 @@ const fn is_high_enough(height: i32, highest: i32) -> bool {
 /// The least response of another spot, in halves of a standard deviation of its noise. Noise alone reaches
 /// 5.5 standard deviations in one row of 10,000 (8000 places). A spot that is bright enough for a centre has
 /// ten.
-const LEAST_OTHER: u16 = 11;
+pub(super) const LEAST_OTHER: u16 = 11;
 
 /// Blocks to either side of the spot that are divided into finer ones. [`find_far_spot`] tests the rest.
-const NEAR: usize = 4;
+pub(super) const NEAR: usize = 4;
 
 /// A fine block is an eighth of the spot's block. Blocks of a quarter would do for the narrowest two spots
 /// that the search takes for one.
@@ -47,6 +47,15 @@ const FINE: usize = (2 * NEAR) << FINE_LOG2;
 /// # Errors
 /// [`Fault::TwoSpots`] if the other spot is about as high.
 pub(super) fn check(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
+    let spot = check_near(sums, found)?;
+    match find_far_spot(sums, &spot) {
+        Some(other) => Err(two_spots(spot.centre, other)),
+        None => Ok(spot),
+    }
+}
+
+/// As [`check`], for the light within [`NEAR`] blocks only.
+pub(super) fn check_near(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
     let mut spot = found;
     // Each pass takes smaller blocks than the one before.
     while let Some((higher, lower)) = Near::new(sums, &spot).and_then(|near| near.find_two_spots())
@@ -59,13 +68,10 @@ pub(super) fn check(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
         };
         spot = finer;
     }
-    match find_far_spot(sums, &spot) {
-        Some(other) => Err(two_spots(spot.centre, other)),
-        None => Ok(spot),
-    }
+    Ok(spot)
 }
 
-fn two_spots(centre: usize, other: usize) -> Fault {
+pub(super) fn two_spots(centre: usize, other: usize) -> Fault {
     // A row has at most 4096 pixels.
     Fault::TwoSpots {
         centre: Pixels::from_int(centre as i32),

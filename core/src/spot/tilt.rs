@@ -6,7 +6,7 @@
 use heapless::Vec;
 
 use crate::numeric;
-use crate::row::{LARGEST_COUNT, MAX_PIXELS};
+use crate::row::LARGEST_COUNT;
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, median};
 use crate::units::Counts;
 
@@ -67,20 +67,66 @@ impl Tilt {
         self.rise(from_dark).min(1 << 20) as i32
     }
 
-    /// Returns the row without the tilt, and the lowest count of the result. The result has that lowest count
-    /// subtracted too: otherwise a row whose dark end is near zero would be cut off there.
-    pub(super) fn subtract_from(self, light: &[u16]) -> (i32, impl Iterator<Item = u16>) {
-        // At most 2^12 counts either way.
-        let without = move |(pixel, &count): (usize, &u16)| {
-            i32::from(count).saturating_sub(self.height_at(light, pixel) >> Counts::FRACTION)
+    /// Subtracts the tilt from a row, and returns the lowest count of the result. The result has that lowest
+    /// count subtracted too: otherwise a row whose dark end is near zero would be cut off there.
+    pub(super) fn subtract_from(self, light: &mut [u16]) -> i32 {
+        /// Keeps counts without the tilt positive: a tilt is at most 4096 counts high.
+        const OFFSET: u16 = 1 << 12;
+        // As in `height_at`, but from pixel to pixel: from 0 to 2^39, and 2^23 without the fraction.
+        let mut height = match self.slope {
+            1.. => 0,
+            falling => numeric::mul_i64(
+                falling.saturating_neg(),
+                light.len().saturating_sub(1) as i64,
+            ),
         };
-        let pixels = || (0..MAX_PIXELS).zip(light);
-        let lowest = pixels().map(without).min().unwrap_or_default();
-        let above = move |pixel: (usize, &u16)| {
-            without(pixel)
-                .saturating_sub(lowest)
-                .min(i32::from(LARGEST_COUNT)) as u16
-        };
-        (lowest, pixels().map(above))
+        let mut lowest = u16::MAX;
+        for count in &mut *light {
+            let tilt = ((height as u64 >> FRACTION) as u32).min(OFFSET.into()) as u16;
+            *count = count.saturating_add(OFFSET).saturating_sub(tilt);
+            lowest = lowest.min(*count);
+            height = numeric::add_i64(height, self.slope);
+        }
+        for count in light {
+            *count = count.saturating_sub(lowest).min(LARGEST_COUNT);
+        }
+        i32::from(lowest).saturating_sub(OFFSET.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A row without its tilt, and the tilt at each pixel, make the row again.
+    #[test]
+    fn a_tilt_that_is_subtracted_has_the_height_that_it_has_at_a_pixel() {
+        // Up to 2^20 / 2^16 = 16 counts a pixel: more than a row of 300 pixels holds.
+        for slope in [
+            0,
+            1,
+            -1,
+            65_536,
+            -65_536,
+            700_000,
+            -700_000,
+            1 << 20,
+            -(1 << 20),
+        ] {
+            let tilt = Tilt { slope };
+            let light: Vec<u16, 300> = (0..300).map(|pixel| 4095 - 7 * pixel).collect();
+            let mut untilted = light.clone();
+            let lowest = tilt.subtract_from(&mut untilted);
+            assert_eq!(untilted.iter().min(), Some(&0), "{slope}");
+            for (pixel, (&count, &without)) in light.iter().zip(&untilted).enumerate() {
+                let height = tilt.height_at(&light, pixel) >> Counts::FRACTION;
+                let expected = i32::from(count) - height - lowest;
+                assert_eq!(
+                    i32::from(without),
+                    expected.min(i32::from(LARGEST_COUNT)),
+                    "slope {slope}, pixel {pixel}"
+                );
+            }
+        }
     }
 }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use crate::second_judge::Kind;
-use crate::second_judge::tally::{ESTIMATORS, KindReport, Report, Tally};
+use crate::second_judge::tally::{JUDGED, Judged, KindReport, Report, Tally};
 
 /// The mark in docs/hard-cases.md before the table.
 pub const SECOND_JUDGE: &str = "cargo hard-cases, the second judge";
@@ -21,12 +21,13 @@ pub struct Json {
 #[derive(Debug, Serialize)]
 struct JsonKind {
     name: &'static str,
-    estimators: Vec<JsonEstimator>,
+    sensors: Vec<JsonSensor>,
 }
 
 #[derive(Debug, Serialize)]
-struct JsonEstimator {
-    name: &'static str,
+struct JsonSensor {
+    estimator: &'static str,
+    is_calibrated: bool,
     rows: JsonTally,
     frames: JsonTally,
 }
@@ -38,8 +39,6 @@ struct JsonTally {
     flagged: u64,
     flagged_good: u64,
     confident_errors: u64,
-    /// Of those, the frames of which no row was doubtful.
-    without_a_doubtful_row: u64,
     /// In pixels. None where there is no confident error, or where a centre came without a spot.
     largest_error: Option<f64>,
 }
@@ -52,7 +51,6 @@ impl From<&Tally> for JsonTally {
             flagged: tally.flagged,
             flagged_good: tally.flagged_good,
             confident_errors: tally.errors,
-            without_a_doubtful_row: tally.undoubted,
             largest_error: (tally.errors > 0 && tally.largest.is_finite()).then_some(tally.largest),
         }
     }
@@ -76,30 +74,33 @@ fn pixels(error: f64) -> String {
 }
 
 impl Report {
-    /// The share of confident errors in all frames, with the default estimator.
-    pub fn frames_in_error(&self) -> f64 {
+    /// The share of confident errors in all frames, with one of [`JUDGED`].
+    pub fn frames_in_error(&self, judged: usize) -> f64 {
         let sum = |count: fn(&Tally) -> u64| -> u64 {
-            self.kinds.iter().map(|kind| count(&kind.frames[0])).sum()
+            (self.kinds.iter())
+                .map(|kind| count(&kind.frames[judged]))
+                .sum()
         };
         sum(|tally| tally.errors) as f64 / sum(|tally| tally.count).max(1) as f64
     }
 
     /// What `--json` prints.
     pub fn json(&self) -> Json {
-        let estimators = |kind: &KindReport| {
-            let of = |(i, estimator): (usize, slitrange::centre::Estimator)| JsonEstimator {
-                name: estimator.name(),
+        let sensors = |kind: &KindReport| {
+            let of = |(i, judged): (usize, Judged)| JsonSensor {
+                estimator: judged.estimator.name(),
+                is_calibrated: judged.is_calibrated,
                 rows: (&kind.rows[i]).into(),
                 frames: (&kind.frames[i]).into(),
             };
-            ESTIMATORS.into_iter().enumerate().map(of).collect()
+            JUDGED.into_iter().enumerate().map(of).collect()
         };
         let kind = |report: &KindReport| JsonKind {
             name: report.kind.name,
-            estimators: estimators(report),
+            sensors: sensors(report),
         };
         Json {
-            frames_in_error: self.frames_in_error(),
+            frames_in_error: self.frames_in_error(0),
             kinds: self.kinds.iter().map(kind).collect(),
         }
     }
@@ -110,28 +111,22 @@ impl Report {
             (self.kinds.first()).map_or((0, 0), |kind| (kind.rows[0].count, kind.frames[0].count));
         let mut text = format!(
             "{rows} rows and {frames} frames of each kind. Per cent of rows or frames; *largest* in pixels. \
-             *errors*: confident errors with the default estimator; *a*: with `adaptive`. *good flagged*: \
-             flagged although the error is as claimed. *unseen*: confident errors in frames without a \
-             doubtful row.\n\n\
-             | fault | rows: fault | flagged | good flagged | errors | a | largest | \
-             frames: fault | flagged | good flagged | errors | a | largest | unseen |\n\
-             |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n"
+             *errors*: confident errors with the default estimator; *a*: with `adaptive`; *n*: with the \
+             default estimator on a sensor that was never calibrated. *good flagged*: flagged although the \
+             error is as claimed.\n\n\
+             | fault | rows: fault | flagged | good flagged | errors | a | n | largest | \
+             frames: fault | flagged | good flagged | errors | a | n | largest |\n\
+             |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n"
         );
         for report in &self.kinds {
             let cells = [cells(&report.rows), cells(&report.frames)].concat();
-            let unseen = report.frames[0].share(report.frames[0].undoubted);
-            _ = writeln!(
-                text,
-                "| {} | {} | {} |",
-                report.kind.name,
-                cells.join(" | "),
-                per_cent(unseen)
-            );
+            _ = writeln!(text, "| {} | {} |", report.kind.name, cells.join(" | "));
         }
         _ = writeln!(
             text,
-            "\nConfident errors in all frames: {} %.",
-            per_cent(self.frames_in_error())
+            "\nConfident errors in all frames: {} %; of a sensor that was never calibrated: {} %.",
+            per_cent(self.frames_in_error(0)),
+            per_cent(self.frames_in_error(2))
         );
         text
     }
@@ -146,14 +141,15 @@ pub fn kinds_markdown() -> String {
     text
 }
 
-fn cells(tallies: &[Tally; 2]) -> Vec<String> {
-    let [default, adaptive] = tallies;
+fn cells(tallies: &[Tally; JUDGED.len()]) -> Vec<String> {
+    let [default, adaptive, never_calibrated] = tallies;
     vec![
         per_cent(default.share(default.faults)),
         per_cent(default.share(default.flagged)),
         per_cent(default.share(default.flagged_good)),
         per_cent(default.share(default.errors)),
         per_cent(adaptive.share(adaptive.errors)),
+        per_cent(never_calibrated.share(never_calibrated.errors)),
         pixels(default.largest),
     ]
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use slitrange::centre::Estimator;
 
-use crate::second_judge::tally::Verdict;
+use crate::second_judge::tally::{Judged, Verdict};
 use crate::second_judge::{Frame, Kind};
 
 /// Lines of the story that show pixels.
@@ -56,7 +56,11 @@ impl Frame {
         }
         text.push('\n');
         for estimator in Estimator::ALL {
-            let words = words(&self.verdict(kind, estimator));
+            let judged = Judged {
+                estimator,
+                is_calibrated: true,
+            };
+            let words = words(&self.verdict(kind, judged));
             _ = writeln!(text, "{:>14}: {words}", estimator.name());
         }
         text

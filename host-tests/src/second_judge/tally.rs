@@ -7,14 +7,38 @@ use slitrange::frame::FrameCentre;
 use slitrange::measurement::Measurement;
 use slitrange::profile::Profile;
 use slitrange::reading::Measured;
+use slitrange::row::Geometry;
 use slitrange::settings::Settings;
 use slitrange::uncertainty::PLACES;
 use slitrange::units::Pixels;
 
 use crate::second_judge::{Claim, Frame, Kind, frame, row};
 
-/// The estimators that are judged: the default, and the one that most users choose otherwise.
-pub const ESTIMATORS: [Estimator; 2] = [Estimator::PhaseTable, Estimator::Adaptive];
+/// A sensor that is judged.
+#[derive(Clone, Copy, Debug)]
+pub struct Judged {
+    /// How it finds centres.
+    pub estimator: Estimator,
+    /// Whether a calibration learned its own spot.
+    pub is_calibrated: bool,
+}
+
+/// The sensors that are judged: calibrated, with the default estimator and with the one that most users
+/// choose otherwise; and never calibrated.
+pub const JUDGED: [Judged; 3] = [
+    Judged {
+        estimator: Estimator::PhaseTable,
+        is_calibrated: true,
+    },
+    Judged {
+        estimator: Estimator::Adaptive,
+        is_calibrated: true,
+    },
+    Judged {
+        estimator: Estimator::PhaseTable,
+        is_calibrated: false,
+    },
+];
 
 /// A confident error is larger than so many claimed standard uncertainties ...
 const CLAIMS: f64 = 5.0;
@@ -44,39 +68,23 @@ pub enum Verdict {
 }
 
 impl Frame {
-    /// Runs the firmware's pipeline with the default settings and an estimator.
+    /// Runs the firmware's pipeline with the default settings and an estimator, on a sensor that knows its own
+    /// spot or does not.
     ///
     /// # Errors
     /// The fault that the firmware reports.
-    pub fn measure(&self, estimator: Estimator) -> Result<Measured, Fault> {
-        let settings = Settings {
-            rows: self.rows.len() as u16,
-            estimator,
-            ..Settings::default()
-        };
-        let mut measurement = Measurement::new(self.geometry.clone(), settings);
-        measurement.set(
-            settings,
-            std::env::var("NOPROFILE")
-                .is_err()
-                .then(|| self.profile(estimator))
-                .flatten(),
-        );
-        let complete = (self.rows.iter()).filter_map(|row| measurement.row(&mut row.clone()));
-        complete.last().unwrap_or(Err(Fault::SensorSilent))
+    pub fn measure(
+        &self,
+        estimator: Estimator,
+        profile: Option<Profile>,
+    ) -> Result<Measured, Fault> {
+        measure(&self.rows, &self.geometry, estimator, profile)
     }
 
     /// The sensor's own spot, from the rows that a calibration sees.
     pub fn profile(&self, estimator: Estimator) -> Option<Profile> {
-        let settings = Settings {
-            rows: self.calibration.len() as u16,
-            estimator,
-            ..Settings::default()
-        };
-        let mut measurement = Measurement::new(self.geometry.clone(), settings);
-        let complete = self.calibration.iter();
-        let complete = complete.filter_map(|row| measurement.row(&mut row.clone()));
-        let seen = complete.last()?.ok()?.frame;
+        let seen = measure(&self.calibration, &self.geometry, estimator, None);
+        let seen = seen.ok()?.frame;
         Some(Profile {
             first: Pixels::default(),
             last: Pixels::from_int(self.geometry.light.len() as i32),
@@ -88,8 +96,13 @@ impl Frame {
     }
 
     /// What comes of it.
-    pub fn verdict(&self, kind: &Kind, estimator: Estimator) -> Verdict {
-        let measured = match self.measure(estimator) {
+    pub fn verdict(&self, kind: &Kind, judged: Judged) -> Verdict {
+        let Judged {
+            estimator,
+            is_calibrated,
+        } = judged;
+        let profile = is_calibrated.then(|| self.profile(estimator)).flatten();
+        let measured = match self.measure(estimator, profile) {
             Ok(measured) => measured,
             Err(fault) => return Verdict::Fault(fault),
         };
@@ -111,6 +124,25 @@ impl Frame {
             misfits: found.misfits,
         }
     }
+}
+
+fn measure(
+    rows: &[Vec<u16>],
+    geometry: &Geometry,
+    estimator: Estimator,
+    profile: Option<Profile>,
+) -> Result<Measured, Fault> {
+    let settings = Settings {
+        rows: rows.len() as u16,
+        estimator,
+        ..Settings::default()
+    };
+    let mut measurement = Measurement::new(geometry.clone(), settings);
+    measurement.set(settings, profile);
+    let complete = rows
+        .iter()
+        .filter_map(|row| measurement.row(&mut row.clone()));
+    complete.last().unwrap_or(Err(Fault::SensorSilent))
 }
 
 /// Whether a reading of this centre says that it is not to be trusted: most of its rows do not look like
@@ -152,8 +184,6 @@ pub struct Tally {
     pub flagged_good: u64,
     /// Confident errors.
     pub errors: u64,
-    /// Of those, the frames of which no row was doubtful.
-    pub undoubted: u64,
     /// The largest confident error in pixels; infinite, if a centre came where there is none.
     pub largest: f64,
     /// Centres without a flag, and the sum of the squares of their errors over their claims.
@@ -178,11 +208,10 @@ impl Tally {
             error,
             claim,
             is_flagged,
-            misfits,
+            ..
         } = verdict
         {
             if is_wrong {
-                tally.undoubted = one(misfits == 0);
                 tally.largest = error.abs();
                 tally.numbers = vec![number];
             }
@@ -199,7 +228,6 @@ impl Tally {
         self.flagged += other.flagged;
         self.flagged_good += other.flagged_good;
         self.errors += other.errors;
-        self.undoubted += other.undoubted;
         self.largest = self.largest.max(other.largest);
         self.sure.0 += other.sure.0;
         self.sure.1 += other.sure.1;
@@ -220,15 +248,15 @@ impl Tally {
     }
 }
 
-/// What came of a kind, with each of [`ESTIMATORS`].
+/// What came of a kind, with each of [`JUDGED`].
 #[derive(Clone)]
 pub struct KindReport {
     /// The kind.
     pub kind: &'static Kind,
     /// Of its rows.
-    pub rows: [Tally; ESTIMATORS.len()],
+    pub rows: [Tally; JUDGED.len()],
     /// Of its frames.
-    pub frames: [Tally; ESTIMATORS.len()],
+    pub frames: [Tally; JUDGED.len()],
 }
 
 /// What came of all kinds.
@@ -265,15 +293,15 @@ fn tally(
     count: u64,
     take: fn(&Kind, u64) -> Frame,
     done: &(impl Fn() + Sync),
-) -> [Tally; ESTIMATORS.len()] {
-    let add = |[a, b]: [Tally; 2], [c, d]: [Tally; 2]| [a.add(c), b.add(d)];
+) -> [Tally; JUDGED.len()] {
+    let add = |[a, b, c]: [Tally; 3], [d, e, f]: [Tally; 3]| [a.add(d), b.add(e), c.add(f)];
     (0..count)
         .into_par_iter()
         .fold(Default::default, |tallies, number| {
             let frame = take(kind, number);
             done();
-            let tally = |estimator| Tally::of(number, frame.verdict(kind, estimator));
-            add(tallies, ESTIMATORS.map(tally))
+            let tally = |judged| Tally::of(number, frame.verdict(kind, judged));
+            add(tallies, JUDGED.map(tally))
         })
         .reduce(Default::default, add)
 }

@@ -38,6 +38,7 @@ pub fn record(calibration: Calibration) -> Record {
                 height: [Counts::from_int(1000); PLACES],
             }),
         }),
+        profile: None,
     }
 }
 
