@@ -125,7 +125,9 @@ impl Sensor {
                 .map(|_| {
                     let measured = self.frame(&mut measurement, distance, height, &mut random);
                     let line = measured.to_string();
-                    answers::centre(&[line]).expect("an answer").expect("a centre")
+                    answers::centre(&[line])
+                        .expect("an answer")
+                        .expect("a centre")
                 })
                 .collect();
             file.add(taken(1e3 * distance, &centres)).expect("added");
@@ -221,23 +223,38 @@ impl Calibrated {
 #[test]
 fn probe() {
     for estimator in [Estimator::PhaseTable, Estimator::Adaptive] {
-    for skewness in [0.0, 0.1] {
-        let sensor = Sensor::of(skewness, estimator);
-        let calibrated = sensor.calibrate(None, 1);
-        println!("{:?}", calibrated.profile);
-        println!("{}", serde_json::to_string(&slitrange_tool::record_file::Shown::of(
-            &slitrange::record::encoded::EncodedRecord::new(slitrange::record::Record {
-                profile: Some(calibrated.profile), calibration: calibrated.calibration.clone(), errors: calibrated.errors.clone(),
-                ..slitrange::record::Record::nominal().expect("r") }).expect("e"))).expect("j"));
-        for profile in [Some(calibrated.profile), None] {
-            let it = calibrated.judge(&sensor, profile, 1000, 2);
+        for skewness in [0.0, 0.1] {
+            let sensor = Sensor::of(skewness, estimator);
+            let calibrated = sensor.calibrate(None, 1);
+            println!("{:?}", calibrated.profile);
             println!(
-                "{} skewness {skewness}, profile {}: within 2u {:.3}, error/u {:.2}, u {:.2} um, rms {:.2} um, flags {:.4}, \
-                 repaired {:.4}", estimator.name(),
-                profile.is_some(),
-                it.within, it.over_u, it.u_um, it.rms_um, it.flagged,
-                sensor.repaired(profile.as_ref(), 1000, 3)
+                "{}",
+                serde_json::to_string(&slitrange_tool::record_file::Shown::of(
+                    &slitrange::record::encoded::EncodedRecord::new(slitrange::record::Record {
+                        profile: Some(calibrated.profile),
+                        calibration: calibrated.calibration.clone(),
+                        errors: calibrated.errors.clone(),
+                        ..slitrange::record::Record::nominal().expect("r")
+                    })
+                    .expect("e")
+                ))
+                .expect("j")
             );
+            for profile in [Some(calibrated.profile), None] {
+                let it = calibrated.judge(&sensor, profile, 1000, 2);
+                println!(
+                    "{} skewness {skewness}, profile {}: within 2u {:.3}, error/u {:.2}, u {:.2} um, rms {:.2} um, flags {:.4}, \
+                 repaired {:.4}",
+                    estimator.name(),
+                    profile.is_some(),
+                    it.within,
+                    it.over_u,
+                    it.u_um,
+                    it.rms_um,
+                    it.flagged,
+                    sensor.repaired(profile.as_ref(), 1000, 3)
+                );
+            }
         }
-    }}
+    }
 }
