@@ -8,7 +8,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::shape::COMPONENTS;
+use crate::shape::{COMPONENTS, OwnSpot};
 use crate::uncertainty::{PLACES, place_at};
 use crate::units::Pixels;
 
@@ -28,19 +28,6 @@ pub struct Profile {
     pub components: [[Pixels; PLACES]; COMPONENTS],
     /// How far the components of spots without a flaw differ from that beyond noise, as a standard deviation.
     pub deviation: Pixels,
-}
-
-/// The sensor's own spot at a centre.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OwnSpot {
-    /// The width in pixels.
-    pub width: f32,
-    /// See [`Profile::width_deviation`].
-    pub width_deviation: f32,
-    /// The components in pixels.
-    pub components: [f32; COMPONENTS],
-    /// See [`Profile::deviation`].
-    pub deviation: f32,
 }
 
 impl Profile {

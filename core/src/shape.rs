@@ -13,7 +13,6 @@
 //! A wide and weak shadow hides nearly all of itself: it leaves a spot that is symmetric, but narrower. Only
 //! a sensor that knows the width of its own spot ([`crate::profile`]) sees it.
 
-use crate::profile::OwnSpot;
 use crate::units::Pixels;
 
 /// Number of the components of the antisymmetric light.
@@ -32,6 +31,19 @@ pub struct SpotShape {
     pub width: Pixels,
     /// How far the light of a few pixels, which no component describes, may have moved the centre.
     pub rest: Pixels,
+}
+
+/// The sensor's own spot at a centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OwnSpot {
+    /// The width in pixels.
+    pub width: f32,
+    /// How far the widths of spots without a flaw differ from that, as a standard deviation.
+    pub width_deviation: f32,
+    /// The components in pixels.
+    pub components: [f32; COMPONENTS],
+    /// How far the components of spots without a flaw differ from those beyond noise, as a standard deviation.
+    pub deviation: f32,
 }
 
 /// The hidden shift over each component. Of the flaws in host-tests/tests/shape.rs, 99 % are hidden by less

@@ -30,9 +30,8 @@ use crate::centre::RowCentre;
 use crate::centre::gauss_newton::MaskedPixels;
 use crate::centre::tables::TILTED;
 use crate::numeric;
-use crate::profile::OwnSpot;
 use crate::row::{Geometry, Row};
-use crate::shape::{COMPONENTS, SpotShape};
+use crate::shape::{COMPONENTS, OwnSpot, SpotShape};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 

@@ -33,6 +33,7 @@ fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
         black_level: BlackLevel::Fixed(Counts::from_int(300)),
         calibration,
         errors: CalibrationErrors::Unknown,
+        profile: None,
     })
     .expect("a record")
 }

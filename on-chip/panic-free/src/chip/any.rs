@@ -141,7 +141,7 @@ pub fn row_centre() -> RowCentre {
         amplitude: Counts::MIN,
         width: Pixels::MIN,
         class: WidthClass::default(),
-        shape: Default::default(),
+        shape: any::<slitrange::shape::SpotShape>(Default::default()),
         misfit: false,
     })
 }
@@ -155,7 +155,7 @@ pub fn measured() -> Measured {
             width: Pixels::MIN,
             rows_used: 0,
             rows: 0,
-            shape: Default::default(),
+            shape: any::<slitrange::shape::SpotShape>(Default::default()),
             misfits: 0,
             correlated: None,
             spread: Pixels::default(),
@@ -164,7 +164,7 @@ pub fn measured() -> Measured {
         black_level: Counts::MIN,
         ambient: Counts::default(),
         estimator: Estimator::Centroid,
-        by_shape: Default::default(),
+        by_shape: any(Pixels::MIN),
         pixels: PixelErrors::TCD1304DG,
     })
 }

@@ -36,7 +36,7 @@ pub fn measure_rows() {
     let mut words = [0; 4096];
     while any(true) {
         if any(true) {
-            measurement.set(any::settings());
+            measurement.set(any::settings(), any(true).then(any::profile));
         }
         if any(true) {
             say(&measurement.silence());
@@ -67,6 +67,7 @@ pub fn find_centres() {
     let _ = any(spot::find_again(&row, &any::spot(), any(Pixels::MIN)));
     let spot = any::spot();
     let before = any(true).then(any::row_centre);
+    let profile = any(true).then(any::profile);
     for estimator in Estimator::ALL {
         let _ = any(centre::centre(
             estimator,
@@ -81,9 +82,16 @@ pub fn find_centres() {
             &spot,
             before.as_ref(),
             &geometry,
+            profile.as_ref(),
         ));
     }
-    let _ = any(repair::centre(&row, &spot, before.as_ref(), &geometry));
+    let _ = any(repair::centre(
+        &row,
+        &spot,
+        before.as_ref(),
+        &geometry,
+        profile.as_ref(),
+    ));
     let _ = any(phase_table::centre(
         &row,
         &spot,
@@ -237,8 +245,9 @@ pub fn talk() {
         };
         session.take(event, &vitals, &mut actions);
         say(&actions.text.as_str());
-        if let Some(settings) = actions.apply {
+        if let Some((settings, profile)) = actions.apply {
             reached(i32::from(settings.rows));
+            reached(profile.map_or(0, |profile| profile.first.to_bits()));
         }
         reached(session.is_map_on().into());
         if let Some(configuration) = session.configuration() {
