@@ -186,6 +186,7 @@ fn sample(what: u8, i: u16) -> Configuration {
             black_level: BlackLevel::Shielded,
             calibration,
             errors: CalibrationErrors::Unknown,
+            profile: None,
         }),
     }
 }

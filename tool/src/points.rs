@@ -469,7 +469,8 @@ mod tests {
 
     #[test]
     fn a_shape_is_read_if_all_of_it_is_there() {
-        let text = "x_px,d_mm,frames,claimed_px,width_px,shape_0_px,shape_1_px,shape_2_px,shape_3_px,shape_4_px\n\
+        let text = "x_px,d_mm,frames,claimed_px,width_px,shape_0_px,shape_1_px,shape_2_px,shape_3_px,\
+                    shape_4_px\n\
                     1500,600,4,0.002,7.625,0.001,-0.002,0.003,0,-0.005\n1510,601,4,0.002,,,,,,\n";
         let read = Points::parse(text).expect("points").points;
         let shape = KnownShape {

@@ -356,9 +356,7 @@ impl Shown {
                 }) => format!(
                     "width {least:.3} to {most:.3} px, lopsided by {even:.4} to {odd:.4} px"
                 ),
-                None => {
-                    "not in the record: the check takes a symmetric one of any width".to_owned()
-                }
+                None => "not in the record: any symmetric spot counts as clean".to_owned(),
             },
         ));
         fields

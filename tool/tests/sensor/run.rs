@@ -9,11 +9,12 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use slitrange::centre::Estimator;
 use slitrange::record::encoded::EncodedRecord;
+use slitrange::units::Pixels;
 use slitrange_tool::pc::Pc as _;
 use slitrange_tool::points::Points;
 use slitrange_tool::sensor::line::RECONNECT;
 
-use crate::stand_in::{NOISE_PX, StandIn, State, Trouble, centre_px};
+use crate::stand_in::{NOISE_PX, SHAPE, StandIn, State, Trouble, centre_px};
 
 /// `slitrange calibrate run` with further arguments, and what a person types.
 fn run(sensor: &StandIn, arguments: &[&str], typed: &str) -> (Result<ExitCode, String>, String) {
@@ -145,6 +146,12 @@ fn a_stage_goes_through_all_positions() {
         (12, 600.0, 1020.0)
     );
     check(&sensor, &distances, noise(8));
+    assert!(taken.points.iter().all(|point| {
+        let shape = point.shape.expect("a shape").shape;
+        let same = |px: f64, pixels: Pixels| (px - pixels.to_f64()).abs() < 1e-5;
+        let mut components = shape.components_px.into_iter().zip(SHAPE.components);
+        same(shape.width_px, SHAPE.width) && components.all(|(px, pixels)| same(px, pixels))
+    }));
     // The sigma of eight frames that scatter as they claim to, give or take: 0.71 of it is the claim's own.
     let least = NOISE_PX / 8f64.sqrt();
     assert!(taken.points.iter().all(|point| {

@@ -34,6 +34,7 @@ use slitrange::sensor_heads::tcd1304dg;
 use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Event, Session};
 use slitrange::settings::Settings;
+use slitrange::shape::SpotShape;
 use slitrange::store::configuration::Configuration;
 use slitrange::store::pixel_map::StoredMap;
 use slitrange::store::{StoreError, Stored};
@@ -50,6 +51,20 @@ const HARDWARE: Hardware = Hardware {
 
 /// The noise of a frame's centre, in pixels.
 pub const NOISE_PX: f64 = 0.002;
+
+/// The shape of every spot: a laser's skew.
+pub const SHAPE: SpotShape = SpotShape {
+    components: [
+        Pixels::from_bits(0),
+        Pixels::from_bits(3277),
+        Pixels::from_bits(12_288),
+        Pixels::from_bits(-20),
+        Pixels::from_bits(0),
+    ],
+    width: Pixels::from_bits(499_712),
+    noise: Pixels::from_bits(131),
+    rest: Pixels::from_bits(0),
+};
 
 /// The step of the stand-in's clock. A line takes that long to be sent.
 const STEP: Duration = Duration::from_millis(1);
@@ -592,6 +607,7 @@ impl Sensor {
                 amplitude: Counts::from_int(1993),
                 rows_used: settings.rows,
                 rows: settings.rows,
+                shape: SHAPE,
                 ..exact.frame
             },
             estimator: settings.estimator,

@@ -11,18 +11,35 @@ use slitrange::distance::eq1::NOMINAL;
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
+use slitrange::profile::Profile;
 use slitrange::protocol::piece::PIECE;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads::tcd1304dg;
-use slitrange::uncertainty::CalibrationErrors;
+use slitrange::uncertainty::{CalibrationErrors, PLACES};
 use slitrange::units::{Counts, Micrometres, Pixels};
 use slitrange_tool::pc::Pc as _;
 use slitrange_tool::record_file;
 
 use crate::stand_in::{StandIn, Trouble};
+
+/// The spot of a laser with the skewness 0.1.
+const PROFILE: Profile = Profile {
+    first: Pixels::from_int(1200),
+    last: Pixels::from_int(2600),
+    width: [Pixels::from_bits(499_712); PLACES],
+    width_deviation: Pixels::from_bits(1003),
+    components: [
+        [Pixels::from_bits(0); PLACES],
+        [Pixels::from_bits(3277); PLACES],
+        [Pixels::from_bits(12_288); PLACES],
+        [Pixels::from_bits(256); PLACES],
+        [Pixels::from_bits(-13); PLACES],
+    ],
+    deviation: Pixels::from_bits(134),
+};
 
 fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
     EncodedRecord::new(Record {
@@ -31,9 +48,10 @@ fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
         geometry: tcd1304dg(),
         estimator: Estimator::Adaptive,
         black_level: BlackLevel::Fixed(Counts::from_int(300)),
+        // The tables have a spot of their own.
+        profile: (!matches!(calibration, Calibration::Eq1(_))).then_some(PROFILE),
         calibration,
         errors: CalibrationErrors::Unknown,
-        profile: None,
     })
     .expect("a record")
 }

@@ -10,12 +10,14 @@ use slitrange::distance::table::Table;
 use slitrange::fault::Fault;
 use slitrange::frame::{FrameCentre, Mean};
 use slitrange::pixels::PixelErrors;
+use slitrange::profile::Profile;
 use slitrange::reading::{Measured, Reading};
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
+use slitrange::shape::COMPONENTS;
 use slitrange::spot::{Background, Spot};
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES, Parts};
 use slitrange::units::{Counts, Micrometres, Pixels};
@@ -101,7 +103,20 @@ pub fn record(calibration: Calibration) -> Option<Record> {
         black_level: any(BlackLevel::Shielded),
         calibration,
         errors: errors(),
+        profile: any(true).then(profile),
     })
+}
+
+pub fn profile() -> Profile {
+    let places = || any([Pixels::MIN; PLACES]);
+    Profile {
+        first: any(Pixels::MIN),
+        last: any(Pixels::MIN),
+        width: places(),
+        width_deviation: any(Pixels::MIN),
+        components: any([[Pixels::MIN; PLACES]; COMPONENTS]),
+        deviation: any(Pixels::MIN),
+    }
 }
 
 pub fn errors() -> CalibrationErrors {
