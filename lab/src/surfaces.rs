@@ -18,8 +18,9 @@ use slitrange::record::date::Date;
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
-use slitrange_tool::fit::{calibration, errors, solve};
-use slitrange_tool::points::Point;
+use slitrange::units::Pixels;
+use slitrange_tool::fit::{calibration, errors, profile, solve};
+use slitrange_tool::points::{KnownShape, Point, Shape};
 use slitrange_tool::sensor::positions::{Spacing, Which};
 
 /// The materials, by the scenes that show them. The first is white paper in the light of a laser with a
@@ -84,7 +85,7 @@ pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
                 d_mm,
                 sigma_px: Some(frame.frame.uncertainty.to_f64()),
                 height_counts: Some(frame.frame.amplitude.to_f64()),
-                shape: None,
+                shape: Some(shape_of(&frame)),
             })
         })
         .collect();
@@ -96,10 +97,22 @@ pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
         geometry: sensor_heads::tcd1304dg(),
         estimator: Estimator::default(),
         black_level: BlackLevel::Shielded,
-        profile: None,
         errors: errors::of(&solved, &made),
+        profile: profile::of(&solved, &made.calibration),
         calibration: made.calibration,
     })
+}
+
+/// The shape of a frame's spot, as the tool reads it from the serial line.
+fn shape_of(measured: &Measured) -> KnownShape {
+    let shape = measured.frame.shape;
+    KnownShape {
+        shape: Shape {
+            width_px: shape.width.to_f64(),
+            components_px: shape.components.map(Pixels::to_f64),
+        },
+        noise_px: measured.frame.uncertainty.to_f64(),
+    }
 }
 
 /// A reading and how far it is off, in micrometres.
@@ -136,11 +149,21 @@ pub fn see(scene: &Scene, count: u64, first: u64) -> Vec<(f64, Measured)> {
         .collect()
 }
 
+/// A frame as a sensor with a record sees it: the sensor knows its own spot.
+fn known(measured: &Measured, record: &Record) -> Measured {
+    let own = record.profile.map(|own| own.at(measured.frame.centre));
+    Measured {
+        by_shape: measured.frame.shape.uncertainty(own.as_ref()),
+        ..*measured
+    }
+}
+
 /// Readings of frames by a record, those with a distance.
 pub fn judge(seen: &[(f64, Measured)], record: &Record) -> Vec<Judged> {
     let calibration = Some(&record.calibration);
     (seen.iter())
         .filter_map(|(distance, measured)| {
+            let measured = known(measured, record);
             let reading = measured.reading(calibration, &record.errors, Surface::Auto);
             let reading = reading.ok()?;
             Some(Judged {
@@ -168,7 +191,7 @@ pub fn judge_steps(
             let [zero, now] = [(before, 0), (before + step, 1)].map(|(distance, frame)| {
                 let row = u64::from(ROWS) * (2 * number + frame);
                 let measured = frame_from(scene, number, distance, row).ok()?;
-                measured
+                known(&measured, record)
                     .reading(calibration, &record.errors, Surface::Auto)
                     .ok()
             });

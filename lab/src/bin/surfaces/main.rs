@@ -51,6 +51,8 @@ fn record_of_demo() -> Result<Record> {
             curve: curve.curve,
             surface: surface.surface,
         }),
+        // The spots on white paper scatter as those of the demo do.
+        profile: paper.profile,
         ..quiet
     })
 }
