@@ -252,6 +252,8 @@ struct Symmetry {
     pixels_a_deviation: f32,
     /// The square of the worst pair's deviation, in variances.
     worst: f32,
+    /// The most that the sensor's own spot makes of a pair's deviation, in standard deviations.
+    own_of_a_pair: f32,
     /// The sum of squares without the shift.
     squares: f32,
     /// The largest leverage of a pair: how much of a shift's norm is its own.
@@ -279,6 +281,10 @@ impl Symmetry {
             *component = rest;
         }
         self.squares -= before - after;
+        // By Cauchy's inequality: no pair has more of a function's norm than `leverage`, nearly.
+        let own: f32 = own.components.iter().map(|it| it * it).sum();
+        let most = COMPONENTS as f32 * self.leverage * own;
+        self.own_of_a_pair = dual_mac::square_root(most) / self.pixels_a_deviation;
     }
 
     /// Whether noise explains all of the difference. `false` if any of the numbers is not a number.
@@ -287,10 +293,11 @@ impl Symmetry {
         let [shift, tilt, skew, ..] = self.components;
         let shift = shift * self.pixels_a_deviation;
         let uncertainty = found.uncertainty.to_f32();
+        let worst = trust * WORST + self.own_of_a_pair;
         shift.abs() <= trust * SHIFTED * uncertainty + SHIFTED_PIXELS
             && tilt.abs() <= trust * TILT
             && skew.abs() <= trust * SKEW
-            && self.worst <= trust * trust * WORST * WORST
+            && self.worst <= worst * worst
             && self.squares <= most_squares(self.pairs - 1.0, trust)
     }
 
@@ -418,6 +425,7 @@ impl Symmetry {
             slope: (odd.zt - odd.t1 / odd.m1 * odd.z1) / (odd.tt - odd.t1 * odd.t1 / odd.m1),
             pixels_a_deviation: s * per_height / dual_mac::square_root(odd.m1),
             worst: odd.worst * white,
+            own_of_a_pair: 0.0,
             squares: (odd.squares - shift * shift) * white,
             leverage: LEVERAGE_A_PITCH * pitch,
             width: width * (1.0 + shape.wider),

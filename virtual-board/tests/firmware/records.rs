@@ -7,12 +7,14 @@ use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
+use slitrange::profile::Profile;
 use slitrange::protocol::calibration::{CalibrationAnswer, FlashStatus};
 use slitrange::protocol::piece::Piece;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::sensor_heads;
+use slitrange::shape::COMPONENTS;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
 use slitrange::units::{Counts, Micrometres, Pixels};
 use virtual_board::{VirtualBoard, upload};
@@ -38,7 +40,16 @@ pub fn record(calibration: Calibration) -> Record {
                 height: [Counts::from_int(1000); PLACES],
             }),
         }),
-        profile: None,
+        // The board's spot is symmetric.
+        profile: Some(Profile {
+            first: Pixels::from_int(1200),
+            last: Pixels::from_int(2600),
+            width: [Pixels::from_int(8); PLACES],
+            // So much that no spot differs from it.
+            width_deviation: Pixels::from_int(8),
+            components: [[Pixels::default(); PLACES]; COMPONENTS],
+            deviation: Pixels::from_int(8),
+        }),
     }
 }
 
