@@ -7,7 +7,8 @@
 //!
 //! All estimators are unbiased for a symmetric spot, whatever its shape. Only the *antisymmetric* part of a
 //! row moves a centre, and a good spot has no antisymmetric part. So `symmetry` compares the row with its
-//! mirror image about the centre, to the noise, with hardly a tolerance for shape.
+//! mirror image about the centre, to the noise, with hardly a tolerance for shape. A sensor that knows its
+//! own spot ([`crate::profile`]) subtracts that spot's antisymmetric part first.
 //!
 //! In orthonormal Hermite functions of u = (x - c) / sigma, a second spot at d widths has the components a^n
 //! / sqrt(n!), with a = d / sqrt(2). The first component moves the centre, so it is zero about the moved
@@ -18,7 +19,7 @@
 //!
 //! | component | statistic | its noise |
 //! |---|---|---|
-//! | shift, tilt, skew | r = sum w f z | sum w f^2, less its part along the shift |
+//! | shift, tilt, skew | r = sum w f z | sum w f^2, less its parts along those before |
 //! | worst pair | w z^2 | 1 |
 //! | squares | sum w z^2 of n pairs | 2 n + (0.06 n)^2 |
 //!
@@ -30,9 +31,10 @@
 //! a gaussian, loosely.
 //!
 //! If a row fails the check, [`repair`] masks samples and fits the rest. Its centre replaces the first
-//! one if the row, without those samples, passes the check about it. Otherwise the first centre stays,
-//! flagged: in speckle the robust fit is worse than a plain one. `other_spot` searches the rest of the row
-//! for a second spot.
+//! one if the row, without those samples, passes the check about it. Otherwise the first centre stays, because
+//! in speckle the robust fit is worse than a plain one. The spot's shape then makes u larger
+//! ([`crate::shape`]), and the row is flagged only where u cannot express the error. `other_spot` searches the
+//! rest of the row for a second spot.
 
 mod other_spot;
 pub mod repair;
@@ -52,11 +54,11 @@ const NARROWEST_SURE: f32 = 1.2;
 /// If the sensor's edge cuts a narrower spot, in pixels, nothing tells it from bad pixels.
 const NARROWEST_CUT: f32 = 1.25;
 
-/// The largest uncertainty by the spot's shape without a flag, in widths.
+/// If the shape's part of u exceeds this many widths, the row is flagged.
 const LARGEST_SHAPE: f32 = 0.5;
 
-/// In a narrower spot, in pixels, a single bad pixel looks like a shape.
-const NARROWEST_WITH_SHAPE: f32 = 1.5;
+/// A narrower spot, in pixels, is flagged if it is not symmetric: a single bad pixel looks like a shape there.
+const NARROWEST_WITH_SHAPE: f32 = repair::NARROWEST_SURE_REFIT;
 
 /// Finds the centre of a spot that the coarse search found, and checks it.
 ///
@@ -136,7 +138,7 @@ fn repair_or_keep(
 
 /// A centre with what the check says of it.
 struct Checked {
-    /// With its shape, and a flag if the centre may be off by a good part of the width.
+    /// With its shape, and a flag if the light is no spot or the shape's part of u is too large.
     found: RowCentre,
     /// Nothing is wrong with the centre.
     is_clean: bool,

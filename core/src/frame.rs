@@ -421,9 +421,21 @@ fn propagated(members: &[Member<'_>], course: &Course) -> f32 {
     libm::sqrtf(variance / square(weights) + of_motion)
 }
 
-/// The mean of the rows' antisymmetric light, each row with its weight in the mean.
-fn mean_shape(members: &[Member<'_>]) -> SpotShape {
-    let per_weight = 1.0 / total(members, |it| it.weight);
+/// The mean of the rows' shapes, each row with its weight in the mean. Rows without a shape do not count.
+fn mean_shape(members: &Members<'_>) -> SpotShape {
+    let members = &changed(members, |it| Member {
+        weight: if it.row.shape.width > Pixels::default() {
+            it.weight
+        } else {
+            0.0
+        },
+        ..it
+    });
+    let weights = total(members, |it| it.weight);
+    if weights <= 0.0 {
+        return SpotShape::default();
+    }
+    let per_weight = 1.0 / weights;
     let mut components = [0.0; COMPONENTS];
     for member in members {
         let share = member.weight * per_weight;

@@ -34,7 +34,7 @@ impl Profile {
     /// Interpolates linearly. Beyond the range the spot is that of its end.
     pub fn at(&self, centre: Pixels) -> OwnSpot {
         let first = self.first.to_f32();
-        // Not a number if the range is empty, which counts as its start.
+        // If the range is empty this is infinite or not a number. `place_at` limits it to 0 to 1.
         let along = (centre.to_f32() - first) / (self.last.to_f32() - first);
         let (index, part) = place_at(along);
         let between = |values: &[Pixels; PLACES]| match values.get(index..) {

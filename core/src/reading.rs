@@ -103,7 +103,7 @@ pub struct Reading {
     pub black_level: Counts,
     /// How the rows' centres were found.
     pub estimator: Estimator,
-    /// Rows used whose pixels lie further from the fitted spot than their noise explains. See
+    /// Rows used whose pixels do not look like a spot, or whose asymmetry is too large for u. See
     /// [`RowCentre::misfit`](crate::centre::RowCentre::misfit).
     pub misfits: u16,
     /// The number of independent rows that the frame's rows may be worth, if neighbouring rows have similar

@@ -8,7 +8,7 @@
 //! A flaw is hidden as far as it looks like a shift, u e: the estimator moves the centre until that part is
 //! gone. The other parts stay. They tell how large the hidden part may be, because a flaw seldom looks like a
 //! shift alone. [`SpotShape::uncertainty`] estimates it: each part times the factor that shadows, second
-//! reflections, fringes and tails have. (host-tests/tests/shape.rs computes those factors.)
+//! reflections, fringes and tails have. (host-tests/tests/shape.rs tests them on random flaws.)
 //!
 //! A wide and weak shadow hides nearly all of itself: it leaves a spot that is symmetric, but narrower. Only
 //! a sensor that knows the width of its own spot ([`crate::profile`]) sees it.
@@ -27,7 +27,8 @@ pub struct SpotShape {
     /// The standard deviation of each component by noise: that of a weighted fit's centre.
     pub noise: Pixels,
     /// The width of the gaussian that fits the symmetric light best. Its noise is that of a component, nearly.
-    /// The estimators' width is that at half of the height, and seldom measured again within a frame.
+    /// The estimators' width is that at half of the height, and seldom measured again within a frame. Zero if
+    /// the check had too few pairs to tell the shape.
     pub width: Pixels,
     /// How far the light of a few pixels, which no component describes, may have moved the centre.
     pub rest: Pixels,
@@ -67,13 +68,14 @@ impl SpotShape {
     /// explains how the spot differs from the sensor's own one. `None`: any symmetric spot may be the
     /// sensor's own.
     ///
-    /// A length is at most 2^15 pixels, and a variance at least 2^-32, so no sum exceeds 2^65.
+    /// Two lengths differ by at most 2^16 pixels, and a variance is at least 2^-32, so no sum exceeds 2^67.
     pub fn uncertainty(&self, own: Option<&OwnSpot>) -> Pixels {
         // At least a step, so that no division is by zero.
         let noise = square(self.noise.max(Pixels::from_bits(1)).to_f32());
         let mut components = self.components.map(Pixels::to_f32);
         let (mut chi_square, mut hidden, mut variance, mut limit) = (0.0, 0.0, noise, NOISE);
-        if let Some(own) = own {
+        // Where the check had too few pairs, nothing is known.
+        if let Some(own) = own.filter(|_| self.width > Pixels::default()) {
             for (component, own) in components.iter_mut().zip(own.components) {
                 *component -= own;
             }
@@ -160,6 +162,9 @@ mod tests {
             ..spot([0.0, 0.0, 0.0, 0.0, 0.001])
         };
         assert!((certain.uncertainty(None).to_f32() - 0.002).abs() < 1e-4);
-        assert_eq!(SpotShape::default().uncertainty(None), Pixels::default());
+        for own in [None, Some(&OWN)] {
+            let unknown = SpotShape::default();
+            assert_eq!(unknown.uncertainty(own), Pixels::default());
+        }
     }
 }

@@ -8,8 +8,8 @@
 //! not average it out. Sensor, spots and noise are drawn and computed by other code.
 //!
 //! A **confident error** is a centre without a flag that is off by more than five times the claimed standard
-//! uncertainty, and by more than 0.1 pixels. The claim is that of the centre (r, shape and motion): the
-//! surface's part of u is off.
+//! uncertainty, and by more than 0.1 pixels. The claim is r, the shape and the motion, and for pixels that
+//! differ also their part ([`Claim`]). The surface's part of u is off.
 
 mod kinds;
 mod optics;

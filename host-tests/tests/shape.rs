@@ -120,7 +120,7 @@ fn the_uncertainty_by_the_shape_covers_what_flaws_hide() {
         let mut ratios: Vec<f64> = (0..FLAWS)
             .map(|number| {
                 let flaw = draw(&mut random);
-                // A spot in the dark, of middle light, in its own shot noise.
+                // White noise, a mix, and shot noise.
                 let white = [100.0, 0.1, 0.01][number % 3];
                 let (shift, uncertainty) = hidden(flaw, white);
                 shift / uncertainty

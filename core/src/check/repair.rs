@@ -14,7 +14,7 @@
 //!    turn is masked.
 //!
 //! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains.
-//! Otherwise the first centre stays, flagged.
+//! Otherwise [`centre`] gives the first centre with a flag, and the check decides.
 
 use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Start, Window};
 use crate::centre::half_width::WIDTHS;

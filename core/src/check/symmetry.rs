@@ -11,16 +11,17 @@
 //! pixels have equal noise, p and z are not correlated, so a weight that depends on p adds no bias. With
 //! weights w = 1/variance, e = exp(-u^2/2) and u the distance in widths, z is projected on
 //!
-//! * u e, the *shift*: half of it is how far a weighted fit would move the centre. It must lie within the
-//!   uncertainty.
-//! * u, the *tilt*, and u^3 e, the *skew*, each less its part along the shift. A component with the product r
-//!   and the norm s = sum w f^2 has the variance s, so r^2 / s is a chi-square of one degree of freedom.
+//! * u e, the *shift*: half of it is how far a weighted fit would move the centre. It may be at most
+//!   [`SHIFTED`] times the uncertainty plus [`SHIFTED_PIXELS`].
+//! * u, the *tilt*, u^3 e, the *skew*, u^5 e and u^7 e, each less its parts along those before. A component with
+//!   the product r and the norm s = sum w f^2 has the variance s, so r^2 / s is a chi-square of one degree of
+//!   freedom. The last two have no limit of their own: they count in the spot's shape ([`crate::shape`]).
 //!
 //! In what remains, no single pair may stand out, and the sum of squares must be one that noise explains.
 //!
 //! **Even part**: p is fitted by b + A e (1 + k2 u^2 + k4 u^4), unweighted. Optics make k4 as low as -0.040
-//! (sinc^2; Fresnel -0.022); two equal spots 2 widths apart have -0.077. What this fit leaves of an optical
-//! shape has a mean square of at most 0.015 of that of A e (Fresnel numbers up to 0.55, which a blue laser or
+//! (sinc^2; Fresnel -0.022); two equal spots 2 widths apart have -0.077. What the fit without k4 leaves of an
+//! optical shape has a mean square of at most 0.015 of that of A e (Fresnel numbers up to 0.55, which a blue laser or
 //! a slit of 250 um stays below; 0.0031 for the nominal slit). What it leaves of a box has 0.04 and
 //! more.
 
@@ -110,9 +111,9 @@ const LEAST_NORM: f32 = 1e-5;
 pub(super) struct Verdict {
     /// The light has the shape of a spot, as far as the check can tell.
     pub is_spot: bool,
-    /// The row is its own mirror image: noise explains the difference.
+    /// Noise explains how the row differs from its mirror image, beyond the sensor's own spot.
     pub is_symmetric: bool,
-    /// How much the antisymmetric light may have moved the centre.
+    /// The spot's shape, with the sensor's own antisymmetric light in it.
     pub shape: SpotShape,
 }
 
@@ -248,7 +249,7 @@ struct Symmetry {
     components: [f32; COMPONENTS],
     /// The slope of the tilt, in counts of z for each u.
     slope: f32,
-    /// Pixels of shift where z is a standard deviation.
+    /// The shift in pixels that makes a component of one standard deviation.
     pixels_a_deviation: f32,
     /// The square of the worst pair's deviation, in variances.
     worst: f32,
@@ -308,7 +309,7 @@ impl Symmetry {
             && self.shape_misfit <= misfit + even * self.shape_misfit_deviation
     }
 
-    /// How much the antisymmetric light may have moved the centre.
+    /// The spot's shape, with the sensor's own antisymmetric light in it.
     ///
     /// The light that no component describes belongs to a few pixels. A pair that stands out by t standard
     /// deviations moves the centre by t times the root of its leverage, w f^2 / sum w f^2, which is at most
@@ -699,7 +700,7 @@ struct Shape {
     /// The coefficient of u^4 e, and the norm of the part that u^4 e shares with no other function. `None` if
     /// rounding is all of it.
     k4: Option<(f32, f32)>,
-    /// The sum of squares that is left.
+    /// The sum of squares that the fit without k4 leaves.
     rest: f32,
 }
 
@@ -840,7 +841,7 @@ mod tests {
     }
 
     /// Compares spots with shot and read noise with their mirror images. The table in `check` gives the
-    /// variance of each statistic. So the mean of shift^2, tilt^2 and skew^2, each over its norm, is 1. The
+    /// variance of each statistic. So the mean square of each component is 1. The
     /// squares of n pairs have a mean of n - 1, because the shift takes one. The mean of 4000 squares is
     /// known to 2.2 %; the test allows five times this.
     #[test]

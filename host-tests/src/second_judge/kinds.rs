@@ -7,7 +7,7 @@ use crate::second_judge::{optics, pixels, signal, target, words};
 /// Which parts of u a kind's errors are compared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Claim {
-    /// The centre's own: its noise, and the motion.
+    /// The centre's own: its noise (r), the spot's shape and the motion.
     Centre,
     /// Also the part for pixels that differ.
     CentreAndPixels,

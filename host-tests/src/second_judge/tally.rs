@@ -43,11 +43,11 @@ pub const JUDGED: [Judged; 3] = [
 /// A confident error is larger than so many claimed standard uncertainties ...
 const CLAIMS: f64 = 5.0;
 
-/// How well a calibration knows the widths of its spots, as a share.
-const WIDTH_DEVIATION: f32 = 0.003;
-
 /// ... and than so many pixels.
 const SLACK: f64 = 0.1;
+
+/// How well a calibration knows the widths of its spots, as a share.
+const WIDTH_DEVIATION: f32 = 0.003;
 
 /// What comes of a frame, or of a row that is a frame of its own.
 #[derive(Clone, Copy, Debug)]
