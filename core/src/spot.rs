@@ -424,12 +424,20 @@ impl<'a> Sums<'a> {
     /// may stand out from the background beside it, and not from the level. (The noise of a block of 128
     /// pixels is an eleventh of a pixel's, so noise alone makes no block so dark.)
     fn has_darker_background(&self, level: Counts, noise: Counts) -> bool {
+        level
+            .to_bits()
+            .saturating_sub(self.darkest(level).to_bits())
+            > noise.to_bits()
+    }
+
+    /// The level of the darkest block of the largest size, but at most `level`: wide light may raise the level
+    /// of most of the row.
+    fn darkest(&self, level: Counts) -> Counts {
         let sums = self.sums.last().copied().unwrap_or_default();
-        let darkest = sums
-            .iter()
-            .min()
-            .map(|&sum| in_q8(sum) >> LARGEST_BLOCK_LOG2);
-        darkest.is_some_and(|darkest| level.to_bits().saturating_sub(darkest) > noise.to_bits())
+        let darkest = sums.iter().min();
+        darkest.map_or(level, |&sum| {
+            level.min(Counts::from_bits(in_q8(sum) >> LARGEST_BLOCK_LOG2))
+        })
     }
 
     /// The background's level and tilt: medians over blocks of the largest size of which the row has 16 or
@@ -504,12 +512,14 @@ impl Candidate {
 
     /// Whether the light is wider than a spot can be: three blocks of 128 pixels to the sides there is more
     /// than a fifth of the response left. A gaussian of 170 pixels has 15 to 18 % left, depending on how it
-    /// lies on the blocks; one of 200 pixels 23 to 25 %. Near the row's end, which may cut the light, two
-    /// blocks to the other side count.
+    /// lies on the blocks; one of 200 pixels 23 to 25 %. They are taken above the darkest part of the row,
+    /// because wide light raises the level of the rest. Near the row's end, which may cut the light, two blocks
+    /// to the other side count.
     fn is_too_wide(&self, sums: &Sums<'_>, level: Counts) -> bool {
         if self.block_log2 != LARGEST_BLOCK_LOG2 {
             return false;
         }
+        let level = sums.darkest(level);
         let Some(block) = sums.highest(self.block_log2) else {
             return false;
         };

@@ -126,7 +126,7 @@ fn a_faint_wide_light_hides_no_spot_and_is_none() {
     let report = judge(kinds("faint wide light"), 20_000, 0);
     let rows = &report.kinds[0].rows[0];
     println!("{} of {} lost", rows.faults, rows.count);
-    let alone = judge(kinds("faint wide light alone"), 1_000_000, 0);
+    let alone = judge(kinds("faint wide light alone"), 100_000, 0);
     let [default, adaptive, _] = &alone.kinds[0].rows;
     for (name, rows) in [("default", default), ("adaptive", adaptive)] {
         let centres = rows.count - rows.faults;
