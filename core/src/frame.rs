@@ -422,36 +422,30 @@ fn propagated(members: &[Member<'_>], course: &Course) -> f32 {
 }
 
 /// The mean of the rows' shapes, each row with its weight in the mean. Rows without a shape do not count.
-fn mean_shape(members: &Members<'_>) -> SpotShape {
-    let members = &changed(members, |it| Member {
-        weight: if it.row.shape.width > Pixels::default() {
-            it.weight
-        } else {
-            0.0
-        },
-        ..it
-    });
-    let weights = total(members, |it| it.weight);
+fn mean_shape(members: &[Member<'_>]) -> SpotShape {
+    let (mut weights, mut noise, mut width, mut rest) = (0.0, 0.0, 0.0, 0.0);
+    let mut components = [0.0; COMPONENTS];
+    for Member { row, weight, .. } in members {
+        let shape = &row.shape;
+        if shape.width <= Pixels::default() {
+            continue;
+        }
+        weights += weight;
+        noise += square(weight * shape.noise.to_f32());
+        width += weight * shape.width.to_f32();
+        rest += weight * square(shape.rest.to_f32());
+        for (sum, component) in components.iter_mut().zip(shape.components) {
+            *sum += weight * component.to_f32();
+        }
+    }
     if weights <= 0.0 {
         return SpotShape::default();
     }
     let per_weight = 1.0 / weights;
-    let mut components = [0.0; COMPONENTS];
-    for member in members {
-        let share = member.weight * per_weight;
-        for (sum, component) in components.iter_mut().zip(member.row.shape.components) {
-            *sum += share * component.to_f32();
-        }
-    }
-    let noise = total(members, |it| {
-        square(it.weight * it.row.shape.noise.to_f32())
-    });
-    let rest = total(members, |it| it.weight * square(it.row.shape.rest.to_f32()));
-    let width = total(members, |it| it.weight * it.row.shape.width.to_f32());
     SpotShape {
-        components: components.map(Pixels::from_f32),
-        width: Pixels::from_f32(width * per_weight),
+        components: components.map(|sum| Pixels::from_f32(sum * per_weight)),
         noise: Pixels::from_f32(libm::sqrtf(noise) * per_weight),
+        width: Pixels::from_f32(width * per_weight),
         rest: Pixels::from_f32(libm::sqrtf(rest * per_weight)),
     }
 }

@@ -318,9 +318,11 @@ impl Symmetry {
         let pixels = self.pixels_a_deviation;
         let described: f32 = self.components.iter().skip(1).map(|it| it * it).sum();
         let freedom = self.pairs - COMPONENTS as f32;
-        let excess = self.squares - described - most_squares(freedom, 1.0);
-        let rest = if excess > 0.0 {
-            pixels * dual_mac::square_root(self.leverage * excess)
+        let undescribed = self.squares - described;
+        // Most spots need no limit.
+        let rest = if undescribed > freedom {
+            let excess = undescribed - most_squares(freedom, 1.0);
+            pixels * dual_mac::square_root(self.leverage * if excess > 0.0 { excess } else { 0.0 })
         } else {
             0.0
         };
@@ -378,6 +380,7 @@ impl Symmetry {
         {
             even.add(2.0 * interpolated(middle, level, mirror.offset), 0.0, 1.0);
         }
+        let without_image = even.samples;
         // The width is at most 2^15 pixels, and so the pitch 1/6 or more.
         let most = ((REACH / pitch) as usize).saturating_add(1);
         let length = pixels.saturating_add(2);
@@ -415,13 +418,14 @@ impl Symmetry {
         // Interpolation lowers the variance of white noise. This factor raises it again.
         let white = 1.0 / (1.0 - 2.0 * d * (1.0 - d) / block);
         let shape = even.solve();
+        let pairs = even.samples - without_image;
         let per_height = 0.5 / height;
         let per_square = per_height * per_height;
         let variance = noise + shot * even.p / even.samples;
         let components = odd.components();
         let [shift, ..] = components;
         Self {
-            pairs: odd.pairs,
+            pairs,
             components,
             slope: (odd.zt - odd.t1 / odd.m1 * odd.z1) / (odd.tt - odd.t1 * odd.t1 / odd.m1),
             pixels_a_deviation: s * per_height / dual_mac::square_root(odd.m1),
@@ -439,7 +443,7 @@ impl Symmetry {
                 )
             }),
             shape_misfit: (shape.rest - (even.samples - 3.0) * variance) * per_square / even.m0,
-            shape_misfit_deviation: variance * dual_mac::square_root(2.0 * odd.pairs) * per_square
+            shape_misfit_deviation: variance * dual_mac::square_root(2.0 * pairs) * per_square
                 / even.m0,
         }
     }
@@ -578,7 +582,6 @@ impl Correction {
 /// itself. `t1` is the product of u with u e.
 #[derive(Default)]
 struct Odd {
-    pairs: f32,
     m1: f32,
     m2: f32,
     m3: f32,
@@ -606,7 +609,6 @@ impl Odd {
         let uu = u * u;
         let f1 = u * e;
         let (w1, wz) = (weight * f1, weight * z);
-        self.pairs += 1.0;
         let mut product = w1 * f1;
         for sum in [
             &mut self.m1,
