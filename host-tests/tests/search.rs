@@ -465,7 +465,8 @@ impl Rows {
             Err(_) => (true, false, false),
             Ok(found) => {
                 let off = (found.centre.to_f64() - truth).abs();
-                let is_off = off > 5.0 * found.uncertainty.to_f64();
+                let by_shape = found.shape.uncertainty(None).to_f64();
+                let is_off = off > 5.0 * found.uncertainty.to_f64().hypot(by_shape);
                 (off > width, found.misfit, is_off && !found.misfit)
             }
         };
