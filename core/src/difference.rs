@@ -112,12 +112,11 @@ mod tests {
             let places = (-120..=60).map(|i| f64::from(i) / 10.0);
             places.map(|u| weight(u) * weight(u + lag)).sum()
         };
-        let mut least = 1.0;
-        for lag in (0..=24).map(|i| f64::from(i) / 4.0) {
-            let [expected, found] = [
-                product(lag) / product(0.0),
-                f64::from(of_pixels(lag as f32)),
-            ];
+        let (whole, mut least) = (product(0.0), 1.0);
+        // The least is near 1.75.
+        let step = if cfg!(miri) { 7 } else { 1 };
+        for lag in (0..=24).step_by(step).map(|i| f64::from(i) / 4.0) {
+            let [expected, found] = [product(lag) / whole, f64::from(of_pixels(lag as f32))];
             assert!((found - expected).abs() < 1e-6, "{lag}: {found} {expected}");
             assert_eq!(of_pixels(-lag as f32), of_pixels(lag as f32));
             least = found.min(least);
