@@ -105,8 +105,9 @@ mod tests {
 
     /// The correlation of the weights u exp(-u^2) with themselves, as sums over steps of a tenth: for such
     /// functions these are exact to far more digits than an f32 has.
+    // Thousands of exponentials take minutes under Miri.
+    #[cfg(not(miri))]
     #[test]
-    #[cfg_attr(miri, ignore = "thousands of exponentials take minutes")]
     fn pixels_errors_forget_as_the_weights_of_a_fit_do() {
         let weight = |u: f64| u * (-u * u).exp();
         let product = |lag: f64| -> f64 {
