@@ -37,7 +37,7 @@
 //! noise or that of what the fit leaves, whichever is larger; but the step of the centre alone must be short
 //! beside the noise too. In shot noise the side lobes weigh most, and the fit widens to cover them: to 1.4
 //! widths at a Fresnel number of 0.55. A fit that is wider than the half maximum says therefore weighs the
-//! spot's flanks less: see [`LEAST_MIX`].
+//! spot's flanks less: see `LEAST_MIX`.
 
 use crate::centre::half_width::{self, WIDTHS};
 use crate::centre::plausible::{check_uncertainty, count_saturated_pixels};
