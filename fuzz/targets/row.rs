@@ -179,7 +179,7 @@ impl Bench {
             ..Settings::default()
         };
         self.calibration = Calibration::nominal().filter(|_| a & 0x80 != 0);
-        self.measurement.set(self.settings);
+        self.measurement.set(self.settings, None);
         self.rows = 0;
     }
 
