@@ -30,11 +30,11 @@
 //! boxes and clusters of bad pixels have a centre too. So the check also compares the sums of the pairs with
 //! a gaussian, loosely.
 //!
-//! If a row fails the check, [`repair`] masks samples and fits the rest. Its centre replaces the first
-//! one if the row, without those samples, passes the check about it. Otherwise the first centre stays, because
+//! If a row fails the check, [`repair`] masks samples and fits the rest. Its centre replaces the first one
+//! if the row, without those samples, passes the check about it. Otherwise the first centre stays, because
 //! in speckle the robust fit is worse than a plain one. The spot's shape then makes u larger
-//! ([`crate::shape`]), and the row is flagged only where u cannot express the error. `other_spot` searches the
-//! rest of the row for a second spot.
+//! ([`crate::shape`]), and the row is flagged only where u cannot express the error. `other_spot` searches
+//! the rest of the row for a second spot.
 
 mod other_spot;
 pub mod repair;
@@ -57,7 +57,8 @@ const NARROWEST_CUT: f32 = 1.25;
 /// If the shape's part of u exceeds this many widths, the row is flagged.
 const LARGEST_SHAPE: f32 = 0.5;
 
-/// A narrower spot, in pixels, is flagged if it is not symmetric: a single bad pixel looks like a shape there.
+/// A narrower spot, in pixels, is flagged if it is not symmetric: a single bad pixel looks like a shape
+/// there.
 const NARROWEST_WITH_SHAPE: f32 = repair::NARROWEST_SURE_REFIT;
 
 /// Finds the centre of a spot that the coarse search found, and checks it.

@@ -7,8 +7,8 @@
 //!
 //! The CRC-32 is ISO-HDLC, as in zip and PNG.
 //!
-//! [`decode`] also reads the versions that earlier firmware wrote. Version 1 has no uncertainties, and neither
-//! version 1 nor 2 has the sensor's own spot.
+//! [`decode`] also reads the versions that earlier firmware wrote. Version 1 has no uncertainties, and
+//! neither version 1 nor 2 has the sensor's own spot.
 //!
 //! [`decode`] makes a record with the constructors of its parts, and refuses what they refuse. The range of
 //! distances is not in the bytes: it follows from the calibration and the range of its centres.

@@ -201,9 +201,9 @@ impl Geometry {
     }
 }
 
-/// Subtracts each word from full scale, in place. Returns all bits that were set in any word if one of them is
-/// above full scale, otherwise full scale; and whether a word was zero (full scale of light). Takes two words at a time, because it runs on every word of every
-/// row.
+/// Subtracts each word from full scale, in place. Returns all bits that were set in any word if one of them
+/// is above full scale, otherwise full scale; and whether a word was zero (full scale of light). Takes two
+/// words at a time, because it runs on every word of every row.
 fn invert_words(words: &mut [u16], full_scale: u16) -> (u16, bool) {
     const ONES: u32 = 0x0001_0001;
     let full_scales = u32::from(full_scale) * ONES;

@@ -1,9 +1,9 @@
 //! The shape of a spot, and how far a flaw that changed it may have moved the centre.
 //!
 //! A spot that is not its own mirror image has no single centre: two estimators find two. The check
-//! ([`crate::check`]) compares a row with its mirror image about the centre. It writes the difference as a sum
-//! of u e, u, u^3 e, u^5 e and u^7 e, with u the distance from the centre in widths and e = exp(-u^2/2). Each
-//! function is made orthogonal to those before it, with the weights of the pixels' noise.
+//! ([`crate::check`]) compares a row with its mirror image about the centre. It writes the difference as a
+//! sum of u e, u, u^3 e, u^5 e and u^7 e, with u the distance from the centre in widths and e = exp(-u^2/2).
+//! Each function is made orthogonal to those before it, with the weights of the pixels' noise.
 //!
 //! A flaw is hidden as far as it looks like a shift, u e: the estimator moves the centre until that part is
 //! gone. The other parts stay. They tell how large the hidden part may be, because a flaw seldom looks like a
@@ -26,9 +26,9 @@ pub struct SpotShape {
     pub components: [Pixels; COMPONENTS],
     /// The standard deviation of each component by noise: that of a weighted fit's centre.
     pub noise: Pixels,
-    /// The width of the gaussian that fits the symmetric light best. Its noise is that of a component, nearly.
-    /// The estimators' width is that at half of the height, and seldom measured again within a frame. Zero if
-    /// the check had too few pairs to tell the shape.
+    /// The width of the gaussian that fits the symmetric light best. Its noise is that of a component,
+    /// nearly. The estimators' width is that at half of the height, and seldom measured again within a
+    /// frame. Zero if the check had too few pairs to tell the shape.
     pub width: Pixels,
     /// How far the light of a few pixels, which no component describes, may have moved the centre.
     pub rest: Pixels,
@@ -43,7 +43,8 @@ pub struct OwnSpot {
     pub width_deviation: f32,
     /// The components in pixels.
     pub components: [f32; COMPONENTS],
-    /// How far the components of spots without a flaw differ from those beyond noise, as a standard deviation.
+    /// How far the components of spots without a flaw differ from those beyond noise, as a standard
+    /// deviation.
     pub deviation: f32,
 }
 
@@ -51,13 +52,13 @@ pub struct OwnSpot {
 /// than five times what these factors give.
 const HIDDEN: [f32; COMPONENTS] = [2.0, 1.0, 5.0, 3.0, 2.0];
 
-/// The hidden shift over the change of the width. Wide shadows that leave a spot symmetric move it by 0.5 to 7
-/// times the change; half of them by less than 1.5 times.
+/// The hidden shift over the change of the width. Wide shadows that leave a spot symmetric move it by 0.5 to
+/// 7 times the change; half of them by less than 1.5 times.
 const HIDDEN_BY_WIDTH: f32 = 2.0;
 
-/// The largest sum of squares of the components, in variances, that counts as noise. Noise exceeds it in 1.5 %
-/// of the spots (chi square of four degrees of freedom: the estimator makes the shift zero), and then u grows.
-/// On average over all spots it grows by 4 %.
+/// The largest sum of squares of the components, in variances, that counts as noise. Noise exceeds it in 1.5
+/// % of the spots (chi square of four degrees of freedom: the estimator makes the shift zero), and then u
+/// grows. On average over all spots it grows by 4 %.
 const NOISE: f32 = 12.3;
 
 /// As [`NOISE`] with the width, for a sensor that knows its own spot: 2 % (five degrees of freedom).

@@ -430,8 +430,8 @@ impl<'a> Sums<'a> {
             > noise.to_bits()
     }
 
-    /// The level of the darkest block of the largest size, but at most `level`: wide light may raise the level
-    /// of most of the row.
+    /// The level of the darkest block of the largest size, but at most `level`: wide light may raise the
+    /// level of most of the row.
     fn darkest(&self, level: Counts) -> Counts {
         let sums = self.sums.last().copied().unwrap_or_default();
         let darkest = sums.iter().min();
@@ -513,8 +513,8 @@ impl Candidate {
     /// Whether the light is wider than a spot can be: three blocks of 128 pixels to the sides there is more
     /// than a fifth of the response left. A gaussian of 170 pixels has 15 to 18 % left, depending on how it
     /// lies on the blocks; one of 200 pixels 23 to 25 %. They are taken above the darkest part of the row,
-    /// because wide light raises the level of the rest. Near the row's end, which may cut the light, two blocks
-    /// to the other side count.
+    /// because wide light raises the level of the rest. Near the row's end, which may cut the light, two
+    /// blocks to the other side count.
     fn is_too_wide(&self, sums: &Sums<'_>, level: Counts) -> bool {
         if self.block_log2 != LARGEST_BLOCK_LOG2 {
             return false;

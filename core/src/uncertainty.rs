@@ -287,8 +287,8 @@ fn between(values: &[f32; PLACES], along: f32) -> f32 {
     }
 }
 
-/// The last of [`PLACES`] before a point, and the share of the way to the next one, 0 to 1. `along` is limited
-/// to 0 to 1; not-a-number counts as 0.
+/// The last of [`PLACES`] before a point, and the share of the way to the next one, 0 to 1. `along` is
+/// limited to 0 to 1; not-a-number counts as 0.
 pub(crate) fn place_at(along: f32) -> (usize, f32) {
     const LAST: usize = PLACES - 1;
     let place = if along > 0.0 { along } else { 0.0 } * LAST as f32;

@@ -188,8 +188,8 @@ fn centres_of_frames_stay_the_same() {
 
 /// A flaw that grows from nothing until nobody can miss it, for spots of several widths and shapes. Each
 /// character is a row: the estimator's centre (.), the same with more uncertainty by its shape than by noise
-/// (u), a repaired centre (r), a flag (m), a fault (f). So a line shows from which strength on the check finds
-/// the flaw, and from which strength on the repair succeeds.
+/// (u), a repaired centre (r), a flag (m), a fault (f). So a line shows from which strength on the check
+/// finds the flaw, and from which strength on the repair succeeds.
 #[test]
 fn the_strengths_at_which_flaws_are_found_stay_the_same() {
     const STRENGTHS: u32 = 48;

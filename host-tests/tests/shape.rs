@@ -1,5 +1,5 @@
-//! How far flaws are hidden: the shift that an estimator takes for the spot's, over what the spot's shape says
-//! of it. From the flaws' own formulas, without rows and without noise.
+//! How far flaws are hidden: the shift that an estimator takes for the spot's, over what the spot's shape
+//! says of it. From the flaws' own formulas, without rows and without noise.
 
 use std::f64::consts::TAU;
 
@@ -110,7 +110,8 @@ const KINDS: [(&str, Draw); 5] = [
     }),
 ];
 
-/// A standard uncertainty is as large as the errors are on average, and errors of five times as much are rare.
+/// A standard uncertainty is as large as the errors are on average, and errors of five times as much are
+/// rare.
 #[test]
 fn the_uncertainty_by_the_shape_covers_what_flaws_hide() {
     const FLAWS: usize = 600;

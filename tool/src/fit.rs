@@ -41,7 +41,8 @@ use solve::Form;
 /// Of `slitrange calibrate fit`.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The points: a CSV file with the columns x_px, d_mm and, if there, sigma_px, height_counts and the spot's shape
+    /// The points: a CSV file with the columns x_px, d_mm and, if there, sigma_px, height_counts and the
+    /// spot's shape
     points: PathBuf,
     /// What the calibration is made of
     #[arg(long, value_enum, default_value = "auto")]

@@ -89,9 +89,10 @@ pub const LEAST_SQUARES: Plan = Plan {
 };
 
 /// Weights for the diffraction pattern of a slit. They are close to those of an unweighted fit of eq. (6): a
-/// side lobe weighs 1.5 times as much as the top. With the noise ratio of [`DEFAULT`], a side lobe would weigh
-/// 4.5 times as much. That ratio gains 10 % in shot noise on the pattern of a point. But its centre lies
-/// further from the fit's than the centre of [`DEFAULT`] does, as soon as a laser spot blurs the pattern.
+/// side lobe weighs 1.5 times as much as the top. With the noise ratio of [`DEFAULT`], a side lobe would
+/// weigh 4.5 times as much. That ratio gains 10 % in shot noise on the pattern of a point. But its centre
+/// lies further from the fit's than the centre of [`DEFAULT`] does, as soon as a laser spot blurs the
+/// pattern.
 pub const FRAUNHOFER: Plan = Plan {
     noise_ratio: 2.0,
     ..DEFAULT

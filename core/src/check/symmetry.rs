@@ -13,17 +13,18 @@
 //!
 //! * u e, the *shift*: half of it is how far a weighted fit would move the centre. It may be at most
 //!   [`SHIFTED`] times the uncertainty plus [`SHIFTED_PIXELS`].
-//! * u, the *tilt*, u^3 e, the *skew*, u^5 e and u^7 e, each less its parts along those before. A component with
-//!   the product r and the norm s = sum w f^2 has the variance s, so r^2 / s is a chi-square of one degree of
-//!   freedom. The last two have no limit of their own: they count in the spot's shape ([`crate::shape`]).
+//! * u, the *tilt*, u^3 e, the *skew*, u^5 e and u^7 e, each less its parts along those before. A component
+//!   with the product r and the norm s = sum w f^2 has the variance s, so r^2 / s is a chi-square of one
+//!   degree of freedom. The last two have no limit of their own: they count in the spot's shape
+//!   ([`crate::shape`]).
 //!
 //! In what remains, no single pair may stand out, and the sum of squares must be one that noise explains.
 //!
 //! **Even part**: p is fitted by b + A e (1 + k2 u^2 + k4 u^4), unweighted. Optics make k4 as low as -0.040
-//! (sinc^2; Fresnel -0.022); two equal spots 2 widths apart have -0.077. What the fit without k4 leaves of an
-//! optical shape has a mean square of at most 0.015 of that of A e (Fresnel numbers up to 0.55, which a blue laser or
-//! a slit of 250 um stays below; 0.0031 for the nominal slit). What it leaves of a box has 0.04 and
-//! more.
+//! (sinc^2; Fresnel -0.022); two equal spots 2 widths apart have -0.077. The fit without k4 leaves a rest,
+//! whose mean square is compared with that of A e. For optical shapes it is at most 0.015: that is for a
+//! Fresnel number of 0.55. A blue laser or a slit of 250 um has less, the nominal slit 0.0031. For a box it
+//! is 0.04 and more.
 
 use core::ops::Range;
 

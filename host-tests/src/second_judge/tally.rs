@@ -68,8 +68,8 @@ pub enum Verdict {
 }
 
 impl Frame {
-    /// Runs the firmware's pipeline with the default settings and an estimator, on a sensor that knows its own
-    /// spot or does not.
+    /// Runs the firmware's pipeline with the default settings and an estimator, on a sensor that knows its
+    /// own spot or does not.
     ///
     /// # Errors
     /// The fault that the firmware reports.
@@ -271,7 +271,7 @@ pub fn judge(kinds: &'static [Kind], rows: u64, frames: u64) -> Report {
     judge_with(kinds, rows, frames, &|| {})
 }
 
-/// As [`judge`]. `done` is told of each row and each frame.
+/// As [`judge`]. Calls `done` after each row and each frame.
 pub fn judge_with(
     kinds: &'static [Kind],
     rows: u64,

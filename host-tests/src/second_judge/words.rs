@@ -30,9 +30,9 @@ pub fn missing_codes(plan: &mut Plan, random: &mut Rng) {
 /// A word that the DMA loses: the same one in all rows, because an interrupt of the same clock delays it. The
 /// words after it move up by one, and the last one comes twice.
 ///
-/// The truth is where the spot's top is: a pixel further down if the word is lost before the top, as if it
-/// were lost far before the spot. If it is lost within half a width of the centre, what is left is nearly
-/// symmetric about a place between, and nothing tells which half moved: all places between are right.
+/// The truth is where the spot's top is. If the word is lost before the top, the top moves down by a pixel.
+/// If it is lost within half a width of the centre, nothing tells which half of the spot moved. Then all
+/// places between the old centre and a pixel further down are right.
 pub fn lost_word(plan: &mut Plan, random: &mut Rng) {
     let widths: f64 = random.random_range(-3.0..3.0);
     let centre = plan.spot.centre;

@@ -118,8 +118,8 @@ fn old_records_decode_to_the_same_distances() {
         assert_eq!(record.estimator, estimator, "{}", old.estimator);
         assert_eq!(record.errors, CalibrationErrors::Unknown);
         assert_eq!(record.profile, None);
-        // The version is another and the estimator's letter may be; two bytes follow, which say that nothing
-        // is known of the errors or of the sensor's own spot. All else is as it was.
+        // The version differs, and the estimator's letter may differ. Two new bytes say that the record holds
+        // no errors and no spot of the sensor. All other bytes are the same.
         let letter = 18;
         let mut bytes = old.bytes[..old.bytes.len() - 4].to_vec();
         bytes[0] = VERSION;
