@@ -8,7 +8,7 @@
 
 use crate::frame::MAX_ROWS;
 use crate::numeric;
-use crate::row::{LARGEST_COUNT, MAX_PIXELS, Row};
+use crate::row::{LARGEST_COUNT, Light, MAX_PIXELS, Row};
 use crate::spot::Background;
 use crate::units::Counts;
 
@@ -49,12 +49,12 @@ impl BlackPixels {
                 };
                 self.add_pixels(
                     light
-                        .get(..centroid.saturating_sub(HALF_WINDOW))
+                        .slice(..centroid.saturating_sub(HALF_WINDOW))
                         .unwrap_or_default(),
                 );
                 self.add_pixels(
                     light
-                        .get(centroid.saturating_add(HALF_WINDOW)..)
+                        .slice(centroid.saturating_add(HALF_WINDOW)..)
                         .unwrap_or_default(),
                 );
             }
@@ -67,11 +67,11 @@ impl BlackPixels {
         self.pixels = self.pixels.saturating_add(other.pixels);
     }
 
-    fn add_pixels(&mut self, pixels: &[u16]) {
+    fn add_pixels(&mut self, pixels: Light<'_>) {
         self.sum = self.sum.saturating_add(
             pixels
                 .iter()
-                .fold(0, |sum, &count| numeric::add_u32(sum, count.into())),
+                .fold(0, |sum, count| numeric::add_u32(sum, count.into())),
         );
         self.pixels = self.pixels.saturating_add(pixels.len() as u32);
     }
@@ -96,7 +96,7 @@ const _: () =
 /// Finds the centroid of a row, eq. (2), to a pixel. Black pixels would outweigh a spot by their number, so
 /// only counts more than four standard deviations above the background are summed. `None` if no count is that
 /// high.
-pub fn centroid(light: &[u16], background: Background) -> Option<usize> {
+pub fn centroid(light: Light<'_>, background: Background) -> Option<usize> {
     let threshold = background
         .noise
         .to_bits()
@@ -104,7 +104,7 @@ pub fn centroid(light: &[u16], background: Background) -> Option<usize> {
         .saturating_add(background.level.to_bits())
         >> Counts::FRACTION;
     let (mut weight, mut moment) = (0u64, 0u64);
-    for (place, &count) in (0..MAX_PIXELS as u32).zip(light) {
+    for (place, count) in (0..MAX_PIXELS as u32).zip(light.iter()) {
         // At most MOST_ABOVE each, for which the sums are proven.
         let above = i32::from(count).saturating_sub(threshold).max(0);
         let above = u64::from(above.unsigned_abs());
@@ -152,7 +152,7 @@ mod tests {
             Counts::from_int(77)
         );
         assert_eq!(level(BlackLevel::Shielded), Counts::from_int(92));
-        assert_eq!(centroid(&light, background), Some(300));
+        assert_eq!(centroid((&light).into(), background), Some(300));
         assert_eq!(level(BlackLevel::Frame), Counts::from_f32(100.5));
     }
 
@@ -165,6 +165,6 @@ mod tests {
             level: Counts::from_int(4000),
             noise: Counts::from_int(100),
         };
-        assert_eq!(centroid(&[4095; 20], background), None);
+        assert_eq!(centroid((&[4095; 20]).into(), background), None);
     }
 }

@@ -187,12 +187,14 @@ fn is_certain_cut(row: &Row<'_>, found: &RowCentre) -> bool {
     32.0 * found.uncertainty.to_f32() <= width && row.light().len() as f32 >= 8.0 * width
 }
 
-/// Whether all of the spot within five widths is on the row, and no pixel at full scale.
+/// Whether all of the spot within five widths is on the row, and no pixel of it at full scale.
 fn is_whole(row: &Row<'_>, found: &RowCentre) -> bool {
     let reach = 5.0 * found.width.to_f32();
     // A row has at most 2^12 pixels.
     let (centre, end) = (found.centre.to_f32(), row.light().len() as f32 - 1.0);
-    !row.reaches_full_scale() && centre >= reach && end - centre >= reach
+    // `as` saturates.
+    let near = (centre - reach) as usize..((centre + reach) as usize).saturating_add(1);
+    centre >= reach && end - centre >= reach && !row.reaches_full_scale(near)
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use crate::pixels::PixelErrors;
 use crate::pixels::map::{self, PixelMap};
 use crate::profile::Profile;
 use crate::reading::Measured;
-use crate::row::{Geometry, Row};
+use crate::row::{Blocks, Geometry, Row};
 use crate::settings::Settings;
 use crate::spot::{self, Spot};
 use crate::units::{Counts, Pixels};
@@ -24,6 +24,8 @@ pub struct Measurement {
     geometry: Geometry,
     settings: Settings,
     profile: Option<Profile>,
+    /// The blocks of the row under way: they have their place here so that nobody clears them.
+    blocks: Blocks,
     frame: Frame,
     black: BlackPixels,
     /// The result of the row before, if it is of the same frame and had a centre.
@@ -39,6 +41,7 @@ impl Measurement {
             geometry,
             settings,
             profile: None,
+            blocks: Blocks::NONE,
             frame: Frame::default(),
             black: BlackPixels::default(),
             before: None,
@@ -58,8 +61,7 @@ impl Measurement {
         self.start_frame();
     }
 
-    /// Takes the words of a read-out. Where words fall with light, subtracts them from full scale in place.
-    /// Returns the measurement, or a fault, when the frame is complete.
+    /// Takes the words of a read-out. Returns the measurement, or a fault, when the frame is complete.
     pub fn row(&mut self, words: &mut [u16]) -> Option<Result<Measured, Fault>> {
         self.row_with(words, None)
     }
@@ -100,12 +102,12 @@ impl Measurement {
     #[inline(always)]
     fn centre(&mut self, words: &mut [u16], map: Option<&PixelMap>) -> Result<RowCentre, Fault> {
         let before = self.before.take();
-        let Ok(row) = self.geometry.row(words) else {
+        let Ok(row) = self.geometry.row_and_blocks(words, &mut self.blocks) else {
             return Err(Fault::SensorSilent);
         };
         let spot = match &before {
-            Some((spot, centre)) => spot::find_again(&row, spot, centre.width),
-            None => spot::find(&row),
+            Some((spot, centre)) => spot::find_again_in(&row, &self.blocks, spot, centre.width),
+            None => spot::find_in(&row, &self.blocks),
         };
         let how = self.settings.black_level;
         let mut black = BlackPixels::default();
@@ -121,10 +123,9 @@ impl Measurement {
             None => (row, spot),
             Some(map) => {
                 let black = black_level(&row).unwrap_or(spot.background.level);
-                let reaches_full_scale = row.reaches_full_scale();
                 let width = before.as_ref().map(|(_, centre)| centre.width);
                 correct(&self.geometry, words, map, &spot, width, black);
-                let row = self.geometry.corrected_row(words, reaches_full_scale);
+                let row = self.geometry.row_of_valid(words);
                 let spot = Spot {
                     background: map.background_of(spot.background),
                     ..spot
@@ -186,9 +187,8 @@ fn correct(
     width: Option<Pixels>,
     black: Counts,
 ) {
-    let light = words.get_mut(geometry.light.clone()).unwrap_or_default();
-    let window = map::window(spot, width);
-    map.correct(light, window, black, geometry.full_scale());
+    let words = words.get_mut(geometry.light.clone()).unwrap_or_default();
+    map.correct(words, map::window(spot, width), black, geometry);
 }
 
 /// The mean of a row's shielded pixels, if there are any.

@@ -1,7 +1,12 @@
 //! A row, and the geometry of the sensor that made it.
 
+mod blocks;
+mod light;
+
 use core::ops::Range;
 
+pub(crate) use crate::row::blocks::{BLOCK, BLOCK_LOG2, Blocks};
+pub use crate::row::light::Light;
 use crate::units::Counts;
 
 /// Whether more light makes a converter word larger or smaller.
@@ -41,9 +46,9 @@ pub const MAX_PIXELS: usize = 4096;
 /// One read-out of the sensor, light positive: at most [`MAX_PIXELS`] counts of at most [`LARGEST_COUNT`].
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
-    light: &'a [u16],
-    shielded: &'a [u16],
-    reaches_full_scale: bool,
+    light: Light<'a>,
+    shielded: Light<'a>,
+    full_scale: u16,
 }
 
 impl<'a> Row<'a> {
@@ -66,27 +71,29 @@ impl<'a> Row<'a> {
             return Err(RowError::Impossible { bits });
         }
         Ok(Self {
-            light,
-            shielded,
-            reaches_full_scale: light.iter().any(|&count| count >= full_scale),
+            light: light.into(),
+            shielded: shielded.into(),
+            full_scale,
         })
     }
 
-    /// Whether any word of the read-out is at full scale. Where none is, no pixel is saturated.
+    /// Whether any of these pixels is at full scale. Pixels off the row do not count.
     #[inline]
-    pub const fn reaches_full_scale(&self) -> bool {
-        self.reaches_full_scale
+    pub fn reaches_full_scale(&self, pixels: Range<usize>) -> bool {
+        let end = pixels.end.min(self.light.len());
+        let near = self.light.slice(pixels.start.min(end)..end);
+        near.is_some_and(|near| near.iter().any(|count| count >= self.full_scale))
     }
 
     /// The pixels that see light.
     #[inline]
-    pub const fn light(&self) -> &'a [u16] {
+    pub const fn light(&self) -> Light<'a> {
         self.light
     }
 
     /// The pixels under metal.
     #[inline]
-    pub const fn shielded(&self) -> &'a [u16] {
+    pub const fn shielded(&self) -> Light<'a> {
         self.shielded
     }
 }
@@ -143,106 +150,64 @@ impl Geometry {
         Counts::from_bits(full_scale.to_bits().saturating_sub(black_level.to_bits()))
     }
 
-    /// Makes a row from the words of a read-out. Where words fall with light, subtracts them from full scale
-    /// in place.
+    /// Makes a row from the words of a read-out.
     ///
     /// # Errors
-    /// The words are not a row of this sensor. Do not use them after this: some may have been changed.
-    pub fn row<'a>(&self, words: &'a mut [u16]) -> Result<Row<'a>, RowError> {
+    /// The words are not a row of this sensor.
+    pub fn row<'a>(&self, words: &'a [u16]) -> Result<Row<'a>, RowError> {
+        let mut blocks = Blocks::NONE;
+        self.row_and_blocks(words, &mut blocks)
+    }
+
+    /// As [`Geometry::row`], and sums the row's blocks in the same pass.
+    pub(crate) fn row_and_blocks<'a>(
+        &self,
+        words: &'a [u16],
+        blocks: &mut Blocks,
+    ) -> Result<Row<'a>, RowError> {
         let length = RowError::Length { words: words.len() };
         if words.len() != self.words {
             return Err(length);
         }
-        let full_scale = self.full_scale();
-        let (bits, reaches_full_scale) = match self.polarity {
-            Polarity::Falling => invert_words(words, full_scale),
-            Polarity::Rising => {
-                let bits = words.iter().fold(0, |bits, &word| bits | word);
-                (bits, words.iter().any(|&word| word >= full_scale))
-            }
-        };
+        let row = self.row_of_valid(words).ok_or(length)?;
+        let (before, rest) = words.split_at_checked(self.light.start).ok_or(length)?;
+        let (_, after) = rest
+            .split_at_checked(row.light.len() / BLOCK * BLOCK)
+            .ok_or(length)?;
+        let bits = blocks.sum(row.light) | all_bits(before) | all_bits(after);
         // Full scale is 2^bits - 1: a larger word sets a bit that no valid word has.
-        if bits > full_scale {
+        if bits > self.full_scale() {
             return Err(RowError::Impossible { bits });
         }
-        let words = &*words;
-        match (
-            words.get(self.light.clone()),
-            words.get(self.shielded.clone()),
-        ) {
-            (Some(light), Some(shielded)) if light.len().max(shielded.len()) <= MAX_PIXELS => {
-                Ok(Row {
-                    light,
-                    shielded,
-                    reaches_full_scale,
-                })
-            }
-            _ => Err(length),
+        Ok(row)
+    }
+
+    /// Makes a row of words that are not above full scale. `None` where the row has more or fewer words than
+    /// the geometry says.
+    pub(crate) fn row_of_valid<'a>(&self, words: &'a [u16]) -> Option<Row<'a>> {
+        let part = |range: &Range<usize>| {
+            let words = words.get(range.clone())?;
+            (words.len() <= MAX_PIXELS).then_some(Light::new(words, self.inverted()))
+        };
+        Some(Row {
+            light: part(&self.light)?,
+            shielded: part(&self.shielded)?,
+            full_scale: self.full_scale(),
+        })
+    }
+
+    /// What turns a word into a count, and a count into a word, by an exclusive or.
+    pub(crate) const fn inverted(&self) -> u16 {
+        match self.polarity {
+            Polarity::Falling => self.full_scale(),
+            Polarity::Rising => 0,
         }
     }
 }
 
-impl Geometry {
-    /// Makes a row again from words that [`Geometry::row`] made a row of, and whose light pixels were then
-    /// corrected: see [`PixelMap::correct`](crate::pixels::map::PixelMap::correct). A correction keeps the
-    /// counts in their range.
-    pub(crate) fn corrected_row<'a>(
-        &self,
-        words: &'a [u16],
-        reaches_full_scale: bool,
-    ) -> Option<Row<'a>> {
-        let light = words.get(self.light.clone())?;
-        let shielded = words.get(self.shielded.clone())?;
-        (light.len().max(shielded.len()) <= MAX_PIXELS).then_some(Row {
-            light,
-            shielded,
-            reaches_full_scale,
-        })
-    }
-}
-
-/// Subtracts each word from full scale, in place. Returns all bits that were set in any word if one of them
-/// is above full scale, otherwise full scale; and whether a word was zero (full scale of light). Takes two
-/// words at a time, because it runs on every word of every row.
-fn invert_words(words: &mut [u16], full_scale: u16) -> (u16, bool) {
-    const ONES: u32 = 0x0001_0001;
-    let full_scales = u32::from(full_scale) * ONES;
-    // All bits of the inverted words, and of those plus one. Full scale is 2^bits - 1: only full scale plus
-    // one has the bit above.
-    let (mut bits, mut bits_plus_one) = (0u32, 0u32);
-    let (pairs, last) = words.as_chunks_mut::<2>();
-    for pair in &mut *pairs {
-        let both = u32::from(pair[0]) | (u32::from(pair[1]) * 0x1_0000);
-        // No half borrows from the other if both words are at most full scale.
-        let inverted = full_scales.wrapping_sub(both);
-        bits |= inverted;
-        bits_plus_one |= inverted.wrapping_add(ONES);
-        *pair = [inverted as u16, (inverted >> 16) as u16];
-    }
-    for word in &mut *last {
-        *word = full_scale.wrapping_sub(*word);
-        bits |= u32::from(*word);
-        bits_plus_one |= u32::from(word.wrapping_add(1));
-    }
-    // A word above full scale leaves a bit above it: in its half, or in the one that lent to it.
-    if bits & !full_scales != 0 {
-        return (bits_before(words, full_scale), false);
-    }
-    let above = full_scales.wrapping_add(ONES);
-    (full_scale, bits_plus_one & above != 0)
-}
-
-/// All bits that were set in any word before [`invert_words`].
-#[cold]
-fn bits_before(words: &[u16], full_scale: u16) -> u16 {
-    let full_scales = u32::from(full_scale) * 0x0001_0001;
-    let (pairs, last) = words.as_chunks::<2>();
-    let bits = pairs.iter().fold(0, |bits, pair| {
-        let inverted = u32::from(pair[0]) | (u32::from(pair[1]) * 0x1_0000);
-        bits | full_scales.wrapping_sub(inverted)
-    });
-    let of_last = |bits, word: &u16| bits | full_scale.wrapping_sub(*word);
-    last.iter().fold((bits | bits >> 16) as u16, of_last)
+/// All bits that are set in any of the words.
+fn all_bits(words: &[u16]) -> u16 {
+    words.iter().fold(0, |bits, &word| bits | word)
 }
 
 #[cfg(test)]
@@ -260,24 +225,26 @@ mod tests {
         }
     }
 
-    /// All pairs of words at the ends of every range, for every number of bits.
+    /// Words at the ends of every range, for every number of bits.
     #[test]
-    fn pairs_of_words_are_inverted_like_single_words() {
+    fn words_above_full_scale_are_impossible() {
         for bits in 1..=12 {
             let full_scale = (1 << bits) - 1;
-            let ends = [0, 1, full_scale / 2, full_scale - 1, full_scale];
-            let beyond = [full_scale + 1, full_scale + 2, 0x7FFF, 0x8000, u16::MAX];
-            let all = || ends.into_iter().chain(beyond);
-            for first in all() {
-                for second in all() {
-                    let mut words = [first, second, first];
-                    let (found, is_zero) = invert_words(&mut words, full_scale);
-                    if first > full_scale || second > full_scale {
-                        assert_eq!(found, first | second, "{first} {second} of {bits} bits");
-                    } else {
-                        assert!(found <= full_scale);
-                        assert_eq!(is_zero, first == 0 || second == 0);
-                        assert_eq!(words, [first, second, first].map(|word| full_scale - word));
+            for word in [0, 1, full_scale / 2, full_scale - 1, full_scale] {
+                let geometry = Geometry { bits, ..geometry() };
+                let words = [word; 8];
+                let row = geometry.row(&words).expect("a row");
+                assert_eq!(row.light().get(0), Some(full_scale - word));
+                assert_eq!(row.reaches_full_scale(0..9), word == 0);
+                for beyond in [full_scale + 1, full_scale + 2, 0x7FFF, 0x8000, u16::MAX] {
+                    for place in 0..8 {
+                        let mut words = words;
+                        words[place] = beyond;
+                        let bits = word | beyond;
+                        assert_eq!(
+                            geometry.row(&words).err(),
+                            Some(RowError::Impossible { bits })
+                        );
                     }
                 }
             }
@@ -285,20 +252,41 @@ mod tests {
     }
 
     #[test]
+    fn only_the_pixels_asked_for_reach_full_scale() {
+        let row = Row::new(&[1, 4095, 1, 1], &[], 4095).expect("12 bits");
+        for (pixels, is_so) in [
+            (0..4, true),
+            (1..2, true),
+            (0..1, false),
+            (2..9, false),
+            (7..9, false),
+        ] {
+            assert_eq!(row.reaches_full_scale(pixels.clone()), is_so, "{pixels:?}");
+        }
+    }
+
+    #[test]
     fn falling_words_become_light_positive() {
-        let mut words = [0, 4000, 4001, 4095, 4000, 0, 3000, 7];
-        let row = geometry().row(&mut words).expect("a row");
-        assert_eq!(row.light(), [0, 95, 4095, 1095]);
-        assert_eq!(row.shielded(), [95, 94]);
-        let mut rising = [0, 1, 2, 3, 4, 5, 6, 7];
+        let words = [0, 4000, 4001, 4095, 4000, 0, 3000, 7];
+        let geometry = geometry();
+        let row = geometry.row(&words).expect("a row");
+        let light = [0, 95, 4095, 1095];
+        assert!(row.light().iter().eq(light));
+        assert!(row.light().iter().rev().eq([1095, 4095, 95, 0]));
+        assert!(row.light().chunks::<2>().eq([[0, 95], [4095, 1095]]));
+        assert_eq!(row.light().get(3), Some(1095));
+        let (left, right) = row.light().split(1);
+        assert!(left.iter().eq([0]) && right.iter().eq([95, 4095, 1095]));
+        assert_eq!(row.light().slice(1..3).map(Light::len), Some(2));
+        assert_eq!(row.light().slice(1..5), None);
+        assert!(row.shielded().iter().eq([95, 94]));
+        let rising = [0, 1, 2, 3, 4, 5, 6, 7];
         let geometry = Geometry {
             polarity: Polarity::Rising,
-            ..geometry()
+            ..geometry
         };
-        assert_eq!(
-            geometry.row(&mut rising).expect("a row").light(),
-            [3, 4, 5, 6]
-        );
+        let row = geometry.row(&rising).expect("a row");
+        assert!(row.light().iter().eq([3, 4, 5, 6]));
     }
 
     #[test]
@@ -338,10 +326,10 @@ mod tests {
 
     #[test]
     fn malformed_rows_are_rejected() {
-        let error = |words: &mut [u16]| geometry().row(words).expect_err("no row");
-        assert_eq!(error(&mut [1, 2, 3]), RowError::Length { words: 3 });
+        let error = |words: &[u16]| geometry().row(words).expect_err("no row");
+        assert_eq!(error(&[1, 2, 3]), RowError::Length { words: 3 });
         assert_eq!(
-            error(&mut [0, 1, 2, 3, 4, 5, 6, 0x8007]),
+            error(&[0, 1, 2, 3, 4, 5, 6, 0x8007]),
             RowError::Impossible { bits: 0x8007 }
         );
         let beyond = Geometry {
@@ -349,9 +337,7 @@ mod tests {
             ..geometry()
         };
         assert_eq!(
-            beyond
-                .row(&mut [0, 1, 2, 3, 4, 5, 6, 7])
-                .expect_err("no row"),
+            beyond.row(&[0, 1, 2, 3, 4, 5, 6, 7]).expect_err("no row"),
             RowError::Length { words: 8 }
         );
         assert_eq!(

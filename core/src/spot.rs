@@ -2,7 +2,8 @@
 //!
 //! First the search takes the level and the noise of the row's own background. Both are medians over blocks
 //! of pixels, so a spot that fills less than half of the row does not change them. Then the kernel [1 2 1]
-//! runs over the pixels, and over sums of 2, 4, 8 ... 128 pixels. A gaussian whose width is 0.9 of a block
+//! runs over sums of 8, 16 ... 128 pixels, and over the pixels and sums of 2 and 4 pixels where these may
+//! show a spot that stands out more. A gaussian whose width is 0.9 of a block
 //! gives that kernel 89 to 97 % of the signal-to-noise ratio of the best filter, depending on how it lies on
 //! the blocks. Widths between two block sizes give 84 % or more. The spot is where the response stands
 //! highest above its own noise. A background that rises along the row and would hide the spot is subtracted
@@ -13,20 +14,22 @@
 //! All sums are integers, and all results come from differences of counts: adding a constant to a row changes
 //! nothing.
 
+mod again;
 mod narrow;
 mod second_spot;
-mod sweep;
+mod sums;
 mod tilt;
 
 use heapless::Vec;
 
 use crate::fault::Fault;
 use crate::numeric;
-use crate::row::{Geometry, LARGEST_COUNT, MAX_PIXELS, Row};
-pub(crate) use crate::spot::sweep::sum_of_blocks;
-use crate::spot::sweep::{BLOCK_LOG2, Sweep};
+use crate::row::{BLOCK_LOG2, Blocks, Geometry, LARGEST_COUNT, Light, MAX_PIXELS, Row};
+pub use crate::spot::again::find_again;
+pub(crate) use crate::spot::again::find_again_in;
+use crate::spot::sums::{Coarse, Fine, Sums, sum_of};
 use crate::spot::tilt::Tilt;
-use crate::units::{Counts, Pixels};
+use crate::units::Counts;
 
 /// The shortest row that is searched, in pixels of its light range.
 pub const MIN_PIXELS: usize = 32;
@@ -114,21 +117,28 @@ impl Spot {
 /// two spots stand out and their heights do not tell which is the laser's. [`Fault::SensorSilent`] if all
 /// pixels read the same, which the noise of a sensor never allows.
 pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
+    find_in(row, &Blocks::of(row.light()))
+}
+
+/// As [`find`], with the row's blocks.
+pub(crate) fn find_in(row: &Row<'_>, blocks: &Blocks) -> Result<Spot, Fault> {
     let light = row.light();
-    let no_spot = Fault::NoSpot {
-        amplitude: Counts::from_int(0),
-    };
     if light.len() < MIN_PIXELS {
-        return Err(no_spot);
+        return Err(NOTHING);
     }
-    if light.iter().all(|count| Some(count) == light.first()) {
+    if light.iter().all(|count| Some(count) == light.get(0)) {
         return Err(Fault::SensorSilent);
     }
-    match search(light, false)? {
+    match search(light, blocks, false)? {
         Found::Spot(spot) => Ok(spot),
         Found::Tilt(tilt) => search_level(light, tilt),
     }
 }
+
+/// The fault of a row on which nothing stands out.
+const NOTHING: Fault = Fault::NoSpot {
+    amplitude: Counts::from_bits(0),
+};
 
 /// The result of a search.
 enum Found {
@@ -141,24 +151,47 @@ enum Found {
 /// Searches a row. `is_level`: its tilt is already subtracted.
 // Not inlined, so that the stack holds the sums of only one search at a time.
 #[inline(never)]
-fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
-    let no_spot = Fault::NoSpot {
-        amplitude: Counts::from_int(0),
-    };
-    let mut memory = Memory::default();
-    let sums = Sums::new(light, &mut memory).ok_or(no_spot)?;
-    let (level, tilt) = sums.background().ok_or(no_spot)?;
-    let noise = noise(light).ok_or(no_spot)?;
-    let candidates = || (0..SIZES as u32).filter_map(|log2| Candidate::new(&sums, log2, level));
-    let mut best = (candidates().max_by_key(|candidate| candidate.significance)).ok_or(no_spot)?;
+fn search(light: Light<'_>, blocks: &Blocks, is_level: bool) -> Result<Found, Fault> {
+    let mut coarse = Coarse::new();
+    coarse.sum(blocks);
+    let sums = Sums::new(light, blocks, &coarse);
+    let (level, tilt) = sums.background().ok_or(NOTHING)?;
+    let noise = noise(light).ok_or(NOTHING)?;
+    let background = Background { level, noise };
+    let tilt = (!is_level).then_some(tilt);
+    if let Some(best) = Candidate::best(&sums, level)
+        && best.is_best_of_all_sizes(&sums, background)
+        && !best.is_too_wide(&sums, level)
+        && let Some(found) = take(&sums, &best, background, tilt)
+    {
+        return found;
+    }
+    search_all_sizes(&sums, background, tilt)
+}
+
+/// As [`search`], in blocks of all sizes.
+#[cold]
+#[inline(never)]
+fn search_all_sizes(
+    sums: &Sums<'_>,
+    background: Background,
+    tilt: Option<Tilt>,
+) -> Result<Found, Fault> {
+    let mut fine = Fine::new();
+    fine.sum(sums.light);
+    let sums = sums.with(&fine);
+    let Background { level, noise } = background;
+    let mut best = Candidate::best(&sums, level).ok_or(NOTHING)?;
     if best.block_log2 == 0 && best.is_one_pixel(&sums, level) {
         // The highest response is that of a hot pixel. Larger blocks may show the spot that it hides.
-        best = candidates()
+        best = Candidate::all(&sums, level)
             .filter(|candidate| !candidate.is_one_pixel(&sums, level))
             .max_by_key(|candidate| candidate.significance)
-            .ok_or(no_spot)?;
+            .ok_or(NOTHING)?;
     }
-    if !is_level && tilt.may_hide(light, best.height(), noise) {
+    if let Some(tilt) = tilt
+        && tilt.may_hide(sums.light, best.height(), noise)
+    {
         return Ok(Found::Tilt(tilt));
     }
     let is_dim = best.significance < needed(narrow::LEAST_CONTRAST, noise);
@@ -172,26 +205,46 @@ fn search(light: &[u16], is_level: bool) -> Result<Found, Fault> {
             amplitude: best.height(),
         });
     }
-    let block = sums.highest(best.block_log2).ok_or(no_spot)?;
+    // The tilt is tested.
+    take(&sums, &best, background, None).unwrap_or(Err(NOTHING))
+}
+
+/// Takes a candidate for the spot, if it is no part of a background that rises, and there is no other spot.
+/// `None` where the sums do not hold what this needs.
+fn take(
+    sums: &Sums<'_>,
+    best: &Candidate,
+    background: Background,
+    tilt: Option<Tilt>,
+) -> Option<Result<Found, Fault>> {
+    if let Some(tilt) = tilt
+        && tilt.may_hide(sums.light, best.height(), background.noise)
+    {
+        return Some(Ok(Found::Tilt(tilt)));
+    }
+    let block = sums.highest(best.block_log2)?;
     let spot = Spot {
         centre: middle(block, best.block_log2),
         block_log2: best.block_log2,
         height: best.height(),
-        background: Background { level, noise },
-        black_level: level,
+        background,
+        black_level: background.level,
     };
-    second_spot::check(&sums, spot).map(Found::Spot)
+    Some(second_spot::check(sums, spot)?.map(Found::Spot))
 }
 
 /// Searches a row without its tilt, and adds the tilt at the spot to the background's level.
 #[cold]
 #[inline(never)]
-fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
-    let mut untilted: Vec<u16, MAX_PIXELS> = Vec::from_slice(light).map_err(|_| Fault::NoSpot {
-        amplitude: Counts::from_int(0),
-    })?;
+fn search_level(light: Light<'_>, tilt: Tilt) -> Result<Spot, Fault> {
+    let mut untilted: Vec<u16, MAX_PIXELS> = Vec::new();
+    for count in light.iter() {
+        // A row has no more pixels.
+        let _ = untilted.push(count);
+    }
     let lowest = tilt.subtract_from(&mut untilted);
-    match search(&untilted, true)? {
+    let untilted = Light::from(untilted.as_slice());
+    match search(untilted, &Blocks::of(untilted), true)? {
         Found::Spot(spot) => {
             let level = Counts::from_bits(
                 (spot.background.level.to_bits())
@@ -208,87 +261,8 @@ fn search_level(light: &[u16], tilt: Tilt) -> Result<Spot, Fault> {
             })
         }
         // A tilt is subtracted only once.
-        Found::Tilt(_) => Err(Fault::NoSpot {
-            amplitude: Counts::from_int(0),
-        }),
+        Found::Tilt(_) => Err(NOTHING),
     }
-}
-
-/// Finds the spot again in the next row, with a tenth of the work of [`find`]. Uses blocks of 8 pixels or
-/// more that fit the width of the spot before, and the background and the noise of the row before. Calls
-/// [`find`] instead if the spot is narrower, has moved by more than its width and a block, or is on another
-/// background: a sudden change of light changes the noise too, and noise might then pass for a spot above the
-/// old background.
-///
-/// # Errors
-/// As [`find`].
-pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, Fault> {
-    let light = row.light();
-    // The kernel fits a width of 0.9 of its block best, and widths of 0.75 or 1.5 nearly as well.
-    let block_log2 = (BLOCK_LOG2..=LARGEST_BLOCK_LOG2)
-        .take_while(|&log2| width >= Pixels::from_int((3 << log2) / 4))
-        .last();
-    let Some(block_log2) = block_log2.filter(|_| light.len() >= MIN_PIXELS) else {
-        return find(row);
-    };
-    let sweep = Sweep::new(light.as_chunks().0, block_log2 - BLOCK_LOG2);
-    let level = Counts::from_bits(before.background.level_bits());
-    let background = under_the_kernel(level, block_log2);
-    let above = |response: u32| in_q8(response).saturating_sub(background).max(0);
-    // Another spot has two thirds of the peak's response or more: see `second_spot::has_similar_height`.
-    // Both terms are below 2^29.
-    let least_similar = |peak: u32| {
-        (numeric::add_i32(background, above(peak) / 3 * 2).max(0) >> Counts::FRACTION)
-            .unsigned_abs()
-    };
-    let Some(peak) = sweep.peak(least_similar) else {
-        return find(row);
-    };
-    let response = above(peak.response);
-    let significance = square(response.unsigned_abs()) >> block_log2;
-    let block = 1usize << block_log2;
-    let centre = middle(peak.group, block_log2);
-    // Not negative: the width is at least three quarters of the block that was chosen for it.
-    let width = (width.to_bits() >> Pixels::FRACTION) as usize;
-    // [`find`] tells whether a weak response is only noise, because the spot is gone, and whether the sensor
-    // is silent, because no pixel changes.
-    if significance < needed(DETECTION, before.background.noise)
-        || centre.abs_diff(before.centre) > width + block
-        || has_background_changed(background, response, background_beside(&sweep, peak.group))
-        || peak.has_another
-    {
-        return find(row);
-    }
-    Ok(Spot {
-        centre,
-        block_log2,
-        height: height(response, block_log2),
-        background: before.background,
-        black_level: before.background.level,
-    })
-}
-
-/// Whether the background beside the spot has changed by more than a quarter of the spot's response. All
-/// three arguments are responses of the kernel, in Q24.8 counts. A smaller change moves no centre of a phase
-/// table, and a quarter of a response does not pass for a whole one. The centroid, which subtracts the level,
-/// then subtracts a level that is off by that change.
-fn has_background_changed(background: i32, response: i32, beside: Option<i32>) -> bool {
-    beside.is_none_or(|beside| beside.abs_diff(background) > response.unsigned_abs() / 4)
-}
-
-/// Groups from the spot's group to the two that show the background beside it. A group has 2/3 to 4/3 of the
-/// width, so the nearest pixels of those two are 2.7 widths from the centre, where a gaussian has 3 % of its
-/// height left.
-const GROUPS_TO_BACKGROUND: usize = 5;
-
-/// The background to the left and right of a group, as a response of the kernel [1 2 1], in Q24.8 counts.
-/// Where the row has one side only, that side counts twice. `None` where the row has neither.
-fn background_beside(sweep: &Sweep<'_>, group: usize) -> Option<i32> {
-    let left = (group.checked_sub(GROUPS_TO_BACKGROUND)).and_then(|group| sweep.sum(group));
-    let right = sweep.sum(group.saturating_add(GROUPS_TO_BACKGROUND));
-    let both = numeric::add_u32(left.or(right)?, right.or(left)?);
-    // Twice two groups of at most 128 pixels: as much as a response.
-    Some(in_q8(numeric::add_u32(both, both)))
 }
 
 /// The significance of a response that is `halves` halves of a standard deviation above the background. The
@@ -303,186 +277,23 @@ fn square(value: u32) -> u64 {
     u64::from(value) * u64::from(value)
 }
 
-/// Number of block sizes: 1, 2, 4 ... 128 pixels.
-const SIZES: usize = LARGEST_BLOCK_LOG2 as usize + 1;
-
-/// Pairs of blocks in a part. The sweep keeps only the highest response of each part, which halves its cost.
-/// [`Sums::highest`] then searches the best part for the place.
-const PART: usize = 16;
-
-/// Parts of all block sizes together: 128 for the 2048 pairs of pixels, half as many for each further size.
-const PARTS: usize = MAX_PIXELS / PART;
-
-/// What a search computes from a row.
-struct Memory {
-    /// For 4096 pixels: 2048 sums of two pixels, 1024 of four, and so on.
-    sums: [u32; MAX_PIXELS],
-    parts: [u32; PARTS],
-}
-
-impl Default for Memory {
-    fn default() -> Self {
-        Self {
-            sums: [0; MAX_PIXELS],
-            parts: [0; PARTS],
-        }
-    }
-}
-
-/// The sums over blocks of all sizes, and the highest responses of the kernel, background included.
-struct Sums<'a> {
-    light: &'a [u16],
-    /// Of blocks of 2 pixels, 4, 8 ... 128.
-    sums: [&'a [u32]; SIZES - 1],
-    /// The highest response in each part, of blocks of 1 pixel, 2, 4 ... 128.
-    parts: [&'a [u32]; SIZES],
-}
-
-impl<'a> Sums<'a> {
-    /// `None` where the row has more than [`MAX_PIXELS`].
-    fn new(light: &'a [u16], memory: &'a mut Memory) -> Option<Self> {
-        let (mut sums, mut parts) = ([&[][..]; SIZES - 1], [&[][..]; SIZES]);
-        let pairs = light.as_chunks::<2>().0;
-        let (parts_here, mut parts_left) = memory.parts.split_at_mut_checked(parts_of(pairs))?;
-        let (mut blocks, mut left) = memory.sums.split_at_mut_checked(pairs.len())?;
-        sweep(pairs, blocks, parts_here);
-        *parts.first_mut()? = parts_here;
-        for (sums, parts) in sums.iter_mut().zip(parts.iter_mut().skip(1)) {
-            let pairs = blocks.as_chunks::<2>().0;
-            let (parts_here, parts_after) = parts_left.split_at_mut_checked(parts_of(pairs))?;
-            let (next, after) = left.split_at_mut_checked(pairs.len())?;
-            sweep(pairs, next, parts_here);
-            (*sums, *parts) = (blocks, parts_here);
-            (blocks, left, parts_left) = (next, after, parts_after);
-        }
-        Some(Self { light, sums, parts })
-    }
-
-    /// The sum over a block. `None` off the row.
-    #[inline]
-    fn block(&self, block_log2: u32, block: usize) -> Option<u32> {
-        match (block_log2 as usize).checked_sub(1) {
-            None => self.light.get(block).map(|&count| u32::from(count)),
-            Some(size) => self.sums.get(size)?.get(block).copied(),
-        }
-    }
-
-    /// The kernel's response with its middle on a block: at most 4 * 128 * 4095 < 2^21. `None` where the
-    /// kernel reaches over the row's end.
-    #[inline]
-    fn response(&self, block_log2: u32, block: usize) -> Option<u32> {
-        let left = self.block(block_log2, block.checked_sub(1)?)?;
-        let (middle, right) = (
-            self.block(block_log2, block)?,
-            self.block(block_log2, block.checked_add(1)?)?,
-        );
-        let twice = numeric::add_u32(middle, middle);
-        Some(numeric::add_u32(numeric::add_u32(left, twice), right))
-    }
-
-    /// The highest response of each part, and the blocks on which the kernel's middle lies there.
-    fn parts(&self, block_log2: u32) -> impl Iterator<Item = (u32, core::ops::Range<usize>)> {
-        let parts = self.parts.get(block_log2 as usize).copied();
-        // A part holds the kernels whose last block is in it. The first pair of blocks only starts the first
-        // kernel, so the first middle is block 1.
-        let starts = (0..PARTS).map(|part| 2 * PART * part + 1);
-        (parts.unwrap_or_default().iter().copied())
-            .zip(starts)
-            .map(|(highest, start)| (highest, start..start + 2 * PART))
-    }
-
-    /// The block on which the kernel's middle has its highest response; of equal ones, the first.
-    fn highest(&self, block_log2: u32) -> Option<usize> {
-        // Not `>=`: of equal parts the first.
-        let (response, mut blocks) = (self.parts(block_log2))
-            .reduce(|highest, part| if part.0 > highest.0 { part } else { highest })?;
-        blocks.find(|&block| self.response(block_log2, block) == Some(response))
-    }
-
-    /// Whether one pixel has three quarters of the light about a block. No spot has such a pixel: its width
-    /// is 0.5 or more.
-    fn is_one_pixel(&self, block_log2: u32, block: usize, level: Counts) -> bool {
-        let size = 1usize << block_log2.min(LARGEST_BLOCK_LOG2);
-        let from = block.saturating_sub(2).saturating_mul(size);
-        let to = block
-            .saturating_add(3)
-            .saturating_mul(size)
-            .min(self.light.len());
-        let pixels = self.light.get(from..to).unwrap_or_default();
-        // At most 640 pixels of 12 bits in Q8: below 2^30.
-        let above = |count: u16| {
-            (i32::from(count) * (1 << Counts::FRACTION)).saturating_sub(level.to_bits())
-        };
-        let light = pixels
-            .iter()
-            .fold(0, |sum, &count| numeric::add_i32(sum, above(count)));
-        let highest = pixels.iter().map(|&count| above(count)).max();
-        highest.is_some_and(|highest| highest / 3 > light / 4)
-    }
-
-    /// Whether a part of the background is darker than its level by more than a pixel's noise. A spot there
-    /// may stand out from the background beside it, and not from the level. (The noise of a block of 128
-    /// pixels is an eleventh of a pixel's, so noise alone makes no block so dark.)
-    fn has_darker_background(&self, level: Counts, noise: Counts) -> bool {
-        level
-            .to_bits()
-            .saturating_sub(self.darkest(level).to_bits())
-            > noise.to_bits()
-    }
-
-    /// The level of the darkest block of the largest size, but at most `level`: wide light may raise the
-    /// level of most of the row.
-    fn darkest(&self, level: Counts) -> Counts {
-        let sums = self.sums.last().copied().unwrap_or_default();
-        let darkest = sums.iter().min();
-        darkest.map_or(level, |&sum| {
-            level.min(Counts::from_bits(in_q8(sum) >> LARGEST_BLOCK_LOG2))
-        })
-    }
-
-    /// The background's level and tilt: medians over blocks of the largest size of which the row has 16 or
-    /// more.
-    fn background(&self) -> Option<(Counts, Tilt)> {
-        let (block_log2, sums) = (1..SIZES as u32)
-            .zip(self.sums)
-            .take_while(|(_, sums)| sums.len() >= 16)
-            .last()?;
-        let mut values: Vec<u32, MEDIAN_BLOCKS> = Vec::from_slice(sums).ok()?;
-        let sum = median(&mut values)?;
-        let level = Counts::from_bits(in_q8(sum) >> block_log2);
-        Some((level, Tilt::of(sums, block_log2)?))
-    }
-}
-
-/// The number of parts for these pairs: the first pair is in no part.
-fn parts_of<T>(pairs: &[[T; 2]]) -> usize {
-    pairs.len().saturating_sub(1).div_ceil(PART)
-}
-
-/// Runs [1 2 1] over the values, which come in pairs; puts each pair's sum into `sums`, and the highest
-/// response of each part into `parts`.
-fn sweep<T: Copy + Into<u32>>(pairs: &[[T; 2]], sums: &mut [u32], parts: &mut [u32]) {
-    // The first pair starts the first kernel.
-    let (Some((&[a, b], pairs)), Some((sum, sums))) = (pairs.split_first(), sums.split_first_mut())
-    else {
-        return;
+/// The highest response of the kernel [1 2 1] on blocks of up to four pixels. Zero for fewer than three blocks.
+fn highest_response<const N: usize>(mut blocks: impl Iterator<Item = [u16; N]>) -> u32 {
+    let (Some(first), Some(second)) = (blocks.next(), blocks.next()) else {
+        return 0;
     };
-    let (mut last, mut last_two): (u32, u32) = (b.into(), numeric::add_u32(a.into(), b.into()));
-    *sum = last_two;
-    for ((pairs, sums), part) in pairs.chunks(PART).zip(sums.chunks_mut(PART)).zip(parts) {
-        let mut highest = 0;
-        for (&[a, b], sum) in pairs.iter().zip(sums) {
-            // Sums of at most 128 pixels of 12 bits: four of them stay below 2^21.
-            let (a, b) = (a.into(), b.into());
-            let (to_a, to_b) = (numeric::add_u32(last, a), numeric::add_u32(a, b));
-            // The kernel with its last block at a gives last_two + to_a, and at b to_a + to_b.
-            highest = highest.max(numeric::add_u32(to_a, last_two.max(to_b)));
-            *sum = to_b;
-            (last, last_two) = (b, to_b);
-        }
-        *part = highest;
-    }
+    let (first, second) = (sum_of(first), sum_of(second));
+    let (mut last, mut last_two) = (second, numeric::add_u32(first, second));
+    blocks.map(sum_of).fold(0, |highest, block| {
+        let two = numeric::add_u32(last, block);
+        let response = numeric::add_u32(last_two, two);
+        (last, last_two) = (block, two);
+        highest.max(response)
+    })
 }
+
+/// How much darker than the level noise makes a pixel, in standard deviations: one in 30,000 is darker.
+const DARKEST: i32 = 4;
 
 /// The highest response of one block size, above the background.
 struct Candidate {
@@ -503,6 +314,74 @@ impl Candidate {
             response,
             significance,
         })
+    }
+
+    /// The candidates of all sizes that the sums hold.
+    fn all(sums: &Sums<'_>, level: Counts) -> impl Iterator<Item = Self> {
+        (sums.smallest_log2()..=LARGEST_BLOCK_LOG2)
+            .filter_map(move |log2| Self::new(sums, log2, level))
+    }
+
+    /// The most significant one; of equal ones, that of the larger blocks.
+    fn best(sums: &Sums<'_>, level: Counts) -> Option<Self> {
+        Self::all(sums, level).max_by_key(|candidate| candidate.significance)
+    }
+
+    /// Whether no block of fewer than 8 pixels has a more significant response. `false` where that takes a
+    /// search of all sizes.
+    ///
+    /// A kernel on fewer pixels lies within the three blocks of a kernel on blocks of 8, and weighs no pixel
+    /// more than twice as much. So its response is at most twice that of the larger kernel, if no pixel is
+    /// darker than the level. Noise may darken 32 pixels by [`DARKEST`] standard deviations each. (Dead pixels
+    /// are darker, but then the spot is not where they are.) Only where the larger kernel responds that much
+    /// are the smaller ones tried.
+    fn is_best_of_all_sizes(&self, sums: &Sums<'_>, background: Background) -> bool {
+        let Background { level, noise } = background;
+        let darkest = noise.to_bits().saturating_mul(32 * DARKEST);
+        let least = (self.root_of_significance() / 2).saturating_sub(darkest);
+        // Elsewhere noise alone would respond as much, by six standard deviations: sqrt(6 * 8) * 6 = 42.
+        if least < noise.to_bits().saturating_mul(42) {
+            return false;
+        }
+        let stands_out = |response: u32| above(response, BLOCK_LOG2, level) > least;
+        let parts = sums.parts(BLOCK_LOG2);
+        let blocks = parts
+            .filter(|&(highest, _)| stands_out(highest))
+            .flat_map(|(_, blocks)| blocks)
+            .filter(|&block| sums.response(BLOCK_LOG2, block).is_some_and(stands_out));
+        let pixels = |block: usize| block << BLOCK_LOG2..block.saturating_add(1) << BLOCK_LOG2;
+        // The larger kernel does not have its middle on the blocks of the row's ends. The last block may have
+        // no other to pair with.
+        let last = (sums.number(BLOCK_LOG2) / 2 * 2).saturating_sub(1) << BLOCK_LOG2;
+        let ends = [pixels(0), last..sums.light.len()];
+        blocks.map(pixels).chain(ends).all(|pixels| {
+            let near = |around: usize| {
+                let to = pixels.end.saturating_add(around).min(sums.light.len());
+                let near = sums.light.slice(pixels.start.saturating_sub(around)..to);
+                near.unwrap_or_default()
+            };
+            let significance = |response, block_log2| {
+                let response = above(response, block_log2, level).max(0);
+                square(response.unsigned_abs()) >> block_log2
+            };
+            let highest = significance(highest_response(near(1).chunks::<1>()), 0)
+                .max(significance(highest_response(near(2).chunks::<2>()), 1))
+                .max(significance(highest_response(near(4).chunks::<4>()), 2));
+            highest <= self.significance
+        })
+    }
+
+    /// The root of the significance, rounded down by up to 3 %. Q24.8 counts.
+    fn root_of_significance(&self) -> i32 {
+        // 1/sqrt(2^block_log2), Q8, for blocks of 8 to 128 pixels.
+        let factor = match self.block_log2 {
+            3 => 90,
+            4 => 64,
+            5 => 45,
+            6 => 32,
+            _ => 22,
+        };
+        (i64::from(self.response) * factor >> 8) as i32
     }
 
     fn is_one_pixel(&self, sums: &Sums<'_>, level: Counts) -> bool {
@@ -577,10 +456,12 @@ const MEDIAN_BLOCKS: usize = 32;
 
 /// Estimates the noise of a pixel from the mean absolute difference of neighbours, which is sigma 2/sqrt(pi)
 /// for white noise. Takes the median of these means over parts of the row.
-fn noise(light: &[u16]) -> Option<Counts> {
+fn noise(light: Light<'_>) -> Option<Counts> {
     let mut noises: Vec<u32, MEDIAN_BLOCKS> = Vec::new();
     let part = light.len().div_ceil(MEDIAN_BLOCKS).max(8);
-    for pixels in light.chunks_exact(part) {
+    // A step has the same size in words that rise and in words that fall.
+    let (words, _) = light.words();
+    for pixels in words.chunks_exact(part) {
         // Two pixels in four are enough: on a row of 3648 the noise is then known to 3 %.
         let fours = pixels.as_chunks::<4>().0;
         // At most 32 steps of 12 bits: below 2^17, and in Q8 below 2^25.
@@ -592,27 +473,35 @@ fn noise(light: &[u16]) -> Option<Counts> {
         let _ = noises.push(mean);
     }
     // sqrt(pi)/2 = 0.886227 as 58080/65536; a mean step is below 2^20 in Q8.
-    let noise = (u64::from(median(&mut noises)?) * 58_080) >> 16;
+    let noise = (u64::from(median(&noises)?) * 58_080) >> 16;
     /// 1/sqrt(12) of a count in Q8.
     const ROUNDING: i32 = 74;
     Some(Counts::from_bits((noise as i32).max(ROUNDING)))
 }
 
 /// The median. Of an even number of values, the upper one of the middle two.
-fn median<T: Copy + Ord>(values: &mut [T]) -> Option<T> {
-    // Insertion sort: quick for so few values. The library's sorts contain a panic, for values without an
-    // order.
-    for end in 1..values.len() {
-        let mut sorted = values.get_mut(..=end)?;
-        while let Some((last, before)) = sorted.split_last_mut()
-            && let Some(previous) = before.last_mut()
-            && *last < *previous
-        {
-            core::mem::swap(last, previous);
-            sorted = before;
+///
+/// Each pass counts the values below one that may be the median, and so leaves fewer that may.
+fn median<T: Copy + Ord>(values: &[T]) -> Option<T> {
+    let rank = values.len() / 2;
+    let (mut above, mut below) = (None, None);
+    for _ in values {
+        let may_be = |value: &&T| {
+            above.is_none_or(|above| **value > above) && below.is_none_or(|below| **value < below)
+        };
+        let tried = *values.iter().find(may_be)?;
+        let less = numeric::count(values.iter().map(|&value| value < tried));
+        if rank < less {
+            below = Some(tried);
+            continue;
         }
+        let most = numeric::count(values.iter().map(|&value| value <= tried));
+        if rank < most {
+            return Some(tried);
+        }
+        above = Some(tried);
     }
-    values.get(values.len() / 2).copied()
+    None
 }
 
 // A response, 1 + 2 + 1 of the largest blocks, fits in Q8.

@@ -360,7 +360,7 @@ impl Fits {
             centre(Estimator::PhaseTable)?,
         );
         // The fit's 128 samples of one pixel, around where its half maximum says that the spot is.
-        let half = half_width::find(light, &spot).ok()?;
+        let half = half_width::find(light.into(), &spot).ok()?;
         let (left, right) = (half.left?, half.right?);
         let start = half.top.to_f64() + 0.5 * f64::from(right - left);
         let first = (start.floor() as usize).checked_sub(64)?;

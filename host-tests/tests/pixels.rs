@@ -10,7 +10,7 @@ use slitrange::pixels::encoded::{Read, Reader, Word, Words};
 use slitrange::pixels::flat_field::{FlatField, Kind, ROWS, TakeError, Taken};
 use slitrange::pixels::map::{Entry, MAX_MAP_PIXELS, PixelMap};
 use slitrange::reading::Measured;
-use slitrange::row::Geometry;
+use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::settings::Settings;
 use slitrange::units::Counts;
@@ -335,14 +335,19 @@ proptest! {
         entries in entries(),
         row in prop::collection::vec(0u16..=4095, 3648),
         black in any::<i32>(),
-        full_scale in prop_oneof![Just(4095u16), 0u16..=u16::MAX],
+        bits in prop_oneof![Just(12u8), 0u8..=16],
         begin in 0usize..4000,
         length in 0usize..4000,
     ) {
         let map = map_with(&entries);
+        let geometry = Geometry {
+            polarity: Polarity::Rising,
+            bits,
+            ..tcd1304dg()
+        };
         let mut corrected = row.clone();
-        map.correct(&mut corrected, begin..begin + length, Counts::from_bits(black), full_scale);
-        let full_scale = full_scale.min(4095);
+        map.correct(&mut corrected, begin..begin + length, Counts::from_bits(black), &geometry);
+        let full_scale = geometry.full_scale();
         for (at, (before, after)) in row.iter().zip(&corrected).enumerate() {
             prop_assert_eq!(*before >= full_scale, *after >= full_scale);
             if *before >= full_scale || !(begin..begin + length).contains(&at) {

@@ -11,7 +11,7 @@
 use core::arch::asm;
 
 #[cfg(has_dsp)]
-use crate::{Pair, Pairs};
+use crate::{BLOCK, Pair, Pairs};
 
 // The layout of the weights that the assembly relies on.
 #[cfg(has_dsp)]
@@ -155,6 +155,73 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
         );
     }
     (first, second)
+}
+
+/// A block of eight samples: its bits and its sum.
+#[cfg(has_dsp)]
+macro_rules! one_block {
+    () => {
+        "ldm {sample}!, {{r2, r4, r5, r8}}
+        orr {bits}, {bits}, r2
+        add {x}, r2, r4
+        orr {bits}, {bits}, r4
+        orr {bits}, {bits}, r5
+        add {x}, {x}, r5
+        orr {bits}, {bits}, r8
+        add {x}, {x}, r8
+        smlad {x}, {x}, {weights}, {constant}
+        strh {x}, [{sum}], #2"
+    };
+}
+
+/// See [`crate::portable::sum_blocks`]. Twice as fast where the samples are aligned to 4 bytes.
+#[cfg(has_dsp)]
+#[inline(never)]
+pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &mut [u16]) -> u16 {
+    let number = blocks.len().min(sums.len());
+    if !blocks.as_ptr().cast::<u32>().is_aligned() {
+        return crate::portable::sum_blocks(blocks, weights, constant, sums);
+    }
+    let bits: u32;
+    // SAFETY: 16 bytes are read `number` times from the blocks, and 2 are written to the sums; both slices
+    // are that long, and do not overlap. LDM takes the address, which is a multiple of 4.
+    unsafe {
+        asm!(
+            // Four blocks at a time, then the rest.
+            "movs {bits}, #0",
+            "subs r3, #4",
+            "blo 3f",
+            "2:",
+            one_block!(),
+            one_block!(),
+            one_block!(),
+            one_block!(),
+            "subs r3, #4",
+            "bhs 2b",
+            "3:",
+            // r3 is four less than the number of blocks left. The two low bits of both are the same.
+            "ands r3, #3",
+            "beq 5f",
+            "4:",
+            one_block!(),
+            "subs r3, #1",
+            "bne 4b",
+            "5:",
+            inout("r3") number => _,
+            sample = inout(reg) blocks.as_ptr() => _,
+            sum = inout(reg) sums.as_mut_ptr() => _,
+            weights = in(reg) u32::from(weights.0 as u16) | u32::from(weights.1 as u16) << 16,
+            constant = in(reg) u32::from(constant),
+            bits = out(reg) bits,
+            x = out(reg) _,
+            out("r2") _,
+            out("r4") _,
+            out("r5") _,
+            out("r8") _,
+            options(nostack),
+        );
+    }
+    (bits | bits >> 16) as u16
 }
 
 /// The square root: VSQRT, which rounds to nearest as IEEE 754 asks. Stable Rust without `std` has no other

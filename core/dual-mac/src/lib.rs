@@ -31,11 +31,11 @@ mod cortex_m;
 #[cfg(has_fpu)]
 pub use cortex_m::square_root;
 #[cfg(has_dsp)]
-pub use cortex_m::{dot, dot2};
+pub use cortex_m::{dot, dot2, sum_blocks};
 #[cfg(not(has_fpu))]
 pub use portable::square_root;
 #[cfg(not(has_dsp))]
-pub use portable::{dot, dot2};
+pub use portable::{dot, dot2, sum_blocks};
 
 /// The weights of two neighbouring samples. Aligned, so that one instruction loads both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,6 +46,9 @@ pub struct Pair(pub i16, pub i16);
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct Pairs(pub Pair, pub Pair);
+
+/// Samples in a block of [`sum_blocks`].
+pub const BLOCK: usize = 8;
 
 /// The largest sample. Samples are read as signed 16-bit numbers, so larger ones would be negative.
 pub const LARGEST_SAMPLE: u16 = i16::MAX as u16;

@@ -1,6 +1,8 @@
 //! The portable twins of the assembly, in safe Rust.
 
-use crate::{Pair, Pairs};
+#[cfg(doc)]
+use crate::LARGEST_SAMPLE;
+use crate::{BLOCK, Pair, Pairs};
 
 /// Sum of sample * weight over the samples, or over the weights if those are fewer. A last sample without a
 /// partner is left out.
@@ -32,6 +34,26 @@ pub fn dot2(samples: &[u16], weights: &[Pairs]) -> (i32, i32) {
         sums[1] = sums[1].wrapping_add(two_products(a, b, weight.1));
     }
     (sums[0].wrapping_add(sums[2]), sums[1].wrapping_add(sums[3]))
+}
+
+/// Sums blocks of samples. Samples of even and of odd places have their own weight; the constant is added to
+/// each sum. Writes as many sums as there are blocks or room for them, and returns all bits that are set in
+/// any of these samples. If four samples of even
+/// or of odd places are together above [`LARGEST_SAMPLE`], their block's sum means nothing.
+pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &mut [u16]) -> u16 {
+    let mut bits = 0;
+    for (block, sum) in blocks.iter().zip(sums) {
+        let pairs = block
+            .as_chunks::<2>()
+            .0
+            .iter()
+            .map(|&[even, odd]| u32::from(even) | u32::from(odd) << 16);
+        bits |= pairs.clone().fold(0, |bits, pair| bits | pair);
+        let both = pairs.fold(0, u32::wrapping_add);
+        let all = two_products(both as u16, (both >> 16) as u16, weights);
+        *sum = all.wrapping_add(i32::from(constant)) as u16;
+    }
+    (bits | bits >> 16) as u16
 }
 
 fn two_products(even: u16, odd: u16, weight: Pair) -> i32 {

@@ -13,8 +13,8 @@ use crate::centre::phase_table::{self, Fit, WidthSource};
 use crate::centre::tables::{MIXES, Sampling, TILTED, TableSet};
 use crate::fault::Fault;
 use crate::numeric;
-use crate::row::{Geometry, Row};
-use crate::spot::{self, Spot};
+use crate::row::{Geometry, Light, Row};
+use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
 /// Finds the centre of a spot.
@@ -92,7 +92,7 @@ const CLEAR: f32 = 6.0;
 
 /// Whether the background is higher on one side of the spot than on the other. `false` where a flank reaches
 /// over the sensor's edge.
-fn is_tilted(light: &[u16], fit: &Fit<'_>, noise: Counts) -> bool {
+fn is_tilted(light: Light<'_>, fit: &Fit<'_>, noise: Counts) -> bool {
     let Some((left, right)) = flanks(light, fit) else {
         return false;
     };
@@ -105,8 +105,8 @@ fn is_tilted(light: &[u16], fit: &Fit<'_>, noise: Counts) -> bool {
 /// makes a difference too, but not that rise.
 #[cold]
 fn is_straight(
-    left: &[u16; FLANK],
-    right: &[u16; FLANK],
+    left: Light<'_>,
+    right: Light<'_>,
     difference: f32,
     width: f32,
     noise: Counts,
@@ -114,10 +114,9 @@ fn is_straight(
     // Counts a pixel: `tilt` from flank to flank, `within` from one half of a flank to the other.
     let tilt = difference / FLANK as f32 / (2.0 * CLEAR * width + FLANK as f32);
     const HALF: usize = FLANK / 2;
-    let within = |flank: &[u16; FLANK]| {
-        let (first, second) = flank.split_at(HALF);
-        let sum = |half: &[u16]| half.iter().map(|&count| i32::from(count)).sum::<i32>();
-        (sum(second) - sum(first)) as f32 / (HALF * HALF) as f32
+    let within = |flank: Light<'_>| {
+        let (first, second) = flank.split(HALF);
+        (sum(second) as f32 - sum(first) as f32) / (HALF * HALF) as f32
     };
     // The standard deviation within a flank is sqrt(2 HALF) / HALF^2 = 1/16 of a pixel's.
     let allowed = 0.5 * tilt.abs() + TILT / 16.0 * noise.to_f32();
@@ -126,7 +125,7 @@ fn is_straight(
 
 /// The flanks to the left and to the right, equally far from the centre to half a pixel, so that the light of
 /// a symmetric spot does not look like a tilt.
-fn flanks<'a>(light: &'a [u16], fit: &Fit<'_>) -> Option<(&'a [u16; FLANK], &'a [u16; FLANK])> {
+fn flanks<'a>(light: Light<'a>, fit: &Fit<'_>) -> Option<(Light<'a>, Light<'a>)> {
     const HALF: i32 = 1 << (Pixels::FRACTION - 1);
     // A centre is below 2^13 pixels, a width below 2^8.
     let centre = fit.centre.to_bits();
@@ -137,11 +136,12 @@ fn flanks<'a>(light: &'a [u16], fit: &Fit<'_>) -> Option<(&'a [u16; FLANK], &'a 
         (numeric::add_i32(numeric::mul_i32(2, centre), 3 * HALF) >> Pixels::FRACTION) - right;
     let from = usize::try_from(left).ok()?.checked_sub(FLANK)?;
     let to = usize::try_from(right).ok()? + FLANK;
-    let pixels = light.get(from..to)?;
-    Some((pixels.first_chunk()?, pixels.last_chunk()?))
+    let pixels = light.slice(from..to)?;
+    let end = pixels.len().checked_sub(FLANK)?;
+    Some((pixels.slice(..FLANK)?, pixels.slice(end..)?))
 }
 
-/// The sum of a flank.
-fn sum(flank: &[u16; FLANK]) -> u32 {
-    spot::sum_of_blocks(flank.as_chunks().0)
+/// The sum of a flank, or of half of one: below 2^16.
+fn sum(flank: Light<'_>) -> u32 {
+    flank.iter().map(u32::from).fold(0, numeric::add_u32)
 }

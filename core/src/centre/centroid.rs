@@ -40,7 +40,7 @@ use crate::centre::{RowCentre, WidthClass};
 use crate::fault::Fault;
 use crate::numeric;
 use crate::numeric::limited;
-use crate::row::{Geometry, LARGEST_COUNT, Row};
+use crate::row::{Geometry, LARGEST_COUNT, Light, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -144,7 +144,7 @@ const LIGHT_FRACTION: u32 = Counts::FRACTION + Pixels::FRACTION;
 
 /// Sums the pixels within `half_window` of a place. A pixel at distance d has the weight half_window + 1/2 -
 /// d, but at least 0 and at most 1. `None` where one of those pixels is not on the row.
-fn moments(light: &[u16], level: i32, at: Pixels, half_window: Pixels) -> Option<Moments> {
+fn moments(light: Light<'_>, level: i32, at: Pixels, half_window: Pixels) -> Option<Moments> {
     const HALF: i32 = 1 << (Pixels::FRACTION - 1);
     const ONE: i32 = 1 << Pixels::FRACTION;
     let (at, half_window) = (at.to_bits(), half_window.to_bits());
@@ -157,11 +157,11 @@ fn moments(light: &[u16], level: i32, at: Pixels, half_window: Pixels) -> Option
     let right_weight = to.checked_sub(last * ONE)?;
     let left_end = usize::try_from(first.checked_sub(1)?).ok()?;
     let right_end = usize::try_from(last.checked_add(1)?).ok()?;
-    let (&left, pixels) = light.get(left_end..=right_end)?.split_first()?;
-    let (&right, pixels) = pixels.split_last()?;
+    let pixels = light.slice(left_end.checked_add(1)?..right_end)?;
+    let (left, right) = (light.get(left_end)?, light.get(right_end)?);
     // At most MOST_PIXELS, for which the sums are proven.
     let (mut sum, mut sum_of_sums) = (0u32, 0u32);
-    for &count in pixels {
+    for count in pixels.iter() {
         sum = numeric::add_u32(sum, u32::from(count));
         sum_of_sums = numeric::add_u32(sum_of_sums, sum);
     }
@@ -226,7 +226,7 @@ mod tests {
         let level = 1234.5f64;
         for (at, half_window) in [(200.0, 30.0), (200.3, 30.7), (57.77, 1.5), (199.51, 190.2)] {
             let found = moments(
-                &light,
+                light[..].into(),
                 (level * 256.0) as i32,
                 Pixels::from_f32(at),
                 Pixels::from_f32(half_window),
@@ -254,7 +254,12 @@ mod tests {
     fn the_largest_window_does_not_overflow() {
         let light = [4095u16; 1100];
         for level in [0, 4095 << 8] {
-            let found = moments(&light, level, Pixels::from_int(550), Pixels::from_int(510));
+            let found = moments(
+                light[..].into(),
+                level,
+                Pixels::from_int(550),
+                Pixels::from_int(510),
+            );
             assert_eq!(found.expect("on the row").moment, 0);
         }
     }
@@ -269,14 +274,14 @@ mod tests {
             (10, 11, false),
         ] {
             let found = moments(
-                &light,
+                light[..].into(),
                 0,
                 Pixels::from_int(at),
                 Pixels::from_int(half_window),
             );
             assert_eq!(found.is_some(), whole, "{at} {half_window}");
         }
-        assert!(moments(&light, 0, Pixels::MAX, Pixels::from_int(510)).is_none());
-        assert!(moments(&light, 0, Pixels::MIN, Pixels::from_int(510)).is_none());
+        assert!(moments(light[..].into(), 0, Pixels::MAX, Pixels::from_int(510)).is_none());
+        assert!(moments(light[..].into(), 0, Pixels::MIN, Pixels::from_int(510)).is_none());
     }
 }

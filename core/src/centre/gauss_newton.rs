@@ -45,7 +45,7 @@ use crate::centre::{RowCentre, WidthClass};
 use crate::fault::Fault;
 use crate::numeric;
 use crate::numeric::limited;
-use crate::row::{Geometry, LARGEST_COUNT, Row};
+use crate::row::{Geometry, LARGEST_COUNT, Light, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -245,7 +245,7 @@ pub(crate) struct Start {
 impl Start {
     /// Finds the start values from the half maximum. If the sensor's edge cuts off one side of the spot, uses
     /// the other.
-    pub(crate) fn find(light: &[u16], spot: &Spot, geometry: &Geometry) -> Result<Self, Fault> {
+    pub(crate) fn find(light: Light<'_>, spot: &Spot, geometry: &Geometry) -> Result<Self, Fault> {
         let half = half_width::find(light, spot)?;
         let (offset, half_maximum) = match (half.left, half.right) {
             (Some(left), Some(right)) => (0.5 * (right - left), 0.5 * (left + right)),
@@ -280,11 +280,11 @@ impl Start {
 }
 
 /// How many pixels about a place are at full scale without a gap.
-fn flat_top(light: &[u16], place: Pixels, geometry: &Geometry) -> usize {
+fn flat_top(light: Light<'_>, place: Pixels, geometry: &Geometry) -> usize {
     let full_scale = geometry.full_scale();
     let place = usize::try_from(place.to_bits() >> Pixels::FRACTION).unwrap_or_default();
-    let (left, right) = light.split_at_checked(place).unwrap_or_default();
-    let is_full = |count: &&u16| **count >= full_scale;
+    let (left, right) = light.split(place);
+    let is_full = |count: &u16| *count >= full_scale;
     let left = left.iter().rev().take_while(is_full).count();
     left.saturating_add(right.iter().take_while(is_full).count())
 }
@@ -306,14 +306,19 @@ pub(crate) struct Window {
 }
 
 impl Window {
-    pub(crate) fn around(light: &[u16], spot: &Spot, start: &Start, geometry: &Geometry) -> Self {
+    pub(crate) fn around(
+        light: Light<'_>,
+        spot: &Spot,
+        start: &Start,
+        geometry: &Geometry,
+    ) -> Self {
         Self::within(SAMPLES / 2, light, spot, start, geometry)
     }
 
     /// As [`Self::around`], with `half` samples to either side.
     pub(crate) fn within(
         half: usize,
-        light: &[u16],
+        light: Light<'_>,
         spot: &Spot,
         start: &Start,
         geometry: &Geometry,
@@ -326,7 +331,7 @@ impl Window {
         let block = ((1.0 / samples_a_pixel) as usize).min(LARGEST_SAMPLE - 1) + 1;
         let first = middle.saturating_sub(block * half).min(light.len());
         let end = (middle + block * half).min(light.len());
-        let pixels = light.get(first..end).unwrap_or_default();
+        let pixels = light.slice(first..end).unwrap_or_default();
         let full_scale = geometry.full_scale();
         // Below 2^16 in Q8, and 16 counts of 12 bits: 2^24 in Q8, exact in f32.
         let level = spot.background.level_bits() * block as i32;
@@ -339,9 +344,9 @@ impl Window {
             saturated: 0,
             variance: noise * block as f32,
         };
-        for (sample, pixels) in window.samples.iter_mut().zip(pixels.chunks_exact(block)) {
+        for (sample, pixels) in window.samples.iter_mut().zip(pixels.groups(block)) {
             let (mut sum, mut highest) = (0, 0);
-            for &count in pixels {
+            for count in pixels.iter() {
                 // At most LARGEST_SAMPLE counts.
                 sum = numeric::add_i32(sum, i32::from(count));
                 highest = highest.max(count);
@@ -401,10 +406,10 @@ impl Window {
         let before = before.saturating_mul(self.block as i32);
         let first = self.first.checked_add_signed(before as isize)?;
         let end = first.checked_add(samples.checked_mul(self.block)?)?;
-        let pixels = row.light().get(first..end)?;
+        let pixels = row.light().slice(first..end)?;
         // At most 2^12 pixels, below 2^20 each in Q8: below 2^32.
         let level = spot.background.level_bits();
-        let sum = pixels.iter().fold(0i64, |sum, &count| {
+        let sum = pixels.iter().fold(0i64, |sum, count| {
             let above = (i32::from(count) * (1 << Counts::FRACTION)).saturating_sub(level);
             sum.saturating_add(above.into())
         });

@@ -11,7 +11,7 @@ use crate::centre::plausible::position_on_row;
 use crate::fault::Fault;
 use crate::numeric;
 use crate::numeric::limited;
-use crate::row::{LARGEST_COUNT, MAX_PIXELS};
+use crate::row::{LARGEST_COUNT, Light, MAX_PIXELS};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -45,7 +45,7 @@ pub struct HalfMaximum {
 /// # Errors
 /// [`Fault::SpotAtEdge`] where the row ends before the counts fall to half, [`Fault::NoSpot`] where they
 /// never do, or the width is outside [`WIDTHS`].
-pub fn width(light: &[u16], spot: &Spot, before: Option<&RowCentre>) -> Result<f32, Fault> {
+pub fn width(light: Light<'_>, spot: &Spot, before: Option<&RowCentre>) -> Result<f32, Fault> {
     let start = position_on_row(light, spot)?;
     if let Some(before) = before {
         let width = before.width.to_f32();
@@ -81,15 +81,14 @@ impl HalfMaximum {
 /// [`Fault::SpotAtEdge`] where the spot's centre is not on the row. [`Fault::NoSpot`] where nothing rises
 /// above the level, or the counts do not fall to half within four blocks: a spot's width is at most two
 /// blocks.
-pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
+pub fn find(light: Light<'_>, spot: &Spot) -> Result<HalfMaximum, Fault> {
     let start = position_on_row(light, spot)?;
     let block = 1usize << spot.block_log2.min(7);
     let smoothed = (block / 2).max(1);
-    let near = light
-        .get(spot.centre.saturating_sub(block + smoothed / 2)..)
-        .unwrap_or_default();
-    let before = light.len() - near.len();
-    let near = near.get(..2 * block + smoothed).unwrap_or(near);
+    // The spot's centre is on the row.
+    let (before, near) = light.split(spot.centre.saturating_sub(block + smoothed / 2));
+    let before = before.len();
+    let near = near.slice(..2 * block + smoothed).unwrap_or(near);
     let Some((place, sum)) = highest(near, smoothed) else {
         return Err(Fault::SpotAtEdge { centre: start });
     };
@@ -102,8 +101,8 @@ pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
     }
     let half = numeric::add_i32(level, height / 2);
     let reach = 4 * block;
-    let (left, right) = light.split_at_checked(first).unwrap_or_default();
-    let (top, right) = right.split_at_checked(smoothed).unwrap_or_default();
+    let (left, right) = light.split(first);
+    let (top, right) = right.split(smoothed);
     let leftwards = left.iter().rev();
     let left = walk(
         leftwards.zip(top.iter().rev().chain(left.iter().rev())),
@@ -111,7 +110,12 @@ pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
         half,
         reach,
     );
-    let right = walk(right.iter().zip(top.iter().chain(right)), sum, half, reach);
+    let right = walk(
+        right.iter().zip(top.iter().chain(right.iter())),
+        sum,
+        half,
+        reach,
+    );
     if left == Walk::NeverHalf || right == Walk::NeverHalf {
         return Err(spot.no_spot());
     }
@@ -133,13 +137,13 @@ pub fn find(light: &[u16], spot: &Spot) -> Result<HalfMaximum, Fault> {
 
 /// Finds where the sum over `pixels` neighbours is highest, and that sum: below 64 * 2^12. `None` where there
 /// are fewer pixels.
-fn highest(near: &[u16], pixels: usize) -> Option<(usize, i32)> {
-    let (first, entering) = near.split_at_checked(pixels)?;
+fn highest(near: Light<'_>, pixels: usize) -> Option<(usize, i32)> {
+    let (first, entering) = (near.slice(..pixels)?, near.slice(pixels..)?);
     let mut sum = first
         .iter()
-        .fold(0, |sum, &count| numeric::add_i32(sum, i32::from(count)));
+        .fold(0, |sum, count| numeric::add_i32(sum, i32::from(count)));
     let mut best = (0, sum);
-    for (i, (&enters, &leaves)) in (1..MAX_PIXELS).zip(entering.iter().zip(near)) {
+    for (i, (enters, leaves)) in (1..MAX_PIXELS).zip(entering.iter().zip(near.iter())) {
         sum = moved(sum, enters, leaves);
         if sum > best.1 {
             best = (i, sum);
@@ -185,14 +189,9 @@ impl Walk {
 
 /// Moves the sum by a pixel at a time until it falls below `half` (Q8). Each step is the count that enters
 /// and the one that leaves.
-fn walk<'a>(
-    steps: impl Iterator<Item = (&'a u16, &'a u16)>,
-    mut sum: i32,
-    half: i32,
-    reach: usize,
-) -> Walk {
+fn walk(steps: impl Iterator<Item = (u16, u16)>, mut sum: i32, half: i32, reach: usize) -> Walk {
     let mut walked = 0;
-    for (&enters, &leaves) in steps.take(reach) {
+    for (enters, leaves) in steps.take(reach) {
         let next = moved(sum, enters, leaves);
         if in_q8(next) < half {
             // The sum before was not below half, so the quotient is within 0 and 1.
@@ -215,7 +214,7 @@ fn walk<'a>(
 /// and a row's noise hardly moves it.
 ///
 /// If a gaussian is wider than assumed by a small part p, the count there is 0.5 + ln(2) p of the height.
-pub fn follow(light: &[u16], spot: &Spot, centre: Pixels, width: f32) -> f32 {
+pub fn follow(light: Light<'_>, spot: &Spot, centre: Pixels, width: f32) -> f32 {
     const HALF_MAXIMUM: f32 = FULL_WIDTH / 2.0;
     const GAIN: f32 = 0.25;
     // The pixel's own width adds 1/12.
@@ -240,9 +239,9 @@ pub fn follow(light: &[u16], spot: &Spot, centre: Pixels, width: f32) -> f32 {
 }
 
 /// The count at a place between two pixels (Q16.16). Returns Q24.8, below 2^20.
-fn interpolated(light: &[u16], place: i32) -> Option<i32> {
+fn interpolated(light: Light<'_>, place: i32) -> Option<i32> {
     let pixel = usize::try_from(place >> Pixels::FRACTION).ok()?;
-    let &[left, right] = light.get(pixel..)?.first_chunk()?;
+    let [left, right] = light.slice(pixel..)?.chunks().next()?;
     // To 8 bits of a pixel.
     let part = (place >> (Pixels::FRACTION - Counts::FRACTION)) & 0xFF;
     Some(i32::from(left) * (256 - part) + i32::from(right) * part)
@@ -290,9 +289,12 @@ mod tests {
         ] {
             let sampled = libm::sqrtf(width * width + 1.0 / 12.0);
             for phase in [0.0, 0.2, 0.5] {
-                let found =
-                    super::width(&row(500.0 + phase, sampled), &spot(500, block_log2), None)
-                        .expect("a width");
+                let found = super::width(
+                    row(500.0 + phase, sampled)[..].into(),
+                    &spot(500, block_log2),
+                    None,
+                )
+                .expect("a width");
                 println!("{width} at {phase}: {found}");
                 assert!((found / width - 1.0).abs() < tolerance, "{width}: {found}");
             }
@@ -311,12 +313,15 @@ mod tests {
             shape: Default::default(),
             misfit: false,
         };
-        assert_eq!(width(&light, &spot(500, 3), Some(&before)), Ok(9.0));
+        assert_eq!(
+            width(light[..].into(), &spot(500, 3), Some(&before)),
+            Ok(9.0)
+        );
         let far = RowCentre {
             centre: Pixels::from_int(490),
             ..before
         };
-        let found = width(&light, &spot(500, 3), Some(&far)).expect("a width");
+        let found = width(light[..].into(), &spot(500, 3), Some(&far)).expect("a width");
         assert!((found - 10.0).abs() < 0.1, "{found}");
     }
 
@@ -326,7 +331,12 @@ mod tests {
             let light = row(500.3, width);
             let mut found = start;
             for _ in 0..30 {
-                found = follow(&light, &spot(500, 3), Pixels::from_f32(500.3), found);
+                found = follow(
+                    light[..].into(),
+                    &spot(500, 3),
+                    Pixels::from_f32(500.3),
+                    found,
+                );
             }
             println!("{width} from {start}: {found}");
             assert!((found / width - 1.0).abs() < 0.03, "{width}: {found}");
@@ -336,11 +346,11 @@ mod tests {
     #[test]
     fn a_cut_spot_has_one_side() {
         let light = row(5.0, 10.0);
-        let half = find(&light, &spot(6, 3)).expect("half of it");
+        let half = find(light[..].into(), &spot(6, 3)).expect("half of it");
         assert_eq!(half.left, None);
         assert!(half.right.is_some());
         assert!(matches!(
-            width(&light, &spot(6, 3), None),
+            width(light[..].into(), &spot(6, 3), None),
             Err(Fault::SpotAtEdge { .. })
         ));
     }
@@ -350,7 +360,7 @@ mod tests {
         let mut light = [300u16; 1000];
         light[999] = 200;
         for block_log2 in [0, 3, 7, 31] {
-            let found = width(&light, &spot(500, block_log2), None);
+            let found = width(light[..].into(), &spot(500, block_log2), None);
             assert!(matches!(found, Err(Fault::NoSpot { .. })), "{found:?}");
         }
     }

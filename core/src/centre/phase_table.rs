@@ -23,7 +23,7 @@ use crate::centre::tables::{NARROWEST, Sampling, Table, TableSet, halvings, is_s
 use crate::centre::window::Window;
 use crate::centre::{RowCentre, WidthClass};
 use crate::fault::Fault;
-use crate::row::{Geometry, Row};
+use crate::row::{Geometry, Light, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -227,7 +227,7 @@ fn track_once<'a>(
 /// another spot is there.
 #[inline(never)]
 fn track<'a>(
-    light: &[u16],
+    light: Light<'_>,
     spot: &Spot,
     before: &RowCentre,
     tables: &TableSet<'a>,
@@ -251,7 +251,7 @@ fn track<'a>(
 /// that was tried. `None` if no spot is there, or the table no longer fits the width.
 #[inline(always)]
 fn measure_at<'a>(
-    light: &[u16],
+    light: Light<'_>,
     at: Pixels,
     width: Pixels,
     class: WidthClass,
@@ -291,7 +291,7 @@ const SMOOTHING: f32 = 0.25;
 /// Measures the same spot with the tables of another set, from its known place. `None` where that set's
 /// window reaches over the sensor's edge.
 #[inline(never)]
-pub(super) fn refit<'a>(light: &[u16], fit: &Fit<'_>, tables: &TableSet<'a>) -> Option<Fit<'a>> {
+pub(super) fn refit<'a>(light: Light<'_>, fit: &Fit<'_>, tables: &TableSet<'a>) -> Option<Fit<'a>> {
     let (class, table) = tables.choose(fit.width, Sampling::Fine)?;
     let mut score = Window::place(light, fit.centre, class, table)?.score()?;
     if !score.is_near {
@@ -362,7 +362,7 @@ enum Unsettled<'a> {
 
 /// Moves the window to the centre and changes the table to the width until both rest.
 fn settle<'a>(
-    light: &[u16],
+    light: Light<'_>,
     start: Pixels,
     start_width: f32,
     tables: &TableSet<'a>,

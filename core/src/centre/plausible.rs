@@ -2,7 +2,7 @@
 //! uncertainty.
 
 use crate::fault::Fault;
-use crate::row::{Geometry, Row};
+use crate::row::{Geometry, Light, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -20,10 +20,6 @@ pub fn check_saturation(
     width: f32,
     geometry: &Geometry,
 ) -> Result<(), Fault> {
-    // Most rows reach full scale nowhere.
-    if !row.reaches_full_scale() {
-        return Ok(());
-    }
     match count_saturated_pixels(row.light(), centre, width, geometry) {
         0 => Ok(()),
         pixels => Err(Fault::Saturated { pixels }),
@@ -33,7 +29,7 @@ pub fn check_saturation(
 /// Counts the pixels at full scale within two widths of the centre.
 #[inline(never)]
 pub fn count_saturated_pixels(
-    light: &[u16],
+    light: Light<'_>,
     centre: Pixels,
     width: f32,
     geometry: &Geometry,
@@ -45,9 +41,9 @@ pub fn count_saturated_pixels(
     let from = centre.saturating_sub(reach).saturating_sub(1);
     let to = centre.saturating_add(reach).saturating_add(2);
     let near = light
-        .get(from.min(light.len())..to.min(light.len()))
-        .unwrap_or_default();
-    near.iter().fold(0, |pixels, &count| {
+        .slice(from.min(light.len())..to.min(light.len()))
+        .map(Light::iter);
+    near.into_iter().flatten().fold(0, |pixels, count| {
         u16::saturating_add(pixels, (count >= full_scale).into())
     })
 }
@@ -78,7 +74,7 @@ fn too_dim(amplitude: f32, uncertainty: f32, width: f32) -> Fault {
 ///
 /// # Errors
 /// [`Fault::SpotAtEdge`] where it is not on the row.
-pub fn position_on_row(light: &[u16], spot: &Spot) -> Result<Pixels, Fault> {
+pub fn position_on_row(light: Light<'_>, spot: &Spot) -> Result<Pixels, Fault> {
     match i32::try_from(spot.centre) {
         // A row has at most 4096 pixels: Q16 holds them.
         Ok(centre) if spot.centre < light.len() => Ok(Pixels::from_int(centre)),
@@ -97,17 +93,26 @@ mod tests {
         let mut light = [100u16; 64];
         let geometry = crate::sensor_heads::tcd1304dg();
         let centre = Pixels::from_f32(32.5);
-        assert_eq!(count_saturated_pixels(&light, centre, 2.0, &geometry), 0);
+        assert_eq!(
+            count_saturated_pixels((&light).into(), centre, 2.0, &geometry),
+            0
+        );
         light[27] = 4095;
         light[37] = 4095;
-        assert_eq!(count_saturated_pixels(&light, centre, 2.0, &geometry), 2);
-        assert_eq!(count_saturated_pixels(&light, centre, 1.4, &geometry), 0);
         assert_eq!(
-            count_saturated_pixels(&light, Pixels::MAX, f32::MAX, &geometry),
+            count_saturated_pixels((&light).into(), centre, 2.0, &geometry),
             2
         );
         assert_eq!(
-            count_saturated_pixels(&[], Pixels::MIN, f32::NAN, &geometry),
+            count_saturated_pixels((&light).into(), centre, 1.4, &geometry),
+            0
+        );
+        assert_eq!(
+            count_saturated_pixels((&light).into(), Pixels::MAX, f32::MAX, &geometry),
+            2
+        );
+        assert_eq!(
+            count_saturated_pixels(Light::default(), Pixels::MIN, f32::NAN, &geometry),
             0
         );
     }

@@ -5,6 +5,7 @@ use dual_mac::{Pair, Pairs, dot, dot2};
 use crate::centre::WidthClass;
 use crate::centre::tables::{MAX_TAPS, Table, halvings};
 use crate::numeric::limited;
+use crate::row::Light;
 use crate::units::Pixels;
 
 /// A centre within so many pixels of a window's phase has no nearer window, if samples have several pixels.
@@ -13,7 +14,7 @@ const NEAR: f32 = 0.55;
 
 /// A table's window on the row.
 pub(super) struct Window<'r, 't> {
-    pixels: &'r [u16],
+    pixels: Light<'r>,
     block: u8,
     table: &'t Table<'t>,
     weights: &'t [Pairs],
@@ -42,7 +43,7 @@ impl<'r, 't> Window<'r, 't> {
     /// The window whose phase is nearest to a position. `None` where it reaches over the sensor's edge.
     #[inline(always)]
     pub(super) fn place(
-        light: &'r [u16],
+        light: Light<'r>,
         at: Pixels,
         class: WidthClass,
         table: &'t Table<'t>,
@@ -88,7 +89,7 @@ impl<'r, 't> Window<'r, 't> {
             )
         };
         let first = usize::try_from(first).ok()?;
-        let pixels = light.get(first..first + 2 * pairs * usize::from(class.block))?;
+        let pixels = light.slice(first..first + 2 * pairs * usize::from(class.block))?;
         let start = phase as usize * pairs;
         Some(Self {
             pixels,
@@ -106,7 +107,14 @@ impl<'r, 't> Window<'r, 't> {
     pub(super) fn score(&self) -> Option<Score> {
         // No step overflows: the tables are proven for the largest samples.
         let (score, slope) = if self.block == 1 {
-            dot2(self.pixels, self.weights)
+            let (words, inverted) = self.pixels.words();
+            let (score, slope) = dot2(words, self.weights);
+            // The weights sum to zero: full scale less the words gives the negative sums.
+            if inverted != 0 {
+                (score.wrapping_neg(), slope.wrapping_neg())
+            } else {
+                (score, slope)
+            }
         } else {
             self.score_of_blocks()
         };
@@ -165,7 +173,13 @@ impl<'r, 't> Window<'r, 't> {
             .get(self.start..self.start + self.weights.len())
             .unwrap_or_default();
         let product = if self.block == 1 {
-            dot(self.pixels, weights)
+            let (words, inverted) = self.pixels.words();
+            let product = dot(words, weights);
+            if inverted != 0 {
+                product.wrapping_neg()
+            } else {
+                product
+            }
         } else {
             self.stretch_of_blocks(weights)
         };
@@ -206,17 +220,21 @@ const FEW_TAPS: usize = 24;
 
 /// Sums blocks of pixels, and halves the sums to fit. Adding n to every pixel adds a whole number to every
 /// sample, because a block's size is a multiple of what its sum is divided by.
-fn sum_blocks(pixels: &[u16], block: u8, sums: &mut [u16]) {
+fn sum_blocks(pixels: Light<'_>, block: u8, sums: &mut [u16]) {
     match block {
-        2 => sum_chunks(pixels.as_chunks::<2>().0, 2, sums),
-        4 => sum_chunks(pixels.as_chunks::<4>().0, 4, sums),
-        8 => sum_chunks(pixels.as_chunks::<8>().0, 8, sums),
-        _ => sum_chunks(pixels.as_chunks::<16>().0, 16, sums),
+        2 => sum_chunks(pixels.chunks::<2>(), 2, sums),
+        4 => sum_chunks(pixels.chunks::<4>(), 4, sums),
+        8 => sum_chunks(pixels.chunks::<8>(), 8, sums),
+        _ => sum_chunks(pixels.chunks::<16>(), 16, sums),
     }
 }
 
 #[inline(always)]
-fn sum_chunks<const BLOCK: usize>(chunks: &[[u16; BLOCK]], block: u8, sums: &mut [u16]) {
+fn sum_chunks<const BLOCK: usize>(
+    chunks: impl Iterator<Item = [u16; BLOCK]>,
+    block: u8,
+    sums: &mut [u16],
+) {
     for (sum, chunk) in sums.iter_mut().zip(chunks) {
         // Two at a time: half of a block of 16 pixels of 12 bits fits 16 bits.
         let both: u32 = chunk

@@ -7,7 +7,7 @@
 use crate::centre::RowCentre;
 use crate::fault::Fault;
 use crate::numeric;
-use crate::row::MAX_PIXELS;
+use crate::row::{Light, MAX_PIXELS};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -24,7 +24,7 @@ const SHARE: f32 = 0.62;
 /// # Errors
 /// [`Fault::TwoSpots`] if there is another spot.
 #[inline(never)]
-pub(super) fn check(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<(), Fault> {
+pub(super) fn check(light: Light<'_>, spot: &Spot, found: &RowCentre) -> Result<(), Fault> {
     let width = found.width.to_f32();
     // A width is at most 170 pixels: `as` cuts off, and saturates.
     let half = ((0.5 * width) as usize).clamp(1, MAX_PIXELS);
@@ -32,11 +32,11 @@ pub(super) fn check(light: &[u16], spot: &Spot, found: &RowCentre) -> Result<(),
     let separation = ((NEAREST_OTHER * width) as usize).min(MAX_PIXELS);
     // At most 2^12 pixels of 12 bits: a row has no more.
     let sum = |from: usize| -> Option<u32> {
-        let pixels = light.get(from..from.saturating_add(half))?;
+        let pixels = light.slice(from..from.saturating_add(half))?;
         Some(
             pixels
                 .iter()
-                .fold(0, |sum, &count| numeric::add_u32(sum, count.into())),
+                .fold(0, |sum, count| numeric::add_u32(sum, count.into())),
         )
     };
     let height = |from: usize| Some(sum(from)?.min(sum(from.saturating_add(half))?));

@@ -32,7 +32,7 @@ use crate::centre::RowCentre;
 use crate::centre::gauss_newton::MaskedPixels;
 use crate::centre::tables::TILTED;
 use crate::numeric;
-use crate::row::{Geometry, Row};
+use crate::row::{Geometry, Light, Row};
 use crate::shape::{COMPONENTS, OwnSpot, SpotShape};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
@@ -169,7 +169,7 @@ pub(super) fn check(
 }
 
 /// Whether the row ends within three widths on both sides: the spot then has no background beside it.
-fn is_row_too_short(light: &[u16], found: &RowCentre) -> bool {
+fn is_row_too_short(light: Light<'_>, found: &RowCentre) -> bool {
     // A row has at most 2^12 pixels.
     let (centre, end) = (found.centre.to_f32(), light.len() as f32 - 1.0);
     let reach = 3.0 * found.width.to_f32();
@@ -177,13 +177,13 @@ fn is_row_too_short(light: &[u16], found: &RowCentre) -> bool {
 }
 
 /// Whether the steps of the converter's words are coarser than the noise.
-fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
+fn is_coarse(light: Light<'_>, spot: &Spot, found: &RowCentre) -> bool {
     let width = found.width.to_f32();
     let (centre, reach) = (found.centre.to_f32(), REACH * width + 4.0);
     // `as` saturates.
-    let near = light.get((centre - reach) as usize..).unwrap_or_default();
-    let near = near.get(..(2.0 * reach) as usize).unwrap_or(near);
-    let Some(first) = near.first() else {
+    let (_, near) = light.split((centre - reach) as usize);
+    let near = near.slice(..(2.0 * reach) as usize).unwrap_or(near);
+    let Some(first) = near.get(0) else {
         return false;
     };
     let changes = near
@@ -196,12 +196,12 @@ fn is_coarse(light: &[u16], spot: &Spot, found: &RowCentre) -> bool {
 
 /// Whether the background falls below the converter's smallest word on one side of the spot: there it is cut
 /// off, so its shape is unknown. Zeros on both sides are noise that is cut off, or two dead pixels.
-fn is_cut_at_zero(light: &[u16], found: &RowCentre) -> bool {
+fn is_cut_at_zero(light: Light<'_>, found: &RowCentre) -> bool {
     let (centre, reach) = (found.centre.to_f32(), REACH * found.width.to_f32());
     // `as` saturates.
     let middle = (centre as usize).min(light.len());
-    let (left, right) = light.split_at_checked(middle).unwrap_or_default();
-    let is_zero = |count: &u16| *count == 0;
+    let (left, right) = light.split(middle);
+    let is_zero = |count: u16| count == 0;
     let left = numeric::count(left.iter().rev().take(reach as usize).map(is_zero));
     let right = numeric::count(right.iter().take(reach as usize).map(is_zero));
     left.abs_diff(right) > left.min(right).saturating_add(2)
@@ -209,20 +209,18 @@ fn is_cut_at_zero(light: &[u16], found: &RowCentre) -> bool {
 
 /// Whether the light changes from one pixel to the next by more than optics can: bad pixels side by side look
 /// like a narrow spot.
-fn is_sharp(light: &[u16], spot: &Spot, found: &RowCentre, geometry: &Geometry) -> bool {
+fn is_sharp(light: Light<'_>, spot: &Spot, found: &RowCentre, geometry: &Geometry) -> bool {
     if found.width.to_f32() > SHARP_WIDTH {
         return false;
     }
     let middle = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
-    let near = light.get(middle.saturating_sub(3)..).unwrap_or_default();
-    let near = near.get(..8).unwrap_or(near);
+    let (_, near) = light.split(middle.saturating_sub(3));
+    let near = near.slice(..8).unwrap_or(near);
     let (mut highest, mut rise, mut fall) = (0, 0, 0);
-    for pair in near.windows(2) {
-        if let [a, b] = pair {
-            highest = highest.max(*a).max(*b);
-            rise = rise.max(b.saturating_sub(*a));
-            fall = fall.max(a.saturating_sub(*b));
-        }
+    for (a, b) in near.iter().zip(near.iter().skip(1)) {
+        highest = highest.max(a).max(b);
+        rise = rise.max(b.saturating_sub(a));
+        fall = fall.max(a.saturating_sub(b));
     }
     let (noise, shot) = spot.background.variances(geometry);
     let height = f32::from(highest) - spot.background.level.to_f32();
@@ -366,9 +364,15 @@ impl Symmetry {
         let profile_deviation = OTHER_PROFILE * correction.third;
         let level = spot.background.level_bits();
         let full_scale = geometry.full_scale();
-        let is_cut = row.reaches_full_scale();
-        let belongs = |pixels: &[u16], mut places: Range<usize>| {
-            !(is_cut && pixels.iter().any(|count| *count >= full_scale)
+        let middle = mirror.right;
+        // As far as the pairs reach, and a sample more.
+        let reach = ((REACH * s) as usize)
+            .saturating_add(pixels.saturating_mul(2))
+            .saturating_add(2);
+        let is_cut =
+            row.reaches_full_scale(middle.saturating_sub(reach)..middle.saturating_add(reach));
+        let belongs = |pixels: Light<'_>, mut places: Range<usize>| {
+            !(is_cut && pixels.iter().any(|count| count >= full_scale)
                 || masked.samples != 0 && places.any(|pixel| masked.has(pixel)))
         };
         let (mut odd, mut even) = (Odd::default(), Even::default());
@@ -376,7 +380,7 @@ impl Symmetry {
         if pixels == 1
             && mirror.to_right == 1.0
             && let Some(before) = mirror.right.checked_sub(2)
-            && let Some(middle) = light.get(before..mirror.right.wrapping_add(1))
+            && let Some(middle) = light.slice(before..mirror.right.wrapping_add(1))
             && belongs(middle, before..mirror.right.wrapping_add(1))
         {
             even.add(2.0 * interpolated(middle, level, mirror.offset), 0.0, 1.0);
@@ -390,11 +394,11 @@ impl Symmetry {
         for _ in 0..most {
             // With a pixel more at either end, for the interpolation. At most 37 samples of 2^13 pixels.
             let ends = from..from.saturating_add(length);
-            let (Some(right), Some(start)) = (light.get(ends.clone()), to.checked_sub(length))
+            let (Some(right), Some(start)) = (light.slice(ends.clone()), to.checked_sub(length))
             else {
                 break;
             };
-            let left = light.get(start..to).unwrap_or_default();
+            let left = light.slice(start..to).unwrap_or_default();
             if belongs(right, ends) && belongs(left, start..to) {
                 let (right, left) = (
                     interpolated(right, level, mirror.offset),
@@ -523,23 +527,24 @@ impl Place {
 /// The light of a sample above a level (Q24.8 counts), with the sample moved by a part of a pixel. `pixels`
 /// has one more pixel at each end. A positive part moves the sample towards the last pixel, a negative one
 /// towards the first. The level is subtracted in whole numbers, so a constant on the row changes no bit.
-fn interpolated(pixels: &[u16], level: i32, offset: f32) -> f32 {
-    let [before, block @ .., after] = pixels else {
+fn interpolated(pixels: Light<'_>, level: i32, offset: f32) -> f32 {
+    let mut block = pixels.iter();
+    let (Some(before), Some(after)) = (block.next(), block.next_back()) else {
         return 0.0;
     };
-    let (Some(first), Some(last)) = (block.first(), block.last()) else {
+    let (Some(first), Some(last)) = (block.clone().next(), block.clone().next_back()) else {
         return 0.0;
     };
     // At most 2047 pixels, because both sides are on a row of at most 2^12. Each is at most 4095 * 2^8 above
     // or below the level: the sum is below 2^31.
-    let sum = block.iter().fold(0, |sum, &count| {
+    let sum = block.fold(0, |sum, count| {
         let above = numeric::sub_i32(i32::from(count) * (1 << Counts::FRACTION), level);
         numeric::add_i32(sum, above)
     });
     let ends = if offset > 0.0 {
-        f32::from(*after) - f32::from(*first)
+        f32::from(after) - f32::from(first)
     } else {
-        f32::from(*last) - f32::from(*before)
+        f32::from(last) - f32::from(before)
     };
     sum as f32 / 256.0 + offset * ends
 }
@@ -940,7 +945,7 @@ mod tests {
         ] {
             let found = found_at(centre, width);
             assert_eq!(
-                is_row_too_short(&light, &found),
+                is_row_too_short((&light).into(), &found),
                 is_too_short,
                 "{centre} {width}"
             );
@@ -997,7 +1002,7 @@ mod tests {
         let mut light = [300; 101];
         light[50] = 1300;
         let is_sharp =
-            |light: &[u16], width| is_sharp(light, &spot, &found_at(50.0, width), &geometry);
+            |light: &[u16], width| is_sharp(light.into(), &spot, &found_at(50.0, width), &geometry);
         assert!(is_sharp(&light, 1.0));
         // Too wide to be bad pixels.
         assert!(!is_sharp(&light, 1.6));

@@ -308,19 +308,19 @@ impl FlatField {
         if light.len() != self.pixels || self.rows >= ROWS {
             return Err(TakeError::Silent);
         }
-        if self.kind == Kind::Lit && row.reaches_full_scale() {
-            let pixels = numeric::count(light.iter().map(|&count| count >= full_scale));
+        if self.kind == Kind::Lit {
+            let pixels = numeric::count(light.iter().map(|count| count >= full_scale));
             if pixels > MOST_SATURATED {
                 // A row has at most 2^12 pixels.
                 let pixels = pixels as u16;
                 return Err(TakeError::Saturated { pixels });
             }
         }
-        for (sum, &count) in self.sums.iter_mut().zip(light) {
+        for (sum, count) in self.sums.iter_mut().zip(light.iter()) {
             // At most 2^8 rows of 2^12 counts.
             *sum = numeric::add_u32(*sum, count.into());
         }
-        for &count in row.shielded() {
+        for count in row.shielded().iter() {
             self.shielded_sum = self.shielded_sum.saturating_add(count.into());
             self.shielded_pixels = self.shielded_pixels.saturating_add(1);
         }

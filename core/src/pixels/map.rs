@@ -142,38 +142,45 @@ impl PixelMap {
     }
 
     /// Corrects the light pixels of `window` in place: subtracts the offset, and multiplies the light above
-    /// `black` by the gain. Rounds to whole counts.
+    /// `black` by the gain. Rounds to whole counts. `words` are those of the light pixels.
     ///
     /// A pixel at full scale stays there, and no other pixel gets there. Results below zero become zero. Does
     /// nothing if the map is of another number of pixels.
-    pub fn correct(&self, light: &mut [u16], window: Range<usize>, black: Counts, full_scale: u16) {
-        if light.len() != usize::from(self.pixels) {
+    pub fn correct(
+        &self,
+        words: &mut [u16],
+        window: Range<usize>,
+        black: Counts,
+        geometry: &Geometry,
+    ) {
+        if words.len() != usize::from(self.pixels) {
             return;
         }
-        let full_scale = full_scale.min(LARGEST_COUNT);
+        let (full_scale, inverted) = (geometry.full_scale(), geometry.inverted());
         let highest = i32::from(full_scale.saturating_sub(1));
         const LARGEST: i32 = (LARGEST_COUNT as i32) << OFFSET_FRACTION;
         const HALF: i32 = 1 << (OFFSET_FRACTION - 1);
         let black = (black.to_bits() >> (Counts::FRACTION - OFFSET_FRACTION)).clamp(0, LARGEST);
         // A spot near the sensor's edge has a window that reaches beyond the row.
-        let window = window.start..window.end.min(light.len());
-        let (Some(counts), Some(entries)) =
-            (light.get_mut(window.clone()), self.entries.get(window))
+        let window = window.start..window.end.min(words.len());
+        let (Some(words), Some(entries)) =
+            (words.get_mut(window.clone()), self.entries.get(window))
         else {
             return;
         };
-        for (count, entry) in counts.iter_mut().zip(entries) {
-            if *count >= full_scale {
+        for (word, entry) in words.iter_mut().zip(entries) {
+            let count = *word ^ inverted;
+            if count >= full_scale {
                 continue;
             }
             // A count is below 2^12, the black level at most 2^12, an offset at most 2^10: together below
             // 2^17 in Q4. Times a gain of at most 2^14 that is below 2^31, because 65520 + 16384 = 81904.
             let above =
-                i32::from(*count) * (1 << OFFSET_FRACTION) - black - i32::from(entry.offset_q4);
+                i32::from(count) * (1 << OFFSET_FRACTION) - black - i32::from(entry.offset_q4);
             let change = numeric::mul_i32(above, i32::from(entry.gain_q15)) >> GAIN_FRACTION;
             let corrected = numeric::add_i32(above, change);
             let rounded = numeric::add_i32(corrected, black + HALF) >> OFFSET_FRACTION;
-            *count = rounded.max(0).min(highest) as u16;
+            *word = rounded.max(0).min(highest) as u16 ^ inverted;
         }
     }
 
@@ -210,6 +217,7 @@ pub fn window(spot: &Spot, width: Option<Pixels>) -> Range<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::row::Polarity;
 
     fn map(entries: &[(i16, i16)]) -> PixelMap {
         let mut map = PixelMap::EMPTY;
@@ -220,20 +228,33 @@ mod tests {
         map
     }
 
+    /// A sensor whose words rise with light.
+    fn rising() -> Geometry {
+        Geometry {
+            polarity: Polarity::Rising,
+            ..crate::sensor_heads::tcd1304dg()
+        }
+    }
+
     #[test]
     fn offsets_are_subtracted_and_light_is_scaled() {
         // 10 counts less; a quarter more light; both; unchanged.
         let map = map(&[(160, 0), (0, 1 << 13), (-160, -(1 << 13)), (0, 0)]);
         let mut light = [310, 700, 690, 123];
-        map.correct(&mut light, 0..4, Counts::from_int(300), 4095);
+        map.correct(&mut light, 0..4, Counts::from_int(300), &rising());
         assert_eq!(light, [300, 800, 600, 123]);
+        // Words that fall with light.
+        let mut words = [310, 700, 690, 123].map(|count| 4095 - count);
+        let falling = crate::sensor_heads::tcd1304dg();
+        map.correct(&mut words, 0..4, Counts::from_int(300), &falling);
+        assert_eq!(words, light.map(|count| 4095 - count));
     }
 
     #[test]
     fn full_scale_stays_and_nothing_else_gets_there() {
         let map = map(&[(0, 1 << 14), (0, 1 << 14), (1 << 14, 0), (0, -(1 << 14))]);
         let mut light = [4095, 4094, 5, 4095];
-        map.correct(&mut light, 0..4, Counts::from_int(300), 4095);
+        map.correct(&mut light, 0..4, Counts::from_int(300), &rising());
         assert_eq!(light, [4095, 4094, 0, 4095]);
     }
 
@@ -241,10 +262,10 @@ mod tests {
     fn only_the_window_is_corrected_and_only_with_the_right_map() {
         let map = map(&[(160, 0); 4]);
         let mut light = [100; 4];
-        map.correct(&mut light, 1..3, Counts::default(), 4095);
+        map.correct(&mut light, 1..3, Counts::default(), &rising());
         assert_eq!(light, [100, 90, 90, 100]);
         let mut longer = [100; 5];
-        map.correct(&mut longer, 1..3, Counts::default(), 4095);
+        map.correct(&mut longer, 1..3, Counts::default(), &rising());
         assert_eq!(longer, [100; 5]);
     }
 

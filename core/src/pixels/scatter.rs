@@ -1,7 +1,7 @@
 //! How far a pixel scatters from row to row, estimated from a few pixels of each row.
 
 use crate::numeric;
-use crate::row::LARGEST_COUNT;
+use crate::row::{LARGEST_COUNT, Light};
 
 /// Pixels whose scatter is followed. 64 pixels in 256 rows tell the variance to 1 %.
 const FOLLOWED: usize = 64;
@@ -27,10 +27,10 @@ impl Scatter {
     };
 
     /// Adds a row of counts of at most [`LARGEST_COUNT`].
-    pub(super) fn add(&mut self, light: &[u16]) {
+    pub(super) fn add(&mut self, light: Light<'_>) {
         let stride = (light.len() / FOLLOWED).max(1);
         let (mut sum, mut squares) = (0i64, 0u64);
-        for (before, &count) in self.before.iter_mut().zip(light.iter().step_by(stride)) {
+        for (before, count) in self.before.iter_mut().zip(light.iter().step_by(stride)) {
             let count = count.min(LARGEST_COUNT);
             let step = i64::from(count) - i64::from(*before);
             // 64 steps below 2^12: their sum is below 2^18, that of their squares below 2^30.
@@ -75,7 +75,7 @@ mod tests {
                     (1000 + (row % 5) * 20 + if random >> 31 == 0 { 0 } else { 6 }) as u16
                 })
                 .collect();
-            scatter.add(&light);
+            scatter.add(light.as_slice().into());
         }
         let variance = scatter.variance();
         println!("{variance}");

@@ -9,7 +9,8 @@
 use crate::fault::Fault;
 use crate::numeric;
 use crate::spot::second_spot::{LEAST_OTHER, NEAR, check_near, has_similar_height, two_spots};
-use crate::spot::{Background, Spot, Sums, above, height, in_q8, middle, needed, noise, square};
+use crate::spot::sums::Sums;
+use crate::spot::{Background, Spot, above, height, in_q8, middle, needed, noise, square};
 use crate::units::Counts;
 
 /// The smallest block has 2 pixels, for widths from 1 pixel. Blocks of one pixel would double the cost.
@@ -52,7 +53,7 @@ pub(super) fn find(sums: &Sums<'_>, row_noise: Counts) -> Option<Result<Spot, Fa
     let best = best?;
     let centre = middle(best.block, best.block_log2);
     let to = centre.saturating_add(NOISE_REACH).min(sums.light.len());
-    let near = sums.light.get(centre.saturating_sub(NOISE_REACH)..to)?;
+    let near = sums.light.slice(centre.saturating_sub(NOISE_REACH)..to)?;
     let noise = noise(near)?.max(row_noise);
     if !best.stands_out(noise) {
         return None;
@@ -169,18 +170,18 @@ fn significance(response: u32, block_log2: u32) -> u64 {
 /// mean of both sides.
 #[inline(always)]
 fn for_each_candidate(sums: &Sums<'_>, block_log2: u32, least: u32, mut see: impl FnMut(usize)) {
-    let size = (block_log2 as usize).checked_sub(1);
-    let sums = size.and_then(|size| sums.sums.get(size).copied());
+    let sums = sums.small_blocks(block_log2);
     // Contrasts to both sides are at most eight sums of 16 pixels of 12 bits: below 2^20.
     let least = numeric::mul_i32(2, least.min(1 << 20) as i32);
     let (mut last, mut last_two) = (0, 0);
     // The kernel's middle is one block before its last. The first two sums are not those of a whole kernel:
     // `Place::at` has no place there.
     let middles = (BESIDE..).map(|last| last.wrapping_sub(1));
-    for (block, sums) in middles.zip(sums.unwrap_or_default().windows(2 * BESIDE + 1)) {
+    for (block, sums) in middles.zip(sums.windows(2 * BESIDE + 1)) {
         let &[left, _, _, _, here, _, _, _, right] = sums else {
             break;
         };
+        let (left, here, right) = (left.into(), u32::from(here), right.into());
         let sides = numeric::add_u32(left, right);
         let above = numeric::sub_i32(numeric::add_u32(here, here) as i32, sides as i32);
         let two = numeric::add_i32(last, above);

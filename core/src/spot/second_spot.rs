@@ -11,7 +11,8 @@
 
 use crate::fault::Fault;
 use crate::numeric;
-use crate::spot::{LARGEST_BLOCK_LOG2, Spot, Sums, above, height, in_q8, middle, needed, square};
+use crate::spot::sums::Sums;
+use crate::spot::{LARGEST_BLOCK_LOG2, Spot, above, height, in_q8, middle, needed, square};
 use crate::units::{Counts, Pixels};
 
 /// Whether two spots are so alike in height that nothing tells which is the laser's. A second spot of 50 % of
@@ -42,16 +43,23 @@ const FINE_LOG2: u32 = 3;
 /// Number of fine blocks.
 const FINE: usize = (2 * NEAR) << FINE_LOG2;
 
-/// Returns the spot, or the higher one of two.
+/// Returns the spot, or the higher one of two. `None` where the sums do not hold the sizes that the higher one
+/// needs.
 ///
 /// # Errors
 /// [`Fault::TwoSpots`] if the other spot is about as high.
-pub(super) fn check(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
-    let spot = check_near(sums, found)?;
-    match find_far_spot(sums, &spot) {
+pub(super) fn check(sums: &Sums<'_>, found: Spot) -> Option<Result<Spot, Fault>> {
+    let spot = match check_near(sums, found) {
+        Ok(spot) => spot,
+        Err(fault) => return Some(Err(fault)),
+    };
+    if spot.block_log2 < sums.smallest_log2() {
+        return None;
+    }
+    Some(match find_far_spot(sums, &spot) {
         Some(other) => Err(two_spots(spot.centre, other)),
         None => Ok(spot),
-    }
+    })
 }
 
 /// As [`check`], for the light within [`NEAR`] blocks only.
@@ -132,12 +140,11 @@ impl Near {
                 * dual_mac::square_root((1u32 << (2 * Counts::FRACTION + block_log2)) as f32))
                 as i32,
         };
-        for (length, light) in (1..=2 * reach).zip(&mut near.light) {
-            let Some(sum) = sums.block(block_log2, first.saturating_add(length - 1)) else {
-                break;
-            };
+        let mut blocks = [0; FINE];
+        let blocks = blocks.get_mut(..2 * reach)?;
+        near.length = sums.blocks_from(block_log2, first, blocks);
+        for (light, &sum) in near.light.iter_mut().zip(&*blocks) {
             *light = in_q8(sum).saturating_sub(level);
-            near.length = length;
         }
         let light = near.light.get(..near.length)?;
         let (&start, &end) = (light.first()?, light.last()?);

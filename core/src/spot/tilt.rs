@@ -6,7 +6,7 @@
 use heapless::Vec;
 
 use crate::numeric;
-use crate::row::LARGEST_COUNT;
+use crate::row::{LARGEST_COUNT, Light};
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, median};
 use crate::units::Counts;
 
@@ -32,7 +32,7 @@ impl Tilt {
                 .push(numeric::sub_i32(*next as i32, *this as i32))
                 .ok()?;
         }
-        let step = i64::from(median(&mut steps)?);
+        let step = i64::from(median(&steps)?);
         // The step of the sums, divided by the pixels of a block, is the step of the means. Divided by them
         // again, it is the slope.
         Some(Self {
@@ -44,7 +44,7 @@ impl Tilt {
     /// middle to its end is more than a quarter of the height, and more than twice a pixel's noise. Noise
     /// alone makes a change of 0.4 of a pixel's noise, so that limit is five standard deviations. (28 blocks
     /// of 128 pixels: median steps scatter by 1.25 sqrt(2 / 128) / sqrt(27), and half a row has 14 of them.)
-    pub(super) fn may_hide(self, light: &[u16], height: Counts, noise: Counts) -> bool {
+    pub(super) fn may_hide(self, light: Light<'_>, height: Counts, noise: Counts) -> bool {
         let drift = self.rise(light.len() / 2);
         drift > 2 * i64::from(noise.to_bits()) && drift > i64::from(height.to_bits()) / 4
     }
@@ -58,7 +58,7 @@ impl Tilt {
 
     /// How much higher the background is at a pixel than at the row's dark end, Q24.8 counts. At most 2^20,
     /// the most that a row can hold.
-    pub(super) fn height_at(self, light: &[u16], pixel: usize) -> i32 {
+    pub(super) fn height_at(self, light: Light<'_>, pixel: usize) -> i32 {
         let from_dark = if self.slope > 0 {
             pixel
         } else {
@@ -119,7 +119,7 @@ mod tests {
             let lowest = tilt.subtract_from(&mut untilted);
             assert_eq!(untilted.iter().min(), Some(&0), "{slope}");
             for (pixel, (&count, &without)) in light.iter().zip(&untilted).enumerate() {
-                let height = tilt.height_at(&light, pixel) >> Counts::FRACTION;
+                let height = tilt.height_at(light.as_slice().into(), pixel) >> Counts::FRACTION;
                 let expected = i32::from(count) - height - lowest;
                 assert_eq!(
                     i32::from(without),

@@ -7,7 +7,7 @@ use slitrange::spot::Spot;
 /// The centroid of a spot that the core's coarse search found, above its black level. `None` where the window
 /// reaches over the sensor's edge or does not come to rest.
 pub fn centre(light: &[u16], spot: &Spot) -> Option<f64> {
-    let width = half_width::width(light, spot, None).ok()?;
+    let width = half_width::width(light.into(), spot, None).ok()?;
     let half_window = 3.0 * f64::from(width);
     let level = spot.black_level.to_f64();
     let ambient = (spot.background.level.to_f64() - level) * 2.0 * half_window;

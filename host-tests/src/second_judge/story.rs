@@ -71,10 +71,10 @@ impl Frame {
         let mut sums = vec![0.0; self.geometry.light.len()];
         let mut rows = 0.0;
         for words in &self.rows {
-            if let Ok(row) = self.geometry.row(&mut words.clone()) {
+            if let Ok(row) = self.geometry.row(words) {
                 rows += 1.0;
-                for (sum, count) in sums.iter_mut().zip(row.light()) {
-                    *sum += f64::from(*count);
+                for (sum, count) in sums.iter_mut().zip(row.light().iter()) {
+                    *sum += f64::from(count);
                 }
             }
         }

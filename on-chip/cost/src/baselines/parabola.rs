@@ -21,7 +21,7 @@ use slitrange::centre::half_width;
 use slitrange::centre::plausible::{check_saturation, position_on_row};
 use slitrange::centre::{RowCentre, WidthClass};
 use slitrange::fault::Fault;
-use slitrange::row::{Geometry, Row};
+use slitrange::row::{Geometry, Light, Row};
 use slitrange::spot::Spot;
 use slitrange::units::{Counts, Pixels};
 
@@ -119,20 +119,20 @@ pub fn centre(
 
 /// The highest pixel within a block of the spot's centre, and the counts of its left neighbour, of itself,
 /// and of its right neighbour. `None` where it has not both.
-fn highest(light: &[u16], spot: &Spot) -> Option<(i32, [u16; 3])> {
+fn highest(light: Light<'_>, spot: &Spot) -> Option<(i32, [u16; 3])> {
     let block = 1usize << spot.block_log2.min(7);
     let first = spot.centre.saturating_sub(block);
-    let near = light.get(first..)?;
-    let near = near.get(..2 * block + 1).unwrap_or(near);
+    let near = light.slice(first..)?;
+    let near = near.slice(..2 * block + 1).unwrap_or(near);
     let (mut place, mut top) = (0, 0);
-    for (i, &count) in near.iter().enumerate() {
+    for (i, count) in near.iter().enumerate() {
         if count > top {
             (place, top) = (i, count);
         }
     }
     let highest = first.saturating_add(place);
-    let counts = light.get(highest.checked_sub(1)?..)?.first_chunk()?;
-    Some((i32::try_from(highest).ok()?, *counts))
+    let counts = light.slice(highest.checked_sub(1)?..)?.chunks().next()?;
+    Some((i32::try_from(highest).ok()?, counts))
 }
 
 /// A parabola's vertex.

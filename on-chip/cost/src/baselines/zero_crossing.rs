@@ -16,7 +16,7 @@ use slitrange::centre::half_width;
 use slitrange::centre::plausible::{check_saturation, position_on_row};
 use slitrange::centre::{RowCentre, WidthClass};
 use slitrange::fault::Fault;
-use slitrange::row::{Geometry, Row};
+use slitrange::row::{Geometry, Light, Row};
 use slitrange::spot::Spot;
 use slitrange::units::{Counts, Pixels};
 
@@ -58,7 +58,7 @@ pub fn centre(
     // The pixels of the box about the pixel before the zero, and about the one after.
     let first = crossing.pixel.checked_sub(half_box).ok_or(edge)?;
     let pixels = light
-        .get(first..crossing.pixel.saturating_add(half_box).saturating_add(2))
+        .slice(first..crossing.pixel.saturating_add(half_box).saturating_add(2))
         .ok_or(edge)?;
     let level = spot.background.level_bits();
     let gathered =
@@ -115,26 +115,27 @@ enum Slide {
 
 /// The sum of the counts in a box, which has at most 738 pixels.
 #[inline(always)]
-fn sum(pixels: &[u16]) -> i32 {
-    pixels.iter().map(|&count| i32::from(count)).sum()
+fn sum(pixels: Light<'_>) -> i32 {
+    pixels.iter().map(i32::from).sum()
 }
 
 /// Slides the box from a pixel to where S changes sign, at most `reach` pixels.
-fn slide(light: &[u16], start: usize, half_box: usize, reach: usize) -> Slide {
+fn slide(light: Light<'_>, start: usize, half_box: usize, reach: usize) -> Slide {
     let Some(first) = start.checked_sub(half_box) else {
         return Slide::Edge;
     };
     let beyond = start.saturating_add(half_box).saturating_add(1);
-    let (Some(left), Some(right)) = (light.get(first..start), light.get(start + 1..beyond)) else {
+    let (Some(left), Some(right)) = (light.slice(first..start), light.slice(start + 1..beyond))
+    else {
         return Slide::Edge;
     };
     let mut here = sum(right) - sum(left);
     // S(i) - S(i + 1) = y(i) + y(i + 1) - y(i + 1 + L) - y(i - L).
-    let falls = |at: &u16, next: &u16, enters: &u16, leaves: &u16| {
-        i32::from(*at) + i32::from(*next) - i32::from(*enters) - i32::from(*leaves)
+    let falls = |at: u16, next: u16, enters: u16, leaves: u16| {
+        i32::from(at) + i32::from(next) - i32::from(enters) - i32::from(leaves)
     };
-    let from = |pixel: usize| light.get(pixel..).unwrap_or_default().iter();
-    let until = |pixel: usize| light.get(..pixel).unwrap_or_default().iter().rev();
+    let from = |pixel: usize| light.slice(pixel..).unwrap_or_default().iter();
+    let until = |pixel: usize| light.slice(..pixel).unwrap_or_default().iter().rev();
     let mut slid = 0;
     if here > 0 {
         let steps = from(start)

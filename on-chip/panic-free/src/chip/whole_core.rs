@@ -148,7 +148,7 @@ pub fn correct_pixels() {
         }
         if let Some(map) = field.map() {
             let light = any::words(&mut words);
-            map.correct(light, any(0)..any(0), any(Counts::MIN), any(0));
+            map.correct(light, any(0)..any(0), any(Counts::MIN), &any::geometry());
             reached(i32::from(light.first().copied().unwrap_or_default()));
             reached(map.background_of(any::spot().background).noise.to_bits());
             for word in Words::new(map, any(0)) {

@@ -1,0 +1,106 @@
+//! The pixels of a row as they lie in a read-out's words.
+
+use core::slice::SliceIndex;
+
+/// Pixels side by side, light positive, in the words of a read-out. Words that fall with light stay as they
+/// are: each count is computed when it is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Light<'a> {
+    words: &'a [u16],
+    /// What turns a word into a count by an exclusive or. Full scale is 2^bits - 1, so full scale less a word
+    /// is the word with all its bits inverted.
+    inverted: u16,
+}
+
+impl<'a> From<&'a [u16]> for Light<'a> {
+    /// Words that are counts already.
+    #[inline]
+    fn from(counts: &'a [u16]) -> Self {
+        Self {
+            words: counts,
+            inverted: 0,
+        }
+    }
+}
+
+impl<'a, const N: usize> From<&'a [u16; N]> for Light<'a> {
+    #[inline]
+    fn from(counts: &'a [u16; N]) -> Self {
+        Self::from(counts.as_slice())
+    }
+}
+
+impl<'a> Light<'a> {
+    /// Words, and what turns them into counts by an exclusive or.
+    #[inline]
+    pub(super) const fn new(words: &'a [u16], inverted: u16) -> Self {
+        Self { words, inverted }
+    }
+
+    /// The number of pixels.
+    #[inline]
+    pub const fn len(self) -> usize {
+        self.words.len()
+    }
+
+    /// Whether there is no pixel.
+    #[inline]
+    pub const fn is_empty(self) -> bool {
+        self.words.is_empty()
+    }
+
+    /// The count of a pixel. `None` off the row.
+    #[inline]
+    pub fn get(self, pixel: usize) -> Option<u16> {
+        self.words.get(pixel).map(|word| word ^ self.inverted)
+    }
+
+    /// Some of the pixels. `None` where they are not all there.
+    #[inline]
+    pub fn slice(self, pixels: impl SliceIndex<[u16], Output = [u16]>) -> Option<Self> {
+        Some(Self {
+            words: self.words.get(pixels)?,
+            ..self
+        })
+    }
+
+    /// The pixels before one, and those from it on. Both are empty where there are fewer pixels.
+    #[inline]
+    pub fn split(self, pixel: usize) -> (Self, Self) {
+        let (left, right) = self.words.split_at_checked(pixel).unwrap_or_default();
+        let of = |words| Self { words, ..self };
+        (of(left), of(right))
+    }
+
+    /// The counts, one after the other.
+    #[inline]
+    pub fn iter(
+        self,
+    ) -> impl DoubleEndedIterator<Item = u16> + ExactSizeIterator + Clone + use<'a> {
+        let inverted = self.inverted;
+        self.words.iter().map(move |word| word ^ inverted)
+    }
+
+    /// The counts in groups of N. Pixels that do not fill the last group are left out.
+    #[inline]
+    pub fn chunks<const N: usize>(
+        self,
+    ) -> impl ExactSizeIterator<Item = [u16; N]> + Clone + use<'a, N> {
+        let inverted = self.inverted;
+        let chunks = self.words.as_chunks::<N>().0.iter();
+        chunks.map(move |chunk| chunk.map(|word| word ^ inverted))
+    }
+
+    /// The pixels in groups of so many. Pixels that do not fill the last group are left out.
+    #[inline]
+    pub fn groups(self, pixels: usize) -> impl Iterator<Item = Self> + use<'a> {
+        let groups = self.words.chunks_exact(pixels.max(1));
+        groups.map(move |words| Self { words, ..self })
+    }
+
+    /// The words, and what turns them into counts by an exclusive or: full scale, or zero.
+    #[inline]
+    pub(crate) const fn words(self) -> (&'a [u16], u16) {
+        (self.words, self.inverted)
+    }
+}

@@ -1,0 +1,230 @@
+//! Finds the spot again in the next row, whose place and width the row before tells.
+//!
+//! The peak of the kernel's responses is searched near the place of the row before. Then the sweep over the
+//! rest of the row only tests whether any response there is similar to the peak.
+
+use crate::fault::Fault;
+use crate::numeric;
+use crate::row::{BLOCK_LOG2, Blocks, Row};
+use crate::spot::{
+    DETECTION, LARGEST_BLOCK_LOG2, MIN_PIXELS, Spot, find_in, height, in_q8, middle, needed,
+    square, under_the_kernel,
+};
+use crate::units::{Counts, Pixels};
+
+/// Finds the spot again in the next row, with a tenth of the work of [`find`]. Uses blocks of 8 pixels or
+/// more that fit the width of the spot before, and the background and the noise of the row before. Calls
+/// [`find`] instead if the spot is narrower, has moved by more than its width and a block, or is on another
+/// background: a sudden change of light changes the noise too, and noise might then pass for a spot above the
+/// old background.
+///
+/// # Errors
+/// As [`find`].
+pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, Fault> {
+    find_again_in(row, &Blocks::of(row.light()), before, width)
+}
+
+/// As [`find_again`], with the row's blocks.
+pub(crate) fn find_again_in(
+    row: &Row<'_>,
+    blocks: &Blocks,
+    before: &Spot,
+    width: Pixels,
+) -> Result<Spot, Fault> {
+    // The kernel fits a width of 0.9 of its block best, and widths of 0.75 or 1.5 nearly as well.
+    let block_log2 = (BLOCK_LOG2..=LARGEST_BLOCK_LOG2)
+        .take_while(|&log2| width >= Pixels::from_int((3 << log2) / 4))
+        .last();
+    let Some(block_log2) = block_log2.filter(|_| row.light().len() >= MIN_PIXELS) else {
+        return find_in(row, blocks);
+    };
+    let groups = Groups {
+        blocks: blocks.sums(),
+        log2: block_log2 - BLOCK_LOG2,
+    };
+    let level = Counts::from_bits(before.background.level_bits());
+    let background = under_the_kernel(level, block_log2);
+    let above = |response: u32| in_q8(response).saturating_sub(background).max(0);
+    let block = 1usize << block_log2;
+    // Not negative: the width is at least three quarters of the block that was chosen for it.
+    let width = (width.to_bits() >> Pixels::FRACTION) as usize;
+    let Some(peak) = groups.peak_near(before.centre >> block_log2) else {
+        return find_in(row, blocks);
+    };
+    let response = above(peak.response);
+    let significance = square(response.unsigned_abs()) >> block_log2;
+    let centre = middle(peak.group, block_log2);
+    // Another spot has two thirds of the peak's response or more: see `second_spot::has_similar_height`.
+    // Both terms are below 2^29.
+    let least_similar =
+        (numeric::add_i32(background, response / 3 * 2).max(0) >> Counts::FRACTION).unsigned_abs();
+    // [`find`](crate::spot::find) tells whether a weak response is only noise, because the spot is gone, and
+    // whether the sensor is silent, because no pixel changes.
+    if significance < needed(DETECTION, before.background.noise)
+        || centre.abs_diff(before.centre) > width + block
+        || has_background_changed(background, response, groups.beside(peak.group))
+        || groups.has_another(peak.group, least_similar)
+    {
+        return find_in(row, blocks);
+    }
+    Ok(Spot {
+        centre,
+        block_log2,
+        height: height(response, block_log2),
+        background: before.background,
+        black_level: before.background.level,
+    })
+}
+
+/// Whether the background beside the spot has changed by more than a quarter of the spot's response. All
+/// three arguments are responses of the kernel, in Q24.8 counts. A smaller change moves no centre of a phase
+/// table, and a quarter of a response does not pass for a whole one. The centroid, which subtracts the level,
+/// then subtracts a level that is off by that change.
+fn has_background_changed(background: i32, response: i32, beside: Option<i32>) -> bool {
+    beside.is_none_or(|beside| beside.abs_diff(background) > response.unsigned_abs() / 4)
+}
+
+/// Groups from the spot's group to the two that show the background beside it. A group has 2/3 to 4/3 of the
+/// width, so the nearest pixels of those two are 2.7 widths from the centre, where a gaussian has 3 % of its
+/// height left.
+const GROUPS_TO_BACKGROUND: usize = 5;
+
+/// How far a spot reaches, in groups: a response at this distance or nearer belongs to the spot. A spot's
+/// width is at most 1.5 groups: at this distance it has a third of its response left.
+const SPOT_REACH: usize = 2;
+
+/// How far the peak is searched from the place of the row before, in groups. A spot that moved by its width
+/// and a group is found: a width is at most 1.5 groups. A peak beyond that is found too, as far as it reaches
+/// to there.
+const SEARCH_REACH: usize = 3 + SPOT_REACH;
+
+/// Blocks in groups of 2^`log2`.
+struct Groups<'a> {
+    blocks: &'a [u16],
+    log2: u32,
+}
+
+/// The highest response; of equal ones, the first.
+struct Peak {
+    group: usize,
+    response: u32,
+}
+
+impl Groups<'_> {
+    /// The sum over a group. `None` off the row.
+    fn sum(&self, group: usize) -> Option<u32> {
+        let start = group.checked_mul(1 << self.log2)?;
+        let blocks = self.blocks.get(start..start.checked_add(1 << self.log2)?)?;
+        Some(sum_of_group(blocks))
+    }
+
+    /// The peak near a group. `None` where the row is too short for a response.
+    fn peak_near(&self, group: usize) -> Option<Peak> {
+        let first = group.saturating_sub(SEARCH_REACH);
+        let mut kernel = Kernel::default();
+        let mut peak: Option<Peak> = None;
+        // With the first group before the first response.
+        let start = first.saturating_sub(1);
+        for last in start..=group.saturating_add(SEARCH_REACH + 1) {
+            let Some(sum) = self.sum(last) else {
+                break;
+            };
+            let response = kernel.take(sum);
+            if last > first && peak.as_ref().is_none_or(|peak| response > peak.response) {
+                let group = last - 1;
+                peak = Some(Peak { group, response });
+            }
+        }
+        peak
+    }
+
+    /// The background to the left and right of a group, as a response of the kernel [1 2 1], in Q24.8 counts.
+    /// Where the row has one side only, that side counts twice. `None` where the row has neither.
+    fn beside(&self, group: usize) -> Option<i32> {
+        let left = (group.checked_sub(GROUPS_TO_BACKGROUND)).and_then(|group| self.sum(group));
+        let right = self.sum(group.saturating_add(GROUPS_TO_BACKGROUND));
+        let both = numeric::add_u32(left.or(right)?, right.or(left)?);
+        // Twice two groups of at most 128 pixels: as much as a response.
+        Some(in_q8(numeric::add_u32(both, both)))
+    }
+
+    /// Whether any response further away than [`SPOT_REACH`] groups is `least` or more.
+    fn has_another(&self, group: usize, least: u32) -> bool {
+        // The kernel's middle is further away than that. Its last group on the left, and its first on the
+        // right, are one nearer.
+        let left = group.saturating_sub(SPOT_REACH - 1) << self.log2;
+        let first = group.saturating_add(SPOT_REACH);
+        let right = first.saturating_add(2) << self.log2;
+        let left = self.blocks.get(..left).unwrap_or_default();
+        let right = self.blocks.get(right..).unwrap_or_default();
+        let mut kernel = Kernel::default();
+        for group in [first, first.saturating_add(1)] {
+            kernel.take(self.sum(group).unwrap_or_default());
+        }
+        // To the left of the row there is nothing.
+        responds(Kernel::default(), left, self.log2, least)
+            || responds(kernel, right, self.log2, least)
+    }
+}
+
+/// Whether a kernel that takes groups of 2^`log2` blocks responds with `least` or more.
+#[inline(never)]
+fn responds(mut kernel: Kernel, blocks: &[u16], log2: u32, least: u32) -> bool {
+    match log2 {
+        0 => {
+            // Four at a time, so that the compiler need not move what the kernel keeps.
+            let (fours, rest) = blocks.as_chunks::<4>();
+            kernel.responds(fours.iter().map(|sums| sums.map(u32::from)), least)
+                || kernel.responds(rest.iter().map(|&sum| [sum.into()]), least)
+        }
+        _ => {
+            let groups = blocks.chunks_exact(1 << log2);
+            kernel.responds(groups.map(|blocks| [sum_of_group(blocks)]), least)
+        }
+    }
+}
+
+/// The kernel [1 2 1], which takes one sum after the other.
+#[derive(Default)]
+struct Kernel {
+    last: u32,
+    last_two: u32,
+}
+
+impl Kernel {
+    /// Takes a sum, and returns the response of the kernel that ends with it.
+    #[inline(always)]
+    fn take(&mut self, sum: u32) -> u32 {
+        // Sums of at most 128 pixels of 12 bits: four of them are below 2^21.
+        let two = numeric::add_u32(self.last, sum);
+        let response = numeric::add_u32(self.last_two, two);
+        (self.last, self.last_two) = (sum, two);
+        response
+    }
+
+    /// Takes the sums. Whether any response is `least` or more.
+    #[inline(always)]
+    fn responds<const N: usize>(
+        &mut self,
+        sums: impl Iterator<Item = [u32; N]>,
+        least: u32,
+    ) -> bool {
+        // Responses are below 2^21, and so is `least`. The difference is negative for a response that is
+        // `least` or more. Only its sign is kept.
+        let below = (least as i32).wrapping_sub(1);
+        let signs = sums.fold(0, |signs, sums| {
+            sums.into_iter().fold(signs, |signs, sum| {
+                signs | numeric::sub_i32(below, self.take(sum) as i32)
+            })
+        });
+        signs < 0
+    }
+}
+
+/// The sum over blocks of at most 128 pixels together.
+#[inline(always)]
+fn sum_of_group(blocks: &[u16]) -> u32 {
+    blocks
+        .iter()
+        .fold(0, |all, &sum| numeric::add_u32(all, sum.into()))
+}

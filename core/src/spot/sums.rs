@@ -1,0 +1,423 @@
+//! The sums over blocks of a row's pixels, and the highest responses of the kernel [1 2 1].
+//!
+//! [`Coarse`] holds all sizes from 8 pixels up, which follow from the row's [`Blocks`]. [`Fine`] holds the
+//! sizes below, which take ten times as long: the search computes them only where they matter.
+
+use core::ops::Range;
+
+use heapless::Vec;
+
+use crate::numeric;
+use crate::row::{BLOCK_LOG2, Blocks, LARGEST_COUNT, Light, MAX_PIXELS};
+use crate::spot::tilt::Tilt;
+use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, in_q8, median};
+use crate::units::Counts;
+
+/// Pairs of blocks in a part. The sweep keeps only the highest response of each part, which halves its cost.
+/// [`Sums::highest`] then searches the best part for the place.
+const PART: usize = 16;
+
+/// The most parts of blocks of 2^`block_log2` pixels.
+const fn most_parts(block_log2: u32) -> usize {
+    (MAX_PIXELS >> (block_log2 + 1)).div_ceil(PART)
+}
+
+/// The sizes from 8 pixels up.
+const COARSE_SIZES: usize = (LARGEST_BLOCK_LOG2 - BLOCK_LOG2) as usize + 1;
+
+/// What blocks of 8, 16, 32, 64 and 128 pixels have. Those of 8 pixels are in [`Blocks`].
+pub(super) struct Coarse {
+    sums_16: [u16; MAX_PIXELS >> 4],
+    sums_32: [u32; MAX_PIXELS >> 5],
+    sums_64: [u32; MAX_PIXELS >> 6],
+    sums_128: [u32; MAX_PIXELS >> 7],
+    /// The highest response in each part.
+    parts: [[u32; most_parts(BLOCK_LOG2)]; COARSE_SIZES],
+}
+
+impl Coarse {
+    /// Nothing summed.
+    pub(super) const fn new() -> Self {
+        Self {
+            sums_16: [0; MAX_PIXELS >> 4],
+            sums_32: [0; MAX_PIXELS >> 5],
+            sums_64: [0; MAX_PIXELS >> 6],
+            sums_128: [0; MAX_PIXELS >> 7],
+            parts: [[0; most_parts(BLOCK_LOG2)]; COARSE_SIZES],
+        }
+    }
+
+    /// Sums a row's blocks. In place, because copies of the sums take time.
+    #[inline(never)]
+    pub(super) fn sum(&mut self, blocks: &Blocks) {
+        let [parts_8, parts_16, parts_32, parts_64, parts_128] = &mut self.parts;
+        let blocks = blocks.sums();
+        let small = |sum: u32| sum as u16;
+        sweep(blocks, &mut self.sums_16, small, parts_8);
+        let mut pairs = blocks.len() / 2;
+        sweep(
+            first(&self.sums_16, pairs),
+            &mut self.sums_32,
+            |sum| sum,
+            parts_16,
+        );
+        pairs /= 2;
+        sweep(
+            first(&self.sums_32, pairs),
+            &mut self.sums_64,
+            |sum| sum,
+            parts_32,
+        );
+        pairs /= 2;
+        sweep(
+            first(&self.sums_64, pairs),
+            &mut self.sums_128,
+            |sum| sum,
+            parts_64,
+        );
+        pairs /= 2;
+        let mut sums_256 = [0u32; MAX_PIXELS >> 8];
+        sweep(
+            first(&self.sums_128, pairs),
+            &mut sums_256,
+            |sum| sum,
+            parts_128,
+        );
+    }
+}
+
+// A sum of 16 pixels fits 16 bits.
+const _: () = assert!((LARGEST_COUNT as u32) << 4 <= u16::MAX as u32);
+
+/// What blocks of 1, 2 and 4 pixels have.
+pub(super) struct Fine {
+    sums_2: [u16; MAX_PIXELS >> 1],
+    sums_4: [u16; MAX_PIXELS >> 2],
+    parts_1: [u32; most_parts(0)],
+    parts_2: [u32; most_parts(1)],
+    parts_4: [u32; most_parts(2)],
+}
+
+impl Fine {
+    /// Nothing summed.
+    pub(super) const fn new() -> Self {
+        Self {
+            sums_2: [0; MAX_PIXELS >> 1],
+            sums_4: [0; MAX_PIXELS >> 2],
+            parts_1: [0; most_parts(0)],
+            parts_2: [0; most_parts(1)],
+            parts_4: [0; most_parts(2)],
+        }
+    }
+
+    /// Sums a row's pixels. In place, because copies of the sums take time.
+    #[inline(never)]
+    pub(super) fn sum(&mut self, light: Light<'_>) {
+        let small = |sum: u32| sum as u16;
+        let (words, inverted) = light.words();
+        let count = |word: u16| u32::from(word ^ inverted);
+        sweep_of(words, count, &mut self.sums_2, small, &mut self.parts_1);
+        let pairs = light.len() / 2;
+        sweep(
+            first(&self.sums_2, pairs),
+            &mut self.sums_4,
+            small,
+            &mut self.parts_2,
+        );
+        let mut sums_8 = [0u16; MAX_PIXELS >> 3];
+        sweep(
+            first(&self.sums_4, pairs / 2),
+            &mut sums_8,
+            small,
+            &mut self.parts_4,
+        );
+    }
+}
+
+/// The sums over blocks of all sizes, and the highest responses of the kernel, background included.
+#[derive(Clone, Copy)]
+pub(super) struct Sums<'a> {
+    pub(super) light: Light<'a>,
+    blocks: &'a [u16],
+    coarse: &'a Coarse,
+    /// Where there is none, only blocks of 8 pixels and more have [parts](Self::parts).
+    fine: Option<&'a Fine>,
+}
+
+impl<'a> Sums<'a> {
+    pub(super) fn new(light: Light<'a>, blocks: &'a Blocks, coarse: &'a Coarse) -> Self {
+        Self {
+            light,
+            blocks: blocks.sums(),
+            coarse,
+            fine: None,
+        }
+    }
+
+    /// These sums, and those of the fine sizes.
+    pub(super) const fn with(self, fine: &'a Fine) -> Self {
+        Self {
+            fine: Some(fine),
+            ..self
+        }
+    }
+
+    /// The smallest block size whose highest responses are known.
+    pub(super) const fn smallest_log2(&self) -> u32 {
+        match self.fine {
+            None => BLOCK_LOG2,
+            Some(_) => 0,
+        }
+    }
+
+    /// The number of blocks on the row.
+    pub(super) fn number(&self, block_log2: u32) -> usize {
+        self.light.len() >> block_log2.min(LARGEST_BLOCK_LOG2)
+    }
+
+    /// The sum over a block. `None` off the row.
+    #[inline]
+    pub(super) fn block(&self, block_log2: u32, block: usize) -> Option<u32> {
+        if block >= self.number(block_log2) {
+            return None;
+        }
+        match block_log2 {
+            0 => self.light.get(block).map(u32::from),
+            1 | 2 => {
+                let start = block << block_log2;
+                let pixels = self.light.slice(start..start + (1 << block_log2))?;
+                // At most four counts.
+                Some(pixels.iter().map(u32::from).fold(0, numeric::add_u32))
+            }
+            3 => self.blocks.get(block).copied().map(u32::from),
+            4 => self.coarse.sums_16.get(block).copied().map(u32::from),
+            5 => self.coarse.sums_32.get(block).copied(),
+            6 => self.coarse.sums_64.get(block).copied(),
+            _ => self.coarse.sums_128.get(block).copied(),
+        }
+    }
+
+    /// Writes the sums over the blocks from one on, as far as there are blocks and places. Returns how many.
+    pub(super) fn blocks_from(&self, block_log2: u32, block: usize, sums: &mut [u32]) -> usize {
+        let end = self
+            .number(block_log2)
+            .min(block.saturating_add(sums.len()));
+        let blocks = block..end.max(block);
+        let number = blocks.len();
+        let pixels = blocks.start << block_log2..blocks.end << block_log2;
+        match block_log2 {
+            0 | 1 | 2 => {
+                let light = self.light.slice(pixels).unwrap_or_default();
+                match block_log2 {
+                    0 => fill(sums, light.chunks().map(sum_of::<1>)),
+                    1 => fill(sums, light.chunks().map(sum_of::<2>)),
+                    _ => fill(sums, light.chunks().map(sum_of::<4>)),
+                }
+            }
+            3 | 4 => {
+                let small = self.small_blocks(block_log2).get(blocks);
+                fill(
+                    sums,
+                    small.unwrap_or_default().iter().map(|&sum| sum.into()),
+                );
+            }
+            _ => {
+                let of = |block| self.block(block_log2, block).unwrap_or_default();
+                fill(sums, blocks.map(of));
+            }
+        }
+        number
+    }
+
+    /// The sums over blocks of 2 to 16 pixels. Empty for other sizes, and for those that are not computed.
+    pub(super) fn small_blocks(&self, block_log2: u32) -> &'a [u16] {
+        let sums: &[u16] = match (block_log2, self.fine) {
+            (1, Some(fine)) => &fine.sums_2,
+            (2, Some(fine)) => &fine.sums_4,
+            (3, _) => self.blocks,
+            (4, _) => &self.coarse.sums_16,
+            _ => &[],
+        };
+        sums.get(..self.number(block_log2)).unwrap_or_default()
+    }
+
+    /// The kernel's response with its middle on a block: at most 4 * 128 * 4095 < 2^21. `None` where the
+    /// kernel reaches over the row's end.
+    #[inline]
+    pub(super) fn response(&self, block_log2: u32, block: usize) -> Option<u32> {
+        let left = self.block(block_log2, block.checked_sub(1)?)?;
+        let (middle, right) = (
+            self.block(block_log2, block)?,
+            self.block(block_log2, block.checked_add(1)?)?,
+        );
+        let twice = numeric::add_u32(middle, middle);
+        Some(numeric::add_u32(numeric::add_u32(left, twice), right))
+    }
+
+    /// The highest response of each part, and the blocks on which the kernel's middle lies there.
+    pub(super) fn parts(
+        &self,
+        block_log2: u32,
+    ) -> impl Iterator<Item = (u32, Range<usize>)> + use<'a> {
+        let parts: &[u32] = match (block_log2, self.fine) {
+            (0, Some(fine)) => &fine.parts_1,
+            (1, Some(fine)) => &fine.parts_2,
+            (2, Some(fine)) => &fine.parts_4,
+            _ => {
+                let size = block_log2.wrapping_sub(BLOCK_LOG2) as usize;
+                self.coarse
+                    .parts
+                    .get(size)
+                    .map_or(&[], <[u32; _]>::as_slice)
+            }
+        };
+        // The first pair of blocks is in no part.
+        let number = (self.number(block_log2) / 2)
+            .saturating_sub(1)
+            .div_ceil(PART);
+        // A part holds the kernels whose last block is in it. The first pair of blocks only starts the first
+        // kernel, so the first middle is block 1.
+        let starts = (0..most_parts(0)).map(|part| 2 * PART * part + 1);
+        let parts = parts.get(..number).unwrap_or_default();
+        (parts.iter().copied())
+            .zip(starts)
+            .map(|(highest, start)| (highest, start..start + 2 * PART))
+    }
+
+    /// The block on which the kernel's middle has its highest response; of equal ones, the first.
+    pub(super) fn highest(&self, block_log2: u32) -> Option<usize> {
+        // Not `>=`: of equal parts the first.
+        let (response, mut blocks) = (self.parts(block_log2))
+            .reduce(|highest, part| if part.0 > highest.0 { part } else { highest })?;
+        blocks.find(|&block| self.response(block_log2, block) == Some(response))
+    }
+
+    /// Whether one pixel has three quarters of the light about a block. No spot has such a pixel: its width
+    /// is 0.5 or more.
+    pub(super) fn is_one_pixel(&self, block_log2: u32, block: usize, level: Counts) -> bool {
+        let size = 1usize << block_log2.min(LARGEST_BLOCK_LOG2);
+        let from = block.saturating_sub(2).saturating_mul(size);
+        let to = block
+            .saturating_add(3)
+            .saturating_mul(size)
+            .min(self.light.len());
+        let pixels = self.light.slice(from..to).unwrap_or_default();
+        // At most 640 pixels of 12 bits in Q8: below 2^30.
+        let above = |count: u16| {
+            (i32::from(count) * (1 << Counts::FRACTION)).saturating_sub(level.to_bits())
+        };
+        let light = pixels
+            .iter()
+            .fold(0, |sum, count| numeric::add_i32(sum, above(count)));
+        let highest = pixels.iter().map(above).max();
+        highest.is_some_and(|highest| highest / 3 > light / 4)
+    }
+
+    /// Whether a part of the background is darker than its level by more than a pixel's noise. A spot there
+    /// may stand out from the background beside it, and not from the level. (The noise of a block of 128
+    /// pixels is an eleventh of a pixel's, so noise alone makes no block so dark.)
+    pub(super) fn has_darker_background(&self, level: Counts, noise: Counts) -> bool {
+        level
+            .to_bits()
+            .saturating_sub(self.darkest(level).to_bits())
+            > noise.to_bits()
+    }
+
+    /// The level of the darkest block of the largest size, but at most `level`: wide light may raise the
+    /// level of most of the row.
+    pub(super) fn darkest(&self, level: Counts) -> Counts {
+        let sums = self.coarse.sums_128.iter();
+        let darkest = sums.take(self.number(LARGEST_BLOCK_LOG2)).min();
+        darkest.map_or(level, |&sum| {
+            level.min(Counts::from_bits(in_q8(sum) >> LARGEST_BLOCK_LOG2))
+        })
+    }
+
+    /// The background's level and tilt: medians over blocks of the largest size of which the row has 16 or
+    /// more.
+    pub(super) fn background(&self) -> Option<(Counts, Tilt)> {
+        let block_log2 = (1..=LARGEST_BLOCK_LOG2)
+            .take_while(|&log2| self.number(log2) >= 16)
+            .last()?;
+        let mut values: Vec<u32, MEDIAN_BLOCKS> = Vec::new();
+        for block in 0..self.number(block_log2) {
+            values.push(self.block(block_log2, block)?).ok()?;
+        }
+        let tilt = Tilt::of(&values, block_log2)?;
+        let sum = median(&values)?;
+        Some((Counts::from_bits(in_q8(sum) >> block_log2), tilt))
+    }
+}
+
+/// The sum over a block of at most four pixels.
+pub(super) fn sum_of<const N: usize>(block: [u16; N]) -> u32 {
+    block.into_iter().map(u32::from).fold(0, numeric::add_u32)
+}
+
+#[inline(always)]
+fn fill(sums: &mut [u32], values: impl Iterator<Item = u32>) {
+    for (sum, value) in sums.iter_mut().zip(values) {
+        *sum = value;
+    }
+}
+
+/// The first values.
+fn first<T>(values: &[T], number: usize) -> &[T] {
+    values.get(..number).unwrap_or(values)
+}
+
+/// Runs [1 2 1] over the values; puts the sum of each pair into `sums`, and the highest response of each part
+/// into `parts`.
+fn sweep<T: Copy + Into<u32>, S>(
+    values: &[T],
+    sums: &mut [S],
+    stored: impl Fn(u32) -> S,
+    parts: &mut [u32],
+) {
+    sweep_of(values, T::into, sums, stored, parts);
+}
+
+/// As [`sweep`], over values of these.
+#[inline(always)]
+fn sweep_of<T: Copy, S>(
+    values: &[T],
+    value: impl Fn(T) -> u32,
+    sums: &mut [S],
+    stored: impl Fn(u32) -> S,
+    parts: &mut [u32],
+) {
+    // The first pair starts the first kernel.
+    let pairs = values.as_chunks::<2>().0;
+    let (Some((&[a, b], pairs)), Some((sum, sums))) = (pairs.split_first(), sums.split_first_mut())
+    else {
+        return;
+    };
+    let (mut last, mut last_two) = (value(b), numeric::add_u32(value(a), value(b)));
+    *sum = stored(last_two);
+    // Sums of at most 128 pixels of 12 bits: four of them stay below 2^21.
+    let mut take = |highest: u32, &[a, b]: &[T; 2], sum: &mut S| {
+        let (a, b) = (value(a), value(b));
+        let (to_a, to_b) = (numeric::add_u32(last, a), numeric::add_u32(a, b));
+        // The kernel with its last block at a gives last_two + to_a, and at b to_a + to_b.
+        let response = numeric::add_u32(to_a, last_two.max(to_b));
+        *sum = stored(to_b);
+        (last, last_two) = (b, to_b);
+        highest.max(response)
+    };
+    let sums = sums.chunks_mut(PART);
+    for ((pairs, sums), part) in pairs.chunks(PART).zip(sums).zip(parts) {
+        // Two at a time, so that the compiler need not move what the kernel keeps.
+        let (twos, one) = pairs.as_chunks::<2>();
+        let sums = sums.get_mut(..pairs.len()).unwrap_or_default();
+        let (sum_twos, sum_one) = sums.as_chunks_mut::<2>();
+        let mut highest = 0;
+        for ([pair, next], [sum, next_sum]) in twos.iter().zip(sum_twos.iter_mut()) {
+            highest = take(highest, pair, sum);
+            highest = take(highest, next, next_sum);
+        }
+        if let ([pair], [sum]) = (one, sum_one) {
+            highest = take(highest, pair, sum);
+        }
+        *part = highest;
+    }
+}
