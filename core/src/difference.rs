@@ -3,6 +3,7 @@
 //! | part | shared by both readings |
 //! |---|---|
 //! | noise, motion | nothing |
+//! | shape | nothing |
 //! | pixels | all at the same centre, nothing one width away, and up to minus 0.45 beyond |
 //! | calibration | all for a small step, nothing over half of the range |
 //! | geometry | all, but it grows with the distance |
