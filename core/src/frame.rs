@@ -101,8 +101,8 @@ pub struct FrameCentre {
     pub rows: u16,
     /// Rows used that have the flag [`RowCentre::misfit`].
     pub misfits: u16,
-    /// The spot's antisymmetric light, the mean of the rows used. Noise differs from row to row, so the mean
-    /// shows less of it; a flaw stays.
+    /// The spot's antisymmetric light and its width, the mean of the rows used. Noise differs from row to
+    /// row, so the mean shows less of it; a flaw stays.
     pub shape: SpotShape,
     /// See [`Reading::correlated`](crate::reading::Reading::correlated).
     pub correlated: Option<u16>,
@@ -278,6 +278,12 @@ type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
 ///
 /// A parabola through the members (`motion`) has a shape below 2^14 rows^2. 64 weights, each times the square
 /// of a shape, are below 2^66; each times a shape and an offset, below 2^76.
+///
+/// The mean of the rows' shapes (`mean_shape`): all lengths are at most 2^15 px, so the square of a weight
+/// times a noise is at most 2^94, and 64 of these are at most 2^100. A weight times the square of a rest is
+/// at most 2^62. The rows that have a shape may all be at the end of the reach. There the biweight is 2^-48
+/// or more, the weight 2^-78 or more, and one over the sum of weights at most 2^78. The square of such a
+/// weight may round to zero; a noise of zero counts as one step ([`SpotShape::uncertainty`]).
 #[derive(Clone, Copy)]
 struct Member<'a> {
     row: &'a RowCentre,
@@ -619,6 +625,75 @@ mod tests {
         assert_eq!(counts(weighted(few)), (0, 3, 4));
         let plain = frame(few).centre(Mean::Plain).expect("a centre");
         assert_eq!(counts(plain), (1, 4, 4));
+    }
+
+    fn shape(component: f32, noise: f32, width: f32, rest: f32) -> SpotShape {
+        SpotShape {
+            // Those of odd number have the other sign.
+            components: core::array::from_fn(|i| {
+                Pixels::from_f32(if i % 2 == 0 { component } else { -component })
+            }),
+            noise: Pixels::from_f32(noise),
+            width: Pixels::from_f32(width),
+            rest: Pixels::from_f32(rest),
+        }
+    }
+
+    /// The mean shape of rows with these shapes and weights.
+    fn mean_of(shapes: &[(SpotShape, f32)]) -> SpotShape {
+        let rows = shapes
+            .iter()
+            .map(|&(shape, _)| row(100.0, 0.03).map(|row| RowCentre { shape, ..row }));
+        let frame = frame(rows);
+        let mut members = frame.members(0);
+        for (member, (_, weight)) in members.iter_mut().zip(shapes) {
+            member.weight = *weight;
+        }
+        mean_shape(&members)
+    }
+
+    fn assert_close(found: SpotShape, expected: SpotShape) {
+        let values = |it: SpotShape| {
+            it.components
+                .into_iter()
+                .chain([it.noise, it.width, it.rest])
+        };
+        for (a, b) in values(found).zip(values(expected)) {
+            assert!(
+                a.to_bits().abs_diff(b.to_bits()) <= 1,
+                "{found:?}, {expected:?}"
+            );
+        }
+    }
+
+    /// The components and the width are weighted means, and the rest is a weighted mean of squares. The noise
+    /// is that of a weighted sum of independent values, over the sum of the weights.
+    #[test]
+    fn the_mean_shape_is_weighted_and_leaves_out_rows_without_a_shape() {
+        let without = SpotShape {
+            noise: Pixels::from_int(1),
+            ..SpotShape::default()
+        };
+        let rows = [
+            (shape(0.5, 0.03, 8.0, 0.25), 1.0),
+            (without, 5.0),
+            (shape(-0.3, 0.04, 10.0, 0.0), 3.0),
+        ];
+        let noise = libm::sqrtf(0.03 * 0.03 + 0.12 * 0.12) / 4.0;
+        assert_close(mean_of(&rows), shape(-0.1, noise, 9.5, 0.125));
+        for rows in [&rows[1..2], &[]] {
+            assert_eq!(mean_of(rows), SpotShape::default());
+        }
+    }
+
+    #[test]
+    fn only_the_noise_of_the_mean_shape_falls_with_the_number_of_rows() {
+        for (rows, noise) in [(1, 0.04), (4, 0.02), (16, 0.01), (64, 0.005)] {
+            for weight in [1.0, 1e-9, 4e9] {
+                let same = [(shape(0.5, 0.04, 8.0, 0.25), weight); 64];
+                assert_close(mean_of(&same[..rows]), shape(0.5, noise, 8.0, 0.25));
+            }
+        }
     }
 
     /// Chi square of n degrees has the mean n and the standard deviation sqrt(2 n).
