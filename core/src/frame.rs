@@ -424,7 +424,7 @@ fn propagated(members: &[Member<'_>], course: &Course) -> f32 {
     } else {
         square(mean_number(members)) / course.moment
     };
-    libm::sqrtf(variance / square(weights) + of_motion)
+    dual_mac::square_root(variance / square(weights) + of_motion)
 }
 
 /// The mean of the rows' shapes, each row with its weight in the mean. Rows without a shape do not count.
@@ -450,9 +450,9 @@ fn mean_shape(members: &[Member<'_>]) -> SpotShape {
     let per_weight = 1.0 / weights;
     SpotShape {
         components: components.map(|sum| Pixels::from_f32(sum * per_weight)),
-        noise: Pixels::from_f32(libm::sqrtf(noise) * per_weight),
+        noise: Pixels::from_f32(dual_mac::square_root(noise) * per_weight),
         width: Pixels::from_f32(width * per_weight),
-        rest: Pixels::from_f32(libm::sqrtf(rest * per_weight)),
+        rest: Pixels::from_f32(dual_mac::square_root(rest * per_weight)),
     }
 }
 
@@ -470,7 +470,7 @@ fn spread(members: &[Member<'_>], how: Mean) -> f32 {
         share(it) * (square(it.offset - centre) - square(it.uncertainty))
     }) / shares;
     if excess > 0.0 {
-        libm::sqrtf(excess)
+        dual_mac::square_root(excess)
     } else {
         0.0
     }
@@ -482,7 +482,7 @@ fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
     let chi_square: f32 = members.iter().map(|it| square(it.residual(centre))).sum();
     let degrees = members.len() as f32 - fitted;
     if is_more_than_chance(chi_square, degrees) {
-        libm::sqrtf(chi_square / degrees)
+        dual_mac::square_root(chi_square / degrees)
     } else {
         1.0
     }
@@ -491,7 +491,7 @@ fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
 /// Whether chi square exceeds its mean, the degrees of freedom, by more than three standard deviations. Its
 /// variance is twice the degrees of freedom.
 fn is_more_than_chance(chi_square: f32, degrees: f32) -> bool {
-    degrees >= 1.0 && chi_square > degrees + 3.0 * libm::sqrtf(2.0 * degrees)
+    degrees >= 1.0 && chi_square > degrees + 3.0 * dual_mac::square_root(2.0 * degrees)
 }
 
 /// Standard deviation of the rows' centres about their plain mean, in pixels, with a motion in pixels a row.
@@ -500,7 +500,7 @@ fn scatter(members: &[Member<'_>], motion: f32) -> f32 {
     let n = members.len().max(1) as f32;
     let mean = members.iter().map(offset).sum::<f32>() / n;
     let squares: f32 = members.iter().map(|it| square(offset(it) - mean)).sum();
-    libm::sqrtf(squares / n)
+    dual_mac::square_root(squares / n)
 }
 
 /// The sum of a value over the members.
