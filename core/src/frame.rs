@@ -530,22 +530,38 @@ fn mean(values: impl ExactSizeIterator<Item = i32>) -> i32 {
         .unwrap_or_default() as i32
 }
 
-/// The median. Of an even number of values, the lower one of the middle two. `None` for no values.
+/// The median of at most [`MAX_ROWS`] values. Of an even number of values, the lower one of the middle two.
+/// `None` for no values.
 ///
-/// By bisection, with 32 comparisons for each value. It takes no memory, and has none of a sort's panic on
-/// keys that it cannot order.
-fn median(values: impl ExactSizeIterator<Item = u32> + Clone) -> Option<u32> {
-    let middle = values.len().checked_sub(1)? / 2;
-    let (mut low, mut high) = (0u32, u32::MAX);
-    // Each pass halves the distance between them.
+/// By bisection: `low` and `high` are two of the values, and the median is between them. It has none of a
+/// sort's panic on keys that it cannot order.
+fn median(values: impl Iterator<Item = u32>) -> Option<u32> {
+    // Each value is computed once.
+    let mut keys: Vec<u32, { MAX_ROWS as usize }> = Vec::new();
+    let (mut low, mut high) = (u32::MAX, 0);
+    for value in values {
+        low = low.min(value);
+        high = high.max(value);
+        // There is room for MAX_ROWS.
+        let _ = keys.push(value);
+    }
+    let middle = keys.len().checked_sub(1)? / 2;
+    // Each pass at least halves the distance between the two: at most 32 passes.
     while low < high {
         let between = low.midpoint(high);
-        let below = numeric::count(values.clone().map(|value| value <= between));
+        let (mut below, mut highest_below, mut lowest_above) = (0, low, high);
+        for &key in &keys {
+            if key <= between {
+                below = numeric::add_usize(below, 1);
+                highest_below = highest_below.max(key);
+            } else {
+                lowest_above = lowest_above.min(key);
+            }
+        }
         if below > middle {
-            high = between;
+            high = highest_below;
         } else {
-            // Not above `high`, because `between` is below it.
-            low = between.saturating_add(1);
+            low = lowest_above;
         }
     }
     Some(low)
@@ -905,6 +921,14 @@ mod tests {
         assert_eq!(of(&[i32::MIN, i32::MAX]), Some(i32::MIN));
         assert_eq!(of(&[5, -7, 0]), Some(0));
         assert_eq!(of(&[3, 1, 1, 2]), Some(1));
+        // Bits in any order: keys that spread over all of their range, and keys of which many are equal.
+        for (count, shift) in [(2, 0), (7, 28), (16, 4), (33, 0), (63, 30), (64, 12)] {
+            let bits = (1..=count).map(|i: i32| i.wrapping_mul(-1_640_531_527) >> shift);
+            let mut values: Vec<i32, { MAX_ROWS as usize }> = bits.collect();
+            let found = of(&values);
+            values.sort_unstable();
+            assert_eq!(found, values.get((values.len() - 1) / 2).copied());
+        }
     }
 
     #[test]
