@@ -3,6 +3,7 @@
 //! | part | shared by both readings |
 //! |---|---|
 //! | noise, motion | nothing |
+//! | shape | nothing |
 //! | pixels | all at the same centre, nothing one width away, and up to minus 0.45 beyond |
 //! | calibration | all for a small step, nothing over half of the range |
 //! | geometry | all, but it grows with the distance |
@@ -68,7 +69,8 @@ fn root(a: Micrometres, b: Micrometres, correlation: f32) -> Micrometres {
     let between = a - b;
     // a^2 + b^2 - 2 rho a b, without the loss of digits where rho is near 1.
     let variance = between * between + 2.0 * (1.0 - correlation) * a * b;
-    Micrometres::from_f32(libm::sqrtf(if variance > 0.0 { variance } else { 0.0 }))
+    let variance = if variance > 0.0 { variance } else { 0.0 };
+    Micrometres::from_f32(dual_mac::square_root(variance))
 }
 
 /// Pixels act with the weight u exp(-u^2), with u from the centre in widths, as an unweighted fit has it. Its

@@ -101,8 +101,8 @@ pub struct FrameCentre {
     pub rows: u16,
     /// Rows used that have the flag [`RowCentre::misfit`].
     pub misfits: u16,
-    /// The spot's antisymmetric light, the mean of the rows used. Noise differs from row to row, so the mean
-    /// shows less of it; a flaw stays.
+    /// The spot's antisymmetric light and its width, the mean of the rows used. Noise differs from row to
+    /// row, so the mean shows less of it; a flaw stays.
     pub shape: SpotShape,
     /// See [`Reading::correlated`](crate::reading::Reading::correlated).
     pub correlated: Option<u16>,
@@ -278,6 +278,12 @@ type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
 ///
 /// A parabola through the members (`motion`) has a shape below 2^14 rows^2. 64 weights, each times the square
 /// of a shape, are below 2^66; each times a shape and an offset, below 2^76.
+///
+/// The mean of the rows' shapes (`mean_shape`): all lengths are at most 2^15 px, so the square of a weight
+/// times a noise is at most 2^94, and 64 of these are at most 2^100. A weight times the square of a rest is
+/// at most 2^62. The rows that have a shape may all be at the end of the reach. There the biweight is 2^-48
+/// or more, the weight 2^-78 or more, and one over the sum of weights at most 2^78. The square of such a
+/// weight may round to zero; a noise of zero counts as one step ([`SpotShape::uncertainty`]).
 #[derive(Clone, Copy)]
 struct Member<'a> {
     row: &'a RowCentre,
@@ -418,7 +424,7 @@ fn propagated(members: &[Member<'_>], course: &Course) -> f32 {
     } else {
         square(mean_number(members)) / course.moment
     };
-    libm::sqrtf(variance / square(weights) + of_motion)
+    dual_mac::square_root(variance / square(weights) + of_motion)
 }
 
 /// The mean of the rows' shapes, each row with its weight in the mean. Rows without a shape do not count.
@@ -444,9 +450,9 @@ fn mean_shape(members: &[Member<'_>]) -> SpotShape {
     let per_weight = 1.0 / weights;
     SpotShape {
         components: components.map(|sum| Pixels::from_f32(sum * per_weight)),
-        noise: Pixels::from_f32(libm::sqrtf(noise) * per_weight),
+        noise: Pixels::from_f32(dual_mac::square_root(noise) * per_weight),
         width: Pixels::from_f32(width * per_weight),
-        rest: Pixels::from_f32(libm::sqrtf(rest * per_weight)),
+        rest: Pixels::from_f32(dual_mac::square_root(rest * per_weight)),
     }
 }
 
@@ -464,7 +470,7 @@ fn spread(members: &[Member<'_>], how: Mean) -> f32 {
         share(it) * (square(it.offset - centre) - square(it.uncertainty))
     }) / shares;
     if excess > 0.0 {
-        libm::sqrtf(excess)
+        dual_mac::square_root(excess)
     } else {
         0.0
     }
@@ -476,7 +482,7 @@ fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
     let chi_square: f32 = members.iter().map(|it| square(it.residual(centre))).sum();
     let degrees = members.len() as f32 - fitted;
     if is_more_than_chance(chi_square, degrees) {
-        libm::sqrtf(chi_square / degrees)
+        dual_mac::square_root(chi_square / degrees)
     } else {
         1.0
     }
@@ -485,7 +491,7 @@ fn birge_ratio(members: &[Member<'_>], centre: f32, fitted: f32) -> f32 {
 /// Whether chi square exceeds its mean, the degrees of freedom, by more than three standard deviations. Its
 /// variance is twice the degrees of freedom.
 fn is_more_than_chance(chi_square: f32, degrees: f32) -> bool {
-    degrees >= 1.0 && chi_square > degrees + 3.0 * libm::sqrtf(2.0 * degrees)
+    degrees >= 1.0 && chi_square > degrees + 3.0 * dual_mac::square_root(2.0 * degrees)
 }
 
 /// Standard deviation of the rows' centres about their plain mean, in pixels, with a motion in pixels a row.
@@ -494,7 +500,7 @@ fn scatter(members: &[Member<'_>], motion: f32) -> f32 {
     let n = members.len().max(1) as f32;
     let mean = members.iter().map(offset).sum::<f32>() / n;
     let squares: f32 = members.iter().map(|it| square(offset(it) - mean)).sum();
-    libm::sqrtf(squares / n)
+    dual_mac::square_root(squares / n)
 }
 
 /// The sum of a value over the members.
@@ -524,22 +530,38 @@ fn mean(values: impl ExactSizeIterator<Item = i32>) -> i32 {
         .unwrap_or_default() as i32
 }
 
-/// The median. Of an even number of values, the lower one of the middle two. `None` for no values.
+/// The median of at most [`MAX_ROWS`] values. Of an even number of values, the lower one of the middle two.
+/// `None` for no values.
 ///
-/// By bisection, with 32 comparisons for each value. It takes no memory, and has none of a sort's panic on
-/// keys that it cannot order.
-fn median(values: impl ExactSizeIterator<Item = u32> + Clone) -> Option<u32> {
-    let middle = values.len().checked_sub(1)? / 2;
-    let (mut low, mut high) = (0u32, u32::MAX);
-    // Each pass halves the distance between them.
+/// By bisection: `low` and `high` are two of the values, and the median is between them. It has none of a
+/// sort's panic on keys that it cannot order.
+fn median(values: impl Iterator<Item = u32>) -> Option<u32> {
+    // Each value is computed once.
+    let mut keys: Vec<u32, { MAX_ROWS as usize }> = Vec::new();
+    let (mut low, mut high) = (u32::MAX, 0);
+    for value in values {
+        low = low.min(value);
+        high = high.max(value);
+        // There is room for MAX_ROWS.
+        let _ = keys.push(value);
+    }
+    let middle = keys.len().checked_sub(1)? / 2;
+    // Each pass at least halves the distance between the two: at most 32 passes.
     while low < high {
         let between = low.midpoint(high);
-        let below = numeric::count(values.clone().map(|value| value <= between));
+        let (mut below, mut highest_below, mut lowest_above) = (0, low, high);
+        for &key in &keys {
+            if key <= between {
+                below = numeric::add_usize(below, 1);
+                highest_below = highest_below.max(key);
+            } else {
+                lowest_above = lowest_above.min(key);
+            }
+        }
         if below > middle {
-            high = between;
+            high = highest_below;
         } else {
-            // Not above `high`, because `between` is below it.
-            low = between.saturating_add(1);
+            low = lowest_above;
         }
     }
     Some(low)
@@ -619,6 +641,75 @@ mod tests {
         assert_eq!(counts(weighted(few)), (0, 3, 4));
         let plain = frame(few).centre(Mean::Plain).expect("a centre");
         assert_eq!(counts(plain), (1, 4, 4));
+    }
+
+    fn shape(component: f32, noise: f32, width: f32, rest: f32) -> SpotShape {
+        SpotShape {
+            // Those of odd number have the other sign.
+            components: core::array::from_fn(|i| {
+                Pixels::from_f32(if i % 2 == 0 { component } else { -component })
+            }),
+            noise: Pixels::from_f32(noise),
+            width: Pixels::from_f32(width),
+            rest: Pixels::from_f32(rest),
+        }
+    }
+
+    /// The mean shape of rows with these shapes and weights.
+    fn mean_of(shapes: &[(SpotShape, f32)]) -> SpotShape {
+        let rows = shapes
+            .iter()
+            .map(|&(shape, _)| row(100.0, 0.03).map(|row| RowCentre { shape, ..row }));
+        let frame = frame(rows);
+        let mut members = frame.members(0);
+        for (member, (_, weight)) in members.iter_mut().zip(shapes) {
+            member.weight = *weight;
+        }
+        mean_shape(&members)
+    }
+
+    fn assert_close(found: SpotShape, expected: SpotShape) {
+        let values = |it: SpotShape| {
+            it.components
+                .into_iter()
+                .chain([it.noise, it.width, it.rest])
+        };
+        for (a, b) in values(found).zip(values(expected)) {
+            assert!(
+                a.to_bits().abs_diff(b.to_bits()) <= 1,
+                "{found:?}, {expected:?}"
+            );
+        }
+    }
+
+    /// The components and the width are weighted means, and the rest is a weighted mean of squares. The noise
+    /// is that of a weighted sum of independent values, over the sum of the weights.
+    #[test]
+    fn the_mean_shape_is_weighted_and_leaves_out_rows_without_a_shape() {
+        let without = SpotShape {
+            noise: Pixels::from_int(1),
+            ..SpotShape::default()
+        };
+        let rows = [
+            (shape(0.5, 0.03, 8.0, 0.25), 1.0),
+            (without, 5.0),
+            (shape(-0.3, 0.04, 10.0, 0.0), 3.0),
+        ];
+        let noise = libm::sqrtf(0.03 * 0.03 + 0.12 * 0.12) / 4.0;
+        assert_close(mean_of(&rows), shape(-0.1, noise, 9.5, 0.125));
+        for rows in [&rows[1..2], &[]] {
+            assert_eq!(mean_of(rows), SpotShape::default());
+        }
+    }
+
+    #[test]
+    fn only_the_noise_of_the_mean_shape_falls_with_the_number_of_rows() {
+        for (rows, noise) in [(1, 0.04), (4, 0.02), (16, 0.01), (64, 0.005)] {
+            for weight in [1.0, 1e-9, 4e9] {
+                let same = [(shape(0.5, 0.04, 8.0, 0.25), weight); 64];
+                assert_close(mean_of(&same[..rows]), shape(0.5, noise, 8.0, 0.25));
+            }
+        }
     }
 
     /// Chi square of n degrees has the mean n and the standard deviation sqrt(2 n).
@@ -830,6 +921,14 @@ mod tests {
         assert_eq!(of(&[i32::MIN, i32::MAX]), Some(i32::MIN));
         assert_eq!(of(&[5, -7, 0]), Some(0));
         assert_eq!(of(&[3, 1, 1, 2]), Some(1));
+        // Bits in any order: keys that spread over all of their range, and keys of which many are equal.
+        for (count, shift) in [(2, 0), (7, 28), (16, 4), (33, 0), (63, 30), (64, 12)] {
+            let bits = (1..=count).map(|i: i32| i.wrapping_mul(-1_640_531_527) >> shift);
+            let mut values: Vec<i32, { MAX_ROWS as usize }> = bits.collect();
+            let found = of(&values);
+            values.sort_unstable();
+            assert_eq!(found, values.get((values.len() - 1) / 2).copied());
+        }
     }
 
     #[test]

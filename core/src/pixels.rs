@@ -50,11 +50,11 @@ impl PixelErrors {
         // Ambient light makes an offset of a response that differs.
         let offset = self.offset.to_f32();
         let under = response * ambient.to_f32();
-        let offset = libm::sqrtf(offset * offset + under * under) / height;
+        let offset = dual_mac::square_root(offset * offset + under * under) / height;
         let (response, offset) = (by_response * response, by_offset * offset);
         let width = width.to_f32();
         let width = if width > 0.0 { width } else { 0.0 };
-        libm::sqrtf(width * (response * response + offset * offset))
+        dual_mac::square_root(width * (response * response + offset * offset))
     }
 }
 

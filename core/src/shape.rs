@@ -96,7 +96,7 @@ impl SpotShape {
             0.0
         };
         let variance = hidden * beyond_noise + square(self.rest.to_f32());
-        Pixels::from_f32(libm::sqrtf(variance))
+        Pixels::from_f32(dual_mac::square_root(variance))
     }
 }
 

@@ -152,7 +152,7 @@ impl Parts {
             .iter()
             .map(|part| square(part.1.to_f32()))
             .sum();
-        Micrometres::from_f32(libm::sqrtf(squares)).max(Micrometres::from_bits(1))
+        Micrometres::from_f32(dual_mac::square_root(squares)).max(Micrometres::from_bits(1))
     }
 }
 
@@ -209,7 +209,8 @@ impl Place {
         let variance = square(deviation) * height / seen;
         let rest = variance - square(frame.spread.to_f32() * self.slope);
         let least = variance / f32::from(frame.rows_used.max(1));
-        Micrometres::from_f32(libm::sqrtf(if rest > least { rest } else { least }))
+        let variance = if rest > least { rest } else { least };
+        Micrometres::from_f32(dual_mac::square_root(variance))
     }
 
     /// Eq. (1)'s derivatives by angle, baseline, focal length and offset, each times its tolerance.
@@ -228,7 +229,7 @@ impl Place {
             + square(distance * LENGTH_TOLERANCE)
             + square(by_focal * LENGTH_TOLERANCE)
             + square(OFFSET_TOLERANCE_UM);
-        Micrometres::from_f32(libm::sqrtf(squares))
+        Micrometres::from_f32(dual_mac::square_root(squares))
     }
 }
 

@@ -3,6 +3,7 @@
 
 pub mod accuracy;
 pub mod core_tables;
+pub mod float_functions;
 pub mod frames;
 pub mod hard_cases;
 pub mod measured_profile;

@@ -11,6 +11,7 @@ use slitrange::frame::FrameCentre;
 use slitrange::pixels::PixelErrors;
 use slitrange::pixels::flat_field::{Kind, TakeError, Taken};
 use slitrange::pixels::map::MapSummary;
+use slitrange::profile::Profile;
 use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::help::{Estimators, Help};
 use slitrange::protocol::info::{Banner, Hardware, Info};
@@ -26,10 +27,11 @@ use slitrange::sensor_heads::tcd1304dg;
 use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Event, Session};
 use slitrange::settings::{Affects, Setting, Settings};
+use slitrange::shape::COMPONENTS;
 use slitrange::store::configuration::Configuration;
 use slitrange::store::pixel_map::StoredMap;
 use slitrange::store::{StoreError, Stored};
-use slitrange::uncertainty::{CalibrationErrors, Surface};
+use slitrange::uncertainty::{CalibrationErrors, PLACES, Surface};
 use slitrange::units::{Counts, Pixels};
 
 const HARDWARE: Hardware = Hardware {
@@ -527,6 +529,39 @@ fn an_upload_is_used_when_it_is_whole_with_the_settings_it_was_made_with() {
     sensor.set("calibration abort");
     assert!(sensor.ask("calibration commit").starts_with("E8 "));
     assert_eq!(sensor.session.record(), Some(own.record()));
+}
+
+/// The measurement compares rows with the sensor's own spot only while the calibration that learned it is on.
+#[test]
+fn the_measurement_learns_the_own_spot_from_an_upload_and_loses_it_with_the_calibration() {
+    let profile = Profile {
+        first: Pixels::from_int(1000),
+        last: Pixels::from_int(2600),
+        width: [Pixels::from_int(8); PLACES],
+        width_deviation: Pixels::from_f32(0.01),
+        components: [[Pixels::from_f32(0.125); PLACES]; COMPONENTS],
+        deviation: Pixels::from_f32(0.001),
+    };
+    let record = Record {
+        profile: Some(profile),
+        ..own_record().record().clone()
+    };
+    let mut sensor = Sensor::new();
+    sensor.upload(&EncodedRecord::new(record).expect("a record"));
+    let settings = *sensor.session.settings();
+    assert_eq!(settings.estimator, Estimator::Adaptive);
+    assert_eq!(sensor.actions.apply, Some((settings, Some(profile))));
+    for (line, own) in [("calibration off", None), ("calibration on", Some(profile))] {
+        sensor.set(line);
+        assert_eq!(sensor.actions.apply, Some((settings, own)), "{line}");
+    }
+    // A setting is applied with the own spot. The calibration of the factory knows none.
+    sensor.set("mean plain");
+    let settings = *sensor.session.settings();
+    assert_eq!(sensor.actions.apply, Some((settings, Some(profile))));
+    sensor.set("defaults");
+    let settings = *sensor.session.settings();
+    assert_eq!(sensor.actions.apply, Some((settings, None)));
 }
 
 #[test]

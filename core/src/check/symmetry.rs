@@ -1094,4 +1094,96 @@ mod tests {
             );
         }
     }
+
+    /// Compares a spot without noise, lopsided by `skewness`, with its mirror image. A pixel at two widths is
+    /// brighter by `flaw` counts.
+    fn lopsided(width: f32, skewness: f32, flaw: u16) -> (Symmetry, RowCentre) {
+        let (centre, height, level) = (64.0, 3000.0, 200.0);
+        let mut light: [u16; 129] = core::array::from_fn(|i| {
+            let u = (i as f32 - centre) / libm::sqrtf(width * width + 1.0 / 12.0);
+            let lopsided = 1.0 + skewness / 6.0 * (u * u * u - 3.0 * u);
+            (level + height * libm::expf(-0.5 * u * u) * lopsided + 0.5) as u16
+        });
+        light[(centre + 2.0 * width) as usize] += flaw;
+        let geometry = crate::sensor_heads::tcd1304dg();
+        let row = Row::new(&light, &[], geometry.full_scale()).expect("12 bits");
+        let spot = Spot {
+            centre: centre as usize,
+            block_log2: 0,
+            height: Counts::from_f32(height),
+            background: crate::spot::Background {
+                level: Counts::from_f32(level),
+                noise: Counts::from_int(1),
+            },
+            black_level: Counts::from_f32(level),
+        };
+        let found = RowCentre {
+            amplitude: Counts::from_f32(height),
+            ..found_at(centre, width)
+        };
+        let nothing = MaskedPixels::default();
+        let symmetry = Symmetry::of(&row, &spot, &found, &geometry, &nothing, 0.0);
+        (symmetry, found)
+    }
+
+    /// The own spot that looks as this row does.
+    fn own_spot_of(symmetry: &Symmetry) -> OwnSpot {
+        let shape = symmetry.shape();
+        OwnSpot {
+            width: shape.width.to_f32(),
+            width_deviation: 0.0,
+            components: shape.components.map(Pixels::to_f32),
+            deviation: 0.0,
+        }
+    }
+
+    #[test]
+    fn the_own_spots_light_leaves_the_components_and_the_squares() {
+        let own = |components| OwnSpot {
+            width: 4.0,
+            width_deviation: 0.0,
+            components,
+            deviation: 0.0,
+        };
+        let mut symmetry = symmetry(4.0, 32.0, 1).0;
+        symmetry.components = [1.0, 2.0, 3.0, 4.0, 5.0];
+        (symmetry.pixels_a_deviation, symmetry.leverage) = (0.25, 0.2);
+        symmetry.squares = 100.0;
+        symmetry.subtract(&own([0.0; COMPONENTS]));
+        assert_eq!(symmetry.components, [1.0, 2.0, 3.0, 4.0, 5.0]);
+        assert_eq!((symmetry.squares, symmetry.own_of_a_pair), (100.0, 0.0));
+        // 1, 2, 1, 0 and -1 standard deviations. Without the shift, the sum of the components' squares rises
+        // from 4 + 9 + 16 + 25 to 0 + 4 + 16 + 36.
+        symmetry.subtract(&own([0.25, 0.5, 0.25, 0.0, -0.25]));
+        assert_eq!(symmetry.components, [0.0, 0.0, 2.0, 4.0, 6.0]);
+        assert_eq!(symmetry.squares, 102.0);
+        // The root of 5 functions times the leverage times the sum of squares 1 + 4 + 1 + 1.
+        assert!((symmetry.own_of_a_pair - libm::sqrtf(5.0 * 0.2 * 7.0)).abs() < 1e-5);
+    }
+
+    /// All of this row's difference from its mirror image is that of the own spot. So no pair may differ by
+    /// more than `own_of_a_pair`, and nothing else is left.
+    #[test]
+    fn the_own_spot_explains_a_lopsided_row_and_no_pixel_that_stands_out() {
+        for (width, skewness) in [(3.0, 0.1), (3.0, -0.3), (5.5, 0.2), (9.0, 0.1), (9.0, -0.3)] {
+            let (mut row, found) = lopsided(width, skewness, 0);
+            let trust = Trust::of(&found, &MaskedPixels::default());
+            let own = own_spot_of(&row);
+            assert!(!row.is_symmetric(&found, trust), "{width} {skewness}");
+            row.subtract(&own);
+            assert!(row.is_symmetric(&found, trust), "{width} {skewness}");
+            // The components were rounded to 2^-16 px.
+            let rounding = 1.0 / 65536.0 / row.pixels_a_deviation;
+            assert!(row.components.iter().all(|it| it.abs() <= rounding));
+            let worst = libm::sqrtf(row.worst);
+            println!("{width} {skewness}: {worst} of {}", row.own_of_a_pair);
+            assert!(worst <= row.own_of_a_pair, "{width} {skewness}");
+            // The limit is a few times the most that the own spot makes of a pair, not without end.
+            assert!(row.own_of_a_pair < 5.0 * worst, "{width} {skewness}");
+
+            let mut flawed = lopsided(width, skewness, 900).0;
+            flawed.subtract(&own);
+            assert!(!flawed.is_symmetric(&found, trust), "{width} {skewness}");
+        }
+    }
 }

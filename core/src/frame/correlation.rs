@@ -75,7 +75,7 @@ pub(super) fn estimate(members: &[Member<'_>], fitted: f32) -> Option<Correlated
     } else {
         SIGNIFICANT
     };
-    let chance = significant * (1.0 - 2.0 / n) / libm::sqrtf(n) - 2.0 / n;
+    let chance = significant * (1.0 - 2.0 / n) / dual_mac::square_root(n) - 2.0 / n;
     if correlation(1) <= chance {
         return None;
     }
@@ -96,7 +96,7 @@ pub(super) fn estimate(members: &[Member<'_>], fitted: f32) -> Option<Correlated
     let free = limited(rows - fitted, 1.0, n);
     Some(Correlated {
         rows,
-        growth: libm::sqrtf(n / free),
+        growth: dual_mac::square_root(n / free),
     })
 }
 

@@ -3,6 +3,7 @@
 pub mod board;
 pub mod counter;
 pub mod distances;
+pub mod float_functions;
 pub mod kernels;
 pub mod methods;
 pub mod peers;

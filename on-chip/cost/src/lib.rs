@@ -5,6 +5,7 @@
 
 mod baselines;
 pub mod calibrations;
+pub mod float_functions;
 pub mod inputs;
 pub mod methods;
 pub mod rows;

@@ -16,6 +16,7 @@ fn main() -> ! {
     chip::methods::measure();
     chip::steps::measure();
     chip::distances::measure();
+    chip::float_functions::measure();
     chip::peers::measure();
     chip::kernels::compare();
     defmt::println!("end");

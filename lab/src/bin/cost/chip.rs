@@ -69,6 +69,8 @@ pub struct Chip {
     pub forms: Vec<FormOnChip>,
     /// What one would use instead.
     pub peers: Vec<PeerOnChip>,
+    /// The exponential, the logarithm and the square root by each library.
+    pub floats: Vec<FloatOnChip>,
     /// Times that an inner product or a square root in assembly was compared with its portable twin, and was
     /// the same.
     pub kernels_compared: u64,
@@ -124,6 +126,17 @@ pub struct PeerOnChip {
     pub stack_bytes: u64,
 }
 
+/// A function of floats by a library, over several arguments.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FloatOnChip {
+    /// Its name in the log.
+    pub name: String,
+    /// Instructions of a call, the median over the arguments.
+    pub instructions: f64,
+    /// The most over the arguments.
+    pub instructions_most: f64,
+}
+
 /// Builds the program, runs it on the emulated board and reads what it says.
 ///
 /// # Errors
@@ -176,6 +189,9 @@ fn chip(run: &Run) -> Result<Chip> {
         forms: forms(run, &program, &model)?,
         peers: lines::all(&run.lines, Kind::Peer)
             .map(peer)
+            .collect::<Result<_>>()?,
+        floats: lines::all(&run.lines, Kind::Float)
+            .map(float)
             .collect::<Result<_>>()?,
         kernels_compared: kernels.whole("compared")?,
     })
@@ -351,5 +367,14 @@ fn peer(line: &Line) -> Result<PeerOnChip> {
             .replace("-from-search", ", started from the search"),
         instructions: line.whole("cycles")?,
         stack_bytes: line.whole("stack")?,
+    })
+}
+
+fn float(line: &Line) -> Result<FloatOnChip> {
+    let a_call = |key| Ok::<f64, anyhow::Error>(line.number(key)? / line.number("calls")?);
+    Ok(FloatOnChip {
+        name: line.name.clone(),
+        instructions: a_call("cycles")?,
+        instructions_most: a_call("most")?,
     })
 }

@@ -9,6 +9,7 @@ use crate::accuracy::{
 };
 use crate::chip::{Chip, MethodOnChip};
 use crate::distances::Distance;
+use crate::float_functions::FloatFunctions;
 use crate::reading_time::{self, Light, Point};
 use crate::report::Measured;
 
@@ -92,6 +93,7 @@ pub fn measured() -> Measured {
             ram_bytes: 64,
             record_bytes: 50,
         }],
+        floats: FloatFunctions::default(),
         host_ns: METHODS.iter().map(|it| Some(it.3 as f64 / 5.0)).collect(),
         readings: readings(),
         peers: None,
@@ -123,6 +125,7 @@ fn chip() -> Chip {
         sweep_instructions_per_pixel: 2.6,
         gauss_newton_instructions_per_iteration: Some(12_500.0),
         peers: vec![],
+        floats: vec![],
         kernels_compared: 0,
         search_instructions_per_pixel: 27.0,
         geometry_instructions_per_word: 0.0,

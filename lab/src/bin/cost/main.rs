@@ -9,6 +9,7 @@ mod accuracy;
 mod chip;
 mod distances;
 mod figures;
+mod float_functions;
 mod host_time;
 #[cfg(test)]
 mod made_up;
@@ -113,6 +114,7 @@ fn measure(options: &Options) -> anyhow::Result<Measured> {
         readings: reading_time::measure((options.rows / 100).max(8))?,
         methods,
         distances: distances::measure(&chip)?,
+        floats: float_functions::measure(&chip)?,
         chip,
         host_ns,
         peers,
@@ -138,12 +140,14 @@ const ACCURACY: &str = "docs/accuracy.md";
 /// The marks of the blocks that this program writes.
 const ALL: &str = "cargo cost";
 const DISTANCES: &str = "cargo cost --distances";
+const FLOATS: &str = "cargo cost, float functions";
 
 /// Rewrites the tables and figures of README.md and docs/.
 fn write(measured: &Measured) -> anyhow::Result<()> {
     measured.write_csv(&docs::path("docs/cost"))?;
     figures::draw(measured, &docs::path("docs/figures"))?;
     docs::write_block(ACCURACY, ALL, &measured.markdown())?;
+    docs::write_block(ACCURACY, FLOATS, &measured.floats.markdown())?;
     docs::write_block("README.md", ALL, &measured.short_markdown())?;
     write_distances(&measured.distances)
 }

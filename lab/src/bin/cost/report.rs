@@ -12,6 +12,7 @@ use slitrange::centre::Estimator;
 use crate::accuracy::{Accuracy, Noise, SITUATIONS, Worst};
 use crate::chip::{Chip, MethodOnChip};
 use crate::distances::Distance;
+use crate::float_functions::FloatFunctions;
 use crate::peers::{Peer, Peers};
 use crate::reading_time;
 
@@ -37,6 +38,8 @@ pub struct Measured {
     pub chip: Chip,
     /// The forms of a calibration.
     pub distances: Vec<Distance>,
+    /// The functions of floats by each library.
+    pub floats: FloatFunctions,
     /// Their time on this computer in nanoseconds a row.
     pub host_ns: Vec<Option<f64>>,
     /// The whole sensor.
@@ -180,6 +183,8 @@ impl Measured {
         );
         out += "\nA distance, once a frame, over the paper's range\n";
         out += &distances(&self.distances);
+        out += "\nFunctions of floats by each library, and what the exponentials do to a centre\n";
+        out += &self.floats.tables();
         let _ = writeln!(
             out,
             "\nAssembly and its portable twin compared {} times: none differs.",

@@ -28,6 +28,8 @@ pub enum Kind {
     PeerRow,
     /// A peer over all rows.
     Peer,
+    /// A function of floats by a library.
+    Float,
     /// Assembly against its portable twin.
     Kernels,
 }
@@ -62,6 +64,7 @@ impl Line {
             Some("form") => Kind::Form,
             Some("peer-row") => Kind::PeerRow,
             Some("peer") => Kind::Peer,
+            Some("float") => Kind::Float,
             Some("kernels") => Kind::Kernels,
             other => bail!("{} is no kind of line", other.unwrap_or("nothing")),
         };

@@ -1,0 +1,69 @@
+//! What the exponential of the crate `micromath` would do to a centre and to the check, beside that of
+//! `libm`. docs/accuracy.md shows the figures: the reasons why the core takes `libm`.
+
+use host_tests::accuracy::{Cell, centre_of};
+use host_tests::float_functions::{
+    Exp, WIDTHS, cell, change_of_centre, errors_in_the_check, fitted_centre,
+};
+use slitrange::centre::Estimator;
+
+const EXACT: Exp = |x| f64::from(x).exp() as f32;
+const MICROMATH: Exp = |x| micromath::F32(x).exp().0;
+
+/// The core ends after a step that is shorter than a tenth of a standard deviation. The method converges
+/// quadratically, so what is left is at most the square of that.
+#[test]
+fn the_fit_is_that_of_the_core() {
+    for width in WIDTHS {
+        let cell = Cell {
+            rows: 50,
+            ..cell(width)
+        };
+        let geometry = cell.scene().geometry();
+        for number in 0..cell.rows {
+            let (light, _) = cell.light(cell.pixels(), number);
+            let core = centre_of(&geometry, &light, Estimator::GaussNewton).expect("a centre");
+            let fitted = fitted_centre(libm::expf, &geometry, &light).expect("a centre");
+            let difference = (fitted - core.centre.to_f64()).abs();
+            assert!(
+                difference <= 0.01 * cell.spot().bound(),
+                "{width}: {difference}"
+            );
+        }
+    }
+}
+
+/// An exact exponential, rounded to an f32, is the reference. The recurrence multiplies an error of the ratio
+/// by the number of steps, here at most 64, and adds roundings of its own.
+#[test]
+fn narrow_spots_need_a_better_exponential_than_micromaths() {
+    for width in WIDTHS {
+        let cell = cell(width);
+        let bound = cell.spot().bound();
+        let [libm, micromath] =
+            [libm::expf, MICROMATH].map(|exp| change_of_centre(&cell, exp, EXACT) / bound);
+        println!(
+            "width {width}: centre by libm {libm:.1e} of the bound, micromath {micromath:.1e}"
+        );
+        assert!(libm < 1e-3, "{width}: {libm}");
+        if width <= 2.0 {
+            assert!(micromath > 0.01, "{width}: {micromath}");
+        }
+    }
+}
+
+/// micromath's series ends with x^4 / 24. Its error is below x^5 / 120 <= 0.0014 for x up to ln 2, relative
+/// to a value of 0.5 or more.
+#[test]
+fn the_check_would_not_notice_micromaths_exponential() {
+    for width in WIDTHS {
+        let [libm, micromath] =
+            [libm::expf, MICROMATH].map(|exp| errors_in_the_check(exp, width as f32));
+        println!("width {width}: error of e, misfit: libm {libm:?}, micromath {micromath:?}");
+        assert!(libm.0 < 1e-6 && libm.1 < 1e-12, "{width}: {libm:?}");
+        assert!(
+            micromath.0 < 0.0028 && micromath.1 < 1e-6,
+            "{width}: {micromath:?}"
+        );
+    }
+}
