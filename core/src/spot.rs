@@ -20,6 +20,8 @@ mod second_spot;
 mod sums;
 mod tilt;
 
+use core::ops::Range;
+
 use heapless::Vec;
 
 use crate::fault::Fault;
@@ -292,6 +294,9 @@ fn highest_response<const N: usize>(mut blocks: impl Iterator<Item = [u16; N]>) 
     })
 }
 
+/// On a row of fewer pixels all sizes are searched.
+const SHORT: usize = 1024;
+
 /// How much darker than the level noise makes a pixel, in standard deviations: one in 30,000 is darker.
 const DARKEST: i32 = 4;
 
@@ -330,17 +335,24 @@ impl Candidate {
     /// Whether no block of fewer than 8 pixels has a more significant response. `false` where that takes a
     /// search of all sizes.
     ///
-    /// A kernel on fewer pixels lies within the three blocks of a kernel on blocks of 8, and weighs no pixel
-    /// more than twice as much. So its response is at most twice that of the larger kernel, if no pixel is
-    /// darker than the level. Noise may darken 32 pixels by [`DARKEST`] standard deviations each. (Dead pixels
-    /// are darker, but then the spot is not where they are.) Only where the larger kernel responds that much
-    /// are the smaller ones tried.
+    /// A kernel on fewer pixels has its middle in one block of 8, and lies within the kernel about that block.
+    /// There each pixel has at least the weight that it has in the smaller kernel. So the smaller kernel
+    /// responds with at most as much, if no pixel is darker than the level. Pixels of weight 32 may be darker:
+    /// as a darker part of the background is, and by [`DARKEST`] standard deviations of noise each. (Dead
+    /// pixels are darker still, but then the spot is not where they are.) Only where the larger kernel responds
+    /// that much are the smaller ones tried.
     fn is_best_of_all_sizes(&self, sums: &Sums<'_>, background: Background) -> bool {
         let Background { level, noise } = background;
-        let darkest = noise.to_bits().saturating_mul(32 * DARKEST);
-        let least = (self.root_of_significance() / 2).saturating_sub(darkest);
-        // Elsewhere noise alone would respond as much, by six standard deviations: sqrt(6 * 8) * 6 = 42.
-        if least < noise.to_bits().saturating_mul(42) {
+        let root = self.root_of_significance();
+        let shadow = (level.to_bits()).saturating_sub(sums.darkest(level).to_bits());
+        let darkest = noise
+            .to_bits()
+            .saturating_mul(DARKEST)
+            .saturating_add(shadow);
+        let least = root.saturating_sub(darkest.saturating_mul(32));
+        // Elsewhere noise alone would respond as much, by six standard deviations: sqrt(6 * 8) * 6 = 42. A short
+        // row does not tell how dark its background is.
+        if least < noise.to_bits().saturating_mul(42) || sums.light.len() < SHORT {
             return false;
         }
         let stands_out = |response: u32| above(response, BLOCK_LOG2, level) > least;
@@ -354,21 +366,27 @@ impl Candidate {
         // no other to pair with.
         let last = (sums.number(BLOCK_LOG2) / 2 * 2).saturating_sub(1) << BLOCK_LOG2;
         let ends = [pixels(0), last..sums.light.len()];
-        blocks.map(pixels).chain(ends).all(|pixels| {
-            let near = |around: usize| {
-                let to = pixels.end.saturating_add(around).min(sums.light.len());
-                let near = sums.light.slice(pixels.start.saturating_sub(around)..to);
-                near.unwrap_or_default()
-            };
-            let significance = |response, block_log2| {
-                let response = above(response, block_log2, level).max(0);
-                square(response.unsigned_abs()) >> block_log2
-            };
-            let highest = significance(highest_response(near(1).chunks::<1>()), 0)
-                .max(significance(highest_response(near(2).chunks::<2>()), 1))
-                .max(significance(highest_response(near(4).chunks::<4>()), 2));
-            highest <= self.significance
-        })
+        blocks
+            .map(pixels)
+            .chain(ends)
+            .all(|pixels| self.is_better_than_fine(sums.light, pixels, level))
+    }
+
+    /// Whether no kernel on blocks of 1, 2 or 4 pixels is more significant with its middle on these pixels.
+    #[inline(never)]
+    fn is_better_than_fine(&self, light: Light<'_>, pixels: Range<usize>, level: Counts) -> bool {
+        let near = |around: usize| {
+            let to = pixels.end.saturating_add(around).min(light.len());
+            let near = light.slice(pixels.start.saturating_sub(around)..to);
+            near.unwrap_or_default()
+        };
+        let is_better = |response, block_log2| {
+            let response = above(response, block_log2, level).max(0);
+            square(response.unsigned_abs()) >> block_log2 <= self.significance
+        };
+        is_better(highest_response(near(1).chunks::<1>()), 0)
+            && is_better(highest_response(near(2).chunks::<2>()), 1)
+            && is_better(highest_response(near(4).chunks::<4>()), 2)
     }
 
     /// The root of the significance, rounded down by up to 3 %. Q24.8 counts.
@@ -464,42 +482,40 @@ fn noise(light: Light<'_>) -> Option<Counts> {
     for pixels in words.chunks_exact(part) {
         // Two pixels in four are enough: on a row of 3648 the noise is then known to 3 %.
         let fours = pixels.as_chunks::<4>().0;
-        // At most 32 steps of 12 bits: below 2^17, and in Q8 below 2^25.
-        let steps = fours.iter().fold(0, |sum, [a, b, ..]| {
-            numeric::add_u32(sum, u32::from(a.abs_diff(*b)))
-        });
+        let step = |[a, b, ..]: &[u16; 4]| u32::from(a.abs_diff(*b));
+        // At most 32 steps of 12 bits: below 2^17, and in Q8 below 2^25. Four at a time save time.
+        let (many, rest) = fours.as_chunks::<4>();
+        let many = many.iter().flat_map(|fours| fours.iter().map(step));
+        let steps = many.chain(rest.iter().map(step)).fold(0, numeric::add_u32);
         // At most 32 parts, each with at least two steps.
         let mean = (in_q8(steps) as u32).checked_div(fours.len() as u32)?;
         let _ = noises.push(mean);
     }
     // sqrt(pi)/2 = 0.886227 as 58080/65536; a mean step is below 2^20 in Q8.
-    let noise = (u64::from(median(&noises)?) * 58_080) >> 16;
+    let noise = (u64::from(median(&mut noises)?) * 58_080) >> 16;
     /// 1/sqrt(12) of a count in Q8.
     const ROUNDING: i32 = 74;
     Some(Counts::from_bits((noise as i32).max(ROUNDING)))
 }
 
-/// The median. Of an even number of values, the upper one of the middle two.
+/// The median. Of an even number of values, the upper one of the middle two. Changes the values.
 ///
-/// Each pass counts the values below one that may be the median, and so leaves fewer that may.
-fn median<T: Copy + Ord>(values: &[T]) -> Option<T> {
-    let rank = values.len() / 2;
-    let (mut above, mut below) = (None, None);
-    for _ in values {
-        let may_be = |value: &&T| {
-            above.is_none_or(|above| **value > above) && below.is_none_or(|below| **value < below)
-        };
-        let tried = *values.iter().find(may_be)?;
-        let less = numeric::count(values.iter().map(|&value| value < tried));
-        if rank < less {
-            below = Some(tried);
+/// Each pass keeps the values below the first one or those above it.
+fn median<T: Copy + Ord>(values: &mut Vec<T, MEDIAN_BLOCKS>) -> Option<T> {
+    let mut rank = values.len() / 2;
+    for _ in 0..MEDIAN_BLOCKS {
+        let tried = *values.first()?;
+        let below = numeric::count(values.iter().map(|&value| value < tried));
+        if rank < below {
+            values.retain(|&value| value < tried);
             continue;
         }
-        let most = numeric::count(values.iter().map(|&value| value <= tried));
-        if rank < most {
+        let not_above = numeric::count(values.iter().map(|&value| value <= tried));
+        if rank < not_above {
             return Some(tried);
         }
-        above = Some(tried);
+        rank -= not_above;
+        values.retain(|&value| value > tried);
     }
     None
 }

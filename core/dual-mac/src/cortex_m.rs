@@ -224,6 +224,86 @@ pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &
     (bits | bits >> 16) as u16
 }
 
+/// Two responses of the kernel [1 2 1]: their middles are the second sample of the pair `$before` and the
+/// first one of the pair `$here`. Each is subtracted from `below` in two steps.
+#[cfg(has_dsp)]
+macro_rules! two_responses {
+    ($before:literal, $here:literal) => {
+        concat!(
+            "ldr ",
+            $here,
+            ", [{sample}], #4\n",
+            "smlad {x}, ",
+            $before,
+            ", {one_two}, {below}\n",
+            "smlad {y}, ",
+            $before,
+            ", {none_one}, {below}\n",
+            "smlad {x}, ",
+            $here,
+            ", {one_none}, {x}\n",
+            "smlad {y}, ",
+            $here,
+            ", {two_one}, {y}\n",
+            "orr {signs}, {signs}, {x}\n",
+            "orr {signs}, {signs}, {y}",
+        )
+    };
+}
+
+/// See [`crate::portable::reaches`].
+#[cfg(has_dsp)]
+#[inline(never)]
+pub fn reaches(samples: &[u16], least: i32) -> bool {
+    const fn negative(even: i16, odd: i16) -> u32 {
+        (-even) as u16 as u32 | ((-odd) as u16 as u32) << 16
+    }
+    let (pairs, rest) = samples.as_chunks::<2>();
+    let Some(steps) = pairs.len().checked_sub(1) else {
+        return false;
+    };
+    let signs: u32;
+    // SAFETY: 4 bytes are read once and then `steps` times: the pairs are as many. Addresses are as in `dot`.
+    // Nothing is written.
+    unsafe {
+        asm!(
+            // Two pairs at a time, then the last one.
+            "movs {signs}, #0",
+            "ldr r2, [{sample}], #4",
+            "subs r3, #2",
+            "blo 3f",
+            "2:",
+            two_responses!("r2", "r4"),
+            two_responses!("r4", "r2"),
+            "subs r3, #2",
+            "bhs 2b",
+            "3:",
+            // r3 is two less than the number of pairs left. The lowest bit of both is the same.
+            "tst r3, #1",
+            "beq 4f",
+            two_responses!("r2", "r4"),
+            "4:",
+            inout("r3") steps => _,
+            sample = inout(reg) samples.as_ptr() => _,
+            below = in(reg) least.wrapping_sub(1),
+            one_two = in(reg) negative(1, 2),
+            none_one = in(reg) negative(0, 1),
+            one_none = in(reg) negative(1, 0),
+            two_one = in(reg) negative(2, 1),
+            signs = out(reg) signs,
+            x = out(reg) _,
+            y = out(reg) _,
+            out("r2") _,
+            out("r4") _,
+            options(readonly, nostack, pure),
+        );
+    }
+    let last = samples
+        .get(samples.len().saturating_sub(3)..)
+        .unwrap_or_default();
+    (signs as i32) < 0 || !rest.is_empty() && crate::portable::reaches(last, least)
+}
+
 /// The square root: VSQRT, which rounds to nearest as IEEE 754 asks. Stable Rust without `std` has no other
 /// way to it.
 #[cfg(has_fpu)]

@@ -56,6 +56,21 @@ pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &
     (bits | bits >> 16) as u16
 }
 
+/// Whether the kernel [1 2 1] responds with `least` or more anywhere on the samples.
+pub fn reaches(samples: &[u16], least: i32) -> bool {
+    let below = least.wrapping_sub(1);
+    let signs = samples.windows(3).fold(0, |signs, three| {
+        let &[left, middle, right] = three else {
+            return signs;
+        };
+        let response =
+            i32::from(left as i16) + 2 * i32::from(middle as i16) + i32::from(right as i16);
+        // Negative where the response is `least` or more.
+        signs | below.wrapping_sub(response)
+    });
+    signs < 0
+}
+
 fn two_products(even: u16, odd: u16, weight: Pair) -> i32 {
     // Products of 16 bits fit 31; the sum of two wraps at most for (-2^15)^2 twice, as SMLAD's does.
     (i32::from(even as i16) * i32::from(weight.0))

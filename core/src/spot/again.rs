@@ -153,35 +153,39 @@ impl Groups<'_> {
         // The kernel's middle is further away than that. Its last group on the left, and its first on the
         // right, are one nearer.
         let left = group.saturating_sub(SPOT_REACH - 1) << self.log2;
-        let first = group.saturating_add(SPOT_REACH);
-        let right = first.saturating_add(2) << self.log2;
+        let right = group.saturating_add(SPOT_REACH) << self.log2;
         let left = self.blocks.get(..left).unwrap_or_default();
         let right = self.blocks.get(right..).unwrap_or_default();
-        let mut kernel = Kernel::default();
-        for group in [first, first.saturating_add(1)] {
-            kernel.take(self.sum(group).unwrap_or_default());
-        }
-        // To the left of the row there is nothing.
-        responds(Kernel::default(), left, self.log2, least)
-            || responds(kernel, right, self.log2, least)
+        // A spot that the row's start cuts responds without a first group.
+        self.response_at_start()
+            .is_some_and(|response| group > SPOT_REACH && response >= least)
+            || reaches(left, self.log2, least)
+            || reaches(right, self.log2, least)
+    }
+
+    /// The kernel's response with its middle on the first group, and nothing before it.
+    fn response_at_start(&self) -> Option<u32> {
+        let (first, second) = (self.sum(0)?, self.sum(1)?);
+        Some(numeric::add_u32(numeric::add_u32(first, first), second))
     }
 }
 
-/// Whether a kernel that takes groups of 2^`log2` blocks responds with `least` or more.
-#[inline(never)]
-fn responds(mut kernel: Kernel, blocks: &[u16], log2: u32, least: u32) -> bool {
-    match log2 {
-        0 => {
-            // Four at a time, so that the compiler need not move what the kernel keeps.
-            let (fours, rest) = blocks.as_chunks::<4>();
-            kernel.responds(fours.iter().map(|sums| sums.map(u32::from)), least)
-                || kernel.responds(rest.iter().map(|&sum| [sum.into()]), least)
-        }
-        _ => {
-            let groups = blocks.chunks_exact(1 << log2);
-            kernel.responds(groups.map(|blocks| [sum_of_group(blocks)]), least)
-        }
+/// Whether any response of the kernel on groups of 2^`log2` blocks is `least` or more.
+fn reaches(blocks: &[u16], log2: u32, least: u32) -> bool {
+    // Both are below 2^21.
+    let least = least as i32;
+    if log2 == 0 {
+        return dual_mac::reaches(blocks, least);
     }
+    let groups = blocks.chunks_exact(1 << log2);
+    let mut kernel = Kernel::default();
+    let signs = (0..).zip(groups).fold(0, |signs, (group, blocks)| {
+        let response = kernel.take(sum_of_group(blocks)) as i32;
+        // Negative for a response that is `least` or more. The first two groups only start the kernel.
+        let sign = numeric::sub_i32(least, response).saturating_sub(1);
+        if group < 2 { signs } else { signs | sign }
+    });
+    signs < 0
 }
 
 /// The kernel [1 2 1], which takes one sum after the other.
@@ -200,24 +204,6 @@ impl Kernel {
         let response = numeric::add_u32(self.last_two, two);
         (self.last, self.last_two) = (sum, two);
         response
-    }
-
-    /// Takes the sums. Whether any response is `least` or more.
-    #[inline(always)]
-    fn responds<const N: usize>(
-        &mut self,
-        sums: impl Iterator<Item = [u32; N]>,
-        least: u32,
-    ) -> bool {
-        // Responses are below 2^21, and so is `least`. The difference is negative for a response that is
-        // `least` or more. Only its sign is kept.
-        let below = (least as i32).wrapping_sub(1);
-        let signs = sums.fold(0, |signs, sums| {
-            sums.into_iter().fold(signs, |signs, sum| {
-                signs | numeric::sub_i32(below, self.take(sum) as i32)
-            })
-        });
-        signs < 0
     }
 }
 

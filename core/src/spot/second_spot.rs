@@ -143,17 +143,15 @@ impl Near {
         let mut blocks = [0; FINE];
         let blocks = blocks.get_mut(..2 * reach)?;
         near.length = sums.blocks_from(block_log2, first, blocks);
-        for (light, &sum) in near.light.iter_mut().zip(&*blocks) {
-            *light = in_q8(sum).saturating_sub(level);
-        }
-        let light = near.light.get(..near.length)?;
-        let (&start, &end) = (light.first()?, light.last()?);
-        let left = core::iter::once(&start).chain(light);
-        let right = light.iter().skip(1).chain(core::iter::once(&end));
-        for (smooth, ((&left, &here), &right)) in
-            near.smooth.iter_mut().zip(left.zip(light).zip(right))
-        {
-            *smooth = left.min(right).max(here.min(left.max(right)));
+        let blocks = blocks.get(..near.length)?;
+        let (mut left, mut here) = (blocks.first().copied()?, blocks.first().copied()?);
+        // The last block is its own right neighbour.
+        let rights = blocks.iter().skip(1).chain(blocks.last());
+        for ((light, smooth), &right) in near.light.iter_mut().zip(&mut near.smooth).zip(rights) {
+            let above = |sum: u32| in_q8(sum).saturating_sub(level);
+            *light = above(here);
+            *smooth = above(left.min(right).max(here.min(left.max(right))));
+            (left, here) = (here, right);
         }
         Some(near)
     }
@@ -195,8 +193,11 @@ impl Near {
         let (mut valley, mut second) = (highest, None);
         for (i, &light) in (0..FINE).zip(outwards) {
             valley = valley.min(light);
-            if is_high_enough(light, highest)
-                && valley <= light / 2
+            // Most blocks are dark.
+            if !is_high_enough(light, highest) {
+                continue;
+            }
+            if valley <= light / 2
                 && light.saturating_sub(valley) > self.noise.saturating_mul(5)
                 && second.is_none_or(|(_, height)| light > height)
             {

@@ -344,7 +344,7 @@ impl<'a> Sums<'a> {
             values.push(self.block(block_log2, block)?).ok()?;
         }
         let tilt = Tilt::of(&values, block_log2)?;
-        let sum = median(&values)?;
+        let sum = median(&mut values)?;
         Some((Counts::from_bits(in_q8(sum) >> block_log2), tilt))
     }
 }
