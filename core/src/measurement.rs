@@ -15,7 +15,7 @@ use crate::profile::Profile;
 use crate::reading::Measured;
 use crate::row::{Blocks, Geometry, Row};
 use crate::settings::Settings;
-use crate::spot::{self, Spot};
+use crate::spot::{self, Coarse, Spot};
 use crate::units::{Counts, Pixels};
 
 /// The pipeline with the state of the frame that is under way.
@@ -24,8 +24,10 @@ pub struct Measurement {
     geometry: Geometry,
     settings: Settings,
     profile: Option<Profile>,
-    /// The blocks of the row under way: they have their place here so that nobody clears them.
+    /// The blocks of the row under way, and what follows from them. They have their place here because
+    /// clearing room for them would take time in each row.
     blocks: Blocks,
+    coarse: Coarse,
     frame: Frame,
     black: BlackPixels,
     /// The result of the row before, if it is of the same frame and had a centre.
@@ -42,6 +44,7 @@ impl Measurement {
             settings,
             profile: None,
             blocks: Blocks::NONE,
+            coarse: Coarse::new(),
             frame: Frame::default(),
             black: BlackPixels::default(),
             before: None,
@@ -106,8 +109,11 @@ impl Measurement {
             return Err(Fault::SensorSilent);
         };
         let spot = match &before {
-            Some((spot, centre)) => spot::find_again_in(&row, &self.blocks, spot, centre.width),
-            None => spot::find_in(&row, &self.blocks),
+            Some((spot, centre)) => {
+                let coarse = &mut self.coarse;
+                spot::find_again_in(&row, &self.blocks, coarse, spot, centre.width)
+            }
+            None => spot::find_in(&row, &self.blocks, &mut self.coarse),
         };
         let how = self.settings.black_level;
         let mut black = BlackPixels::default();

@@ -29,7 +29,8 @@ use crate::numeric;
 use crate::row::{BLOCK_LOG2, Blocks, Geometry, LARGEST_COUNT, Light, MAX_PIXELS, Row};
 pub use crate::spot::again::find_again;
 pub(crate) use crate::spot::again::find_again_in;
-use crate::spot::sums::{Coarse, Fine, Sums, sum_of};
+pub(crate) use crate::spot::sums::Coarse;
+use crate::spot::sums::{Fine, Sums, sum_of};
 use crate::spot::tilt::Tilt;
 use crate::units::Counts;
 
@@ -119,11 +120,11 @@ impl Spot {
 /// two spots stand out and their heights do not tell which is the laser's. [`Fault::SensorSilent`] if all
 /// pixels read the same, which the noise of a sensor never allows.
 pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
-    find_in(row, &Blocks::of(row.light()))
+    find_in(row, &Blocks::of(row.light()), &mut Coarse::new())
 }
 
-/// As [`find`], with the row's blocks.
-pub(crate) fn find_in(row: &Row<'_>, blocks: &Blocks) -> Result<Spot, Fault> {
+/// As [`find`], with the row's blocks, and room for what follows from them.
+pub(crate) fn find_in(row: &Row<'_>, blocks: &Blocks, coarse: &mut Coarse) -> Result<Spot, Fault> {
     let light = row.light();
     if light.len() < MIN_PIXELS {
         return Err(NOTHING);
@@ -131,9 +132,9 @@ pub(crate) fn find_in(row: &Row<'_>, blocks: &Blocks) -> Result<Spot, Fault> {
     if light.iter().all(|count| Some(count) == light.get(0)) {
         return Err(Fault::SensorSilent);
     }
-    match search(light, blocks, false)? {
+    match search(light, blocks, coarse, false)? {
         Found::Spot(spot) => Ok(spot),
-        Found::Tilt(tilt) => search_level(light, tilt),
+        Found::Tilt(tilt) => search_level(light, tilt, coarse),
     }
 }
 
@@ -151,12 +152,15 @@ enum Found {
 }
 
 /// Searches a row. `is_level`: its tilt is already subtracted.
-// Not inlined, so that the stack holds the sums of only one search at a time.
 #[inline(never)]
-fn search(light: Light<'_>, blocks: &Blocks, is_level: bool) -> Result<Found, Fault> {
-    let mut coarse = Coarse::new();
+fn search(
+    light: Light<'_>,
+    blocks: &Blocks,
+    coarse: &mut Coarse,
+    is_level: bool,
+) -> Result<Found, Fault> {
     coarse.sum(blocks);
-    let sums = Sums::new(light, blocks, &coarse);
+    let sums = Sums::new(light, blocks, coarse);
     let (level, tilt) = sums.background().ok_or(NOTHING)?;
     let noise = noise(light).ok_or(NOTHING)?;
     let background = Background { level, noise };
@@ -238,7 +242,7 @@ fn take(
 /// Searches a row without its tilt, and adds the tilt at the spot to the background's level.
 #[cold]
 #[inline(never)]
-fn search_level(light: Light<'_>, tilt: Tilt) -> Result<Spot, Fault> {
+fn search_level(light: Light<'_>, tilt: Tilt, coarse: &mut Coarse) -> Result<Spot, Fault> {
     let mut untilted: Vec<u16, MAX_PIXELS> = Vec::new();
     for count in light.iter() {
         // A row has no more pixels.
@@ -246,7 +250,7 @@ fn search_level(light: Light<'_>, tilt: Tilt) -> Result<Spot, Fault> {
     }
     let lowest = tilt.subtract_from(&mut untilted);
     let untilted = Light::from(untilted.as_slice());
-    match search(untilted, &Blocks::of(untilted), true)? {
+    match search(untilted, &Blocks::of(untilted), coarse, true)? {
         Found::Spot(spot) => {
             let level = Counts::from_bits(
                 (spot.background.level.to_bits())
@@ -482,11 +486,8 @@ fn noise(light: Light<'_>) -> Option<Counts> {
     for pixels in words.chunks_exact(part) {
         // Two pixels in four are enough: on a row of 3648 the noise is then known to 3 %.
         let fours = pixels.as_chunks::<4>().0;
-        let step = |[a, b, ..]: &[u16; 4]| u32::from(a.abs_diff(*b));
-        // At most 32 steps of 12 bits: below 2^17, and in Q8 below 2^25. Four at a time save time.
-        let (many, rest) = fours.as_chunks::<4>();
-        let many = many.iter().flat_map(|fours| fours.iter().map(step));
-        let steps = many.chain(rest.iter().map(step)).fold(0, numeric::add_u32);
+        // At most 32 steps of 12 bits: below 2^17, and in Q8 below 2^25.
+        let steps = dual_mac::sum_of_steps(fours);
         // At most 32 parts, each with at least two steps.
         let mean = (in_q8(steps) as u32).checked_div(fours.len() as u32)?;
         let _ = noises.push(mean);

@@ -31,11 +31,11 @@ mod cortex_m;
 #[cfg(has_fpu)]
 pub use cortex_m::square_root;
 #[cfg(has_dsp)]
-pub use cortex_m::{dot, dot2, reaches, sum_blocks};
+pub use cortex_m::{dot, dot2, reaches, sum_blocks, sum_of_steps};
 #[cfg(not(has_fpu))]
 pub use portable::square_root;
 #[cfg(not(has_dsp))]
-pub use portable::{dot, dot2, reaches, sum_blocks};
+pub use portable::{dot, dot2, reaches, sum_blocks, sum_of_steps};
 
 /// The weights of two neighbouring samples. Aligned, so that one instruction loads both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

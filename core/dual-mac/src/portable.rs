@@ -56,6 +56,14 @@ pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &
     (bits | bits >> 16) as u16
 }
 
+/// The sum of the steps from the first to the second of each four samples, without sign. Steps are below 2^15.
+pub fn sum_of_steps(fours: &[[u16; 4]]) -> u32 {
+    let step = |&[first, second, ..]: &[u16; 4]| {
+        u32::from((second as i16).wrapping_sub(first as i16).unsigned_abs())
+    };
+    fours.iter().map(step).fold(0, u32::wrapping_add)
+}
+
 /// Whether the kernel [1 2 1] responds with `least` or more anywhere on the samples.
 pub fn reaches(samples: &[u16], least: i32) -> bool {
     let below = least.wrapping_sub(1);

@@ -1,7 +1,7 @@
 //! Compares the portable twins with sums in 64 bits. `cost-on-chip` compares them with the assembly, on the
 //! chip.
 
-use dual_mac::portable::{dot, dot2, square_root};
+use dual_mac::portable::{dot, dot2, reaches, square_root, sum_blocks, sum_of_steps};
 use dual_mac::{LARGEST_SAMPLE, Pair, Pairs};
 use proptest::prelude::*;
 
@@ -57,6 +57,39 @@ fn without_overflow(mut weights: Vec<Pairs>) -> Vec<Pairs> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(5000))]
+
+    #[test]
+    fn blocks_are_sums_of_eight(samples in samples(4095), constant in any::<u16>(), rises in any::<bool>()) {
+        let sign = if rises { 1 } else { -1 };
+        let blocks = samples.as_chunks::<8>().0;
+        let mut sums = vec![7; blocks.len() + 1];
+        let bits = sum_blocks(blocks, Pair(sign, sign), constant, &mut sums);
+        for (block, sum) in blocks.iter().zip(&sums) {
+            let all: i32 = block.iter().map(|&sample| i32::from(sample)).sum();
+            prop_assert_eq!(*sum, (i32::from(constant) + i32::from(sign) * all) as u16);
+        }
+        prop_assert_eq!(sums.last(), Some(&7));
+        prop_assert_eq!(bits, blocks.iter().flatten().fold(0, |bits, sample| bits | sample));
+    }
+
+    #[test]
+    fn the_kernel_reaches_its_highest_response(samples in samples(LARGEST_SAMPLE)) {
+        let responses = samples.windows(3).map(|it| i32::from(it[0]) + 2 * i32::from(it[1]) + i32::from(it[2]));
+        match responses.max() {
+            Some(highest) => {
+                prop_assert!(reaches(&samples, highest) && reaches(&samples, highest - 1));
+                prop_assert!(!reaches(&samples, highest + 1));
+            }
+            None => prop_assert!(!reaches(&samples, 0)),
+        }
+    }
+
+    #[test]
+    fn steps_are_those_of_the_first_two_of_four(samples in samples(LARGEST_SAMPLE)) {
+        let fours = samples.as_chunks::<4>().0;
+        let sum: u32 = fours.iter().map(|four| u32::from(four[0].abs_diff(four[1]))).sum();
+        prop_assert_eq!(sum_of_steps(fours), sum);
+    }
 
     /// If nothing overflows, both results are the true sums.
     #[test]

@@ -7,8 +7,8 @@ use crate::fault::Fault;
 use crate::numeric;
 use crate::row::{BLOCK_LOG2, Blocks, Row};
 use crate::spot::{
-    DETECTION, LARGEST_BLOCK_LOG2, MIN_PIXELS, Spot, find_in, height, in_q8, middle, needed,
-    square, under_the_kernel,
+    Coarse, DETECTION, LARGEST_BLOCK_LOG2, MIN_PIXELS, Spot, find_in, height, in_q8, middle,
+    needed, square, under_the_kernel,
 };
 use crate::units::{Counts, Pixels};
 
@@ -21,13 +21,15 @@ use crate::units::{Counts, Pixels};
 /// # Errors
 /// As [`find`].
 pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, Fault> {
-    find_again_in(row, &Blocks::of(row.light()), before, width)
+    let blocks = Blocks::of(row.light());
+    find_again_in(row, &blocks, &mut Coarse::new(), before, width)
 }
 
-/// As [`find_again`], with the row's blocks.
+/// As [`find_again`], with the row's blocks, and room for what [`find`](crate::spot::find) makes of them.
 pub(crate) fn find_again_in(
     row: &Row<'_>,
     blocks: &Blocks,
+    coarse: &mut Coarse,
     before: &Spot,
     width: Pixels,
 ) -> Result<Spot, Fault> {
@@ -36,7 +38,7 @@ pub(crate) fn find_again_in(
         .take_while(|&log2| width >= Pixels::from_int((3 << log2) / 4))
         .last();
     let Some(block_log2) = block_log2.filter(|_| row.light().len() >= MIN_PIXELS) else {
-        return find_in(row, blocks);
+        return find_in(row, blocks, coarse);
     };
     let groups = Groups {
         blocks: blocks.sums(),
@@ -49,7 +51,7 @@ pub(crate) fn find_again_in(
     // Not negative: the width is at least three quarters of the block that was chosen for it.
     let width = (width.to_bits() >> Pixels::FRACTION) as usize;
     let Some(peak) = groups.peak_near(before.centre >> block_log2) else {
-        return find_in(row, blocks);
+        return find_in(row, blocks, coarse);
     };
     let response = above(peak.response);
     let significance = square(response.unsigned_abs()) >> block_log2;
@@ -65,7 +67,7 @@ pub(crate) fn find_again_in(
         || has_background_changed(background, response, groups.beside(peak.group))
         || groups.has_another(peak.group, least_similar)
     {
-        return find_in(row, blocks);
+        return find_in(row, blocks, coarse);
     }
     Ok(Spot {
         centre,

@@ -26,7 +26,8 @@ const fn most_parts(block_log2: u32) -> usize {
 const COARSE_SIZES: usize = (LARGEST_BLOCK_LOG2 - BLOCK_LOG2) as usize + 1;
 
 /// What blocks of 8, 16, 32, 64 and 128 pixels have. Those of 8 pixels are in [`Blocks`].
-pub(super) struct Coarse {
+#[derive(Clone, Debug)]
+pub(crate) struct Coarse {
     sums_16: [u16; MAX_PIXELS >> 4],
     sums_32: [u32; MAX_PIXELS >> 5],
     sums_64: [u32; MAX_PIXELS >> 6],
@@ -37,7 +38,7 @@ pub(super) struct Coarse {
 
 impl Coarse {
     /// Nothing summed.
-    pub(super) const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self {
             sums_16: [0; MAX_PIXELS >> 4],
             sums_32: [0; MAX_PIXELS >> 5],

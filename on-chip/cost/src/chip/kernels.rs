@@ -14,8 +14,8 @@ const ROUNDS: usize = 20;
 /// Square roots that are tried.
 const ROOTS: usize = 5000;
 
-/// Compares on seeded random numbers: inner products of all lengths, from even and from odd pixels on, with
-/// weights as many and fewer; a quarter of all numbers is extreme. Square roots of any 32 bits.
+/// Compares on seeded random numbers: inner products and sums of all lengths, from even and from odd pixels
+/// on, with weights as many and fewer; a quarter of all numbers is extreme. Square roots of any 32 bits.
 pub fn compare() {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let (mut compared, mut different) = (0u32, 0u32);
@@ -36,6 +36,16 @@ pub fn compare() {
             let (single, double) = (&single[..weights_given], &weights[..weights_given]);
             judge(dual_mac::dot(row, single) == portable::dot(row, single));
             judge(dual_mac::dot2(row, double) == portable::dot2(row, double));
+            let least = 2 * i32::from(number(&mut random));
+            judge(dual_mac::reaches(row, least) == portable::reaches(row, least));
+            let fours = row.as_chunks().0;
+            judge(dual_mac::sum_of_steps(fours) == portable::sum_of_steps(fours));
+            let (blocks, weights) = (row.as_chunks().0, pair(&mut random));
+            let constant = number(&mut random);
+            let (mut chip, mut twin) = ([0; LONGEST / 8], [0; LONGEST / 8]);
+            let bits = dual_mac::sum_blocks(blocks, weights, constant, &mut chip);
+            judge(bits == portable::sum_blocks(blocks, weights, constant, &mut twin));
+            judge(chip == twin);
         }
     }
     for _ in 0..ROOTS {
