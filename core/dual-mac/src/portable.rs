@@ -56,10 +56,13 @@ pub fn sum_blocks(blocks: &[[u16; BLOCK]], weights: Pair, constant: u16, sums: &
     (bits | bits >> 16) as u16
 }
 
-/// The sum of the steps from the first to the second of each four samples, without sign. Steps are below 2^15.
+/// The sum of the steps from the first to the second of each four samples, without sign. A step of 2^15 or
+/// more counts as negative.
 pub fn sum_of_steps(fours: &[[u16; 4]]) -> u32 {
     let step = |&[first, second, ..]: &[u16; 4]| {
-        u32::from((second as i16).wrapping_sub(first as i16).unsigned_abs())
+        let step = i32::from(second as i16) - i32::from(first as i16);
+        // As SMLAD takes it.
+        step.abs() as i16 as u32
     };
     fours.iter().map(step).fold(0, u32::wrapping_add)
 }
