@@ -30,15 +30,7 @@ pub(super) fn check(light: Light<'_>, spot: &Spot, found: &RowCentre) -> Result<
     let half = ((0.5 * width) as usize).clamp(1, MAX_PIXELS);
     let centre = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
     let separation = ((NEAREST_OTHER * width) as usize).min(MAX_PIXELS);
-    // At most 2^12 pixels of 12 bits: a row has no more.
-    let sum = |from: usize| -> Option<u32> {
-        let pixels = light.slice(from..from.saturating_add(half))?;
-        Some(
-            pixels
-                .iter()
-                .fold(0, |sum, count| numeric::add_u32(sum, count.into())),
-        )
-    };
+    let sum = |from: usize| Some(sum(light.slice(from..from.saturating_add(half))?));
     let height = |from: usize| Some(sum(from)?.min(sum(from.saturating_add(half))?));
     let beside = |from: usize| {
         let left = from.checked_sub(separation).and_then(height);
@@ -64,23 +56,26 @@ pub(super) fn check(light: Light<'_>, spot: &Spot, found: &RowCentre) -> Result<
     let own = near.filter_map(own).max().unwrap_or_default();
     let enough = (SHARE * own as f32) as u32;
     let far = |from: usize| from.saturating_add(half).abs_diff(centre) > separation;
-    // One box after the other, each summed once. Nearly all boxes do not stand out from the level under the
-    // spot: these are skipped.
+    // Boxes side by side. Nearly all do not stand out from the level under the spot.
     let level = spot.background.level_bits().unsigned_abs();
     let level = level.saturating_mul(half as u32) >> Counts::FRACTION;
     let least = level.saturating_add(enough);
-    let (mut before, mut other) = (0, None);
-    let mut to = 0usize;
-    for _ in 0..light.len() {
-        let Some(sum) = sum(to) else {
-            break;
-        };
-        let from = to.saturating_sub(half);
-        to = to.saturating_add(half);
-        if before.min(sum) > least && far(from) {
-            other = other.max(above(from).map(|above| (above, from)));
+    let mut other = None;
+    let take = &mut |first: usize| {
+        // The box with the one before it, and with the one behind it.
+        for from in [first.checked_sub(half), Some(first)].into_iter().flatten() {
+            if far(from) && height(from).is_some_and(|height| height > least) {
+                other = other.max(above(from).map(|above| (above, from)));
+            }
         }
-        before = sum;
+    };
+    match half {
+        1 => high_boxes::<1>(light, half, least, take),
+        2 => high_boxes::<2>(light, half, least, take),
+        3 => high_boxes::<3>(light, half, least, take),
+        4 => high_boxes::<4>(light, half, least, take),
+        5 => high_boxes::<5>(light, half, least, take),
+        _ => high_boxes::<0>(light, half, least, take),
     }
     match other {
         Some((above, from)) if above > enough => Err(Fault::TwoSpots {
@@ -89,5 +84,83 @@ pub(super) fn check(light: Light<'_>, spot: &Spot, found: &RowCentre) -> Result<
             other: Pixels::from_int(from.saturating_add(half) as i32),
         }),
         _ => Ok(()),
+    }
+}
+
+/// Calls `take` with the first pixel of every second box whose sum exceeds `least`. A spot needs two such
+/// boxes side by side, and one of these is a second one. `PIXELS` is the number of pixels in a box, so that
+/// the compiler knows it, or zero if it is `pixels`.
+#[inline(always)]
+fn high_boxes<const PIXELS: usize>(
+    light: Light<'_>,
+    pixels: usize,
+    least: u32,
+    take: &mut dyn FnMut(usize),
+) {
+    let pixels = if PIXELS == 0 { pixels.max(1) } else { PIXELS };
+    let twice = pixels.saturating_mul(2);
+    let mut visit = |first: usize, two: Light<'_>| {
+        if let Some(one) = two.slice(..pixels)
+            && sum(one) > least
+        {
+            take(first);
+        }
+    };
+    let mut first = 0;
+    for two in light.groups(twice) {
+        visit(first, two);
+        first = numeric::add_usize(first, twice);
+    }
+    let (_, rest) = light.split(first);
+    visit(first, rest);
+}
+
+/// A sum of counts. A row has at most 2^12 pixels of 12 bits. Where words fall with light, a count is full
+/// scale less a word.
+#[inline(always)]
+fn sum(counts: Light<'_>) -> u32 {
+    let (words, inverted) = counts.words();
+    let (fours, rest) = words.as_chunks::<4>();
+    let add = |sum: u32, word: &u16| numeric::add_u32(sum, u32::from(*word));
+    let sum = fours.iter().fold(0, |sum, four| four.iter().fold(sum, add));
+    let sum = rest.iter().fold(sum, add);
+    if inverted == 0 {
+        sum
+    } else {
+        (words.len() as u32)
+            .wrapping_mul(inverted.into())
+            .wrapping_sub(sum)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The sum over boxes of all sizes, as `check` calls it, on a row whose last box is not whole.
+    #[test]
+    fn every_second_box_above_the_limit_is_found() {
+        let light: [u16; 99] =
+            core::array::from_fn(|i| (i as u32).wrapping_mul(2_654_435_761) as u16 >> 4);
+        for pixels in 1..=9 {
+            let least = 2000 * pixels as u32;
+            let mut found = [false; 99];
+            let take = &mut |first: usize| {
+                assert!(!found[first]);
+                found[first] = true;
+            };
+            match pixels {
+                1 => high_boxes::<1>((&light).into(), pixels, least, take),
+                2 => high_boxes::<2>((&light).into(), pixels, least, take),
+                5 => high_boxes::<5>((&light).into(), pixels, least, take),
+                _ => high_boxes::<0>((&light).into(), pixels, least, take),
+            }
+            for (first, found) in found.into_iter().enumerate() {
+                let is_second = first % (2 * pixels) == 0;
+                let counts = light.get(first..first + pixels);
+                let sum = counts.map(|counts| counts.iter().map(|&it| u32::from(it)).sum());
+                assert_eq!(found, is_second && sum > Some(least), "{pixels} at {first}");
+            }
+        }
     }
 }

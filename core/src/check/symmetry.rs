@@ -25,9 +25,16 @@
 //! whose mean square is compared with that of A e. For optical shapes it is at most 0.015: that is for a
 //! Fresnel number of 0.55. A blue laser or a slit of 250 um has less, the nominal slit 0.0031. For a box it
 //! is 0.04 and more.
+//!
+//! The pairs are most of the check's work, and the check is part of each row's. So [`pairs`] goes over the
+//! pixels once, for both parts, and leaves a short list for the products of the [`odd`] part: the sums of
+//! both parts need more registers than the chip has. The norms of the [`even`] part need no loop.
 
-use core::ops::Range;
+mod even;
+mod odd;
+mod pairs;
 
+use self::pairs::{Correction, Gaps, Noise, Pairs, Place};
 use crate::centre::RowCentre;
 use crate::centre::gauss_newton::MaskedPixels;
 use crate::centre::tables::TILTED;
@@ -35,7 +42,7 @@ use crate::numeric;
 use crate::row::{Geometry, Light, Row};
 use crate::shape::{COMPONENTS, OwnSpot, SpotShape};
 use crate::spot::Spot;
-use crate::units::{Counts, Pixels};
+use crate::units::Pixels;
 
 /// How far the pairs reach from the centre, in widths.
 const REACH: f32 = 6.0;
@@ -135,13 +142,14 @@ pub(super) fn check(
     own: Option<&OwnSpot>,
     masked: &MaskedPixels,
 ) -> Option<Verdict> {
-    if is_cut_at_zero(row.light(), found)
+    let ends = Ends::near(row.light(), found, geometry.full_scale());
+    if ends.zero && is_cut_at_zero(row.light(), found)
         || is_row_too_short(row.light(), found)
         || is_coarse(row.light(), spot, found)
     {
         return Some(Verdict::default());
     }
-    let mut symmetry = Symmetry::of(row, spot, found, geometry, masked, 0.0);
+    let mut symmetry = Symmetry::of(row, spot, found, geometry, masked, ends.full_scale);
     let fewest = if masked.samples == 0 {
         FEWEST_PAIRS
     } else {
@@ -149,11 +157,6 @@ pub(super) fn check(
     };
     if symmetry.pairs < fewest {
         return None;
-    }
-    // The tilt tables ignore a slope, so it is removed first.
-    if found.class.set == TILTED.number() {
-        let slope = symmetry.slope;
-        symmetry = Symmetry::of(row, spot, found, geometry, masked, slope);
     }
     let shape = symmetry.shape();
     if let Some(own) = own {
@@ -183,19 +186,33 @@ fn is_coarse(light: Light<'_>, spot: &Spot, found: &RowCentre) -> bool {
     // `as` saturates.
     let (_, near) = light.split((centre - reach) as usize);
     let near = near.slice(..(2.0 * reach) as usize).unwrap_or(near);
-    let Some(first) = near.get(0) else {
+    // What turns words into counts changes no difference.
+    let (near, _) = near.words();
+    let Some(first) = near.first() else {
         return false;
     };
-    let changes = near
-        .iter()
-        .fold(0, |changes, count| changes | (count ^ first));
-    let step = f32::from(changes.isolate_lowest_one());
     let noise = spot.background.noise.to_f32();
-    step * step > 12.0 * noise * noise
+    let is_coarse = |changes: u16| {
+        let step = f32::from(changes.isolate_lowest_one());
+        step * step > 12.0 * noise * noise
+    };
+    // More changes never make a step coarser: a few pixels of most rows tell that it is fine.
+    let mut changes = 0;
+    for counts in near.chunks(8) {
+        changes = counts
+            .iter()
+            .fold(changes, |changes, count| changes | (count ^ first));
+        if changes != 0 && !is_coarse(changes) {
+            return false;
+        }
+    }
+    is_coarse(changes)
 }
 
 /// Whether the background falls below the converter's smallest word on one side of the spot: there it is cut
 /// off, so its shape is unknown. Zeros on both sides are noise that is cut off, or two dead pixels.
+#[cold]
+#[inline(never)]
 fn is_cut_at_zero(light: Light<'_>, found: &RowCentre) -> bool {
     let (centre, reach) = (found.centre.to_f32(), REACH * found.width.to_f32());
     // `as` saturates.
@@ -205,6 +222,60 @@ fn is_cut_at_zero(light: Light<'_>, found: &RowCentre) -> bool {
     let left = numeric::count(left.iter().rev().take(reach as usize).map(is_zero));
     let right = numeric::count(right.iter().take(reach as usize).map(is_zero));
     left.abs_diff(right) > left.min(right).saturating_add(2)
+}
+
+/// Whether any count near a spot is at an end of the converter's range.
+struct Ends {
+    zero: bool,
+    full_scale: bool,
+}
+
+impl Ends {
+    /// Takes the pixels as far as the pairs reach, and a few more: a pair's distance is in widths that its
+    /// samples make larger by less than a hundredth, and its samples are less than a third of a width, or
+    /// three pixels.
+    fn near(light: Light<'_>, found: &RowCentre, full_scale: u16) -> Self {
+        let (centre, width) = (found.centre.to_f32(), found.width.to_f32());
+        let reach = (REACH + 1.0) * width + 8.0;
+        // `as` saturates.
+        let start = ((centre - reach) as usize).min(light.len());
+        let end = (centre + reach) as usize;
+        // Whole eights are quicker.
+        let pixels = end.saturating_sub(start).saturating_add(7) & !7;
+        let (_, near) = light.split(start);
+        Self::of(near.slice(..pixels).unwrap_or(near), full_scale)
+    }
+
+    /// Takes two counts at a time, of at most 15 bits. The highest of 16 bits is set in zero less one, and in
+    /// full scale plus the rest to 2^15.
+    #[inline(never)]
+    fn of(light: Light<'_>, full_scale: u16) -> Self {
+        const ONES: u32 = 0x0001_0001;
+        const HIGHEST: u32 = 0x8000_8000;
+        let (words, inverted) = light.words();
+        let inverted = u32::from(inverted) * ONES;
+        let rest = HIGHEST.wrapping_sub(u32::from(full_scale) * ONES);
+        let (eights, last) = words.as_chunks::<8>();
+        let (mut less, mut more) = (0, 0);
+        let mut take = |low: u16, high: u16| {
+            let counts = (u32::from(low) | (u32::from(high) * 0x1_0000)) ^ inverted;
+            less |= counts.wrapping_sub(ONES);
+            more |= counts.wrapping_add(rest);
+        };
+        for &[a, b, c, d, e, f, g, h] in eights {
+            take(a, b);
+            take(c, d);
+            take(e, f);
+            take(g, h);
+        }
+        for &word in last {
+            take(word, word);
+        }
+        Self {
+            zero: less & HIGHEST != 0,
+            full_scale: more & HIGHEST != 0,
+        }
+    }
 }
 
 /// Whether the light changes from one pixel to the next by more than optics can: bad pixels side by side look
@@ -246,8 +317,6 @@ struct Symmetry {
     pairs: f32,
     /// The components of z, each in standard deviations of its noise: see [`crate::shape`].
     components: [f32; COMPONENTS],
-    /// The slope of the tilt, in counts of z for each u.
-    slope: f32,
     /// The shift in pixels that makes a component of one standard deviation.
     pixels_a_deviation: f32,
     /// The square of the worst pair's deviation, in variances.
@@ -341,9 +410,8 @@ impl Symmetry {
         found: &RowCentre,
         geometry: &Geometry,
         masked: &MaskedPixels,
-        slope: f32,
+        reaches_full_scale: bool,
     ) -> Self {
-        let light = row.light();
         let width = found.width.to_f32();
         let pixels = ((width / SAMPLES_A_WIDTH) as usize).saturating_add(1);
         let block = pixels as f32;
@@ -352,87 +420,46 @@ impl Symmetry {
         let s = dual_mac::square_root(width * width + block * block / 12.0);
         let per_s = 1.0 / s;
         let pitch = block * per_s;
-        let mut u = (mirror.to_right + 0.5 * (block - 1.0)) * per_s;
-        // As in the fit of a spot: each step multiplies e by `ratio`, and `ratio` by `falls`.
-        let mut e = libm::expf(-0.5 * u * u);
-        let mut ratio = libm::expf(-pitch * (u + 0.5 * pitch));
-        let falls = libm::expf(-pitch * pitch);
-        let height = found.amplitude.to_f32() * block;
+        let pairs = Pairs {
+            light: row.light(),
+            mirror,
+            pixels,
+            u: (mirror.to_right + 0.5 * (block - 1.0)) * per_s,
+            pitch,
+            level: spot.background.level_bits(),
+            gaps: Gaps {
+                full_scale: reaches_full_scale.then(|| geometry.full_scale()),
+                masked,
+            },
+        };
+        let unit = pairs.units_a_count();
+        let height = found.amplitude.to_f32() * block * unit;
         let correction = Correction::of(mirror.offset, per_s, height);
         let (noise, shot) = spot.background.variances(geometry);
-        let noise = 2.0 * noise * block;
+        let (noise, shot) = (2.0 * noise * block * unit * unit, shot * unit);
         let profile_deviation = OTHER_PROFILE * correction.third;
-        let level = spot.background.level_bits();
-        let full_scale = geometry.full_scale();
-        let middle = mirror.right;
-        // As far as the pairs reach, and a sample more.
-        let reach = ((REACH * s) as usize)
-            .saturating_add(pixels.saturating_mul(2))
-            .saturating_add(2);
-        let is_cut =
-            row.reaches_full_scale(middle.saturating_sub(reach)..middle.saturating_add(reach));
-        let belongs = |pixels: Light<'_>, mut places: Range<usize>| {
-            !(is_cut && pixels.iter().any(|count| count >= full_scale)
-                || masked.samples != 0 && places.any(|pixel| masked.has(pixel)))
+        let with_noise = Noise {
+            correction,
+            dark: noise + profile_deviation * profile_deviation,
+            shot,
         };
-        let (mut odd, mut even) = (Odd::default(), Even::default());
-        // The pixel in the mirror's middle is its own image.
-        if pixels == 1
-            && mirror.to_right == 1.0
-            && let Some(before) = mirror.right.checked_sub(2)
-            && let Some(middle) = light.slice(before..mirror.right.wrapping_add(1))
-            && belongs(middle, before..mirror.right.wrapping_add(1))
-        {
-            even.add(2.0 * interpolated(middle, level, mirror.offset), 0.0, 1.0);
-        }
-        let without_image = even.samples;
-        // The width is at most 2^15 pixels, and so the pitch 1/6 or more.
-        let most = ((REACH / pitch) as usize).saturating_add(1);
-        let length = pixels.saturating_add(2);
-        let mut from = mirror.right.saturating_sub(1);
-        let mut to = mirror.left.saturating_add(1);
-        for _ in 0..most {
-            // With a pixel more at either end, for the interpolation. At most 37 samples of 2^13 pixels.
-            let ends = from..from.saturating_add(length);
-            let (Some(right), Some(start)) = (light.slice(ends.clone()), to.checked_sub(length))
-            else {
-                break;
-            };
-            let left = light.slice(start..to).unwrap_or_default();
-            if belongs(right, ends) && belongs(left, start..to) {
-                let (right, left) = (
-                    interpolated(right, level, mirror.offset),
-                    interpolated(left, level, mirror.offset),
-                );
-                let both = right + left;
-                let lit = if both > 0.0 { both } else { 0.0 };
-                odd.add(
-                    right - left + correction.at(u, e) - slope * u,
-                    u,
-                    e,
-                    1.0 / (noise + profile_deviation * profile_deviation + shot * lit),
-                );
-                even.add(both, u, e);
-            }
-            from = from.saturating_add(pixels);
-            to = to.saturating_sub(pixels);
-            u += pitch;
-            e *= ratio;
-            ratio *= falls;
+        let is_tilted = found.class.set == TILTED.number();
+        let (odd, mut even) = pairs.sums(&with_noise, is_tilted);
+        let number = even.norms.samples;
+        if let Some(middle) = pairs.middle() {
+            even.add_middle(middle * unit);
         }
         // Interpolation lowers the variance of white noise. This factor raises it again.
         let white = 1.0 / (1.0 - 2.0 * d * (1.0 - d) / block);
         let shape = even.solve();
-        let pairs = even.samples - without_image;
         let per_height = 0.5 / height;
         let per_square = per_height * per_height;
-        let variance = noise + shot * even.p / even.samples;
+        let variance = noise + shot * even.p / even.norms.samples;
         let components = odd.components();
         let [shift, ..] = components;
         Self {
-            pairs,
+            pairs: number,
             components,
-            slope: (odd.zt - odd.t1 / odd.m1 * odd.z1) / (odd.tt - odd.t1 * odd.t1 / odd.m1),
             pixels_a_deviation: s * per_height / dual_mac::square_root(odd.m1),
             worst: odd.worst * white,
             own_of_a_pair: 0.0,
@@ -447,9 +474,10 @@ impl Symmetry {
                     dual_mac::square_root(variance) * per_height,
                 )
             }),
-            shape_misfit: (shape.rest - (even.samples - 3.0) * variance) * per_square / even.m0,
-            shape_misfit_deviation: variance * dual_mac::square_root(2.0 * pairs) * per_square
-                / even.m0,
+            shape_misfit: (shape.rest - (even.norms.samples - 3.0) * variance) * per_square
+                / even.norms.m0,
+            shape_misfit_deviation: variance * dual_mac::square_root(2.0 * number) * per_square
+                / even.norms.m0,
         }
     }
 }
@@ -493,308 +521,11 @@ impl Trust {
     }
 }
 
-/// The place about which the row is mirrored.
-struct Place {
-    /// The first pixel to the right of that place, at least 1; and one past the last pixel to its left.
-    right: usize,
-    left: usize,
-    /// From that place to pixel `right`: half a pixel or one.
-    to_right: f32,
-    /// From that place to the centre: within a quarter of a pixel.
-    offset: f32,
-}
-
-impl Place {
-    /// Takes the nearest middle or end of a pixel. A place before the row has no pixels to its left.
-    fn of(centre: Pixels) -> Self {
-        const HALF_LOG2: u32 = Pixels::FRACTION - 1;
-        let halves = centre.to_bits().saturating_add(1 << (HALF_LOG2 - 1)) >> HALF_LOG2;
-        // Within 2^14 of zero.
-        let offset = centre
-            .to_bits()
-            .wrapping_sub(halves.wrapping_mul(1 << HALF_LOG2));
-        let halves = usize::try_from(halves).unwrap_or_default();
-        let right = (halves / 2).wrapping_add(1);
-        Self {
-            right,
-            left: halves.div_ceil(2),
-            to_right: right as f32 - 0.5 * halves as f32,
-            offset: Pixels::from_bits(offset).to_f32(),
-        }
-    }
-}
-
-/// The light of a sample above a level (Q24.8 counts), with the sample moved by a part of a pixel. `pixels`
-/// has one more pixel at each end. A positive part moves the sample towards the last pixel, a negative one
-/// towards the first. The level is subtracted in whole numbers, so a constant on the row changes no bit.
-fn interpolated(pixels: Light<'_>, level: i32, offset: f32) -> f32 {
-    let mut block = pixels.iter();
-    let (Some(before), Some(after)) = (block.next(), block.next_back()) else {
-        return 0.0;
-    };
-    let (Some(first), Some(last)) = (block.clone().next(), block.clone().next_back()) else {
-        return 0.0;
-    };
-    // At most 2047 pixels, because both sides are on a row of at most 2^12. Each is at most 4095 * 2^8 above
-    // or below the level: the sum is below 2^31.
-    let sum = block.fold(0, |sum, count| {
-        let above = numeric::sub_i32(i32::from(count) * (1 << Counts::FRACTION), level);
-        numeric::add_i32(sum, above)
-    });
-    let ends = if offset > 0.0 {
-        f32::from(after) - f32::from(first)
-    } else {
-        f32::from(last) - f32::from(before)
-    };
-    sum as f32 / 256.0 + offset * ends
-}
-
-/// Corrects z for the error of linear interpolation of a gaussian: add [`Correction::at`] to z.
-///
-/// Interpolation by a part t of a pixel adds t (1-t) ((1-t)^(n-1) - t^(n-1)) / n! times the nth derivative to
-/// a function that is even about the centre, with the sign of t, for n = 3 and 5. The derivatives of a
-/// gaussian are e (3 u - u^3) / s^3 and e (10 u^3 - 15 u - u^5) / s^5.
-struct Correction {
-    third: f32,
-    c0: f32,
-    c1: f32,
-    c2: f32,
-}
-
-impl Correction {
-    fn of(offset: f32, per_s: f32, height: f32) -> Self {
-        let d = offset.abs();
-        let t = 1.0 - d;
-        let (dd, tt, per_s2) = (d * d, t * t, per_s * per_s);
-        let scale = 2.0 * offset * t * height * per_s * per_s2;
-        let third = scale * (tt - dd) / 6.0;
-        let fifth = scale * per_s2 * (tt * tt - dd * dd) / 120.0;
-        Self {
-            third,
-            c0: 15.0 * fifth - 3.0 * third,
-            c1: third - 10.0 * fifth,
-            c2: fifth,
-        }
-    }
-
-    fn at(&self, u: f32, e: f32) -> f32 {
-        let uu = u * u;
-        u * e * (self.c0 + uu * (self.c1 + uu * self.c2))
-    }
-}
-
-/// Sums of the odd part, weighted: products of u e, u^3 e, u^5 e, u^7 e and u with each other and with z. The
-/// product of u^j e and u^k e depends on j + k alone: `m1` is that of u e with itself, `m7` of u^7 e with
-/// itself. `t1` is the product of u with u e.
-#[derive(Default)]
-struct Odd {
-    m1: f32,
-    m2: f32,
-    m3: f32,
-    m4: f32,
-    m5: f32,
-    m6: f32,
-    m7: f32,
-    tt: f32,
-    t1: f32,
-    t3: f32,
-    t5: f32,
-    t7: f32,
-    z1: f32,
-    z3: f32,
-    z5: f32,
-    z7: f32,
-    zt: f32,
-    squares: f32,
-    worst: f32,
-}
-
-impl Odd {
-    #[inline(always)]
-    fn add(&mut self, z: f32, u: f32, e: f32, weight: f32) {
-        let uu = u * u;
-        let f1 = u * e;
-        let (w1, wz) = (weight * f1, weight * z);
-        let mut product = w1 * f1;
-        for sum in [
-            &mut self.m1,
-            &mut self.m2,
-            &mut self.m3,
-            &mut self.m4,
-            &mut self.m5,
-            &mut self.m6,
-            &mut self.m7,
-        ] {
-            *sum += product;
-            product *= uu;
-        }
-        self.tt += weight * uu;
-        let (mut with_tilt, mut with_z) = (w1 * u, wz * f1);
-        for (tilt, z) in [
-            (&mut self.t1, &mut self.z1),
-            (&mut self.t3, &mut self.z3),
-            (&mut self.t5, &mut self.z5),
-            (&mut self.t7, &mut self.z7),
-        ] {
-            *tilt += with_tilt;
-            *z += with_z;
-            with_tilt *= uu;
-            with_z *= uu;
-        }
-        self.zt += wz * u;
-        let square = wz * z;
-        self.squares += square;
-        if square > self.worst {
-            self.worst = square;
-        }
-    }
-
-    /// The components along u e, u, u^3 e, u^5 e and u^7 e, each less its parts along those before, in
-    /// standard deviations. By Cholesky's method: if A = L L^T are the functions' products, the components
-    /// are L^-1 z. Zero for a function that only rounding tells from those before.
-    fn components(&self) -> [f32; COMPONENTS] {
-        let inverse_root = |pivot: f32, element: f32| {
-            if pivot > LEAST_NORM * element {
-                1.0 / dual_mac::square_root(pivot)
-            } else {
-                0.0
-            }
-        };
-        let p1 = inverse_root(self.m1, 0.0);
-        let (t1, l31, l51, l71) = (self.t1 * p1, self.m2 * p1, self.m3 * p1, self.m4 * p1);
-        let y1 = self.z1 * p1;
-        let pt = inverse_root(self.tt - t1 * t1, self.tt);
-        let l3t = (self.t3 - l31 * t1) * pt;
-        let l5t = (self.t5 - l51 * t1) * pt;
-        let l7t = (self.t7 - l71 * t1) * pt;
-        let yt = (self.zt - t1 * y1) * pt;
-        let p3 = inverse_root(self.m3 - l31 * l31 - l3t * l3t, self.m3);
-        let l53 = (self.m4 - l51 * l31 - l5t * l3t) * p3;
-        let l73 = (self.m5 - l71 * l31 - l7t * l3t) * p3;
-        let y3 = (self.z3 - l31 * y1 - l3t * yt) * p3;
-        let p5 = inverse_root(self.m5 - l51 * l51 - l5t * l5t - l53 * l53, self.m5);
-        let l75 = (self.m6 - l71 * l51 - l7t * l5t - l73 * l53) * p5;
-        let y5 = (self.z5 - l51 * y1 - l5t * yt - l53 * y3) * p5;
-        let rest = self.m7 - l71 * l71 - l7t * l7t - l73 * l73 - l75 * l75;
-        let p7 = inverse_root(rest, self.m7);
-        let y7 = (self.z7 - l71 * y1 - l7t * yt - l73 * y3 - l75 * y5) * p7;
-        [y1, yt, y3, y5, y7]
-    }
-}
-
-/// Sums of the even part: of u^k e and u^k e^2, and of the products of 1, e, u^2 e and u^4 e with p.
-#[derive(Default)]
-struct Even {
-    samples: f32,
-    l0: f32,
-    l1: f32,
-    l2: f32,
-    m0: f32,
-    m1: f32,
-    m2: f32,
-    m3: f32,
-    m4: f32,
-    p: f32,
-    p0: f32,
-    p1: f32,
-    p2: f32,
-    squares: f32,
-}
-
-/// The solution of the even part.
-struct Shape {
-    /// The coefficient of u^2 e over that of e: how much wider the light is than the spot.
-    wider: f32,
-    /// The coefficient of u^4 e, and the norm of the part that u^4 e shares with no other function. `None` if
-    /// rounding is all of it.
-    k4: Option<(f32, f32)>,
-    /// The sum of squares that the fit without k4 leaves.
-    rest: f32,
-}
-
-impl Even {
-    #[inline(always)]
-    fn add(&mut self, p: f32, u: f32, e: f32) {
-        let uu = u * u;
-        let e1 = uu * e;
-        let e2 = uu * e1;
-        self.samples += 1.0;
-        self.l0 += e;
-        self.l1 += e1;
-        self.l2 += e2;
-        self.m0 += e * e;
-        self.m1 += e * e1;
-        self.m2 += e1 * e1;
-        self.m3 += e1 * e2;
-        self.m4 += e2 * e2;
-        self.p += p;
-        self.p0 += p * e;
-        self.p1 += p * e1;
-        self.p2 += p * e2;
-        self.squares += p * p;
-    }
-
-    /// Subtracts from each function in turn its parts along those before.
-    fn solve(&self) -> Shape {
-        let samples = self.samples;
-        let (l0, l1, l2, p) = (
-            self.l0 / samples,
-            self.l1 / samples,
-            self.l2 / samples,
-            self.p / samples,
-        );
-        let c00 = self.m0 - l0 * self.l0;
-        let c01 = self.m1 - l0 * self.l1;
-        let c02 = self.m2 - l0 * self.l2;
-        let p0 = self.p0 - p * self.l0;
-        let (f1, f2) = (c01 / c00, c02 / c00);
-        let c11 = self.m2 - l1 * self.l1 - f1 * c01;
-        let c12 = self.m3 - l1 * self.l2 - f1 * c02;
-        let p1 = self.p1 - p * self.l1 - f1 * p0;
-        let f = c12 / c11;
-        let norm = self.m4 - l2 * self.l2 - f2 * c02 - f * c12;
-        let p2 = self.p2 - p * self.l2 - f2 * p0 - f * p1;
-        let (second, first) = (p1 / c11, p0 / c00);
-        Shape {
-            // p0 has the part of u^2 e along e.
-            wider: second / (first - f1 * second),
-            k4: (norm > LEAST_NORM * self.m4).then(|| (p2 / norm, norm)),
-            rest: self.squares - p * self.p - p0 * p0 / c00 - p1 * p1 / c11,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::check::tests::found_at;
-
-    #[test]
-    fn the_mirror_is_the_nearest_half_pixel() {
-        for (centre, right, left, to_right, offset) in [
-            (10.0, 11, 10, 1.0, 0.0),
-            (10.2, 11, 10, 1.0, 0.2),
-            (10.3, 11, 11, 0.5, -0.2),
-            (10.5, 11, 11, 0.5, 0.0),
-            (9.8, 11, 10, 1.0, -0.2),
-        ] {
-            let place = Place::of(Pixels::from_f32(centre));
-            assert_eq!(
-                (place.right, place.left, place.to_right),
-                (right, left, to_right),
-                "{centre}"
-            );
-            assert!(
-                (place.offset - offset).abs() < 1e-4,
-                "{centre}: {}",
-                place.offset
-            );
-        }
-        for end in [Pixels::MIN, Pixels::MAX] {
-            let place = Place::of(end);
-            assert!(place.right >= 1 && place.offset.abs() <= 0.5);
-        }
-    }
+    use crate::units::Counts;
 
     /// Compares a symmetric spot with its mirror image: the width is in pixels, the noise is a count.
     fn symmetry(width: f32, centre: f32, seed: u32) -> (Symmetry, RowCentre) {
@@ -826,7 +557,7 @@ mod tests {
             misfit: false,
         };
         let nothing = MaskedPixels::default();
-        let symmetry = Symmetry::of(&row, &spot, &found, &geometry, &nothing, 0.0);
+        let symmetry = Symmetry::of(&row, &spot, &found, &geometry, &nothing, true);
         (symmetry, found)
     }
 
@@ -894,7 +625,7 @@ mod tests {
                     misfit: false,
                 };
                 let nothing = MaskedPixels::default();
-                let it = Symmetry::of(&row, &spot, &found, &geometry, &nothing, 0.0);
+                let it = Symmetry::of(&row, &spot, &found, &geometry, &nothing, true);
                 let (k4, deviation) = it.flatness.expect("many pairs");
                 let statistics = [
                     it.components[0] * it.components[0],
@@ -1065,36 +796,6 @@ mod tests {
         }
     }
 
-    /// A gaussian sampled at whole pixels, without noise. At a width of 0.85 pixels, interpolation makes an
-    /// error in z of 5 % of the height, and the correction leaves 0.2 %.
-    #[test]
-    fn interpolation_leaves_no_derivatives() {
-        for (width, limit) in [(0.85f32, 2.5e-3), (1.5, 5e-5), (4.0, 2e-7)] {
-            let (mut worst, mut without) = (0.0f32, 0.0f32);
-            for step in -25..=25 {
-                let offset = step as f32 / 100.0;
-                let y = |x: f32| libm::expf(-0.5 * (x - offset) * (x - offset) / (width * width));
-                let correction = Correction::of(offset, 1.0 / width, 1.0);
-                let moved = |x: f32| {
-                    let next = if offset > 0.0 { x + 1.0 } else { x - 1.0 };
-                    y(x) + offset.abs() * (y(next) - y(x))
-                };
-                for i in 1..8 {
-                    let x = i as f32 * 0.5;
-                    let z = moved(x) - moved(-x);
-                    let u = x / width;
-                    worst = worst.max((z + correction.at(u, libm::expf(-0.5 * u * u))).abs());
-                    without = without.max(z.abs());
-                }
-            }
-            println!("width {width}: {worst:.1e} of the height, {without:.1e} before");
-            assert!(
-                worst < limit && without > 2.0 * worst,
-                "{width}: {worst} {without}"
-            );
-        }
-    }
-
     /// Compares a spot without noise, lopsided by `skewness`, with its mirror image. A pixel at two widths is
     /// brighter by `flaw` counts.
     fn lopsided(width: f32, skewness: f32, flaw: u16) -> (Symmetry, RowCentre) {
@@ -1122,7 +823,7 @@ mod tests {
             ..found_at(centre, width)
         };
         let nothing = MaskedPixels::default();
-        let symmetry = Symmetry::of(&row, &spot, &found, &geometry, &nothing, 0.0);
+        let symmetry = Symmetry::of(&row, &spot, &found, &geometry, &nothing, true);
         (symmetry, found)
     }
 
