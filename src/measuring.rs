@@ -3,6 +3,7 @@
 use core::sync::atomic::Ordering;
 
 use embassy_futures::select::{Either3, select3};
+use embassy_futures::yield_now;
 use embassy_time::{Duration, with_timeout};
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
@@ -44,10 +45,15 @@ pub async fn measure() {
                 let map = flat.as_deref().and_then(FlatField::map);
                 let map = map.filter(|_| is_corrected);
                 let result = measure_row(&mut measurement, row, map);
-                COUNTERS.row_cycles.set(board::cycles().wrapping_sub(start));
+                let cycles = board::cycles().wrapping_sub(start);
+                COUNTERS.row_cycles.set(cycles);
+                COUNTERS.slowest_row_cycles.set_if_larger(cycles);
                 FREE.send(row).await;
                 if let Some(result) = result {
                     publish(result);
+                    // If rows come faster than they are computed, one always waits here, and the serial line
+                    // would never have its turn.
+                    yield_now().await;
                 }
             }
             Either3::Third(Err(_)) if paused() => {}

@@ -112,13 +112,15 @@ impl Core {
     }
 
     /// Runs one instruction and records it.
-    fn step(&mut self, bus: &mut dyn CoreBus) -> (Exit, u64) {
+    fn step(&mut self, bus: &mut BusWithFlash<'_>) -> (Exit, u64) {
         let from = self.inner.pc();
         if self.traced.contains(&from) {
             self.recorder.enter(from, self.return_address());
             self.inner.pass_breakpoint(from);
         }
+        bus.steps = true;
         let (exit, ran) = self.inner.run(1, bus);
+        bus.steps = false;
         if ran > 0 {
             let done = self.recorder.step(from, self.inner.pc());
             trace::lock(&self.watched.traces).calls.extend(done);
@@ -127,7 +129,7 @@ impl Core {
     }
 
     /// Runs as `inner` does, but one instruction at a time during a traced call.
-    fn run_traced(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+    fn run_traced(&mut self, budget: u32, bus: &mut BusWithFlash<'_>) -> (Exit, u64) {
         let mut total = 0;
         while total < u64::from(budget) {
             let arrived = self.traced.contains(&self.inner.pc());
@@ -155,6 +157,8 @@ impl Core {
 struct BusWithFlash<'a> {
     inner: &'a mut dyn CoreBus,
     flash: SharedFlash,
+    /// Whether the core is to run one instruction only.
+    steps: bool,
 }
 
 impl CoreBus for BusWithFlash<'_> {
@@ -165,6 +169,14 @@ impl CoreBus for BusWithFlash<'_> {
         self.inner.access(access, from_code)
     }
 
+    /// How many instructions the core may run after an access, before it returns.
+    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
+        if self.steps {
+            return None;
+        }
+        self.inner.carry_on(instructions, event)
+    }
+
     // All that follows only calls the inner bus.
 
     fn time(&self, instructions: u64) -> VirtualNanos {
@@ -173,10 +185,6 @@ impl CoreBus for BusWithFlash<'_> {
 
     fn queued(&mut self) -> Vec<Queued> {
         self.inner.queued()
-    }
-
-    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
-        self.inner.carry_on(instructions, event)
     }
 
     fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
@@ -205,6 +213,7 @@ impl Processor for Core {
         let bus = &mut BusWithFlash {
             inner: bus,
             flash: self.watched.flash.clone(),
+            steps: false,
         };
         self.write_for_the_probe();
         self.arm_detours();
