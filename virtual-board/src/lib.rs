@@ -34,6 +34,7 @@ pub mod firmware;
 pub mod flash;
 pub mod hang;
 pub mod light;
+mod loads;
 #[cfg(unix)]
 pub mod pty;
 pub mod rtt;

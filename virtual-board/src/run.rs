@@ -23,7 +23,7 @@ use crate::sensor_head::pins::{CONVERTER, SharedHead};
 use crate::sensor_head::{LightSource, SensorHead};
 use crate::serial_line::{Line, SerialLine};
 use crate::trace::{self, Call};
-use crate::watched_core::Watched;
+use crate::watched_core::{Code, Watched};
 use crate::{Nanos, Violation};
 
 /// How often the run stops to drain the log and look for violations. A firmware's log buffer holds about as
@@ -153,8 +153,10 @@ impl VirtualBoard {
         let line = Arc::<Mutex<SerialLine>>::default();
         let trap = hang::find_trap(&firmware.image)
             .context("the firmware has no `b .`, which hang_at needs")?;
+        let segments = firmware.image.segments();
         let watched = Watched {
             flash,
+            code: Code::new(segments.map(|(at, bytes)| (at, bytes.to_vec())).collect()),
             ..Watched::default()
         };
         let log_bytes = Arc::<Mutex<Vec<u8>>>::default();
@@ -430,6 +432,17 @@ impl VirtualBoard {
     /// their return.
     pub fn take_calls(&mut self) -> Vec<Call> {
         std::mem::take(&mut trace::lock(&self.watched.traces).calls)
+    }
+
+    /// Records all that the core executes from now on, interrupts included: see [`crate::trace`].
+    pub fn trace_everything(&mut self) {
+        trace::lock(&self.watched.traces).everything = Some(Call::default());
+    }
+
+    /// Ends [`VirtualBoard::trace_everything`], and gives what was executed since.
+    pub fn take_everything(&mut self) -> Call {
+        let everything = trace::lock(&self.watched.traces).everything.take();
+        everything.unwrap_or_default()
     }
 
     /// Lets a debug probe write a word to one of the core's own registers (0xE000_0000 to 0xE00F_FFFF),

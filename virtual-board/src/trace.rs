@@ -1,5 +1,5 @@
-//! Records which instructions each call of a function executes. From this, the time on silicon can be
-//! estimated.
+//! Records which instructions each call of a function executes, or all that the core executes. From this, the
+//! time on silicon can be estimated.
 //!
 //! During a traced call the core runs one instruction at a time. This is many times slower, but the firmware
 //! cannot see a difference.
@@ -15,6 +15,17 @@ pub struct Call {
     /// For two addresses: how often the instruction at the second was executed directly after the instruction
     /// at the first. Includes the functions that this function calls, and interrupts.
     pub steps: BTreeMap<(u64, u64), u64>,
+    /// The same instructions in their order.
+    pub path: Vec<Executed>,
+}
+
+/// An instruction that was executed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Executed {
+    /// Its address.
+    pub address: u32,
+    /// The first address that it loads from; 0 if it loads nothing, or relative to the stack pointer.
+    pub loads: u32,
 }
 
 impl Call {
@@ -22,6 +33,11 @@ impl Call {
     #[must_use]
     pub fn instructions(&self) -> u64 {
         self.steps.values().sum()
+    }
+
+    fn add(&mut self, executed: Executed, to: u64) {
+        *self.steps.entry((executed.address.into(), to)).or_default() += 1;
+        self.path.push(executed);
     }
 }
 
@@ -32,6 +48,18 @@ pub(crate) struct Traces {
     pub(crate) functions: BTreeSet<u64>,
     /// Their calls, in the order in which they returned.
     pub(crate) calls: Vec<Call>,
+    /// All that the core executes, if it is recorded.
+    pub(crate) everything: Option<Call>,
+}
+
+impl Traces {
+    /// Records an instruction, and the one at `to` that is next.
+    pub(crate) fn step(&mut self, recorder: &mut Recorder, executed: Executed, to: u64) {
+        if let Some(everything) = &mut self.everything {
+            everything.add(executed, to);
+        }
+        self.calls.extend(recorder.step(executed, to));
+    }
 }
 
 /// Locks the traces. A panic in another thread leaves them whole, so a poisoned lock is no error.
@@ -60,11 +88,11 @@ impl Recorder {
         self.open.push((returns_to, call));
     }
 
-    /// Records that the instruction at `from` was executed and the one at `to` is next. Gives the calls that
-    /// end with this.
-    pub(crate) fn step(&mut self, from: u64, to: u64) -> Vec<Call> {
+    /// Records that an instruction was executed and the one at `to` is next. Gives the calls that end with
+    /// this.
+    pub(crate) fn step(&mut self, executed: Executed, to: u64) -> Vec<Call> {
         for (_, call) in &mut self.open {
-            *call.steps.entry((from, to)).or_default() += 1;
+            call.add(executed, to);
         }
         let mut done = Vec::new();
         while let Some((_, call)) = self.open.pop_if(|(returns_to, _)| *returns_to == to) {
@@ -80,17 +108,19 @@ mod tests {
 
     #[test]
     fn nested_calls_are_recorded_separately() {
+        let at = |address| Executed { address, loads: 0 };
         let mut recorder = Recorder::default();
         recorder.enter(0x100, 0x40);
-        assert_eq!(recorder.step(0x100, 0x200), []);
+        assert_eq!(recorder.step(at(0x100), 0x200), []);
         recorder.enter(0x200, 0x104);
-        assert_eq!(recorder.step(0x200, 0x200), []);
-        assert_eq!(recorder.step(0x200, 0x202), []);
-        let inner = recorder.step(0x202, 0x104);
+        assert_eq!(recorder.step(at(0x200), 0x200), []);
+        assert_eq!(recorder.step(at(0x200), 0x202), []);
+        let inner = recorder.step(at(0x202), 0x104);
         assert_eq!(inner.len(), 1);
         assert_eq!((inner[0].function, inner[0].instructions()), (0x200, 3));
         assert_eq!(inner[0].steps[&(0x200, 0x200)], 1);
-        let outer = recorder.step(0x104, 0x40);
+        assert_eq!(inner[0].path, [at(0x200), at(0x200), at(0x202)]);
+        let outer = recorder.step(at(0x104), 0x40);
         assert_eq!((outer[0].function, outer[0].instructions()), (0x100, 5));
         assert!(!recorder.is_recording());
     }
