@@ -22,7 +22,7 @@ use crate::rtt::{self, Message};
 use crate::sensor_head::pins::{CONVERTER, SharedHead};
 use crate::sensor_head::{LightSource, SensorHead};
 use crate::serial_line::{Line, SerialLine};
-use crate::trace::{self, Call};
+use crate::trace::{self, Call, Executed};
 use crate::watched_core::{Code, Watched};
 use crate::{Nanos, Violation};
 
@@ -436,11 +436,12 @@ impl VirtualBoard {
 
     /// Records all that the core executes from now on, interrupts included: see [`crate::trace`].
     pub fn trace_everything(&mut self) {
-        trace::lock(&self.watched.traces).everything = Some(Call::default());
+        trace::lock(&self.watched.traces).everything = Some(Vec::new());
     }
 
-    /// Ends [`VirtualBoard::trace_everything`], and gives what was executed since.
-    pub fn take_everything(&mut self) -> Call {
+    /// Ends [`VirtualBoard::trace_everything`], and gives the instructions that were executed since, in their
+    /// order.
+    pub fn take_everything(&mut self) -> Vec<Executed> {
         let everything = trace::lock(&self.watched.traces).everything.take();
         everything.unwrap_or_default()
     }

@@ -34,11 +34,6 @@ impl Call {
     pub fn instructions(&self) -> u64 {
         self.steps.values().sum()
     }
-
-    fn add(&mut self, executed: Executed, to: u64) {
-        *self.steps.entry((executed.address.into(), to)).or_default() += 1;
-        self.path.push(executed);
-    }
 }
 
 /// The traced functions, and their calls.
@@ -49,17 +44,7 @@ pub(crate) struct Traces {
     /// Their calls, in the order in which they returned.
     pub(crate) calls: Vec<Call>,
     /// All that the core executes, if it is recorded.
-    pub(crate) everything: Option<Call>,
-}
-
-impl Traces {
-    /// Records an instruction, and the one at `to` that is next.
-    pub(crate) fn step(&mut self, recorder: &mut Recorder, executed: Executed, to: u64) {
-        if let Some(everything) = &mut self.everything {
-            everything.add(executed, to);
-        }
-        self.calls.extend(recorder.step(executed, to));
-    }
+    pub(crate) everything: Option<Vec<Executed>>,
 }
 
 /// Locks the traces. A panic in another thread leaves them whole, so a poisoned lock is no error.
@@ -88,11 +73,18 @@ impl Recorder {
         self.open.push((returns_to, call));
     }
 
-    /// Records that an instruction was executed and the one at `to` is next. Gives the calls that end with
-    /// this.
-    pub(crate) fn step(&mut self, executed: Executed, to: u64) -> Vec<Call> {
+    /// Adds an instruction to the paths. Call before [`Recorder::step`].
+    pub(crate) fn add_to_paths(&mut self, executed: Executed) {
         for (_, call) in &mut self.open {
-            call.add(executed, to);
+            call.path.push(executed);
+        }
+    }
+
+    /// Records that the instruction at `from` was executed and the one at `to` is next. Gives the calls that
+    /// end with this.
+    pub(crate) fn step(&mut self, from: u64, to: u64) -> Vec<Call> {
+        for (_, call) in &mut self.open {
+            *call.steps.entry((from, to)).or_default() += 1;
         }
         let mut done = Vec::new();
         while let Some((_, call)) = self.open.pop_if(|(returns_to, _)| *returns_to == to) {
@@ -108,20 +100,34 @@ mod tests {
 
     #[test]
     fn nested_calls_are_recorded_separately() {
-        let at = |address| Executed { address, loads: 0 };
         let mut recorder = Recorder::default();
         recorder.enter(0x100, 0x40);
-        assert_eq!(recorder.step(at(0x100), 0x200), []);
+        assert_eq!(recorder.step(0x100, 0x200), []);
         recorder.enter(0x200, 0x104);
-        assert_eq!(recorder.step(at(0x200), 0x200), []);
-        assert_eq!(recorder.step(at(0x200), 0x202), []);
-        let inner = recorder.step(at(0x202), 0x104);
+        assert_eq!(recorder.step(0x200, 0x200), []);
+        assert_eq!(recorder.step(0x200, 0x202), []);
+        let inner = recorder.step(0x202, 0x104);
         assert_eq!(inner.len(), 1);
         assert_eq!((inner[0].function, inner[0].instructions()), (0x200, 3));
         assert_eq!(inner[0].steps[&(0x200, 0x200)], 1);
-        assert_eq!(inner[0].path, [at(0x200), at(0x200), at(0x202)]);
-        let outer = recorder.step(at(0x104), 0x40);
+        let outer = recorder.step(0x104, 0x40);
         assert_eq!((outer[0].function, outer[0].instructions()), (0x100, 5));
         assert!(!recorder.is_recording());
+    }
+
+    #[test]
+    fn a_path_has_the_instructions_of_the_calls_within() {
+        let at = |address| Executed { address, loads: 0 };
+        let mut recorder = Recorder::default();
+        recorder.enter(0x100, 0x40);
+        recorder.add_to_paths(at(0x100));
+        recorder.step(0x100, 0x200);
+        recorder.enter(0x200, 0x104);
+        recorder.add_to_paths(at(0x200));
+        let inner = recorder.step(0x200, 0x104);
+        assert_eq!(inner[0].path, [at(0x200)]);
+        recorder.add_to_paths(at(0x104));
+        let outer = recorder.step(0x104, 0x40);
+        assert_eq!(outer[0].path, [at(0x100), at(0x200), at(0x104)]);
     }
 }

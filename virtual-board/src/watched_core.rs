@@ -133,6 +133,11 @@ impl Core {
         <[u8; 4]>::try_from(register).map_or(0, u32::from_le_bytes)
     }
 
+    /// The return address of the function that the core has just called.
+    fn return_address(&self) -> u64 {
+        u64::from(self.register(LINK_REGISTER) & !1)
+    }
+
     /// Where the instruction at `address` loads from, before it is executed; 0 if nowhere.
     fn loads_from(&self, address: u64) -> u32 {
         let load = self.watched.code.halfwords(address).and_then(|halfwords| {
@@ -145,8 +150,7 @@ impl Core {
     fn step(&mut self, bus: &mut BusWithFlash<'_>) -> (Exit, u64) {
         let from = self.inner.pc();
         if self.traced.contains(&from) {
-            let returns_to = u64::from(self.register(LINK_REGISTER) & !1);
-            self.recorder.enter(from, returns_to);
+            self.recorder.enter(from, self.return_address());
             self.inner.pass_breakpoint(from);
         }
         let executed = Executed {
@@ -157,7 +161,13 @@ impl Core {
         let (exit, ran) = self.inner.run(1, bus);
         bus.steps = false;
         if ran > 0 {
-            trace::lock(&self.watched.traces).step(&mut self.recorder, executed, self.inner.pc());
+            let mut traces = trace::lock(&self.watched.traces);
+            if let Some(everything) = &mut traces.everything {
+                everything.push(executed);
+            }
+            self.recorder.add_to_paths(executed);
+            let done = self.recorder.step(from, self.inner.pc());
+            traces.calls.extend(done);
         }
         (exit, ran)
     }

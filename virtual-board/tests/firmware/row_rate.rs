@@ -118,18 +118,6 @@ fn instructions_per_row(board: &mut VirtualBoard, rows: u16) -> [f64; 2] {
     );
     let frames = calls.len() / usize::from(rows) * usize::from(rows);
     let computed: u64 = calls[..frames].iter().map(|call| call.instructions()).sum();
-    if std::env::var_os("PROFILE").is_some() {
-        board.trace_everything();
-        board
-            .run_until_rows(4 * u64::from(rows), PATIENCE)
-            .expect("rows");
-        let all = board.take_everything();
-        let mut text = String::new();
-        for ((from, to), times) in &all.steps {
-            text += &format!("{from:x} {to:x} {times}\n");
-        }
-        std::fs::write("/tmp/board.prof", text).unwrap();
-    }
     [whole, computed as f64 / frames as f64]
 }
 
