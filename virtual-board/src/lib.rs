@@ -37,6 +37,7 @@ pub mod light;
 mod loads;
 #[cfg(unix)]
 pub mod pty;
+pub mod row_rate;
 pub mod rtt;
 pub mod run;
 pub mod sensor_head;
