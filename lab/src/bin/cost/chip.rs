@@ -16,7 +16,7 @@
 mod beside;
 pub mod cycles;
 mod lines;
-mod program;
+pub mod program;
 mod run;
 #[cfg(test)]
 mod tests;
