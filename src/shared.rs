@@ -22,7 +22,7 @@ pub type Buffer = &'static mut [u16; WORDS];
 
 /// Rows in use at a time. With two, a row may take twice the row's period before a row is lost. The first row
 /// of a frame takes several times as long as the others, so a fast sensor needs more.
-pub const BUFFERS: usize = 8;
+pub const BUFFERS: usize = 6;
 
 /// Buffers to read into. Holds all there are, so that sending never waits.
 pub static FREE: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::new();
