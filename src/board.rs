@@ -99,8 +99,8 @@ pub struct Board {
     pub started_by: StartCause,
 }
 
-// Clears the statics in core-coupled RAM before anything else runs. cortex-m-rt calls this function, and clears
-// the statics in the other RAM only. memory.x gives both addresses, which are multiples of 4.
+// Clears the statics in core-coupled RAM before anything else runs. cortex-m-rt calls this function, and
+// clears the statics in the other RAM only. memory.x gives both addresses, which are multiples of 4.
 global_asm!(
     ".section .text.__pre_init, \"ax\"",
     ".global __pre_init",

@@ -21,7 +21,8 @@ use super::{board, tcd1304};
 /// The sensor is silent if no row comes for so long, 17 row periods.
 const SILENCE: Duration = Duration::from_millis(100);
 
-/// Measures for ever. Deadline: a row within [`super::acquisition::ROW_PERIOD`], or rows are lost.
+/// Measures for ever. Deadline: a row within [`super::acquisition::ROW_PERIOD`] on average, or rows are lost.
+/// A slow row may take longer by the periods of the rows that the buffers hold.
 #[embassy_executor::task]
 pub async fn measure() {
     let mut measurement = Measurement::new(tcd1304::geometry(), Settings::default());

@@ -1,5 +1,5 @@
-//! The processor: rigless's STM32F427 with faster models of TIM1, SPI1 and DMA2, and a TIM5 whose speed can be
-//! chosen. SPI1 and DMA2 move a
+//! The processor: rigless's STM32F427 with faster models of TIM1, SPI1 and DMA2, and a TIM5 whose speed can
+//! be chosen. SPI1 and DMA2 move a
 //! read-out's words in batches (module `burst`).
 //!
 //! TIM1 makes the sensor's master clock. rigless wakes a timer at each event of its counter: here five

@@ -25,8 +25,8 @@
 //! | | instructions | flash |
 //! |---|---|---|
 //! | low | branch taken 2, division 2, no IT, pairs of loads overlap | no wait |
-//! | likely | the table above; loads of words at odd addresses take 1 or 2 more, an interrupt 24 | as its manual says |
-//! | high | branch taken 4, division 12, float results 1 more, no overlap, an interrupt 53 | prefetch never helps |
+//! | likely | the table above; unaligned loads take 1 or 2 more, an interrupt 24 | as its manual says |
+//! | high | branch taken 4, division 12, floats 1 more, no overlap, an interrupt 53 | prefetch never helps |
 //!
 //! The high figure is a bound for what it covers: the core waits at each line that no cache holds for the
 //! longest time that a line can take. Not covered: waits for RAM while DMA uses it. A row's DMA makes one
