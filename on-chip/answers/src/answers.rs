@@ -67,11 +67,9 @@ impl Estimators {
         for (estimator, measurement) in Estimator::ALL.into_iter().zip(&mut self.measurements) {
             let mut say = |word| say(estimator, word);
             if self.geometry.polarity == Polarity::Falling {
-                measure_any_row(measurement, light);
-                // The measurement turned the words over in place: turn them back for the next estimator.
-                let full_scale = self.geometry.full_scale();
-                for word in light.iter_mut() {
-                    *word = full_scale.saturating_sub(*word);
+                // A measurement may change the words, so only one estimator gets them.
+                if estimator == Estimator::default() {
+                    measure_any_row(measurement, light);
                 }
                 continue;
             }

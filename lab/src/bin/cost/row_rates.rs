@@ -5,9 +5,8 @@
 //! interrupts, executor, text and serial line.
 
 use answers_on_chip::mailbox::{self, Header};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail};
 use simulator::scene::{Scene, Spot};
-use slitrange::centre::Estimator;
 use std::fmt::Write as _;
 use std::time::Duration;
 use virtual_board::row_rate::{self, Cost};
@@ -175,10 +174,10 @@ fn instructions(firmware: &Firmware, board: &mut VirtualBoard, pixels: u16) -> R
         }
     }
     let calls = board.take_calls();
-    let estimators = Estimator::ALL.len();
-    ensure!(calls.len() == 2 * estimators, "{} calls", calls.len());
-    let default = Estimator::default() as usize;
-    Ok([default, estimators + default].map(|call| calls[call].instructions() as i64))
+    let [first, following] = calls.as_slice() else {
+        bail!("{} calls for two rows", calls.len());
+    };
+    Ok([first, following].map(|call| call.instructions() as i64))
 }
 
 /// The table for a terminal or a page.
