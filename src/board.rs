@@ -22,6 +22,8 @@
 //! 4. FLASH, after each word of a save. It only wakes the task that saves, which has no deadline.
 //! 5. Thread mode: computation and text. Whatever it does, rows are taken on time.
 
+use core::arch::global_asm;
+
 use cortex_m::peripheral::DWT;
 use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_stm32::flash::{self, Flash};
@@ -96,6 +98,28 @@ pub struct Board {
     /// What made the board start.
     pub started_by: StartCause,
 }
+
+// Clears the statics in core-coupled RAM before anything else runs. cortex-m-rt calls this function, and
+// clears the statics in the other RAM only. memory.x gives both addresses, which are multiples of 4.
+global_asm!(
+    ".section .text.__pre_init, \"ax\"",
+    ".global __pre_init",
+    ".type __pre_init, %function",
+    ".thumb_func",
+    "__pre_init:",
+    "movs r0, #0",
+    "ldr r1, =_ccm_start",
+    "ldr r2, =_ccm_end",
+    "2:",
+    "cmp r1, r2",
+    "beq 3f",
+    "str r0, [r1], #4",
+    "b 2b",
+    "3:",
+    "bx lr",
+    ".ltorg",
+    ".size __pre_init, . - __pre_init",
+);
 
 /// Enables caches and prefetch, which hide most of flash's five wait states (RM0090 section 3.5).
 /// embassy-stm32 0.6.0 sets the wait states only.

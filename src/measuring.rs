@@ -3,6 +3,7 @@
 use core::sync::atomic::Ordering;
 
 use embassy_futures::select::{Either3, select3};
+use embassy_futures::yield_now;
 use embassy_time::{Duration, with_timeout};
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
@@ -20,7 +21,8 @@ use super::{board, tcd1304};
 /// The sensor is silent if no row comes for so long, 17 row periods.
 const SILENCE: Duration = Duration::from_millis(100);
 
-/// Measures for ever. Deadline: a row within [`super::acquisition::ROW_PERIOD`], or rows are lost.
+/// Measures for ever. Deadline: a row within [`super::acquisition::ROW_PERIOD`] on average, or rows are lost.
+/// A slow row may take longer by the periods of the rows that the buffers hold.
 #[embassy_executor::task]
 pub async fn measure() {
     let mut measurement = Measurement::new(tcd1304::geometry(), Settings::default());
@@ -44,10 +46,15 @@ pub async fn measure() {
                 let map = flat.as_deref().and_then(FlatField::map);
                 let map = map.filter(|_| is_corrected);
                 let result = measure_row(&mut measurement, row, map);
-                COUNTERS.row_cycles.set(board::cycles().wrapping_sub(start));
+                let cycles = board::cycles().wrapping_sub(start);
+                COUNTERS.row_cycles.set(cycles);
+                COUNTERS.slowest_row_cycles.set_if_larger(cycles);
                 FREE.send(row).await;
                 if let Some(result) = result {
                     publish(result);
+                    // If rows come faster than they are computed, one always waits here, and the serial line
+                    // would never have its turn.
+                    yield_now().await;
                 }
             }
             Either3::Third(Err(_)) if paused() => {}

@@ -30,7 +30,8 @@ const HARDWARE: Hardware = Hardware {
     row_us: acquisition::ROW_PERIOD.as_micros() as u32,
 };
 
-/// The map of the pixels.
+/// The map of the pixels. All its bytes are zero at first, as `.ccm` wants it.
+#[unsafe(link_section = ".ccm.flat")]
 static FLAT: ConstStaticCell<FlatField> = ConstStaticCell::new(FlatField::new());
 
 /// See the module.

@@ -16,12 +16,13 @@ use slitrange::settings::Settings;
 /// Words in a row, all of which one DMA transfer brings.
 pub const WORDS: usize = sensor_heads::tcd1304dg().words;
 
-/// A row's memory. There are two: while one is read into, the other is computed on. The task that has the
+/// A row's memory. While one is read into, another is computed on, and the others wait. The task that has the
 /// reference owns the row.
 pub type Buffer = &'static mut [u16; WORDS];
 
-/// Rows in use at a time.
-pub const BUFFERS: usize = 2;
+/// Rows in use at a time. With two, a row may take twice the row's period before a row is lost. The first row
+/// of a frame takes several times as long as the others, so a fast sensor needs more.
+pub const BUFFERS: usize = 6;
 
 /// Buffers to read into. Holds all there are, so that sending never waits.
 pub static FREE: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::new();
@@ -70,6 +71,7 @@ pub static COUNTERS: Counters = Counters {
     rows_failed: Counter::new(),
     results: Counter::new(),
     row_cycles: Counter::new(),
+    slowest_row_cycles: Counter::new(),
     lines_dropped: Counter::new(),
     serial_noise: Counter::new(),
     serial_framing: Counter::new(),
@@ -91,6 +93,8 @@ pub struct Counters {
     pub results: Counter,
     /// Core cycles that the latest row took to compute, interrupts included.
     pub row_cycles: Counter,
+    /// The most core cycles that a row took to compute, interrupts included.
+    pub slowest_row_cycles: Counter,
     /// Readings and faults that never became a line.
     pub lines_dropped: Counter,
     /// Characters received with noise.
@@ -110,6 +114,7 @@ impl Counters {
             rows_lost: self.rows_lost.get(),
             rows_failed: self.rows_failed.get(),
             row_cycles: self.row_cycles.get(),
+            slowest_row_cycles: self.slowest_row_cycles.get(),
             lines_dropped: self.lines_dropped.get(),
             serial_errors: SerialErrors {
                 noise: self.serial_noise.get(),
@@ -144,6 +149,11 @@ impl Counter {
     /// Notes a number instead of a count.
     pub fn set(&self, number: u32) {
         self.0.store(number, Ordering::Relaxed);
+    }
+
+    /// Notes a number if it is larger than all numbers before.
+    pub fn set_if_larger(&self, number: u32) {
+        self.0.fetch_max(number, Ordering::Relaxed);
     }
 
     /// The count.

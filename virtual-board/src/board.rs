@@ -51,9 +51,10 @@ impl Nucleo {
         head: &Arc<SharedHead>,
         line: Arc<Mutex<SerialLine>>,
         watched: Watched,
+        row_timer_speed: f64,
     ) -> Result<Self> {
-        let mut processor =
-            Stm32f429::new(head).context("putting the emulated STM32F427 together")?;
+        let mut processor = Stm32f429::new(head, row_timer_speed)
+            .context("putting the emulated STM32F427 together")?;
         processor.part.rcc.attach_crystals(HSE_HZ, LSE_HZ);
         processor.part.set_supply(SUPPLY_MILLIVOLTS);
         pins::attach(&mut processor, head);

@@ -14,6 +14,10 @@
 //! buffer up to [`BATCH`] words late, and a stream's memory address register holds the address of the last
 //! words.
 //!
+//! **Without a rate limit.** The words after word 1 end with word 1 if the head has no rate limit
+//! ([`SensorHead::without_rate_limit`](crate::SensorHead::without_rate_limit)). Only the last [`LAST`] words
+//! still take their time on SPI1.
+//!
 //! **When.** Only read-outs that are set up as the firmware's driver does it move in batches: words of 16
 //! bits, no FIFO, no circular or double buffer, no interrupt half way, and one converter on the bus. rigless
 //! moves all other transfers word by word.
@@ -114,12 +118,41 @@ enum State {
     Receiving(Words),
     /// Both streams are on, but SPI1 is off.
     Ready(Words),
-    /// SPI1 has clocked words since `start`, at `bit_hz` bits a second.
-    Running {
-        words: Words,
-        start: Nanos,
-        bit_hz: u64,
-    },
+    /// SPI1 clocks words.
+    Running { words: Words, pace: Pace },
+}
+
+/// When words end.
+#[derive(Clone, Copy, Debug)]
+struct Pace {
+    /// SPI1 has clocked words since then.
+    start: Nanos,
+    bit_hz: u64,
+    /// The last word that takes its time. Words after it end with it.
+    last_timed: u64,
+}
+
+impl Pace {
+    /// The words of `head` from `start` on.
+    fn new(start: Nanos, bit_hz: u64, head: &SharedHead) -> Self {
+        // The firmware waits for word 0, and raises ICG in word 1. The words from word 2 on show pixels.
+        let last_timed = match head.lock().has_rate_limit() {
+            true => u64::MAX,
+            false => 1,
+        };
+        Self {
+            start,
+            bit_hz,
+            last_timed,
+        }
+    }
+
+    /// When word `done` (from 0) ends. Rounded as rigless rounds: the remainders of the division add up. A
+    /// stream counts to 2^16, so the product is below 2^50.
+    fn end_of_word(&self, done: u64) -> Nanos {
+        let timed = done.min(self.last_timed);
+        self.start + (timed + 1) * u64::from(WORD_BITS) * 1_000_000_000 / self.bit_hz
+    }
 }
 
 /// The words of a read-out that move in batches.
@@ -158,12 +191,7 @@ impl Burst {
 
     /// Moves the words that have ended by now to memory.
     fn catch_up(&mut self, context: &mut DeviceContext<'_>) {
-        let State::Running {
-            words,
-            start,
-            bit_hz,
-        } = &mut self.state
-        else {
+        let State::Running { words, pace } = &mut self.state else {
             return;
         };
         let mut head = self.head.lock();
@@ -171,7 +199,7 @@ impl Burst {
         let mut address = words.address + 2 * words.done;
         let (mut gathered, mut bits) = (0, 0);
         while words.done < words.count {
-            let end = end_of_word(*start, words.done, *bit_hz);
+            let end = pace.end_of_word(words.done);
             if end > context.now().0 {
                 break;
             }
@@ -196,23 +224,12 @@ impl Burst {
 
     /// When the batch under way ends; `None` without a batch.
     fn next_end(&self) -> Option<Nanos> {
-        let State::Running {
-            words,
-            start,
-            bit_hz,
-        } = &self.state
-        else {
+        let State::Running { words, pace } = &self.state else {
             return None;
         };
         let last = (words.done + BATCH).min(words.count) - 1;
-        Some(end_of_word(*start, last, *bit_hz))
+        Some(pace.end_of_word(last))
     }
-}
-
-/// When word `done` (from 0) ends. Rounded as rigless rounds: the remainders of the division add up. A stream
-/// counts to 2^16, so the product is below 2^50.
-fn end_of_word(start: Nanos, done: u64, bit_hz: u64) -> Nanos {
-    start + (done + 1) * u64::from(WORD_BITS) * 1_000_000_000 / bit_hz
 }
 
 /// Makes the two models, which share a read-out.
@@ -294,11 +311,8 @@ impl BurstSpi {
             State::Ready(words) if runs => {
                 let divider = 2 << cr1::BR.get(registers.get(spi1::Register::Cr1));
                 let bit_hz = (self.clock_hz / divider).max(1);
-                burst.state = State::Running {
-                    words,
-                    start: context.now().0,
-                    bit_hz,
-                };
+                let pace = Pace::new(context.now().0, bit_hz, &burst.head);
+                burst.state = State::Running { words, pace };
                 set_busy(registers, true);
                 self.next = burst
                     .next_end()

@@ -34,8 +34,10 @@ pub mod firmware;
 pub mod flash;
 pub mod hang;
 pub mod light;
+mod loads;
 #[cfg(unix)]
 pub mod pty;
+pub mod row_rate;
 pub mod rtt;
 pub mod run;
 pub mod sensor_head;

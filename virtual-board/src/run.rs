@@ -22,13 +22,16 @@ use crate::rtt::{self, Message};
 use crate::sensor_head::pins::{CONVERTER, SharedHead};
 use crate::sensor_head::{LightSource, SensorHead};
 use crate::serial_line::{Line, SerialLine};
-use crate::trace::{self, Call};
-use crate::watched_core::Watched;
+use crate::trace::{self, Call, Executed};
+use crate::watched_core::{Code, Watched};
 use crate::{Nanos, Violation};
 
 /// How often the run stops to drain the log and look for violations. A firmware's log buffer holds about as
 /// much.
 const STEP: Nanos = 1_000_000;
+
+/// The firmware's time from one row to the next by its own clock, s (`ROW_PERIOD`).
+const FIRMWARE_ROW_PERIOD: f64 = 5.7e-3;
 
 /// A function to run on the emulator's thread, between two instructions.
 type Errand = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host, Stop) + Send>;
@@ -106,6 +109,36 @@ impl VirtualBoard {
         light: LightSource,
         flash: SharedFlash,
     ) -> Result<Self> {
+        Self::start(firmware, SensorHead::new(light), flash, 1.0)
+    }
+
+    /// As [`VirtualBoard::power_on`], with a sensor head that has no rate limit of its own, and rows that are
+    /// due `rows_per_second` times a second.
+    ///
+    /// The firmware is the one that is flashed. Its clock (TIM5) runs faster than on silicon, so all its
+    /// times are shorter by one factor: the row's period, timeouts, and the uptime that it states. The core
+    /// executes as many instructions a second as before. A row's words are in memory about 10 us after the
+    /// row is due.
+    ///
+    /// # Errors
+    ///
+    /// As [`VirtualBoard::power_on`].
+    pub fn power_on_without_rate_limit(
+        firmware: &Firmware,
+        light: LightSource,
+        rows_per_second: f64,
+    ) -> Result<Self> {
+        let head = SensorHead::new(light).without_rate_limit();
+        let speed = rows_per_second * FIRMWARE_ROW_PERIOD;
+        Self::start(firmware, head, SharedFlash::default(), speed)
+    }
+
+    fn start(
+        firmware: &Firmware,
+        head: SensorHead,
+        flash: SharedFlash,
+        row_timer_speed: f64,
+    ) -> Result<Self> {
         for (address, bytes) in firmware.image.segments() {
             let end = address + bytes.len() as u64;
             let store = flash::BASE..flash::BASE + flash::BYTES as u64;
@@ -116,12 +149,14 @@ impl VirtualBoard {
             );
         }
         flash.power_on();
-        let head = SharedHead::new(SensorHead::new(light));
+        let head = SharedHead::new(head);
         let line = Arc::<Mutex<SerialLine>>::default();
         let trap = hang::find_trap(&firmware.image)
             .context("the firmware has no `b .`, which hang_at needs")?;
+        let segments = firmware.image.segments();
         let watched = Watched {
             flash,
+            code: Code::new(segments.map(|(at, bytes)| (at, bytes.to_vec())).collect()),
             ..Watched::default()
         };
         let log_bytes = Arc::<Mutex<Vec<u8>>>::default();
@@ -135,7 +170,7 @@ impl VirtualBoard {
             log_block: firmware.address_of("_SEGGER_RTT")?,
             log_bytes: Arc::clone(&log_bytes),
         };
-        let board = Nucleo::new(&head, Arc::clone(&line), watched.clone())?;
+        let board = Nucleo::new(&head, Arc::clone(&line), watched.clone(), row_timer_speed)?;
         let session = Session::new(Box::new(board), 0, VirtualNanos(0))
             .context("opening the emulator's session")?;
         let images = [firmware.image.clone()];
@@ -397,6 +432,18 @@ impl VirtualBoard {
     /// their return.
     pub fn take_calls(&mut self) -> Vec<Call> {
         std::mem::take(&mut trace::lock(&self.watched.traces).calls)
+    }
+
+    /// Records all that the core executes from now on, interrupts included: see [`crate::trace`].
+    pub fn trace_everything(&mut self) {
+        trace::lock(&self.watched.traces).everything = Some(Vec::new());
+    }
+
+    /// Ends [`VirtualBoard::trace_everything`], and gives the instructions that were executed since, in their
+    /// order.
+    pub fn take_everything(&mut self) -> Vec<Executed> {
+        let everything = trace::lock(&self.watched.traces).everything.take();
+        everything.unwrap_or_default()
     }
 
     /// Lets a debug probe write a word to one of the core's own registers (0xE000_0000 to 0xE00F_FFFF),

@@ -20,6 +20,10 @@
 //! input 3.5 SCLK after the start of each word. So the pixel that a word shows depends on when the firmware
 //! starts the burst.
 //!
+//! **Without a rate limit.** [`SensorHead::without_rate_limit`] makes a sensor head whose words after word 1
+//! come all at once. It tests which rate of rows the firmware sustains. Each word shows the pixel that it
+//! would show at the clocks' speed, and all limits stay.
+//!
 //! **Polarity.** The TCD1304's output falls with light, so a word is 4095 minus the counts of light.
 
 use std::collections::VecDeque;
@@ -127,6 +131,15 @@ impl Clocks {
     fn pixel_time(&self) -> f64 {
         limits::MASTER_CLOCKS_PER_PIXEL * 1e9 / self.master_hz
     }
+
+    /// How long a word takes, ns; 0 if SCLK does not run.
+    fn word_time(&self) -> f64 {
+        if self.serial_hz > 0.0 {
+            f64::from(limits::WORD_BITS) * 1e9 / self.serial_hz
+        } else {
+            0.0
+        }
+    }
 }
 
 /// A pin, with the times of its last rise and fall.
@@ -180,6 +193,8 @@ struct Burst {
     phase: Option<(f64, f64)>,
     odd_bits: Option<u8>,
     unclocked: bool,
+    /// The end of the first word.
+    first_word: Nanos,
     last_word: Nanos,
 }
 
@@ -199,6 +214,7 @@ pub struct SensorHead {
     rows: VecDeque<Row>,
     row_count: u64,
     keeps_all: bool,
+    has_rate_limit: bool,
     violations: Vec<Violation>,
     violation_count: u64,
 }
@@ -230,9 +246,24 @@ impl SensorHead {
             rows: VecDeque::new(),
             row_count: 0,
             keeps_all: false,
+            has_rate_limit: true,
             violations: Vec::new(),
             violation_count: 0,
         }
+    }
+
+    /// The same sensor head with words that come at once: see the module.
+    #[must_use]
+    pub fn without_rate_limit(self) -> Self {
+        Self {
+            has_rate_limit: false,
+            ..self
+        }
+    }
+
+    /// Whether words take their time.
+    pub(crate) fn has_rate_limit(&self) -> bool {
+        self.has_rate_limit
     }
 
     /// Lights the sensor with `light` from the next read-out on.
@@ -428,6 +459,17 @@ impl SensorHead {
         if bits != limits::WORD_BITS {
             burst.odd_bits = Some(bits);
         }
+        if burst.words.is_empty() {
+            burst.first_word = now;
+        }
+        let now = match self.clocks {
+            Some(clocks) if !self.has_rate_limit => {
+                // When the word would end at SCLK's speed.
+                let words = burst.words.len() as f64;
+                burst.first_word + (words * clocks.word_time()).round() as Nanos
+            }
+            _ => now,
+        };
         burst.last_word = now;
         let mut counts = self.unlit;
         match (&self.read_out, self.clocks) {

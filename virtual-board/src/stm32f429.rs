@@ -1,4 +1,5 @@
-//! The processor: rigless's STM32F427 with faster models of TIM1, SPI1 and DMA2. SPI1 and DMA2 move a
+//! The processor: rigless's STM32F427 with faster models of TIM1, SPI1 and DMA2, and a TIM5 whose speed can
+//! be chosen. SPI1 and DMA2 move a
 //! read-out's words in batches (module `burst`).
 //!
 //! TIM1 makes the sensor's master clock. rigless wakes a timer at each event of its counter: here five
@@ -6,6 +7,11 @@
 //! carries the clock, so these events have no effect. `LazyTimer` skips them. An access to a register first
 //! catches up with all skipped events, so the firmware sees no difference. A read of the counter, which a
 //! firmware may do for each row, is computed without them.
+
+//!
+//! TIM5 is the firmware's clock. It says when a row is due. `RowTimer` can make it count faster, so that the
+//! same firmware takes more rows a second: see
+//! [`VirtualBoard::power_on_without_rate_limit`](crate::VirtualBoard::power_on_without_rate_limit).
 
 use std::sync::Arc;
 
@@ -17,10 +23,11 @@ use rigless::mcu::Mcu;
 use rigless::snapshot::{self, Reader, Store, Writer};
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::tim1::{Register, cr1, cr2, smcr};
+use rigless::soc::stm32f427::generated::tim2;
 use rigless::soc::stm32f427::peripherals::dma::Dma;
 use rigless::soc::stm32f427::peripherals::rcc;
 use rigless::soc::stm32f427::peripherals::spi::Spi;
-use rigless::soc::stm32f427::peripherals::tim::{Advanced, Channel, Counter, Tim};
+use rigless::soc::stm32f427::peripherals::tim::{Advanced, Channel, Counter, General, Tim};
 use rigless::soc::{Bus, Error, RegisterSpec};
 use rigless::time::{EventId, VirtualNanos};
 
@@ -40,17 +47,21 @@ pub struct Stm32f429 {
     word_by_word: bool,
     tim1: LazyTimer,
     tim1_slot: usize,
+    tim5: RowTimer,
+    tim5_slot: usize,
     flash_slot: usize,
 }
 
 impl Stm32f429 {
-    pub(crate) fn new(head: &Arc<SharedHead>) -> Result<Self, Error> {
+    /// A processor whose TIM5 counts `row_timer_speed` times as fast as its clock.
+    pub(crate) fn new(head: &Arc<SharedHead>, row_timer_speed: f64) -> Result<Self, Error> {
         let mut part = Stm32f427::new()?;
         let bus = part.bus();
-        let [spi1_slot, dma2_slot, tim1_slot, flash_slot] = [
+        let [spi1_slot, dma2_slot, tim1_slot, tim5_slot, flash_slot] = [
             bus.slot("SPI1")?,
             bus.slot("DMA2")?,
             bus.slot("TIM1")?,
+            bus.slot("TIM5")?,
             bus.slot("FLASH")?,
         ];
         let (spi1, dma2) = burst::pair(take_dma2(&mut part), head);
@@ -64,6 +75,8 @@ impl Stm32f429 {
             word_by_word: false,
             tim1: LazyTimer::new(),
             tim1_slot,
+            tim5: RowTimer::new(row_timer_speed),
+            tim5_slot,
             flash_slot,
         })
     }
@@ -131,6 +144,8 @@ impl Mcu for Stm32f429 {
             &mut self.dma2
         } else if slot == self.tim1_slot {
             &mut self.tim1
+        } else if slot == self.tim5_slot {
+            &mut self.tim5
         } else {
             return self.part.split(slot);
         };
@@ -140,6 +155,7 @@ impl Mcu for Stm32f429 {
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
         self.tim1 = LazyTimer::new();
+        self.tim5 = RowTimer::new(self.tim5.speed);
         let (mut spi1, dma2) = burst::pair(take_dma2(&mut self.part), &self.head);
         spi1.inherit(&mut self.spi1);
         (self.spi1, self.dma2) = (spi1, dma2);
@@ -271,6 +287,96 @@ impl Device for LazyTimer {
 
     fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         Device::on_clock(&mut self.timer, hz, registers, context);
+    }
+
+    fn reset(&mut self) {
+        Device::reset(&mut self.timer);
+    }
+
+    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        Device::reset_line(&mut self.timer, registers, context);
+    }
+}
+
+/// TIM5, which counts `speed` times as fast as its clock.
+#[derive(Debug)]
+struct RowTimer {
+    timer: Tim<General>,
+    speed: f64,
+}
+
+impl RowTimer {
+    fn new(speed: f64) -> Self {
+        Self {
+            // As rigless makes it.
+            timer: Tim::with_clock(faster(rcc::HSI_HZ, speed), Counter::Wide),
+            speed,
+        }
+    }
+}
+
+/// A clock in Hz, `speed` times as fast.
+fn faster(hz: u64, speed: f64) -> u64 {
+    (hz as f64 * speed).round() as u64
+}
+
+impl Device for RowTimer {
+    type Register = tim2::Register;
+
+    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        Device::on_clock(&mut self.timer, faster(hz, self.speed), registers, context);
+    }
+
+    // All that follows only calls the timer.
+
+    fn on_event(
+        &mut self,
+        event: EventId,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        Device::on_event(&mut self.timer, event, registers, context);
+    }
+
+    fn read(
+        &mut self,
+        register: tim2::Register,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> Option<u64> {
+        Device::read(&mut self.timer, register, registers, context)
+    }
+
+    fn write(
+        &mut self,
+        register: tim2::Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        Device::write(&mut self.timer, register, value, registers, context);
+    }
+
+    fn peek(
+        &self,
+        register: tim2::Register,
+        registers: &RegisterFile,
+        now: VirtualNanos,
+    ) -> Option<u64> {
+        Device::peek(&self.timer, register, registers, now)
+    }
+
+    fn layout(&self) -> &'static [RegisterSpec] {
+        Device::layout(&self.timer)
+    }
+
+    fn on_request(
+        &mut self,
+        change: RequestChange,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        Device::on_request(&mut self.timer, change, registers, context);
     }
 
     fn reset(&mut self) {

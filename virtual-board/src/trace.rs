@@ -1,5 +1,5 @@
-//! Records which instructions each call of a function executes. From this, the time on silicon can be
-//! estimated.
+//! Records which instructions each call of a function executes, or all that the core executes. From this, the
+//! time on silicon can be estimated.
 //!
 //! During a traced call the core runs one instruction at a time. This is many times slower, but the firmware
 //! cannot see a difference.
@@ -15,6 +15,17 @@ pub struct Call {
     /// For two addresses: how often the instruction at the second was executed directly after the instruction
     /// at the first. Includes the functions that this function calls, and interrupts.
     pub steps: BTreeMap<(u64, u64), u64>,
+    /// The same instructions in their order.
+    pub path: Vec<Executed>,
+}
+
+/// An instruction that was executed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Executed {
+    /// Its address.
+    pub address: u32,
+    /// The first address that it loads from; 0 if it loads nothing, or relative to the stack pointer.
+    pub loads: u32,
 }
 
 impl Call {
@@ -32,6 +43,8 @@ pub(crate) struct Traces {
     pub(crate) functions: BTreeSet<u64>,
     /// Their calls, in the order in which they returned.
     pub(crate) calls: Vec<Call>,
+    /// All that the core executes, if it is recorded.
+    pub(crate) everything: Option<Vec<Executed>>,
 }
 
 /// Locks the traces. A panic in another thread leaves them whole, so a poisoned lock is no error.
@@ -58,6 +71,13 @@ impl Recorder {
             ..Call::default()
         };
         self.open.push((returns_to, call));
+    }
+
+    /// Adds an instruction to the paths. Call before [`Recorder::step`].
+    pub(crate) fn add_to_paths(&mut self, executed: Executed) {
+        for (_, call) in &mut self.open {
+            call.path.push(executed);
+        }
     }
 
     /// Records that the instruction at `from` was executed and the one at `to` is next. Gives the calls that
@@ -93,5 +113,21 @@ mod tests {
         let outer = recorder.step(0x104, 0x40);
         assert_eq!((outer[0].function, outer[0].instructions()), (0x100, 5));
         assert!(!recorder.is_recording());
+    }
+
+    #[test]
+    fn a_path_has_the_instructions_of_the_calls_within() {
+        let at = |address| Executed { address, loads: 0 };
+        let mut recorder = Recorder::default();
+        recorder.enter(0x100, 0x40);
+        recorder.add_to_paths(at(0x100));
+        recorder.step(0x100, 0x200);
+        recorder.enter(0x200, 0x104);
+        recorder.add_to_paths(at(0x200));
+        let inner = recorder.step(0x200, 0x104);
+        assert_eq!(inner[0].path, [at(0x200)]);
+        recorder.add_to_paths(at(0x104));
+        let outer = recorder.step(0x104, 0x40);
+        assert_eq!(outer[0].path, [at(0x100), at(0x200), at(0x104)]);
     }
 }

@@ -16,7 +16,8 @@ use rigless::time::VirtualNanos;
 use crate::Nanos;
 use crate::flash::{self, SharedFlash};
 use crate::hang::Detours;
-use crate::trace::{self, Recorder, Traces};
+use crate::loads;
+use crate::trace::{self, Executed, Recorder, Traces};
 
 /// The core's registers, as GDB numbers those of ARMv7-M.
 const LINK_REGISTER: usize = 14;
@@ -31,8 +32,30 @@ pub(crate) struct Watched {
     pub(crate) probe_writes: Arc<Mutex<Vec<(u64, u32, Nanos)>>>,
     /// The traced functions, and their calls.
     pub(crate) traces: Arc<Mutex<Traces>>,
+    /// The machine code in flash.
+    pub(crate) code: Code,
     /// The contents of the four sectors, which are not in its memory map.
     pub(crate) flash: SharedFlash,
+}
+
+/// What a program has in flash: addresses, and the bytes from there on.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Code(Arc<Vec<(u64, Vec<u8>)>>);
+
+impl Code {
+    pub(crate) fn new(segments: Vec<(u64, Vec<u8>)>) -> Self {
+        Self(Arc::new(segments))
+    }
+
+    /// The two halfwords from an address on; the second is 0 where the program ends.
+    fn halfwords(&self, address: u64) -> Option<[u16; 2]> {
+        self.0.iter().find_map(|(start, bytes)| {
+            let bytes = bytes.get(usize::try_from(address.checked_sub(*start)?).ok()?..)?;
+            let halfword =
+                |at: usize| Some(u16::from_le_bytes([*bytes.get(at)?, *bytes.get(at + 1)?]));
+            Some([halfword(0)?, halfword(2).unwrap_or_default()])
+        })
+    }
 }
 
 /// Wraps the core that `spec` makes. `watched` controls the wrapped core.
@@ -104,34 +127,63 @@ impl Core {
         self.detours.clone_from(&wanted);
     }
 
+    /// The value of one of the core's registers.
+    fn register(&self, number: usize) -> u32 {
+        let register = self.inner.gdb_register(number).unwrap_or_default();
+        <[u8; 4]>::try_from(register).map_or(0, u32::from_le_bytes)
+    }
+
     /// The return address of the function that the core has just called.
     fn return_address(&self) -> u64 {
-        let register = self.inner.gdb_register(LINK_REGISTER).unwrap_or_default();
-        let register = <[u8; 4]>::try_from(register).map_or(0, u32::from_le_bytes);
-        u64::from(register & !1)
+        u64::from(self.register(LINK_REGISTER) & !1)
+    }
+
+    /// Where the instruction at `address` loads from, before it is executed; 0 if nowhere.
+    fn loads_from(&self, address: u64) -> u32 {
+        let load = self.watched.code.halfwords(address).and_then(|halfwords| {
+            loads::address(halfwords, address as u32, |number| self.register(number))
+        });
+        load.unwrap_or_default()
     }
 
     /// Runs one instruction and records it.
-    fn step(&mut self, bus: &mut dyn CoreBus) -> (Exit, u64) {
+    fn step(&mut self, bus: &mut BusWithFlash<'_>) -> (Exit, u64) {
         let from = self.inner.pc();
         if self.traced.contains(&from) {
             self.recorder.enter(from, self.return_address());
             self.inner.pass_breakpoint(from);
         }
+        let executed = Executed {
+            address: from as u32,
+            loads: self.loads_from(from),
+        };
+        bus.steps = true;
         let (exit, ran) = self.inner.run(1, bus);
+        bus.steps = false;
         if ran > 0 {
+            let mut traces = trace::lock(&self.watched.traces);
+            if let Some(everything) = &mut traces.everything {
+                everything.push(executed);
+            }
+            self.recorder.add_to_paths(executed);
             let done = self.recorder.step(from, self.inner.pc());
-            trace::lock(&self.watched.traces).calls.extend(done);
+            traces.calls.extend(done);
         }
         (exit, ran)
     }
 
-    /// Runs as `inner` does, but one instruction at a time during a traced call.
-    fn run_traced(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+    /// Runs as `inner` does, but one instruction at a time during a traced call, or always if everything is
+    /// traced.
+    fn run_traced(
+        &mut self,
+        budget: u32,
+        everything: bool,
+        bus: &mut BusWithFlash<'_>,
+    ) -> (Exit, u64) {
         let mut total = 0;
         while total < u64::from(budget) {
             let arrived = self.traced.contains(&self.inner.pc());
-            let (exit, ran) = if arrived || self.recorder.is_recording() {
+            let (exit, ran) = if everything || arrived || self.recorder.is_recording() {
                 self.step(bus)
             } else {
                 // Below `budget`, which is 32 bits.
@@ -155,6 +207,8 @@ impl Core {
 struct BusWithFlash<'a> {
     inner: &'a mut dyn CoreBus,
     flash: SharedFlash,
+    /// Whether the core is to run one instruction only.
+    steps: bool,
 }
 
 impl CoreBus for BusWithFlash<'_> {
@@ -165,6 +219,14 @@ impl CoreBus for BusWithFlash<'_> {
         self.inner.access(access, from_code)
     }
 
+    /// How many instructions the core may run after an access, before it returns.
+    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
+        if self.steps {
+            return None;
+        }
+        self.inner.carry_on(instructions, event)
+    }
+
     // All that follows only calls the inner bus.
 
     fn time(&self, instructions: u64) -> VirtualNanos {
@@ -173,10 +235,6 @@ impl CoreBus for BusWithFlash<'_> {
 
     fn queued(&mut self) -> Vec<Queued> {
         self.inner.queued()
-    }
-
-    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
-        self.inner.carry_on(instructions, event)
     }
 
     fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
@@ -205,17 +263,19 @@ impl Processor for Core {
         let bus = &mut BusWithFlash {
             inner: bus,
             flash: self.watched.flash.clone(),
+            steps: false,
         };
         self.write_for_the_probe();
         self.arm_detours();
-        {
+        let everything = {
             let traces = trace::lock(&self.watched.traces);
             Self::arm(&mut *self.inner, &mut self.traced, &traces.functions);
-        }
-        let (exit, ran) = if self.traced.is_empty() {
+            traces.everything.is_some()
+        };
+        let (exit, ran) = if self.traced.is_empty() && !everything {
             self.inner.run(budget, bus)
         } else {
-            self.run_traced(budget, bus)
+            self.run_traced(budget, everything, bus)
         };
         if exit == Exit::Breakpoint
             && let Some(goes_on_at) = self.detours.get(&self.inner.pc())

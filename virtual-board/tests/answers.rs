@@ -41,6 +41,7 @@ fn questions() -> Vec<Question> {
                 pixels: row.light.len().try_into().expect("rows are short"),
                 bits,
                 first: number == 0,
+                falling: false,
                 shot_variance_per_count_q16,
             };
             Question {
@@ -63,6 +64,7 @@ fn on_this_pc(questions: &[Question]) -> Vec<Vec<Answer>> {
                 light.len(),
                 header.bits,
                 header.shot_variance_per_count_q16,
+                header.falling,
             ));
         }
         let mut answers: Vec<Answer> = Estimator::ALL

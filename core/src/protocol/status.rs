@@ -36,12 +36,15 @@ pub struct Vitals {
     pub uptime_ms: u64,
     /// Rows read.
     pub rows: u32,
-    /// Rows not read, because both buffers were still in use.
+    /// Rows not read, because all buffers were still in use.
     pub rows_lost: u32,
     /// Read-outs that did not complete.
     pub rows_failed: u32,
-    /// Core cycles that the latest row took to compute, interrupts included.
+    /// Core cycles from the words of the latest row in memory to its centre, with all interrupts meanwhile.
+    /// The last row of a frame includes the frame's end.
     pub row_cycles: u32,
+    /// The most core cycles that a row took since the start, counted as `row_cycles`.
+    pub slowest_row_cycles: u32,
     /// Lines of readings and faults that the serial line was too slow for.
     pub lines_dropped: u32,
     /// Bytes received with noise, with a wrong stop bit, and lost because an earlier one was not fetched in
@@ -81,6 +84,7 @@ impl fmt::Display for Status<'_> {
             rows_lost,
             rows_failed,
             row_cycles,
+            slowest_row_cycles,
             lines_dropped,
             serial_errors,
         } = self.vitals;
@@ -91,6 +95,7 @@ impl fmt::Display for Status<'_> {
         write!(f, "\r\nstatus rows lost {rows_lost}")?;
         write!(f, "\r\nstatus rows failed {rows_failed}")?;
         write!(f, "\r\nstatus row cycles {row_cycles}")?;
+        write!(f, "\r\nstatus slowest row cycles {slowest_row_cycles}")?;
         write!(f, "\r\nstatus readings {}", self.readings)?;
         for (name, count) in Fault::NAMES.iter().zip(self.faults) {
             write!(f, "\r\nstatus fault {name} {count}")?;
@@ -119,6 +124,7 @@ mod tests {
             rows_lost: u32::MAX,
             rows_failed: u32::MAX,
             row_cycles: u32::MAX,
+            slowest_row_cycles: u32::MAX,
             lines_dropped: u32::MAX,
             serial_errors: SerialErrors {
                 noise: u32::MAX,
@@ -139,6 +145,10 @@ mod tests {
         );
         assert!(
             text.contains("\r\nstatus fault spot at the edge 4294967295\r\n"),
+            "{text}"
+        );
+        assert!(
+            text.contains("\r\nstatus slowest row cycles 4294967295\r\n"),
             "{text}"
         );
         assert!(

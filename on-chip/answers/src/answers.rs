@@ -9,7 +9,7 @@ use slitrange::distance::eq1::Eq1;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
-use slitrange::reading::Reading;
+use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, Polarity};
 use slitrange::settings::Settings;
 use slitrange::shape::SpotShape;
@@ -30,13 +30,18 @@ pub struct Estimators {
 }
 
 impl Estimators {
-    /// For rows of so many pixels that see light, of a converter of so many bits.
-    pub fn new(pixels: usize, bits: u8, shot_variance_per_count_q16: u16) -> Self {
+    /// For rows of so many pixels that see light, of a converter of so many bits. If words fall with light,
+    /// the black level is fixed, so that a row takes as many instructions as with shielded pixels.
+    pub fn new(pixels: usize, bits: u8, shot_variance_per_count_q16: u16, falling: bool) -> Self {
+        let (polarity, black_level) = match falling {
+            true => (Polarity::Falling, BlackLevel::Fixed(Counts::from_int(300))),
+            false => (Polarity::Rising, BlackLevel::Frame),
+        };
         let geometry = Geometry {
             words: pixels,
             shielded: 0..0,
             light: 0..pixels,
-            polarity: Polarity::Rising,
+            polarity,
             bits,
             shot_variance_per_count_q16,
         };
@@ -45,7 +50,7 @@ impl Estimators {
                 rows: ROWS,
                 mean: Mean::Weighted,
                 estimator,
-                black_level: BlackLevel::Frame,
+                black_level,
                 ..Settings::default()
             };
             Measurement::new(geometry.clone(), settings)
@@ -61,6 +66,13 @@ impl Estimators {
         let (calibration, errors) = (every_centre(), some_errors());
         for (estimator, measurement) in Estimator::ALL.into_iter().zip(&mut self.measurements) {
             let mut say = |word| say(estimator, word);
+            if self.geometry.polarity == Polarity::Falling {
+                // A measurement may change the words, so only one estimator gets them.
+                if estimator == Estimator::default() {
+                    measure_any_row(measurement, light);
+                }
+                continue;
+            }
             let found = self.geometry.row(light).map_err(|_| Fault::SensorSilent);
             let found = found.and_then(|row| Ok((row, spot::find(&row)?)));
             let alone = found.and_then(|(row, spot)| {
@@ -71,7 +83,7 @@ impl Estimators {
                 check::centre(estimator, &row, &spot, None, &self.geometry, None)
             });
             say_centre(checked, &mut say);
-            if let Some(result) = measurement.row(light) {
+            if let Some(result) = measure_any_row(measurement, light) {
                 let result = result.and_then(|measured| {
                     measured.reading(calibration.as_ref(), &errors, Surface::Auto)
                 });
@@ -79,6 +91,15 @@ impl Estimators {
             }
         }
     }
+}
+
+/// Measures a row of any length. It stays a function, so that its instructions can be counted.
+#[inline(never)]
+fn measure_any_row(
+    measurement: &mut Measurement,
+    light: &mut [u16],
+) -> Option<Result<Measured, Fault>> {
+    measurement.row(light)
 }
 
 /// Eq. (1) with a distance for every centre on a row: of 1 m at pixel 0, 0.52 m at pixel 3680.

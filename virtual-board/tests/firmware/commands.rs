@@ -139,6 +139,7 @@ fn status_counts_what_happened() {
         "status rows lost",
         "status rows failed",
         "status row cycles",
+        "status slowest row cycles",
         "status readings",
     ];
     expected.extend(faults.iter().map(String::as_str));
@@ -164,6 +165,12 @@ fn status_counts_what_happened() {
         "{rows}"
     );
     assert!((10_000..200_000).contains(&status.count("row cycles")));
+    // A frame's first row searches all of the row for any spot, and takes longer than the rows after it.
+    let slowest = status.count("slowest row cycles");
+    assert!(
+        (status.count("row cycles")..960_000).contains(&slowest),
+        "{slowest}"
+    );
     let results = taken_results(&mut board);
     let readings = results.iter().filter(|line| is_reading(line)).count() as u64;
     assert_eq!(status.count("readings"), readings, "{results:#?}");

@@ -98,7 +98,11 @@ fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<Strin
 }
 
 /// The line for each frame of the rows.
-fn on_this_pc(rows: &[Row], settings: Settings, calibration: Option<&Calibration>) -> Vec<String> {
+pub fn on_this_pc(
+    rows: &[Row],
+    settings: Settings,
+    calibration: Option<&Calibration>,
+) -> Vec<String> {
     let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
     rows.iter()
         .filter_map(|row| measurement.row(&mut row.words.clone()))

@@ -14,6 +14,7 @@ mod kept;
 #[cfg(unix)]
 mod pseudo_terminal;
 mod records;
+mod row_rate;
 mod saving;
 mod scenes;
 mod sensor_head;

@@ -13,16 +13,18 @@
 //!
 //! The program prints the same lines on a board, where its cycles are the silicon's: [`on_board`].
 
-mod cycles;
+mod beside;
+pub mod cycles;
 mod lines;
-mod program;
+pub mod program;
 mod run;
 #[cfg(test)]
 mod tests;
 
 use std::collections::BTreeSet;
+use std::io::{BufRead as _, BufReader};
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 use cost_on_chip::methods::Method;
@@ -32,7 +34,7 @@ use slitrange::centre::tables::{self, TableSet};
 
 use virtual_board::trace::Call;
 
-use cycles::Model;
+use cycles::{Model, Range};
 use lines::{Kind, Line};
 use program::Program;
 use run::Run;
@@ -88,8 +90,10 @@ pub struct MethodOnChip {
     pub instructions: u64,
     /// The most over the rows.
     pub instructions_most: u64,
-    /// Estimated cycles, the median over the rows.
+    /// Estimated cycles without waits for flash, the median over the rows.
     pub cycles_estimated: u64,
+    /// Estimated cycles with the waits for flash: of each figure the median over the rows.
+    pub cycles_range: Range,
     /// Bytes of all functions that it may call.
     pub code_bytes: u64,
     /// Bytes of weights.
@@ -109,8 +113,10 @@ pub struct FormOnChip {
     pub instructions: u64,
     /// The most over the centres.
     pub instructions_most: u64,
-    /// Estimated cycles, the median over the centres.
+    /// Estimated cycles without waits for flash, the median over the centres.
     pub cycles_estimated: u64,
+    /// Estimated cycles with the waits for flash: of each figure the median over the centres.
+    pub cycles_range: Range,
     /// Bytes of stack.
     pub stack_bytes: u64,
 }
@@ -146,18 +152,32 @@ pub fn measure() -> Result<Chip> {
     chip(&run)
 }
 
-/// Flashes and runs the program on a NUCLEO-F429ZI. Its lines say `cycles`, and there they are the silicon's.
+/// Flashes and runs the program on a NUCLEO-F429ZI. Prints its lines, whose cycles are the silicon's, and then
+/// each figure beside its estimate from the emulated chip.
 ///
 /// # Errors
-/// `cargo` or `probe-rs` says so itself; this says that it failed.
+/// The emulation fails. `cargo` or `probe-rs` says itself why the program does not run on the board; this says
+/// that it failed.
 pub fn on_board() -> Result<()> {
+    let estimates = beside::estimates(&Run::of(PACKAGE)?)?;
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let status = Command::new(cargo)
+    let mut program = Command::new(cargo)
         .args(["run", "--release", "--target", "thumbv7em-none-eabihf"])
         .args(["--package", PACKAGE])
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."))
-        .status()
+        .stdout(Stdio::piped())
+        .spawn()
         .context("cargo did not start")?;
+    let log = program.stdout.take().context("cargo has no output")?;
+    let mut beside = beside::Table::new(estimates);
+    for line in BufReader::new(log).lines() {
+        let line = line.context("reading the board's log")?;
+        println!("{line}");
+        beside.take(&line);
+    }
+    let status = program.wait().context("cargo did not end")?;
+    // What came before an error helps all the same.
+    print!("{beside}");
     ensure!(
         status.success(),
         "{PACKAGE} did not run on the board ({status}); it needs probe-rs (cargo install probe-rs-tools) and \
@@ -237,6 +257,7 @@ fn methods(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<Method
                 instructions: median,
                 instructions_most: *most,
                 cycles_estimated: middle(&cycles).unwrap_or_default(),
+                cycles_range: median_range(model, rows().map(|(_, call)| *call)),
                 code_bytes,
                 table_bytes: table_bytes(method),
                 stack_bytes: line.whole("stack")?,
@@ -298,10 +319,23 @@ fn forms(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<FormOnCh
             instructions: median,
             instructions_most: *most,
             cycles_estimated: middle(&cycles).unwrap_or_default(),
+            cycles_range: median_range(model, calls().copied()),
             stack_bytes: line.whole("stack")?,
         })
     };
     lines::all(&run.lines, Kind::Form).map(form).collect()
+}
+
+/// Of each of the three figures the median over calls.
+fn median_range<'a>(model: &Model<'_>, calls: impl Iterator<Item = &'a Call>) -> Range {
+    let ranges: Vec<Range> = calls.map(|call| model.range(&call.path)).collect();
+    let median =
+        |figure: fn(&Range) -> u64| middle(&sorted(ranges.iter().map(figure))).unwrap_or_default();
+    Range {
+        low: median(|range| range.low),
+        likely: median(|range| range.likely),
+        high: median(|range| range.high),
+    }
 }
 
 fn sorted(numbers: impl Iterator<Item = u64>) -> Vec<u64> {

@@ -113,6 +113,7 @@ fn chip() -> Chip {
                 instructions,
                 instructions_most: instructions,
                 cycles_estimated: instructions * 14 / 10,
+                cycles_range: Default::default(),
                 code_bytes,
                 table_bytes,
                 stack_bytes: 200,

@@ -17,6 +17,7 @@ mod pareto;
 mod peers;
 mod reading_time;
 mod report;
+mod row_rates;
 
 use anyhow::Context as _;
 use clap::Parser;
@@ -47,6 +48,9 @@ struct Options {
     /// Only what a distance costs by every form of a calibration
     #[arg(long)]
     distances: bool,
+    /// Only the rates of rows that the chip sustains
+    #[arg(long)]
+    row_rates: bool,
     /// Only this estimator or baseline
     #[arg(long = "estimator", value_name = "NAME", value_parser = method)]
     method: Option<Method>,
@@ -77,6 +81,9 @@ fn main() -> anyhow::Result<()> {
         }
         docs::print_hint("cargo cost --distances", ACCURACY);
         return Ok(());
+    }
+    if options.row_rates {
+        return print_row_rates(options.write);
     }
     let measured = measure(&options)?;
     if options.json {
@@ -141,6 +148,10 @@ const ACCURACY: &str = "docs/accuracy.md";
 const ALL: &str = "cargo cost";
 const DISTANCES: &str = "cargo cost --distances";
 const FLOATS: &str = "cargo cost, float functions";
+const ROW_RATES: &str = "cargo cost --row-rates";
+
+/// The page of the rates of rows.
+const PROOFS: &str = "docs/proofs.md";
 
 /// Rewrites the tables and figures of README.md and docs/.
 fn write(measured: &Measured) -> anyhow::Result<()> {
@@ -150,6 +161,17 @@ fn write(measured: &Measured) -> anyhow::Result<()> {
     docs::write_block(ACCURACY, FLOATS, &measured.floats.markdown())?;
     docs::write_block("README.md", ALL, &measured.short_markdown())?;
     write_distances(&measured.distances)
+}
+
+/// Prints the rates of rows, and rewrites their table if it is asked for.
+fn print_row_rates(write: bool) -> anyhow::Result<()> {
+    let table = row_rates::markdown(&row_rates::measure()?);
+    print!("{table}");
+    if write {
+        return docs::write_block(PROOFS, ROW_RATES, &table);
+    }
+    docs::print_hint(ROW_RATES, PROOFS);
+    Ok(())
 }
 
 fn write_distances(distances: &[distances::Distance]) -> anyhow::Result<()> {

@@ -17,16 +17,57 @@
 //! | VDIV, VSQRT | 14 |
 //! | VLDR, VSTR | 2 |
 //!
-//! Not modelled: flash wait states that the chip's caches do not hide, waits for the bus, a cycle or two for
-//! loads of words at odd addresses, a cycle more for using a floating-point result at once, IT instructions
-//! that fold into others.
+//! [`Model::cycles`] adds up these times. It has no wait for flash.
+//!
+//! [`Model::range`] follows the instructions in their order, with a model of the flash and its caches
+//! ([`flash`]). It gives three figures:
+//!
+//! | | instructions | flash |
+//! |---|---|---|
+//! | low | branch taken 2, division 2, no IT, pairs of loads overlap | no wait |
+//! | likely | the table above; unaligned loads take 1 or 2 more, an interrupt 24 | as its manual says |
+//! | high | branch taken 4, division 12, floats 1 more, no overlap, an interrupt 53 | prefetch never helps |
+//!
+//! The high figure is a bound for what it covers: the core waits at each line that no cache holds for the
+//! longest time that a line can take. Not covered: waits for RAM while DMA uses it. A row's DMA makes one
+//! access in 256 cycles. A silicon's figure outside low and high shows that the model is wrong.
 
-use virtual_board::trace::Call;
+mod flash;
+
+use serde::Serialize;
+use virtual_board::trace::{Call, Executed};
+
+use flash::{Accelerator, Assumption};
 
 use super::program::{Instruction, Program};
 
 /// To refill the pipeline.
 const REFILL: u64 = 2;
+
+/// An exception's entry and return: 12 cycles each (ARM DDI 0439, section 3.9.2).
+const EXCEPTION: u64 = 24;
+
+/// The most: 17 registers of the floating-point unit more each way, less what overlaps.
+const LONGEST_EXCEPTION: u64 = 53;
+
+/// Estimated cycles with the waits for flash.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Range {
+    /// No fewer.
+    pub low: u64,
+    /// By the flash's manual.
+    pub likely: u64,
+    /// No more.
+    pub high: u64,
+}
+
+/// Which of the three figures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Figure {
+    Low,
+    Likely,
+    High,
+}
 
 /// What a program's instructions take.
 #[derive(Debug)]
@@ -57,6 +98,121 @@ impl<'a> Model<'a> {
         }
         total
     }
+}
+
+impl Model<'_> {
+    /// Estimated cycles of the instructions that a call executed, with the waits for flash.
+    pub fn range(&self, path: &[Executed]) -> Range {
+        let likely = self.follow(path, Figure::Likely, Assumption::Likely);
+        let high = self.follow(path, Figure::High, Assumption::Worst);
+        Range {
+            low: self.without_flash(path, Figure::Low),
+            likely: likely.cycles(),
+            high: high.cycles(),
+        }
+    }
+
+    fn follow(&self, path: &[Executed], figure: Figure, assumption: Assumption) -> Accelerator {
+        let mut accelerator = Accelerator::new(assumption);
+        for (place, executed) in path.iter().enumerate() {
+            let instruction = self.program.instruction(executed.address.into());
+            let bytes = instruction.map_or(2, |instruction| instruction.bytes as u32);
+            accelerator.fetch(executed.address, bytes);
+            accelerator.work(self.work(executed, path.get(place + 1), figure));
+            if executed.loads != 0
+                && let Some(instruction) = instruction
+            {
+                accelerator.load(executed.loads, bytes_loaded(instruction));
+            }
+        }
+        accelerator
+    }
+
+    fn without_flash(&self, path: &[Executed], figure: Figure) -> u64 {
+        let nexts = path.iter().skip(1).map(Some).chain([None]);
+        let work = path
+            .iter()
+            .zip(nexts)
+            .map(|(executed, next)| self.work(executed, next, figure));
+        work.sum()
+    }
+
+    /// The cycles of one instruction without a wait for flash. `next` is executed after it; the last
+    /// instruction of a call returns.
+    fn work(&self, executed: &Executed, next: Option<&Executed>, figure: Figure) -> u64 {
+        let Some(instruction) = self.program.instruction(executed.address.into()) else {
+            return 1;
+        };
+        let behind = u64::from(executed.address) + instruction.bytes;
+        let is_elsewhere = next.is_none_or(|next| u64::from(next.address) != behind);
+        let jumps = is_elsewhere && may_jump(instruction);
+        let name = instruction.mnemonic.split('.').next().unwrap_or_default();
+        let following = next.and_then(|next| self.program.instruction(next.address.into()));
+        let overlaps = !is_elsewhere && following.is_some_and(|next| pipelined(instruction, next));
+        let is_division = name.starts_with("sdiv") || name.starts_with("udiv");
+        let base = cycles(instruction, false);
+        let core = match figure {
+            _ if is_division && figure == Figure::Low => 2,
+            _ if is_division && figure == Figure::High => 12,
+            // An IT instruction may fold into the one before.
+            Figure::Low if name.starts_with("it") => 0,
+            Figure::High if name.starts_with('v') => base + 1,
+            Figure::High => base,
+            Figure::Low | Figure::Likely => base - u64::from(overlaps),
+        };
+        let refill = match figure {
+            _ if !jumps => 0,
+            Figure::Low => 1,
+            Figure::Likely => REFILL,
+            Figure::High => 3,
+        };
+        // Something else is next, and the instruction cannot jump: an interrupt.
+        let exception = match figure {
+            _ if !is_elsewhere || jumps || next.is_none() => 0,
+            Figure::Low | Figure::Likely => EXCEPTION,
+            Figure::High => LONGEST_EXCEPTION,
+        };
+        core + refill + exception + unaligned(instruction, executed.loads)
+    }
+}
+
+/// Bytes that a load takes from its address on.
+fn bytes_loaded(instruction: &Instruction) -> u32 {
+    let name = instruction.mnemonic.split('.').next().unwrap_or_default();
+    if let Some(registers) = registers_moved(instruction) {
+        return 4 * registers as u32;
+    }
+    match name {
+        "ldrb" | "ldrsb" | "tbb" => 1,
+        "ldrh" | "ldrsh" | "tbh" => 2,
+        "vldr" if instruction.operands.starts_with('d') => 8,
+        _ => 4,
+    }
+}
+
+/// The cycles more of a load whose address is not a multiple of its size: one for two parts, two for three
+/// (ARM DDI 0439, section 3.3.3).
+fn unaligned(instruction: &Instruction, address: u32) -> u64 {
+    if address == 0 || !is_load(instruction) {
+        return 0;
+    }
+    match (bytes_loaded(instruction), address % 4) {
+        (4, 2) | (2, 1 | 3) => 1,
+        (4, 1 | 3) => 2,
+        _ => 0,
+    }
+}
+
+/// Whether an instruction may go elsewhere than to the one behind it.
+fn may_jump(instruction: &Instruction) -> bool {
+    let name = instruction.mnemonic.split('.').next().unwrap_or_default();
+    let writes_pc = instruction.operands.starts_with("pc")
+        || (registers_moved(instruction).is_some() && instruction.operands.contains("pc}"));
+    instruction.is_branch()
+        || name.starts_with("cb")
+        || name.starts_with("tb")
+        || name == "svc"
+        || writes_pc
 }
 
 /// The cycles of one instruction. `taken`: it is not followed by the one behind it in memory.
@@ -172,6 +328,7 @@ mod tests {
         let call = Call {
             function: 0x100,
             steps,
+            ..Call::default()
         };
         // LDRD 3, LDR 2 less 1 for the LDR behind it, which has 2, SMLAD, SMLAD, SUBS, BNE 1 and 3 times 2
         // more; VSQRT; POP.
@@ -195,11 +352,70 @@ mod tests {
             let call = Call {
                 function: addresses[0],
                 steps: pairs.collect(),
+                ..Call::default()
             };
             model.cycles(&call)
         };
         assert_eq!(cycles(&[0x100, 0x102]), 2);
         assert_eq!(cycles(&[0x102, 0x104]), 1);
         assert_eq!(cycles(&[0x104, 0x106, 0x10a, 0x10e]), 1 + 2 + 8);
+    }
+
+    /// The instructions at these addresses, one after the other.
+    fn path(addresses: &[u32]) -> Vec<Executed> {
+        let executed = |&address| Executed { address, loads: 0 };
+        addresses.iter().map(executed).collect()
+    }
+
+    #[test]
+    fn the_range_holds_the_manual_s_cycles() {
+        let program = Program::of_lines(
+            "20000000: 6808 	ldr	r0, [r1]
+             20000002: 6843 	ldr	r3, [r4, #4]
+             20000004: fb90 f0f1 	sdiv	r0, r0, r1
+             20000008: eeb1 0ac0 	vsqrt.f32	s0, s0
+             2000000c: d1f3      	bne	0x20000000 <x>",
+        );
+        let model = Model::of(&program);
+        let turn = [
+            0x2000_0000,
+            0x2000_0002,
+            0x2000_0004,
+            0x2000_0008,
+            0x2000_000c,
+        ];
+        let range = model.range(&path(&turn));
+        // In RAM, so flash does not wait. Two loads, SDIV, VSQRT, and a branch back.
+        assert_eq!(
+            range,
+            Range {
+                low: 1 + 2 + 2 + 14 + 2,
+                likely: 1 + 2 + 8 + 14 + 3,
+                high: 2 + 2 + 12 + 15 + 4,
+            }
+        );
+        // An interrupt after the first load, at the second load's cost.
+        let mut interrupted = turn.to_vec();
+        interrupted.insert(1, 0x2000_1000);
+        let with = model.range(&path(&interrupted));
+        // The loads overlap no more, and the handler's instruction takes one.
+        assert_eq!(with.likely, range.likely + 1 + EXCEPTION + 1);
+        assert_eq!(with.high, range.high + LONGEST_EXCEPTION + 1);
+    }
+
+    #[test]
+    fn words_at_odd_addresses_take_longer() {
+        let program = Program::of_lines("20000000: 6808 	ldr	r0, [r1]");
+        let model = Model::of(&program);
+        let cycles = |loads| {
+            let address = 0x2000_0000;
+            model.range(&[Executed { address, loads }]).likely
+        };
+        assert_eq!(
+            [0x2000_1000, 0x2000_1002, 0x2000_1001].map(cycles),
+            [2, 3, 4]
+        );
+        // From flash, with five wait states.
+        assert_eq!(cycles(0x0800_1000), 7);
     }
 }

@@ -180,3 +180,23 @@ fn a_distance_takes_few_instructions() {
         assert!((1.0..3.0).contains(&cycles_per_instruction), "{counted:?}");
     }
 }
+
+/// The range with the waits for flash holds the estimate without them, from below: the waits only add.
+#[test]
+fn estimates_are_in_order() {
+    for method in &CHIP.methods {
+        let cycles::Range { low, likely, high } = method.cycles_range;
+        println!(
+            "{} {}: {} instructions, {} cycles without flash, {low} to {likely} to {high}",
+            method.name, method.width, method.instructions, method.cycles_estimated
+        );
+        assert!(low <= likely && likely <= high, "{method:?}");
+        // Few instructions overlap with others.
+        assert!(10 * low >= 9 * method.instructions, "{method:?}");
+        assert!(
+            likely + likely / 100 >= method.cycles_estimated,
+            "{method:?}"
+        );
+        assert!(high < 8 * method.instructions, "{method:?}");
+    }
+}

@@ -1,0 +1,78 @@
+//! The rate of rows that the firmware sustains with nothing lost. The sensor head here has no rate limit of
+//! its own: the words of a row are in memory about 10 us after the row is due.
+
+use slitrange::distance::Calibration;
+use slitrange::settings::Settings;
+use virtual_board::Row;
+use virtual_board::row_rate::{lost_rows, start};
+
+use crate::common::{Status, firmware, is_result};
+use crate::identical::on_this_pc;
+
+/// Runs the firmware with the default estimator for `count` rows. Every row must be read, and every line must
+/// be that of the core on a PC.
+fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
+    let mut board = start(firmware(), rows_per_second, rows).expect("the board starts");
+    board.head(|head| head.keep_all_rows(true));
+    board.take_lines();
+    let (began, first) = (board.now(), board.head(|head| head.row_count()));
+    assert_eq!(
+        lost_rows(&mut board, rows_per_second, count).expect("rows"),
+        0
+    );
+    // Rows come at the rate that was asked for, to a row at either end.
+    let read = board.head(|head| head.row_count()) - first;
+    let due = (board.now() - began) as f64 * 1e-9 * rows_per_second;
+    assert!((read as f64 - due).abs() <= 2.0, "{read} rows of {due}");
+    let lines = board.take_lines().into_iter().map(|line| line.text);
+    let lines: Vec<String> = lines.filter(|line| is_result(line)).collect();
+    let shown: Vec<Row> = board.head(|head| head.rows().cloned().collect());
+    let status = Status::ask(&mut board);
+    status.assert_none(&["rows failed"]);
+    println!(
+        "{rows_per_second} rows a second, {rows} a frame: {read} rows, {} lines; the slowest row took {}",
+        lines.len(),
+        status.count("slowest row cycles")
+    );
+    assert_same_lines(&shown, rows, &lines);
+    board.finish().expect("a clean run");
+}
+
+/// The chip's lines are the PC's, in order. The serial line may be too slow for all of them.
+fn assert_same_lines(shown: &[Row], rows: u16, chip: &[String]) {
+    let settings = Settings {
+        rows,
+        ..Settings::default()
+    };
+    let calibration = Calibration::nominal();
+    let frames = shown.len() / usize::from(rows);
+    assert!(chip.len() >= frames / 8, "{} lines", chip.len());
+    // The first lines may be of frames that began before the first of these rows. A frame may begin with any
+    // row.
+    let chip = &chip[3..];
+    let same = (0..usize::from(rows)).map(|first| {
+        let pc = on_this_pc(&shown[first..], settings, calibration.as_ref());
+        let mut of_the_pc = pc.iter();
+        let found = chip
+            .iter()
+            .take_while(|line| of_the_pc.any(|pc| pc == *line));
+        found.count()
+    });
+    assert_eq!(same.max(), Some(chip.len()), "lines that are the PC's");
+}
+
+#[test]
+fn two_thousand_rows_a_second_are_sustained() {
+    for rows in [16, 64] {
+        assert_sustained(2000.0, rows, 1000);
+    }
+}
+
+/// Waits for a faster core: 168 MHz leave 21,000 instructions for a row, frame ends and interrupts included.
+#[test]
+#[ignore = "waits for a faster core; remove this line then"]
+fn eight_thousand_rows_a_second_are_sustained() {
+    for rows in [16, 64] {
+        assert_sustained(8000.0, rows, 4000);
+    }
+}
