@@ -6,7 +6,7 @@ mod light;
 use core::ops::Range;
 
 pub(crate) use crate::row::blocks::{BLOCK, BLOCK_LOG2, Blocks};
-pub use crate::row::light::Light;
+pub use crate::row::light::{Extremes, Light};
 use crate::units::Counts;
 
 /// Whether more light makes a converter word larger or smaller.
@@ -82,7 +82,7 @@ impl<'a> Row<'a> {
     pub fn reaches_full_scale(&self, pixels: Range<usize>) -> bool {
         let end = pixels.end.min(self.light.len());
         let near = self.light.slice(pixels.start.min(end)..end);
-        near.is_some_and(|near| near.iter().any(|count| count >= self.full_scale))
+        near.is_some_and(|near| near.extremes(self.full_scale).full_scale)
     }
 
     /// The pixels that see light.

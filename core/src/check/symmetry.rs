@@ -39,7 +39,7 @@ use crate::centre::RowCentre;
 use crate::centre::gauss_newton::MaskedPixels;
 use crate::centre::tables::TILTED;
 use crate::numeric;
-use crate::row::{Geometry, Light, Row};
+use crate::row::{Extremes, Geometry, Light, Row};
 use crate::shape::{COMPONENTS, OwnSpot, SpotShape};
 use crate::spot::Spot;
 use crate::units::Pixels;
@@ -142,14 +142,14 @@ pub(super) fn check(
     own: Option<&OwnSpot>,
     masked: &MaskedPixels,
 ) -> Option<Verdict> {
-    let ends = Ends::near(row.light(), found, geometry.full_scale());
-    if ends.zero && is_cut_at_zero(row.light(), found)
+    let extremes = extremes_near(row.light(), found, geometry.full_scale());
+    if extremes.zero && is_cut_at_zero(row.light(), found)
         || is_row_too_short(row.light(), found)
         || is_coarse(row.light(), spot, found)
     {
         return Some(Verdict::default());
     }
-    let mut symmetry = Symmetry::of(row, spot, found, geometry, masked, ends.full_scale);
+    let mut symmetry = Symmetry::of(row, spot, found, geometry, masked, extremes.full_scale);
     let fewest = if masked.samples == 0 {
         FEWEST_PAIRS
     } else {
@@ -224,58 +224,19 @@ fn is_cut_at_zero(light: Light<'_>, found: &RowCentre) -> bool {
     left.abs_diff(right) > left.min(right).saturating_add(2)
 }
 
-/// Whether any count near a spot is at an end of the converter's range.
-struct Ends {
-    zero: bool,
-    full_scale: bool,
-}
-
-impl Ends {
-    /// Takes the pixels as far as the pairs reach, and a few more: a pair's distance is in widths that its
-    /// samples make larger by less than a hundredth, and its samples are less than a third of a width, or
-    /// three pixels.
-    fn near(light: Light<'_>, found: &RowCentre, full_scale: u16) -> Self {
-        let (centre, width) = (found.centre.to_f32(), found.width.to_f32());
-        let reach = (REACH + 1.0) * width + 8.0;
-        // `as` saturates.
-        let start = ((centre - reach) as usize).min(light.len());
-        let end = (centre + reach) as usize;
-        // Whole eights are quicker.
-        let pixels = end.saturating_sub(start).saturating_add(7) & !7;
-        let (_, near) = light.split(start);
-        Self::of(near.slice(..pixels).unwrap_or(near), full_scale)
-    }
-
-    /// Takes two counts at a time, of at most 15 bits. The highest of 16 bits is set in zero less one, and in
-    /// full scale plus the rest to 2^15.
-    #[inline(never)]
-    fn of(light: Light<'_>, full_scale: u16) -> Self {
-        const ONES: u32 = 0x0001_0001;
-        const HIGHEST: u32 = 0x8000_8000;
-        let (words, inverted) = light.words();
-        let inverted = u32::from(inverted) * ONES;
-        let rest = HIGHEST.wrapping_sub(u32::from(full_scale) * ONES);
-        let (eights, last) = words.as_chunks::<8>();
-        let (mut less, mut more) = (0, 0);
-        let mut take = |low: u16, high: u16| {
-            let counts = (u32::from(low) | (u32::from(high) * 0x1_0000)) ^ inverted;
-            less |= counts.wrapping_sub(ONES);
-            more |= counts.wrapping_add(rest);
-        };
-        for &[a, b, c, d, e, f, g, h] in eights {
-            take(a, b);
-            take(c, d);
-            take(e, f);
-            take(g, h);
-        }
-        for &word in last {
-            take(word, word);
-        }
-        Self {
-            zero: less & HIGHEST != 0,
-            full_scale: more & HIGHEST != 0,
-        }
-    }
+/// Whether any count near a spot is at an end of the converter's range. Takes the pixels as far as the pairs
+/// reach, and a few more: a pair's distance is in widths that its samples make larger by less than a
+/// hundredth, and its samples are less than a third of a width, or three pixels.
+fn extremes_near(light: Light<'_>, found: &RowCentre, full_scale: u16) -> Extremes {
+    let (centre, width) = (found.centre.to_f32(), found.width.to_f32());
+    let reach = (REACH + 1.0) * width + 8.0;
+    // `as` saturates.
+    let start = ((centre - reach) as usize).min(light.len());
+    let end = (centre + reach) as usize;
+    // Whole eights are quicker.
+    let pixels = end.saturating_sub(start).saturating_add(7) & !7;
+    let (_, near) = light.split(start);
+    near.slice(..pixels).unwrap_or(near).extremes(full_scale)
 }
 
 /// Whether the light changes from one pixel to the next by more than optics can: bad pixels side by side look

@@ -103,4 +103,56 @@ impl<'a> Light<'a> {
     pub(crate) const fn words(self) -> (&'a [u16], u16) {
         (self.words, self.inverted)
     }
+
+    /// Whether any count is at an end of the converter's range.
+    // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in zero less one, and in the
+    // largest word plus the rest to 2^15.
+    #[inline(never)]
+    pub fn extremes(self, full_scale: u16) -> Extremes {
+        const ONES: u32 = 0x0001_0001;
+        const HIGHEST: u32 = 0x8000_8000;
+        let largest = match self.inverted {
+            0 => full_scale,
+            inverted => inverted,
+        };
+        let rest = HIGHEST.wrapping_sub(u32::from(largest) * ONES);
+        let (eights, last) = self.words.as_chunks::<8>();
+        let (mut less, mut more) = (0, 0);
+        let mut take = |low: u16, high: u16| {
+            let words = u32::from(low) | (u32::from(high) * 0x1_0000);
+            less |= words.wrapping_sub(ONES);
+            more |= words.wrapping_add(rest);
+        };
+        for &[a, b, c, d, e, f, g, h] in eights {
+            take(a, b);
+            take(c, d);
+            take(e, f);
+            take(g, h);
+        }
+        for &word in last {
+            take(word, word);
+        }
+        let (least, largest) = (less & HIGHEST != 0, more & HIGHEST != 0);
+        if self.inverted == 0 {
+            Extremes {
+                zero: least,
+                full_scale: largest,
+            }
+        } else {
+            // The words fall with light, from full scale down.
+            Extremes {
+                zero: largest,
+                full_scale: least,
+            }
+        }
+    }
+}
+
+/// Whether counts are at an end of the converter's range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extremes {
+    /// A count is zero.
+    pub zero: bool,
+    /// A count is at full scale or above.
+    pub full_scale: bool,
 }

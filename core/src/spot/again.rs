@@ -123,21 +123,15 @@ impl Groups<'_> {
     /// The peak near a group. `None` where the row is too short for a response.
     fn peak_near(&self, group: usize) -> Option<Peak> {
         let first = group.saturating_sub(SEARCH_REACH);
-        let mut kernel = Kernel::default();
-        let mut peak: Option<Peak> = None;
-        // With the first group before the first response.
+        // With the group before the first response, and the one behind the last.
         let start = first.saturating_sub(1);
-        for last in start..=group.saturating_add(SEARCH_REACH + 1) {
-            let Some(sum) = self.sum(last) else {
-                break;
-            };
-            let response = kernel.take(sum);
-            if last > first && peak.as_ref().is_none_or(|peak| response > peak.response) {
-                let group = last - 1;
-                peak = Some(Peak { group, response });
-            }
+        let number = group.saturating_add(SEARCH_REACH + 2).saturating_sub(start);
+        let near = self.blocks.get(start << self.log2..)?;
+        let near = near.get(..number << self.log2).unwrap_or(near);
+        match self.log2 {
+            0 => peak(start, first, near.iter().map(|&sum| sum.into())),
+            log2 => peak(start, first, near.chunks_exact(1 << log2).map(sum_of_group)),
         }
-        peak
     }
 
     /// The background to the left and right of a group, as a response of the kernel [1 2 1], in Q24.8 counts.
@@ -170,6 +164,22 @@ impl Groups<'_> {
         let (first, second) = (self.sum(0)?, self.sum(1)?);
         Some(numeric::add_u32(numeric::add_u32(first, first), second))
     }
+}
+
+/// The highest response with its middle on the group `first` or behind it. The sums start with group `start`,
+/// and before that there is nothing.
+#[inline(always)]
+fn peak(start: usize, first: usize, sums: impl Iterator<Item = u32>) -> Option<Peak> {
+    let mut kernel = Kernel::default();
+    let mut peak: Option<Peak> = None;
+    for (last, sum) in (start..).zip(sums) {
+        let response = kernel.take(sum);
+        if last > first && peak.as_ref().is_none_or(|peak| response > peak.response) {
+            let group = last.wrapping_sub(1);
+            peak = Some(Peak { group, response });
+        }
+    }
+    peak
 }
 
 /// Whether any response of the kernel on groups of 2^`log2` blocks is `least` or more.
