@@ -231,12 +231,12 @@ struct Ends {
 }
 
 impl Ends {
-    /// Takes the pixels as far as the pairs reach, and a few more: a pair's distance is in widths that its
-    /// samples make larger by less than a hundredth, and its samples are less than a third of a width, or
-    /// three pixels.
+    /// Takes the pixels as far as the pairs reach, and a few more. A sample has at most a sixth of the width
+    /// and a pixel, which makes the distances in widths larger by half a hundredth and a third of a pixel. A
+    /// pair more than [`REACH`] ends a sample further out.
     fn near(light: Light<'_>, found: &RowCentre, full_scale: u16) -> Self {
         let (centre, width) = (found.centre.to_f32(), found.width.to_f32());
-        let reach = (REACH + 1.0) * width + 8.0;
+        let reach = (REACH + 0.2) * width + 7.0;
         // `as` saturates.
         let start = ((centre - reach) as usize).min(light.len());
         let end = (centre + reach) as usize;
@@ -246,21 +246,20 @@ impl Ends {
         Self::of(near.slice(..pixels).unwrap_or(near), full_scale)
     }
 
-    /// Takes two counts at a time, of at most 15 bits. The highest of 16 bits is set in zero less one, and in
+    /// Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in zero less one, and in
     /// full scale plus the rest to 2^15.
     #[inline(never)]
     fn of(light: Light<'_>, full_scale: u16) -> Self {
         const ONES: u32 = 0x0001_0001;
         const HIGHEST: u32 = 0x8000_8000;
         let (words, inverted) = light.words();
-        let inverted = u32::from(inverted) * ONES;
         let rest = HIGHEST.wrapping_sub(u32::from(full_scale) * ONES);
         let (eights, last) = words.as_chunks::<8>();
         let (mut less, mut more) = (0, 0);
         let mut take = |low: u16, high: u16| {
-            let counts = (u32::from(low) | (u32::from(high) * 0x1_0000)) ^ inverted;
-            less |= counts.wrapping_sub(ONES);
-            more |= counts.wrapping_add(rest);
+            let two = u32::from(low) | (u32::from(high) * 0x1_0000);
+            less |= two.wrapping_sub(ONES);
+            more |= two.wrapping_add(rest);
         };
         for &[a, b, c, d, e, f, g, h] in eights {
             take(a, b);
@@ -271,10 +270,14 @@ impl Ends {
         for &word in last {
             take(word, word);
         }
-        Self {
-            zero: less & HIGHEST != 0,
-            full_scale: more & HIGHEST != 0,
-        }
+        let (lowest, highest) = (less & HIGHEST != 0, more & HIGHEST != 0);
+        // Where words fall with light, zero is full scale.
+        let (zero, full_scale) = if inverted == 0 {
+            (lowest, highest)
+        } else {
+            (highest, lowest)
+        };
+        Self { zero, full_scale }
     }
 }
 
@@ -525,6 +528,7 @@ impl Trust {
 mod tests {
     use super::*;
     use crate::check::tests::found_at;
+    use crate::row::Polarity;
     use crate::units::Counts;
 
     /// Compares a symmetric spot with its mirror image: the width is in pixels, the noise is a count.
@@ -657,6 +661,37 @@ mod tests {
             // deviation. The limit is four.
             assert!((-1.0..0.0).contains(&means[7]), "{width}: {means:?}");
             assert!((0.8..2.0).contains(&means[8]), "{width}: {means:?}");
+        }
+    }
+
+    /// Full scale of 10 bits is 1023. Words that fall with light are 1023 less the count.
+    #[test]
+    fn counts_at_the_ends_of_the_range_are_found_at_every_place() {
+        for length in [1, 7, 8, 9, 23] {
+            for place in 0..length {
+                for (count, zero, full_scale) in [
+                    (0, true, false),
+                    (1, false, false),
+                    (1022, false, false),
+                    (1023, false, true),
+                ] {
+                    for (polarity, inverted) in [(Polarity::Rising, 0), (Polarity::Falling, 1023)] {
+                        let mut words = [300 ^ inverted; 23];
+                        words[place] = count ^ inverted;
+                        let geometry = Geometry {
+                            words: 23,
+                            shielded: 0..0,
+                            light: 0..length,
+                            polarity,
+                            bits: 10,
+                            ..crate::sensor_heads::tcd1304dg()
+                        };
+                        let row = geometry.row(&words).expect("a row");
+                        let ends = Ends::of(row.light(), 1023);
+                        assert_eq!((ends.zero, ends.full_scale), (zero, full_scale));
+                    }
+                }
+            }
         }
     }
 
