@@ -225,11 +225,12 @@ fn is_cut_at_zero(light: Light<'_>, found: &RowCentre) -> bool {
 }
 
 /// Whether any count near a spot is at an end of the converter's range. Takes the pixels as far as the pairs
-/// reach, and a few more: a pair's distance is in widths that its samples make larger by less than a
-/// hundredth, and its samples are less than a third of a width, or three pixels.
+/// reach, and a few more. A sample has at most a sixth of the width and a pixel, which makes the distances in
+/// widths larger by half a hundredth and a third of a pixel. A pair more than [`REACH`] ends a sample further
+/// out.
 fn extremes_near(light: Light<'_>, found: &RowCentre, full_scale: u16) -> Extremes {
     let (centre, width) = (found.centre.to_f32(), found.width.to_f32());
-    let reach = (REACH + 1.0) * width + 8.0;
+    let reach = (REACH + 0.2) * width + 7.0;
     // `as` saturates.
     let start = ((centre - reach) as usize).min(light.len());
     let end = (centre + reach) as usize;
@@ -486,6 +487,7 @@ impl Trust {
 mod tests {
     use super::*;
     use crate::check::tests::found_at;
+    use crate::row::Polarity;
     use crate::units::Counts;
 
     /// Compares a symmetric spot with its mirror image: the width is in pixels, the noise is a count.
@@ -618,6 +620,37 @@ mod tests {
             // deviation. The limit is four.
             assert!((-1.0..0.0).contains(&means[7]), "{width}: {means:?}");
             assert!((0.8..2.0).contains(&means[8]), "{width}: {means:?}");
+        }
+    }
+
+    /// Full scale of 10 bits is 1023. Words that fall with light are 1023 less the count.
+    #[test]
+    fn counts_at_the_ends_of_the_range_are_found_at_every_place() {
+        for length in [1, 7, 8, 9, 23] {
+            for place in 0..length {
+                for (count, zero, full_scale) in [
+                    (0, true, false),
+                    (1, false, false),
+                    (1022, false, false),
+                    (1023, false, true),
+                ] {
+                    for (polarity, inverted) in [(Polarity::Rising, 0), (Polarity::Falling, 1023)] {
+                        let mut words = [300 ^ inverted; 23];
+                        words[place] = count ^ inverted;
+                        let geometry = Geometry {
+                            words: 23,
+                            shielded: 0..0,
+                            light: 0..length,
+                            polarity,
+                            bits: 10,
+                            ..crate::sensor_heads::tcd1304dg()
+                        };
+                        let row = geometry.row(&words).expect("a row");
+                        let ends = row.light().extremes(1023);
+                        assert_eq!((ends.zero, ends.full_scale), (zero, full_scale));
+                    }
+                }
+            }
         }
     }
 

@@ -178,8 +178,8 @@ mod tests {
     use super::super::REACH;
     use super::*;
 
-    /// The sums over all pairs in f64, one after the other. Beyond the reach lies less than 1e-6 of a sum, and
-    /// the rounding of single precision is 2e-7.
+    /// The sums over all pairs in f64, one after the other. Beyond the reach lies less than 1e-6 of a sum,
+    /// and the rounding of single precision is 2e-7.
     #[test]
     fn the_series_gives_the_sums_over_all_pairs() {
         let mut worst = 0.0f64;

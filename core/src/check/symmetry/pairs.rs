@@ -299,8 +299,8 @@ struct Ends {
     left: i32,
 }
 
-/// The sums of the pixels of a pair, right less left and right plus left, and how they rise with the part of a
-/// pixel by which the samples move.
+/// The sums of the pixels of a pair, right less left and right plus left, and how they rise with the part of
+/// a pixel by which the samples move.
 struct Sums {
     difference: i32,
     both: i32,
@@ -356,8 +356,8 @@ struct AboveLevel {
     /// with the sign.
     part: f32,
     part_bits: i32,
-    /// The level under a pair, less its full scale where words fall with light: in 2^-16 counts, and as counts
-    /// and a part of a count.
+    /// The level under a pair, less its full scale where words fall with light: in 2^-16 counts, and as
+    /// counts and a part of a count.
     level_bits: i32,
     level: i32,
     level_rest: f32,
