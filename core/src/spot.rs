@@ -317,7 +317,7 @@ impl Candidate {
     fn new(sums: &Sums<'_>, block_log2: u32, level: Counts) -> Option<Self> {
         let highest = sums.parts(block_log2).map(|(response, _)| response).max()?;
         let response = above(highest, block_log2, level).max(0);
-        let significance = square(response.unsigned_abs()) >> block_log2;
+        let significance = square(response.unsigned_abs()) >> block_log2.min(LARGEST_BLOCK_LOG2);
         Some(Self {
             block_log2,
             response,
@@ -493,30 +493,33 @@ fn noise(light: Light<'_>) -> Option<Counts> {
         let _ = noises.push(mean);
     }
     // sqrt(pi)/2 = 0.886227 as 58080/65536; a mean step is below 2^20 in Q8.
-    let noise = (u64::from(median(&mut noises)?) * 58_080) >> 16;
+    let noise = (u64::from(median(&noises)?) * 58_080) >> 16;
     /// 1/sqrt(12) of a count in Q8.
     const ROUNDING: i32 = 74;
     Some(Counts::from_bits((noise as i32).max(ROUNDING)))
 }
 
-/// The median. Of an even number of values, the upper one of the middle two. Changes the values.
+/// The median. Of an even number of values, the upper one of the middle two.
 ///
-/// Each pass keeps the values below the first one or those above it.
-fn median<T: Copy + Ord>(values: &mut Vec<T, MEDIAN_BLOCKS>) -> Option<T> {
-    let mut rank = values.len() / 2;
-    for _ in 0..MEDIAN_BLOCKS {
-        let tried = *values.first()?;
-        let below = numeric::count(values.iter().map(|&value| value < tried));
-        if rank < below {
-            values.retain(|&value| value < tried);
+/// Each pass counts the values below one that may be the median, and so leaves fewer that may.
+fn median<T: Copy + Ord>(values: &[T]) -> Option<T> {
+    let rank = values.len() / 2;
+    let (mut above, mut below) = (None, None);
+    for _ in values {
+        let may_be = |value: &&T| {
+            above.is_none_or(|above| **value > above) && below.is_none_or(|below| **value < below)
+        };
+        let tried = *values.iter().find(may_be)?;
+        let less = numeric::count(values.iter().map(|&value| value < tried));
+        if rank < less {
+            below = Some(tried);
             continue;
         }
-        let not_above = numeric::count(values.iter().map(|&value| value <= tried));
-        if rank < not_above {
+        let not_more = numeric::count(values.iter().map(|&value| value <= tried));
+        if rank < not_more {
             return Some(tried);
         }
-        rank -= not_above;
-        values.retain(|&value| value > tried);
+        above = Some(tried);
     }
     None
 }

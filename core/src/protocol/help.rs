@@ -18,7 +18,7 @@ pub const BEFORE_SETTINGS: [Line; 7] = [
     ("info", "what this sensor is, its calibration and its range"),
     (
         "status",
-        "rows, slowest row, readings, faults and errors since the start, and why it started",
+        "rows, the slowest row, readings, faults, errors, and why it started",
     ),
     (
         "distance",

@@ -5,7 +5,7 @@
 
 use crate::fault::Fault;
 use crate::numeric;
-use crate::row::{BLOCK_LOG2, Blocks, Row};
+use crate::row::{BLOCK_LOG2, Blocks, MAX_PIXELS, Row};
 use crate::spot::{
     Coarse, DETECTION, LARGEST_BLOCK_LOG2, MIN_PIXELS, Spot, find_in, height, in_q8, middle,
     needed, square, under_the_kernel,
@@ -113,11 +113,15 @@ struct Peak {
 }
 
 impl Groups<'_> {
+    /// The blocks in so many groups.
+    fn blocks_in(&self, groups: usize) -> usize {
+        groups.saturating_mul(1usize.wrapping_shl(self.log2))
+    }
+
     /// The sum over a group. `None` off the row.
     fn sum(&self, group: usize) -> Option<u32> {
-        let start = group.checked_mul(1 << self.log2)?;
-        let blocks = self.blocks.get(start..start.checked_add(1 << self.log2)?)?;
-        Some(sum_of_group(blocks))
+        let end = self.blocks_in(group.saturating_add(1));
+        Some(sum_of_group(self.blocks.get(self.blocks_in(group)..end)?))
     }
 
     /// The peak near a group. `None` where the row is too short for a response.
@@ -126,11 +130,16 @@ impl Groups<'_> {
         // With the group before the first response, and the one behind the last.
         let start = first.saturating_sub(1);
         let number = group.saturating_add(SEARCH_REACH + 2).saturating_sub(start);
-        let near = self.blocks.get(start << self.log2..)?;
-        let near = near.get(..number << self.log2).unwrap_or(near);
+        let near = self.blocks.get(self.blocks_in(start)..)?;
+        let near = near.get(..self.blocks_in(number)).unwrap_or(near);
         match self.log2 {
             0 => peak(start, first, near.iter().map(|&sum| sum.into())),
-            log2 => peak(start, first, near.chunks_exact(1 << log2).map(sum_of_group)),
+            log2 => peak(
+                start,
+                first,
+                near.chunks_exact(1usize.wrapping_shl(log2).max(1))
+                    .map(sum_of_group),
+            ),
         }
     }
 
@@ -148,8 +157,8 @@ impl Groups<'_> {
     fn has_another(&self, group: usize, least: u32) -> bool {
         // The kernel's middle is further away than that. Its last group on the left, and its first on the
         // right, are one nearer.
-        let left = group.saturating_sub(SPOT_REACH - 1) << self.log2;
-        let right = group.saturating_add(SPOT_REACH) << self.log2;
+        let left = self.blocks_in(group.saturating_sub(SPOT_REACH - 1));
+        let right = self.blocks_in(group.saturating_add(SPOT_REACH));
         let left = self.blocks.get(..left).unwrap_or_default();
         let right = self.blocks.get(right..).unwrap_or_default();
         // A spot that the row's start cuts responds without a first group.
@@ -172,7 +181,7 @@ impl Groups<'_> {
 fn peak(start: usize, first: usize, sums: impl Iterator<Item = u32>) -> Option<Peak> {
     let mut kernel = Kernel::default();
     let mut peak: Option<Peak> = None;
-    for (last, sum) in (start..).zip(sums) {
+    for (last, sum) in (start..usize::MAX).zip(sums) {
         let response = kernel.take(sum);
         if last > first && peak.as_ref().is_none_or(|peak| response > peak.response) {
             let group = last.wrapping_sub(1);
@@ -189,9 +198,9 @@ fn reaches(blocks: &[u16], log2: u32, least: u32) -> bool {
     if log2 == 0 {
         return dual_mac::reaches(blocks, least);
     }
-    let groups = blocks.chunks_exact(1 << log2);
+    let groups = blocks.chunks_exact(1usize.wrapping_shl(log2).max(1));
     let mut kernel = Kernel::default();
-    let signs = (0..).zip(groups).fold(0, |signs, (group, blocks)| {
+    let signs = (0..MAX_PIXELS).zip(groups).fold(0, |signs, (group, blocks)| {
         let response = kernel.take(sum_of_group(blocks)) as i32;
         // Negative for a response that is `least` or more. The first two groups only start the kernel.
         let sign = numeric::sub_i32(least, response).saturating_sub(1);

@@ -186,7 +186,9 @@ impl<'a> Sums<'a> {
             0 => self.light.get(block).map(u32::from),
             1 | 2 => {
                 let start = block << block_log2;
-                let pixels = self.light.slice(start..start + (1 << block_log2))?;
+                let pixels = self
+                    .light
+                    .slice(start..start.saturating_add(1 << block_log2))?;
                 // At most four counts.
                 Some(pixels.iter().map(u32::from).fold(0, numeric::add_u32))
             }
@@ -345,7 +347,7 @@ impl<'a> Sums<'a> {
             values.push(self.block(block_log2, block)?).ok()?;
         }
         let tilt = Tilt::of(&values, block_log2)?;
-        let sum = median(&mut values)?;
+        let sum = median(&values)?;
         Some((Counts::from_bits(in_q8(sum) >> block_log2), tilt))
     }
 }

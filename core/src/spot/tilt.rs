@@ -32,7 +32,7 @@ impl Tilt {
                 .push(numeric::sub_i32(*next as i32, *this as i32))
                 .ok()?;
         }
-        let step = i64::from(median(&mut steps)?);
+        let step = i64::from(median(&steps)?);
         // The step of the sums, divided by the pixels of a block, is the step of the means. Divided by them
         // again, it is the slope.
         Some(Self {
