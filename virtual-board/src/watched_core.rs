@@ -104,7 +104,7 @@ impl Core {
         self.detours.clone_from(&wanted);
     }
 
-    /// The return address of the function that the core has just called.
+    /// What the link register holds: the return address of the function that the core has just called.
     fn return_address(&self) -> u64 {
         let register = self.inner.gdb_register(LINK_REGISTER).unwrap_or_default();
         let register = <[u8; 4]>::try_from(register).map_or(0, u32::from_le_bytes);
@@ -120,7 +120,7 @@ impl Core {
         }
         let (exit, ran) = self.inner.run(1, bus);
         if ran > 0 {
-            let done = self.recorder.step(from, self.inner.pc());
+            let done = (self.recorder).step(from, self.inner.pc(), self.return_address());
             trace::lock(&self.watched.traces).calls.extend(done);
         }
         (exit, ran)

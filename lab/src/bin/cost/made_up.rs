@@ -129,7 +129,7 @@ fn chip() -> Chip {
         kernels_compared: 0,
         search_instructions_per_pixel: 27.0,
         geometry_instructions_per_word: 0.0,
-        measurement_instructions_per_row: 0,
+        whole_rows: Default::default(),
         forms: vec![],
     }
 }

@@ -1,5 +1,7 @@
 //! What was measured, as JSON, as tables to read and as CSV.
 
+mod whole_rows;
+
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -15,6 +17,7 @@ use crate::distances::Distance;
 use crate::float_functions::FloatFunctions;
 use crate::peers::{Peer, Peers};
 use crate::reading_time;
+use whole_rows::RowInstructions;
 
 /// The chip's clock in MHz.
 pub const CLOCK_MHZ: f64 = 168.0;
@@ -59,7 +62,7 @@ pub fn on_chip(chip: &Chip, method: Method, width: f64) -> Option<&MethodOnChip>
 /// What `--json` prints. A figure that does not apply, or that no row gave, is null.
 #[derive(Serialize)]
 pub struct Json {
-    methods: Vec<Figures>,
+    methods: Vec<MethodJson>,
     sweep_instructions_per_pixel: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     gauss_newton_instructions_per_iteration: Option<f64>,
@@ -77,12 +80,22 @@ struct Figures {
     bias_max_px: Option<f64>,
     pull_min: f64,
     pull_max: f64,
+    /// The estimator alone.
     chip_instructions_per_row: Option<u64>,
     chip_cycles_estimated: Option<u64>,
     table_bytes: Option<u64>,
     code_bytes: Option<u64>,
     stack_bytes: Option<u64>,
     host_ns_per_row: Option<f64>,
+}
+
+/// An estimator of the firmware with its whole rows, or a baseline.
+#[derive(Serialize)]
+struct MethodJson {
+    #[serde(flatten)]
+    figures: Figures,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    row_instructions: Option<RowInstructions>,
 }
 
 impl Measured {
@@ -117,7 +130,17 @@ impl Measured {
     /// The object that `--json` prints.
     pub fn json(&self) -> Json {
         Json {
-            methods: self.figures(),
+            methods: self
+                .methods
+                .iter()
+                .zip(self.figures())
+                .map(|(method, figures)| MethodJson {
+                    figures,
+                    row_instructions: method
+                        .estimator()
+                        .and_then(|estimator| self.chip.whole_rows.json(estimator)),
+                })
+                .collect(),
             sweep_instructions_per_pixel: self.chip.sweep_instructions_per_pixel,
             gauss_newton_instructions_per_iteration: self
                 .chip
@@ -177,9 +200,8 @@ impl Measured {
         }
         let _ = writeln!(
             out,
-            "From words to the frame, by the default estimator: {} instructions a row, {:.2} a word of them \
-             to turn the words over.",
-            self.chip.measurement_instructions_per_row, self.chip.geometry_instructions_per_word,
+            "Turning the words over: {:.2} instructions a word.",
+            self.chip.geometry_instructions_per_word,
         );
         out += "\nA distance, once a frame, over the paper's range\n";
         out += &distances(&self.distances);
@@ -208,15 +230,13 @@ impl Measured {
              Cost: on the emulated chip, except *host ns*.\n\n{}\n\
              The search for the spot takes {:.2} instructions a pixel if the row before gave a width of 6 \
              pixels or more. In the first row of a frame, and for narrower spots, it takes {:.2} \
-             instructions a pixel. Turning a read-out into a row takes {:.2} instructions a word. With the \
-             default estimator, a whole row takes {} instructions from the second row of a frame on.\n",
+             instructions a pixel. Turning a read-out into a row takes {:.2} instructions a word.\n",
             self.accuracy.rows,
             table::markdown(&self.accuracy_table()),
             table::markdown(&self.cost_table()),
             self.chip.sweep_instructions_per_pixel,
             self.chip.search_instructions_per_pixel,
             self.chip.geometry_instructions_per_word,
-            self.chip.measurement_instructions_per_row,
         )
     }
 
@@ -717,7 +737,7 @@ mod tests {
         let (page, readme) = (measured.markdown(), measured.short_markdown());
         for method in Method::ALL {
             assert_eq!(page.matches(&format!("| {} |", label(method))).count(), 2);
-            if !method.is_estimator() {
+            if method.estimator().is_none() {
                 assert!(
                     !readme.contains(&format!("`{}`", method.name())),
                     "{method:?}"

@@ -172,6 +172,7 @@ mod tests {
         let call = Call {
             function: 0x100,
             steps,
+            ..Call::default()
         };
         // LDRD 3, LDR 2 less 1 for the LDR behind it, which has 2, SMLAD, SMLAD, SUBS, BNE 1 and 3 times 2
         // more; VSQRT; POP.
@@ -195,6 +196,7 @@ mod tests {
             let call = Call {
                 function: addresses[0],
                 steps: pairs.collect(),
+                ..Call::default()
             };
             model.cycles(&call)
         };
