@@ -26,9 +26,9 @@ pub enum Estimator {
     /// The centroid of the counts above the black level, eq. (2).
     Centroid,
     /// The phase-table score with one set of weights for every row.
-    #[default]
     PhaseTable,
     /// The phase-table score with weights that follow the spot's width, its noise and the background's tilt.
+    #[default]
     Adaptive,
     /// A weighted least-squares fit of eq. (5), by the Gauss-Newton method: the paper's fit.
     GaussNewton,

@@ -39,7 +39,7 @@ macro_rules! list {
                 Form::Words("fixed 0..4095|shielded|frame"), Affects::Measurement;
 
             /// how the centre of a row is found
-            Estimator "estimator" estimator: Estimator = Estimator::PhaseTable,
+            Estimator "estimator" estimator: Estimator = Estimator::Adaptive,
                 Form::Listed, Affects::Measurement;
 
             /// how far speckle moves a distance, in um

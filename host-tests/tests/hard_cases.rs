@@ -51,9 +51,9 @@ fn no_case_gives_an_impossible_answer() {
 }
 
 /// The estimators that most users choose.
-const USED: [Estimator; 2] = [Estimator::PhaseTable, Estimator::Adaptive];
+const USED: [Estimator; 2] = [Estimator::Adaptive, Estimator::PhaseTable];
 
-/// Runs every case of the catalogue with the default estimator and with `adaptive`.
+/// Runs every case of the catalogue with the default estimator and with `phase-table`.
 #[test]
 fn the_used_estimators_give_the_expected_result_in_every_case() {
     for estimator in USED {

@@ -150,7 +150,11 @@ impl Options {
                 None => today()?,
             },
             geometry: tcd1304dg(),
-            estimator: self.estimator.or(setup.estimator).unwrap_or_default(),
+            estimator: self
+                .estimator
+                .or(setup.estimator)
+                // The default of the firmware that wrote no estimator to its points.
+                .unwrap_or(Estimator::PhaseTable),
             black_level: self
                 .black
                 .or(setup.black_level)

@@ -376,12 +376,25 @@ impl VirtualBoard {
     ///
     /// `address` is not in RAM or not a multiple of 4, or the emulator failed.
     pub fn write_word(&mut self, address: u64, word: u32) -> Result<()> {
+        self.write_words(address, vec![word])
+    }
+
+    /// Writes 32-bit words of RAM, the first at `address`.
+    ///
+    /// # Errors
+    ///
+    /// As [`VirtualBoard::write_word`].
+    pub fn write_words(&mut self, address: u64, words: Vec<u32>) -> Result<()> {
         ensure!(
             address.is_multiple_of(4),
             "{address:#010x} is not the address of a word: it is no multiple of 4"
         );
-        let written =
-            self.on_emulator(move |_, host, _| host.write(address, Width::W32, word.into()))?;
+        let written = self.on_emulator(move |_, host, _| {
+            (address..)
+                .step_by(4)
+                .zip(words)
+                .try_for_each(|(address, word)| host.write(address, Width::W32, word.into()))
+        })?;
         written.with_context(|| format!("writing the word at {address:#010x}: is it in RAM?"))
     }
 
@@ -426,6 +439,11 @@ impl VirtualBoard {
     /// [`crate::trace`].
     pub fn trace_calls_of(&mut self, address: u64) {
         trace::lock(&self.watched.traces).functions.insert(address);
+    }
+
+    /// Traces no more calls of the function at `address`.
+    pub fn stop_tracing(&mut self, address: u64) {
+        trace::lock(&self.watched.traces).functions.remove(&address);
     }
 
     /// Takes the calls of traced functions that returned since the last call of this method, in the order of

@@ -133,7 +133,7 @@ impl Core {
         <[u8; 4]>::try_from(register).map_or(0, u32::from_le_bytes)
     }
 
-    /// The return address of the function that the core has just called.
+    /// What the link register holds: the return address of the function that the core has just called.
     fn return_address(&self) -> u64 {
         u64::from(self.register(LINK_REGISTER) & !1)
     }
@@ -166,7 +166,7 @@ impl Core {
                 everything.push(executed);
             }
             self.recorder.add_to_paths(executed);
-            let done = self.recorder.step(from, self.inner.pc());
+            let done = (self.recorder).step(from, self.inner.pc(), self.return_address());
             traces.calls.extend(done);
         }
         (exit, ran)

@@ -157,10 +157,10 @@ mod tests {
         let lines = "calibration on\r\n\
              calibration source default\r\n\
              calibration kind eq1\r\n\
-             calibration record 49 f4a3d743\r\n\
+             calibration record 49 4602e1b3\r\n\
              calibration serial 0\r\n\
              calibration date 0001-01-01\r\n\
-             calibration estimator phase-table\r\n\
+             calibration estimator adaptive\r\n\
              calibration black shielded\r\n\
              calibration centres 1191.00000 2654.00000 px\r\n\
              calibration distances 550.0874 1099.7177 mm\r\n\

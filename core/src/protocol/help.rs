@@ -134,8 +134,8 @@ impl fmt::Display for Estimators {
 pub const fn purpose(estimator: Estimator) -> &'static str {
     match estimator {
         Estimator::Centroid => "eq. (2), for comparison; subtracts the black level",
-        Estimator::PhaseTable => "the default: one set of weights for every row",
-        Estimator::Adaptive => "weights that follow width, noise and tilt: more accurate",
+        Estimator::PhaseTable => "one set of weights for every row; for skewed lasers",
+        Estimator::Adaptive => "the default: weights that follow width, noise and tilt",
         Estimator::GaussNewton => "the paper's fit, eq. (5); reads spots that are cut off",
         Estimator::Fraunhofer => "eq. (6), for laser spots below 1 mm",
     }

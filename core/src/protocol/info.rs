@@ -284,7 +284,7 @@ mod tests {
             "{on}"
         );
         assert!(
-            on.contains("\r\ninfo mean weighted\r\ninfo estimator phase-table\r\n"),
+            on.contains("\r\ninfo mean weighted\r\ninfo estimator adaptive\r\n"),
             "{on}"
         );
         assert!(!on.contains("serial number"), "{on}");
@@ -352,7 +352,7 @@ mod tests {
                 };
                 let on = info(Some(&record), true);
                 let (_, calibration) = on
-                    .split_once("info estimator phase-table\r\n")
+                    .split_once("info estimator adaptive\r\n")
                     .expect("the estimator");
                 let off = info(Some(&record), false);
                 assert!(

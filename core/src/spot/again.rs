@@ -200,12 +200,14 @@ fn reaches(blocks: &[u16], log2: u32, least: u32) -> bool {
     }
     let groups = blocks.chunks_exact(1usize.wrapping_shl(log2).max(1));
     let mut kernel = Kernel::default();
-    let signs = (0..MAX_PIXELS).zip(groups).fold(0, |signs, (group, blocks)| {
-        let response = kernel.take(sum_of_group(blocks)) as i32;
-        // Negative for a response that is `least` or more. The first two groups only start the kernel.
-        let sign = numeric::sub_i32(least, response).saturating_sub(1);
-        if group < 2 { signs } else { signs | sign }
-    });
+    let signs = (0..MAX_PIXELS)
+        .zip(groups)
+        .fold(0, |signs, (group, blocks)| {
+            let response = kernel.take(sum_of_group(blocks)) as i32;
+            // Negative for a response that is `least` or more. The first two groups only start the kernel.
+            let sign = numeric::sub_i32(least, response).saturating_sub(1);
+            if group < 2 { signs } else { signs | sign }
+        });
     signs < 0
 }
 

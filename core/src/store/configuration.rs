@@ -258,7 +258,7 @@ mod tests {
             "rows 16\n",
             "mean weighted\n",
             "black shielded\n",
-            "estimator phase-table\n",
+            "estimator adaptive\n",
         ] {
             assert!(lines.contains(line), "{lines}");
         }

@@ -111,11 +111,11 @@ impl Report {
             (self.kinds.first()).map_or((0, 0), |kind| (kind.rows[0].count, kind.frames[0].count));
         let mut text = format!(
             "{rows} rows and {frames} frames of each kind. Per cent of rows or frames; *largest* in pixels. \
-             *errors*: confident errors with the default estimator; *a*: with `adaptive`; *n*: with the \
+             *errors*: confident errors with the default estimator; *t*: with `phase-table`; *n*: with the \
              default estimator on a sensor that was never calibrated. *good flagged*: flagged although the \
              error is as claimed.\n\n\
-             | fault | rows: fault | flagged | good flagged | errors | a | n | largest | \
-             frames: fault | flagged | good flagged | errors | a | n | largest |\n\
+             | fault | rows: fault | flagged | good flagged | errors | t | n | largest | \
+             frames: fault | flagged | good flagged | errors | t | n | largest |\n\
              |---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n"
         );
         for report in &self.kinds {
@@ -142,13 +142,13 @@ pub fn kinds_markdown() -> String {
 }
 
 fn cells(tallies: &[Tally; JUDGED.len()]) -> Vec<String> {
-    let [default, adaptive, never_calibrated] = tallies;
+    let [default, phase_table, never_calibrated] = tallies;
     vec![
         per_cent(default.share(default.faults)),
         per_cent(default.share(default.flagged)),
         per_cent(default.share(default.flagged_good)),
         per_cent(default.share(default.errors)),
-        per_cent(adaptive.share(adaptive.errors)),
+        per_cent(phase_table.share(phase_table.errors)),
         per_cent(never_calibrated.share(never_calibrated.errors)),
         pixels(default.largest),
     ]

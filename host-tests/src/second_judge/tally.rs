@@ -23,19 +23,19 @@ pub struct Judged {
     pub is_calibrated: bool,
 }
 
-/// The sensors that are judged: calibrated, with the default estimator and with the one that most users
-/// choose otherwise; and never calibrated.
+/// The sensors that are judged: calibrated, with the default estimator and with `phase-table`; and never
+/// calibrated.
 pub const JUDGED: [Judged; 3] = [
-    Judged {
-        estimator: Estimator::PhaseTable,
-        is_calibrated: true,
-    },
     Judged {
         estimator: Estimator::Adaptive,
         is_calibrated: true,
     },
     Judged {
         estimator: Estimator::PhaseTable,
+        is_calibrated: true,
+    },
+    Judged {
+        estimator: Estimator::Adaptive,
         is_calibrated: false,
     },
 ];

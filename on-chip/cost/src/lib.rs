@@ -9,3 +9,4 @@ pub mod float_functions;
 pub mod inputs;
 pub mod methods;
 pub mod rows;
+pub mod whole_rows;

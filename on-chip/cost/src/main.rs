@@ -15,6 +15,7 @@ fn main() -> ! {
     chip::counter::check();
     chip::methods::measure();
     chip::steps::measure();
+    chip::whole_rows::measure();
     chip::distances::measure();
     chip::float_functions::measure();
     chip::peers::measure();

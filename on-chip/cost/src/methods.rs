@@ -61,9 +61,12 @@ impl Method {
         }
     }
 
-    /// Whether a user of the firmware can choose it.
-    pub const fn is_estimator(self) -> bool {
-        matches!(self, Self::Estimator(_))
+    /// The estimator, if a user of the firmware can choose it.
+    pub const fn estimator(self) -> Option<Estimator> {
+        match self {
+            Self::Estimator(estimator) => Some(estimator),
+            _ => None,
+        }
     }
 }
 

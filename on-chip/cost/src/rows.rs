@@ -42,6 +42,8 @@ pub enum Turn {
     BeforeMoved,
     /// The row that is measured.
     Now,
+    /// A row of a frame, the target at rest: the same spot, and noise of its own.
+    OfFrame(u16),
 }
 
 /// Writes a row's pixels: a spot of the given width, the `row`-th of [`ROWS`].
@@ -53,7 +55,11 @@ pub fn light(width: f32, row: usize, turn: Turn, pixels: &mut [u16; PIXELS]) {
     let width = f64::from(width) * (1.0 + moved * 0.05 * even(row + 1, core::f64::consts::SQRT_2));
     let amplitude = AMPLITUDE * (1.0 + moved * 0.1 * even(row + 1, 1.732_050_807_568_877));
     let mut random = ChaCha8Rng::seed_from_u64(width.to_bits());
-    random.set_stream(2 * row as u64 + u64::from(turn == Turn::Now));
+    random.set_stream(match turn {
+        Turn::Before | Turn::BeforeMoved => 2 * row as u64,
+        Turn::Now => 2 * row as u64 + 1,
+        Turn::OfFrame(place) => (ROWS * (2 + usize::from(place)) + row) as u64,
+    });
     // Variance of the light's own noise in counts squared a count.
     let shot = f64::from(geometry().shot_variance_per_count_q16) / 65536.0;
     for (i, pixel) in pixels.iter_mut().enumerate() {

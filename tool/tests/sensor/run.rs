@@ -129,13 +129,13 @@ fn a_stage_goes_through_all_positions() {
     for line in [
         "# head TCD1304DG",
         "# serial 0",
-        "# estimator phase-table",
+        "# estimator adaptive",
         "# black shielded",
     ] {
         assert!(text.lines().any(|there| there == line), "{line}");
     }
     let taken = Points::read(Path::new(&points(&sensor))).expect("points");
-    assert_eq!(taken.setup.estimator, Some(Estimator::PhaseTable));
+    assert_eq!(taken.setup.estimator, Some(Estimator::Adaptive));
     let distances: Vec<f64> = {
         let mut distances: Vec<f64> = taken.points.iter().map(|point| point.d_mm).collect();
         distances.sort_by(f64::total_cmp);
@@ -303,9 +303,9 @@ fn another_sensor_another_setting_or_another_file_is_refused() {
             "it does not say with which black its points were taken",
         ),
         (
-            "# estimator phase-table",
             "# estimator adaptive",
-            "taken with `estimator adaptive`, and the sensor is set to `estimator phase-table`: set it to \
+            "# estimator phase-table",
+            "taken with `estimator phase-table`, and the sensor is set to `estimator adaptive`: set it to \
              that, or take another file",
         ),
         (

@@ -341,7 +341,7 @@ fn the_set_black_level_is_used() {
 #[test]
 fn the_set_estimator_is_used() {
     let mut board = measuring(4);
-    assert_eq!(ask(&mut board, "estimator"), "estimator phase-table");
+    assert_eq!(ask(&mut board, "estimator"), "estimator adaptive");
     let calibration = eq1::NOMINAL.expect("a calibration");
     for estimator in Estimator::ALL {
         let command = format!("estimator {}", estimator.name());

@@ -8,6 +8,7 @@
 //! - **Code** is the size of all functions that can be reached from the method's own. What methods share is
 //!   counted for each: see [`program`]. **Tables** are the weights that the method reads.
 //! - **Stack** is what the call wrote to below its caller's.
+//! - **Whole rows** are counted from the words to the centre with its check, by step: see [`steps`].
 //! - **Distances** are counted likewise, by every form of a calibration, from the first instruction of the
 //!   function that makes them.
 //!
@@ -18,8 +19,10 @@ pub mod cycles;
 mod lines;
 pub mod program;
 mod run;
+pub mod steps;
 #[cfg(test)]
 mod tests;
+pub mod whole_rows;
 
 use std::collections::BTreeSet;
 use std::io::{BufRead as _, BufReader};
@@ -38,6 +41,7 @@ use cycles::{Model, Range};
 use lines::{Kind, Line};
 use program::Program;
 use run::Run;
+use whole_rows::WholeRows;
 
 /// The package that runs on the chip.
 const PACKAGE: &str = "cost-on-chip";
@@ -65,8 +69,8 @@ pub struct Chip {
     pub geometry_instructions_per_word: f64,
     /// One iteration of `gauss-newton`, the mean over all of its rows, where it iterates.
     pub gauss_newton_instructions_per_iteration: Option<f64>,
-    /// Words in, centre added to the frame: all that a row takes, with the default settings.
-    pub measurement_instructions_per_row: u64,
+    /// Words in, centre added to the frame: all that a row takes.
+    pub whole_rows: WholeRows,
     /// Every form of a calibration.
     pub forms: Vec<FormOnChip>,
     /// What one would use instead.
@@ -205,7 +209,7 @@ fn chip(run: &Run) -> Result<Chip> {
         sweep_instructions_per_pixel: per_item(step("spot-find-again")?)?,
         geometry_instructions_per_word: per_item(step("geometry-row")?)?,
         gauss_newton_instructions_per_iteration: gauss_newton_iteration(run, &program),
-        measurement_instructions_per_row: step("measurement-row")?.whole("cycles")?,
+        whole_rows: whole_rows::read(run, &program, &model)?,
         forms: forms(run, &program, &model)?,
         peers: lines::all(&run.lines, Kind::Peer)
             .map(peer)
@@ -296,8 +300,16 @@ fn forms(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<FormOnCh
         .named(DISTANCE_AT)
         .with_context(|| format!("the chip's program has no function {DISTANCE_AT}"))?;
     let asked: Vec<&Line> = lines::all(&run.lines, Kind::Distance).collect();
-    let calls = run.calls.iter().filter(|call| call.function == function);
-    let calls: Vec<&Call> = calls.collect();
+    // A reading makes a distance too, and returns after it.
+    let reading = program.address(steps::READING);
+    let mut calls: Vec<&Call> = vec![];
+    for call in &run.calls {
+        if call.function == function {
+            calls.push(call);
+        } else if Some(call.function) == reading {
+            calls.pop();
+        }
+    }
     ensure!(
         calls.len() == asked.len(),
         "the chip's program made {} distances and spoke of {}",
@@ -336,6 +348,13 @@ fn median_range<'a>(model: &Model<'_>, calls: impl Iterator<Item = &'a Call>) ->
         likely: median(|range| range.likely),
         high: median(|range| range.high),
     }
+}
+
+/// Calls from the shortest to the longest.
+fn sorted_by_instructions<'a>(calls: impl Iterator<Item = &'a Call>) -> Vec<&'a Call> {
+    let mut calls: Vec<&Call> = calls.collect();
+    calls.sort_by_key(|call| call.instructions());
+    calls
 }
 
 fn sorted(numbers: impl Iterator<Item = u64>) -> Vec<u64> {

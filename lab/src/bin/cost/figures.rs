@@ -6,6 +6,7 @@ mod bias;
 mod curves;
 mod labels;
 mod reading_time;
+mod row_steps;
 mod style;
 
 use std::path::Path;
@@ -21,7 +22,8 @@ pub fn draw(measured: &Measured, directory: &Path) -> anyhow::Result<()> {
     accuracy_against_time::draw(measured, &directory.join("accuracy-against-time.svg"))?;
     accuracy_over_width::draw(measured, &directory.join("accuracy-over-width.svg"))?;
     bias::draw(measured, &directory.join("bias-over-phase.svg"))?;
-    reading_time::draw(&measured.readings, &directory.join("reading-time.svg"))
+    row_steps::draw(measured, &directory.join("row-steps.svg"))?;
+    reading_time::draw(measured, &directory.join("reading-time.svg"))
 }
 
 #[cfg(test)]
@@ -29,6 +31,7 @@ mod tests {
     use super::*;
     use crate::made_up;
     use cost_on_chip::methods::Method;
+    use slitrange::centre::Estimator;
 
     /// Every figure of the methods names each method. `cargo test -p lab --bin cost figures` keeps the
     /// figures, so that you can look at them.
@@ -52,5 +55,24 @@ mod tests {
                 assert_eq!(found, times, "{} in {name}", method.name());
             }
         }
+    }
+
+    /// The five steps and the estimators are named, with a total for each of three rows.
+    #[test]
+    fn the_bars_name_every_step_and_estimator() {
+        let path = std::env::temp_dir().join("slitrange-made-up-row-steps.svg");
+        row_steps::draw(&made_up::measured(), &path).expect("a figure");
+        let svg = std::fs::read_to_string(&path).expect("a figure");
+        let lines = |text: &str| svg.lines().filter(|line| *line == text).count();
+        for step in ["convert", "search", "estimate", "check", "frame"] {
+            assert_eq!(lines(step), 1, "{step}");
+        }
+        for estimator in Estimator::ALL {
+            assert_eq!(lines(estimator.name()), 3, "{estimator:?}");
+        }
+        assert_eq!(
+            svg.lines().filter(|line| line.ends_with(" µs)")).count(),
+            15
+        );
     }
 }

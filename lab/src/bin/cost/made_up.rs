@@ -7,6 +7,8 @@ use slitrange::centre::Estimator;
 use crate::accuracy::{
     Accuracy, Bias, InSituation, MethodOnCell, NOISES, Noise, SITUATIONS, WIDTHS,
 };
+use crate::chip::steps::Steps;
+use crate::chip::whole_rows::{AtWidth, OnceAFrame, Slowest, WholeRow, WholeRows};
 use crate::chip::{Chip, MethodOnChip};
 use crate::distances::Distance;
 use crate::float_functions::FloatFunctions;
@@ -130,17 +132,69 @@ fn chip() -> Chip {
         kernels_compared: 0,
         search_instructions_per_pixel: 27.0,
         geometry_instructions_per_word: 0.0,
-        measurement_instructions_per_row: 0,
+        whole_rows: whole_rows(),
         forms: vec![],
     }
 }
 
+fn whole_rows() -> WholeRows {
+    let mut rows = WholeRows::default();
+    for (estimator, (.., estimate, _, _)) in Estimator::ALL.into_iter().zip(METHODS) {
+        let row = |parts: u64| {
+            let steps = Steps {
+                convert: 3000,
+                search: 4000 * parts,
+                estimate,
+                check: 5000 * parts,
+                frame: 460,
+                ..Steps::default()
+            };
+            WholeRow {
+                steps,
+                cycles_estimated: steps.total() * 14 / 10,
+            }
+        };
+        for width in [1.5, 4.5, 10.5, 11.3, 25.0] {
+            let parts = if width < 6.0 { 3 } else { 1 };
+            rows.at_widths.push(AtWidth {
+                estimator,
+                width,
+                first: row(4),
+                following: row(parts),
+            });
+        }
+        let mut last = row(1);
+        last.steps.frame += 30_000;
+        rows.once_a_frame.push(OnceAFrame {
+            estimator,
+            last,
+            distance: WholeRow {
+                steps: Steps {
+                    distance: 600,
+                    ..Steps::default()
+                },
+                cycles_estimated: 900,
+            },
+        });
+        rows.slowest.push(Slowest {
+            estimator,
+            name: "a made-up row".into(),
+            row: row(25),
+        });
+    }
+    rows
+}
+
 fn readings() -> Vec<Point> {
     let mut points = vec![];
-    for light in Light::ALL {
+    let cases = Light::ALL
+        .into_iter()
+        .flat_map(|light| Estimator::ALL.map(|estimator| (light, estimator)));
+    for (light, estimator) in cases {
         for rows in reading_time::ROWS {
             let n = rows as f64;
             let micrometres = match light {
+                Light::NoiseAlone if estimator == Estimator::Centroid => 9.5 / n.sqrt(),
                 Light::NoiseAlone => 6.5 / n.sqrt(),
                 Light::SpeckleAtRest => 590.0,
                 Light::SpeckleReceding => 580.0 / (1.0 + 0.005 * n),
@@ -148,7 +202,9 @@ fn readings() -> Vec<Point> {
             };
             points.push(Point {
                 light,
+                estimator,
                 rows,
+                computing_milliseconds: n * 0.1 + 0.3,
                 milliseconds: n / reading_time::ROWS_PER_SECOND * 1e3,
                 micrometres,
                 bound_micrometres: 6.0 / n.sqrt(),

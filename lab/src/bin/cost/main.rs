@@ -23,6 +23,7 @@ use anyhow::Context as _;
 use clap::Parser;
 use cost_on_chip::methods::Method;
 use lab::docs;
+use slitrange::centre::Estimator;
 
 use crate::report::Measured;
 
@@ -96,7 +97,7 @@ fn main() -> anyhow::Result<()> {
     }
     docs::print_hint(
         "cargo cost",
-        "README.md, docs/accuracy.md, docs/cost/ and four figures",
+        "README.md, docs/accuracy.md, docs/cost/ and five figures",
     );
     Ok(())
 }
@@ -118,7 +119,7 @@ fn measure(options: &Options) -> anyhow::Result<Measured> {
     };
     Ok(Measured {
         accuracy: accuracy::measure(&methods, options.rows),
-        readings: reading_time::measure((options.rows / 100).max(8))?,
+        readings: reading_time::measure((options.rows / 100).max(8), &chip.whole_rows)?,
         methods,
         distances: distances::measure(&chip)?,
         floats: float_functions::measure(&chip)?,
@@ -128,16 +129,24 @@ fn measure(options: &Options) -> anyhow::Result<Measured> {
     })
 }
 
-/// The peers, with their instructions on the chip over the default estimator's on the same rows.
+/// The peers over the default estimator on the same rows: the fit alone, and whole rows.
 fn peers_beside(chip: &chip::Chip) -> anyhow::Result<peers::Peers> {
     let mut peers = peers::run().context("the peers")?;
     let default = report::on_chip(chip, Method::default(), report::PEERS_WIDTH)
         .context("the default estimator finds no centre on the chip")?;
+    let row = (chip.whole_rows)
+        .at_width(Estimator::default(), report::PEERS_WIDTH)
+        .context("the chip measured no whole row")?;
+    let row = row.following.steps.total() as f64;
     for peer in &chip.peers {
-        let ratio = peer.instructions as f64 / default.instructions as f64;
+        let own = peer.instructions as f64;
         // Some ran on the chip only: with other starting values.
-        peers.set_chip_instruction_ratio(&peer.name, ratio);
+        peers.set_chip_instructions(&peer.name, own, default.instructions as f64, row);
     }
+    let rest = host_time::row_nanoseconds(Estimator::default())
+        .zip(host_time::nanoseconds(Method::default()))
+        .map(|(row, alone)| row - alone);
+    peers.set_rest_of_a_row(rest.context("the default estimator finds no centre on this PC")?);
     Ok(peers)
 }
 
@@ -149,6 +158,8 @@ const ALL: &str = "cargo cost";
 const DISTANCES: &str = "cargo cost --distances";
 const FLOATS: &str = "cargo cost, float functions";
 const ROW_RATES: &str = "cargo cost --row-rates";
+const ROWS: &str = "cargo cost, whole rows";
+const PEERS: &str = "cargo cost --peers --write";
 
 /// The page of the rates of rows.
 const PROOFS: &str = "docs/proofs.md";
@@ -160,6 +171,10 @@ fn write(measured: &Measured) -> anyhow::Result<()> {
     docs::write_block(ACCURACY, ALL, &measured.markdown())?;
     docs::write_block(ACCURACY, FLOATS, &measured.floats.markdown())?;
     docs::write_block("README.md", ALL, &measured.short_markdown())?;
+    docs::write_block("README.md", ROWS, &measured.readme_rows())?;
+    if let Some(peers) = &measured.peers {
+        docs::write_block(ACCURACY, PEERS, &report::peers_markdown(peers))?;
+    }
     write_distances(&measured.distances)
 }
 

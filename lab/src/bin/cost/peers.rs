@@ -3,7 +3,8 @@
 //! Everyone gets the same 128 pixels around the spot, and knows what the row before told: the centre to half
 //! a pixel, the width to 5 %, the height to 10 %, the level to its noise. The search for the spot is in
 //! nobody's time. The estimators get the row as it is, 16-bit counts; turning them into its floats is in a
-//! peer's time, because it has to. A peer fits eq. (5) on a level, all pixels weighted alike, with its
+//! peer's time, because it has to. A whole row is with the conversion, search and check of the firmware added
+//! to either. A peer fits eq. (5) on a level, all pixels weighted alike, with its
 //! defaults and analytic derivatives where it wants them. Time is of one thread; in Rust the median over
 //! turns that all take, in scipy the median over fits.
 
@@ -39,7 +40,7 @@ const ROUNDS: usize = 5;
 /// Rows for the variants of scipy's fits, some of which are slow.
 const SCIPY_VARIANT_ROWS: usize = 400;
 
-/// A peer beside the default estimator, `phase-table`.
+/// A peer beside the default estimator.
 #[derive(Clone, Debug, Serialize)]
 pub struct Peer {
     /// The crate or program.
@@ -48,6 +49,11 @@ pub struct Peer {
     pub host_time_ratio: Option<f64>,
     /// Its instructions a row over the default estimator's on the chip.
     pub chip_instruction_ratio: Option<f64>,
+    /// The time of a whole row, with our conversion, search and check, over that with the default estimator,
+    /// on this PC.
+    pub host_row_time_ratio: Option<f64>,
+    /// The same in instructions on the chip.
+    pub chip_row_instruction_ratio: Option<f64>,
     /// Its root mean square error over the Cramér-Rao bound in the reference scene.
     pub rmse_over_bound: Option<f64>,
 }
@@ -92,11 +98,23 @@ pub struct Peers {
 }
 
 impl Peers {
-    /// Notes a peer's instructions a row on the chip, over the default estimator's. Names of other peers are
-    /// ignored.
-    pub fn set_chip_instruction_ratio(&mut self, name: &str, ratio: f64) {
+    /// Notes a peer's instructions a row on the chip, the default estimator's, and those of a whole row with
+    /// the latter. Names of other peers are ignored.
+    pub fn set_chip_instructions(&mut self, name: &str, own: f64, default: f64, row: f64) {
         if let Some(peer) = self.peers.iter_mut().find(|peer| peer.name == name) {
-            peer.chip_instruction_ratio = Some(ratio);
+            peer.chip_instruction_ratio = Some(own / default);
+            peer.chip_row_instruction_ratio = Some((row - default + own) / row);
+        }
+    }
+
+    /// Notes what a whole row takes on this PC beyond the estimator, in nanoseconds.
+    pub fn set_rest_of_a_row(&mut self, ns: f64) {
+        let Some(default) = ns_per_row(&self.timings, Method::default().name()) else {
+            return;
+        };
+        for peer in &mut self.peers {
+            let own = ns_per_row(&self.timings, &peer.name);
+            peer.host_row_time_ratio = own.map(|own| (ns + own) / (ns + default));
         }
     }
 }
@@ -107,7 +125,7 @@ const GROSS: f64 = 5.25;
 /// What runs in this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Method {
-    Default,
+    PhaseTable,
     Adaptive,
     LevenbergMarquardtF64,
     LevenbergMarquardtF32,
@@ -118,7 +136,7 @@ enum Method {
     RmpfitWithDerivatives,
 }
 
-const ESTIMATORS: [Method; 2] = [Method::Default, Method::Adaptive];
+const ESTIMATORS: [Method; 2] = [Method::PhaseTable, Method::Adaptive];
 const RUST_PEERS: [Method; 4] = [
     Method::LevenbergMarquardtF64,
     Method::LevenbergMarquardtF32,
@@ -138,10 +156,20 @@ const SCIPY_VARIANTS: [&str; 3] = [
     "scipy L-BFGS-B, parameters not scaled",
 ];
 
+/// The default estimator, which the peers are compared with.
+impl Default for Method {
+    fn default() -> Self {
+        match Estimator::default() {
+            Estimator::Adaptive => Self::Adaptive,
+            _ => Self::PhaseTable,
+        }
+    }
+}
+
 impl Method {
     const fn name(self) -> &'static str {
         match self {
-            Self::Default => Estimator::PhaseTable.name(),
+            Self::PhaseTable => Estimator::PhaseTable.name(),
             Self::Adaptive => Estimator::Adaptive.name(),
             Self::LevenbergMarquardtF64 => "levenberg-marquardt f64",
             Self::LevenbergMarquardtF32 => "levenberg-marquardt f32",
@@ -162,7 +190,7 @@ impl Method {
         };
         let start = window.start;
         let fit = match self {
-            Self::Default => return estimate(Estimator::PhaseTable, &window.before),
+            Self::PhaseTable => return estimate(Estimator::PhaseTable, &window.before),
             Self::Adaptive => return estimate(Estimator::Adaptive, &window.adaptive_before),
             Self::LevenbergMarquardtF64 => {
                 levenberg_marquardt::fit_f64(&window.pixels.map(f64::from), start)
@@ -243,7 +271,7 @@ pub fn run() -> anyhow::Result<Peers> {
     for scene in [rows::REFERENCE].iter().chain(&rows::WHITE) {
         let windows = scene.windows(ROWS)?;
         let given = Given::new(scene, &windows)?;
-        let mut accuracy = Accuracies::new(scene, given.errors(Method::Default));
+        let mut accuracy = Accuracies::new(scene, given.errors(Method::default()));
         for method in ESTIMATORS
             .into_iter()
             .chain(RUST_PEERS)
@@ -368,7 +396,7 @@ impl Peers {
             let mut methods = scenes.first()?.methods.iter();
             Some(methods.find(|method| method.name == name)?.rmse_over_bound)
         };
-        let default_ns = ns_per_row(&timings, Method::Default.name());
+        let default_ns = ns_per_row(&timings, Method::default().name());
         let rust = RUST_PEERS.iter().map(|method| method.name());
         let peers = rust
             .chain(SCIPY_PEERS)
@@ -378,6 +406,8 @@ impl Peers {
                     .zip(default_ns)
                     .map(|(own, default)| own / default),
                 chip_instruction_ratio: None,
+                host_row_time_ratio: None,
+                chip_row_instruction_ratio: None,
                 rmse_over_bound: rmse_over_bound(name),
             })
             .collect();
@@ -404,13 +434,13 @@ impl fmt::Display for Peers {
             "time on this PC, one thread", "ns a row", "/ phase-table", "/ adaptive"
         )?;
         // Both estimators are always run.
-        let [default, adaptive] =
+        let [phase_table, adaptive] =
             ESTIMATORS.map(|method| ns_per_row(&self.timings, method.name()).unwrap_or(f64::NAN));
         for (name, ns) in &self.timings {
-            let (over_default, over_adaptive) = (ns / default, ns / adaptive);
+            let (over_phase_table, over_adaptive) = (ns / phase_table, ns / adaptive);
             writeln!(
                 f,
-                "{name:<52}{ns:>12.1}{over_default:>14.1}{over_adaptive:>14.1}"
+                "{name:<52}{ns:>12.1}{over_phase_table:>14.1}{over_adaptive:>14.1}"
             )?;
         }
         for scene in &self.scenes {
@@ -418,7 +448,7 @@ impl fmt::Display for Peers {
             writeln!(
                 f,
                 "{:<52}{:>12}{:>14}{:>14}{:>10}",
-                "", "RMSE / bound", "phase-table's", "rows", "failures"
+                "", "RMSE / bound", "default's", "rows", "failures"
             )?;
             for method in &scene.methods {
                 writeln!(
@@ -432,7 +462,11 @@ impl fmt::Display for Peers {
                 )?;
             }
         }
-        writeln!(f, "(phase-table's: on the same rows)")?;
+        writeln!(
+            f,
+            "(default's: {} on the same rows)",
+            Estimator::default().name()
+        )?;
         if let Some(reason) = &self.scipy_skipped {
             writeln!(f, "scipy: SKIPPED, {reason}")?;
         }

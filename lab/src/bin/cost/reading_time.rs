@@ -9,10 +9,10 @@
 //! They are the scenes `speckle-*` of `scenes/`; speckle is summed as a field ([`simulator::field`]). Each
 //! reading sees a surface of its own. Its truth is the target's mean distance over its rows.
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use host_tests::frames::words;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use simulator::bound;
 use simulator::scene::{Effect, Scene, Simulation};
 use simulator::statistics::median;
@@ -24,6 +24,8 @@ use slitrange::measurement::Measurement;
 use slitrange::record;
 use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
+
+use crate::chip::whole_rows::WholeRows;
 
 /// Rows a second that the sensor is read out with.
 pub const ROWS_PER_SECOND: f64 = 175.4;
@@ -56,6 +58,14 @@ impl Light {
         Self::SpeckleSliding,
     ];
 
+    /// By which estimators it is measured.
+    fn estimators(self) -> Vec<Estimator> {
+        match self {
+            Self::NoiseAlone | Self::SpeckleAtRest => Estimator::ALL.into(),
+            Self::SpeckleReceding | Self::SpeckleSliding => vec![Estimator::default()],
+        }
+    }
+
     fn scene(self) -> Result<Scene> {
         match self {
             Self::NoiseAlone => Ok(Scene::load("speckle-at-rest")?.without(Effect::Speckle)),
@@ -75,10 +85,15 @@ const CALIBRATED_ON_PAPER: &[u8] =
 pub struct Point {
     /// What falls on the sensor.
     pub light: Light,
+    /// How the rows' centres are found.
+    #[serde(serialize_with = "name")]
+    pub estimator: Estimator,
     /// Rows in a reading.
     pub rows: u64,
-    /// Time of a reading in milliseconds.
+    /// Time of a reading in milliseconds: the longer one of the sensor's and the chip's.
     pub milliseconds: f64,
+    /// What the chip computes for a reading, in milliseconds.
+    pub computing_milliseconds: f64,
     /// Root mean square error of a reading in micrometres.
     pub micrometres: f64,
     /// The Cramér-Rao bound for noise alone in micrometres: that of a row over sqrt(rows).
@@ -91,27 +106,64 @@ pub struct Point {
     pub faults: u64,
 }
 
-/// Measures all scenes with the default estimator, this many readings a point.
+fn name<S: Serializer>(estimator: &Estimator, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(estimator.name())
+}
+
+/// Measures all scenes, this many readings a point. `chip` says how long the chip computes. A target on the
+/// move is measured by the default estimator only.
 ///
 /// # Errors
 /// A scene cannot be read.
-pub fn measure(readings: u64) -> Result<Vec<Point>> {
-    let of_lights = Light::ALL.map(|light| measure_light(light, readings));
+pub fn measure(readings: u64, chip: &WholeRows) -> Result<Vec<Point>> {
+    let of_lights = Light::ALL.map(|light| measure_light(light, readings, chip));
     Ok(of_lights.into_iter().collect::<Result<Vec<_>>>()?.concat())
 }
 
-/// The points of one curve.
-fn measure_light(light: Light, readings: u64) -> Result<Vec<Point>> {
+/// The points of one scene.
+fn measure_light(light: Light, readings: u64, chip: &WholeRows) -> Result<Vec<Point>> {
     let bound = bound(&Light::NoiseAlone.scene()?);
     let scene = light.scene()?;
-    // For each reading, what is found at each number of rows.
+    let estimators = light.estimators();
+    // For each reading, what is found by each estimator at each number of rows.
     let results: Vec<Vec<Option<Found>>> = (0..readings)
         .into_par_iter()
-        .map(|reading| read(&scene, reading))
+        .map(|reading| read(&scene, reading, &estimators))
         .collect();
-    Ok((ROWS.iter().enumerate())
-        .map(|(i, &rows)| point(light, rows, bound, results.iter().map(|found| found[i])))
+    let cases = estimators
+        .iter()
+        .flat_map(|&estimator| ROWS.map(|rows| (estimator, rows)));
+    Ok(cases
+        .enumerate()
+        .map(|(i, (estimator, rows))| {
+            let mut point = point(light, estimator, rows, results.iter().map(|found| found[i]));
+            point.bound_micrometres = bound / (rows as f64).sqrt();
+            let computing = chip.reading_milliseconds(estimator, rows);
+            point.computing_milliseconds = computing.unwrap_or(f64::NAN);
+            // The maximum of a number and NaN is the number.
+            point.milliseconds = point.milliseconds.max(point.computing_milliseconds);
+            point
+        })
         .collect())
+}
+
+/// Standard deviation of the spot's image, as micrometres of distance.
+fn image_of_the_spot(scene: &Scene) -> Result<f64> {
+    let (optics, d) = (scene.optics, scene.distance);
+    let spot = scene.laser_spot.context("the scene has no laser spot")?;
+    // The waist is the diameter where a gaussian beam's light is 1/e^2.
+    let image =
+        spot.waist / 4.0 * optics.focal_length / optics.range(d) * optics.viewing_angle(d).cos();
+    Ok(image / optics.pitch * optics.metres_per_pixel(optics.centre(d)) * 1e6)
+}
+
+/// The error that speckle leaves of a row, in micrometres, behind a slit that is much narrower than a
+/// speckle: s / sqrt 2, where s is the size of the spot's image.
+///
+/// # Errors
+/// The scene cannot be read.
+pub fn speckle_limit() -> Result<f64> {
+    Ok(image_of_the_spot(&Light::SpeckleAtRest.scene()?)? / 2f64.sqrt())
 }
 
 /// Of a row, in micrometres of distance.
@@ -137,10 +189,11 @@ struct Found {
     r: f64,
 }
 
+/// A point, without its bound and the chip's time.
 fn point(
     light: Light,
+    estimator: Estimator,
     rows: u64,
-    bound: f64,
     readings: impl ExactSizeIterator<Item = Option<Found>>,
 ) -> Point {
     let count = readings.len();
@@ -148,45 +201,54 @@ fn point(
     let squares: f64 = found.iter().map(|found| found.error.powi(2)).sum();
     Point {
         light,
+        estimator,
         rows,
         milliseconds: rows as f64 / ROWS_PER_SECOND * 1e3,
+        computing_milliseconds: f64::NAN,
         micrometres: (squares / found.len() as f64).sqrt(),
-        bound_micrometres: bound / (rows as f64).sqrt(),
+        bound_micrometres: f64::NAN,
         u_micrometres: median(found.iter().map(|found| found.u)).unwrap_or(f64::NAN),
         r_micrometres: median(found.iter().map(|found| found.r)).unwrap_or(f64::NAN),
         faults: (count - found.len()) as u64,
     }
 }
 
-/// A reading on a surface of its own, at each number of rows: the first ones of the same 64.
-fn read(scene: &Scene, reading: u64) -> Vec<Option<Found>> {
+/// A reading on a surface of its own, by each estimator at each number of rows: the first ones of the same 64.
+fn read(scene: &Scene, reading: u64, estimators: &[Estimator]) -> Vec<Option<Found>> {
     let simulation = Simulation::new(Scene {
         seed: scene.seed + reading,
         ..scene.clone()
     });
-    let mut measurements = ROWS.map(|rows| {
-        let settings = Settings {
+    let settings = estimators.iter().flat_map(|&estimator| {
+        ROWS.map(|rows| Settings {
             rows: rows as u16,
             mean: Mean::default(),
-            estimator: Estimator::default(),
+            estimator,
             black_level: BlackLevel::Shielded,
             ..Settings::default()
-        };
-        Measurement::new(scene.geometry(), settings)
+        })
     });
+    let mut measurements: Vec<(u64, Measurement)> = settings
+        .map(|settings| {
+            (
+                settings.rows.into(),
+                Measurement::new(scene.geometry(), settings),
+            )
+        })
+        .collect();
     let calibration = Calibration::nominal();
     // The curve is exact here. What it says of the surface is what a calibration on white paper finds.
     let errors = record::decode(CALIBRATED_ON_PAPER).map(|record| record.errors);
     let errors = errors.unwrap_or(CalibrationErrors::Unknown);
-    let mut results = vec![None; ROWS.len()];
+    let mut results = vec![None; measurements.len()];
     let geometry = scene.geometry();
     let mut sum_of_truths = 0.0;
     for row in 0..MOST_ROWS {
         let light = simulation.row(row, scene.distance, scene.exposure);
         let words = words(&light, &geometry);
         sum_of_truths += simulation.true_distance(row, scene.distance) * 1e6;
-        for ((&rows, measurement), result) in ROWS.iter().zip(&mut measurements).zip(&mut results) {
-            if row >= rows {
+        for ((rows, measurement), result) in measurements.iter_mut().zip(&mut results) {
+            if row >= *rows {
                 continue;
             }
             let measured = measurement.row(&mut words.clone());
@@ -194,7 +256,7 @@ fn read(scene: &Scene, reading: u64) -> Vec<Option<Found>> {
                 .map(|measured| measured?.reading(calibration.as_ref(), &errors, Surface::Auto))
             {
                 *result = Some(Found {
-                    error: reading.distance.to_f64() - sum_of_truths / rows as f64,
+                    error: reading.distance.to_f64() - sum_of_truths / *rows as f64,
                     u: reading.uncertainty.to_f64(),
                     r: reading.parts.noise.to_f64(),
                 });
@@ -275,22 +337,17 @@ mod tests {
             .collect()
     }
 
-    /// Standard deviation of the spot's image, as micrometres of distance.
-    fn image_of_the_spot(scene: &Scene) -> f64 {
-        let (optics, d) = (scene.optics, scene.distance);
-        let image = 0.25e-3 * optics.focal_length / optics.range(d) * optics.viewing_angle(d).cos();
-        image / optics.pitch * optics.metres_per_pixel(optics.centre(d)) * 1e6
-    }
-
     fn at(points: &[Point], light: Light, rows: u64) -> f64 {
-        let point = points.iter().find(|p| p.light == light && p.rows == rows);
+        let point = points
+            .iter()
+            .find(|p| p.light == light && p.rows == rows && p.estimator == Estimator::default());
         point.expect("measured").micrometres
     }
 
     /// 40 readings give an RMS to 11 %.
     #[test]
     fn rows_help_against_noise() {
-        let points = measure_light(Light::NoiseAlone, 40).expect("a scene");
+        let points = measure_light(Light::NoiseAlone, 40, &WholeRows::default()).expect("a scene");
         let noise = at(&points, Light::NoiseAlone, 1) / at(&points, Light::NoiseAlone, 64);
         println!("noise alone: 64 rows gain {noise}");
         assert!((noise / 8.0 - 1.0).abs() < 0.3);
@@ -301,7 +358,7 @@ mod tests {
     #[ignore = "speckle takes 11 s of processor time; .ci/run runs it"]
     fn rows_help_against_speckle_as_far_as_it_changes() {
         const READINGS: u64 = 40;
-        let points = measure(READINGS).expect("scenes");
+        let points = measure(READINGS, &WholeRows::default()).expect("scenes");
         for point in &points {
             println!("{point:?}");
             assert!(point.faults <= READINGS / 20);
@@ -312,7 +369,8 @@ mod tests {
         assert!((rest - 1.0).abs() < 0.03);
         // Behind a narrow slit it is s / sqrt 2: see below. A slit of 200 um, and pixels as tall as that, see
         // a mean over a part of a speckle.
-        let image = image_of_the_spot(&Light::SpeckleAtRest.scene().expect("a scene"));
+        let image =
+            image_of_the_spot(&Light::SpeckleAtRest.scene().expect("a scene")).expect("a spot");
         let row = at(&points, Light::SpeckleAtRest, 1) / (image / 2f64.sqrt());
         println!("speckle at rest: {row} of a row behind a narrow slit");
         assert!((0.7..1.2).contains(&row));
@@ -337,7 +395,10 @@ mod tests {
         let errors = behind_a_narrow_slit(&scene, 1, 3000);
         let mut first: Vec<f64> = errors.iter().map(|error| error[0].abs()).collect();
         first.sort_by(f64::total_cmp);
-        let (found, expected) = (first[1500], 0.7407 * 0.5 * image_of_the_spot(&scene));
+        let (found, expected) = (
+            first[1500],
+            0.7407 * 0.5 * image_of_the_spot(&scene).expect("a spot"),
+        );
         println!("median {found:.1} um, expected {expected:.1} um");
         assert!((found / expected - 1.0).abs() < 0.06);
     }

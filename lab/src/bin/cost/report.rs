@@ -1,10 +1,14 @@
 //! What was measured, as JSON, as tables to read and as CSV.
 
+mod whole_rows;
+
 use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
 use cost_on_chip::methods::Method;
+use cost_on_chip::rows::WORDS;
+use cost_on_chip::whole_rows::WIDTH;
 use lab::table::{self, cells};
 use serde::Serialize;
 use slitrange::centre::Estimator;
@@ -15,6 +19,7 @@ use crate::distances::Distance;
 use crate::float_functions::FloatFunctions;
 use crate::peers::{Peer, Peers};
 use crate::reading_time;
+use whole_rows::RowInstructions;
 
 /// The chip's clock in MHz.
 pub const CLOCK_MHZ: f64 = 168.0;
@@ -59,7 +64,7 @@ pub fn on_chip(chip: &Chip, method: Method, width: f64) -> Option<&MethodOnChip>
 /// What `--json` prints. A figure that does not apply, or that no row gave, is null.
 #[derive(Serialize)]
 pub struct Json {
-    methods: Vec<Figures>,
+    methods: Vec<MethodJson>,
     sweep_instructions_per_pixel: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     gauss_newton_instructions_per_iteration: Option<f64>,
@@ -77,12 +82,22 @@ struct Figures {
     bias_max_px: Option<f64>,
     pull_min: f64,
     pull_max: f64,
+    /// The estimator alone.
     chip_instructions_per_row: Option<u64>,
     chip_cycles_estimated: Option<u64>,
     table_bytes: Option<u64>,
     code_bytes: Option<u64>,
     stack_bytes: Option<u64>,
     host_ns_per_row: Option<f64>,
+}
+
+/// An estimator of the firmware with its whole rows, or a baseline.
+#[derive(Serialize)]
+struct MethodJson {
+    #[serde(flatten)]
+    figures: Figures,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    row_instructions: Option<RowInstructions>,
 }
 
 impl Measured {
@@ -117,7 +132,17 @@ impl Measured {
     /// The object that `--json` prints.
     pub fn json(&self) -> Json {
         Json {
-            methods: self.figures(),
+            methods: self
+                .methods
+                .iter()
+                .zip(self.figures())
+                .map(|(method, figures)| MethodJson {
+                    figures,
+                    row_instructions: method
+                        .estimator()
+                        .and_then(|estimator| self.chip.whole_rows.json(estimator)),
+                })
+                .collect(),
             sweep_instructions_per_pixel: self.chip.sweep_instructions_per_pixel,
             gauss_newton_instructions_per_iteration: self
                 .chip
@@ -160,11 +185,28 @@ impl Measured {
              bound)\n{LABELS}\n"
         );
         out += &table::text(&self.accuracy_table());
-        out += "\nCost on the chip, the window known from the row before\n";
+        let _ = writeln!(
+            out,
+            "\nA whole row on the chip, from its words to its centre with its check, sigma {WIDTH} px: \
+             instructions, and estimated us at 168 MHz"
+        );
+        out += &table::text(&self.rows_table());
+        let _ = writeln!(
+            out,
+            "\n{}\n{}\n{}",
+            self.share_text(),
+            self.slowest_text(),
+            self.once_a_frame_text()
+        );
+        out += "\nIts steps\n";
+        out += &table::text(&self.steps_table());
+        out += "\nWhole rows with other spots, sigma in px\n";
+        out += &table::text(&self.widths_table());
+        out += "\nThe estimator alone, the window known from the row before\n";
         out += &table::text(&self.cost_table());
         let _ = writeln!(
             out,
-            "\ninstructions per row are those for sigma in px; cycles, microseconds at 168 MHz, flash and \
+            "\nInstructions are those for sigma in px; cycles, microseconds at 168 MHz, flash and \
              stack for sigma {WINDOW_OF_96} (96 pixels).\nCoarse search: {:.2} instructions a pixel; of the \
              first row of a frame, at all widths: {:.2}.",
             self.chip.sweep_instructions_per_pixel, self.chip.search_instructions_per_pixel
@@ -177,9 +219,8 @@ impl Measured {
         }
         let _ = writeln!(
             out,
-            "From words to the frame, by the default estimator: {} instructions a row, {:.2} a word of them \
-             to turn the words over.",
-            self.chip.measurement_instructions_per_row, self.chip.geometry_instructions_per_word,
+            "Turning the words over: {:.2} instructions a word.",
+            self.chip.geometry_instructions_per_word,
         );
         out += "\nA distance, once a frame, over the paper's range\n";
         out += &distances(&self.distances);
@@ -193,7 +234,12 @@ impl Measured {
         out += "\nThe whole sensor, target at 0.8 m, default estimator: error of a reading in um (RMS)\n";
         out += &table::text(&self.reading_table());
         if let Some(peers) = &self.peers {
-            let _ = writeln!(out, "\n{peers}\nPeers over the default estimator");
+            let _ = writeln!(
+                out,
+                "\n{peers}\nPeers over the default estimator. fit: a given window of 127 pixels. A user of a \
+                 peer would have to add the conversion of the words, the search for the spot, and the check. \
+                 row: with ours, as a whole following row"
+            );
             out += &table::text(&peer_table(&peers.peers));
         }
         out
@@ -202,52 +248,69 @@ impl Measured {
     /// The tables of `docs/accuracy.md`.
     pub fn markdown(&self) -> String {
         format!(
-            "Accuracy: on a PC, {} synthetic rows a cell; the worst over widths from 1.2 to 18 px. \
+            "### Whole rows\n\n\
+             A row's way from its {WORDS} words in memory to its centre with its check: instructions on the \
+             emulated chip, and estimated microseconds at 168 MHz. The spot has σ {WIDTH}. *following*: a row \
+             after another one of its frame. *first*: the first row of a frame. *slowest*: the slowest row \
+             that we know.\n\n\
+             {}\n{} {} {}\n\n\
+             The steps, in instructions:\n\n{}\n\
+             The same rows with spots of other widths:\n\n{}\n\
+             ### The estimators' accuracy\n\n\
+             On a PC, {} synthetic rows a cell; the worst over widths from 1.2 to 18 px. \
              {LABELS}\n\n\
              {}\n\
-             Cost: on the emulated chip, except *host ns*.\n\n{}\n\
+             ### The estimator alone\n\n\
+             Only the step *estimate*, without conversion, search and check, from the second row of a frame \
+             on. On the emulated chip, except *host ns*.\n\n{}\n\
              The search for the spot takes {:.2} instructions a pixel if the row before gave a width of 6 \
              pixels or more. In the first row of a frame, and for narrower spots, it takes {:.2} \
-             instructions a pixel. Turning a read-out into a row takes {:.2} instructions a word. With the \
-             default estimator, a whole row takes {} instructions from the second row of a frame on.\n",
+             instructions a pixel. Turning a read-out into a row takes {:.2} instructions a word.\n",
+            table::markdown(&self.rows_table()),
+            self.share_text(),
+            self.slowest_text(),
+            self.once_a_frame_text(),
+            table::markdown(&self.steps_table()),
+            table::markdown(&self.widths_table()),
             self.accuracy.rows,
             table::markdown(&self.accuracy_table()),
             table::markdown(&self.cost_table()),
             self.chip.sweep_instructions_per_pixel,
             self.chip.search_instructions_per_pixel,
             self.chip.geometry_instructions_per_word,
-            self.chip.measurement_instructions_per_row,
         )
     }
 
     /// The table of README.md: what the sensor gives, and on what each figure was measured.
     pub fn short_markdown(&self) -> String {
         let mut rows = vec![cells(&["figure", "value", "measured on"])];
-        let default = Method::default();
-        let accurate = Method::Estimator(Estimator::Adaptive);
-        for (method, mark) in [(default, " (default)"), (accurate, "")] {
-            let worst = self.accuracy.worst(method);
-            rows.push(vec![
-                format!(
-                    "RMS error of a row's centre divided by the bound, `{}`{mark}",
-                    method.name()
-                ),
-                ratio(worst.white.max(worst.shot)),
-                "PC, synthetic rows".into(),
-            ]);
-        }
+        let default = Estimator::default();
+        let worst = self.accuracy.worst(Method::Estimator(default));
         rows.push(vec![
-            format!("time to find a row's centre, `{}`", default.name()),
-            self.microseconds(default, WINDOW_OF_96)
-                .map_or("-".into(), |us| format!("{us:.1} us")),
+            format!(
+                "RMS error of a row's centre divided by the bound, `{}` (default)",
+                default.name()
+            ),
+            ratio(worst.white.max(worst.shot)),
+            "PC, synthetic rows".into(),
+        ]);
+        let times = self.chip.whole_rows.kinds(default).map(|row| {
+            row.map_or("-".into(), |row| {
+                format!("{:.0}", whole_rows::microseconds(row))
+            })
+        });
+        rows.push(vec![
+            format!("whole row, `{}`: following; first; slowest", default.name()),
+            format!("{} us", times.join("; ")),
             "virtual board, estimated".into(),
         ]);
         for (surface, light) in [
             ("no speckle", reading_time::Light::NoiseAlone),
             ("white paper", reading_time::Light::SpeckleAtRest),
         ] {
-            let of_light =
-                |point: &&reading_time::Point| point.light == light && point.rows == README_ROWS;
+            let of_light = |point: &&reading_time::Point| {
+                point.light == light && point.rows == README_ROWS && point.estimator == default
+            };
             let point = self.readings.iter().find(of_light);
             rows.push(vec![
                 format!("distance, 0.8 m, {README_ROWS} rows, {surface}: RMS error; median u, r"),
@@ -263,9 +326,19 @@ impl Measured {
         }
         format!(
             "{}\nA row is one read-out of the pixels. The bound (Cramér-Rao) is the smallest error of any \
-             unbiased method with this noise. Ratios: the worst of spot widths (sigma) from 1.2 to 18 px. \
-             Time: counted instructions at 168 MHz.\n",
+             unbiased method with this noise. The ratio is the worst of spot widths (sigma) from 1.2 to 18 px. A \
+             whole row: estimated time at 168 MHz, from the row's words to its centre with its check.\n",
             table::markdown(&rows),
+        )
+    }
+
+    /// What README.md says of the estimators.
+    pub fn readme_rows(&self) -> String {
+        format!(
+            "{}\nInstructions, and estimated microseconds at 168 MHz, from the {WORDS} words of a row to its \
+             centre with its check. {}\n",
+            table::markdown(&self.rows_table()),
+            self.share_text(),
         )
     }
 
@@ -343,14 +416,15 @@ impl Measured {
             "receding",
             "sliding",
         ])];
+        let is_default = |point: &&reading_time::Point| point.estimator == Estimator::default();
         let of = |light, rows| {
             let point = self
                 .readings
                 .iter()
-                .find(|point| point.light == light && point.rows == rows);
+                .find(|point| is_default(point) && point.light == light && point.rows == rows);
             point.map_or(f64::NAN, |point| point.micrometres)
         };
-        for point in &self.readings {
+        for point in self.readings.iter().filter(is_default) {
             if point.light == reading_time::Light::NoiseAlone {
                 rows.push(vec![
                     point.rows.to_string(),
@@ -379,6 +453,7 @@ impl Measured {
         write_csv(&directory.join("accuracy.csv"), self.cells())?;
         write_csv(&directory.join("bias.csv"), self.biases())?;
         write_csv(&directory.join("situations.csv"), self.situations())?;
+        write_csv(&directory.join("whole-rows.csv"), self.row_records())?;
         write_csv(&directory.join("chip.csv"), self.on_chips())?;
         write_csv(&directory.join("reading-time.csv"), &self.readings)?;
         write_csv(&directory.join("distances.csv"), &self.distances)?;
@@ -444,8 +519,8 @@ impl Measured {
             SituationRecord {
                 situation: situation.name,
                 method: of.method.name(),
-                microseconds: self
-                    .microseconds(of.method, situation.chip_width)
+                row_microseconds: self
+                    .row_microseconds(of.method, situation.chip_width)
                     .map(round),
                 rmse_px: round(of.outcome.rmse),
                 rmse_over_bound: round(of.outcome.ratio()),
@@ -535,7 +610,7 @@ struct BiasRecord {
 struct SituationRecord {
     situation: &'static str,
     method: &'static str,
-    microseconds: Option<f64>,
+    row_microseconds: Option<f64>,
     rmse_px: f64,
     rmse_over_bound: f64,
     faults: u64,
@@ -597,8 +672,10 @@ fn peer_table(peers: &[Peer]) -> Vec<Vec<String>> {
     let figure = |value: Option<f64>| value.map_or("-".into(), ratio);
     let mut rows = vec![cells(&[
         "peer",
-        "host time",
-        "chip instructions",
+        "fit: PC time",
+        "fit: chip instructions",
+        "row: PC time",
+        "row: chip instructions",
         "RMSE / bound",
     ])];
     rows.extend(peers.iter().map(|peer| {
@@ -606,10 +683,23 @@ fn peer_table(peers: &[Peer]) -> Vec<Vec<String>> {
             peer.name.clone(),
             figure(peer.host_time_ratio),
             figure(peer.chip_instruction_ratio),
+            figure(peer.host_row_time_ratio),
+            figure(peer.chip_row_instruction_ratio),
             figure(peer.rmse_over_bound),
         ]
     }));
     rows
+}
+
+/// The table of the peers for `docs/accuracy.md`.
+pub fn peers_markdown(peers: &Peers) -> String {
+    format!(
+        "{}\n*fit*: a peer's fit over the step *estimate* of `{}`. *row*: a whole following row with the \
+         peer's fit over a whole following row with `{}`.\n",
+        table::markdown(&peer_table(&peers.peers)),
+        Estimator::default().name(),
+        Estimator::default().name(),
+    )
 }
 
 #[cfg(test)]
@@ -652,6 +742,8 @@ mod tests {
             name: "a".into(),
             host_time_ratio: Some(2.0),
             chip_instruction_ratio: None,
+            host_row_time_ratio: Some(1.1),
+            chip_row_instruction_ratio: None,
             rmse_over_bound: Some(1.5),
         };
         let json = serde_json::to_value(Json {
@@ -664,6 +756,8 @@ mod tests {
                 "name": "a",
                 "host_time_ratio": 2.0,
                 "chip_instruction_ratio": null,
+                "host_row_time_ratio": 1.1,
+                "chip_row_instruction_ratio": null,
                 "rmse_over_bound": 1.5,
             }])
         );
@@ -706,7 +800,8 @@ mod tests {
         assert_eq!(lines("methods.csv").1, 10);
         assert_eq!(lines("bias.csv").1, 10 * 12);
         assert_eq!(lines("situations.csv").1, 10 * SITUATIONS.len());
-        assert_eq!(lines("reading-time.csv").1, 4 * 7);
+        assert_eq!(lines("reading-time.csv").1, 4 * 5 * 7);
+        assert_eq!(lines("whole-rows.csv").1, 5 * (2 * 5 + 1 + 2));
         assert_eq!(lines("distances.csv").1, 1);
         std::fs::remove_dir_all(directory).expect("removed");
     }
@@ -716,8 +811,16 @@ mod tests {
         let measured = made_up::measured();
         let (page, readme) = (measured.markdown(), measured.short_markdown());
         for method in Method::ALL {
-            assert_eq!(page.matches(&format!("| {} |", label(method))).count(), 2);
-            if !method.is_estimator() {
+            // The default is marked in the table of whole rows.
+            let times = match method.estimator() {
+                Some(estimator) if estimator != Estimator::default() => 3,
+                _ => 2,
+            };
+            assert_eq!(
+                page.matches(&format!("| {} |", label(method))).count(),
+                times
+            );
+            if method.estimator().is_none() {
                 assert!(
                     !readme.contains(&format!("`{}`", method.name())),
                     "{method:?}"
@@ -726,7 +829,7 @@ mod tests {
         }
         let figures = readme.lines().filter(|line| line.starts_with("| "));
         // With the head.
-        assert_eq!(figures.count(), 1 + 5);
+        assert_eq!(figures.count(), 1 + 4);
         assert!(!readme.contains("| - |"), "{readme}");
     }
 

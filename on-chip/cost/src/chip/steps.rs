@@ -1,14 +1,8 @@
-//! The other steps from the words of a read-out to a frame.
+//! The search for the spot, and turning words into a row.
 
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WORDS};
-use slitrange::black_level::BlackLevel;
-use slitrange::centre::Estimator;
 use slitrange::fault::Fault;
-use slitrange::frame::Mean;
-use slitrange::measurement::Measurement;
-use slitrange::reading::Measured;
 use slitrange::row::{Geometry, Row};
-use slitrange::settings::Settings;
 use slitrange::spot::{self, Spot};
 use slitrange::units::Pixels;
 
@@ -23,9 +17,7 @@ pub fn measure() {
     let geometry = rows::geometry();
     let mut pixels = [0; PIXELS];
     let mut words = [0; WORDS];
-    let mut measurement = Measurement::new(rows::geometry(), settings());
     let (mut turning, mut search, mut search_again) = (none(), none(), none());
-    let mut whole = none();
     for row in 0..ROWS {
         rows::light(WIDTH, row, Turn::Now, &mut pixels);
 
@@ -47,43 +39,17 @@ pub fn measure() {
         };
         search_again[row] = counter::count(step_spot_find_again, &(light, before), &mut spot);
         defmt::assert!(matches!(spot, Some(Ok(found)) if found.centre.abs_diff(first.centre) < 16));
-
-        // As in a frame: the row before had the same spot.
-        rows::light(WIDTH, row, Turn::Before, &mut pixels);
-        rows::words(&pixels, &mut words);
-        defmt::assert!(measurement.row(&mut words).is_none());
-        rows::light(WIDTH, row, Turn::Now, &mut pixels);
-        rows::words(&pixels, &mut words);
-        let mut pipeline = Pipeline {
-            measurement: &mut measurement,
-            words: &mut words,
-            measured: None,
-        };
-        whole[row] = counter::count(step_measurement_row, &(), &mut pipeline);
-        defmt::assert!(pipeline.measured.is_none());
     }
     print("geometry-row", WORDS, turning);
     print("spot-find", PIXELS, search);
     print("spot-find-again", PIXELS, search_again);
-    print("measurement-row", 1, whole);
-}
-
-/// As the firmware starts with, and with more rows in a frame than are given: no call ends a frame.
-fn settings() -> Settings {
-    Settings {
-        rows: 4 * ROWS as u16,
-        mean: Mean::default(),
-        estimator: Estimator::default(),
-        black_level: BlackLevel::Shielded,
-        ..Settings::default()
-    }
 }
 
 fn none() -> [Cost; ROWS] {
     [Cost::default(); ROWS]
 }
 
-/// `items` is what the step goes over: words or pixels, or 1.
+/// `items` is what the step goes over: words or pixels.
 fn print(name: &str, items: usize, costs: [Cost; ROWS]) {
     let cost = counter::summary(costs);
     defmt::println!(
@@ -128,17 +94,4 @@ struct ReadOut<'a> {
 #[unsafe(no_mangle)]
 extern "C" fn step_geometry_row(geometry: &Geometry, read_out: &mut ReadOut<'_>) {
     read_out.is_row = geometry.row(read_out.words).is_ok();
-}
-
-/// The whole pipeline, its next row, and what came of it.
-struct Pipeline<'a> {
-    measurement: &'a mut Measurement,
-    words: &'a mut [u16; WORDS],
-    measured: Option<Result<Measured, Fault>>,
-}
-
-#[inline(never)]
-#[unsafe(no_mangle)]
-extern "C" fn step_measurement_row(_: &(), pipeline: &mut Pipeline<'_>) {
-    pipeline.measured = pipeline.measurement.row(pipeline.words);
 }

@@ -20,6 +20,10 @@ pub enum Kind {
     Method,
     /// Another step of the pipeline.
     Step,
+    /// A whole row by an estimator.
+    WholeRow,
+    /// What makes a reading of a frame of an estimator.
+    Reading,
     /// A distance at one centre.
     Distance,
     /// A form of a calibration over all centres.
@@ -60,6 +64,8 @@ impl Line {
             Some("row") => Kind::Row,
             Some("method") => Kind::Method,
             Some("step") => Kind::Step,
+            Some("whole-row") => Kind::WholeRow,
+            Some("reading") => Kind::Reading,
             Some("distance") => Kind::Distance,
             Some("form") => Kind::Form,
             Some("peer-row") => Kind::PeerRow,

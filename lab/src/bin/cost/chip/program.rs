@@ -9,6 +9,8 @@ use cost_on_chip::methods::Method;
 use object::{Object as _, ObjectSymbol as _, SymbolKind};
 use virtual_board::Firmware;
 
+use super::steps;
+
 /// An instruction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Instruction {
@@ -92,6 +94,8 @@ impl Program {
             .filter_map(|method| self.address(&super::wrapper(method.name())))
             .chain(self.named(super::DISTANCE_AT))
             .chain(self.named(super::GAUSS_NEWTON_ITERATION))
+            .chain(self.address(steps::ROW))
+            .chain(self.address(steps::READING))
     }
 
     /// The instruction at an address.

@@ -200,3 +200,48 @@ fn estimates_are_in_order() {
         assert!(high < 8 * method.instructions, "{method:?}");
     }
 }
+
+/// Each estimator's rows at each width. No instruction is without a step, and only the step *estimate* tells
+/// the estimators apart where the spot is plain.
+#[test]
+fn the_steps_of_whole_rows_add_up() {
+    let rows = &CHIP.whole_rows;
+    assert_eq!(rows.at_widths.len(), Estimator::ALL.len() * WIDTHS.len());
+    for at in &rows.at_widths {
+        for row in [at.first, at.following] {
+            let steps = row.steps;
+            assert_eq!((steps.other, steps.distance), (0, 0), "{at:?}");
+            // A word is loaded and stored once at least; two share an instruction at best.
+            assert!(steps.convert > rows::WORDS as u64 / 2, "{at:?}");
+            assert!(
+                steps.search > 0 && steps.estimate > 0 && steps.check > 0,
+                "{at:?}"
+            );
+            assert!(row.cycles_estimated >= steps.total(), "{at:?}");
+        }
+        let [first, following] = [at.first, at.following].map(|row| row.steps.total());
+        assert!(first > following, "{at:?}");
+    }
+    for (estimator, once) in Estimator::ALL.into_iter().zip(&rows.once_a_frame) {
+        assert_eq!(once.estimator, estimator);
+        assert_eq!(once.distance.steps.other, 0);
+        assert!(once.distance.steps.distance > 40, "{once:?}");
+        let following = rows.nominal(estimator).expect("measured").following;
+        assert!(once.last.steps.frame > following.steps.frame, "{once:?}");
+    }
+}
+
+/// The slowest rows are no faster than the plain ones.
+#[test]
+fn the_slowest_rows_are_slow() {
+    let rows = &CHIP.whole_rows;
+    for (estimator, slowest) in Estimator::ALL.into_iter().zip(&rows.slowest) {
+        assert_eq!(slowest.estimator, estimator);
+        println!("{}: {} {:?}", estimator.name(), slowest.name, slowest.row);
+        let first = rows.nominal(estimator).expect("measured").first;
+        assert!(
+            slowest.row.steps.total() >= first.steps.total(),
+            "{slowest:?}"
+        );
+    }
+}

@@ -3,7 +3,7 @@
 use cost_on_chip::methods::Method;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange_tool::axes::{Area, Axis, Scale, TEXT, panel, text};
+use slitrange_tool::axes::{Area, Axis, Panel, Scale, TEXT, panel, text};
 
 use super::labels::spread;
 use super::style::{self, RATIOS, bold};
@@ -16,6 +16,8 @@ pub enum Kind {
     Measured,
     /// The measurement that the reader looks for first.
     Default,
+    /// What would be measured without a limit: a thin line with hollow points.
+    Hollow,
     /// The bound: a broad band below the others, so that it shows where one lies on it.
     Bound,
 }
@@ -23,7 +25,7 @@ pub enum Kind {
 /// A curve.
 #[derive(Clone)]
 pub struct Curve {
-    /// What stands at its end.
+    /// What stands at its end, if anything.
     pub name: String,
     /// Of the line and of the name.
     pub colour: RGBColor,
@@ -80,29 +82,37 @@ pub fn axis_of_ratios(worst: f64) -> Axis<'static> {
 /// Pixels beside the panel, for the names.
 const NAMES: i32 = 190;
 
-/// Draws a panel of curves. Values beyond the axis are drawn at its end.
+/// Draws a panel of curves, and gives it. Values beyond the axis are drawn at its end.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn draw_curves(
-    area: &Area<'_>,
+pub fn draw_curves<'a, 'b>(
+    area: &'b Area<'a>,
     title: &str,
     x: &Axis<'_>,
     y: &Axis<'_>,
     curves: &[Curve],
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Panel<'a, 'b>> {
     let mut panel = panel(area, title, NAMES, x, y)?;
     for curve in curves {
         let (width, colour) = match curve.kind {
             Kind::Measured => (2, curve.colour),
+            Kind::Hollow => (1, curve.colour),
             Kind::Default => (4, curve.colour),
             Kind::Bound => (9, style::BAND),
         };
         let line = curve.points.clone();
         panel.draw_series([PathElement::new(line, colour.stroke_width(width))])?;
-        if curve.kind != Kind::Bound {
-            let points = curve.points.iter();
-            panel.draw_series(points.map(|&at| Circle::new(at, width + 1, colour.filled())))?;
+        let points = curve.points.iter();
+        match curve.kind {
+            Kind::Bound => {}
+            Kind::Hollow => {
+                panel.draw_series(points.clone().map(|&at| Circle::new(at, 3, WHITE.filled())))?;
+                panel.draw_series(points.map(|&at| Circle::new(at, 3, colour.stroke_width(1))))?;
+            }
+            _ => {
+                panel.draw_series(points.map(|&at| Circle::new(at, width + 1, colour.filled())))?;
+            }
         }
     }
 
@@ -111,6 +121,7 @@ pub fn draw_curves(
     let (left, top) = area.get_base_pixel();
     let mut ends: Vec<(&Curve, (i32, i32))> = curves
         .iter()
+        .filter(|curve| !curve.name.is_empty())
         .filter_map(|curve| Some((curve, panel.backend_coord(curve.points.last()?))))
         .collect();
     ends.sort_by_key(|(_, (_, height))| *height);
@@ -128,7 +139,7 @@ pub fn draw_curves(
         ))?;
         let style = match curve.kind {
             Kind::Default => bold(TEXT, curve.colour),
-            Kind::Measured | Kind::Bound => text(TEXT, curve.colour),
+            _ => text(TEXT, curve.colour),
         };
         area.draw(&Text::new(
             curve.name.clone(),
@@ -136,5 +147,5 @@ pub fn draw_curves(
             style.pos(Pos::new(HPos::Left, VPos::Center)),
         ))?;
     }
-    Ok(())
+    Ok(panel)
 }

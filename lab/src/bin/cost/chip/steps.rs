@@ -1,0 +1,346 @@
+//! Which step of a row an instruction belongs to.
+//!
+//! The debug information says which functions an instruction lies in, inlined functions included. The trace
+//! says which calls were under way. Together they are the chain of functions from the traced function to the
+//! instruction. The outermost function of a step's module decides: so a division, or a copy of memory, counts
+//! for the step that needed it.
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
+
+use addr2line::gimli::{EndianSlice, LittleEndian};
+use addr2line::{Context, LookupResult, gimli};
+use anyhow::{Context as _, Result, bail};
+use object::{Object as _, ObjectSection as _};
+use rustc_demangle::demangle;
+use serde::Serialize;
+use virtual_board::Firmware;
+use virtual_board::trace::Call;
+
+/// A step of a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// Words into a row, and its black level.
+    Convert,
+    /// The search for the spot.
+    Search,
+    /// The estimator.
+    Estimate,
+    /// The comparison with the mirror image, and the repair.
+    Check,
+    /// The row joins its frame, and what connects the steps.
+    Frame,
+    /// A distance.
+    Distance,
+}
+
+/// The instructions of a row by step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Steps {
+    /// See [`Step::Convert`], and so on.
+    pub convert: u64,
+    /// See [`Step::Search`].
+    pub search: u64,
+    /// See [`Step::Estimate`].
+    pub estimate: u64,
+    /// See [`Step::Check`].
+    pub check: u64,
+    /// See [`Step::Frame`].
+    pub frame: u64,
+    /// See [`Step::Distance`]: a row has none, unless it completes a frame.
+    #[serde(skip_serializing_if = "is_none")]
+    pub distance: u64,
+    /// Instructions of no known step.
+    #[serde(skip_serializing_if = "is_none")]
+    pub other: u64,
+}
+
+/// `serde` wants a reference.
+#[expect(clippy::trivially_copy_pass_by_ref)]
+fn is_none(instructions: &u64) -> bool {
+    *instructions == 0
+}
+
+impl Steps {
+    /// The instructions of a call by step. `functions` names the functions that an instruction lies in, the
+    /// outermost first.
+    fn of(call: &Call, functions: impl Fn(u64) -> Rc<[String]>) -> Self {
+        let mut steps = Self::default();
+        for (sites, executed) in &call.stacks {
+            // What called, and the start of what was called: a function that is jumped to in its turn is a
+            // part of the latter.
+            let under_way: Vec<Rc<[String]>> = sites
+                .iter()
+                .flat_map(|&(site, function)| [functions(site), functions(function)])
+                .collect();
+            for (&address, &times) in executed {
+                let inside = functions(address);
+                let chain = under_way.iter().chain([&inside]);
+                let step = step_of(chain.flat_map(|names| names.iter().map(String::as_str)));
+                *steps.part(step) += times;
+            }
+        }
+        steps
+    }
+
+    fn part(&mut self, step: Option<Step>) -> &mut u64 {
+        match step {
+            Some(Step::Convert) => &mut self.convert,
+            Some(Step::Search) => &mut self.search,
+            Some(Step::Estimate) => &mut self.estimate,
+            Some(Step::Check) => &mut self.check,
+            Some(Step::Frame) => &mut self.frame,
+            Some(Step::Distance) => &mut self.distance,
+            None => &mut self.other,
+        }
+    }
+
+    /// The sum.
+    pub fn total(&self) -> u64 {
+        let Self {
+            convert,
+            search,
+            estimate,
+            check,
+            frame,
+            distance,
+            other,
+        } = *self;
+        convert + search + estimate + check + frame + distance + other
+    }
+}
+
+/// How much a function's name says of the step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Says {
+    /// All that the function calls belongs to the step.
+    All(Step),
+    /// What the function does itself belongs to the step. It calls other steps too.
+    Own(Step),
+}
+
+/// The step of a chain of functions, the outermost first.
+fn step_of<'a>(chain: impl Iterator<Item = &'a str>) -> Option<Step> {
+    let mut own = None;
+    for name in chain {
+        match says(name) {
+            Some(Says::All(step)) => return Some(step),
+            Some(Says::Own(step)) => own = Some(step),
+            None => {}
+        }
+    }
+    own
+}
+
+fn says(function: &str) -> Option<Says> {
+    // Of a method, what its type is: `<slitrange::row::Geometry>::row`.
+    let name = function.trim_start_matches(['<', '&']);
+    let name = name.strip_prefix("mut ").unwrap_or(name);
+    let path = name.split([' ', '<', '>', '(', ',']).next()?;
+    let mut modules = path.split("::").filter(|part| !part.starts_with('{'));
+    if modules.next()? != "slitrange" {
+        return STARTS.contains(&name).then_some(Says::Own(Step::Frame));
+    }
+    let says = match modules.next()? {
+        "row" | "black_level" | "pixels" => Says::All(Step::Convert),
+        "spot" => Says::All(Step::Search),
+        "centre" => Says::All(Step::Estimate),
+        // The functions of the module itself call the estimator too.
+        "check" if modules.count() < 2 => Says::Own(Step::Check),
+        "check" | "shape" | "profile" => Says::All(Step::Check),
+        "measurement" => Says::Own(Step::Frame),
+        "frame" => Says::All(Step::Frame),
+        "distance" | "reading" | "uncertainty" => Says::All(Step::Distance),
+        _ => return None,
+    };
+    Some(says)
+}
+
+/// The functions that are traced, on the chip.
+pub const ROW: &str = "step_measurement_row";
+/// See [`ROW`].
+pub const READING: &str = "step_reading";
+const STARTS: [&str; 2] = [ROW, READING];
+
+type Slice<'a> = EndianSlice<'a, LittleEndian>;
+
+/// What a program's debug information says of its instructions.
+pub struct Functions<'a> {
+    debug: Context<Slice<'a>>,
+    known: RefCell<HashMap<u64, Rc<[String]>>>,
+}
+
+impl<'a> Functions<'a> {
+    /// Of an ELF file.
+    ///
+    /// # Errors
+    /// It has no debug information, or it makes no sense.
+    pub fn of(firmware: &'a Firmware) -> Result<Self> {
+        let elf = object::File::parse(firmware.bytes())?;
+        let section = |id: gimli::SectionId| {
+            let section = elf.section_by_name(id.name());
+            let bytes = section.map_or(Ok(&[][..]), |section| section.data())?;
+            Ok::<_, anyhow::Error>(EndianSlice::new(bytes, LittleEndian))
+        };
+        let debug = Context::from_dwarf(gimli::Dwarf::load(section)?)
+            .context("the debug information of the chip's program")?;
+        Ok(Self {
+            debug,
+            known: RefCell::default(),
+        })
+    }
+
+    /// The steps of a call.
+    ///
+    /// # Errors
+    /// The debug information makes no sense.
+    pub fn steps(&self, call: &Call) -> Result<Steps> {
+        let sites = call.stacks.keys().flatten();
+        let called = sites.flat_map(|&(site, function)| [site, function]);
+        let executed = call.stacks.values().flat_map(|executed| executed.keys());
+        for address in called.chain(executed.copied()) {
+            self.look_up(address)
+                .with_context(|| format!("the functions at {address:#x}"))?;
+        }
+        let known = self.known.borrow();
+        let steps = Steps::of(call, |address| Rc::clone(&known[&address]));
+        if steps.total() != call.instructions() {
+            bail!(
+                "the steps have {} instructions, and the call {}",
+                steps.total(),
+                call.instructions()
+            );
+        }
+        Ok(steps)
+    }
+
+    /// The functions that an instruction lies in, the outermost first.
+    fn look_up(&self, address: u64) -> Result<()> {
+        if self.known.borrow().contains_key(&address) {
+            return Ok(());
+        }
+        let LookupResult::Output(frames) = self.debug.find_frames(address) else {
+            bail!("it is in another file");
+        };
+        let (mut frames, mut names) = (frames?, vec![]);
+        while let Some(frame) = frames.next()? {
+            if let Some(function) = frame.function {
+                names.push(format!("{:#}", demangle(&function.raw_name()?)));
+            }
+        }
+        names.reverse();
+        self.known.borrow_mut().insert(address, names.into());
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    fn step(chain: &[&str]) -> Option<Step> {
+        step_of(chain.iter().copied())
+    }
+
+    const START: [&str; 2] = [ROW, "<slitrange::measurement::Measurement>::row"];
+
+    fn within(chain: &[&str]) -> Option<Step> {
+        step(&[&START, chain].concat())
+    }
+
+    #[test]
+    fn the_outermost_step_decides() {
+        assert_eq!(within(&[]), Some(Step::Frame));
+        let cases = [
+            (
+                &["<slitrange::row::Geometry>::row", "memcpy"][..],
+                Step::Convert,
+            ),
+            (
+                &["slitrange::spot::sweep::sweep", "slitrange::row::x"],
+                Step::Search,
+            ),
+            (
+                &[
+                    "slitrange::check::centre",
+                    "slitrange::centre::phase_table::centre",
+                ],
+                Step::Estimate,
+            ),
+            (
+                &[
+                    "slitrange::check::centre",
+                    "slitrange::check::repair_or_keep::{closure#0}",
+                    "slitrange::check::repair::centre",
+                    "slitrange::centre::gauss_newton::fit",
+                    "compiler_builtins::mem::memcpy",
+                ],
+                Step::Check,
+            ),
+            (
+                &["slitrange::check::centre", "core::ptr::read"],
+                Step::Check,
+            ),
+            (
+                &[
+                    "<slitrange::frame::Frame>::add",
+                    "<slitrange::centre::RowCentre>::x",
+                ],
+                Step::Frame,
+            ),
+            (
+                &["<&mut slitrange::spot::search::{closure#0} as F>::call"],
+                Step::Search,
+            ),
+            (&["slitrange::units::x"], Step::Frame),
+        ];
+        for (chain, expected) in cases {
+            assert_eq!(within(chain), Some(expected), "{chain:?}");
+        }
+    }
+
+    #[test]
+    fn other_functions_have_no_step() {
+        assert_eq!(step(&["main", "slitrange_tool::row::x", "memcpy"]), None);
+        assert_eq!(step(&[]), None);
+    }
+
+    /// The traced function at 1, the estimator at 2 and a copy of memory at 3, which the conversion at 4 and
+    /// the estimator call.
+    #[test]
+    fn a_function_that_several_steps_call_counts_for_each_of_them() {
+        let functions = |address| {
+            let names: &[&str] = match address {
+                1 => &START[..1],
+                2 => &["slitrange::centre::adaptive::centre"],
+                4 => &["<slitrange::row::Geometry>::row"],
+                _ => &["memcpy"],
+            };
+            names.iter().map(|&name| name.to_owned()).collect()
+        };
+        let call = Call {
+            function: 1,
+            steps: BTreeMap::new(),
+            stacks: BTreeMap::from([
+                (vec![], BTreeMap::from([(1, 10)])),
+                (vec![(1, 2)], BTreeMap::from([(2, 200)])),
+                (vec![(1, 2), (2, 3)], BTreeMap::from([(3, 30)])),
+                (vec![(1, 4)], BTreeMap::from([(4, 4000), (5, 1)])),
+                (vec![(1, 4), (4, 3)], BTreeMap::from([(3, 70)])),
+                (vec![(1, 3)], BTreeMap::from([(3, 5)])),
+            ]),
+        };
+        let steps = Steps::of(&call, functions);
+        let expected = Steps {
+            convert: 4071,
+            estimate: 230,
+            frame: 15,
+            ..Steps::default()
+        };
+        assert_eq!(steps, expected);
+        assert_eq!(steps.total(), 4316);
+    }
+}

@@ -1,0 +1,161 @@
+//! Whole rows, from their words to their centre with its check, as the firmware measures them; and what comes
+//! once a frame.
+
+use core::array::from_fn;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WIDTHS, WORDS};
+use cost_on_chip::whole_rows::{FRAME, Order, WIDTH};
+use slitrange::centre::Estimator;
+use slitrange::distance::Calibration;
+use slitrange::fault::Fault;
+use slitrange::measurement::Measurement;
+use slitrange::reading::{Measured, Reading};
+use slitrange::settings::Settings;
+use slitrange::uncertainty::{CalibrationErrors, Surface};
+
+use super::board::let_the_log_out;
+use super::counter::{self, Cost};
+
+/// Counts the first two rows of a frame at each width, [`ROWS`] times, and the last of a frame at [`WIDTH`]
+/// with its distance; by each estimator.
+pub fn measure() {
+    let mut words = [0; WORDS];
+    for width in WIDTHS {
+        for number in 0..ROWS {
+            let mut measurements = Estimator::ALL.map(measurement);
+            for (place, turn) in [(1, Turn::Before), (2, Turn::Now)] {
+                write_words(width, number, turn, &mut words);
+                for (measurement, estimator) in measurements.iter_mut().zip(Estimator::ALL) {
+                    let (cost, measured) = count(measurement, &words);
+                    defmt::assert!(measured.is_none());
+                    print_row(estimator, width, number, place, cost);
+                }
+                let_the_log_out();
+            }
+        }
+    }
+    measure_the_last();
+}
+
+/// Counts the row that completes a frame, and the distance.
+fn measure_the_last() {
+    let mut words = [0; WORDS];
+    let mut measurements = Estimator::ALL.map(measurement);
+    let calibration = Calibration::nominal();
+    for place in 1..=FRAME {
+        write_words(WIDTH, 0, Turn::OfFrame(place), &mut words);
+        for (measurement, estimator) in measurements.iter_mut().zip(Estimator::ALL) {
+            if place < FRAME {
+                defmt::assert!(measurement.row(&mut words.clone()).is_none());
+                continue;
+            }
+            let (cost, measured) = count(measurement, &words);
+            print_row(estimator, WIDTH, 0, FRAME, cost);
+            let measured = defmt::unwrap!(measured.and_then(Result::ok));
+            let given = (measured, calibration.as_ref());
+            let mut reading = None;
+            let cost = counter::count(step_reading, &given, &mut reading);
+            defmt::assert!(matches!(reading, Some(Ok(_))));
+            defmt::println!("reading {} cycles {}", estimator.name(), cost.cycles);
+            let_the_log_out();
+        }
+    }
+}
+
+/// As the firmware starts with.
+fn measurement(estimator: Estimator) -> Measurement {
+    let settings = Settings {
+        estimator,
+        rows: FRAME,
+        ..Settings::default()
+    };
+    Measurement::new(rows::geometry(), settings)
+}
+
+fn write_words(width: f32, number: usize, turn: Turn, words: &mut [u16; WORDS]) {
+    let mut pixels = [0; PIXELS];
+    rows::light(width, number, turn, &mut pixels);
+    rows::words(&pixels, words);
+}
+
+/// `place`: the row's in its frame, from 1.
+fn print_row(estimator: Estimator, width: f32, number: usize, place: u16, cost: Cost) {
+    defmt::println!(
+        "whole-row {} width {} number {} place {} cycles {}",
+        estimator.name(),
+        width,
+        number,
+        place,
+        cost.cycles
+    );
+}
+
+/// The pipeline, the words of its next row, and what came of it.
+struct Pipeline<'a> {
+    measurement: &'a mut Measurement,
+    words: [u16; WORDS],
+    measured: Option<Result<Measured, Fault>>,
+}
+
+fn count(
+    measurement: &mut Measurement,
+    words: &[u16; WORDS],
+) -> (Cost, Option<Result<Measured, Fault>>) {
+    let mut pipeline = Pipeline {
+        measurement,
+        words: *words,
+        measured: None,
+    };
+    let cost = counter::count(step_measurement_row, &(), &mut pipeline);
+    (cost, pipeline.measured)
+}
+
+#[inline(never)]
+#[unsafe(no_mangle)]
+extern "C" fn step_measurement_row(_: &(), pipeline: &mut Pipeline<'_>) {
+    pipeline.measured = pipeline.measurement.row(&mut pipeline.words);
+}
+
+#[inline(never)]
+#[unsafe(no_mangle)]
+extern "C" fn step_reading(
+    (measured, calibration): &(Measured, Option<&Calibration>),
+    reading: &mut Option<Result<Reading, Fault>>,
+) {
+    *reading = Some(measured.reading(*calibration, &CalibrationErrors::Nominal, Surface::Auto));
+}
+
+// Under names that they keep in the ELF file, by which `cargo cost` finds them.
+
+/// What to do with the row that was put into [`ROW`]: an [`Order`] as a word. 0 once it is done.
+#[unsafe(no_mangle)]
+static ASKED: AtomicU32 = AtomicU32::new(0);
+
+/// Two words of a read-out in each.
+#[unsafe(no_mangle)]
+static ROW: [AtomicU32; WORDS / 2] = [const { AtomicU32::new(0) }; WORDS / 2];
+
+/// The cycles of the latest row.
+#[unsafe(no_mangle)]
+static CYCLES: AtomicU32 = AtomicU32::new(0);
+
+/// Measures the rows that the emulator's user puts into memory.
+pub fn serve() -> ! {
+    let mut under_way = measurement(Estimator::default());
+    loop {
+        let Some(order) = Order::from_word(ASKED.load(Ordering::Acquire)) else {
+            continue;
+        };
+        if order.is_first {
+            under_way = measurement(order.estimator);
+        }
+        let words: [u16; WORDS] = from_fn(|i| {
+            let two = ROW.get(i / 2).map_or(0, |two| two.load(Ordering::Relaxed));
+            (two >> (16 * (i % 2))) as u16
+        });
+        let (cost, _) = count(&mut under_way, &words);
+        CYCLES.store(cost.cycles, Ordering::Relaxed);
+        ASKED.store(0, Ordering::Release);
+    }
+}
