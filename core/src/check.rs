@@ -109,7 +109,9 @@ fn find_and_check(
     };
     let Checked { found, is_clean } = check_symmetry(row, spot, found, geometry, profile);
     if !is_clean && estimator != Estimator::GaussNewton {
-        return Ok(repair_or_keep(row, spot, before, geometry, profile, found));
+        return Ok(repair_or_keep(
+            estimator, row, spot, before, geometry, profile, found,
+        ));
     }
     Ok(found)
 }
@@ -119,6 +121,7 @@ fn find_and_check(
 #[cold]
 #[inline(never)]
 fn repair_or_keep(
+    estimator: Estimator,
     row: &Row<'_>,
     spot: &Spot,
     before: Option<&RowCentre>,
@@ -126,8 +129,13 @@ fn repair_or_keep(
     profile: Option<&Profile>,
     found: RowCentre,
 ) -> RowCentre {
-    match repair::centre(row, spot, before, geometry, profile) {
-        Ok(other) if !other.misfit || other.width.to_f32() < repair::NARROWEST_SURE_REFIT => {
+    let repaired = match estimator {
+        // Its centre is the repair's first one, and has failed the check.
+        Estimator::Adaptive => repair::refit(row, spot, geometry, profile, found),
+        _ => repair::centre(row, spot, before, geometry, profile).ok(),
+    };
+    match repaired {
+        Some(other) if !other.misfit || other.width.to_f32() < repair::NARROWEST_SURE_REFIT => {
             RowCentre {
                 class: found.class,
                 ..other
