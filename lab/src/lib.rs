@@ -1,10 +1,12 @@
 //! What the programs of this package share: the paper's experiment, a scene's error budget, tables, progress
-//! bars, the blocks of Markdown pages that programs write, and the reference of the serial line.
+//! bars, the blocks of Markdown pages that programs write, and the reference of the serial line, and the
+//! search for the slowest row.
 
 pub mod budget;
 pub mod docs;
 pub mod paper;
 pub mod progress;
 pub mod serial_line;
+pub mod slowest;
 pub mod surfaces;
 pub mod table;

@@ -578,7 +578,7 @@ fn fit_profile(
     let mut last = None;
     let mut has_bright_flanks = false;
     let per_sample = 1.0 / samples.len() as f32;
-    for steps in (1..).take(most) {
+    for steps in 1..=most {
         has_bright_flanks |= at.width > BRIGHT_FLANKS * start.width;
         // Weights need only the ratio of the two variances.
         let weighed = if has_bright_flanks {
@@ -631,7 +631,7 @@ pub(crate) fn least_without(
     let light = exponentials(at);
     let (pitch, scale) = (1.0 / at.width, Scale::of(at, shot));
     let mut least: [(f32, Option<usize>); CANDIDATES] = [(f32::INFINITY, None); CANDIDATES];
-    for (i, (sample, e)) in samples.iter().zip(&light).enumerate() {
+    for ((i, sample), e) in (0..SAMPLES).zip(samples).zip(&light) {
         if !range.contains(&i) || sample.is_masked() {
             continue;
         }
