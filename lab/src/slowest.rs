@@ -1,7 +1,7 @@
 //! The search for the slowest row: an evolution of descriptions of rows, counted on the emulated chip.
 //!
 //! A description ([`Description`]) is a list of shapes. The program of `slowest-on-chip` makes the row from it
-//! and counts the instructions that [`slitrange::measurement::Measurement::row`] takes, by each estimator.
+//! and counts the instructions that [`slitrange::measurement::Measurement::row`] takes.
 //! [`Search`] keeps the slowest descriptions of each estimator, for first rows of a frame and for following
 //! rows, and makes new ones of them: it changes shapes, exchanges them, and sets single pixels.
 
@@ -23,18 +23,18 @@ pub const LIMIT: u32 = 250_000;
 
 /// The slowest rows that the repository knows: for each estimator a first and a following row, with the
 /// instructions that the search counted.
-pub fn known() -> impl Iterator<Item = (Estimator, Slow)> {
+pub fn known() -> impl Iterator<Item = Slow> {
     let slow = |follows| {
         move |(words, estimator): (&corpus::Slow, Estimator)| {
             let question = Question {
                 description: Description::from_words(&words.1),
+                estimator,
                 follows,
             };
-            let slow = Slow {
+            Slow {
                 question,
                 instructions: words.0,
-            };
-            (estimator, slow)
+            }
         }
     };
     let first = corpus::FIRST.iter().zip(Estimator::ALL).map(slow(false));
@@ -43,7 +43,7 @@ pub fn known() -> impl Iterator<Item = (Estimator, Slow)> {
 
 /// The words of the slowest row of an estimator, and those of the row before if it is no first row.
 pub fn slowest_pair(estimator: Estimator) -> Option<(Option<Vec<u16>>, Vec<u16>)> {
-    let rows = known().filter(|(of, _)| *of == estimator);
-    let (_, slow) = rows.max_by_key(|(_, slow)| slow.instructions)?;
+    let rows = known().filter(|slow| slow.question.estimator == estimator);
+    let slow = rows.max_by_key(|slow| slow.instructions)?;
     Some(words_of(&slow.question))
 }

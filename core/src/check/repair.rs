@@ -504,25 +504,24 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
         sum += light;
         *next = sum;
     }
-    // The mean over about a width.
+    // The mean over about a width, where all of it is in the window.
     let reach = (0.5 * at.width) as usize;
-    let mean = |place: usize| {
-        let from = place.saturating_sub(reach);
-        let end = place.saturating_add(reach).saturating_add(1);
-        let sum = sums.get(end)? - sums.get(from)?;
-        // At most SAMPLES.
-        (end <= length).then_some(sum / end.wrapping_sub(from) as f32)
-    };
-    let (mut top, mut place) = (0.0, 0);
-    for i in 0..length {
-        let far = (i as f32 - at.centre).abs() > NEAREST_SECOND * at.width;
-        if far
-            && let Some(mean) = mean(i)
-            && mean > top
-        {
-            (top, place) = (mean, i);
+    let samples = reach.saturating_mul(2).saturating_add(1);
+    let per_sample = 1.0 / samples as f32;
+    let sums = sums.get(..=length)?;
+    let (mut most, mut place) = (0.0, 0);
+    for (i, (end, from)) in (reach..SAMPLES).zip(sums.iter().skip(samples).zip(sums)) {
+        let sum = end - from;
+        if sum > most && (i as f32 - at.centre).abs() > NEAREST_SECOND * at.width {
+            (most, place) = (sum, i);
         }
     }
+    let top = most * per_sample;
+    let mean = |place: usize| {
+        let from = place.checked_sub(reach)?;
+        let end = sums.get(from.saturating_add(samples))?;
+        Some((end - sums.get(from)?) * per_sample)
+    };
     // The second spot's height over the most light of it that stays unmasked.
     let ratio = top / at.amplitude * HEIGHT_OVER_UNMASKED;
     if !(1.0..HEIGHT_OVER_UNMASKED).contains(&ratio) {

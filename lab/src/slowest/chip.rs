@@ -3,13 +3,9 @@
 use std::time::Duration;
 
 use anyhow::{Result, bail, ensure};
-use slitrange::centre::Estimator;
-use slowest_on_chip::mailbox::{ESTIMATORS, QUESTIONS, Question, READY};
+use slowest_on_chip::mailbox::{QUESTIONS, Question, READY};
 use virtual_board::trace::Call;
 use virtual_board::{Firmware, PIXELS, VirtualBoard};
-
-/// Instructions of a row, by each estimator.
-pub type Counts = [u32; ESTIMATORS];
 
 /// A board whose program waits for rows.
 pub struct Chip {
@@ -50,16 +46,14 @@ impl Chip {
     ///
     /// # Errors
     /// The emulator or the program on it fails.
-    pub fn count(&mut self, questions: &[Question]) -> Result<Vec<Counts>> {
+    pub fn count(&mut self, questions: &[Question]) -> Result<Vec<u32>> {
         let mut counts = Vec::with_capacity(questions.len());
         for questions in questions.chunks(QUESTIONS) {
             let words = questions.iter().flat_map(Question::to_words).collect();
             self.board.write_words(self.words, words)?;
             self.board.write_word(self.asked, questions.len() as u32)?;
             self.wait()?;
-            let words = ESTIMATORS * questions.len();
-            let counted = self.board.read_words(self.counted, words)?;
-            counts.extend_from_slice(counted.as_chunks().0);
+            counts.extend(self.board.read_words(self.counted, questions.len())?);
         }
         Ok(counts)
     }
@@ -75,18 +69,18 @@ impl Chip {
         bail!("no answer; the log: {:?}", self.board.take_log())
     }
 
-    /// The instructions that one estimator executes for a row, on a board of its own: the emulator must know
+    /// The instructions that are executed for a row, on a board of its own: the emulator must know
     /// before the first instruction what it traces.
     ///
     /// # Errors
     /// The emulator or the program on it fails.
-    pub fn trace(&self, estimator: Estimator, question: &Question) -> Result<Call> {
+    pub fn trace(&self, question: &Question) -> Result<Call> {
         let row = self.program.address_of("slowest_row")?;
         let mut chip = Self::with(self.program.clone(), &[row])?;
         chip.count(std::slice::from_ref(question))?;
-        let calls = chip.board.take_calls();
-        ensure!(calls.len() == ESTIMATORS, "{} calls", calls.len());
-        Ok(calls[estimator as usize].clone())
+        let mut calls = chip.board.take_calls();
+        ensure!(calls.len() == 1, "{} calls", calls.len());
+        Ok(calls.remove(0))
     }
 
     /// The program.

@@ -50,29 +50,25 @@ impl Search {
     /// # Errors
     /// The emulator fails.
     pub fn add(&mut self, chip: &mut Chip, questions: &[Question]) -> Result<()> {
-        for (question, counts) in questions.iter().zip(chip.count(questions)?) {
-            for (kept, instructions) in self.kept[usize::from(question.follows)]
-                .iter_mut()
-                .zip(counts)
-            {
-                let place = kept.partition_point(|slow| slow.instructions > instructions);
-                // Descriptions that make the same row take the same time.
-                let is_known = kept
-                    .get(place)
-                    .is_some_and(|slow| slow.instructions == instructions);
-                if place < KEPT && !is_known {
-                    let question = *question;
-                    kept.insert(
-                        place,
-                        Slow {
-                            question,
-                            instructions,
-                        },
-                    );
-                    kept.truncate(KEPT);
-                }
-                self.rows += 1;
+        for (question, instructions) in questions.iter().zip(chip.count(questions)?) {
+            let kept = &mut self.kept[usize::from(question.follows)][question.estimator as usize];
+            let place = kept.partition_point(|slow| slow.instructions > instructions);
+            // Descriptions that make the same row take the same time.
+            let is_known = kept
+                .get(place)
+                .is_some_and(|slow| slow.instructions == instructions);
+            if place < KEPT && !is_known {
+                let question = *question;
+                kept.insert(
+                    place,
+                    Slow {
+                        question,
+                        instructions,
+                    },
+                );
+                kept.truncate(KEPT);
             }
+            self.rows += 1;
         }
         Ok(())
     }
@@ -82,7 +78,9 @@ impl Search {
     /// # Errors
     /// The emulator fails.
     pub fn step(&mut self, chip: &mut Chip) -> Result<()> {
-        let questions: Vec<Question> = (0..QUESTIONS).map(|i| self.child(i % 2 == 1)).collect();
+        let questions: Vec<Question> = (0..QUESTIONS)
+            .map(|i| self.child(Estimator::ALL[i / 2 % ESTIMATORS], i % 2 == 1))
+            .collect();
         self.add(chip, &questions)
     }
 
@@ -93,11 +91,18 @@ impl Search {
             .copied()
     }
 
-    fn child(&mut self, follows: bool) -> Question {
+    fn child(&mut self, estimator: Estimator, follows: bool) -> Question {
         let random = &mut self.random;
-        // Each estimator's rows are parents as often as the others'. A first row may become a following one.
-        let mut parent = |of: &[Vec<Slow>; ESTIMATORS]| {
-            let kept = of.choose(random)?;
+        let all = &self.kept[usize::from(follows)];
+        // Most parents are slow for the same estimator.
+        let mut parent = || {
+            let other = random.random_range(0..ESTIMATORS);
+            let own = estimator as usize;
+            let kept = &all[if random.random_ratio(1, 4) {
+                other
+            } else {
+                own
+            }];
             let [a, b] = [kept.choose(random)?, kept.choose(random)?];
             let slower = if a.instructions > b.instructions {
                 a
@@ -106,18 +111,15 @@ impl Search {
             };
             Some(slower.question.description)
         };
-        let parents = [
-            parent(&self.kept[usize::from(follows)]),
-            parent(&self.kept[usize::from(follows)]),
-        ];
-        let description = match parents {
-            [Some(first), Some(second)] if !self.random.random_ratio(1, NEW) => {
-                changed(first, &second, &mut self.random)
+        let description = match [parent(), parent()] {
+            [Some(first), Some(second)] if !random.random_ratio(1, NEW) => {
+                changed(first, &second, random)
             }
-            _ => new(&mut self.random),
+            _ => new(random),
         };
         Question {
             description,
+            estimator,
             follows,
         }
     }

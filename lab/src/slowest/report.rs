@@ -5,7 +5,6 @@ use std::fmt::Write as _;
 
 use anyhow::Result;
 use object::{Object as _, ObjectSymbol as _, SymbolKind};
-use slitrange::centre::Estimator;
 use slowest_on_chip::description::Kind;
 use slowest_on_chip::mailbox::Question;
 use slowest_on_chip::row::{Maker, Turn, WORDS};
@@ -97,12 +96,12 @@ pub fn story(question: &Question) -> String {
 }
 
 /// The table of the slowest rows.
-pub fn markdown(rows: u64, found: &[(Estimator, Slow, Vec<(String, u64)>)]) -> String {
+pub fn markdown(rows: u64, found: &[(Slow, Vec<(String, u64)>)]) -> String {
     let mut text = format!(
         "The search counted {} rows.\n\n| estimator | row | instructions | most of them in |\n|---|---|---:|---|\n",
         thousands(rows)
     );
-    for (estimator, slow, parts) in found {
+    for (slow, parts) in found {
         let parts = parts.iter().take(4);
         let parts: Vec<String> = parts
             .map(|(name, count)| {
@@ -114,7 +113,7 @@ pub fn markdown(rows: u64, found: &[(Estimator, Slow, Vec<(String, u64)>)]) -> S
         writeln!(
             text,
             "| {} | {} | {} | {} |",
-            estimator.name(),
+            slow.question.estimator.name(),
             if slow.question.follows {
                 "following"
             } else {

@@ -13,7 +13,7 @@ use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
 use slitrange::settings::Settings;
-use slowest_on_chip::mailbox::{ESTIMATORS, QUESTION, QUESTIONS, Question, READY};
+use slowest_on_chip::mailbox::{QUESTION, QUESTIONS, Question, READY};
 use slowest_on_chip::row::{Maker, Turn, WORDS, geometry};
 
 // Linked for what they define: where the log goes, and what a panic does.
@@ -29,10 +29,9 @@ static ASKED: AtomicU32 = AtomicU32::new(0);
 static ASKED_WORDS: [AtomicU32; QUESTIONS * QUESTION] =
     [const { AtomicU32::new(0) }; QUESTIONS * QUESTION];
 
-/// Instructions for the row of each question, by each estimator.
+/// Instructions for the row of each question.
 #[unsafe(no_mangle)]
-static COUNTED: [AtomicU32; QUESTIONS * ESTIMATORS] =
-    [const { AtomicU32::new(0) }; QUESTIONS * ESTIMATORS];
+static COUNTED: [AtomicU32; QUESTIONS] = [const { AtomicU32::new(0) }; QUESTIONS];
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -48,19 +47,16 @@ fn main() -> ! {
             }
         };
         let questions = ASKED_WORDS.as_chunks().0.iter().take(asked);
-        for (words, counted) in questions.zip(COUNTED.as_chunks().0) {
+        for (words, counted) in questions.zip(&COUNTED) {
             let words: &[AtomicU32; QUESTION] = words;
-            let counted: &[AtomicU32; ESTIMATORS] = counted;
             let words = core::array::from_fn(|i| words[i].load(Ordering::Relaxed));
             let question = Question::from_words(&words);
             maker.write(&question.description, Turn::Now, &mut now);
-            if question.follows {
+            let before = question.follows.then(|| {
                 maker.write(&question.description, Turn::Before, &mut before);
-            }
-            for (estimator, counted) in Estimator::ALL.into_iter().zip(counted) {
-                let before = question.follows.then_some(&before);
-                counted.store(count(estimator, before, &now), Ordering::Relaxed);
-            }
+                &before
+            });
+            counted.store(count(question.estimator, before, &now), Ordering::Relaxed);
         }
     }
 }

@@ -5,10 +5,10 @@ use slitrange::centre::Estimator;
 
 use crate::description::{self, Description};
 
-/// Estimators that take each row.
+/// Number of estimators.
 pub const ESTIMATORS: usize = Estimator::ALL.len();
 
-/// Words of a question: whether the row follows another, and its description.
+/// Words of a question: the estimator and whether the row follows another, and the row's description.
 pub const QUESTION: usize = 1 + description::WORDS;
 
 /// The most questions at once.
@@ -22,6 +22,8 @@ pub const READY: u32 = u32::MAX;
 pub struct Question {
     /// The row.
     pub description: Description,
+    /// Which estimator takes it.
+    pub estimator: Estimator,
     /// Whether the row before comes first, in the same frame.
     pub follows: bool,
 }
@@ -29,17 +31,21 @@ pub struct Question {
 impl Question {
     /// As words.
     pub fn to_words(&self) -> [u32; QUESTION] {
-        let mut words = [u32::from(self.follows); QUESTION];
+        let how = [self.estimator as u8, u8::from(self.follows), 0, 0];
+        let mut words = [u32::from_le_bytes(how); QUESTION];
         words[1..].copy_from_slice(&self.description.to_words());
         words
     }
 
     /// From words.
     pub fn from_words(words: &[u32; QUESTION]) -> Self {
-        let [follows, rest @ ..] = words;
+        let [how, rest @ ..] = words;
+        let [estimator, follows, ..] = how.to_le_bytes();
+        let estimator = Estimator::ALL.get(usize::from(estimator)).copied();
         Self {
             description: Description::from_words(rest),
-            follows: *follows != 0,
+            estimator: estimator.unwrap_or_default(),
+            follows: follows != 0,
         }
     }
 }

@@ -8,7 +8,7 @@ use lab::{docs, progress};
 use slitrange::centre::Estimator;
 use slowest_on_chip::mailbox::Question;
 
-/// The rows that docs/hard-cases.md speaks of.
+/// How many rows are counted.
 const ROWS: u64 = 1_000_000;
 
 /// The page of the table, and the file of the rows.
@@ -29,8 +29,7 @@ struct Options {
     /// Start from nothing, not from the rows that are known
     #[arg(long)]
     fresh: bool,
-    /// Also write the rows to on-chip/slowest/src/corpus.rs. From a million rows on, also rewrite the table of
-    /// docs/hard-cases.md
+    /// Also write the rows to on-chip/slowest/src/corpus.rs, and the table to docs/hard-cases.md
     #[arg(long)]
     write: bool,
 }
@@ -40,7 +39,7 @@ fn main() -> anyhow::Result<()> {
     let mut chip = Chip::power_on()?;
     let mut search = Search::new(options.seed);
     if !options.fresh {
-        let known: Vec<Question> = slowest::known().map(|(_, slow)| slow.question).collect();
+        let known: Vec<Question> = slowest::known().map(|slow| slow.question).collect();
         search.add(&mut chip, &known)?;
     }
     let progress = progress::bar(options.rows, "{wide_bar} {pos}/{len}, {eta} left")?;
@@ -50,14 +49,15 @@ fn main() -> anyhow::Result<()> {
         progress.set_position(search.rows);
     }
     progress.finish_and_clear();
-    let found: Vec<(Estimator, Slow)> = [false, true]
+    let seconds = start.elapsed().as_secs_f64();
+    let found: Vec<Slow> = [false, true]
         .into_iter()
         .flat_map(|follows| Estimator::ALL.map(|estimator| (estimator, follows)))
-        .filter_map(|(estimator, follows)| Some((estimator, search.slowest(estimator, follows)?)))
+        .filter_map(|(estimator, follows)| search.slowest(estimator, follows))
         .collect();
     let mut traced = vec![];
-    for (estimator, slow) in &found {
-        let call = chip.trace(*estimator, &slow.question)?;
+    for slow in &found {
+        let call = chip.trace(&slow.question)?;
         let parts = slowest::attribution(chip.program(), &call)?;
         let row = if slow.question.follows {
             "following"
@@ -66,23 +66,19 @@ fn main() -> anyhow::Result<()> {
         };
         println!(
             "{}, {row} row: {} instructions",
-            estimator.name(),
+            slow.question.estimator.name(),
             slow.instructions
         );
         println!("    {}", slowest::story(&slow.question));
         for (name, count) in parts.iter().take(12) {
             println!("{count:>12} {name}");
         }
-        traced.push((*estimator, *slow, parts));
+        traced.push((*slow, parts));
     }
     let table = slowest::markdown(search.rows, &traced);
-    println!(
-        "\n{table}\n{} rows in {:.0} s",
-        search.rows,
-        start.elapsed().as_secs_f64()
-    );
+    println!("\n{table}\n{} rows in {:.0} s", search.rows, seconds);
     chip.finish()?;
-    if found.iter().any(|(_, slow)| slow.instructions > LIMIT) {
+    if found.iter().any(|slow| slow.instructions > LIMIT) {
         println!("A row takes more than {LIMIT} instructions.");
     }
     if !options.write {
@@ -90,14 +86,11 @@ fn main() -> anyhow::Result<()> {
         return Ok(());
     }
     std::fs::write(docs::path(CORPUS), corpus(&found))?;
-    if options.rows >= ROWS {
-        docs::write_block(PAGE, "cargo slowest", &table)?;
-    }
-    Ok(())
+    docs::write_block(PAGE, "cargo slowest", &table)
 }
 
 /// The file of the slowest rows.
-fn corpus(found: &[(Estimator, Slow)]) -> String {
+fn corpus(found: &[Slow]) -> String {
     let mut text = String::from(
         "//! The slowest rows that `cargo slowest` found. `cargo slowest --write` writes this file.\n\n\
          use crate::description::WORDS;\nuse crate::mailbox::ESTIMATORS;\n\n\
@@ -111,10 +104,7 @@ fn corpus(found: &[(Estimator, Slow)]) -> String {
              pub const {name}: [Slow; ESTIMATORS] = [\n"
         )
         .expect("a string takes all text");
-        for (_, slow) in found
-            .iter()
-            .filter(|(_, slow)| slow.question.follows == follows)
-        {
+        for slow in found.iter().filter(|slow| slow.question.follows == follows) {
             write!(text, "    ({}, [", slow.instructions).expect("a string takes all text");
             for (i, word) in slow.question.description.to_words().iter().enumerate() {
                 let before = if i % 8 == 0 { "\n        " } else { " " };
