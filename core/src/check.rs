@@ -77,11 +77,9 @@ pub fn centre(
     profile: Option<&Profile>,
 ) -> Result<RowCentre, Fault> {
     let found = find_and_check(estimator, row, spot, before, geometry, profile)?;
-    if before.is_none() {
-        other_spot::check(row.light(), spot, &found)?;
-    }
+    let is_alone = before.is_some() || other_spot::check(row.light(), spot, &found)?;
     Ok(RowCentre {
-        misfit: found.misfit || found.width.to_f32() < NARROWEST_SURE,
+        misfit: found.misfit || !is_alone || found.width.to_f32() < NARROWEST_SURE,
         ..found
     })
 }
@@ -109,7 +107,9 @@ fn find_and_check(
     };
     let Checked { found, is_clean } = check_symmetry(row, spot, found, geometry, profile);
     if !is_clean && estimator != Estimator::GaussNewton {
-        return Ok(repair_or_keep(row, spot, before, geometry, profile, found));
+        return Ok(repair_or_keep(
+            estimator, row, spot, before, geometry, profile, found,
+        ));
     }
     Ok(found)
 }
@@ -119,6 +119,7 @@ fn find_and_check(
 #[cold]
 #[inline(never)]
 fn repair_or_keep(
+    estimator: Estimator,
     row: &Row<'_>,
     spot: &Spot,
     before: Option<&RowCentre>,
@@ -126,8 +127,13 @@ fn repair_or_keep(
     profile: Option<&Profile>,
     found: RowCentre,
 ) -> RowCentre {
-    match repair::centre(row, spot, before, geometry, profile) {
-        Ok(other) if !other.misfit || other.width.to_f32() < repair::NARROWEST_SURE_REFIT => {
+    let repaired = match estimator {
+        // Its centre is the repair's first one, and has failed the check.
+        Estimator::Adaptive => repair::refit(row, spot, geometry, profile, found),
+        _ => repair::centre(row, spot, before, geometry, profile).ok(),
+    };
+    match repaired {
+        Some(other) if !other.misfit || other.width.to_f32() < repair::NARROWEST_SURE_REFIT => {
             RowCentre {
                 class: found.class,
                 ..other

@@ -398,6 +398,33 @@ impl VirtualBoard {
         written.with_context(|| format!("writing the word at {address:#010x}: is it in RAM?"))
     }
 
+    /// Writes the 32-bit words of RAM from `address` on.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::write_word`].
+    pub fn write_words(&mut self, address: u64, words: Vec<u32>) -> Result<()> {
+        let written = self.on_emulator(move |_, host, _| {
+            let mut places = (address..).step_by(4).zip(words);
+            places.try_for_each(|(at, word)| host.write(at, Width::W32, word.into()))
+        })?;
+        written.with_context(|| format!("writing words from {address:#010x} on: is it RAM?"))
+    }
+
+    /// Reads so many 32-bit words of RAM from `address` on.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read_word`].
+    pub fn read_words(&mut self, address: u64, count: usize) -> Result<Vec<u32>> {
+        let words = self.on_emulator(move |_, host, _| {
+            let places = (address..).step_by(4).take(count);
+            let words = places.map(|at| host.read(at, Width::W32).map(|word| word as u32));
+            words.collect::<Result<_, _>>()
+        })?;
+        words.with_context(|| format!("reading words from {address:#010x} on"))
+    }
+
     /// Makes the firmware hang at each call of the function `symbol`, also after a reset, until
     /// [`VirtualBoard::unhang`]. Interrupts are still served.
     ///

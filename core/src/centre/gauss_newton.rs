@@ -71,7 +71,7 @@ const SMALLEST_S: f32 = 0.57;
 const LARGEST_S: f32 = 64.0;
 
 /// The most steps. Two or three are usual, and four for a spot that is cut off.
-const MAX_STEPS: usize = 8;
+pub(crate) const MAX_STEPS: usize = 8;
 
 /// The last step's square in standard deviations is at most this.
 const LAST_STEP: f32 = 0.01;
@@ -205,7 +205,8 @@ pub fn centre(
         f32::INFINITY
     };
     let parameters = window.parameters(&start);
-    let fit = fit_profile(window.samples(), parameters, shot, least_noise).ok_or(unfit)?;
+    let fit =
+        fit_profile(window.samples(), parameters, shot, least_noise, MAX_STEPS).ok_or(unfit)?;
     let cut_off = window.cut_off(&fit.parameters);
     if cut_off == CutOff::TooMuch {
         return Err(unfit);
@@ -547,6 +548,8 @@ pub(crate) struct Fit {
     /// Square of the last step in standard deviations of the noise, or of what the fit leaves if that is
     /// more.
     last_step: f32,
+    /// How many steps were taken.
+    pub(crate) steps: usize,
 }
 
 impl Fit {
@@ -556,19 +559,26 @@ impl Fit {
     }
 }
 
-/// Fits the samples from a start. `None` where they do not tell the four parameters apart.
-pub(crate) fn fit(samples: &[Sample], start: Parameters, shot: f32) -> Option<Fit> {
-    fit_profile(samples, start, shot, f32::INFINITY)
+/// Fits the samples from a start, by `most` steps at most. `None` where they do not tell the four parameters apart.
+pub(crate) fn fit(samples: &[Sample], start: Parameters, shot: f32, most: usize) -> Option<Fit> {
+    fit_profile(samples, start, shot, f32::INFINITY, most)
 }
 
 /// As [`fit`], with weights for a profile with bright flanks. `noise` is a sample's variance without shot
 /// noise.
-fn fit_profile(samples: &[Sample], start: Parameters, shot: f32, noise: f32) -> Option<Fit> {
+#[inline(never)]
+fn fit_profile(
+    samples: &[Sample],
+    start: Parameters,
+    shot: f32,
+    noise: f32,
+    most: usize,
+) -> Option<Fit> {
     let mut at = start;
     let mut last = None;
     let mut has_bright_flanks = false;
     let per_sample = 1.0 / samples.len() as f32;
-    for _ in 0..MAX_STEPS {
+    for steps in 1..=most {
         has_bright_flanks |= at.width > BRIGHT_FLANKS * start.width;
         // Weights need only the ratio of the two variances.
         let weighed = if has_bright_flanks {
@@ -594,6 +604,7 @@ fn fit_profile(samples: &[Sample], start: Parameters, shot: f32, noise: f32) -> 
             uncertainty: at.width * dual_mac::square_root(variance_of_centre),
             squares,
             last_step,
+            steps,
         };
         at = fit.parameters;
         last = Some(fit);
@@ -602,6 +613,42 @@ fn fit_profile(samples: &[Sample], start: Parameters, shot: f32, noise: f32) -> 
         }
     }
     last
+}
+
+/// How many samples [`least_without`] finds.
+pub(crate) const CANDIDATES: usize = 3;
+
+/// Finds the samples of a range without which a step leaves the least sum of squares, the least first. A
+/// sample adds a product to each sum of the normal equations, which is subtracted again.
+#[inline(never)]
+pub(crate) fn least_without(
+    samples: &[Sample],
+    range: core::ops::Range<usize>,
+    at: &Parameters,
+    shot: f32,
+) -> [Option<usize>; CANDIDATES] {
+    let all = normal_equations(samples, at, shot);
+    let light = exponentials(at);
+    let (pitch, scale) = (1.0 / at.width, Scale::of(at, shot));
+    let mut least: [(f32, Option<usize>); CANDIDATES] = [(f32::INFINITY, None); CANDIDATES];
+    for ((i, sample), e) in (0..SAMPLES).zip(samples).zip(&light) {
+        if !range.contains(&i) || sample.is_masked() {
+            continue;
+        }
+        let mut rest = all;
+        let u = (i as f32 - at.centre) * pitch;
+        rest.add(sample, &scale, u, *e, -1.0);
+        let Some(step) = rest.solve() else {
+            continue;
+        };
+        let mut new = (rest.squares - step.length, Some(i));
+        for place in &mut least {
+            if new.0 < place.0 {
+                core::mem::swap(&mut new, place);
+            }
+        }
+    }
+    least.map(|(_, sample)| sample)
 }
 
 /// A solution of the normal equations.
@@ -638,60 +685,82 @@ pub fn normal_equations(samples: &[Sample], at: &Parameters, shot: f32) -> Norma
     let u = (middle as f32 - at.centre) * pitch;
     // exp(-1 / s^2), by which the ratio of neighbours changes from one to the next.
     let falls = libm::expf(-pitch * pitch);
-    let sums = NormalEquations::default();
-    let sums = add_side(sums, right.iter(), at, shot, (u, pitch, falls));
-    add_side(
-        sums,
-        left.iter().rev(),
-        at,
-        shot,
-        (u - pitch, -pitch, falls),
-    )
+    let side = (at, shot, u, pitch, falls);
+    let mut sums = NormalEquations::default();
+    add_side(&mut sums, right.iter(), side);
+    let side = (at, shot, u - pitch, -pitch, falls);
+    add_side(&mut sums, left.iter().rev(), side);
+    sums
 }
 
 /// Adds the samples of one side, outwards from `u` in steps of `pitch`. `falls` is the factor by which the
-/// ratio of neighbouring e changes at each step.
-#[inline(always)]
+/// ratio of neighbouring e changes at each step. Not inlined: the sums need all registers.
+#[inline(never)]
 fn add_side<'a>(
-    mut sums: NormalEquations,
+    sums: &mut NormalEquations,
     samples: impl Iterator<Item = &'a Sample>,
-    at: &Parameters,
-    shot: f32,
-    (mut u, pitch, falls): (f32, f32, f32),
-) -> NormalEquations {
+    (at, shot, mut u, pitch, falls): (&Parameters, f32, f32, f32, f32),
+) {
     let mut e = libm::expf(-0.5 * u * u);
     let mut ratio = libm::expf(-pitch * (u + 0.5 * pitch));
-    let (scale, shot) = (1.0 / at.amplitude, shot * at.amplitude);
-    let level = at.level * scale;
+    let scale = Scale::of(at, shot);
+    let mut all = *sums;
     for sample in samples {
-        let weight = 1.0 / (sample.variance + shot * e);
-        let residual = sample.counts * scale - level - e;
-        let ue = u * e;
-        let uue = u * ue;
-        let (we, wue, wuue) = (weight * e, weight * ue, weight * uue);
-        sums.bb += weight;
-        sums.ba += we;
-        sums.bs += wuue;
-        sums.bc += wue;
-        sums.aa += we * e;
-        sums.as_ += wue * ue;
-        sums.ac += we * ue;
-        sums.ss += wuue * uue;
-        sums.sc += wuue * ue;
-        let weighted = weight * residual;
-        sums.b += weighted;
-        sums.a += weighted * e;
-        sums.s += weighted * uue;
-        sums.c += weighted * ue;
-        sums.squares += weighted * residual;
+        all.add(sample, &scale, u, e, 1.0);
         u += pitch;
         e *= ratio;
         ratio *= falls;
     }
-    sums
+    *sums = all;
+}
+
+/// What the equations are divided by.
+struct Scale {
+    /// 1 / A.
+    per_height: f32,
+    /// b / A.
+    level: f32,
+    /// The variance of the shot noise where e is 1.
+    shot: f32,
+}
+
+impl Scale {
+    fn of(at: &Parameters, shot: f32) -> Self {
+        let per_height = 1.0 / at.amplitude;
+        Self {
+            per_height,
+            level: at.level * per_height,
+            shot: shot * at.amplitude,
+        }
+    }
 }
 
 impl NormalEquations {
+    /// Adds a sample with this sign.
+    #[inline(always)]
+    fn add(&mut self, sample: &Sample, scale: &Scale, u: f32, e: f32, sign: f32) {
+        let weight = sign / (sample.variance + scale.shot * e);
+        let residual = sample.counts * scale.per_height - scale.level - e;
+        let ue = u * e;
+        let uue = u * ue;
+        let (we, wue, wuue) = (weight * e, weight * ue, weight * uue);
+        self.bb += weight;
+        self.ba += we;
+        self.bs += wuue;
+        self.bc += wue;
+        self.aa += we * e;
+        self.as_ += wue * ue;
+        self.ac += we * ue;
+        self.ss += wuue * uue;
+        self.sc += wuue * ue;
+        let weighted = weight * residual;
+        self.b += weighted;
+        self.a += weighted * e;
+        self.s += weighted * uue;
+        self.c += weighted * ue;
+        self.squares += weighted * residual;
+    }
+
     /// Solves the equations by Cholesky's method without square roots (L D L^T). c comes last, so that its
     /// pivot is one over the last element of the inverse. `None` where rounding destroys a pivot: the samples
     /// do not tell the parameters apart.
@@ -880,7 +949,7 @@ mod tests {
             counts: 4000.0,
             variance: SATURATED,
         }; SAMPLES];
-        let fitted = fit(&all_full, AT, 0.0);
+        let fitted = fit(&all_full, AT, 0.0, MAX_STEPS);
         let uncertain = fitted.is_none_or(|fit| fit.uncertainty > 1e6);
         assert!(uncertain, "{fitted:?}");
     }
@@ -899,7 +968,7 @@ mod tests {
                 amplitude: truth.amplitude * amplitude,
                 level: 0.0,
             };
-            let found = fit(&samples, start, 0.1).expect("a fit");
+            let found = fit(&samples, start, 0.1, MAX_STEPS).expect("a fit");
             println!("{found:?}");
             assert!((found.parameters.centre - truth.centre).abs() < 1e-3);
             assert!((found.parameters.level - truth.level).abs() < 0.1);
@@ -925,7 +994,7 @@ mod tests {
             amplitude: 3200.0,
             level: 0.0,
         };
-        let fitted = |noise| fit_profile(&samples, start, 0.1, noise).expect("a fit");
+        let fitted = |noise| fit_profile(&samples, start, 0.1, noise, MAX_STEPS).expect("a fit");
         let [without, with] = [f32::INFINITY, 4.0].map(fitted);
         println!("{without:?}\n{with:?}");
         for found in [&without, &with] {
@@ -950,7 +1019,7 @@ mod tests {
             width: 0.9 * AT.width,
             ..AT
         };
-        let found = fit_profile(&samples, start, shot, noise).expect("a fit");
+        let found = fit_profile(&samples, start, shot, noise, MAX_STEPS).expect("a fit");
         let (mut product, mut norm) = (0.0, 0.0);
         for i in 0..SAMPLES {
             let u = (i as f64 - f64::from(AT.centre)) / f64::from(AT.width);

@@ -10,11 +10,14 @@
 //! 2. **Light.** A second spot or a reflection, which leads a fit astray from the start. The first fit takes
 //!    only the spot's top and the dark. The next fits mask only the second light, wherever it is more than a
 //!    thousandth of the spot.
-//! 3. **One pixel** of a narrow spot. Among its few pixels one bad pixel makes all of them look bad: each in
-//!    turn is masked.
+//! 3. **One pixel** of a narrow spot. Among its few pixels one bad pixel makes all of them look bad. The
+//!    normal equations tell which single pixels to mask: see [`gauss_newton::least_without`].
 //!
 //! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains.
-//! Otherwise [`centre`] gives the first centre with a flag, and the check decides.
+//! Otherwise [`centre`] gives the first centre with a flag, and the check decides. A repair ends when its
+//! [`EFFORT`] is used up, whatever the row is.
+
+use core::cell::Cell;
 
 use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Start, Window};
 use crate::centre::half_width::WIDTHS;
@@ -58,8 +61,26 @@ const HALF_WINDOW: f32 = 8.0;
 /// The fewest samples to either side, from which the level is known.
 const FEWEST: usize = 16;
 
-/// The most fits in a series. Each fit masks more pixels than the one before.
-const ROUNDS: usize = 6;
+/// The most fits that each mask more pixels than the one before.
+const PIXEL_ROUNDS: usize = 4;
+
+/// The most fits that each mask the second light anew. If two rounds mask the same, the next ones would, too.
+const LIGHT_ROUNDS: usize = 3;
+
+/// The most steps of the fit to the spot's top and the dark. It is only a start.
+const STEPS_OF_TOP: usize = 3;
+
+/// The most effort of a repair. The unit is a sample in one pass. The pass of a step, which sums up the normal
+/// equations, takes 37 instructions a sample, and no other pass takes more than 40.
+///
+/// If too little is left, the first centre stays. Repairs of more effort go wrong more often than others.
+const EFFORT: usize = 2600;
+
+/// The effort of a step besides its sums: four exponentials, and the equations' solution.
+const EFFORT_OF_STEP: usize = 12;
+
+/// The effort of comparing the row with its mirror image.
+const EFFORT_OF_CHECK: usize = 150;
 
 /// Finds the centre of a spot.
 ///
@@ -82,18 +103,35 @@ pub fn centre(
         misfit: !checked.is_clean,
         ..checked.found
     };
-    // The tilt tables ignore a slope. The fits below would take it for outliers.
-    if checked.is_clean || found.class.set == TILTED.number() {
+    if checked.is_clean {
         return Ok(sure);
+    }
+    Ok(refit(row, spot, geometry, profile, found).unwrap_or(sure))
+}
+
+/// Searches samples that do not belong to the spot, and fits the rest. `None` where there is no better centre
+/// than the first one, which failed the check.
+#[inline(never)]
+pub(super) fn refit(
+    row: &Row<'_>,
+    spot: &Spot,
+    geometry: &Geometry,
+    profile: Option<&Profile>,
+    first: RowCentre,
+) -> Option<RowCentre> {
+    // The tilt tables ignore a slope. The fits below would take it for outliers.
+    if first.class.set == TILTED.number() {
+        return None;
     }
     let scene = Scene {
         row,
         spot,
         geometry,
         profile,
-        found,
+        found: first,
+        effort: Cell::new(EFFORT),
     };
-    Ok(scene.refit().unwrap_or(sure))
+    scene.refit()
 }
 
 /// Why samples are masked.
@@ -115,6 +153,8 @@ struct Scene<'a> {
     profile: Option<&'a Profile>,
     /// The first centre.
     found: RowCentre,
+    /// The effort that is left, of [`EFFORT`].
+    effort: Cell<usize>,
 }
 
 impl Scene<'_> {
@@ -155,6 +195,28 @@ impl Scene<'_> {
         Window::within(half, light, self.spot, start, self.geometry)
     }
 
+    /// Takes a pass over so many samples from the effort. `None` if too little is left.
+    fn pay(&self, samples: usize) -> Option<()> {
+        let left = self.effort.get().checked_sub(samples)?;
+        self.effort.set(left);
+        Some(())
+    }
+
+    /// Fits by as many steps as are needed, and no more than are allowed.
+    fn fit(&self, window: &Window, at: Parameters, most: usize) -> Option<Fit> {
+        let step = window.samples().len().saturating_add(EFFORT_OF_STEP);
+        let steps = self.effort.get().checked_div(step)?;
+        let fit = gauss_newton::fit(window.samples(), at, self.shot(), most.min(steps))?;
+        self.pay(step.saturating_mul(fit.steps))?;
+        Some(fit)
+    }
+
+    /// How the samples deviate from a spot.
+    fn residuals(&self, window: &Window, at: &Parameters) -> Option<Residuals> {
+        self.pay(window.samples().len())?;
+        Some(Residuals::of(window, at, self.shot()))
+    }
+
     fn shot(&self) -> f32 {
         self.spot.background.variances(self.geometry).1
     }
@@ -190,6 +252,7 @@ impl Scene<'_> {
         let masked = window.masked_pixels();
         let own = self.profile.map(|profile| profile.at(found.centre));
         let own = own.as_ref();
+        self.pay(EFFORT_OF_CHECK)?;
         let verdict = symmetry::check(self.row, self.spot, &found, self.geometry, own, &masked)?;
         verdict.is_clean().then_some(RowCentre {
             shape: verdict.shape,
@@ -199,7 +262,109 @@ impl Scene<'_> {
 
     /// Whether the samples that are not masked suffice for the centre.
     fn has_enough(&self, window: &Window, fit: &Fit, uncertainty: f32, cause: Cause) -> bool {
-        let at = &fit.parameters;
+        let masked = Masked::of(window, &fit.parameters);
+        // The variance of the centre if no sample were masked.
+        let found = window.row_centre(fit);
+        let (noise, shot) = self.spot.background.variances(self.geometry);
+        let per_height = 1.0 / found.amplitude.to_f32();
+        let whole = found.width.to_f32() * per_height * (1.13 * noise * per_height + 0.4 * shot);
+        masked.are_few
+            || (cause == Cause::Light
+                && !masked.are_at_top
+                && uncertainty * uncertainty <= 4.0 * whole)
+    }
+
+    /// Fits again and again, and masks the samples that deviate, the worst first, until none deviates.
+    #[inline(never)]
+    fn fit_without_pixels(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
+        let mut residuals = self.residuals(window, &at)?;
+        for _ in 0..PIXEL_ROUNDS {
+            mask_outliers(window, &residuals);
+            // The next rounds mask more samples.
+            if !Masked::of(window, &at).are_few {
+                return None;
+            }
+            let fit = self.fit(window, at, gauss_newton::MAX_STEPS)?;
+            at = fit.parameters;
+            residuals = self.residuals(window, &at)?;
+            if residuals.worst <= OUTLIER && fit.has_arrived() {
+                return self.accept(window, &fit, &residuals, Cause::Pixels);
+            }
+        }
+        None
+    }
+
+    /// Fits the spot with the light beside it masked.
+    #[inline(never)]
+    fn fit_without_light(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
+        mask_but_top_and_dark(window, &at);
+        at = self.fit(window, at, STEPS_OF_TOP)?.parameters;
+        let mut before = None;
+        for _ in 0..LIGHT_ROUNDS {
+            window.unmask();
+            self.pay(window.samples().len())?;
+            mask_second(window, &at, self)?;
+            let masked = window.masked_pixels();
+            if before == Some(masked) {
+                return None;
+            }
+            let fit = self.fit(window, at, gauss_newton::MAX_STEPS)?;
+            before = fit.has_arrived().then_some(masked);
+            at = fit.parameters;
+            let residuals = self.residuals(window, &at)?;
+            if let Some(found) = self.accept(window, &fit, &residuals, Cause::Light) {
+                return Some(found);
+            }
+        }
+        None
+    }
+
+    /// Fits the spot with one sample masked: the one without which the rest scatters least. The normal
+    /// equations at the start choose the samples that are tried.
+    #[inline(never)]
+    fn fit_without_one(&self, window: &mut Window, at: Parameters) -> Option<RowCentre> {
+        // `as` saturates: a place before the window becomes its first sample.
+        let first = (at.centre - 3.0 * at.width) as usize;
+        let end = ((at.centre + 3.0 * at.width) as usize).saturating_add(1);
+        let end = end.min(window.samples().len());
+        // The equations without a sample are solved in 160 instructions.
+        let passes = window.samples().len().saturating_mul(2);
+        let solutions = end.saturating_sub(first).saturating_mul(4);
+        let effort = passes.saturating_add(solutions);
+        self.pay(effort.saturating_add(EFFORT_OF_STEP))?;
+        let candidates =
+            gauss_newton::least_without(window.samples(), first..end, &at, self.shot());
+        let mut best: Option<(f32, RowCentre)> = None;
+        for candidate in candidates.into_iter().flatten() {
+            window.unmask();
+            if let Some(sample) = window.samples.get_mut(candidate) {
+                sample.mask();
+            }
+            let Some(fit) = self.fit(window, at, gauss_newton::MAX_STEPS) else {
+                continue;
+            };
+            let residuals = self.residuals(window, &fit.parameters)?;
+            if residuals.worst <= OUTLIER
+                && best.is_none_or(|(least, _)| residuals.squares < least)
+                && let Some(found) = self.accept(window, &fit, &residuals, Cause::Pixels)
+            {
+                best = Some((residuals.squares, found));
+            }
+        }
+        best.map(|(_, found)| found)
+    }
+}
+
+/// What the check masked of a spot.
+struct Masked {
+    /// Bad pixels may be so few, and so near each other.
+    are_few: bool,
+    /// A masked sample is within a width of the centre.
+    are_at_top: bool,
+}
+
+impl Masked {
+    fn of(window: &Window, at: &Parameters) -> Self {
         // At most SAMPLES each.
         let (mut all, mut masked, mut top) = (0, 0, 0);
         let (mut run, mut longest) = (0, 0);
@@ -218,73 +383,10 @@ impl Scene<'_> {
                 top = numeric::add_u32(top, of_top.into());
             }
         }
-        // The variance of the centre if no sample were masked.
-        let found = window.row_centre(fit);
-        let (noise, shot) = self.spot.background.variances(self.geometry);
-        let per_height = 1.0 / found.amplitude.to_f32();
-        let whole = found.width.to_f32() * per_height * (1.13 * noise * per_height + 0.4 * shot);
-        let few = longest <= BAD_PIXELS && (masked <= all / 8 || masked <= 1);
-        few || (cause == Cause::Light && top == 0 && uncertainty * uncertainty <= 4.0 * whole)
-    }
-
-    /// Fits again and again, and masks the samples that deviate, the worst first, until none deviates.
-    #[inline(never)]
-    fn fit_without_pixels(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
-        for _ in 0..ROUNDS {
-            let residuals = Residuals::of(window, &at, self.shot());
-            mask_outliers(window, &residuals);
-            let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
-            at = fit.parameters;
-            let residuals = Residuals::of(window, &at, self.shot());
-            if residuals.worst <= OUTLIER {
-                return self.accept(window, &fit, &residuals, Cause::Pixels);
-            }
+        Self {
+            are_few: longest <= BAD_PIXELS && (masked <= all / 8 || masked <= 1),
+            are_at_top: top > 0,
         }
-        None
-    }
-
-    /// Fits the spot with the light beside it masked.
-    #[inline(never)]
-    fn fit_without_light(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
-        mask_but_top_and_dark(window, &at);
-        at = gauss_newton::fit(window.samples(), at, self.shot())?.parameters;
-        for _ in 0..ROUNDS {
-            window.unmask();
-            mask_second(window, &at, self)?;
-            let fit = gauss_newton::fit(window.samples(), at, self.shot())?;
-            at = fit.parameters;
-            let residuals = Residuals::of(window, &at, self.shot());
-            if let Some(found) = self.accept(window, &fit, &residuals, Cause::Light) {
-                return Some(found);
-            }
-        }
-        None
-    }
-
-    /// Fits the spot with one sample masked: the one without which the rest scatters least.
-    #[inline(never)]
-    fn fit_without_one(&self, window: &mut Window, at: Parameters) -> Option<RowCentre> {
-        // `as` saturates: a place before the window becomes its first sample.
-        let first = (at.centre - 3.0 * at.width) as usize;
-        let end = ((at.centre + 3.0 * at.width) as usize).saturating_add(1);
-        let mut best: Option<(f32, RowCentre)> = None;
-        for candidate in first..end.min(window.samples().len()) {
-            window.unmask();
-            if let Some(sample) = window.samples.get_mut(candidate) {
-                sample.mask();
-            }
-            let Some(fit) = gauss_newton::fit(window.samples(), at, self.shot()) else {
-                continue;
-            };
-            let residuals = Residuals::of(window, &fit.parameters, self.shot());
-            if residuals.worst <= OUTLIER
-                && best.is_none_or(|(least, _)| residuals.squares < least)
-                && let Some(found) = self.accept(window, &fit, &residuals, Cause::Pixels)
-            {
-                best = Some((residuals.squares, found));
-            }
-        }
-        best.map(|(_, found)| found)
     }
 }
 
@@ -394,24 +496,32 @@ fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Optio
     for (sample, light) in window.samples().iter().zip(&mut beside) {
         *light = sample.counts - at.level - at.amplitude * *light;
     }
-    let beside = beside.get(..window.samples().len())?;
-    // The mean over about a width.
+    let length = window.samples().len();
+    // The light up to each sample, without it.
+    let mut sums = [0.0; SAMPLES + 1];
+    let mut sum = 0.0;
+    for (next, light) in sums.iter_mut().skip(1).zip(beside.iter().take(length)) {
+        sum += light;
+        *next = sum;
+    }
+    // The mean over about a width, where all of it is in the window.
     let reach = (0.5 * at.width) as usize;
-    let mean = |place: usize| {
-        let from = place.saturating_sub(reach);
-        let near = beside.get(from..place.saturating_add(reach).saturating_add(1))?;
-        Some(near.iter().sum::<f32>() / near.len() as f32)
-    };
-    let (mut top, mut place) = (0.0, 0);
-    for i in 0..beside.len() {
-        let far = (i as f32 - at.centre).abs() > NEAREST_SECOND * at.width;
-        if far
-            && let Some(mean) = mean(i)
-            && mean > top
-        {
-            (top, place) = (mean, i);
+    let samples = reach.saturating_mul(2).saturating_add(1);
+    let per_sample = 1.0 / samples as f32;
+    let sums = sums.get(..=length)?;
+    let (mut most, mut place) = (0.0, 0);
+    for (i, (end, from)) in (reach..SAMPLES).zip(sums.iter().skip(samples).zip(sums)) {
+        let sum = end - from;
+        if sum > most && (i as f32 - at.centre).abs() > NEAREST_SECOND * at.width {
+            (most, place) = (sum, i);
         }
     }
+    let top = most * per_sample;
+    let mean = |place: usize| {
+        let from = place.checked_sub(reach)?;
+        let end = sums.get(from.saturating_add(samples))?;
+        Some((end - sums.get(from)?) * per_sample)
+    };
     // The second spot's height over the most light of it that stays unmasked.
     let ratio = top / at.amplitude * HEIGHT_OVER_UNMASKED;
     if !(1.0..HEIGHT_OVER_UNMASKED).contains(&ratio) {

@@ -1,0 +1,49 @@
+//! The search for the slowest row: an evolution of descriptions of rows, counted on the emulated chip.
+//!
+//! A description ([`Description`]) is a list of shapes. The program of `slowest-on-chip` makes the row from it
+//! and counts the instructions that [`slitrange::measurement::Measurement::row`] takes.
+//! [`Search`] keeps the slowest descriptions of each estimator, for first rows of a frame and for following
+//! rows, and makes new ones of them: it changes shapes, exchanges them, and sets single pixels.
+
+mod chip;
+mod evolution;
+mod report;
+
+pub use chip::Chip;
+pub use evolution::{Search, Slow};
+pub use report::{attribution, markdown, story, words_of};
+
+use slitrange::centre::Estimator;
+use slowest_on_chip::corpus;
+use slowest_on_chip::description::Description;
+use slowest_on_chip::mailbox::Question;
+
+/// The most instructions that a row may take, whatever is on it.
+pub const LIMIT: u32 = 250_000;
+
+/// The slowest rows that the repository knows: for each estimator a first and a following row, with the
+/// instructions that the search counted.
+pub fn known() -> impl Iterator<Item = Slow> {
+    let slow = |follows| {
+        move |(words, estimator): (&corpus::Slow, Estimator)| {
+            let question = Question {
+                description: Description::from_words(&words.1),
+                estimator,
+                follows,
+            };
+            Slow {
+                question,
+                instructions: words.0,
+            }
+        }
+    };
+    let first = corpus::FIRST.iter().zip(Estimator::ALL).map(slow(false));
+    first.chain(corpus::FOLLOWING.iter().zip(Estimator::ALL).map(slow(true)))
+}
+
+/// The words of the slowest row of an estimator, and those of the row before if it is no first row.
+pub fn slowest_pair(estimator: Estimator) -> Option<(Option<Vec<u16>>, Vec<u16>)> {
+    let rows = known().filter(|slow| slow.question.estimator == estimator);
+    let slow = rows.max_by_key(|slow| slow.instructions)?;
+    Some(words_of(&slow.question))
+}

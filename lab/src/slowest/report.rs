@@ -1,0 +1,140 @@
+//! What a search found, in words.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use anyhow::Result;
+use object::{Object as _, ObjectSymbol as _, SymbolKind};
+use slowest_on_chip::description::Kind;
+use slowest_on_chip::mailbox::Question;
+use slowest_on_chip::row::{Maker, Turn, WORDS};
+use virtual_board::Firmware;
+use virtual_board::trace::Call;
+
+use super::Slow;
+
+/// The words of a row, and those of the row before if it follows one.
+pub fn words_of(question: &Question) -> (Option<Vec<u16>>, Vec<u16>) {
+    let mut maker = Box::new(Maker::default());
+    let mut words = |turn| {
+        let mut words = [0; WORDS];
+        maker.write(&question.description, turn, &mut words);
+        words.to_vec()
+    };
+    (
+        question.follows.then(|| words(Turn::Before)),
+        words(Turn::Now),
+    )
+}
+
+/// The functions that executed a call's instructions, with their numbers, the largest first. A function has
+/// the instructions of those that are inlined into it.
+///
+/// # Errors
+/// The program is no ELF file.
+pub fn attribution(program: &Firmware, call: &Call) -> Result<Vec<(String, u64)>> {
+    let elf = object::File::parse(program.bytes())?;
+    let symbols = elf
+        .symbols()
+        .filter(|symbol| symbol.kind() == SymbolKind::Text);
+    let functions: BTreeMap<u64, &str> = symbols
+        .filter_map(|symbol| Some((symbol.address() & !1, symbol.name().ok()?)))
+        .collect();
+    let mut of_functions = BTreeMap::<&str, u64>::new();
+    for ((from, _), count) in &call.steps {
+        let function = functions.range(..=from).next_back();
+        *of_functions
+            .entry(function.map_or("?", |(_, name)| name))
+            .or_default() += count;
+    }
+    let name = |name: &str| {
+        let name = format!("{:#}", rustc_demangle::demangle(name));
+        name.replace("slitrange::", "").replace(['<', '>'], "")
+    };
+    let mut found: Vec<(String, u64)> = of_functions
+        .into_iter()
+        .map(|(of, count)| (name(of), count))
+        .collect();
+    found.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    Ok(found)
+}
+
+/// What is on a row.
+pub fn story(question: &Question) -> String {
+    let description = &question.description;
+    let mut text = format!(
+        "black level {}, noise {:.1}",
+        description.black,
+        f64::from(description.noise) / 256.0
+    );
+    for shape in description
+        .shapes
+        .iter()
+        .filter(|shape| shape.kind != Kind::Nothing)
+    {
+        let rows = ["in no row", "before", "now", "both"][usize::from(shape.rows & 3)];
+        if !question.follows && shape.rows & 2 == 0 {
+            continue;
+        }
+        write!(
+            text,
+            "\n    {:?} at {:.2}, width {:.2}, height {}, more {}{}",
+            shape.kind,
+            f64::from(shape.place) / 16.0,
+            f64::from(shape.width) / 256.0,
+            shape.height,
+            shape.more,
+            if question.follows {
+                format!(" ({rows})")
+            } else {
+                String::new()
+            }
+        )
+        .expect("a string takes all text");
+    }
+    text
+}
+
+/// The table of the slowest rows.
+pub fn markdown(rows: u64, found: &[(Slow, Vec<(String, u64)>)]) -> String {
+    let mut text = format!(
+        "The search counted {} rows.\n\n| estimator | row | instructions | most of them in |\n|---|---|---:|---|\n",
+        thousands(rows)
+    );
+    for (slow, parts) in found {
+        let parts = parts.iter().take(4);
+        let parts: Vec<String> = parts
+            .map(|(name, count)| {
+                let name = name.rsplit("::").take(2).collect::<Vec<_>>();
+                let name = name.into_iter().rev().collect::<Vec<_>>().join("::");
+                format!("`{name}` {}", thousands(*count))
+            })
+            .collect();
+        writeln!(
+            text,
+            "| {} | {} | {} | {} |",
+            slow.question.estimator.name(),
+            if slow.question.follows {
+                "following"
+            } else {
+                "first"
+            },
+            thousands(slow.instructions.into()),
+            parts.join(", ")
+        )
+        .expect("a string takes all text");
+    }
+    text
+}
+
+fn thousands(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
