@@ -1,8 +1,6 @@
 //! What the programs of this package share: the paper's experiment, a scene's error budget, tables, progress
-//! bars, the blocks of Markdown pages that programs write, the reference of the serial line, and the slowest
-//! rows.
-//! bars, the blocks of Markdown pages that programs write, and the reference of the serial line, and the
-//! search for the slowest row.
+//! bars, the blocks of Markdown pages that programs write, the reference of the serial line, and the search for
+//! the slowest row.
 
 pub mod budget;
 pub mod docs;
