@@ -77,7 +77,7 @@ pub fn centre(
     profile: Option<&Profile>,
 ) -> Result<RowCentre, Fault> {
     let found = find_and_check(estimator, row, spot, before, geometry, profile)?;
-    let is_alone = before.is_some() || other_spot::check(row.light(), spot, &found)?;
+    let is_alone = before.is_some() || other_spot::check(row, spot, &found)?;
     Ok(RowCentre {
         misfit: found.misfit || !is_alone || found.width.to_f32() < NARROWEST_SURE,
         ..found

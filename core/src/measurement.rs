@@ -111,9 +111,9 @@ impl Measurement {
         let spot = match &before {
             Some((spot, centre)) => {
                 let coarse = &mut self.coarse;
-                spot::find_again_in(&row, &self.blocks, coarse, spot, centre.width)
+                spot::find_again_in(&row, row.blocks(), coarse, spot, centre.width)
             }
-            None => spot::find_in(&row, &self.blocks, &mut self.coarse),
+            None => spot::find_in(&row, row.blocks(), &mut self.coarse),
         };
         let how = self.settings.black_level;
         let mut black = BlackPixels::default();

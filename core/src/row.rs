@@ -47,6 +47,8 @@ pub const MAX_PIXELS: usize = 4096;
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
     light: Light<'a>,
+    /// The sums over the light pixels' blocks. Empty where nobody summed them.
+    blocks: &'a [u16],
     shielded: Light<'a>,
     full_scale: u16,
 }
@@ -72,6 +74,7 @@ impl<'a> Row<'a> {
         }
         Ok(Self {
             light: light.into(),
+            blocks: &[],
             shielded: shielded.into(),
             full_scale,
         })
@@ -89,6 +92,12 @@ impl<'a> Row<'a> {
     #[inline]
     pub const fn light(&self) -> Light<'a> {
         self.light
+    }
+
+    /// The sums over blocks of 8 of them. Empty where nobody summed them.
+    #[inline]
+    pub(crate) const fn blocks(&self) -> &'a [u16] {
+        self.blocks
     }
 
     /// The pixels under metal.
@@ -156,15 +165,25 @@ impl Geometry {
     /// The words are not a row of this sensor.
     pub fn row<'a>(&self, words: &'a [u16]) -> Result<Row<'a>, RowError> {
         let mut blocks = Blocks::NONE;
-        self.row_and_blocks(words, &mut blocks)
+        self.tested_row(words, &mut blocks)
     }
 
-    /// As [`Geometry::row`], and sums the row's blocks in the same pass.
+    /// As [`Geometry::row`], with the row's blocks.
     pub(crate) fn row_and_blocks<'a>(
         &self,
         words: &'a [u16],
-        blocks: &mut Blocks,
+        blocks: &'a mut Blocks,
     ) -> Result<Row<'a>, RowError> {
+        let row = self.tested_row(words, blocks)?;
+        Ok(Row {
+            blocks: blocks.sums(),
+            ..row
+        })
+    }
+
+    /// Makes a row, and sums its blocks in the pass that tests its words.
+    #[inline]
+    fn tested_row<'a>(&self, words: &'a [u16], blocks: &mut Blocks) -> Result<Row<'a>, RowError> {
         let length = RowError::Length { words: words.len() };
         if words.len() != self.words {
             return Err(length);
@@ -191,6 +210,7 @@ impl Geometry {
         };
         Some(Row {
             light: part(&self.light)?,
+            blocks: &[],
             shielded: part(&self.shielded)?,
             full_scale: self.full_scale(),
         })

@@ -120,11 +120,11 @@ impl Spot {
 /// two spots stand out and their heights do not tell which is the laser's. [`Fault::SensorSilent`] if all
 /// pixels read the same, which the noise of a sensor never allows.
 pub fn find(row: &Row<'_>) -> Result<Spot, Fault> {
-    find_in(row, &Blocks::of(row.light()), &mut Coarse::new())
+    find_in(row, Blocks::of(row.light()).sums(), &mut Coarse::new())
 }
 
 /// As [`find`], with the row's blocks, and room for what follows from them.
-pub(crate) fn find_in(row: &Row<'_>, blocks: &Blocks, coarse: &mut Coarse) -> Result<Spot, Fault> {
+pub(crate) fn find_in(row: &Row<'_>, blocks: &[u16], coarse: &mut Coarse) -> Result<Spot, Fault> {
     let light = row.light();
     if light.len() < MIN_PIXELS {
         return Err(NOTHING);
@@ -155,24 +155,23 @@ enum Found {
 #[inline(never)]
 fn search(
     light: Light<'_>,
-    blocks: &Blocks,
+    blocks: &[u16],
     coarse: &mut Coarse,
     is_level: bool,
 ) -> Result<Found, Fault> {
     coarse.sum(blocks);
     let sums = Sums::new(light, blocks, coarse);
-    let (level, tilt) = sums.background().ok_or(NOTHING)?;
+    let level = sums.level().ok_or(NOTHING)?;
     let noise = noise(light).ok_or(NOTHING)?;
     let background = Background { level, noise };
-    let tilt = (!is_level).then_some(tilt);
     if let Some(best) = Candidate::best(&sums, level)
         && best.is_best_of_all_sizes(&sums, background)
         && !best.is_too_wide(&sums, level)
-        && let Some(found) = take(&sums, &best, background, tilt)
+        && let Some(found) = take(&sums, &best, background, is_level)
     {
         return found;
     }
-    search_all_sizes(&sums, background, tilt)
+    search_all_sizes(&sums, background, is_level)
 }
 
 /// As [`search`], in blocks of all sizes.
@@ -181,7 +180,7 @@ fn search(
 fn search_all_sizes(
     sums: &Sums<'_>,
     background: Background,
-    tilt: Option<Tilt>,
+    is_level: bool,
 ) -> Result<Found, Fault> {
     let mut fine = Fine::new();
     fine.sum(sums.light);
@@ -195,9 +194,7 @@ fn search_all_sizes(
             .max_by_key(|candidate| candidate.significance)
             .ok_or(NOTHING)?;
     }
-    if let Some(tilt) = tilt
-        && tilt.may_hide(sums.light, best.height(), noise)
-    {
+    if !is_level && let Some(tilt) = sums.tilt_that_may_hide(best.height(), noise) {
         return Ok(Found::Tilt(tilt));
     }
     let is_dim = best.significance < needed(narrow::LEAST_CONTRAST, noise);
@@ -212,7 +209,7 @@ fn search_all_sizes(
         });
     }
     // The tilt is tested.
-    take(&sums, &best, background, None).unwrap_or(Err(NOTHING))
+    take(&sums, &best, background, true).unwrap_or(Err(NOTHING))
 }
 
 /// Takes a candidate for the spot, if it is no part of a background that rises, and there is no other spot.
@@ -221,11 +218,9 @@ fn take(
     sums: &Sums<'_>,
     best: &Candidate,
     background: Background,
-    tilt: Option<Tilt>,
+    is_level: bool,
 ) -> Option<Result<Found, Fault>> {
-    if let Some(tilt) = tilt
-        && tilt.may_hide(sums.light, best.height(), background.noise)
-    {
+    if !is_level && let Some(tilt) = sums.tilt_that_may_hide(best.height(), background.noise) {
         return Some(Ok(Found::Tilt(tilt)));
     }
     let block = sums.highest(best.block_log2)?;
@@ -250,7 +245,7 @@ fn search_level(light: Light<'_>, tilt: Tilt, coarse: &mut Coarse) -> Result<Spo
     }
     let lowest = tilt.subtract_from(&mut untilted);
     let untilted = Light::from(untilted.as_slice());
-    match search(untilted, &Blocks::of(untilted), coarse, true)? {
+    match search(untilted, Blocks::of(untilted).sums(), coarse, true)? {
         Found::Spot(spot) => {
             let level = Counts::from_bits(
                 (spot.background.level.to_bits())
@@ -365,7 +360,9 @@ impl Candidate {
             .filter(|&(highest, _)| stands_out(highest))
             .flat_map(|(_, blocks)| blocks)
             .filter(|&block| sums.response(BLOCK_LOG2, block).is_some_and(stands_out));
-        let pixels = |block: usize| block << BLOCK_LOG2..block.saturating_add(1) << BLOCK_LOG2;
+        let pixels = |block: usize| {
+            block.wrapping_shl(BLOCK_LOG2)..block.saturating_add(1).wrapping_shl(BLOCK_LOG2)
+        };
         // The larger kernel does not have its middle on the blocks of the row's ends. The last block may have
         // no other to pair with.
         let last = (sums.number(BLOCK_LOG2) / 2 * 2).saturating_sub(1) << BLOCK_LOG2;
@@ -487,13 +484,12 @@ fn noise(light: Light<'_>) -> Option<Counts> {
         // Two pixels in four are enough: on a row of 3648 the noise is then known to 3 %.
         let fours = pixels.as_chunks::<4>().0;
         // At most 32 steps of 12 bits: below 2^17, and in Q8 below 2^25.
-        let steps = dual_mac::sum_of_steps(fours);
-        // At most 32 parts, each with at least two steps.
-        let mean = (in_q8(steps) as u32).checked_div(fours.len() as u32)?;
-        let _ = noises.push(mean);
+        let _ = noises.push(dual_mac::sum_of_steps(fours));
     }
+    // All parts have as many steps, at least two.
+    let mean = (in_q8(median(&noises)?) as u32).checked_div(part as u32 / 4)?;
     // sqrt(pi)/2 = 0.886227 as 58080/65536; a mean step is below 2^20 in Q8.
-    let noise = (u64::from(median(&noises)?) * 58_080) >> 16;
+    let noise = (u64::from(mean) * 58_080) >> 16;
     /// 1/sqrt(12) of a count in Q8.
     const ROUNDING: i32 = 74;
     Some(Counts::from_bits((noise as i32).max(ROUNDING)))

@@ -2,6 +2,9 @@
 
 use cost_on_chip::rows::{PIXELS, WORDS, geometry};
 use host_tests::hard_cases;
+use slitrange::centre::Estimator;
+
+use crate::slowest;
 
 /// Rows of one frame in their order.
 #[derive(Clone, Debug)]
@@ -12,7 +15,8 @@ pub struct Frame {
     pub rows: Vec<[u16; WORDS]>,
 }
 
-/// The frames that are known to be slow: the rows of the catalogue of hard cases, two of a case.
+/// The frames that are known to be slow: the rows of the catalogue of hard cases, two of a case, and the rows
+/// that `cargo slowest` found.
 pub fn frames() -> Vec<Frame> {
     let cases = hard_cases::rows().into_iter();
     let frame = |case: hard_cases::RowCase| {
@@ -22,7 +26,14 @@ pub fn frames() -> Vec<Frame> {
             name: case.name,
         }
     };
-    cases.map(frame).collect()
+    let found = Estimator::ALL.into_iter().filter_map(slowest::slowest_pair);
+    let found = found.map(|(before, row)| Frame {
+        rows: (before.into_iter().chain([row]))
+            .filter_map(|row| row.try_into().ok())
+            .collect(),
+        name: "found by cargo slowest".into(),
+    });
+    cases.map(frame).chain(found).collect()
 }
 
 /// Pixels at either end that are repeated where a row is shorter than the sensor.

@@ -4,10 +4,12 @@
 //! gathers less or more. This check compares heights. It takes the sums over two neighbouring half widths, of
 //! which the lower one counts, so that a single bad pixel is no spot.
 
+use core::ops::Range;
+
 use crate::centre::RowCentre;
 use crate::fault::Fault;
 use crate::numeric;
-use crate::row::{Light, MAX_PIXELS};
+use crate::row::{BLOCK, Light, MAX_PIXELS, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -29,7 +31,8 @@ const MOST_COMPARED: u32 = 512;
 /// # Errors
 /// [`Fault::TwoSpots`] if there is another spot.
 #[inline(never)]
-pub(super) fn check(light: Light<'_>, spot: &Spot, found: &RowCentre) -> Result<bool, Fault> {
+pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<bool, Fault> {
+    let light = row.light();
     let width = found.width.to_f32();
     // A width is at most 170 pixels: `as` cuts off, and saturates.
     let half = ((0.5 * width) as usize).clamp(1, MAX_PIXELS);
@@ -84,14 +87,7 @@ pub(super) fn check(light: Light<'_>, spot: &Spot, found: &RowCentre) -> Result<
             }
         }
     };
-    match half {
-        1 => high_boxes::<1>(light, half, least, take),
-        2 => high_boxes::<2>(light, half, least, take),
-        3 => high_boxes::<3>(light, half, least, take),
-        4 => high_boxes::<4>(light, half, least, take),
-        5 => high_boxes::<5>(light, half, least, take),
-        _ => high_boxes::<0>(light, half, least, take),
-    }
+    high_boxes(row, half, least, take);
     match other {
         Some(from) => Err(Fault::TwoSpots {
             centre: found.centre,
@@ -103,31 +99,59 @@ pub(super) fn check(light: Light<'_>, spot: &Spot, found: &RowCentre) -> Result<
 }
 
 /// Calls `take` with the first pixel of every second box whose sum exceeds `least`. A spot needs two such
-/// boxes side by side, and one of these is a second one. `PIXELS` is the number of pixels in a box, so that
-/// the compiler knows it, or zero if it is `pixels`.
-#[inline(always)]
-fn high_boxes<const PIXELS: usize>(
-    light: Light<'_>,
-    pixels: usize,
-    least: u32,
-    take: &mut dyn FnMut(usize),
-) {
-    let pixels = if PIXELS == 0 { pixels.max(1) } else { PIXELS };
+/// boxes side by side, and one of these is a second one.
+///
+/// A box has at most the light of the row's blocks in which it lies: only where these exceed `least` are boxes
+/// summed.
+fn high_boxes(row: &Row<'_>, pixels: usize, least: u32, take: &mut dyn FnMut(usize)) {
+    let light = row.light();
+    let pixels = pixels.max(1);
     let twice = pixels.saturating_mul(2);
-    let mut visit = |first: usize, two: Light<'_>| {
-        if let Some(one) = two.slice(..pixels)
-            && sum(one) > least
-        {
-            take(first);
+    // The boxes that begin on some pixels.
+    let mut visit = |begins: Range<usize>| {
+        let first = begins.start.div_ceil(twice).saturating_mul(twice);
+        for first in (first..begins.end).step_by(twice) {
+            let one = light.slice(first..first.saturating_add(pixels));
+            if one.is_some_and(|one| sum(one) > least) {
+                take(first);
+            }
         }
     };
-    let mut first = 0;
-    for two in light.groups(twice) {
-        visit(first, two);
-        first = numeric::add_usize(first, twice);
+    let blocks = row.blocks();
+    // A box that begins in a block lies in that block and in those behind it, so many in all.
+    let reach = pixels.saturating_add(BLOCK - 1).div_ceil(BLOCK);
+    let whole = blocks.len().saturating_mul(BLOCK) == light.len();
+    if !whole || blocks.len() < reach {
+        visit(0..light.len());
+        return;
     }
-    let (_, rest) = light.split(first);
-    visit(first, rest);
+    let pixels_of = |block: usize| {
+        let begin = block.saturating_mul(BLOCK);
+        begin..begin.saturating_add(BLOCK)
+    };
+    let see = &mut |block| visit(pixels_of(block));
+    high_blocks(blocks, reach, least, see);
+    // Fewer blocks than that are behind the last ones.
+    visit(pixels_of(blocks.len().saturating_sub(reach)).start..light.len());
+}
+
+/// Calls `see` with each block that has so many blocks behind it, if it and all but the last of these together
+/// exceed `least`.
+// A loop out of line, so that it keeps nothing but sums.
+#[inline(never)]
+fn high_blocks(blocks: &[u16], number: usize, least: u32, see: &mut dyn FnMut(usize)) {
+    let (first, entering) = blocks.split_at_checked(number).unwrap_or_default();
+    let mut sum = first
+        .iter()
+        .map(|&sum| sum.into())
+        .fold(0, numeric::add_u32);
+    for ((block, &leaves), &enters) in (0..MAX_PIXELS).zip(blocks).zip(entering) {
+        if sum > least {
+            see(block);
+        }
+        // A row has at most 2^12 pixels of 12 bits, and a block that leaves was in the sum.
+        sum = numeric::add_u32(sum, enters.into()).wrapping_sub(leaves.into());
+    }
 }
 
 /// A sum of counts. A row has at most 2^12 pixels of 12 bits. Where words fall with light, a count is full
@@ -151,30 +175,37 @@ fn sum(counts: Light<'_>) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::row::{Blocks, Geometry};
 
-    /// The sum over boxes of all sizes, as `check` calls it, on a row whose last box is not whole.
+    /// Boxes of all sizes, on rows with and without blocks, and with a last box that is not whole.
     #[test]
     fn every_second_box_above_the_limit_is_found() {
-        let light: [u16; 99] =
+        let words: [u16; 104] =
             core::array::from_fn(|i| (i as u32).wrapping_mul(2_654_435_761) as u16 >> 4);
-        for pixels in 1..=9 {
-            let least = 2000 * pixels as u32;
-            let mut found = [false; 99];
-            let take = &mut |first: usize| {
-                assert!(!found[first]);
-                found[first] = true;
+        let mut blocks = Blocks::NONE;
+        for (length, pixels) in (96..=104).flat_map(|length| (1..=20).map(move |it| (length, it))) {
+            let geometry = Geometry {
+                words: 104,
+                light: 0..length,
+                shielded: 0..0,
+                ..crate::sensor_heads::tcd1304dg()
             };
-            match pixels {
-                1 => high_boxes::<1>((&light).into(), pixels, least, take),
-                2 => high_boxes::<2>((&light).into(), pixels, least, take),
-                5 => high_boxes::<5>((&light).into(), pixels, least, take),
-                _ => high_boxes::<0>((&light).into(), pixels, least, take),
-            }
-            for (first, found) in found.into_iter().enumerate() {
-                let is_second = first % (2 * pixels) == 0;
-                let counts = light.get(first..first + pixels);
-                let sum = counts.map(|counts| counts.iter().map(|&it| u32::from(it)).sum());
-                assert_eq!(found, is_second && sum > Some(least), "{pixels} at {first}");
+            let row = geometry.row_and_blocks(&words, &mut blocks).expect("a row");
+            let light = row.light();
+            for row in [row, geometry.row(&words).expect("a row")] {
+                let least = 2400 * pixels as u32;
+                let mut found = [false; 104];
+                let take = &mut |first: usize| {
+                    assert!(!found[first]);
+                    found[first] = true;
+                };
+                high_boxes(&row, pixels, least, take);
+                for (first, found) in found.into_iter().enumerate() {
+                    let is_second = first % (2 * pixels) == 0;
+                    let counts = light.slice(first..first + pixels);
+                    let sum = counts.map(|counts| counts.iter().map(u32::from).sum());
+                    assert_eq!(found, is_second && sum > Some(least), "{pixels} at {first}");
+                }
             }
         }
     }

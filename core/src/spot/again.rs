@@ -22,13 +22,13 @@ use crate::units::{Counts, Pixels};
 /// As [`find`].
 pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, Fault> {
     let blocks = Blocks::of(row.light());
-    find_again_in(row, &blocks, &mut Coarse::new(), before, width)
+    find_again_in(row, blocks.sums(), &mut Coarse::new(), before, width)
 }
 
 /// As [`find_again`], with the row's blocks, and room for what [`find`](crate::spot::find) makes of them.
 pub(crate) fn find_again_in(
     row: &Row<'_>,
-    blocks: &Blocks,
+    blocks: &[u16],
     coarse: &mut Coarse,
     before: &Spot,
     width: Pixels,
@@ -41,7 +41,7 @@ pub(crate) fn find_again_in(
         return find_in(row, blocks, coarse);
     };
     let groups = Groups {
-        blocks: blocks.sums(),
+        blocks,
         log2: block_log2 - BLOCK_LOG2,
     };
     let level = Counts::from_bits(before.background.level_bits());

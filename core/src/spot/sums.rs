@@ -1,6 +1,6 @@
 //! The sums over blocks of a row's pixels, and the highest responses of the kernel [1 2 1].
 //!
-//! [`Coarse`] holds all sizes from 8 pixels up, which follow from the row's [`Blocks`]. [`Fine`] holds the
+//! [`Coarse`] holds all sizes from 8 pixels up, which follow from the row's blocks of 8. [`Fine`] holds the
 //! sizes below, which take ten times as long: the search computes them only where they matter.
 
 use core::ops::Range;
@@ -8,7 +8,7 @@ use core::ops::Range;
 use heapless::Vec;
 
 use crate::numeric;
-use crate::row::{BLOCK_LOG2, Blocks, LARGEST_COUNT, Light, MAX_PIXELS};
+use crate::row::{BLOCK_LOG2, LARGEST_COUNT, Light, MAX_PIXELS};
 use crate::spot::tilt::Tilt;
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, in_q8, median};
 use crate::units::Counts;
@@ -25,7 +25,7 @@ const fn most_parts(block_log2: u32) -> usize {
 /// The sizes from 8 pixels up.
 const COARSE_SIZES: usize = (LARGEST_BLOCK_LOG2 - BLOCK_LOG2) as usize + 1;
 
-/// What blocks of 8, 16, 32, 64 and 128 pixels have. Those of 8 pixels are in [`Blocks`].
+/// What blocks of 8, 16, 32, 64 and 128 pixels have. Those of 8 pixels come with the row.
 #[derive(Clone, Debug)]
 pub(crate) struct Coarse {
     sums_16: [u16; MAX_PIXELS >> 4],
@@ -50,9 +50,8 @@ impl Coarse {
 
     /// Sums a row's blocks. In place, because copies of the sums take time.
     #[inline(never)]
-    pub(super) fn sum(&mut self, blocks: &Blocks) {
+    pub(super) fn sum(&mut self, blocks: &[u16]) {
         let [parts_8, parts_16, parts_32, parts_64, parts_128] = &mut self.parts;
-        let blocks = blocks.sums();
         let small = |sum: u32| sum as u16;
         sweep(blocks, &mut self.sums_16, small, parts_8);
         let mut pairs = blocks.len() / 2;
@@ -146,10 +145,10 @@ pub(super) struct Sums<'a> {
 }
 
 impl<'a> Sums<'a> {
-    pub(super) fn new(light: Light<'a>, blocks: &'a Blocks, coarse: &'a Coarse) -> Self {
+    pub(super) fn new(light: Light<'a>, blocks: &'a [u16], coarse: &'a Coarse) -> Self {
         Self {
             light,
-            blocks: blocks.sums(),
+            blocks,
             coarse,
             fine: None,
         }
@@ -207,7 +206,7 @@ impl<'a> Sums<'a> {
             .min(block.saturating_add(sums.len()));
         let blocks = block..end.max(block);
         let number = blocks.len();
-        let pixels = blocks.start << block_log2..blocks.end << block_log2;
+        let pixels = blocks.start.wrapping_shl(block_log2)..blocks.end.wrapping_shl(block_log2);
         match block_log2 {
             0 | 1 | 2 => {
                 let light = self.light.slice(pixels).unwrap_or_default();
@@ -248,6 +247,12 @@ impl<'a> Sums<'a> {
     /// kernel reaches over the row's end.
     #[inline]
     pub(super) fn response(&self, block_log2: u32, block: usize) -> Option<u32> {
+        if block_log2 == BLOCK_LOG2 {
+            // The usual size has a way of its own.
+            let three = self.blocks.get(block.checked_sub(1)?..)?.first_chunk()?;
+            let &[left, middle, right] = three;
+            return Some(u32::from(left) + 2 * u32::from(middle) + u32::from(right));
+        }
         let left = self.block(block_log2, block.checked_sub(1)?)?;
         let (middle, right) = (
             self.block(block_log2, block)?,
@@ -336,19 +341,27 @@ impl<'a> Sums<'a> {
         })
     }
 
-    /// The background's level and tilt: medians over blocks of the largest size of which the row has 16 or
-    /// more.
-    pub(super) fn background(&self) -> Option<(Counts, Tilt)> {
+    /// The background's level: the median over its blocks.
+    pub(super) fn level(&self) -> Option<Counts> {
+        let (block_log2, blocks) = self.blocks_of_background()?;
+        Some(Counts::from_bits(in_q8(median(&blocks)?) >> block_log2))
+    }
+
+    /// The background's tilt, if it may hide a spot of this height.
+    pub(super) fn tilt_that_may_hide(&self, height: Counts, noise: Counts) -> Option<Tilt> {
+        let (block_log2, blocks) = self.blocks_of_background()?;
+        Tilt::that_may_hide(&blocks, block_log2, self.light.len(), height, noise)
+    }
+
+    /// The blocks of the largest size of which the row has 16 or more, and that size.
+    fn blocks_of_background(&self) -> Option<(u32, Vec<u32, MEDIAN_BLOCKS>)> {
         let block_log2 = (1..=LARGEST_BLOCK_LOG2)
             .take_while(|&log2| self.number(log2) >= 16)
             .last()?;
-        let mut values: Vec<u32, MEDIAN_BLOCKS> = Vec::new();
-        for block in 0..self.number(block_log2) {
-            values.push(self.block(block_log2, block)?).ok()?;
-        }
-        let tilt = Tilt::of(&values, block_log2)?;
-        let sum = median(&values)?;
-        Some((Counts::from_bits(in_q8(sum) >> block_log2), tilt))
+        let mut blocks = Vec::new();
+        blocks.resize(self.number(block_log2), 0).ok()?;
+        self.blocks_from(block_log2, 0, &mut blocks);
+        Some((block_log2, blocks))
     }
 }
 

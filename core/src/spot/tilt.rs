@@ -22,9 +22,20 @@ pub(super) struct Tilt {
 }
 
 impl Tilt {
-    /// Measures the tilt from the sums over a row's blocks of 2^`block_log2` pixels. `None` for fewer than
-    /// two sums, or for more than a median takes.
-    pub(super) fn of(sums: &[u32], block_log2: u32) -> Option<Self> {
+    /// Measures the tilt from the sums over a row's blocks of 2^`block_log2` pixels, if it may hide a spot of
+    /// this height. It may if the background's change from the row's middle to its end is more than a quarter
+    /// of the height, and more than twice a pixel's noise. Noise alone makes a change of 0.4 of a pixel's
+    /// noise, so that limit is five standard deviations. (28 blocks of 128 pixels: median steps scatter by
+    /// 1.25 sqrt(2 / 128) / sqrt(27), and half a row has 14 of them.)
+    ///
+    /// `None` too for fewer than two sums, or for more than a median takes.
+    pub(super) fn that_may_hide(
+        sums: &[u32],
+        block_log2: u32,
+        pixels: usize,
+        height: Counts,
+        noise: Counts,
+    ) -> Option<Self> {
         let mut steps: Vec<i32, MEDIAN_BLOCKS> = Vec::new();
         for (this, next) in sums.iter().zip(sums.iter().skip(1)) {
             // Sums of at most 128 pixels of 12 bits: below 2^19.
@@ -32,21 +43,26 @@ impl Tilt {
                 .push(numeric::sub_i32(*next as i32, *this as i32))
                 .ok()?;
         }
-        let step = i64::from(median(&steps)?);
-        // The step of the sums, divided by the pixels of a block, is the step of the means. Divided by them
-        // again, it is the slope.
-        Some(Self {
-            slope: (step * (1 << FRACTION)) >> (2 * block_log2.min(LARGEST_BLOCK_LOG2)),
-        })
+        let may_hide = |step: i32| {
+            let drift = Self::of(step, block_log2).rise(pixels / 2);
+            drift > 2 * i64::from(noise.to_bits()) && drift > i64::from(height.to_bits()) / 4
+        };
+        // Most rows have hardly a step that may hide a spot. Then the median may not, and is not needed.
+        let hiding = numeric::count(steps.iter().map(|&step| may_hide(step)));
+        if hiding < steps.len() / 2 {
+            return None;
+        }
+        let step = median(&steps)?;
+        may_hide(step).then(|| Self::of(step, block_log2))
     }
 
-    /// Whether the tilt may hide a spot of this height. It may if the background's change from the row's
-    /// middle to its end is more than a quarter of the height, and more than twice a pixel's noise. Noise
-    /// alone makes a change of 0.4 of a pixel's noise, so that limit is five standard deviations. (28 blocks
-    /// of 128 pixels: median steps scatter by 1.25 sqrt(2 / 128) / sqrt(27), and half a row has 14 of them.)
-    pub(super) fn may_hide(self, light: Light<'_>, height: Counts, noise: Counts) -> bool {
-        let drift = self.rise(light.len() / 2);
-        drift > 2 * i64::from(noise.to_bits()) && drift > i64::from(height.to_bits()) / 4
+    /// The tilt of this step from block to block.
+    fn of(step: i32, block_log2: u32) -> Self {
+        // The step of the sums, divided by the pixels of a block, is the step of the means. Divided by them
+        // again, it is the slope.
+        Self {
+            slope: (i64::from(step) * (1 << FRACTION)) >> (2 * block_log2.min(LARGEST_BLOCK_LOG2)),
+        }
     }
 
     /// How much the background changes over so many pixels, without sign, Q24.8 counts.
