@@ -166,6 +166,14 @@ impl Frame {
         self.rows = self.rows.saturating_add(1);
     }
 
+    /// Forgets the rows, for the next frame.
+    pub fn clear(&mut self) {
+        // The places of the centres need not be written.
+        self.centres.clear();
+        self.faults = Default::default();
+        self.rows = 0;
+    }
+
     /// Rows added.
     pub const fn rows(&self) -> u16 {
         self.rows
@@ -242,6 +250,8 @@ impl Frame {
     }
 
     /// The rows with a centre, from an origin in the bits of [`Pixels`]. All have the same weight.
+    // Inlined, so that they are made in their place.
+    #[inline(always)]
     fn members(&self, origin: i32) -> Members<'_> {
         let middle = 0.5 * (f32::from(self.rows) - 1.0);
         let mut members = Members::new();
@@ -343,8 +353,11 @@ fn agreeing_mean(members: &mut Members<'_>) -> Option<(f32, Course)> {
 
 /// The weighted mean in pixels from the frame's origin. `None` if no row counts.
 fn weighted_mean(members: &[Member<'_>]) -> Option<f32> {
-    let weights: f32 = members.iter().map(|it| it.weight).sum();
-    let sum: f32 = members.iter().map(|it| it.weight * it.offset).sum();
+    let (mut weights, mut sum) = (0.0, 0.0);
+    for member in members {
+        weights += member.weight;
+        sum += member.weight * member.offset;
+    }
     (weights > 0.0).then(|| sum / weights)
 }
 
@@ -355,6 +368,8 @@ fn mean_number(members: &[Member<'_>]) -> f32 {
 }
 
 /// A copy of the members, each changed. Not `Vec::clone`: see `agreement::keep`.
+// Inlined, so that the copy is made in its place.
+#[inline(always)]
 fn changed<'a>(members: &Members<'a>, change: impl Fn(Member<'a>) -> Member<'a>) -> Members<'a> {
     let mut copy = Members::new();
     for member in members {
@@ -414,11 +429,11 @@ impl Fluctuation {
 /// independent. The uncertainty of the speed adds to it, as far as the mean of the rows' numbers is from the
 /// middle of the frame: it comes from the rows' errors too, and grows with them.
 fn propagated(members: &[Member<'_>], course: &Course) -> f32 {
-    let weights: f32 = members.iter().map(|it| it.weight).sum();
-    let variance: f32 = members
-        .iter()
-        .map(|it| square(it.weight * it.uncertainty))
-        .sum();
+    let (mut weights, mut variance) = (0.0, 0.0);
+    for member in members {
+        weights += member.weight;
+        variance += square(member.weight * member.uncertainty);
+    }
     let of_motion = if course.speed == 0.0 {
         0.0
     } else {

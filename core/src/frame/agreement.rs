@@ -5,6 +5,8 @@
 //! others. It is left out if a majority agrees; without a majority nothing tells which rows are wrong. A
 //! steady motion of the target is subtracted first.
 
+use crate::numeric;
+
 use super::{
     Member, Members, birge_ratio, count_where, from_ordered, median, motion, ordered, scatter,
     square, weighted_mean,
@@ -71,7 +73,9 @@ pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
         it.weight * square(it.uncertainty) > biweight(AGREES)
     });
     if is_majority(agreeing, members.len()) {
-        keep(members, |it| it.weight > 0.0);
+        if members.iter().any(|it| it.weight <= 0.0) {
+            keep(members, |it| it.weight > 0.0);
+        }
         let is_fault = members.len() >= ENOUGH_FOR_GROUPS && are_two_groups(members);
         return (!is_fault).then_some(motion);
     }
@@ -99,24 +103,47 @@ pub(super) fn weigh_by_uncertainty(members: &mut [Member<'_>]) {
 /// reading counts them.
 fn leave_misfits_out(members: &mut Members<'_>) {
     let fitting = count_where(members, |it| !it.row.misfit);
-    if is_majority(fitting, members.len()) {
+    if fitting < members.len() && is_majority(fitting, members.len()) {
         keep(members, |it| !it.row.misfit);
     }
 }
 
 /// As `Vec::retain`, but without its counters: the compiler cannot prove that those do not overflow.
 fn keep(members: &mut Members<'_>, is_kept: impl Fn(&Member<'_>) -> bool) {
-    let mut kept = Members::new();
-    for member in members.iter().filter(|it| is_kept(it)) {
-        // There is room for as many as there were.
-        let _ = kept.push(*member);
+    let mut kept = 0;
+    for number in 0..members.len() {
+        let Some(&member) = members.get(number).filter(|it| is_kept(it)) else {
+            continue;
+        };
+        // No more are kept than there are.
+        if let Some(place) = members.get_mut(kept) {
+            *place = member;
+        }
+        kept = numeric::add_usize(kept, 1);
     }
-    *members = kept;
+    members.truncate(kept);
 }
 
 /// Raises the uncertainty of rows that claim to be more than [`MOST_CERTAIN`] times as certain as the median
 /// row.
 fn limit_certainty(members: &mut [Member<'_>]) {
+    let (mut least, mut most) = (f32::INFINITY, 0.0);
+    for member in members.iter() {
+        least = if member.uncertainty < least {
+            member.uncertainty
+        } else {
+            least
+        };
+        most = if member.uncertainty > most {
+            member.uncertainty
+        } else {
+            most
+        };
+    }
+    // The median is at most `most`: no row is so certain.
+    if most <= MOST_CERTAIN * least {
+        return;
+    }
     // Uncertainties are above zero, and in the order of their bits.
     let Some(middle) = median(members.iter().map(|it| it.uncertainty.to_bits())) else {
         return;
@@ -151,13 +178,17 @@ fn reweigh(members: &mut [Member<'_>]) {
     });
     let reach = REACH * scale(members, centre);
     for _ in 0..REWEIGHTS {
+        let (mut weights, mut sum) = (0.0, 0.0);
         for member in members.iter_mut() {
             member.weight = biweight(member.residual(centre) / reach) / square(member.uncertainty);
+            weights += member.weight;
+            sum += member.weight * member.offset;
         }
-        match weighted_mean(members) {
-            Some(mean) => centre = mean,
+        if weights > 0.0 {
+            centre = sum / weights;
+        } else {
             // No row is within reach: none counts.
-            None => return,
+            return;
         }
     }
 }
