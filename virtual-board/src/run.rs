@@ -398,19 +398,6 @@ impl VirtualBoard {
         written.with_context(|| format!("writing the word at {address:#010x}: is it in RAM?"))
     }
 
-    /// Writes the 32-bit words of RAM from `address` on.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::write_word`].
-    pub fn write_words(&mut self, address: u64, words: Vec<u32>) -> Result<()> {
-        let written = self.on_emulator(move |_, host, _| {
-            let mut places = (address..).step_by(4).zip(words);
-            places.try_for_each(|(at, word)| host.write(at, Width::W32, word.into()))
-        })?;
-        written.with_context(|| format!("writing words from {address:#010x} on: is it RAM?"))
-    }
-
     /// Reads so many 32-bit words of RAM from `address` on.
     ///
     /// # Errors
