@@ -166,6 +166,14 @@ impl Frame {
         self.rows = self.rows.saturating_add(1);
     }
 
+    /// Forgets the rows, for the next frame.
+    pub fn clear(&mut self) {
+        // The places of the centres need not be written.
+        self.centres.clear();
+        self.faults = Default::default();
+        self.rows = 0;
+    }
+
     /// Rows added.
     pub const fn rows(&self) -> u16 {
         self.rows
@@ -191,7 +199,8 @@ impl Frame {
             .iter()
             .map(|(_, row)| ordered(row.centre.to_bits()));
         let origin = median(keys).map_or(0, from_ordered);
-        let mut members = self.members(origin);
+        let mut members = Members::new();
+        self.list(origin, &mut members);
         let found = match how {
             Mean::Plain => plain_mean(&mut members),
             Mean::Weighted => agreeing_mean(&mut members),
@@ -243,8 +252,14 @@ impl Frame {
 
     /// The rows with a centre, from an origin in the bits of [`Pixels`]. All have the same weight.
     fn members(&self, origin: i32) -> Members<'_> {
-        let middle = 0.5 * (f32::from(self.rows) - 1.0);
         let mut members = Members::new();
+        self.list(origin, &mut members);
+        members
+    }
+
+    /// As [`Self::members`], into an empty list: a list that is returned would be copied.
+    fn list<'a>(&'a self, origin: i32, members: &mut Members<'a>) {
+        let middle = 0.5 * (f32::from(self.rows) - 1.0);
         for (number, row) in &self.centres {
             let offset = Pixels::from_bits(row.centre.to_bits().saturating_sub(origin));
             // There is room for all centres.
@@ -256,7 +271,6 @@ impl Frame {
                 weight: 1.0,
             });
         }
-        members
     }
 }
 
@@ -280,8 +294,8 @@ type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
 /// of a shape, are below 2^66; each times a shape and an offset, below 2^76.
 ///
 /// The mean of the rows' shapes (`mean_shape`): all lengths are at most 2^15 px, so the square of a weight
-/// times a noise is at most 2^94, and 64 of these are at most 2^100. A weight times the square of a rest is
-/// at most 2^62. The rows that have a shape may all be at the end of the reach. There the biweight is 2^-48
+/// times a noise is at most 2^94, and 64 of these are at most 2^100. The other lengths are summed in their
+/// steps, at most 2^31: 64 weights, each times the square of a rest, are at most 2^100. The rows that have a shape may all be at the end of the reach. There the biweight is 2^-48
 /// or more, the weight 2^-78 or more, and one over the sum of weights at most 2^78. The square of such a
 /// weight may round to zero; a noise of zero counts as one step ([`SpotShape::uncertainty`]).
 #[derive(Clone, Copy)]
@@ -311,7 +325,8 @@ impl Member<'_> {
 /// only as far as the mean of the rows' numbers is from zero.
 fn plain_mean(members: &mut Members<'_>) -> Option<(f32, Course)> {
     let mean = weighted_mean(members)?;
-    let mut certain = changed(members, |it| it);
+    let mut certain = Members::new();
+    copy(members, &mut certain, |it| *it);
     agreement::weigh_by_certainty(&mut certain);
     let speed = match motion::of(&certain) {
         Some(speed) if members.len() >= motion::ENOUGH => speed,
@@ -333,8 +348,11 @@ fn plain_mean(members: &mut Members<'_>) -> Option<(f32, Course)> {
 /// 64 rows, with a shift of ten uncertainties).
 fn agreeing_mean(members: &mut Members<'_>) -> Option<(f32, Course)> {
     let speed = agreement::weigh(members)?;
-    let mut certain = changed(members, |it| it);
-    agreement::weigh_by_uncertainty(&mut certain);
+    let mut certain = Members::new();
+    copy(members, &mut certain, |it| Member {
+        weight: agreement::certainty(it),
+        ..*it
+    });
     Some((
         weighted_mean(members)?,
         Course::of(members, &certain, speed),
@@ -343,8 +361,11 @@ fn agreeing_mean(members: &mut Members<'_>) -> Option<(f32, Course)> {
 
 /// The weighted mean in pixels from the frame's origin. `None` if no row counts.
 fn weighted_mean(members: &[Member<'_>]) -> Option<f32> {
-    let weights: f32 = members.iter().map(|it| it.weight).sum();
-    let sum: f32 = members.iter().map(|it| it.weight * it.offset).sum();
+    let (mut weights, mut sum) = (0.0, 0.0);
+    for member in members {
+        weights += member.weight;
+        sum += member.weight * member.offset;
+    }
     (weights > 0.0).then(|| sum / weights)
 }
 
@@ -354,14 +375,16 @@ fn mean_number(members: &[Member<'_>]) -> f32 {
     total(members, |it| it.weight * it.rows_from_middle) / total(members, |it| it.weight)
 }
 
-/// A copy of the members, each changed. Not `Vec::clone`: see `agreement::keep`.
-fn changed<'a>(members: &Members<'a>, change: impl Fn(Member<'a>) -> Member<'a>) -> Members<'a> {
-    let mut copy = Members::new();
+/// Copies the members into an empty list, each changed. Not `Vec::clone`: see `agreement::keep`.
+fn copy<'a>(
+    members: &[Member<'a>],
+    copies: &mut Members<'a>,
+    change: impl Fn(&Member<'a>) -> Member<'a>,
+) {
     for member in members {
         // There is room for as many as there were.
-        let _ = copy.push(change(*member));
+        let _ = copies.push(change(member));
     }
-    copy
 }
 
 /// How the rows scatter about their motion.
@@ -386,9 +409,10 @@ impl Fluctuation {
         if let Some(parabola) = &course.parabola {
             let place = |it: &Member<'_>| parabola.at(it.rows_from_middle);
             let mean = total(members, |it| it.weight * place(it)) / total(members, |it| it.weight);
-            let straight = changed(members, |it| Member {
-                offset: it.offset - (place(&it) - mean),
-                ..it
+            let mut straight = Members::new();
+            copy(members, &mut straight, |it| Member {
+                offset: it.offset - (place(it) - mean),
+                ..*it
             });
             let fitted = 3.0;
             let correlated = correlation::estimate(&straight, fitted);
@@ -414,11 +438,11 @@ impl Fluctuation {
 /// independent. The uncertainty of the speed adds to it, as far as the mean of the rows' numbers is from the
 /// middle of the frame: it comes from the rows' errors too, and grows with them.
 fn propagated(members: &[Member<'_>], course: &Course) -> f32 {
-    let weights: f32 = members.iter().map(|it| it.weight).sum();
-    let variance: f32 = members
-        .iter()
-        .map(|it| square(it.weight * it.uncertainty))
-        .sum();
+    let (mut weights, mut variance) = (0.0, 0.0);
+    for member in members {
+        weights += member.weight;
+        variance += square(member.weight * member.uncertainty);
+    }
     let of_motion = if course.speed == 0.0 {
         0.0
     } else {
@@ -438,21 +462,22 @@ fn mean_shape(members: &[Member<'_>]) -> SpotShape {
         }
         weights += weight;
         noise += square(weight * shape.noise.to_f32());
-        width += weight * shape.width.to_f32();
-        rest += weight * square(shape.rest.to_f32());
+        width += weight * shape.width.to_bits() as f32;
+        rest += weight * square(shape.rest.to_bits() as f32);
         for (sum, component) in components.iter_mut().zip(shape.components) {
-            *sum += weight * component.to_f32();
+            *sum += weight * component.to_bits() as f32;
         }
     }
     if weights <= 0.0 {
         return SpotShape::default();
     }
     let per_weight = 1.0 / weights;
+    let step = RESOLUTION.to_f32();
     SpotShape {
-        components: components.map(|sum| Pixels::from_f32(sum * per_weight)),
+        components: components.map(|sum| Pixels::from_f32(sum * per_weight * step)),
         noise: Pixels::from_f32(dual_mac::square_root(noise) * per_weight),
-        width: Pixels::from_f32(width * per_weight),
-        rest: Pixels::from_f32(dual_mac::square_root(rest * per_weight)),
+        width: Pixels::from_f32(width * per_weight * step),
+        rest: Pixels::from_f32(dual_mac::square_root(rest * per_weight) * step),
     }
 }
 
@@ -532,10 +557,16 @@ fn mean(values: impl ExactSizeIterator<Item = i32>) -> i32 {
 
 /// The median of at most [`MAX_ROWS`] values. Of an even number of values, the lower one of the middle two.
 /// `None` for no values.
+fn median(values: impl ExactSizeIterator<Item = u32>) -> Option<u32> {
+    let middle = values.len().checked_sub(1)? / 2;
+    ranked(middle, values)
+}
+
+/// The value that exceeds `rank` of the others, of at most [`MAX_ROWS`] values. `None` for no values.
 ///
-/// By bisection: `low` and `high` are two of the values, and the median is between them. It has none of a
-/// sort's panic on keys that it cannot order.
-fn median(values: impl Iterator<Item = u32>) -> Option<u32> {
+/// By bisection: `low` and `high` are two of the values, and the one to find is between them. It has none of
+/// a sort's panic on keys that it cannot order.
+fn ranked(rank: usize, values: impl Iterator<Item = u32>) -> Option<u32> {
     // Each value is computed once.
     let mut keys: Vec<u32, { MAX_ROWS as usize }> = Vec::new();
     let (mut low, mut high) = (u32::MAX, 0);
@@ -545,7 +576,9 @@ fn median(values: impl Iterator<Item = u32>) -> Option<u32> {
         // There is room for MAX_ROWS.
         let _ = keys.push(value);
     }
-    let middle = keys.len().checked_sub(1)? / 2;
+    if keys.is_empty() {
+        return None;
+    }
     // Each pass at least halves the distance between the two: at most 32 passes.
     while low < high {
         let between = low.midpoint(high);
@@ -558,7 +591,7 @@ fn median(values: impl Iterator<Item = u32>) -> Option<u32> {
                 lowest_above = lowest_above.min(key);
             }
         }
-        if below > middle {
+        if below > rank {
             high = highest_below;
         } else {
             low = lowest_above;

@@ -95,7 +95,7 @@ impl Measurement {
 
     /// Starts the frame under way again.
     pub fn start_frame(&mut self) {
-        self.frame = Frame::default();
+        self.frame.clear();
         self.black = BlackPixels::default();
         self.before = None;
     }

@@ -5,9 +5,11 @@
 //! others. It is left out if a majority agrees; without a majority nothing tells which rows are wrong. A
 //! steady motion of the target is subtracted first.
 
+use crate::numeric;
+
 use super::{
-    Member, Members, birge_ratio, count_where, from_ordered, median, motion, ordered, scatter,
-    square, weighted_mean,
+    Member, Members, birge_ratio, count_where, from_ordered, median, motion, ordered, ranked,
+    scatter, square, weighted_mean,
 };
 
 /// Tukey's constant c, in standard deviations. For normal errors this mean has 95 % of the efficiency of the
@@ -51,11 +53,13 @@ const fn is_majority(rows: usize, of: usize) -> bool {
 /// Weighs each row, removes rows that do not count, and subtracts the target's motion. Returns the motion in
 /// pixels a row. `None` if the rest is not of one spot.
 pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
-    leave_misfits_out(members);
+    let is_whole = !leave_misfits_out(members);
     limit_certainty(members);
     let by_scatter = members.len() >= ENOUGH_TO_SCATTER;
     let mut motion = 0.0;
-    reweigh(members);
+    // The frame's origin is the median of all rows.
+    let start = if is_whole { 0.0 } else { middle(members) };
+    reweigh(members, start);
     let passes = if by_scatter { MOTION_PASSES } else { 0 };
     for _ in 0..passes {
         let Some(slope) = motion::of(members) else {
@@ -65,13 +69,16 @@ pub(super) fn weigh(members: &mut Members<'_>) -> Option<f32> {
         for member in members.iter_mut() {
             member.offset -= slope * member.rows_from_middle;
         }
-        reweigh(members);
+        let start = middle(members);
+        reweigh(members, start);
     }
     let agreeing = count_where(members, |it| {
         it.weight * square(it.uncertainty) > biweight(AGREES)
     });
     if is_majority(agreeing, members.len()) {
-        keep(members, |it| it.weight > 0.0);
+        if members.iter().any(|it| it.weight <= 0.0) {
+            keep(members, |it| it.weight > 0.0);
+        }
         let is_fault = members.len() >= ENOUGH_FOR_GROUPS && are_two_groups(members);
         return (!is_fault).then_some(motion);
     }
@@ -90,33 +97,63 @@ pub(super) fn weigh_by_certainty(members: &mut [Member<'_>]) {
 /// Gives each row the weight 1/u^2.
 pub(super) fn weigh_by_uncertainty(members: &mut [Member<'_>]) {
     for member in members {
-        member.weight = 1.0 / square(member.uncertainty);
+        member.weight = certainty(member);
     }
+}
+
+/// 1/u^2.
+pub(super) fn certainty(member: &Member<'_>) -> f32 {
+    1.0 / square(member.uncertainty)
 }
 
 /// Leaves out the rows whose pixels do not fit their spot, because such a row is off by more than its
 /// uncertainty. Only a majority of better rows can do so. Otherwise the frame keeps such rows, and the
-/// reading counts them.
-fn leave_misfits_out(members: &mut Members<'_>) {
+/// reading counts them. Returns whether rows were left out.
+fn leave_misfits_out(members: &mut Members<'_>) -> bool {
     let fitting = count_where(members, |it| !it.row.misfit);
-    if is_majority(fitting, members.len()) {
+    let are_left_out = fitting < members.len() && is_majority(fitting, members.len());
+    if are_left_out {
         keep(members, |it| !it.row.misfit);
     }
+    are_left_out
 }
 
 /// As `Vec::retain`, but without its counters: the compiler cannot prove that those do not overflow.
 fn keep(members: &mut Members<'_>, is_kept: impl Fn(&Member<'_>) -> bool) {
-    let mut kept = Members::new();
-    for member in members.iter().filter(|it| is_kept(it)) {
-        // There is room for as many as there were.
-        let _ = kept.push(*member);
+    let mut kept = 0;
+    for number in 0..members.len() {
+        let Some(&member) = members.get(number).filter(|it| is_kept(it)) else {
+            continue;
+        };
+        // No more are kept than there are.
+        if let Some(place) = members.get_mut(kept) {
+            *place = member;
+        }
+        kept = numeric::add_usize(kept, 1);
     }
-    *members = kept;
+    members.truncate(kept);
 }
 
 /// Raises the uncertainty of rows that claim to be more than [`MOST_CERTAIN`] times as certain as the median
 /// row.
 fn limit_certainty(members: &mut [Member<'_>]) {
+    let (mut least, mut most) = (f32::INFINITY, 0.0);
+    for member in members.iter() {
+        least = if member.uncertainty < least {
+            member.uncertainty
+        } else {
+            least
+        };
+        most = if member.uncertainty > most {
+            member.uncertainty
+        } else {
+            most
+        };
+    }
+    // The median is at most `most`: no row is so certain.
+    if most <= MOST_CERTAIN * least {
+        return;
+    }
     // Uncertainties are above zero, and in the order of their bits.
     let Some(middle) = median(members.iter().map(|it| it.uncertainty.to_bits())) else {
         return;
@@ -135,29 +172,43 @@ fn scale(members: &[Member<'_>], centre: f32) -> f32 {
     if members.len() < ENOUGH_TO_SCATTER {
         return 1.0;
     }
-    let deviations = members.iter().map(|it| it.residual(centre).abs().to_bits());
-    let scale = DEVIATION_PER_MEDIAN * median(deviations).map_or(0.0, f32::from_bits);
-    if scale > 1.0 { scale } else { 1.0 }
+    let scale = |it: &Member<'_>| DEVIATION_PER_MEDIAN * it.residual(centre).abs();
+    let explained = count_where(members, |it| scale(it) <= 1.0);
+    let middle = members.len().saturating_sub(1) / 2;
+    // If the median row is not among those that their uncertainties explain, its scale is above 1.
+    middle.checked_sub(explained).map_or(1.0, |rank| {
+        let others = members.iter().map(scale).filter(|&it| it > 1.0);
+        ranked(rank, others.map(f32::to_bits)).map_or(1.0, f32::from_bits)
+    })
 }
 
-/// Gives each row the weight of its residual from the weighted mean, starting from the rows' median.
-fn reweigh(members: &mut [Member<'_>]) {
+/// The median of the offsets.
+fn middle(members: &[Member<'_>]) -> f32 {
     // Orders the offsets by their bits, with those of negative numbers turned over.
     let keys = members
         .iter()
         .map(|it| ordered(in_order(it.offset.to_bits().cast_signed())));
-    let mut centre = median(keys).map_or(0.0, |key| {
+    median(keys).map_or(0.0, |key| {
         f32::from_bits(in_order(from_ordered(key)).cast_unsigned())
-    });
+    })
+}
+
+/// Gives each row the weight of its residual from the weighted mean, starting from the rows' median.
+fn reweigh(members: &mut [Member<'_>], median: f32) {
+    let mut centre = median;
     let reach = REACH * scale(members, centre);
     for _ in 0..REWEIGHTS {
+        let (mut weights, mut sum) = (0.0, 0.0);
         for member in members.iter_mut() {
             member.weight = biweight(member.residual(centre) / reach) / square(member.uncertainty);
+            weights += member.weight;
+            sum += member.weight * member.offset;
         }
-        match weighted_mean(members) {
-            Some(mean) => centre = mean,
+        if weights > 0.0 {
+            centre = sum / weights;
+        } else {
             // No row is within reach: none counts.
-            None => return,
+            return;
         }
     }
 }

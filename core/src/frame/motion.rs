@@ -23,9 +23,15 @@ impl Course {
     pub fn of(members: &[Member<'_>], certain: &[Member<'_>], speed: f32) -> Self {
         Self {
             speed,
-            moment: Line::through(members).map_or(f32::INFINITY, |line| line.moment),
-            parabola: Parabola::through(certain)
-                .filter(|it| certain.len() >= ENOUGH && it.is_motion(1.0)),
+            moment: if speed == 0.0 {
+                f32::INFINITY
+            } else {
+                Line::through(members).map_or(f32::INFINITY, |line| line.moment)
+            },
+            parabola: (certain.len() >= ENOUGH)
+                .then(|| Parabola::through(certain))
+                .flatten()
+                .filter(|it| it.is_motion(1.0)),
         }
     }
 }
@@ -41,6 +47,8 @@ pub(super) struct Line {
     /// The weighted sum of the squares of the rows' numbers, taken from `middle`. It is the inverse of the
     /// slope's variance, if the weights are 1/u^2.
     pub moment: f32,
+    /// The sum of the weights.
+    weights: f32,
 }
 
 /// A slope counts as motion if it is so many times its standard deviation. Rows at rest with normal errors
@@ -51,22 +59,25 @@ const SIGNIFICANT: f32 = 4.0;
 impl Line {
     /// Fits the line. `None` for fewer than two rows that count.
     pub fn through(members: &[Member<'_>]) -> Option<Self> {
-        let weights: f32 = members.iter().map(|it| it.weight).sum();
-        let mean_of = |value: fn(&Member<'_>) -> f32| {
-            members.iter().map(|it| it.weight * value(it)).sum::<f32>() / weights
-        };
-        let (middle, centre) = (mean_of(|it| it.rows_from_middle), mean_of(|it| it.offset));
-        let moment: f32 = (members.iter())
-            .map(|it| it.weight * square(it.rows_from_middle - middle))
-            .sum();
-        let products: f32 = (members.iter())
-            .map(|it| it.weight * (it.rows_from_middle - middle) * (it.offset - centre))
-            .sum();
+        let (mut weights, mut numbers, mut offsets) = (0.0, 0.0, 0.0);
+        for member in members {
+            weights += member.weight;
+            numbers += member.weight * member.rows_from_middle;
+            offsets += member.weight * member.offset;
+        }
+        let (middle, centre) = (numbers / weights, offsets / weights);
+        let (mut moment, mut products) = (0.0, 0.0);
+        for member in members {
+            let x = member.rows_from_middle - middle;
+            moment += member.weight * square(x);
+            products += member.weight * x * (member.offset - centre);
+        }
         (weights > 0.0 && moment > 0.0).then(|| Self {
             slope: products / moment,
             middle,
             centre,
             moment,
+            weights,
         })
     }
 
@@ -119,10 +130,15 @@ impl Parabola {
         let rest = |it: &Member<'_>| it.offset - line.at(it.rows_from_middle);
         // |x|^3 is at most 63 x^2, so the skew is at most 63 and the shape below 2^14.
         let skew = total(members, |it| it.weight * x(it) * square(x(it))) / line.moment;
-        let mean_square = line.moment / total(members, |it| it.weight);
+        let mean_square = line.moment / line.weights;
         let shape = |it: &Member<'_>| square(x(it)) - skew * x(it) - mean_square;
-        let moment = total(members, |it| it.weight * square(shape(it)));
-        let curvature = total(members, |it| it.weight * shape(it) * rest(it)) / moment;
+        let (mut moment, mut products) = (0.0, 0.0);
+        for member in members {
+            let shape = shape(member);
+            moment += member.weight * square(shape);
+            products += member.weight * shape * rest(member);
+        }
+        let curvature = products / moment;
         let squares = total(members, |it| {
             it.weight * square(rest(it) - curvature * shape(it))
         });

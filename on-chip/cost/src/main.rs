@@ -21,7 +21,9 @@ fn main() -> ! {
     chip::peers::measure();
     chip::kernels::compare();
     defmt::println!("end");
-    chip::board::stop()
+    chip::board::end_the_log();
+    // From now on the program measures the rows that it is given.
+    chip::whole_rows::serve()
 }
 
 #[cfg(not(target_os = "none"))]

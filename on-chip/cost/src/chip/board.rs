@@ -48,8 +48,8 @@ pub fn let_the_log_out() {
     cortex_m::asm::delay(336_000);
 }
 
-/// The end: a debugger is told to go. Otherwise the program measures the rows that it is given.
-pub fn stop() -> ! {
+/// The end of the log: a debugger is told to go.
+pub fn end_the_log() {
     let_the_log_out();
     if DCB::is_debugger_attached() {
         /// Semihosting's SYS_EXIT, and its reason "application exit".
@@ -58,5 +58,4 @@ pub fn stop() -> ! {
         // SAFETY: this operation takes a number and no pointer, and a debugger is there to serve it.
         unsafe { cortex_m::asm::semihosting_syscall(SYS_EXIT, APPLICATION_EXIT) };
     }
-    super::whole_rows::serve()
 }
