@@ -354,23 +354,23 @@ impl Candidate {
         if least < noise.to_bits().saturating_mul(42) || sums.light.len() < SHORT {
             return false;
         }
-        let stands_out = |response: u32| above(response, BLOCK_LOG2, level) > least;
-        let parts = sums.parts(BLOCK_LOG2);
-        let blocks = parts
-            .filter(|&(highest, _)| stands_out(highest))
-            .flat_map(|(_, blocks)| blocks)
-            .filter(|&block| sums.response(BLOCK_LOG2, block).is_some_and(stands_out));
-        let pixels = |block: usize| {
-            block.wrapping_shl(BLOCK_LOG2)..block.saturating_add(1).wrapping_shl(BLOCK_LOG2)
+        // What responds with more, background included.
+        let least = least.saturating_add(under_the_kernel(level, BLOCK_LOG2));
+        let least = (least >> Counts::FRACTION).max(0).unsigned_abs();
+        let is_better = &mut |block: usize, _| {
+            let pixels =
+                block.wrapping_shl(BLOCK_LOG2)..block.saturating_add(1).wrapping_shl(BLOCK_LOG2);
+            self.is_better_than_fine(sums.light, pixels, level)
         };
         // The larger kernel does not have its middle on the blocks of the row's ends. The last block may have
         // no other to pair with.
-        let last = (sums.number(BLOCK_LOG2) / 2 * 2).saturating_sub(1) << BLOCK_LOG2;
-        let ends = [pixels(0), last..sums.light.len()];
-        blocks
-            .map(pixels)
-            .chain(ends)
-            .all(|pixels| self.is_better_than_fine(sums.light, pixels, level))
+        let last = (sums.number(BLOCK_LOG2) / 2 * 2).saturating_sub(1);
+        let end = last.wrapping_shl(BLOCK_LOG2)..sums.light.len();
+        is_better(0, 0)
+            && self.is_better_than_fine(sums.light, end, level)
+            && (sums.parts(BLOCK_LOG2))
+                .filter(|&(highest, _)| highest > least)
+                .all(|(_, blocks)| sums.all_above(blocks, least, is_better))
     }
 
     /// Whether no kernel on blocks of 1, 2 or 4 pixels is more significant with its middle on these pixels.

@@ -130,9 +130,53 @@ fn high_boxes(row: &Row<'_>, pixels: usize, least: u32, take: &mut dyn FnMut(usi
         begin..begin.saturating_add(BLOCK)
     };
     let see = &mut |block| visit(pixels_of(block));
-    high_blocks(blocks, reach, least, see);
+    if reach == 2 {
+        high_pairs(blocks, least, see);
+    } else {
+        high_blocks(blocks, reach, least, see);
+    }
     // Fewer blocks than that are behind the last ones.
     visit(pixels_of(blocks.len().saturating_sub(reach)).start..light.len());
+}
+
+/// As [`high_blocks`] for two blocks.
+#[inline(never)]
+fn high_pairs(blocks: &[u16], least: u32, see: &mut dyn FnMut(usize)) {
+    const PART: usize = 8;
+    // A block with no other block behind it but the last is left to the caller.
+    let blocks = blocks.split_last().map_or(blocks, |(_, blocks)| blocks);
+    let (parts, rest) = blocks.as_chunks::<PART>();
+    let mut before = 0;
+    for (number, part) in (0..MAX_PIXELS).zip(parts) {
+        let mut last = before;
+        // All are below 2^31: the highest bit is set where a pair exceeds `least`.
+        let bits = part.iter().fold(0, |bits, &block| {
+            let pair = numeric::add_u32(last, block.into());
+            last = block.into();
+            bits | least.wrapping_sub(pair)
+        });
+        if bits >> 31 != 0 {
+            see_pairs(before, part, number.saturating_mul(PART), least, see);
+        }
+        before = last;
+    }
+    let number = parts.len().saturating_mul(PART);
+    see_pairs(before, rest, number, least, see);
+}
+
+/// Calls `see` with the first block of each pair that exceeds `least`: the first pair is that of `before` and
+/// the block at `number`.
+#[cold]
+fn see_pairs(before: u32, blocks: &[u16], number: usize, least: u32, see: &mut dyn FnMut(usize)) {
+    let mut before = before;
+    for (block, &next) in (number..usize::MAX).zip(blocks) {
+        if numeric::add_u32(before, next.into()) > least
+            && let Some(first) = block.checked_sub(1)
+        {
+            see(first);
+        }
+        before = next.into();
+    }
 }
 
 /// Calls `see` with each block that has so many blocks behind it, if it and all but the last of these together

@@ -224,8 +224,12 @@ impl<'a> Sums<'a> {
                 );
             }
             _ => {
-                let of = |block| self.block(block_log2, block).unwrap_or_default();
-                fill(sums, blocks.map(of));
+                let large: &[u32] = match block_log2 {
+                    5 => &self.coarse.sums_32,
+                    6 => &self.coarse.sums_64,
+                    _ => &self.coarse.sums_128,
+                };
+                fill(sums, large.get(blocks).unwrap_or_default().iter().copied());
             }
         }
         number
@@ -260,6 +264,32 @@ impl<'a> Sums<'a> {
         );
         let twice = numeric::add_u32(middle, middle);
         Some(numeric::add_u32(numeric::add_u32(left, twice), right))
+    }
+
+    /// Calls `see` with each of these blocks of 8 pixels on which the kernel's response is more than `least`,
+    /// and with the response, until it returns `false`. Whether it never does.
+    // A loop out of line, so that it keeps nothing but sums.
+    #[inline(never)]
+    pub(super) fn all_above(
+        &self,
+        blocks: Range<usize>,
+        least: u32,
+        see: &mut dyn FnMut(usize, u32) -> bool,
+    ) -> bool {
+        let start = blocks.start.saturating_sub(1);
+        let end = blocks.end.saturating_add(1).min(self.blocks.len());
+        let near = self.blocks.get(start..end).unwrap_or_default();
+        let middles = start.saturating_add(1)..usize::MAX;
+        for (block, three) in middles.zip(near.windows(3)) {
+            let &[left, middle, right] = three else {
+                continue;
+            };
+            let response = u32::from(left) + 2 * u32::from(middle) + u32::from(right);
+            if response > least && !see(block, response) {
+                return false;
+            }
+        }
+        true
     }
 
     /// The highest response of each part, and the blocks on which the kernel's middle lies there.
