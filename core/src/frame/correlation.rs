@@ -104,11 +104,14 @@ pub(super) fn estimate(members: &[Member<'_>], fitted: f32) -> Option<Correlated
 fn residuals(members: &[Member<'_>]) -> Option<Vec<f32, { MAX_ROWS as usize }>> {
     let line = Line::through(members)?;
     let mut residuals = Vec::new();
+    let mut sum = 0.0;
     for member in members {
+        let residual = member.residual(line.at(member.rows_from_middle));
+        sum += residual;
         // There is room for all rows.
-        let _ = residuals.push(member.residual(line.at(member.rows_from_middle)));
+        let _ = residuals.push(residual);
     }
-    let mean = residuals.iter().sum::<f32>() / members.len() as f32;
+    let mean = sum / members.len() as f32;
     residuals.iter_mut().for_each(|residual| *residual -= mean);
     Some(residuals)
 }
