@@ -106,15 +106,20 @@ pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<boo
 fn high_boxes(row: &Row<'_>, pixels: usize, least: u32, take: &mut dyn FnMut(usize)) {
     let light = row.light();
     let pixels = pixels.max(1);
-    let twice = pixels.saturating_mul(2);
+    let twice = pixels.saturating_mul(2).max(1);
     // The boxes that begin on some pixels.
     let mut visit = |begins: Range<usize>| {
-        let first = begins.start.div_ceil(twice).saturating_mul(twice);
-        for first in (first..begins.end).step_by(twice) {
+        let number = begins
+            .start
+            .saturating_add(twice.wrapping_sub(1))
+            .checked_div(twice);
+        let mut first = number.unwrap_or_default().saturating_mul(twice);
+        while first < begins.end {
             let one = light.slice(first..first.saturating_add(pixels));
             if one.is_some_and(|one| sum(one) > least) {
                 take(first);
             }
+            first = first.saturating_add(twice);
         }
     };
     let blocks = row.blocks();

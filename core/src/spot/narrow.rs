@@ -96,15 +96,16 @@ impl Place {
             .isqrt();
         let least = (least >> Counts::FRACTION) as u32;
         let mut best: Option<Self> = None;
-        for_each_candidate(sums, block_log2, least, |block| {
-            let least = best.map_or(least, |best| best.contrast);
+        for_each_candidate(sums, block_log2, least, |block, least| {
             if let Some(place) = Self::at(sums, block_log2, block)
                 && place.contrast > least
                 && place.stands_out(noise)
                 && !sums.is_one_pixel(block_log2, block, place.level)
             {
                 best = Some(place);
+                return place.contrast;
             }
+            least
         });
         best
     }
@@ -144,19 +145,26 @@ impl Place {
     fn find_other(&self, sums: &Sums<'_>, noise: Counts) -> Option<usize> {
         let least = needed(LEAST_OTHER, noise);
         let mut other = None;
-        for_each_candidate(sums, self.block_log2, self.contrast / 2, |block| {
-            if block.abs_diff(self.block) > NEAR
-                && other.is_none()
+        for_each_candidate(
+            sums,
+            self.block_log2,
+            self.contrast / 2,
+            |block, searched| {
+                if block.abs_diff(self.block) > NEAR
                 && let Some(place) = Self::at(sums, self.block_log2, block)
                 && has_similar_height(place.contrast.into(), self.contrast.into())
                 && significance(place.contrast, self.block_log2) >= least
                 // A spot between two blocks has four fifths of the bend.
                 && place.bend > self.bend / 2
                 && !sums.is_one_pixel(self.block_log2, block, place.level)
-            {
-                other = Some(middle(block, self.block_log2));
-            }
-        });
+                {
+                    other = Some(middle(block, self.block_log2));
+                    // The first one is enough.
+                    return u32::MAX;
+                }
+                searched
+            },
+        );
         other
     }
 }
@@ -166,13 +174,19 @@ fn significance(response: u32, block_log2: u32) -> u64 {
     square(in_q8(response).unsigned_abs()) >> block_log2.min(LARGEST_BLOCK_LOG2)
 }
 
-/// Calls `see` with each block whose contrast may be more than `least`: its response is as much above the
-/// mean of both sides.
+/// Calls `see` with each block whose contrast may be more than `least`, and with `least`: its response is as
+/// much above the mean of both sides. `see` returns the next `least`.
 #[inline(always)]
-fn for_each_candidate(sums: &Sums<'_>, block_log2: u32, least: u32, mut see: impl FnMut(usize)) {
+fn for_each_candidate(
+    sums: &Sums<'_>,
+    block_log2: u32,
+    mut least: u32,
+    mut see: impl FnMut(usize, u32) -> u32,
+) {
     let sums = sums.small_blocks(block_log2);
     // Contrasts to both sides are at most eight sums of 16 pixels of 12 bits: below 2^20.
-    let least = numeric::mul_i32(2, least.min(1 << 20) as i32);
+    let twice = |least: u32| numeric::mul_i32(2, least.min(1 << 20) as i32);
+    let mut both = twice(least);
     let (mut last, mut last_two) = (0, 0);
     // The kernel's middle is one block before its last. The first two sums are not those of a whole kernel:
     // `Place::at` has no place there.
@@ -187,8 +201,9 @@ fn for_each_candidate(sums: &Sums<'_>, block_log2: u32, least: u32, mut see: imp
         let two = numeric::add_i32(last, above);
         let contrast = numeric::add_i32(last_two, two);
         (last, last_two) = (above, two);
-        if contrast > least {
-            see(block);
+        if contrast > both {
+            least = see(block, least);
+            both = twice(least);
         }
     }
 }

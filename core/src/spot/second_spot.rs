@@ -12,7 +12,9 @@
 use crate::fault::Fault;
 use crate::numeric;
 use crate::spot::sums::Sums;
-use crate::spot::{LARGEST_BLOCK_LOG2, Spot, above, height, in_q8, middle, needed, square};
+use crate::spot::{
+    LARGEST_BLOCK_LOG2, Spot, above, height, in_q8, middle, needed, square, under_the_kernel,
+};
 use crate::units::{Counts, Pixels};
 
 /// Whether two spots are so alike in height that nothing tells which is the laser's. A second spot of 50 % of
@@ -320,20 +322,32 @@ fn find_far_spot(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
         has_similar_height(response.into(), highest.into())
             && square(response.max(0).unsigned_abs()) >> block_log2.min(LARGEST_BLOCK_LOG2) >= least
     };
-    let parts = sums.parts(block_log2);
-    let others = parts.filter(|&(highest, _)| is_other(above(highest, block_log2, level)));
-    let mut others = others.flat_map(|(_, blocks)| blocks).filter(|&block| {
-        block.abs_diff(here) > NEAR
-            && response(block).is_some_and(is_other)
-            && !sums.is_one_pixel(block_log2, block, level)
-    });
-    others
-        .find(|&block| {
-            let between = block.min(here)..block.max(here);
-            between
-                .filter_map(response)
-                .min()
-                .is_some_and(|valley| valley <= highest / 3)
-        })
-        .map(|block| middle(block, block_log2))
+    // A valley must lie between the two: the other spot is beyond the nearest dark block on its side.
+    let is_dark = |block: &usize| response(*block).is_some_and(|valley| valley <= highest / 3);
+    let dark_on_left = (0..here).rev().find(is_dark);
+    let dark_on_right = (here..sums.number(block_log2)).find(is_dark);
+    let is_beyond = |block: usize| {
+        dark_on_left.is_some_and(|dark| block <= dark)
+            || dark_on_right.is_some_and(|dark| block > dark)
+    };
+    let mut other = None;
+    let see = &mut |block: usize, response: u32| {
+        let is_there = block.abs_diff(here) > NEAR
+            && is_beyond(block)
+            && is_other(above(response, block_log2, level))
+            && !sums.is_one_pixel(block_log2, block, level);
+        if is_there {
+            other = Some(middle(block, block_log2));
+        }
+        !is_there
+    };
+    // A similar height is more than two thirds of the highest.
+    let similar = (highest / 3 * 2).saturating_add(under_the_kernel(level, block_log2));
+    let least = (similar >> Counts::FRACTION).max(0).unsigned_abs();
+    for (highest, blocks) in sums.parts(block_log2) {
+        if highest >= least && !sums.all_above(block_log2, blocks, least.saturating_sub(1), see) {
+            break;
+        }
+    }
+    other
 }

@@ -266,30 +266,26 @@ impl<'a> Sums<'a> {
         Some(numeric::add_u32(numeric::add_u32(left, twice), right))
     }
 
-    /// Calls `see` with each of these blocks of 8 pixels on which the kernel's response is more than `least`,
-    /// and with the response, until it returns `false`. Whether it never does.
-    // A loop out of line, so that it keeps nothing but sums.
-    #[inline(never)]
+    /// Calls `see` with each of these blocks on which the kernel's response is more than `least`, and with the
+    /// response, until it returns `false`. Whether it never does.
     pub(super) fn all_above(
         &self,
+        block_log2: u32,
         blocks: Range<usize>,
         least: u32,
         see: &mut dyn FnMut(usize, u32) -> bool,
     ) -> bool {
         let start = blocks.start.saturating_sub(1);
-        let end = blocks.end.saturating_add(1).min(self.blocks.len());
-        let near = self.blocks.get(start..end).unwrap_or_default();
-        let middles = start.saturating_add(1)..usize::MAX;
-        for (block, three) in middles.zip(near.windows(3)) {
-            let &[left, middle, right] = three else {
-                continue;
-            };
-            let response = u32::from(left) + 2 * u32::from(middle) + u32::from(right);
-            if response > least && !see(block, response) {
-                return false;
-            }
+        let end = blocks.end.saturating_add(1);
+        let small = self.small_blocks(block_log2);
+        if !small.is_empty() {
+            let near = small.get(start..end.min(small.len()));
+            return all_above(near.unwrap_or_default(), start, least, see);
         }
-        true
+        blocks.into_iter().all(|block| {
+            let response = self.response(block_log2, block);
+            response.is_none_or(|response| response <= least || see(block, response))
+        })
     }
 
     /// The highest response of each part, and the blocks on which the kernel's middle lies there.
@@ -319,7 +315,7 @@ impl<'a> Sums<'a> {
         let parts = parts.get(..number).unwrap_or_default();
         (parts.iter().copied())
             .zip(starts)
-            .map(|(highest, start)| (highest, start..start + 2 * PART))
+            .map(|(highest, start)| (highest, start..start.saturating_add(2 * PART)))
     }
 
     /// The block on which the kernel's middle has its highest response; of equal ones, the first.
@@ -393,6 +389,28 @@ impl<'a> Sums<'a> {
         self.blocks_from(block_log2, 0, &mut blocks);
         Some((block_log2, blocks))
     }
+}
+
+/// See [`Sums::all_above`]: on blocks of up to 16 pixels, of which `first` is the first.
+// A loop out of line, so that it keeps nothing but sums.
+#[inline(never)]
+fn all_above(
+    blocks: &[u16],
+    first: usize,
+    least: u32,
+    see: &mut dyn FnMut(usize, u32) -> bool,
+) -> bool {
+    let middles = first.saturating_add(1)..usize::MAX;
+    for (block, three) in middles.zip(blocks.windows(3)) {
+        let &[left, middle, right] = three else {
+            continue;
+        };
+        let response = u32::from(left) + 2 * u32::from(middle) + u32::from(right);
+        if response > least && !see(block, response) {
+            return false;
+        }
+    }
+    true
 }
 
 /// The sum over a block of at most four pixels.
