@@ -311,7 +311,7 @@ impl<'a> Sums<'a> {
             .div_ceil(PART);
         // A part holds the kernels whose last block is in it. The first pair of blocks only starts the first
         // kernel, so the first middle is block 1.
-        let starts = (0..most_parts(0)).map(|part| 2 * PART * part + 1);
+        let starts = (0..most_parts(0)).map(|part| part.saturating_mul(2 * PART).saturating_add(1));
         let parts = parts.get(..number).unwrap_or_default();
         (parts.iter().copied())
             .zip(starts)
