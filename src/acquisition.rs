@@ -1,6 +1,10 @@
 //! Reads rows on time: pulses the sensor at a fixed period, and reads a row whenever a buffer is free.
 
-use embassy_time::{Duration, Ticker};
+use core::future::{Future, poll_fn};
+use core::pin::pin;
+use core::task::Poll;
+
+use embassy_time::{Duration, Instant, Timer};
 use static_cell::ConstStaticCell;
 
 use super::shared::{BUFFERS, Buffer, COUNTERS, FREE, FULL, WORDS};
@@ -27,32 +31,66 @@ pub async fn acquire(mut sensor: Tcd1304) {
     for row in ROWS.take() {
         FREE.send(row).await;
     }
-    let mut due = Ticker::every(ROW_PERIOD);
     let mut clearing = CLEARING_PULSES;
+    let mut due = Instant::now() + ROW_PERIOD;
+    set_alarm(due).await;
     loop {
-        due.next().await;
+        wait_for_alarm(due).await;
+        if due.elapsed() >= ROW_PERIOD {
+            // The exposure was longer than a period, and so would be the next if it ended now.
+            clearing = CLEARING_PULSES;
+            due = Instant::now();
+        }
+        due += ROW_PERIOD;
         COUNTERS.pulses.add();
         if clearing > 0 {
             clearing -= 1;
             sensor.pulse();
+            set_alarm(due).await;
             continue;
         }
         let Ok(row) = FREE.try_receive() else {
             COUNTERS.rows_lost.add();
             sensor.pulse();
+            set_alarm(due).await;
             continue;
         };
-        if read(&mut sensor, row).await {
+        if read(&mut sensor, row, due).await {
             continue;
         }
         clearing = CLEARING_PULSES;
-        due.reset();
+        due = Instant::now() + ROW_PERIOD;
+        set_alarm(due).await;
     }
 }
 
-/// Reads a row and hands it on. Returns whether it succeeded.
-async fn read(sensor: &mut Tcd1304, row: Buffer) -> bool {
-    match sensor.read_out(row).await {
+/// Makes embassy wake this task at `at`. A task has one alarm, and an earlier one stays.
+///
+/// Awaiting a timer would set the alarm anew each time that DMA wakes the task, which took more instructions
+/// than all else between two rows.
+pub async fn set_alarm(at: Instant) {
+    poll_fn(|context| {
+        let _ = pin!(Timer::at(at)).poll(context);
+        Poll::Ready(())
+    })
+    .await;
+}
+
+/// Waits for the alarm that [`set_alarm`] set.
+async fn wait_for_alarm(at: Instant) {
+    poll_fn(|_| {
+        if Instant::now() < at {
+            Poll::Pending
+        } else {
+            Poll::Ready(())
+        }
+    })
+    .await;
+}
+
+/// Reads a row and hands it on. Sets the alarm at `next`. Returns whether the row was read.
+async fn read(sensor: &mut Tcd1304, row: Buffer, next: Instant) -> bool {
+    match sensor.read_out(row, next).await {
         Ok(()) => {
             COUNTERS.rows.add();
             FULL.send(row).await;

@@ -133,7 +133,7 @@ fn enable_flash_accelerator() {
 
 /// Sets up clocks and peripherals. Call once, first.
 pub fn init() -> Board {
-    let p = embassy_stm32::init(config());
+    let p = init_chip();
     enable_flash_accelerator();
     let started_by = start_cause();
     defmt::info!(
@@ -208,6 +208,21 @@ pub fn init() -> Board {
         watchdog,
         started_by,
     }
+}
+
+/// Sets up embassy, and clears the flags that its set-up raises in TIM5.
+///
+/// embassy-stm32 0.6.0 generates an update while compare register 1 is still 0, which counts as a match. Its
+/// interrupt would then count half a wrap of TIM5 that has not passed. From then on, time would fall back by
+/// 65 ms for a moment at each wrap, from the wrap to its interrupt. An alarm due in that moment would ring 65
+/// ms late, and the pulses that it should have brought would follow at once, 5 us apart.
+fn init_chip() -> embassy_stm32::Peripherals {
+    cortex_m::interrupt::free(|_| {
+        let p = embassy_stm32::init(config());
+        pac::TIM5.sr().write(|_| ());
+        interrupt::TIM5.unpend();
+        p
+    })
 }
 
 /// Keeps PA12 low. On chips before revision 3, reading bank 2 of the flash may go wrong while PA12 changes
@@ -311,6 +326,10 @@ impl Handler<interrupt::typelevel::USART3> for CountSerialErrors {
     unsafe fn on_interrupt() {
         // Reading SR alone clears nothing.
         let flags = pac::USART3.sr().read();
+        // Nearly always there is no error, and an interrupt comes for each character.
+        if !(flags.ne() || flags.fe() || flags.ore()) {
+            return;
+        }
         COUNTERS.serial_noise.add_if(flags.ne());
         COUNTERS.serial_framing.add_if(flags.fe());
         COUNTERS.serial_overrun.add_if(flags.ore());

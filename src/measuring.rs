@@ -1,10 +1,12 @@
 //! Measures rows: brings rows and settings to the pure core, and its results to the serial line.
 
+use core::future::{Future, poll_fn};
+use core::pin::pin;
 use core::sync::atomic::Ordering;
+use core::task::Poll;
 
-use embassy_futures::select::{Either3, select3};
 use embassy_futures::yield_now;
-use embassy_time::{Duration, with_timeout};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
@@ -28,63 +30,108 @@ pub async fn measure() {
     let mut measurement = Measurement::new(tcd1304::geometry(), Settings::default());
     let mut flat: Option<Flat> = None;
     let mut is_corrected = false;
+    let mut silence = Silence::new();
     loop {
         // Settings and requests first, so that they hold for every row that comes after them.
-        let event = select3(
-            SETTINGS.wait(),
-            FLAT_REQUESTS.receive(),
-            with_timeout(SILENCE, FULL.receive()),
-        );
-        match event.await {
-            Either3::Third(Ok(row)) if paused() => {
-                FREE.send(row).await;
-                // The frame starts again after the pause.
-                measurement.start_frame();
-            }
-            Either3::Third(Ok(row)) => {
-                let start = board::cycles();
-                let map = flat.as_deref().and_then(FlatField::map);
-                let map = map.filter(|_| is_corrected);
-                let result = measure_row(&mut measurement, row, map);
-                let cycles = board::cycles().wrapping_sub(start);
-                COUNTERS.row_cycles.set(cycles);
-                COUNTERS.slowest_row_cycles.set_if_larger(cycles);
-                FREE.send(row).await;
-                if let Some(result) = result {
-                    publish(result);
-                    // If rows come faster than they are computed, one always waits here, and the serial line
-                    // would never have its turn.
-                    yield_now().await;
-                }
-            }
-            Either3::Third(Err(_)) if paused() => {}
-            Either3::Third(Err(_)) => publish(Err(measurement.silence())),
-            Either3::First((settings, profile)) => {
-                measurement.set(settings, profile);
-                // The frame starts again, so this counts as a result. Otherwise a user who changes settings
-                // faster than frames end would make the watchdog take the lack of results for a fault.
-                COUNTERS.results.add();
-            }
-            Either3::Second(FlatRequest::Use(given, on)) => {
+        if let Some((settings, profile)) = SETTINGS.try_take() {
+            measurement.set(settings, profile);
+            // The frame starts again, so this counts as a result. Otherwise a user who changes settings
+            // faster than frames end would make the watchdog take the lack of results for a fault.
+            COUNTERS.results.add();
+        }
+        match FLAT_REQUESTS.try_receive() {
+            Ok(FlatRequest::Use(given, on)) => {
                 flat = Some(given);
                 is_corrected = on;
                 // All rows of a frame need the same map.
                 measurement.start_frame();
                 COUNTERS.results.add();
             }
-            Either3::Second(FlatRequest::Take(kind)) => {
+            Ok(FlatRequest::Take(kind)) => {
                 let taken = match &mut flat {
                     Some(flat) => take_rows(flat, kind).await,
                     None => Err(TakeError::Silent),
                 };
                 TAKEN.send(taken).await;
+                silence = Silence::new();
             }
-            Either3::Second(FlatRequest::Give) => {
+            Ok(FlatRequest::Give) => {
                 if let Some(flat) = flat.take() {
                     GIVEN.send(flat).await;
                 }
             }
+            Err(_) => {}
         }
+        let Ok(row) = FULL.try_receive() else {
+            if silence.comes_before_event().await && !paused() {
+                publish(Err(measurement.silence()));
+            }
+            continue;
+        };
+        silence.row_came();
+        if paused() {
+            FREE.send(row).await;
+            // The frame starts again after the pause.
+            measurement.start_frame();
+            continue;
+        }
+        let start = board::cycles();
+        let map = flat.as_deref().and_then(FlatField::map);
+        let map = map.filter(|_| is_corrected);
+        let result = measure_row(&mut measurement, row, map);
+        let cycles = board::cycles().wrapping_sub(start);
+        COUNTERS.row_cycles.set(cycles);
+        COUNTERS.slowest_row_cycles.set_if_larger(cycles);
+        FREE.send(row).await;
+        if let Some(result) = result {
+            publish(result);
+            // If rows come faster than they are computed, one always waits here, and the serial line would
+            // never have its turn.
+            yield_now().await;
+        }
+    }
+}
+
+/// Finds out that no row came for [`SILENCE`]. Its alarm rings once in that time, not once a row: setting an
+/// alarm costs more than handing on a row.
+struct Silence {
+    begins: Instant,
+    alarm: Option<Instant>,
+}
+
+impl Silence {
+    fn new() -> Self {
+        Self {
+            begins: Instant::now() + SILENCE,
+            alarm: None,
+        }
+    }
+
+    fn row_came(&mut self) {
+        self.begins = Instant::now() + SILENCE;
+    }
+
+    /// Waits for a row or a request. Returns whether the sensor is silent instead. New settings alone wait
+    /// for either, because they matter to rows only.
+    async fn comes_before_event(&mut self) -> bool {
+        poll_fn(|context| {
+            if FULL.poll_ready_to_receive(context).is_ready()
+                || FLAT_REQUESTS.poll_ready_to_receive(context).is_ready()
+            {
+                return Poll::Ready(false);
+            }
+            let now = Instant::now();
+            if now >= self.begins {
+                self.begins = now + SILENCE;
+                return Poll::Ready(true);
+            }
+            if self.alarm.is_none_or(|alarm| now >= alarm) {
+                self.alarm = Some(self.begins);
+                let _ = pin!(Timer::at(self.begins)).poll(context);
+            }
+            Poll::Pending
+        })
+        .await
     }
 }
 

@@ -48,10 +48,11 @@ use core::task::Poll;
 
 use embassy_stm32::gpio::Output;
 use embassy_stm32::spi;
-use embassy_time::{Duration, with_timeout};
+use embassy_time::{Duration, Instant, with_timeout};
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 
+use super::acquisition::set_alarm;
 use super::board::{self, CORE_HZ, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
 use super::shared::WORDS;
 
@@ -88,7 +89,8 @@ const ICG_AFTER_WORD_1: u32 = cycles_in_ns(1857 - 1067);
 /// The first word takes 1.5 us. If it has not come after this time, it will not come.
 const FIRST_WORD_TIMEOUT: u32 = cycles_in_ns(10_000);
 
-/// A read-out takes 3694 words of 16 bits at 10.5 MHz: 5.63 ms.
+/// A read-out takes 3694 words of 16 bits at 10.5 MHz: 5.63 ms. One that has not ended when the next row is
+/// due has this much time left.
 const READ_OUT_TIMEOUT: Duration = Duration::from_millis(20);
 
 /// The pulses are within the limits of the data sheet.
@@ -153,8 +155,12 @@ impl Tcd1304 {
         });
     }
 
-    /// Ends an exposure and reads its row.
-    pub async fn read_out(&mut self, row: &mut [u16; WORDS]) -> Result<(), ReadOutError> {
+    /// Ends an exposure and reads its row. Sets the alarm at `next`, when the next exposure should end.
+    pub async fn read_out(
+        &mut self,
+        row: &mut [u16; WORDS],
+        next: Instant,
+    ) -> Result<(), ReadOutError> {
         let Self {
             converter,
             pins,
@@ -173,7 +179,17 @@ impl Tcd1304 {
                     started
                 }))
             });
-            match started.await {
+            let mut result = started.await;
+            set_alarm(next).await;
+            if result.is_pending() {
+                // DMA or the alarm wakes the task.
+                result = poll_fn(|context| match transfer.as_mut().poll(context) {
+                    Poll::Pending if Instant::now() < next => Poll::Pending,
+                    result => Poll::Ready(result),
+                })
+                .await;
+            }
+            match result {
                 Poll::Ready(result) => result.map_err(ReadOutError::Spi),
                 Poll::Pending => match with_timeout(READ_OUT_TIMEOUT, transfer).await {
                     Ok(result) => result.map_err(ReadOutError::Spi),

@@ -128,16 +128,14 @@ pub fn cost(firmware: &Firmware, rows_per_second: f64, rows: u16, frames: u64) -
 ///
 /// # Errors
 ///
-/// The emulator fails, or not even `from` is sustained.
+/// The emulator fails, a trial shows another fault than lost rows, or not even `from` is sustained.
 pub fn highest(firmware: &Firmware, rows: u16, from: f64, to: f64, count: u64) -> Result<f64> {
+    // Only a lost row means that a rate is not sustained. Any other error is a fault.
     let is_sustained = |rate: f64| -> Result<bool> {
-        // A firmware with far too many rows answers no command.
-        let Ok(mut board) = start(firmware, rate, rows) else {
-            return Ok(false);
-        };
-        // Rows that come too fast for the firmware's clock violate the sensor's limits.
-        let is_complete = lost_rows(&mut board, rate, count).is_ok_and(|lost| lost == 0);
-        Ok(is_complete && board.finish().is_ok())
+        let mut board = start(firmware, rate, rows)?;
+        let lost = lost_rows(&mut board, rate, count)?;
+        board.finish()?;
+        Ok(lost == 0)
     };
     ensure!(
         is_sustained(from)?,
