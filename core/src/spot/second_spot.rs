@@ -11,6 +11,7 @@
 
 use crate::fault::Fault;
 use crate::numeric;
+use crate::row::MAX_PIXELS;
 use crate::spot::sums::Sums;
 use crate::spot::{LARGEST_BLOCK_LOG2, Spot, above, height, in_q8, middle, needed, square};
 use crate::units::{Counts, Pixels};
@@ -322,18 +323,20 @@ fn find_far_spot(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
     };
     let parts = sums.parts(block_log2);
     let others = parts.filter(|&(highest, _)| is_other(above(highest, block_log2, level)));
-    let mut others = others.flat_map(|(_, blocks)| blocks).filter(|&block| {
+    let others = others.flat_map(|(_, blocks)| blocks).filter(|&block| {
         block.abs_diff(here) > NEAR
             && response(block).is_some_and(is_other)
             && !sums.is_one_pixel(block_log2, block, level)
     });
+    let mut others = others.peekable();
+    others.peek()?;
+    // The valleys next to the spot. Both are searched once, because a row may have thousands of others.
+    let is_valley = |&block: &usize| response(block).is_some_and(|it| it <= highest / 3);
+    let left = (0..here).rev().find(is_valley);
+    let right = (here..MAX_PIXELS).find(is_valley);
     others
         .find(|&block| {
-            let between = block.min(here)..block.max(here);
-            between
-                .filter_map(response)
-                .min()
-                .is_some_and(|valley| valley <= highest / 3)
+            left.is_some_and(|left| block <= left) || right.is_some_and(|right| right < block)
         })
         .map(|block| middle(block, block_log2))
 }
