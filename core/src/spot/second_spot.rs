@@ -323,20 +323,22 @@ fn find_far_spot(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
     };
     let parts = sums.parts(block_log2);
     let others = parts.filter(|&(highest, _)| is_other(above(highest, block_log2, level)));
-    let others = others.flat_map(|(_, blocks)| blocks).filter(|&block| {
+    let mut others = others.flat_map(|(_, blocks)| blocks).filter(|&block| {
         block.abs_diff(here) > NEAR
             && response(block).is_some_and(is_other)
             && !sums.is_one_pixel(block_log2, block, level)
     });
-    let mut others = others.peekable();
-    others.peek()?;
-    // The valleys next to the spot. Both are searched once, because a row may have thousands of others.
     let is_valley = |&block: &usize| response(block).is_some_and(|it| it <= highest / 3);
-    let left = (0..here).rev().find(is_valley);
-    let right = (here..MAX_PIXELS).find(is_valley);
-    others
-        .find(|&block| {
-            left.is_some_and(|left| block <= left) || right.is_some_and(|right| right < block)
-        })
-        .map(|block| middle(block, block_log2))
+    // The valleys next to the spot, to its left and its right. They are searched once, because a row may have
+    // thousands of others.
+    let mut valleys = None;
+    let other = others.find(|&block| {
+        let find = || {
+            let left = (0..here).rev().find(is_valley);
+            (left, (here..MAX_PIXELS).find(is_valley))
+        };
+        let (left, right) = *valleys.get_or_insert_with(find);
+        left.is_some_and(|left| block <= left) || right.is_some_and(|right| right < block)
+    });
+    other.map(|block| middle(block, block_log2))
 }
