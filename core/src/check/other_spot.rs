@@ -21,12 +21,12 @@ const NEAREST_OTHER: f32 = 4.0;
 /// that lies between two boxes.
 const SHARE: f32 = 0.62;
 
-/// The most boxes that are compared with the light beside them. Of 35,000 rows with flaws six have more boxes
-/// as high as the spot.
+/// The most boxes, higher than the light to their left, that are compared with the light to their right. Wide
+/// light below the spot has no such boxes.
 const MOST_COMPARED: u32 = 512;
 
 /// Searches all of the row for another spot. Called for a frame's first row only. `false` if the search has
-/// not reached the row's end, because more boxes than [`MOST_COMPARED`] are as high as the spot.
+/// not reached the row's end, because more than [`MOST_COMPARED`] boxes rise as high as the spot.
 ///
 /// # Errors
 /// [`Fault::TwoSpots`] if there is another spot.
@@ -38,8 +38,7 @@ pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<boo
     let half = ((0.5 * width) as usize).clamp(1, MAX_PIXELS);
     let centre = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
     let separation = ((NEAREST_OTHER * width) as usize).min(MAX_PIXELS);
-    let sum = |from: usize| Some(sum(light.slice(from..from.saturating_add(half))?));
-    let height = |from: usize| Some(sum(from)?.min(sum(from.saturating_add(half))?));
+    let height = |from: usize| height(light, from, half);
     let before = |from: usize| height(from.checked_sub(separation)?);
     let behind = |from: usize| height(from.saturating_add(separation));
     // The spot itself may lie at the row's end, or on a slope.
@@ -70,7 +69,6 @@ pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<boo
             let Some(height) = height(from).filter(|height| *height > least) else {
                 continue;
             };
-            compared = numeric::add_u32(compared, 1);
             // The height above the light on both sides. So a background that rises is no spot, and neither is
             // the start or the end of its rise. The higher one of two spots counts, and the last one of two
             // equal ones.
@@ -78,8 +76,11 @@ pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<boo
                 let above = height.saturating_sub(beside);
                 (above > enough && above >= highest).then_some(above)
             };
+            let Some(left) = before(from).and_then(above) else {
+                continue;
+            };
+            compared = numeric::add_u32(compared, 1);
             if compared <= MOST_COMPARED
-                && let Some(left) = before(from).and_then(above)
                 && let Some(right) = behind(from).and_then(above)
             {
                 highest = left.min(right);
@@ -96,6 +97,20 @@ pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<boo
         }),
         None => Ok(compared <= MOST_COMPARED),
     }
+}
+
+/// The lower one of two boxes side by side.
+#[inline(always)]
+fn height(light: Light<'_>, from: usize, half: usize) -> Option<u32> {
+    let (words, inverted) = light.words();
+    let words = words.get(from..)?;
+    if half == 1 {
+        let [a, b] = *words.first_chunk()?;
+        return Some((a ^ inverted).min(b ^ inverted).into());
+    }
+    let two = light.slice(from..from.saturating_add(half.saturating_mul(2)))?;
+    let (first, second) = two.split(half);
+    Some(sum(first).min(sum(second)))
 }
 
 /// Calls `take` with the first pixel of every second box whose sum exceeds `least`. A spot needs two such
