@@ -131,7 +131,11 @@ impl Measurement {
                 let black = black_level(&row).unwrap_or(spot.background.level);
                 let width = before.as_ref().map(|(_, centre)| centre.width);
                 correct(&self.geometry, words, map, &spot, width, black);
-                let row = self.geometry.row_of_valid(words);
+                let row = match before {
+                    Some(_) => self.geometry.row_of_valid(words),
+                    // The search for other spots takes the blocks.
+                    None => (self.geometry.row_and_blocks(words, &mut self.blocks)).ok(),
+                };
                 let spot = Spot {
                     background: map.background_of(spot.background),
                     ..spot

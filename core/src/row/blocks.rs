@@ -47,7 +47,7 @@ impl Blocks {
         // A count is full scale less a word, or the word itself.
         let (sign, of_eight) = match inverted {
             0 => (Pair(1, 1), 0),
-            full_scale => (Pair(-1, -1), full_scale << BLOCK_LOG2),
+            full_scale => (Pair(-1, -1), full_scale.wrapping_shl(BLOCK_LOG2)),
         };
         dual_mac::sum_blocks(blocks, sign, of_eight, &mut self.sums)
     }

@@ -184,7 +184,7 @@ impl<'a> Sums<'a> {
         match block_log2 {
             0 => self.light.get(block).map(u32::from),
             1 | 2 => {
-                let start = block << block_log2;
+                let start = block.wrapping_shl(block_log2);
                 let pixels = self
                     .light
                     .slice(start..start.saturating_add(1 << block_log2))?;
@@ -251,10 +251,9 @@ impl<'a> Sums<'a> {
     /// kernel reaches over the row's end.
     #[inline]
     pub(super) fn response(&self, block_log2: u32, block: usize) -> Option<u32> {
-        if block_log2 == BLOCK_LOG2 {
-            // The usual size has a way of its own.
-            let three = self.blocks.get(block.checked_sub(1)?..)?.first_chunk()?;
-            let &[left, middle, right] = three;
+        let small = self.small_blocks(block_log2);
+        if !small.is_empty() {
+            let &[left, middle, right] = small.get(block.checked_sub(1)?..)?.first_chunk()?;
             return Some(u32::from(left) + 2 * u32::from(middle) + u32::from(right));
         }
         let left = self.block(block_log2, block.checked_sub(1)?)?;

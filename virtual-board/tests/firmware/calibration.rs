@@ -271,7 +271,7 @@ fn a_centre_needs_no_calibration() {
             assert!((found - centre).abs() < 5.0 * claimed, "{line}");
             assert!(
                 line.contains(" n 4/4 b ")
-                    && line.contains(" e t w ")
+                    && line.contains(" e a w ")
                     && line.split(' ').count() == 20,
                 "{line}"
             );

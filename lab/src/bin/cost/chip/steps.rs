@@ -323,6 +323,7 @@ mod tests {
         };
         let call = Call {
             function: 1,
+            path: vec![],
             steps: BTreeMap::new(),
             stacks: BTreeMap::from([
                 (vec![], BTreeMap::from([(1, 10)])),
