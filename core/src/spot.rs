@@ -409,7 +409,7 @@ impl Candidate {
             6 => 32,
             _ => 22,
         };
-        (i64::from(self.response) * factor >> 8) as i32
+        ((i64::from(self.response) * factor) >> 8) as i32
     }
 
     fn is_one_pixel(&self, sums: &Sums<'_>, level: Counts) -> bool {

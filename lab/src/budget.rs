@@ -373,9 +373,10 @@ mod tests {
     use simulator::bound;
     use simulator::scene::{Motion, Quantisation, ReadNoise, SecondReflection, Temperature};
 
+    /// Of `phase-table`: its weights do not follow the noise, so they fit as well if a noise is left out.
     fn budget(scene: &Scene) -> Budget {
         let budget =
-            Budget::of(scene, Estimator::default(), &Plan::of(scene), &|| ()).expect("a budget");
+            Budget::of(scene, Estimator::PhaseTable, &Plan::of(scene), &|| ()).expect("a budget");
         println!("{budget:#?}");
         budget
     }
@@ -410,8 +411,8 @@ mod tests {
         println!("{} of {uncertainty}", shot.value + read.value);
         assert!(uncertainty < 0.15);
         assert!((shot.value + read.value - 1.0).abs() < 3.0 * uncertainty);
-        // What either leaves is near the Cramér-Rao bound for it: 1.00 and 1.025 of it for the default,
-        // +-0.035 for 400 rows, of which three.
+        // What either leaves is near the Cramér-Rao bound for it: 1.10 and 1.095 of it, +-0.035 for 400
+        // rows.
         let spot = bound::Spot {
             width: 8.6,
             amplitude: 1750.0,
@@ -426,7 +427,7 @@ mod tests {
         for (left_out, left) in [(Effect::ShotNoise, spot), (Effect::ReadNoise, of_light)] {
             let ratio = rms_without(&budget, left_out) / left.bound();
             println!("without {}: {ratio} of the bound", left_out.name());
-            assert!((0.895..1.13).contains(&ratio));
+            assert!((0.99..1.21).contains(&ratio));
         }
         let black = share_of(&budget, Effect::BlackLevel);
         assert!(

@@ -208,7 +208,7 @@ impl<'a> Sums<'a> {
         let number = blocks.len();
         let pixels = blocks.start.wrapping_shl(block_log2)..blocks.end.wrapping_shl(block_log2);
         match block_log2 {
-            0 | 1 | 2 => {
+            0..=2 => {
                 let light = self.light.slice(pixels).unwrap_or_default();
                 match block_log2 {
                     0 => fill(sums, light.chunks().map(sum_of::<1>)),
