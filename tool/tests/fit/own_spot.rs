@@ -148,8 +148,8 @@ impl Sensor {
         let geometry = tcd1304dg();
         let repaired = (0..rows).filter(|_| {
             let (distance, height) = anywhere(&mut random);
-            let mut words = self.words(distance, height, &mut random);
-            let row = geometry.row(&mut words).expect("a row");
+            let words = self.words(distance, height, &mut random);
+            let row = geometry.row(&words).expect("a row");
             let spot = spot::find(&row).expect("a spot");
             let own = centre::centre(self.estimator, &row, &spot, None, &geometry);
             let checked = check::centre(self.estimator, &row, &spot, None, &geometry, profile);

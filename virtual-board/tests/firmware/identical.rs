@@ -132,8 +132,7 @@ fn aligned<'a>(pc: &'a [String], chip: &[String]) -> &'a [String] {
 /// How many pixels the estimator summed to one sample; `None` without a centre.
 fn block_of(row: &Row) -> Option<u8> {
     let geometry = sensor_heads::tcd1304dg();
-    let mut words = row.words.clone();
-    let row = geometry.row(&mut words).ok()?;
+    let row = geometry.row(&row.words).ok()?;
     let spot = spot::find(&row).ok()?;
     let centre = centre::centre(Estimator::default(), &row, &spot, None, &geometry).ok()?;
     Some(centre.class.block)

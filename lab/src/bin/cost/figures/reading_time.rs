@@ -85,7 +85,7 @@ fn draw_panel(
     };
     let mut curves = vec![bound("noise bound", WITH_SENSOR), bound("", COMPUTING)];
     let first = of(light, default).next();
-    let last = of(light, default).last();
+    let last = of(light, default).next_back();
     if let Some((limit, (first, last))) = limit.zip(first.zip(last)) {
         let ends = [first.computing_milliseconds, last.milliseconds];
         curves.push(Curve::bound(

@@ -13,8 +13,11 @@ use crate::chip::steps::Steps;
 use crate::chip::whole_rows::WholeRow;
 use crate::report::{CLOCK_MHZ, Measured};
 
+/// Gives the instructions of a step.
+type Instructions = fn(&Steps) -> u64;
+
 /// The steps in their order, with their colours. `other` is for instructions of no known step.
-const STEPS: [(&str, RGBColor, fn(&Steps) -> u64); 6] = [
+const STEPS: [(&str, RGBColor, Instructions); 6] = [
     ("convert", RGBColor(0x9e, 0xb9, 0xd9), |steps| steps.convert),
     ("search", RGBColor(0x3b, 0x75, 0xaf), |steps| steps.search),
     ("estimate", RGBColor(0xd6, 0x5a, 0x31), |steps| {
