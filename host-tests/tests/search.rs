@@ -573,13 +573,25 @@ impl SlowLight {
     }
 }
 
-/// Noise and wide light have no centre. Where light rises along the row, or lights a part of the row, the
-/// noise has a flagged centre in a few rows of a million: a fit of a spot that the row's end cuts.
+/// Noise has no centre, and wide light has none by `phase-table`. Where light rises along the row, or lights a
+/// part of the row, the noise has a flagged centre in a few rows of a million: a fit of a spot that the row's
+/// end cuts. By `adaptive` wide light, too, has a flagged centre in a few rows of a million, and one row of a
+/// million has a centre without a flag: noise whose uncertainty is just below the limit of a dim spot.
 fn check_rows_without_spot(rows: u64) {
+    check_rows_without_spot_by(Estimator::PhaseTable, 0, 0, rows);
+    check_rows_without_spot_by(Estimator::Adaptive, 20, 1, rows);
+}
+
+fn check_rows_without_spot_by(
+    estimator: Estimator,
+    most_flagged_of_wide: u32,
+    most_centres: u32,
+    rows: u64,
+) {
     let geometry = slitrange::sensor_heads::tcd1304dg();
     for (light, most_flagged) in [
         (SlowLight::None, 0),
-        (SlowLight::Wide, 0),
+        (SlowLight::Wide, most_flagged_of_wide),
         (SlowLight::Rising, 20),
         (SlowLight::Part, 20),
     ] {
@@ -589,7 +601,7 @@ fn check_rows_without_spot(rows: u64) {
             let Ok(spot) = spot::find(&row) else {
                 return [0; 3];
             };
-            match check::centre(Estimator::default(), &row, &spot, None, &geometry, None) {
+            match check::centre(estimator, &row, &spot, None, &geometry, None) {
                 Err(_) => [1, 0, 0],
                 Ok(centre) if centre.misfit => [1, 1, 0],
                 Ok(centre) => {
@@ -601,10 +613,11 @@ fn check_rows_without_spot(rows: u64) {
         let add = |a: [u32; 3], b: [u32; 3]| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
         let [candidates, flagged, centres] = found.reduce(|| [0; 3], add);
         println!(
-            "{light:?}: of {rows} rows {candidates} have a candidate, {flagged} a flagged centre, {centres} \
-             a centre without a flag"
+            "{} {light:?}: of {rows} rows {candidates} have a candidate, {flagged} a flagged centre, {centres} \
+             a centre without a flag",
+            estimator.name()
         );
-        assert_eq!(centres, 0);
+        assert!(centres <= most_centres);
         assert!(flagged <= most_flagged);
     }
 }
@@ -615,7 +628,7 @@ fn light_that_changes_slowly_has_no_centre() {
 }
 
 #[test]
-#[ignore = "a million rows; takes 65 CPU s; run by .ci/run"]
+#[ignore = "two million rows; takes 130 CPU s; run by .ci/run"]
 fn light_that_changes_slowly_has_no_centre_in_a_million_rows() {
     check_rows_without_spot(250_000);
 }
