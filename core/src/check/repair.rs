@@ -11,11 +11,11 @@
 //!    only the spot's top and the dark. The next fits mask only the second light, wherever it is more than a
 //!    thousandth of the spot.
 //! 3. **One pixel** of a narrow spot. Among its few pixels one bad pixel makes all of them look bad. The
-//!    normal equations tell which single pixels to mask: see [`gauss_newton::least_without`].
+//!    normal equations tell which single pixels to mask: see `gauss_newton::least_without`.
 //!
 //! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains.
 //! Otherwise [`centre`] gives the first centre with a flag, and the check decides. A repair ends when its
-//! [`EFFORT`] is used up, whatever the row is.
+//! `EFFORT` is used up, whatever the row is.
 
 use core::cell::Cell;
 

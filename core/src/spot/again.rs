@@ -12,14 +12,14 @@ use crate::spot::{
 };
 use crate::units::{Counts, Pixels};
 
-/// Finds the spot again in the next row, with a tenth of the work of [`find`]. Uses blocks of 8 pixels or
-/// more that fit the width of the spot before, and the background and the noise of the row before. Calls
-/// [`find`] instead if the spot is narrower, has moved by more than its width and a block, or is on another
-/// background: a sudden change of light changes the noise too, and noise might then pass for a spot above the
-/// old background.
+/// Finds the spot again in the next row, with a tenth of the work of [`find`](crate::spot::find). Uses blocks
+/// of 8 pixels or more that fit the width of the spot before, and the background and the noise of the row
+/// before. Calls `find` instead if the spot is narrower, has moved by more than its width and a block, or is on
+/// another background: a sudden change of light changes the noise too, and noise might then pass for a spot
+/// above the old background.
 ///
 /// # Errors
-/// As [`find`].
+/// As [`find`](crate::spot::find).
 pub fn find_again(row: &Row<'_>, before: &Spot, width: Pixels) -> Result<Spot, Fault> {
     let blocks = Blocks::of(row.light());
     find_again_in(row, blocks.sums(), &mut Coarse::new(), before, width)

@@ -45,8 +45,8 @@ const FINE_LOG2: u32 = 3;
 /// Number of fine blocks.
 const FINE: usize = (2 * NEAR) << FINE_LOG2;
 
-/// Returns the spot, or the higher one of two. `None` where the sums do not hold the sizes that the higher one
-/// needs.
+/// Returns the spot, or the higher one of two. `None` where the sums do not hold the sizes that the higher
+/// one needs.
 ///
 /// # Errors
 /// [`Fault::TwoSpots`] if the other spot is about as high.

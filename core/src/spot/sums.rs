@@ -265,8 +265,8 @@ impl<'a> Sums<'a> {
         Some(numeric::add_u32(numeric::add_u32(left, twice), right))
     }
 
-    /// Calls `see` with each of these blocks on which the kernel's response is more than `least`, and with the
-    /// response, until it returns `false`. Whether it never does.
+    /// Calls `see` with each of these blocks on which the kernel's response is more than `least`, and with
+    /// the response, until it returns `false`. Whether it never does.
     pub(super) fn all_above(
         &self,
         block_log2: u32,
