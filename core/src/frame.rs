@@ -23,6 +23,7 @@ use heapless::Vec;
 use crate::centre::RowCentre;
 use crate::fault::Fault;
 use crate::numeric;
+use crate::rank::{self, from_ordered, ordered};
 use crate::shape::{COMPONENTS, SpotShape};
 use crate::units::{Counts, Pixels};
 
@@ -295,9 +296,10 @@ type Members<'a> = Vec<Member<'a>, { MAX_ROWS as usize }>;
 ///
 /// The mean of the rows' shapes (`mean_shape`): all lengths are at most 2^15 px, so the square of a weight
 /// times a noise is at most 2^94, and 64 of these are at most 2^100. The other lengths are summed in their
-/// steps, at most 2^31: 64 weights, each times the square of a rest, are at most 2^100. The rows that have a shape may all be at the end of the reach. There the biweight is 2^-48
-/// or more, the weight 2^-78 or more, and one over the sum of weights at most 2^78. The square of such a
-/// weight may round to zero; a noise of zero counts as one step ([`SpotShape::uncertainty`]).
+/// steps, at most 2^31: 64 weights, each times the square of a rest, are at most 2^100. The rows that have a
+/// shape may all be at the end of the reach. There the biweight is 2^-48 or more, the weight 2^-78 or more,
+/// and one over the sum of weights at most 2^78. The square of such a weight may round to zero; a noise of
+/// zero counts as one step ([`SpotShape::uncertainty`]).
 #[derive(Clone, Copy)]
 struct Member<'a> {
     row: &'a RowCentre,
@@ -563,50 +565,14 @@ fn median(values: impl ExactSizeIterator<Item = u32>) -> Option<u32> {
 }
 
 /// The value that exceeds `rank` of the others, of at most [`MAX_ROWS`] values. `None` for no values.
-///
-/// By bisection: `low` and `high` are two of the values, and the one to find is between them. It has none of
-/// a sort's panic on keys that it cannot order.
 fn ranked(rank: usize, values: impl Iterator<Item = u32>) -> Option<u32> {
     // Each value is computed once.
     let mut keys: Vec<u32, { MAX_ROWS as usize }> = Vec::new();
-    let (mut low, mut high) = (u32::MAX, 0);
     for value in values {
-        low = low.min(value);
-        high = high.max(value);
         // There is room for MAX_ROWS.
         let _ = keys.push(value);
     }
-    if keys.is_empty() {
-        return None;
-    }
-    // Each pass at least halves the distance between the two: at most 32 passes.
-    while low < high {
-        let between = low.midpoint(high);
-        let (mut below, mut highest_below, mut lowest_above) = (0, low, high);
-        for &key in &keys {
-            if key <= between {
-                below = numeric::add_usize(below, 1);
-                highest_below = highest_below.max(key);
-            } else {
-                lowest_above = lowest_above.min(key);
-            }
-        }
-        if below > rank {
-            high = highest_below;
-        } else {
-            low = lowest_above;
-        }
-    }
-    Some(low)
-}
-
-/// Maps integers to keys for [`median`], in the same order.
-const fn ordered(value: i32) -> u32 {
-    value.cast_unsigned() ^ (1 << 31)
-}
-
-const fn from_ordered(key: u32) -> i32 {
-    (key ^ (1 << 31)).cast_signed()
+    rank::ranked(rank, &keys)
 }
 
 #[cfg(test)]
@@ -943,25 +909,6 @@ mod tests {
             }
         }
         assert!(cfg!(miri) || found > 10_000, "{found}");
-    }
-
-    #[test]
-    fn the_median_is_the_middle_value() {
-        let of =
-            |values: &[i32]| median(values.iter().map(|&value| ordered(value))).map(from_ordered);
-        assert_eq!(of(&[]), None);
-        assert_eq!(of(&[i32::MAX]), Some(i32::MAX));
-        assert_eq!(of(&[i32::MIN, i32::MAX]), Some(i32::MIN));
-        assert_eq!(of(&[5, -7, 0]), Some(0));
-        assert_eq!(of(&[3, 1, 1, 2]), Some(1));
-        // Bits in any order: keys that spread over all of their range, and keys of which many are equal.
-        for (count, shift) in [(2, 0), (7, 28), (16, 4), (33, 0), (63, 30), (64, 12)] {
-            let bits = (1..=count).map(|i: i32| i.wrapping_mul(-1_640_531_527) >> shift);
-            let mut values: Vec<i32, { MAX_ROWS as usize }> = bits.collect();
-            let found = of(&values);
-            values.sort_unstable();
-            assert_eq!(found, values.get((values.len() - 1) / 2).copied());
-        }
     }
 
     #[test]

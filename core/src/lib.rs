@@ -108,6 +108,7 @@ pub mod text;
 pub mod units;
 
 mod numeric;
+mod rank;
 
 pub use black_level::BlackLevel;
 pub use centre::{Estimator, RowCentre};

@@ -26,6 +26,7 @@ use heapless::Vec;
 
 use crate::fault::Fault;
 use crate::numeric;
+use crate::rank;
 use crate::row::{BLOCK_LOG2, Blocks, Geometry, LARGEST_COUNT, Light, MAX_PIXELS, Row};
 pub use crate::spot::again::find_again;
 pub(crate) use crate::spot::again::find_again_in;
@@ -278,7 +279,8 @@ fn square(value: u32) -> u64 {
     u64::from(value) * u64::from(value)
 }
 
-/// The highest response of the kernel [1 2 1] on blocks of up to four pixels. Zero for fewer than three blocks.
+/// The highest response of the kernel [1 2 1] on blocks of up to four pixels. Zero for fewer than three
+/// blocks.
 fn highest_response<const N: usize>(mut blocks: impl Iterator<Item = [u16; N]>) -> u32 {
     let (Some(first), Some(second)) = (blocks.next(), blocks.next()) else {
         return 0;
@@ -293,8 +295,8 @@ fn highest_response<const N: usize>(mut blocks: impl Iterator<Item = [u16; N]>) 
     })
 }
 
-/// Where more blocks stand out, a search of all sizes takes less time than a look at each of them. A spot that
-/// fits blocks of 8 pixels stands out on less than ten of them.
+/// Where more blocks stand out, a search of all sizes takes less time than a look at each of them. A spot
+/// that fits blocks of 8 pixels stands out on less than ten of them.
 const MOST_TRIED: u32 = 32;
 
 /// On a row of fewer pixels all sizes are searched.
@@ -338,12 +340,12 @@ impl Candidate {
     /// Whether no block of fewer than 8 pixels has a more significant response. `false` where that takes a
     /// search of all sizes.
     ///
-    /// A kernel on fewer pixels has its middle in one block of 8, and lies within the kernel about that block.
-    /// There each pixel has at least the weight that it has in the smaller kernel. So the smaller kernel
-    /// responds with at most as much, if no pixel is darker than the level. Pixels of weight 32 may be darker:
-    /// as a darker part of the background is, and by [`DARKEST`] standard deviations of noise each. (Dead
-    /// pixels are darker still, but then the spot is not where they are.) Only where the larger kernel responds
-    /// that much are the smaller ones tried.
+    /// A kernel on fewer pixels has its middle in one block of 8, and lies within the kernel about that
+    /// block. There each pixel has at least the weight that it has in the smaller kernel. So the smaller
+    /// kernel responds with at most as much, if no pixel is darker than the level. Pixels of weight 32 may be
+    /// darker: as a darker part of the background is, and by [`DARKEST`] standard deviations of noise each.
+    /// (Dead pixels are darker still, but then the spot is not where they are.) Only where the larger kernel
+    /// responds that much are the smaller ones tried.
     fn is_best_of_all_sizes(&self, sums: &Sums<'_>, background: Background) -> bool {
         let Background { level, noise } = background;
         let root = self.root_of_significance();
@@ -353,8 +355,8 @@ impl Candidate {
             .saturating_mul(DARKEST)
             .saturating_add(shadow);
         let least = root.saturating_sub(darkest.saturating_mul(32));
-        // Elsewhere noise alone would respond as much, by six standard deviations: sqrt(6 * 8) * 6 = 42. A short
-        // row does not tell how dark its background is.
+        // Elsewhere noise alone would respond as much, by six standard deviations: sqrt(6 * 8) * 6 = 42. A
+        // short row does not tell how dark its background is.
         if least < noise.to_bits().saturating_mul(42) || sums.light.len() < SHORT {
             return false;
         }
@@ -505,28 +507,8 @@ fn noise(light: Light<'_>) -> Option<Counts> {
 }
 
 /// The median. Of an even number of values, the upper one of the middle two.
-///
-/// Each pass counts the values below one that may be the median, and so leaves fewer that may.
-fn median<T: Copy + Ord>(values: &[T]) -> Option<T> {
-    let rank = values.len() / 2;
-    let (mut above, mut below) = (None, None);
-    for _ in values {
-        let may_be = |value: &&T| {
-            above.is_none_or(|above| **value > above) && below.is_none_or(|below| **value < below)
-        };
-        let tried = *values.iter().find(may_be)?;
-        let less = numeric::count(values.iter().map(|&value| value < tried));
-        if rank < less {
-            below = Some(tried);
-            continue;
-        }
-        let not_more = numeric::count(values.iter().map(|&value| value <= tried));
-        if rank < not_more {
-            return Some(tried);
-        }
-        above = Some(tried);
-    }
-    None
+fn median(values: &[u32]) -> Option<u32> {
+    rank::ranked(values.len() / 2, values)
 }
 
 // A response, 1 + 2 + 1 of the largest blocks, fits in Q8.

@@ -10,8 +10,8 @@ use slitrange::centre::Estimator;
 const EXACT: Exp = |x| f64::from(x).exp() as f32;
 const MICROMATH: Exp = |x| micromath::F32(x).exp().0;
 
-/// The core ends after a step that is shorter than a tenth of a standard deviation. The method converges
-/// quadratically, so what is left is at most the square of that.
+/// The core's fit ends after a step of less than a tenth of a standard deviation. The error after a step is
+/// about the square of that step, so it is then less than a hundredth of a standard deviation.
 #[test]
 fn the_fit_is_that_of_the_core() {
     for width in WIDTHS {

@@ -777,11 +777,10 @@ fn readings(name: &str, rows: u16, count: u64) -> Vec<Found> {
 
 /// Speckle that changes within a frame is seen in its rows, and r covers it. Where it does not change, all
 /// rows have the same error, and nothing in them tells: that is the surface's part of u.
-fn check_speckle(scenes: &[(&str, u16)]) {
-    const READINGS: usize = 30;
-    for &(name, rows) in scenes {
-        let found = readings(name, rows, READINGS as u64);
-        println!("{name}, {rows} rows: {} faults", READINGS - found.len());
+fn check_speckle(scenes: &[(&str, u16, usize)]) {
+    for &(name, rows, readings) in scenes {
+        let found = self::readings(name, rows, readings as u64);
+        println!("{name}, {rows} rows: {} faults", readings - found.len());
         for (kind, is_flagged) in [("flagged", true), ("not flagged", false)] {
             let of_kind = || found.iter().filter(|it| it.is_flagged == is_flagged);
             let count = of_kind().count();
@@ -800,21 +799,22 @@ fn check_speckle(scenes: &[(&str, u16)]) {
                 _ => {}
             }
         }
-        assert!(2 * found.len() > READINGS, "{name}");
+        assert!(2 * found.len() > readings, "{name}");
     }
 }
 
 #[test]
 fn speckle_is_flagged_where_it_changes() {
-    check_speckle(&[("speckle-sliding", 64), ("speckle-at-rest", 64)]);
+    check_speckle(&[("speckle-sliding", 64, 30), ("speckle-at-rest", 64, 30)]);
 }
 
 #[test]
-#[ignore = "other scenes; takes 5 CPU s; run by .ci/run"]
+#[ignore = "other scenes; takes 45 CPU s; run by .ci/run"]
 fn speckle_is_flagged_where_it_changes_in_short_frames_and_as_the_target_recedes() {
+    // The share is known to one part in sqrt(2 * 200): 30 readings gave 0.79, where 500 give 0.94.
     check_speckle(&[
-        ("speckle-receding", 64),
-        ("speckle-sliding", 16),
-        ("speckle-receding", 16),
+        ("speckle-receding", 64, 200),
+        ("speckle-sliding", 16, 30),
+        ("speckle-receding", 16, 30),
     ]);
 }

@@ -573,10 +573,11 @@ impl SlowLight {
     }
 }
 
-/// Noise has no centre, and wide light has none by `phase-table`. Where light rises along the row, or lights a
-/// part of the row, the noise has a flagged centre in a few rows of a million: a fit of a spot that the row's
-/// end cuts. By `adaptive` wide light, too, has a flagged centre in a few rows of a million, and one row of a
-/// million has a centre without a flag: noise whose uncertainty is just below the limit of a dim spot.
+/// Noise has no centre, and wide light has none by `phase-table`. Where light rises along the row, or lights
+/// a part of the row, the noise has a flagged centre in a few rows of a million: a fit of a spot that the
+/// row's end cuts. By `adaptive` wide light, too, has a flagged centre in a few rows of a million, and one
+/// row of a million has a centre without a flag: noise whose uncertainty is just below the limit of a dim
+/// spot.
 fn check_rows_without_spot(rows: u64) {
     check_rows_without_spot_by(Estimator::PhaseTable, 0, 0, rows);
     check_rows_without_spot_by(Estimator::Adaptive, 20, 1, rows);
@@ -613,8 +614,8 @@ fn check_rows_without_spot_by(
         let add = |a: [u32; 3], b: [u32; 3]| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
         let [candidates, flagged, centres] = found.reduce(|| [0; 3], add);
         println!(
-            "{} {light:?}: of {rows} rows {candidates} have a candidate, {flagged} a flagged centre, {centres} \
-             a centre without a flag",
+            "{} {light:?}: of {rows} rows {candidates} have a candidate, {flagged} a flagged centre, \
+             {centres} a centre without a flag",
             estimator.name()
         );
         assert!(centres <= most_centres);

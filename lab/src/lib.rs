@@ -1,6 +1,6 @@
 //! What the programs of this package share: the paper's experiment, a scene's error budget, tables, progress
-//! bars, the blocks of Markdown pages that programs write, the reference of the serial line, and the search for
-//! the slowest row.
+//! bars, the blocks of Markdown pages that programs write, the reference of the serial line, and the search
+//! for the slowest row.
 
 pub mod budget;
 pub mod docs;
@@ -8,6 +8,5 @@ pub mod paper;
 pub mod progress;
 pub mod serial_line;
 pub mod slowest;
-pub mod slowest_rows;
 pub mod surfaces;
 pub mod table;

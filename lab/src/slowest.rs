@@ -1,16 +1,18 @@
 //! The search for the slowest row: an evolution of descriptions of rows, counted on the emulated chip.
 //!
-//! A description ([`Description`]) is a list of shapes. The program of `slowest-on-chip` makes the row from it
-//! and counts the instructions that [`slitrange::measurement::Measurement::row`] takes.
-//! [`Search`] keeps the slowest descriptions of each estimator, for first rows of a frame and for following
-//! rows, and makes new ones of them: it changes shapes, exchanges them, and sets single pixels.
+//! A description ([`Description`]) is a list of shapes. The program of `slowest-on-chip` makes the row from
+//! it and counts the instructions that [`slitrange::measurement::Measurement::row`] takes. [`Search`] keeps
+//! the slowest descriptions of each estimator, for first rows of a frame and for following rows, and makes
+//! new ones of them: it changes shapes, exchanges them, and sets single pixels.
 
 mod chip;
 mod evolution;
+mod frames;
 mod report;
 
 pub use chip::Chip;
 pub use evolution::{Search, Slow};
+pub use frames::{Frame, frames};
 pub use report::{attribution, markdown, story, words_of};
 
 use slitrange::centre::Estimator;

@@ -74,7 +74,8 @@ proptest! {
 
     #[test]
     fn the_kernel_reaches_its_highest_response(samples in samples(LARGEST_SAMPLE)) {
-        let responses = samples.windows(3).map(|it| i32::from(it[0]) + 2 * i32::from(it[1]) + i32::from(it[2]));
+        let response = |it: &[u16]| i32::from(it[0]) + 2 * i32::from(it[1]) + i32::from(it[2]);
+        let responses = samples.windows(3).map(response);
         match responses.max() {
             Some(highest) => {
                 prop_assert!(reaches(&samples, highest) && reaches(&samples, highest - 1));

@@ -559,7 +559,8 @@ impl Fit {
     }
 }
 
-/// Fits the samples from a start, by `most` steps at most. `None` where they do not tell the four parameters apart.
+/// Fits the samples from a start, by `most` steps at most. `None` where they do not tell the four parameters
+/// apart.
 pub(crate) fn fit(samples: &[Sample], start: Parameters, shot: f32, most: usize) -> Option<Fit> {
     fit_profile(samples, start, shot, f32::INFINITY, most)
 }

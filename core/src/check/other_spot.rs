@@ -116,8 +116,8 @@ fn height(light: Light<'_>, from: usize, half: usize) -> Option<u32> {
 /// Calls `take` with the first pixel of every second box whose sum exceeds `least`. A spot needs two such
 /// boxes side by side, and one of these is a second one.
 ///
-/// A box has at most the light of the row's blocks in which it lies: only where these exceed `least` are boxes
-/// summed.
+/// A box has at most the light of the row's blocks in which it lies: only where these exceed `least` are
+/// boxes summed.
 fn high_boxes(row: &Row<'_>, pixels: usize, least: u32, take: &mut dyn FnMut(usize)) {
     let light = row.light();
     let pixels = pixels.max(1);
@@ -199,8 +199,8 @@ fn see_pairs(before: u32, blocks: &[u16], number: usize, least: u32, see: &mut d
     }
 }
 
-/// Calls `see` with each block that has so many blocks behind it, if it and all but the last of these together
-/// exceed `least`.
+/// Calls `see` with each block that has so many blocks behind it, if it and all but the last of these
+/// together exceed `least`.
 // A loop out of line, so that it keeps nothing but sums.
 #[inline(never)]
 fn high_blocks(blocks: &[u16], number: usize, least: u32, see: &mut dyn FnMut(usize)) {

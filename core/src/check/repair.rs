@@ -70,8 +70,8 @@ const LIGHT_ROUNDS: usize = 3;
 /// The most steps of the fit to the spot's top and the dark. It is only a start.
 const STEPS_OF_TOP: usize = 3;
 
-/// The most effort of a repair. The unit is a sample in one pass. The pass of a step, which sums up the normal
-/// equations, takes 37 instructions a sample, and no other pass takes more than 40.
+/// The most effort of a repair. The unit is a sample in one pass. The pass of a step, which sums up the
+/// normal equations, takes 37 instructions a sample, and no other pass takes more than 40.
 ///
 /// If too little is left, the first centre stays. No clean row needs more, and no row of the catalogue.
 const EFFORT: usize = 4000;

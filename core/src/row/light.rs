@@ -105,8 +105,8 @@ impl<'a> Light<'a> {
     }
 
     /// Whether any count is at an end of the converter's range.
-    // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in zero less one, and in the
-    // largest word plus the rest to 2^15.
+    // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in zero less one, and in
+    // the largest word plus the rest to 2^15.
     #[inline(never)]
     pub fn extremes(self, full_scale: u16) -> Extremes {
         const ONES: u32 = 0x0001_0001;

@@ -14,9 +14,9 @@ use crate::units::{Counts, Pixels};
 
 /// Finds the spot again in the next row, with a tenth of the work of [`find`](crate::spot::find). Uses blocks
 /// of 8 pixels or more that fit the width of the spot before, and the background and the noise of the row
-/// before. Calls `find` instead if the spot is narrower, has moved by more than its width and a block, or is on
-/// another background: a sudden change of light changes the noise too, and noise might then pass for a spot
-/// above the old background.
+/// before. Calls `find` instead if the spot is narrower, has moved by more than its width and a block, or is
+/// on another background: a sudden change of light changes the noise too, and noise might then pass for a
+/// spot above the old background.
 ///
 /// # Errors
 /// As [`find`](crate::spot::find).

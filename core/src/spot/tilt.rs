@@ -6,6 +6,7 @@
 use heapless::Vec;
 
 use crate::numeric;
+use crate::rank::{from_ordered, ordered};
 use crate::row::{LARGEST_COUNT, Light};
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, median};
 use crate::units::Counts;
@@ -36,23 +37,23 @@ impl Tilt {
         height: Counts,
         noise: Counts,
     ) -> Option<Self> {
-        let mut steps: Vec<i32, MEDIAN_BLOCKS> = Vec::new();
-        for (this, next) in sums.iter().zip(sums.iter().skip(1)) {
-            // Sums of at most 128 pixels of 12 bits: below 2^19.
-            steps
-                .push(numeric::sub_i32(*next as i32, *this as i32))
-                .ok()?;
-        }
+        // Sums of at most 128 pixels of 12 bits: below 2^19.
+        let steps = (sums.iter().zip(sums.iter().skip(1)))
+            .map(|(this, next)| numeric::sub_i32(*next as i32, *this as i32));
         let may_hide = |step: i32| {
             let drift = Self::of(step, block_log2).rise(pixels / 2);
             drift > 2 * i64::from(noise.to_bits()) && drift > i64::from(height.to_bits()) / 4
         };
-        // Most rows have hardly a step that may hide a spot. Then the median may not, and is not needed.
-        let hiding = numeric::count(steps.iter().map(|&step| may_hide(step)));
-        if hiding < steps.len() / 2 {
+        // In most rows few steps may hide a spot. Then the median may not: half of the steps are as large.
+        let hiding = numeric::count(steps.clone().map(may_hide));
+        if hiding < sums.len().saturating_sub(1) / 2 {
             return None;
         }
-        let step = median(&steps)?;
+        let mut keys: Vec<u32, MEDIAN_BLOCKS> = Vec::new();
+        for step in steps {
+            keys.push(ordered(step)).ok()?;
+        }
+        let step = from_ordered(median(&keys)?);
         may_hide(step).then(|| Self::of(step, block_log2))
     }
 

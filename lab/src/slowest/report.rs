@@ -28,7 +28,7 @@ pub fn words_of(question: &Question) -> (Option<Vec<u16>>, Vec<u16>) {
 }
 
 /// The functions that executed a call's instructions, with their numbers, the largest first. A function has
-/// the instructions of those that are inlined into it.
+/// the instructions of those that are inlined into it, and of the closures in it.
 ///
 /// # Errors
 /// The program is no ELF file.
@@ -47,16 +47,24 @@ pub fn attribution(program: &Firmware, call: &Call) -> Result<Vec<(String, u64)>
             .entry(function.map_or("?", |(_, name)| name))
             .or_default() += count;
     }
-    let name = |name: &str| {
-        let name = format!("{:#}", rustc_demangle::demangle(name));
-        name.replace("slitrange::", "").replace(['<', '>'], "")
-    };
-    let mut found: Vec<(String, u64)> = of_functions
-        .into_iter()
-        .map(|(of, count)| (name(of), count))
-        .collect();
+    let mut named = BTreeMap::<String, u64>::new();
+    for (symbol, count) in of_functions {
+        *named.entry(function_of(symbol)).or_default() += count;
+    }
+    let mut found: Vec<(String, u64)> = named.into_iter().collect();
     found.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
     Ok(found)
+}
+
+/// The function that a symbol names, without the crate. The library's functions that take a closure have the
+/// closure in their names: they count for the function around it.
+fn function_of(symbol: &str) -> String {
+    let name = format!("{:#}", rustc_demangle::demangle(symbol));
+    let own = name
+        .rsplit_once("slitrange::")
+        .map_or(name.as_str(), |(_, own)| own);
+    let own = own.split("::{closure").next().unwrap_or_default();
+    own.replace(['<', '>'], "")
 }
 
 /// What is on a row.
@@ -98,7 +106,9 @@ pub fn story(question: &Question) -> String {
 /// The table of the slowest rows.
 pub fn markdown(rows: u64, found: &[(Slow, Vec<(String, u64)>)]) -> String {
     let mut text = format!(
-        "The search counted {} rows.\n\n| estimator | row | instructions | most of them in |\n|---|---|---:|---|\n",
+        "The search counted {} rows.\n\n\
+         | estimator | row | instructions | most of them in |\n\
+         |---|---|---:|---|\n",
         thousands(rows)
     );
     for (slow, parts) in found {
@@ -137,4 +147,31 @@ fn thousands(number: u64) -> String {
         text.push(digit);
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::function_of;
+
+    #[test]
+    fn closures_count_for_the_function_around_them() {
+        for (symbol, function) in [
+            ("slitrange::spot::noise", "spot::noise"),
+            (
+                "<slitrange::spot::sums::Sums>::response",
+                "spot::sums::Sums::response",
+            ),
+            (
+                "slitrange::check::other_spot::check::{closure#7}",
+                "check::other_spot::check",
+            ),
+            (
+                "core::iter::fold::<u32, slitrange::spot::search::{closure#1}>",
+                "spot::search",
+            ),
+            ("__aeabi_memcpy4", "__aeabi_memcpy4"),
+        ] {
+            assert_eq!(function_of(symbol), function);
+        }
+    }
 }

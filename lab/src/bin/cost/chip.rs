@@ -156,12 +156,12 @@ pub fn measure() -> Result<Chip> {
     chip(&run)
 }
 
-/// Flashes and runs the program on a NUCLEO-F429ZI. Prints its lines, whose cycles are the silicon's, and then
-/// each figure beside its estimate from the emulated chip.
+/// Flashes and runs the program on a NUCLEO-F429ZI. Prints its lines, whose cycles are the silicon's, and
+/// then each figure beside its estimate from the emulated chip.
 ///
 /// # Errors
-/// The emulation fails. `cargo` or `probe-rs` says itself why the program does not run on the board; this says
-/// that it failed.
+/// The emulation fails. `cargo` or `probe-rs` says itself why the program does not run on the board; this
+/// says that it failed.
 pub fn on_board() -> Result<()> {
     let estimates = beside::estimates(&Run::of(PACKAGE)?)?;
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());

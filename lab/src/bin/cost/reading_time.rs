@@ -213,7 +213,8 @@ fn point(
     }
 }
 
-/// A reading on a surface of its own, by each estimator at each number of rows: the first ones of the same 64.
+/// A reading on a surface of its own, by each estimator at each number of rows: the first ones of the same
+/// 64.
 fn read(scene: &Scene, reading: u64, estimators: &[Estimator]) -> Vec<Option<Found>> {
     let simulation = Simulation::new(Scene {
         seed: scene.seed + reading,

@@ -250,9 +250,9 @@ impl Measured {
         format!(
             "### Whole rows\n\n\
              A row's way from its {WORDS} words in memory to its centre with its check: instructions on the \
-             emulated chip, and estimated microseconds at 168 MHz. The spot has σ {WIDTH}. *following*: a row \
-             after another one of its frame. *first*: the first row of a frame. *slowest*: the slowest row \
-             that we know.\n\n\
+             emulated chip, and estimated microseconds at 168 MHz. The spot has σ {WIDTH}. *following*: a \
+             row after another one of its frame. *first*: the first row of a frame. *slowest*: the slowest \
+             row that we know.\n\n\
              {}\n{} {} {}\n\n\
              The steps, in instructions:\n\n{}\n\
              The same rows with spots of other widths:\n\n{}\n\
@@ -326,8 +326,8 @@ impl Measured {
         }
         format!(
             "{}\nA row is one read-out of the pixels. The bound (Cramér-Rao) is the smallest error of any \
-             unbiased method with this noise. The ratio is the worst of spot widths (sigma) from 1.2 to 18 px. A \
-             whole row: estimated time at 168 MHz, from the row's words to its centre with its check.\n",
+             unbiased method with this noise. The ratio is the worst of spot widths (sigma) from 1.2 to 18 px. \
+             A whole row: estimated time at 168 MHz, from the row's words to its centre with its check.\n",
             table::markdown(&rows),
         )
     }

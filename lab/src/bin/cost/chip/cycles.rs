@@ -28,8 +28,8 @@
 //! | likely | the table above; unaligned loads take 1 or 2 more, an interrupt 24 | as its manual says |
 //! | high | branch taken 4, division 12, floats 1 more, no overlap, an interrupt 53 | prefetch never helps |
 //!
-//! The high figure is a bound for what it covers: the core waits at each line that no cache holds for the
-//! longest time that a line can take. Not covered: waits for RAM while DMA uses it. A row's DMA makes one
+//! No silicon should take more than the high figure, because it takes the longest wait for each line that no
+//! cache holds. One wait is left out: that for RAM while DMA uses it. A row's DMA makes one
 //! access in 256 cycles. A silicon's figure outside low and high shows that the model is wrong.
 
 mod flash;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail};
 use cost_on_chip::whole_rows::Order;
-use lab::slowest_rows::{self, Frame};
+use lab::slowest::{self, Frame};
 use slitrange::centre::Estimator;
 use virtual_board::trace::Call;
 use virtual_board::{Firmware, PIXELS, VirtualBoard};
@@ -87,7 +87,7 @@ fn slowest(board: &mut VirtualBoard, firmware: &Firmware) -> Result<Vec<Slow>> {
         cycles: firmware.address_of("CYCLES")?,
         board,
     };
-    let frames = slowest_rows::frames();
+    let frames = slowest::frames();
     let function = firmware.address_of(steps::ROW)?;
     let slowest_of = |estimator| {
         let mut most = (0, &frames[0], 0);

@@ -146,7 +146,7 @@ impl WholeRows {
     }
 }
 
-/// The rows of a frame that are told apart.
+/// The kinds of rows. Each kind has its own figures.
 const KINDS: [&str; 3] = ["following", "first", "slowest"];
 
 impl WholeRows {

@@ -8,9 +8,9 @@
 //!   line takes the place of the one that was used least recently,
 //! * a cache of 8 lines of data, for tables of weights and constants among the code.
 //!
-//! What the manual leaves open, and what is taken here:
-//! * A line from flash costs five cycles more than a line from a cache. If flash still prefetches another
-//!   line, the core waits for the end of that read first.
+//! The manual does not say everything. The model assumes:
+//! * A line from flash costs five cycles more than a line from a cache. If flash is just reading another line
+//!   ahead, the core waits until that read has ended, and then for its own line.
 //! * A line that the core reads from the cache starts no prefetch.
 //! * The caches are empty at the start: other code ran before.
 

@@ -4,7 +4,7 @@ use cost_on_chip::rows::{PIXELS, WORDS, geometry};
 use host_tests::hard_cases;
 use slitrange::centre::Estimator;
 
-use crate::slowest;
+use super::slowest_pair;
 
 /// Rows of one frame in their order.
 #[derive(Clone, Debug)]
@@ -26,7 +26,7 @@ pub fn frames() -> Vec<Frame> {
             name: case.name,
         }
     };
-    let found = Estimator::ALL.into_iter().filter_map(slowest::slowest_pair);
+    let found = Estimator::ALL.into_iter().filter_map(slowest_pair);
     let found = found.map(|(before, row)| Frame {
         rows: (before.into_iter().chain([row]))
             .filter_map(|row| row.try_into().ok())
