@@ -1,8 +1,6 @@
 //! Finds a value by its rank among others, without sorting them: the library's sorts have a panic, for keys
 //! that have no order.
 
-use crate::numeric;
-
 /// The value that exceeds `rank` of the others. `None` if there are not so many.
 ///
 /// Bisection finds it: each pass halves the range from `low` to `high` in which it lies.
@@ -18,10 +16,11 @@ pub(crate) fn ranked(rank: usize, keys: &[u32]) -> Option<u32> {
     // At most 32 passes. Each one ends with two of the keys.
     while low < high {
         let between = low.midpoint(high);
-        let (mut below, mut highest_below, mut lowest_above) = (0, low, high);
+        let (mut below, mut highest_below, mut lowest_above) = (0usize, low, high);
         for &key in keys {
             if key <= between {
-                below = numeric::add_usize(below, 1);
+                // At most as many as there are keys.
+                below = below.wrapping_add(1);
                 highest_below = highest_below.max(key);
             } else {
                 lowest_above = lowest_above.min(key);

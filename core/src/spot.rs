@@ -392,6 +392,14 @@ impl Candidate {
             let near = light.slice(pixels.start.saturating_sub(around)..to);
             near.unwrap_or_default()
         };
+        // A kernel on up to 16 pixels responds with at most 16 times the brightest one's light. Over the root
+        // of its block's 4 pixels, that is 8 times.
+        let brightest = near(4).iter().max().map_or(0, u32::from);
+        if 8 * i64::from(in_q8(brightest).saturating_sub(level.to_bits()))
+            <= i64::from(self.root_of_significance())
+        {
+            return true;
+        }
         let is_better = |response, block_log2| {
             let response = above(response, block_log2, level).max(0);
             square(response.unsigned_abs()) >> block_log2 <= self.significance

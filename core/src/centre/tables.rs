@@ -270,12 +270,12 @@ impl<'a> TableSet<'a> {
         let samples = width / f32::from(block);
         // The widths are a geometric series: above the geometric mean of two neighbours the wider one is
         // nearer.
-        let index = self
-            .tables
-            .iter()
-            .zip(self.tables.iter().skip(1))
-            .take_while(|(table, next)| samples * samples > table.width * next.width)
-            .count();
+        let wider = self.tables.partition_point(|table| table.width < samples);
+        let narrower = wider.saturating_sub(1);
+        let index = match (self.tables.get(narrower), self.tables.get(wider)) {
+            (Some(table), Some(next)) if samples * samples > table.width * next.width => wider,
+            _ => narrower,
+        };
         let class = WidthClass {
             set: self.number,
             table: index as u8,

@@ -67,9 +67,9 @@ pub(super) fn check(sums: &Sums<'_>, found: Spot) -> Option<Result<Spot, Fault>>
 /// As [`check`], for the light within [`NEAR`] blocks only.
 pub(super) fn check_near(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
     let mut spot = found;
+    let mut near = Near::NOTHING;
     // Each pass takes smaller blocks than the one before.
-    while let Some((higher, lower)) = Near::new(sums, &spot).and_then(|near| near.find_two_spots())
-    {
+    while let Some((higher, lower)) = near.look(sums, &spot).and_then(Near::find_two_spots) {
         if has_similar_height(lower.height.into(), higher.height.into()) {
             return Err(two_spots(higher.middle, lower.middle));
         }
@@ -117,45 +117,47 @@ struct Lump {
 }
 
 impl Near {
-    /// `None` where the row has no block near the spot.
-    fn new(sums: &Sums<'_>, spot: &Spot) -> Option<Self> {
+    const NOTHING: Self = Self {
+        light: [0; FINE],
+        smooth: [0; FINE],
+        length: 0,
+        first: 0,
+        block_log2: 0,
+        noise: 0,
+    };
+
+    /// Takes the light near a spot. In place, because copies take time. `None` where the row has no block
+    /// near the spot.
+    fn look(&mut self, sums: &Sums<'_>, spot: &Spot) -> Option<&Self> {
         let block_log2 = spot
             .block_log2
             .min(LARGEST_BLOCK_LOG2)
             .saturating_sub(FINE_LOG2);
         let finer = spot.block_log2.saturating_sub(block_log2).min(FINE_LOG2);
         let reach = NEAR * (1 << finer);
-        let first = block_of(spot.centre, block_log2).saturating_sub(reach);
-        let level = spot
-            .background
-            .level
-            .to_bits()
-            .saturating_mul(1 << block_log2);
-        let mut near = Self {
-            light: [0; FINE],
-            smooth: [0; FINE],
-            length: 0,
-            first,
-            block_log2,
-            // Below 2^20 in Q8, and times 4 at most.
-            noise: (spot.background.noise.to_f32()
-                * dual_mac::square_root((1u32 << (2 * Counts::FRACTION + block_log2)) as f32))
-                as i32,
-        };
-        let mut blocks = [0; FINE];
-        let blocks = blocks.get_mut(..2 * reach)?;
-        near.length = sums.blocks_from(block_log2, first, blocks);
-        let blocks = blocks.get(..near.length)?;
-        let (mut left, mut here) = (blocks.first().copied()?, blocks.first().copied()?);
-        // The last block is its own right neighbour.
-        let rights = blocks.iter().skip(1).chain(blocks.last());
-        for ((light, smooth), &right) in near.light.iter_mut().zip(&mut near.smooth).zip(rights) {
-            let above = |sum: u32| in_q8(sum).saturating_sub(level);
+        self.first = block_of(spot.centre, block_log2).saturating_sub(reach);
+        self.block_log2 = block_log2;
+        // Below 2^20 in Q8, and times 4 at most.
+        self.noise = (spot.background.noise.to_f32()
+            * dual_mac::square_root((1u32 << (2 * Counts::FRACTION + block_log2)) as f32))
+            as i32;
+        // Each end is its own neighbour.
+        let mut with_ends = [0; FINE + 2];
+        let (start, blocks) = with_ends.split_first_mut()?;
+        self.length = sums.blocks_from(block_log2, self.first, blocks.get_mut(..2 * reach)?);
+        let (blocks, end) = blocks.split_at_mut_checked(self.length)?;
+        (*start, *end.first_mut()?) = (*blocks.first()?, *blocks.last()?);
+        let level = numeric::mul_i32(spot.background.level_bits(), 1 << block_log2);
+        // Both are at most 16 pixels of 12 bits in Q8: below 2^24.
+        let above = |sum: u32| numeric::sub_i32(in_q8(sum), level);
+        let threes = with_ends.array_windows::<3>();
+        for ((light, smooth), &[left, here, right]) in
+            self.light.iter_mut().zip(&mut self.smooth).zip(threes)
+        {
             *light = above(here);
             *smooth = above(left.min(right).max(here.min(left.max(right))));
-            (left, here) = (here, right);
         }
-        Some(near)
+        Some(self)
     }
 
     /// Finds two spots, and returns the higher one first. `None` for one spot, or for more than two.
