@@ -94,10 +94,8 @@ pub struct MethodOnChip {
     pub instructions: u64,
     /// The most over the rows.
     pub instructions_most: u64,
-    /// Estimated cycles without waits for flash, the median over the rows.
-    pub cycles_estimated: u64,
-    /// Estimated cycles with the waits for flash: of each figure the median over the rows.
-    pub cycles_range: Range,
+    /// Estimated cycles: of each figure the median over the rows.
+    pub cycles: Range,
     /// Bytes of all functions that it may call.
     pub code_bytes: u64,
     /// Bytes of weights.
@@ -117,10 +115,8 @@ pub struct FormOnChip {
     pub instructions: u64,
     /// The most over the centres.
     pub instructions_most: u64,
-    /// Estimated cycles without waits for flash, the median over the centres.
-    pub cycles_estimated: u64,
-    /// Estimated cycles with the waits for flash: of each figure the median over the centres.
-    pub cycles_range: Range,
+    /// Estimated cycles: of each figure the median over the centres.
+    pub cycles: Range,
     /// Bytes of stack.
     pub stack_bytes: u64,
 }
@@ -246,7 +242,6 @@ fn methods(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<Method
                     .filter(|(row, _)| row.name == name && row.values.get("width") == Some(&width))
             };
             let instructions = sorted(rows().map(|(_, call)| call.instructions()));
-            let cycles = sorted(rows().map(|(_, call)| model.cycles(call)));
             let (Some(median), Some(most)) = (middle(&instructions), instructions.last()) else {
                 bail!("the chip's program ran {name} on no row of width {width}");
             };
@@ -260,8 +255,7 @@ fn methods(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<Method
                 width,
                 instructions: median,
                 instructions_most: *most,
-                cycles_estimated: middle(&cycles).unwrap_or_default(),
-                cycles_range: median_range(model, rows().map(|(_, call)| *call)),
+                cycles: median_range(model, rows().map(|(_, call)| *call)),
                 code_bytes,
                 table_bytes: table_bytes(method),
                 stack_bytes: line.whole("stack")?,
@@ -322,7 +316,6 @@ fn forms(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<FormOnCh
             pairs.filter_map(|(asked, call)| (asked.name == line.name).then_some(call))
         };
         let instructions = sorted(calls().map(|call| call.instructions()));
-        let cycles = sorted(calls().map(|call| model.cycles(call)));
         let (Some(median), Some(most)) = (middle(&instructions), instructions.last()) else {
             bail!("the chip's program made no distance by {}", line.name);
         };
@@ -330,8 +323,7 @@ fn forms(run: &Run, program: &Program, model: &Model<'_>) -> Result<Vec<FormOnCh
             name: line.name.clone(),
             instructions: median,
             instructions_most: *most,
-            cycles_estimated: middle(&cycles).unwrap_or_default(),
-            cycles_range: median_range(model, calls().copied()),
+            cycles: median_range(model, calls().copied()),
             stack_bytes: line.whole("stack")?,
         })
     };

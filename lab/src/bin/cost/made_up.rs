@@ -7,6 +7,7 @@ use slitrange::centre::Estimator;
 use crate::accuracy::{
     Accuracy, Bias, InSituation, MethodOnCell, NOISES, Noise, SITUATIONS, WIDTHS,
 };
+use crate::chip::cycles::Range;
 use crate::chip::steps::Steps;
 use crate::chip::whole_rows::{AtWidth, OnceAFrame, Slowest, WholeRow, WholeRows};
 use crate::chip::{Chip, MethodOnChip};
@@ -91,7 +92,7 @@ pub fn measured() -> Measured {
             error_max_um: 0.01,
             instructions: 60,
             instructions_most: 60,
-            cycles_estimated: 100,
+            cycles_likely: 100,
             ram_bytes: 64,
             record_bytes: 50,
         }],
@@ -114,8 +115,7 @@ fn chip() -> Chip {
                 width,
                 instructions,
                 instructions_most: instructions,
-                cycles_estimated: instructions * 14 / 10,
-                cycles_range: Default::default(),
+                cycles: cycles(instructions),
                 code_bytes,
                 table_bytes,
                 stack_bytes: 200,
@@ -137,6 +137,14 @@ fn chip() -> Chip {
     }
 }
 
+fn cycles(instructions: u64) -> Range {
+    Range {
+        low: instructions,
+        likely: instructions * 14 / 10,
+        high: instructions * 3,
+    }
+}
+
 fn whole_rows() -> WholeRows {
     let mut rows = WholeRows::default();
     for (estimator, (.., estimate, _, _)) in Estimator::ALL.into_iter().zip(METHODS) {
@@ -151,7 +159,7 @@ fn whole_rows() -> WholeRows {
             };
             WholeRow {
                 steps,
-                cycles_estimated: steps.total() * 14 / 10,
+                cycles: cycles(steps.total()),
             }
         };
         for width in [1.5, 4.5, 10.5, 11.3, 25.0] {
@@ -173,7 +181,7 @@ fn whole_rows() -> WholeRows {
                     distance: 600,
                     ..Steps::default()
                 },
-                cycles_estimated: 900,
+                cycles: cycles(600),
             },
         });
         rows.slowest.push(Slowest {

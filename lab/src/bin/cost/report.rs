@@ -85,6 +85,8 @@ struct Figures {
     /// The estimator alone.
     chip_instructions_per_row: Option<u64>,
     chip_cycles_estimated: Option<u64>,
+    chip_cycles_low: Option<u64>,
+    chip_cycles_high: Option<u64>,
     table_bytes: Option<u64>,
     code_bytes: Option<u64>,
     stack_bytes: Option<u64>,
@@ -109,7 +111,7 @@ impl Measured {
     /// A method's time per row on the chip at a width, in microseconds.
     pub fn microseconds(&self, method: Method, width: f64) -> Option<f64> {
         let counted = self.on_chip(method, width)?;
-        Some(counted.cycles_estimated as f64 / CLOCK_MHZ)
+        Some(counted.cycles.likely as f64 / CLOCK_MHZ)
     }
 
     /// A method on a window of 96 pixels.
@@ -167,7 +169,9 @@ impl Measured {
                     pull_min: round(worst.pull.0),
                     pull_max: round(worst.pull.1),
                     chip_instructions_per_row: chip.map(|chip| chip.instructions),
-                    chip_cycles_estimated: chip.map(|chip| chip.cycles_estimated),
+                    chip_cycles_estimated: chip.map(|chip| chip.cycles.likely),
+                    chip_cycles_low: chip.map(|chip| chip.cycles.low),
+                    chip_cycles_high: chip.map(|chip| chip.cycles.high),
                     table_bytes: chip.map(|chip| chip.table_bytes),
                     code_bytes: chip.map(|chip| chip.code_bytes),
                     stack_bytes: chip.map(|chip| chip.stack_bytes),
@@ -193,7 +197,8 @@ impl Measured {
         out += &table::text(&self.rows_table());
         let _ = writeln!(
             out,
-            "\n{}\n{}\n{}",
+            "\n{}\n{}\n{}\n{}",
+            self.range_text(),
             self.share_text(),
             self.slowest_text(),
             self.once_a_frame_text()
@@ -253,7 +258,7 @@ impl Measured {
              emulated chip, and estimated microseconds at 168 MHz. The spot has σ {WIDTH}. *following*: a \
              row after another one of its frame. *first*: the first row of a frame. *slowest*: the slowest \
              row that we know.\n\n\
-             {}\n{} {} {}\n\n\
+             {}\n{} {} {} {}\n\n\
              The steps, in instructions:\n\n{}\n\
              The same rows with spots of other widths:\n\n{}\n\
              ### The estimators' accuracy\n\n\
@@ -267,6 +272,7 @@ impl Measured {
              pixels or more. In the first row of a frame, and for narrower spots, it takes {:.2} \
              instructions a pixel. Turning a read-out into a row takes {:.2} instructions a word.\n",
             table::markdown(&self.rows_table()),
+            self.range_text(),
             self.share_text(),
             self.slowest_text(),
             self.once_a_frame_text(),
@@ -336,8 +342,9 @@ impl Measured {
     pub fn readme_rows(&self) -> String {
         format!(
             "{}\nInstructions, and estimated microseconds at 168 MHz, from the {WORDS} words of a row to its \
-             centre with its check. {}\n",
+             centre with its check. {} {}\n",
             table::markdown(&self.rows_table()),
+            self.range_text(),
             self.share_text(),
         )
     }
@@ -392,7 +399,7 @@ impl Measured {
             let figure = |of: fn(&MethodOnChip) -> u64| {
                 nominal.map_or("-".into(), |counted| of(counted).to_string())
             };
-            row.push(figure(|counted| counted.cycles_estimated));
+            row.push(figure(|counted| counted.cycles.likely));
             row.push(
                 self.microseconds(method, WINDOW_OF_96)
                     .map_or("-".into(), |us| format!("{us:.1}")),
@@ -496,8 +503,10 @@ impl Measured {
             method: &counted.name,
             width_px: counted.width,
             instructions: counted.instructions,
-            cycles_estimated: counted.cycles_estimated,
-            microseconds: round(counted.cycles_estimated as f64 / CLOCK_MHZ),
+            cycles_low: counted.cycles.low,
+            cycles_likely: counted.cycles.likely,
+            cycles_high: counted.cycles.high,
+            microseconds: round(counted.cycles.likely as f64 / CLOCK_MHZ),
             code_bytes: counted.code_bytes,
             table_bytes: counted.table_bytes,
             stack_bytes: counted.stack_bytes,
@@ -559,8 +568,8 @@ fn distance_table(distances: &[Distance]) -> Vec<Vec<String>> {
             format!("{:.4}", distance.error_max_um),
             distance.instructions.to_string(),
             distance.instructions_most.to_string(),
-            distance.cycles_estimated.to_string(),
-            format!("{:.1}", distance.cycles_estimated as f64 / CLOCK_MHZ),
+            distance.cycles_likely.to_string(),
+            format!("{:.1}", distance.cycles_likely as f64 / CLOCK_MHZ),
             distance.ram_bytes.to_string(),
             distance.record_bytes.to_string(),
         ]
@@ -591,7 +600,9 @@ struct ChipRecord<'a> {
     method: &'a str,
     width_px: f64,
     instructions: u64,
-    cycles_estimated: u64,
+    cycles_low: u64,
+    cycles_likely: u64,
+    cycles_high: u64,
     microseconds: f64,
     code_bytes: u64,
     table_bytes: u64,
@@ -725,6 +736,8 @@ mod tests {
                 "pull_max",
                 "chip_instructions_per_row",
                 "chip_cycles_estimated",
+                "chip_cycles_low",
+                "chip_cycles_high",
                 "table_bytes",
                 "code_bytes",
                 "stack_bytes",

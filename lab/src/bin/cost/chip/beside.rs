@@ -1,6 +1,6 @@
 //! The cycles of a real board beside their estimates.
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 
 use anyhow::Result;
 
@@ -8,7 +8,8 @@ use super::cycles::{Model, Range};
 use super::lines::{Kind, Line};
 use super::program::Program;
 use super::run::Run;
-use super::{forms, methods};
+use super::whole_rows::with_calls;
+use super::{forms, methods, steps};
 
 /// What the emulated chip says about a line of the program.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,7 +19,7 @@ pub struct Estimate {
     range: Range,
 }
 
-/// An estimate for each method at each width, and for each form of a calibration.
+/// An estimate for each method at each width, for each form of a calibration, for whole rows and for readings.
 pub fn estimates(run: &Run) -> Result<Vec<Estimate>> {
     let program = Program::of(&run.firmware)?;
     let model = Model::of(&program);
@@ -34,11 +35,11 @@ pub fn estimates(run: &Run) -> Result<Vec<Estimate>> {
                 .find(|method| {
                     method.name == line.name && line.number("width").ok() == Some(method.width)
                 })
-                .map(|method| method.cycles_range),
+                .map(|method| method.cycles),
             Kind::Form => forms
                 .iter()
                 .find(|form| form.name == line.name)
-                .map(|form| form.cycles_range),
+                .map(|form| form.cycles),
             _ => None,
         };
         if let Some(range) = range {
@@ -46,6 +47,24 @@ pub fn estimates(run: &Run) -> Result<Vec<Estimate>> {
                 line: line.clone(),
                 range,
             });
+        }
+    }
+    for (kind, function) in [
+        (Kind::WholeRow, steps::ROW),
+        (Kind::Reading, steps::READING),
+    ] {
+        for (line, call) in with_calls(run, &program, kind, function)? {
+            // Rows of one kind take about the same: one of each is enough.
+            if line
+                .values
+                .get("number")
+                .is_none_or(|&number| number == 0.0)
+            {
+                estimates.push(Estimate {
+                    line: line.clone(),
+                    range: model.range(&call.path),
+                });
+            }
         }
     }
     Ok(estimates)
@@ -76,7 +95,9 @@ impl Table {
         let estimate = self.estimates.iter().find(|estimate| {
             let of = &estimate.line;
             (of.kind, &of.name) == (line.kind, &line.name)
-                && of.values.get("width") == line.values.get("width")
+                && ["width", "number", "place"]
+                    .iter()
+                    .all(|&key| of.values.get(key) == line.values.get(key))
         });
         if let Some(estimate) = estimate {
             let estimate = estimate.clone();
@@ -87,30 +108,38 @@ impl Table {
 
 /// The program's line, from the word on that names its kind.
 fn parse(line: &str) -> Option<Line> {
-    ["method ", "form "].into_iter().find_map(|kind| {
-        let from = line.find(kind)?;
-        Line::parse(line[from..].trim_end()).ok()
-    })
+    ["method ", "form ", "whole-row ", "reading "]
+        .into_iter()
+        .find_map(|kind| {
+            let from = line.find(kind)?;
+            Line::parse(line[from..].trim_end()).ok()
+        })
 }
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "\n{:<28} {:>8} {:>13} {:>8} {:>8} {:>8}  within",
+            "\n{:<36} {:>8} {:>13} {:>8} {:>8} {:>8}  within",
             "on the board", "cycles", "instructions", "low", "likely", "high"
         )?;
         for (line, Estimate { line: of, range }) in &self.rows {
             let cycles = line.number("cycles").unwrap_or(f64::NAN);
-            let name = match line.values.get("width") {
-                Some(width) => format!("{}, sigma {width}", line.name),
-                None => line.name.clone(),
+            let mut name = match line.kind {
+                Kind::WholeRow => format!("row, {}", line.name),
+                Kind::Reading => format!("reading, {}", line.name),
+                _ => line.name.clone(),
             };
+            for (key, said) in [("width", "sigma"), ("place", "row")] {
+                if let Some(value) = line.values.get(key) {
+                    let _ = write!(name, ", {said} {value}");
+                }
+            }
             let Range { low, likely, high } = range;
             let is_within = (*low as f64..=*high as f64).contains(&cycles);
             writeln!(
                 f,
-                "{name:<28} {cycles:>8} {:>13} {low:>8} {likely:>8} {high:>8}  {}",
+                "{name:<36} {cycles:>8} {:>13} {low:>8} {likely:>8} {high:>8}  {}",
                 of.number("cycles").unwrap_or(f64::NAN),
                 if is_within { "yes" } else { "NO" }
             )?;
@@ -148,6 +177,13 @@ mod tests {
                 3,
             ),
             estimate("form eq1 cycles 60 most 61 stack 64", 80, 100, 190),
+            estimate(
+                "whole-row adaptive width 10.5 number 0 place 2 cycles 14000",
+                1,
+                2,
+                3,
+            ),
+            estimate("reading adaptive cycles 350", 300, 500, 900),
         ]);
         for line in [
             "      Erasing 100% [####################]  96.00 KiB @  48.00 KiB/s (took 2s)",
@@ -156,6 +192,10 @@ mod tests {
             "step geometry-row items 3694 cycles 30000 most 30001 stack 40",
             "form eq1 cycles 191 most 200 stack 64\r",
             "form unknown cycles 191 most 200 stack 64",
+            "whole-row adaptive width 10.5 number 0 place 1 cycles 60000",
+            "whole-row adaptive width 10.5 number 0 place 2 cycles 20000",
+            "whole-row adaptive width 10.5 number 1 place 2 cycles 20000",
+            "reading adaptive cycles 400",
             "end",
         ] {
             table.take(line);
@@ -181,6 +221,12 @@ mod tests {
             ]
         );
         assert_eq!(rows[3], ["eq1", "191", "60", "80", "100", "190", "NO"]);
-        assert!(text.contains("\n2 figures of the board"), "{text}");
+        let name = "row, adaptive, sigma 10.5, row 2";
+        assert!(
+            text.contains(&format!("\n{name:<36}    20000         14000")),
+            "{text}"
+        );
+        assert!(text.contains("\nreading, adaptive "), "{text}");
+        assert!(text.contains("\n4 figures of the board"), "{text}");
     }
 }

@@ -17,8 +17,6 @@
 //! | VDIV, VSQRT | 14 |
 //! | VLDR, VSTR | 2 |
 //!
-//! [`Model::cycles`] adds up these times. It has no wait for flash.
-//!
 //! [`Model::range`] follows the instructions in their order, with a model of the flash and its caches
 //! ([`flash`]). It gives three figures:
 //!
@@ -35,7 +33,7 @@
 mod flash;
 
 use serde::Serialize;
-use virtual_board::trace::{Call, Executed};
+use virtual_board::trace::Executed;
 
 use flash::{Accelerator, Assumption};
 
@@ -79,24 +77,6 @@ impl<'a> Model<'a> {
     /// The model for a program.
     pub fn of(program: &'a Program) -> Self {
         Self { program }
-    }
-
-    /// Estimated cycles of a call.
-    pub fn cycles(&self, call: &Call) -> u64 {
-        let mut total = 0;
-        for (&(from, to), &times) in &call.steps {
-            let (Some(instruction), next) =
-                (self.program.instruction(from), self.program.instruction(to))
-            else {
-                // Code that the disassembler took for data. One cycle at least.
-                total += times;
-                continue;
-            };
-            let taken = to != from + instruction.bytes;
-            let saved = next.is_some_and(|next| !taken && pipelined(instruction, next));
-            total += times * (cycles(instruction, taken) - u64::from(saved));
-        }
-        total
     }
 }
 
@@ -297,74 +277,56 @@ fn pipelined(instruction: &Instruction, next: &Instruction) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
     use super::*;
+
+    /// The instructions at these addresses in RAM, one after the other.
+    fn path(addresses: &[u32]) -> Vec<Executed> {
+        let executed = |&address| Executed { address, loads: 0 };
+        addresses.iter().map(executed).collect()
+    }
 
     /// A loop like that of the inner product runs four times. The expected cycles are those of the manual,
     /// for 10 instructions.
     #[test]
     fn a_loop_takes_the_cycles_of_the_manual() {
         let program = Program::of_lines(
-            "100: e8f1 2302 	ldrd	r2, r3, [r1], #8
-             104: f850 4b04 	ldr	r4, [r0], #4
-             108: f850 5b04 	ldr	r5, [r0], #4
-             10c: fb24 6602 	smlad	r6, r4, r2, r6
-             110: fb25 6603 	smlad	r6, r5, r3, r6
-             114: 3f01      	subs	r7, #1
-             116: d1f3      	bne	0x100 <dot>
-             118: eeb1 0ac0 	vsqrt.f32	s0, s0
-             11c: bd70      	pop	{r4, r5, r6, pc}",
+            "20000100: e8f1 2302 	ldrd	r2, r3, [r1], #8
+             20000104: f850 4b04 	ldr	r4, [r0], #4
+             20000108: f850 5b04 	ldr	r5, [r0], #4
+             2000010c: fb24 6602 	smlad	r6, r4, r2, r6
+             20000110: fb25 6603 	smlad	r6, r5, r3, r6
+             20000114: 3f01      	subs	r7, #1
+             20000116: d1f3      	bne	0x20000100 <dot>
+             20000118: eeb1 0ac0 	vsqrt.f32	s0, s0
+             2000011c: bd70      	pop	{r4, r5, r6, pc}",
         );
-        let addresses = [0x100, 0x104, 0x108, 0x10c, 0x110, 0x114, 0x116];
-        let mut steps = BTreeMap::new();
-        for (from, to) in addresses.into_iter().zip(addresses.into_iter().skip(1)) {
-            steps.insert((from, to), 4);
-        }
-        steps.insert((0x116, 0x100), 3);
-        steps.insert((0x116, 0x118), 1);
-        steps.insert((0x118, 0x11c), 1);
-        steps.insert((0x11c, 0x40), 1);
-        let call = Call {
-            function: 0x100,
-            steps,
-            ..Call::default()
-        };
+        let turn = [0x100, 0x104, 0x108, 0x10c, 0x110, 0x114, 0x116];
+        let all = [&turn[..], &turn, &turn, &turn, &[0x118, 0x11c]].concat();
+        let all: Vec<u32> = all.into_iter().map(|at| 0x2000_0000 + at).collect();
         // LDRD 3, LDR 2 less 1 for the LDR behind it, which has 2, SMLAD, SMLAD, SUBS, BNE 1 and 3 times 2
         // more; VSQRT; POP.
         let expected = 4 * (3 + 1 + 2 + 1 + 1 + 1 + 1) + 3 * 2 + 14 + (1 + 4 + 2);
-        assert_eq!(Model::of(&program).cycles(&call), expected);
-        assert_eq!(call.instructions(), 4 * 7 + 2);
+        assert_eq!(Model::of(&program).range(&path(&all)).likely, expected);
     }
 
     #[test]
     fn a_load_waits_for_its_address() {
         let program = Program::of_lines(
-            "100: 6808 	ldr	r0, [r1]
-             102: 6843 	ldr	r3, [r0, #4]
-             104: 6053 	str	r3, [r2, #4]
-             106: ed90 0a00 	vldr	s0, [r0]
-             10a: fb90 f0f1 	sdiv	r0, r0, r1",
+            "20000100: 6808 	ldr	r0, [r1]
+             20000102: 6843 	ldr	r3, [r0, #4]
+             20000104: 6053 	str	r3, [r2, #4]
+             20000106: 4770 	bx	lr",
         );
         let model = Model::of(&program);
-        let cycles = |addresses: &[u64]| {
-            let pairs = addresses.windows(2).map(|pair| ((pair[0], pair[1]), 1));
-            let call = Call {
-                function: addresses[0],
-                steps: pairs.collect(),
-                ..Call::default()
-            };
-            model.cycles(&call)
+        let from = |first: usize| {
+            let all = [0x2000_0100, 0x2000_0102, 0x2000_0104, 0x2000_0106];
+            model.range(&path(&all[first..])).likely
         };
-        assert_eq!(cycles(&[0x100, 0x102]), 2);
-        assert_eq!(cycles(&[0x102, 0x104]), 1);
-        assert_eq!(cycles(&[0x104, 0x106, 0x10a, 0x10e]), 1 + 2 + 8);
-    }
-
-    /// The instructions at these addresses, one after the other.
-    fn path(addresses: &[u32]) -> Vec<Executed> {
-        let executed = |&address| Executed { address, loads: 0 };
-        addresses.iter().map(executed).collect()
+        // A load that the next one waits for, one that a store does not wait for, and a store.
+        assert_eq!(
+            [0, 1, 2].map(|first| from(first) - from(first + 1)),
+            [2, 1, 1]
+        );
     }
 
     #[test]

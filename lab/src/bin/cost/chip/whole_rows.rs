@@ -5,7 +5,7 @@ use cost_on_chip::whole_rows::FRAME;
 use slitrange::centre::Estimator;
 use virtual_board::trace::Call;
 
-use super::cycles::Model;
+use super::cycles::{Model, Range};
 use super::lines::{self, Kind, Line};
 use super::program::Program;
 use super::run::{Run, Slow};
@@ -18,7 +18,7 @@ pub struct WholeRow {
     /// Its instructions by step. They add up to all that were executed.
     pub steps: Steps,
     /// Estimated cycles.
-    pub cycles_estimated: u64,
+    pub cycles: Range,
 }
 
 /// What rows with a spot of one width take by one estimator: the medians.
@@ -73,7 +73,7 @@ pub fn read(run: &Run, program: &Program, model: &Model<'_>) -> Result<WholeRows
     let whole_row = |call: &Call| {
         Ok::<_, anyhow::Error>(WholeRow {
             steps: functions.steps(call)?,
-            cycles_estimated: model.cycles(call),
+            cycles: model.range(&call.path),
         })
     };
     let rows = with_calls(run, program, Kind::WholeRow, steps::ROW)?;
@@ -131,7 +131,7 @@ pub fn read(run: &Run, program: &Program, model: &Model<'_>) -> Result<WholeRows
 }
 
 /// The program prints a line for each call, in the order of the calls: each line with its call.
-fn with_calls<'a>(
+pub fn with_calls<'a>(
     run: &'a Run,
     program: &Program,
     kind: Kind,

@@ -115,7 +115,7 @@ fn draw_bars(area: &Area<'_>, title: &str, bars: &[(Estimator, &WholeRow)]) -> a
         let middle = bars.len() as f64 - place as f64 - 0.5;
         let total = row.steps.total();
         let ends = [0.0, most * 1.02].map(|x| panel.backend_coord(&(x, middle)));
-        let microseconds = row.cycles_estimated as f64 / CLOCK_MHZ;
+        let microseconds = row.cycles.likely as f64 / CLOCK_MHZ;
         let style = match is_default(Method::Estimator(*estimator)) {
             true => bold(TEXT, BLACK),
             false => text(TEXT, BLACK),

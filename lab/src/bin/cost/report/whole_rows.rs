@@ -7,6 +7,7 @@ use serde::Serialize;
 use slitrange::centre::Estimator;
 
 use super::{CLOCK_MHZ, Measured, ratio};
+use crate::chip::cycles::Range;
 use crate::chip::steps::Steps;
 use crate::chip::whole_rows::{AtWidth, OnceAFrame, Slowest, WholeRow, WholeRows};
 
@@ -33,8 +34,10 @@ pub struct RowInstructions {
 #[derive(Clone, Debug, Serialize)]
 struct Row {
     total: u64,
+    /// The likely ones of `cycles`.
     cycles_estimated: u64,
     microseconds_estimated: f64,
+    cycles: Range,
     steps: Steps,
 }
 
@@ -42,7 +45,8 @@ impl From<&WholeRow> for Row {
     fn from(row: &WholeRow) -> Self {
         Self {
             total: row.steps.total(),
-            cycles_estimated: row.cycles_estimated,
+            cycles_estimated: row.cycles.likely,
+            cycles: row.cycles,
             microseconds_estimated: super::round(microseconds(row)),
             steps: row.steps,
         }
@@ -75,7 +79,7 @@ struct Widths {
 
 /// Estimated microseconds of a row.
 pub fn microseconds(row: &WholeRow) -> f64 {
-    row.cycles_estimated as f64 / CLOCK_MHZ
+    row.cycles.likely as f64 / CLOCK_MHZ
 }
 
 impl WholeRows {
@@ -267,6 +271,24 @@ impl Measured {
         )
     }
 
+    /// How well the time of a following row is known, in a sentence.
+    pub(super) fn range_text(&self) -> String {
+        let default = Estimator::default();
+        let Some(nominal) = self.chip.whole_rows.nominal(default) else {
+            return String::new();
+        };
+        let microseconds = |cycles: u64| cycles as f64 / CLOCK_MHZ;
+        let Range { low, likely, high } = nominal.following.cycles;
+        format!(
+            "The microseconds are estimates: a following row of `{}` takes {:.0} us, at least {:.0} and at \
+             most {:.0} us.",
+            default.name(),
+            microseconds(likely),
+            microseconds(low),
+            microseconds(high),
+        )
+    }
+
     /// How much slower `adaptive` is, in a sentence.
     pub(super) fn share_text(&self) -> String {
         let Some((instructions, share)) = self.chip.whole_rows.adaptive_over_phase_table() else {
@@ -308,7 +330,9 @@ impl Measured {
                 distance: steps.distance,
                 other: steps.other,
                 total: steps.total(),
-                cycles_estimated: whole.cycles_estimated,
+                cycles_low: whole.cycles.low,
+                cycles_likely: whole.cycles.likely,
+                cycles_high: whole.cycles.high,
                 microseconds: super::round(microseconds(whole)),
             });
         };
@@ -350,6 +374,8 @@ pub struct RowRecord {
     distance: u64,
     other: u64,
     total: u64,
-    cycles_estimated: u64,
+    cycles_low: u64,
+    cycles_likely: u64,
+    cycles_high: u64,
     microseconds: f64,
 }
