@@ -6,11 +6,13 @@
 //! new ones of them: it changes shapes, exchanges them, and sets single pixels.
 
 mod chip;
+mod chips;
 mod evolution;
 mod frames;
 mod report;
 
 pub use chip::Chip;
+pub use chips::Chips;
 pub use evolution::{Search, Slow};
 pub use frames::{Frame, frames};
 pub use report::{attribution, markdown, story, words_of};

@@ -26,7 +26,7 @@ impl Chip {
     }
 
     /// A board that traces the calls of some functions.
-    fn with(program: Firmware, traced: &[u64]) -> Result<Self> {
+    pub(super) fn with(program: Firmware, traced: &[u64]) -> Result<Self> {
         let mut board = VirtualBoard::power_on(&program, Box::new(|_| vec![0.0; PIXELS]))?;
         for function in traced {
             board.trace_calls_of(*function);

@@ -9,13 +9,16 @@ use slowest_on_chip::description::{Description, Kind, SHAPES, Shape};
 use slowest_on_chip::mailbox::{ESTIMATORS, QUESTIONS, Question};
 use slowest_on_chip::row::PIXELS;
 
-use super::chip::Chip;
+use super::chips::Chips;
 
 /// The slow rows that are kept for an estimator, first or following ones.
 const KEPT: usize = 24;
 
 /// Of so many new rows one owes nothing to the rows that are kept.
 const NEW: u32 = 16;
+
+/// Rows that are counted before the next ones are made.
+const BATCH: usize = 4 * QUESTIONS;
 
 /// A row and the instructions that it takes.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +39,7 @@ pub struct Search {
 }
 
 impl Search {
-    /// The same seed gives the same rows. Starts with rows that are known.
+    /// The same seed gives the same rows.
     pub fn new(seed: u64) -> Self {
         Self {
             random: ChaCha8Rng::seed_from_u64(seed),
@@ -49,8 +52,8 @@ impl Search {
     ///
     /// # Errors
     /// The emulator fails.
-    pub fn add(&mut self, chip: &mut Chip, questions: &[Question]) -> Result<()> {
-        for (question, instructions) in questions.iter().zip(chip.count(questions)?) {
+    pub fn add(&mut self, chips: &mut Chips, questions: &[Question]) -> Result<()> {
+        for (question, instructions) in questions.iter().zip(chips.count(questions)?) {
             let kept = &mut self.kept[usize::from(question.follows)][question.estimator as usize];
             let place = kept.partition_point(|slow| slow.instructions > instructions);
             // Descriptions that make the same row take the same time.
@@ -77,11 +80,11 @@ impl Search {
     ///
     /// # Errors
     /// The emulator fails.
-    pub fn step(&mut self, chip: &mut Chip) -> Result<()> {
-        let questions: Vec<Question> = (0..QUESTIONS)
+    pub fn step(&mut self, chips: &mut Chips) -> Result<()> {
+        let questions: Vec<Question> = (0..BATCH)
             .map(|i| self.child(Estimator::ALL[i / 2 % ESTIMATORS], i % 2 == 1))
             .collect();
-        self.add(chip, &questions)
+        self.add(chips, &questions)
     }
 
     /// The slowest row of an estimator.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use clap::Parser;
-use lab::slowest::{self, Chip, LIMIT, Search, Slow};
+use lab::slowest::{self, Chip, Chips, LIMIT, Search, Slow};
 use lab::{docs, progress};
 use slitrange::centre::Estimator;
 use slowest_on_chip::mailbox::Question;
@@ -36,16 +36,17 @@ struct Options {
 
 fn main() -> anyhow::Result<()> {
     let options = Options::parse();
-    let mut chip = Chip::power_on()?;
+    let chip = Chip::power_on()?;
+    let mut chips = Chips::like(&chip);
     let mut search = Search::new(options.seed);
     if !options.fresh {
         let known: Vec<Question> = slowest::known().map(|slow| slow.question).collect();
-        search.add(&mut chip, &known)?;
+        search.add(&mut chips, &known)?;
     }
     let progress = progress::bar(options.rows, "{wide_bar} {pos}/{len}, {eta} left")?;
     let start = std::time::Instant::now();
     while search.rows < options.rows {
-        search.step(&mut chip)?;
+        search.step(&mut chips)?;
         progress.set_position(search.rows);
     }
     progress.finish_and_clear();
