@@ -11,7 +11,7 @@
 use core::arch::asm;
 
 #[cfg(has_dsp)]
-use crate::{BLOCK, Pair, Pairs};
+use crate::{BLOCK, PART, Pair, Pairs};
 
 // The layout of the weights that the assembly relies on.
 #[cfg(has_dsp)]
@@ -349,6 +349,294 @@ pub fn reaches(samples: &[u16], least: i32) -> bool {
         .get(samples.len().saturating_sub(3)..)
         .unwrap_or_default();
     (signs as i32) < 0 || !rest.is_empty() && crate::portable::reaches(last, least)
+}
+
+/// One pair of each half of a part, side by side: the first half's pair in the low halves of the registers,
+/// the second half's in the high ones. `$here` and `$there` hold the two pairs, and then the pairs' sums and
+/// their second samples. `$sums` and `$last` hold what these are of the pairs before; `$last` is lost.
+/// `$respond` gets the two sums of neighbours that make a response: in {x} the larger of the pair's sum and
+/// the one before it, in `$last` the one between them.
+#[cfg(has_dsp)]
+macro_rules! one_pair {
+    ($sample:ident, $respond:ident, $here:literal, $there:literal, $sums:literal, $last:literal, $free:literal) => {
+        concat!(
+            // The first samples of both pairs into {x}, the second ones into $there.
+            "pkhbt {x}, ",
+            $here,
+            ", ",
+            $there,
+            ", lsl #16\n",
+            "pkhtb ",
+            $there,
+            ", ",
+            $there,
+            ", ",
+            $here,
+            ", asr #16\n",
+            $sample!($there),
+            "uadd16 ",
+            $last,
+            ", ",
+            $last,
+            ", {x}\n",
+            "uadd16 ",
+            $here,
+            ", {x}, ",
+            $there,
+            "\n",
+            larger!("{x}", $sums, $here, "{x}"),
+            $respond!($last, $free),
+        )
+    };
+}
+
+/// The larger of `$a` and `$b`, in both halves: USUB16 remembers for SEL where `$a` is. `$lost` gets the
+/// difference, which nobody needs.
+#[cfg(has_dsp)]
+macro_rules! larger {
+    ($larger:literal, $a:literal, $b:literal, $lost:literal) => {
+        concat!(
+            "usub16 ", $lost, ", ", $a, ", ", $b, "\n", "sel ", $larger, ", ", $a, ", ", $b, "\n",
+        )
+    };
+}
+
+/// Two pairs of each half of a part, from `$low` and `$high` on: they leave what is next before in
+/// `$next_sums` and `$next_last`. A word gets the sums of two pairs.
+#[cfg(has_dsp)]
+macro_rules! two_pairs_of_both {
+    (
+        $sample:ident, $respond:ident, $low:literal, $high:literal, $sum_low:literal, $sum_high:literal,
+        $sums:literal, $last:literal, $next_sums:literal, $next_last:literal
+    ) => {
+        concat!(
+            "ldrd {a}, ",
+            $next_sums,
+            ", [{words}, #",
+            $low,
+            "]\n",
+            "ldrd {b}, ",
+            $next_last,
+            ", [{words}, #",
+            $high,
+            "]\n",
+            one_pair!($sample, $respond, "{a}", "{b}", $sums, $last, $sums),
+            one_pair!(
+                $sample, $respond, $next_sums, $next_last, "{a}", "{b}", $sums
+            ),
+            "pkhbt {x}, {a}, ",
+            $next_sums,
+            ", lsl #16\n",
+            "pkhtb {a}, ",
+            $next_sums,
+            ", {a}, asr #16\n",
+            "str {x}, [{sum}, #",
+            $sum_low,
+            "]\n",
+            "str {a}, [{sum}, #",
+            $sum_high,
+            "]\n",
+        )
+    };
+}
+
+/// A part of a sweep: its words start with the pair before it, its sums with the sum of that pair, which it
+/// leaves alone.
+#[cfg(has_dsp)]
+macro_rules! part {
+    ($words:expr, $sums:expr, $sample:ident, $respond:ident, $($operand:tt)*) => {
+        asm!(
+            // The pairs before both halves.
+            "ldr {a}, [{words}]",
+            "ldr {last}, [{words}, #32]",
+            "pkhbt {x}, {a}, {last}, lsl #16",
+            "pkhtb {last}, {last}, {a}, asr #16",
+            $sample!("{last}"),
+            "uadd16 {two}, {x}, {last}",
+            two_pairs_of_both!(
+                $sample, $respond, 4, 36, 2, 18, "{two}", "{last}", "{next_two}", "{next_last}"
+            ),
+            two_pairs_of_both!(
+                $sample, $respond, 12, 44, 6, 22, "{next_two}", "{next_last}", "{two}", "{last}"
+            ),
+            two_pairs_of_both!(
+                $sample, $respond, 20, 52, 10, 26, "{two}", "{last}", "{next_two}", "{next_last}"
+            ),
+            two_pairs_of_both!(
+                $sample, $respond, 28, 60, 14, 30, "{next_two}", "{next_last}", "{two}", "{last}"
+            ),
+            words = in(reg) $words,
+            sum = in(reg) $sums,
+            a = out(reg) _,
+            b = out(reg) _,
+            x = out(reg) _,
+            two = out(reg) _,
+            last = out(reg) _,
+            next_two = out(reg) _,
+            next_last = out(reg) _,
+            $($operand)*
+            options(nostack),
+        )
+    };
+}
+
+/// Words that are samples.
+#[cfg(has_dsp)]
+macro_rules! as_it_is {
+    ($seconds:literal) => {
+        ""
+    };
+}
+
+/// Words that are samples with an exclusive or.
+#[cfg(has_dsp)]
+macro_rules! inverted {
+    ($seconds:literal) => {
+        concat!(
+            "eor {x}, {x}, {inverted}\n",
+            "eor ",
+            $seconds,
+            ", ",
+            $seconds,
+            ", {inverted}\n"
+        )
+    };
+}
+
+/// The responses fit 16 bits: their sum, and the highest.
+#[cfg(has_dsp)]
+macro_rules! narrow {
+    ($between:literal, $free:literal) => {
+        concat!(
+            "uadd16 {x}, {x}, ",
+            $between,
+            "\n",
+            larger!("{highest}", "{x}", "{highest}", $between),
+        )
+    };
+}
+
+/// The responses have 17 bits. The highest half of one, and the highest half of one that is rounded up, make
+/// the highest one.
+#[cfg(has_dsp)]
+macro_rules! wide {
+    ($between:literal, $free:literal) => {
+        concat!(
+            "uhadd16 ",
+            $free,
+            ", {x}, ",
+            $between,
+            "\n",
+            "uadd16 ",
+            $between,
+            ", ",
+            $between,
+            ", {ones}\n",
+            "uhadd16 {x}, {x}, ",
+            $between,
+            "\n",
+            larger!("{highest}", $free, "{highest}", $between),
+            larger!("{rounded_up}", "{x}", "{rounded_up}", $between),
+        )
+    };
+}
+
+/// How many whole parts a sweep in assembly takes. Writes the sum of the pair before the first, which no part
+/// writes.
+#[cfg(has_dsp)]
+fn whole_parts(words: &[u16], inverted: u16, sums: &mut [u16], parts: &[u32]) -> usize {
+    let (Some(&[a, b]), Some((sum, sums))) = (words.first_chunk(), sums.split_first_mut()) else {
+        return 0;
+    };
+    if !words.as_ptr().cast::<u32>().is_aligned() {
+        return 0;
+    }
+    *sum = (a ^ inverted).wrapping_add(b ^ inverted);
+    let pairs = (words.len() / 2).saturating_sub(1).min(sums.len());
+    (pairs / PART).min(parts.len())
+}
+
+/// Where a part of a sweep begins: its words and its sums, each with the pair before it.
+#[cfg(has_dsp)]
+fn part_at(number: usize, words: &[u16], sums: &mut [u16]) -> (*const u16, *mut u16) {
+    let pairs = PART.wrapping_mul(number);
+    (
+        words.as_ptr().wrapping_add(pairs.wrapping_mul(2)),
+        sums.as_mut_ptr().wrapping_add(pairs),
+    )
+}
+
+/// What is left of a sweep behind so many parts, with the pair before it.
+#[cfg(has_dsp)]
+fn behind<'a>(
+    whole: usize,
+    words: &'a [u16],
+    sums: &'a mut [u16],
+    parts: &'a mut [u32],
+) -> (&'a [u16], &'a mut [u16], &'a mut [u32]) {
+    let pairs = PART.wrapping_mul(whole);
+    (
+        words.get(pairs.wrapping_mul(2)..).unwrap_or_default(),
+        sums.get_mut(pairs..).unwrap_or_default(),
+        parts.get_mut(whole..).unwrap_or_default(),
+    )
+}
+
+/// The larger one of both halves.
+#[cfg(has_dsp)]
+fn larger_half(both: u32) -> u32 {
+    (both & 0xFFFF).max(both >> 16)
+}
+
+/// See [`crate::portable::sweep`]. Four times as fast where the words are aligned to 4 bytes.
+#[cfg(has_dsp)]
+#[inline(never)]
+pub fn sweep(words: &[u16], inverted: u16, sums: &mut [u16], parts: &mut [u32]) {
+    let whole = whole_parts(words, inverted, sums, parts);
+    for (number, part) in parts.iter_mut().take(whole).enumerate() {
+        let mut highest = 0u32;
+        let (words, sums) = part_at(number, words, sums);
+        // SAFETY: a part reads 68 bytes of the words and writes bytes 2 to 33 of the sums: 34 words and 17
+        // sums, which both slices hold from every whole part's begin on. LDRD takes the addresses, which are
+        // multiples of 4. LDR and STR take any.
+        unsafe {
+            if inverted == 0 {
+                part!(words, sums, as_it_is, narrow, highest = inout(reg) highest,);
+            } else {
+                part!(
+                    words, sums, inverted, narrow,
+                    highest = inout(reg) highest,
+                    inverted = in(reg) u32::from(inverted) * 0x0001_0001,
+                );
+            }
+        }
+        *part = larger_half(highest);
+    }
+    let (words, sums, parts) = behind(whole, words, sums, parts);
+    crate::portable::sweep(words, inverted, sums, parts);
+}
+
+/// See [`crate::portable::sweep_wide`]. Twice as fast where the samples are aligned to 4 bytes.
+#[cfg(has_dsp)]
+#[inline(never)]
+pub fn sweep_wide(samples: &[u16], sums: &mut [u16], parts: &mut [u32]) {
+    let whole = whole_parts(samples, 0, sums, parts);
+    for (number, part) in parts.iter_mut().take(whole).enumerate() {
+        let (mut highest, mut rounded_up) = (0u32, 0u32);
+        let (words, sums) = part_at(number, samples, sums);
+        // SAFETY: as in `sweep`.
+        unsafe {
+            part!(
+                words, sums, as_it_is, wide,
+                highest = inout(reg) highest,
+                rounded_up = inout(reg) rounded_up,
+                ones = in(reg) 0x0001_0001,
+            );
+        }
+        *part = larger_half(highest).wrapping_add(larger_half(rounded_up));
+    }
+    let (words, sums, parts) = behind(whole, samples, sums, parts);
+    crate::portable::sweep_wide(words, sums, parts);
 }
 
 /// The square root: VSQRT, which rounds to nearest as IEEE 754 asks. Stable Rust without `std` has no other

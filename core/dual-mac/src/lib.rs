@@ -31,11 +31,11 @@ mod cortex_m;
 #[cfg(has_fpu)]
 pub use cortex_m::square_root;
 #[cfg(has_dsp)]
-pub use cortex_m::{dot, dot2, reaches, sum_blocks, sum_of_steps};
+pub use cortex_m::{dot, dot2, reaches, sum_blocks, sum_of_steps, sweep, sweep_wide};
 #[cfg(not(has_fpu))]
 pub use portable::square_root;
 #[cfg(not(has_dsp))]
-pub use portable::{dot, dot2, reaches, sum_blocks, sum_of_steps};
+pub use portable::{dot, dot2, reaches, sum_blocks, sum_of_steps, sweep, sweep_wide};
 
 /// The weights of two neighbouring samples. Aligned, so that one instruction loads both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -49,6 +49,9 @@ pub struct Pairs(pub Pair, pub Pair);
 
 /// Samples in a block of [`sum_blocks`].
 pub const BLOCK: usize = 8;
+
+/// Pairs of samples in a part of [`sweep`].
+pub const PART: usize = 16;
 
 /// The largest sample. Samples are read as signed 16-bit numbers, so larger ones would be negative.
 pub const LARGEST_SAMPLE: u16 = i16::MAX as u16;

@@ -2,7 +2,7 @@
 
 #[cfg(doc)]
 use crate::LARGEST_SAMPLE;
-use crate::{BLOCK, Pair, Pairs};
+use crate::{BLOCK, PART, Pair, Pairs};
 
 /// Sum of sample * weight over the samples, or over the weights if those are fewer. A last sample without a
 /// partner is left out.
@@ -80,6 +80,63 @@ pub fn reaches(samples: &[u16], least: i32) -> bool {
         signs | below.wrapping_sub(response)
     });
     signs < 0
+}
+
+/// Sums the pairs of samples, and takes the highest response of the kernel [1 2 1] in each part of [`PART`]
+/// pairs. A part holds the kernels whose last sample is in it. The first pair is in no part: it starts the
+/// first kernel. A sample is a word with an exclusive or of `inverted`. Takes as many pairs as there is room
+/// for. If four of the largest sample do not fit 16 bits, the results mean nothing.
+pub fn sweep(words: &[u16], inverted: u16, sums: &mut [u16], parts: &mut [u32]) {
+    let sample = |word| u32::from(word ^ inverted);
+    sweep_of(words, sample, sums, |sum| sum as u16, parts);
+}
+
+/// As [`sweep`], of words that are samples, and with responses of 17 bits: if two of the largest sample do
+/// not fit 16 bits, the results mean nothing.
+pub fn sweep_wide(samples: &[u16], sums: &mut [u16], parts: &mut [u32]) {
+    sweep_of(samples, u32::from, sums, |sum| sum as u16, parts);
+}
+
+/// As [`sweep`], of any integers, with responses of 32 bits. `stored` makes what is written of a pair's sum.
+#[inline(always)]
+pub fn sweep_of<T: Copy, S>(
+    values: &[T],
+    value: impl Fn(T) -> u32,
+    sums: &mut [S],
+    stored: impl Fn(u32) -> S,
+    parts: &mut [u32],
+) {
+    let pairs = values.as_chunks::<2>().0;
+    let (Some((&[a, b], pairs)), Some((sum, sums))) = (pairs.split_first(), sums.split_first_mut())
+    else {
+        return;
+    };
+    let (mut last, mut last_two) = (value(b), value(a).wrapping_add(value(b)));
+    *sum = stored(last_two);
+    let mut highest_of = |pairs: &[[T; 2]], sums: &mut [S]| {
+        let mut highest = 0;
+        for (&[a, b], sum) in pairs.iter().zip(sums) {
+            let (a, b) = (value(a), value(b));
+            let (to_a, to_b) = (last.wrapping_add(a), a.wrapping_add(b));
+            // The kernel with its last sample at a gives last_two + to_a, and at b to_a + to_b.
+            highest = highest.max(last_two.max(to_b).wrapping_add(to_a));
+            *sum = stored(to_b);
+            (last, last_two) = (b, to_b);
+        }
+        highest
+    };
+    // Whole parts have a length that the compiler knows.
+    let (whole, rest) = pairs.as_chunks::<PART>();
+    let (whole_sums, rest_sums) = sums.as_chunks_mut::<PART>();
+    let mut parts = parts.iter_mut();
+    for ((pairs, sums), part) in whole.iter().zip(whole_sums).zip(&mut parts) {
+        *part = highest_of(pairs, sums);
+    }
+    if !rest.is_empty()
+        && let Some(part) = parts.next()
+    {
+        *part = highest_of(rest, rest_sums);
+    }
 }
 
 fn two_products(even: u16, odd: u16, weight: Pair) -> i32 {

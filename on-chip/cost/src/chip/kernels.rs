@@ -1,5 +1,7 @@
 //! The assembly of `dual_mac` against its portable twin.
 
+use core::ops::Range;
+
 use dual_mac::{Pair, Pairs, portable};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore as _, SeedableRng as _};
@@ -31,6 +33,8 @@ pub fn compare() {
             weights.fill_with(|| Pairs(pair(&mut random), pair(&mut random)));
             let single = weights.map(|Pairs(first, _)| first);
             let start = round % 2;
+            let (range, is_inverted) = (start..start + samples, round % 4 < 2);
+            judge(sweeps_agree(&row, range, is_inverted));
             let row = &row[start..start + samples];
             let weights_given = (samples / 2).saturating_sub(if round < 4 { round } else { 0 });
             let (single, double) = (&single[..weights_given], &weights[..weights_given]);
@@ -59,6 +63,23 @@ pub fn compare() {
         different
     );
     super::board::let_the_log_out();
+}
+
+/// Whether both sweeps of these samples agree, where the samples are as large as they may be.
+fn sweeps_agree(row: &[u16; LONGEST + 1], samples: Range<usize>, is_inverted: bool) -> bool {
+    const NARROW: u16 = u16::MAX / 4;
+    const WIDE: u16 = u16::MAX / 2;
+    let nothing = ([0; LONGEST / 2], [0; LONGEST / 32]);
+    let (mut chip, mut twin) = (nothing, nothing);
+    let words = &row.map(|number| number & NARROW)[samples.clone()];
+    let inverted = if is_inverted { NARROW } else { 0 };
+    dual_mac::sweep(words, inverted, &mut chip.0, &mut chip.1);
+    portable::sweep(words, inverted, &mut twin.0, &mut twin.1);
+    let do_narrow_agree = chip == twin;
+    let samples = &row.map(|number| number & WIDE)[samples];
+    dual_mac::sweep_wide(samples, &mut chip.0, &mut chip.1);
+    portable::sweep_wide(samples, &mut twin.0, &mut twin.1);
+    do_narrow_agree && chip == twin
 }
 
 fn pair(random: &mut ChaCha8Rng) -> Pair {
