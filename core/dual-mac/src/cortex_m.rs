@@ -639,6 +639,114 @@ pub fn sweep_wide(samples: &[u16], sums: &mut [u16], parts: &mut [u32]) {
     crate::portable::sweep_wide(words, sums, parts);
 }
 
+/// Two differences to a slope, whose heights at the two samples PKHTB takes from above the binary points.
+#[cfg(has_dsp)]
+macro_rules! two_below_a_slope {
+    () => {
+        "ldr {x}, [{word}], #4
+            eor {x}, {x}, {inverted}
+            pkhtb {heights}, {odd}, {even}, asr #16
+            ssub16 {x}, {x}, {heights}
+            add {even}, {even}, {two_steps}
+            add {odd}, {odd}, {two_steps}
+            str {x}, [{difference}], #4
+            ssub16 {heights}, {lowest}, {x}
+            sel {lowest}, {x}, {lowest}"
+    };
+}
+
+/// See [`crate::portable::subtract_slope`].
+#[cfg(has_dsp)]
+#[inline(never)]
+pub fn subtract_slope(
+    words: &[u16],
+    inverted: u16,
+    start: i32,
+    step: i32,
+    differences: &mut [u16],
+) -> i16 {
+    let number = words.len().min(differences.len());
+    let (Some(words), Some(differences)) = (words.get(..number), differences.get_mut(..number))
+    else {
+        return i16::MAX;
+    };
+    let (eights, rest) = words.as_chunks::<8>();
+    let (eight_differences, rest_differences) = differences.as_chunks_mut::<8>();
+    let (mut height, mut lowest) = (start, 0x7FFF_7FFF_u32);
+    if !eights.is_empty() {
+        // SAFETY: 16 bytes are read from the words and written to the differences for each eight, and both
+        // slices are that long. Addresses are as in `dot`; STR takes any, as LDR does.
+        unsafe {
+            asm!(
+                "2:",
+                two_below_a_slope!(),
+                two_below_a_slope!(),
+                two_below_a_slope!(),
+                two_below_a_slope!(),
+                "subs {number}, #1",
+                "bne 2b",
+                number = inout(reg) eights.len() => _,
+                word = inout(reg) eights.as_ptr() => _,
+                difference = inout(reg) eight_differences.as_mut_ptr() => _,
+                inverted = in(reg) u32::from(inverted) * 0x0001_0001,
+                two_steps = in(reg) step.wrapping_mul(2),
+                even = inout(reg) height,
+                odd = inout(reg) start.wrapping_add(step) => _,
+                lowest = inout(reg) lowest,
+                x = out(reg) _,
+                heights = out(reg) _,
+                options(nostack),
+            );
+        }
+    }
+    let lowest = (lowest as i16).min((lowest >> 16) as i16);
+    let last = crate::portable::subtract_slope(rest, inverted, height, step, rest_differences);
+    lowest.min(last)
+}
+
+/// Four numbers, less another: USAT16 limits two of them to 12 bits.
+#[cfg(has_dsp)]
+macro_rules! four_to_12_bits {
+    () => {
+        "ldrd {x}, {y}, [{place}]
+        ssub16 {x}, {x}, {subtracted}
+        ssub16 {y}, {y}, {subtracted}
+        usat16 {x}, #12, {x}
+        usat16 {y}, #12, {y}
+        strd {x}, {y}, [{place}], #8"
+    };
+}
+
+/// See [`crate::portable::subtract_to_12_bits`]. Faster where the numbers are aligned to 4 bytes.
+#[cfg(has_dsp)]
+#[inline(never)]
+pub fn subtract_to_12_bits(numbers: &mut [u16], subtracted: i16) {
+    if !numbers.as_ptr().cast::<u32>().is_aligned() {
+        return crate::portable::subtract_to_12_bits(numbers, subtracted);
+    }
+    let (eights, rest) = numbers.as_chunks_mut::<8>();
+    if !eights.is_empty() {
+        // SAFETY: 16 bytes are read and written for each eight. LDRD and STRD take the addresses, which are
+        // multiples of 4.
+        unsafe {
+            asm!(
+                "2:",
+                four_to_12_bits!(),
+                four_to_12_bits!(),
+                "subs {number}, #1",
+                "bne 2b",
+                number = inout(reg) eights.len() => _,
+                place = inout(reg) eights.as_mut_ptr() => _,
+                subtracted = in(reg) u32::from(subtracted as u16) * 0x0001_0001,
+                x = out(reg) _,
+                y = out(reg) _,
+                options(nostack),
+            );
+        }
+    }
+    crate::portable::subtract_to_12_bits(rest, subtracted);
+}
+
 /// The square root: VSQRT, which rounds to nearest as IEEE 754 asks. Stable Rust without `std` has no other
 /// way to it.
 #[cfg(has_fpu)]

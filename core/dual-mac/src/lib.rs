@@ -31,11 +31,17 @@ mod cortex_m;
 #[cfg(has_fpu)]
 pub use cortex_m::square_root;
 #[cfg(has_dsp)]
-pub use cortex_m::{dot, dot2, reaches, sum_blocks, sum_of_steps, sweep, sweep_wide};
+pub use cortex_m::{
+    dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps, sweep,
+    sweep_wide,
+};
 #[cfg(not(has_fpu))]
 pub use portable::square_root;
 #[cfg(not(has_dsp))]
-pub use portable::{dot, dot2, reaches, sum_blocks, sum_of_steps, sweep, sweep_wide};
+pub use portable::{
+    dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps, sweep,
+    sweep_wide,
+};
 
 /// The weights of two neighbouring samples. Aligned, so that one instruction loads both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -113,29 +113,44 @@ pub fn sweep_of<T: Copy, S>(
     };
     let (mut last, mut last_two) = (value(b), value(a).wrapping_add(value(b)));
     *sum = stored(last_two);
-    let mut highest_of = |pairs: &[[T; 2]], sums: &mut [S]| {
+    for ((pairs, sums), part) in pairs.chunks(PART).zip(sums.chunks_mut(PART)).zip(parts) {
         let mut highest = 0;
         for (&[a, b], sum) in pairs.iter().zip(sums) {
             let (a, b) = (value(a), value(b));
             let (to_a, to_b) = (last.wrapping_add(a), a.wrapping_add(b));
-            // The kernel with its last sample at a gives last_two + to_a, and at b to_a + to_b.
+            // The kernel with its last value at a gives last_two + to_a, and at b to_a + to_b.
             highest = highest.max(last_two.max(to_b).wrapping_add(to_a));
             *sum = stored(to_b);
             (last, last_two) = (b, to_b);
         }
-        highest
-    };
-    // Whole parts have a length that the compiler knows.
-    let (whole, rest) = pairs.as_chunks::<PART>();
-    let (whole_sums, rest_sums) = sums.as_chunks_mut::<PART>();
-    let mut parts = parts.iter_mut();
-    for ((pairs, sums), part) in whole.iter().zip(whole_sums).zip(&mut parts) {
-        *part = highest_of(pairs, sums);
+        *part = highest;
     }
-    if !rest.is_empty()
-        && let Some(part) = parts.next()
-    {
-        *part = highest_of(rest, rest_sums);
+}
+
+/// Subtracts a slope from samples. A sample is a word with an exclusive or of `inverted`. The slope has the
+/// height `start` at the first one and rises by `step` to each next one, both in Q16. Writes the differences
+/// as signed 16-bit numbers, as far as there is room, and returns the lowest.
+pub fn subtract_slope(
+    words: &[u16],
+    inverted: u16,
+    start: i32,
+    step: i32,
+    differences: &mut [u16],
+) -> i16 {
+    let (mut height, mut lowest) = (start, i16::MAX);
+    for (&word, difference) in words.iter().zip(differences) {
+        *difference = (word ^ inverted).wrapping_sub((height >> 16) as u16);
+        lowest = lowest.min(*difference as i16);
+        height = height.wrapping_add(step);
+    }
+    lowest
+}
+
+/// Subtracts a number from signed 16-bit numbers, and limits the results to 12 bits without sign.
+pub fn subtract_to_12_bits(numbers: &mut [u16], subtracted: i16) {
+    for number in numbers {
+        let difference = (*number as i16).wrapping_sub(subtracted);
+        *number = difference.clamp(0, 4095) as u16;
     }
 }
 

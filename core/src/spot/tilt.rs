@@ -7,7 +7,7 @@ use heapless::Vec;
 
 use crate::numeric;
 use crate::rank::{from_ordered, ordered};
-use crate::row::{LARGEST_COUNT, Light};
+use crate::row::Light;
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, median};
 use crate::units::Counts;
 
@@ -84,36 +84,47 @@ impl Tilt {
         self.rise(from_dark).min(1 << 20) as i32
     }
 
-    /// Subtracts the tilt from a row, and returns the lowest count of the result. The result has that lowest
-    /// count subtracted too: otherwise a row whose dark end is near zero would be cut off there.
-    pub(super) fn subtract_from(self, light: &mut [u16]) -> i32 {
-        /// Keeps counts without the tilt positive: a tilt is at most 4096 counts high.
-        const OFFSET: u16 = 1 << 12;
-        // As in `height_at`, but from pixel to pixel: from 0 to 2^39, and 2^23 without the fraction.
-        let mut height = match self.slope {
-            1.. => 0,
-            falling => numeric::mul_i64(
-                falling.saturating_neg(),
-                light.len().saturating_sub(1) as i64,
-            ),
+    /// Subtracts the tilt from a row, and returns the lowest count of the result. The result, which is written
+    /// to `untilted`, has that lowest count subtracted too: otherwise a row whose dark end is near zero would
+    /// be cut off there. The tilt is at most 4096 counts high.
+    pub(super) fn subtract_from(self, light: Light<'_>, untilted: &mut [u16]) -> i32 {
+        /// The most height, Q16.
+        const HIGHEST: i32 = 1 << (12 + FRACTION);
+        // A slope is below 2^27.
+        let slope = self.slope as i32;
+        // Where the tilt has less than the most height, it is at most 2^28 high in Q16.
+        let (words, inverted) = light.words();
+        let sloping = match HIGHEST.unsigned_abs().checked_div(slope.unsigned_abs()) {
+            Some(pixels) => words.len().min(pixels as usize + 1),
+            None => words.len(),
         };
-        let mut lowest = u16::MAX;
-        for count in &mut *light {
-            let tilt = ((height as u64 >> FRACTION) as u32).min(OFFSET.into()) as u16;
-            *count = count.saturating_add(OFFSET).saturating_sub(tilt);
-            lowest = lowest.min(*count);
-            height = numeric::add_i64(height, self.slope);
-        }
-        for count in light {
-            *count = count.saturating_sub(lowest).min(LARGEST_COUNT);
-        }
-        i32::from(lowest).saturating_sub(OFFSET.into())
+        let (is_rising, flat) = (slope > 0, words.len().saturating_sub(sloping));
+        let middle = if is_rising { sloping } else { flat };
+        let (left, right) = words.split_at_checked(middle).unwrap_or_default();
+        let (to_left, to_right) = untilted.split_at_mut_checked(middle).unwrap_or_default();
+        let subtract = |words: &[u16], is_sloping: bool, differences: &mut [u16]| {
+            let (start, step) = match (is_sloping, is_rising) {
+                (false, _) => (HIGHEST, 0),
+                (true, true) => (0, slope),
+                (true, false) => {
+                    let steps = words.len().saturating_sub(1) as i32;
+                    (numeric::mul_i32(slope.saturating_neg(), steps), slope)
+                }
+            };
+            dual_mac::subtract_slope(words, inverted, start, step, differences)
+        };
+        let on_left = subtract(left, is_rising, to_left);
+        let on_right = subtract(right, !is_rising, to_right);
+        let lowest = on_left.min(on_right);
+        dual_mac::subtract_to_12_bits(untilted, lowest);
+        lowest.into()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::row::LARGEST_COUNT;
 
     /// A row without its tilt, and the tilt at each pixel, make the row again.
     #[test]
@@ -132,8 +143,8 @@ mod tests {
         ] {
             let tilt = Tilt { slope };
             let light: Vec<u16, 300> = (0..300).map(|pixel| 4095 - 7 * pixel).collect();
-            let mut untilted = light.clone();
-            let lowest = tilt.subtract_from(&mut untilted);
+            let mut untilted = [0; 300];
+            let lowest = tilt.subtract_from(light.as_slice().into(), &mut untilted);
             assert_eq!(untilted.iter().min(), Some(&0), "{slope}");
             for (pixel, (&count, &without)) in light.iter().zip(&untilted).enumerate() {
                 let height = tilt.height_at(light.as_slice().into(), pixel) >> Counts::FRACTION;

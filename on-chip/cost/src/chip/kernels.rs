@@ -34,7 +34,9 @@ pub fn compare() {
             let single = weights.map(|Pairs(first, _)| first);
             let start = round % 2;
             let (range, is_inverted) = (start..start + samples, round % 4 < 2);
-            judge(sweeps_agree(&row, range, is_inverted));
+            judge(sweeps_agree(&row, range.clone(), is_inverted));
+            let slope = [random.next_u32() as i32, random.next_u32() as i32 >> 8];
+            judge(slopes_agree(&row, range, number(&mut random), slope));
             let row = &row[start..start + samples];
             let weights_given = (samples / 2).saturating_sub(if round < 4 { round } else { 0 });
             let (single, double) = (&single[..weights_given], &weights[..weights_given]);
@@ -80,6 +82,24 @@ fn sweeps_agree(row: &[u16; LONGEST + 1], samples: Range<usize>, is_inverted: bo
     dual_mac::sweep_wide(samples, &mut chip.0, &mut chip.1);
     portable::sweep_wide(samples, &mut twin.0, &mut twin.1);
     do_narrow_agree && chip == twin
+}
+
+/// Whether the subtractions of a slope and of a number agree.
+fn slopes_agree(
+    row: &[u16; LONGEST + 1],
+    samples: Range<usize>,
+    inverted: u16,
+    [start, step]: [i32; 2],
+) -> bool {
+    let room = samples.clone();
+    let (mut chip, mut twin) = ([0; LONGEST + 1], [0; LONGEST + 1]);
+    let (words, to) = (&row[samples], &mut chip[room.clone()]);
+    let on_chip = dual_mac::subtract_slope(words, inverted, start, step, to);
+    let by_twin = portable::subtract_slope(words, inverted, start, step, &mut twin[room.clone()]);
+    let do_slopes_agree = on_chip == by_twin && chip == twin;
+    dual_mac::subtract_to_12_bits(&mut chip[room.clone()], on_chip);
+    portable::subtract_to_12_bits(&mut twin[room], on_chip);
+    do_slopes_agree && chip == twin
 }
 
 fn pair(random: &mut ChaCha8Rng) -> Pair {
