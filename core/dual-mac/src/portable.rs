@@ -111,17 +111,30 @@ pub fn sweep_of<T: Copy, S>(
     else {
         return;
     };
+    let pairs = pairs.get(..sums.len()).unwrap_or(pairs);
     let (mut last, mut last_two) = (value(b), value(a).wrapping_add(value(b)));
     *sum = stored(last_two);
+    let mut take = |highest: u32, &[a, b]: &[T; 2], sum: &mut S| {
+        let (a, b) = (value(a), value(b));
+        let (to_a, to_b) = (last.wrapping_add(a), a.wrapping_add(b));
+        // The kernel with its last value at a gives last_two + to_a, and at b to_a + to_b.
+        let response = last_two.max(to_b).wrapping_add(to_a);
+        *sum = stored(to_b);
+        (last, last_two) = (b, to_b);
+        highest.max(response)
+    };
     for ((pairs, sums), part) in pairs.chunks(PART).zip(sums.chunks_mut(PART)).zip(parts) {
+        // Two at a time, so that the compiler need not move what the kernel keeps.
+        let (twos, one) = pairs.as_chunks::<2>();
+        let (sum_twos, sum_one) =
+            (sums.get_mut(..pairs.len()).unwrap_or_default()).as_chunks_mut::<2>();
         let mut highest = 0;
-        for (&[a, b], sum) in pairs.iter().zip(sums) {
-            let (a, b) = (value(a), value(b));
-            let (to_a, to_b) = (last.wrapping_add(a), a.wrapping_add(b));
-            // The kernel with its last value at a gives last_two + to_a, and at b to_a + to_b.
-            highest = highest.max(last_two.max(to_b).wrapping_add(to_a));
-            *sum = stored(to_b);
-            (last, last_two) = (b, to_b);
+        for ([pair, next], [sum, next_sum]) in twos.iter().zip(sum_twos) {
+            highest = take(highest, pair, sum);
+            highest = take(highest, next, next_sum);
+        }
+        if let ([pair], [sum]) = (one, sum_one) {
+            highest = take(highest, pair, sum);
         }
         *part = highest;
     }

@@ -56,7 +56,7 @@ impl Coarse {
         sweep_wide(blocks, &mut self.sums_16, parts_8);
         let mut pairs = blocks.len() / 2;
         let small = first(&self.sums_16, pairs);
-        sweep_of(small, u32::from, &mut self.sums_32, |sum| sum, parts_16);
+        sweep_large(small, &mut self.sums_32, parts_16);
         pairs /= 2;
         sweep_large(first(&self.sums_32, pairs), &mut self.sums_64, parts_32);
         pairs /= 2;
@@ -67,9 +67,11 @@ impl Coarse {
     }
 }
 
-/// As [`sweep`], of sums over 32 pixels or more.
-fn sweep_large(sums: &[u32], next: &mut [u32], parts: &mut [u32]) {
-    sweep_of(sums, |sum| sum, next, |sum| sum, parts);
+/// As [`sweep`], of sums over 16 pixels or more.
+// Out of line, so that the loop has all registers.
+#[inline(never)]
+fn sweep_large<T: Copy + Into<u32>>(sums: &[T], next: &mut [u32], parts: &mut [u32]) {
+    sweep_of(sums, T::into, next, |sum| sum, parts);
 }
 
 // A sum of 16 pixels fits 16 bits.

@@ -86,36 +86,43 @@ impl Tilt {
 
     /// Subtracts the tilt from a row, and returns the lowest count of the result. The result, which is written
     /// to `untilted`, has that lowest count subtracted too: otherwise a row whose dark end is near zero would
-    /// be cut off there. The tilt is at most 4096 counts high.
+    /// be cut off there.
     pub(super) fn subtract_from(self, light: Light<'_>, untilted: &mut [u16]) -> i32 {
-        /// The most height, Q16.
+        /// The highest tilt that a row can hold, Q16: 4096 counts. Beyond, the tilt stays as high.
         const HIGHEST: i32 = 1 << (12 + FRACTION);
-        // A slope is below 2^27.
+        // Below 2^27.
         let slope = self.slope as i32;
-        // Where the tilt has less than the most height, it is at most 2^28 high in Q16.
         let (words, inverted) = light.words();
-        let sloping = match HIGHEST.unsigned_abs().checked_div(slope.unsigned_abs()) {
-            Some(pixels) => words.len().min(pixels as usize + 1),
-            None => words.len(),
+        // The pixels from the dark end on where the tilt is not higher than that.
+        let sloping = (HIGHEST.unsigned_abs().checked_div(slope.unsigned_abs()))
+            .map_or(words.len(), |steps| {
+                words.len().min((steps as usize).saturating_add(1))
+            });
+        let subtract_slope = |words: &[u16], untilted: &mut [u16]| {
+            let start = if slope > 0 {
+                0
+            } else {
+                // At most `HIGHEST`.
+                let steps = words.len().saturating_sub(1) as i32;
+                numeric::mul_i32(slope.saturating_neg(), steps)
+            };
+            dual_mac::subtract_slope(words, inverted, start, slope, untilted)
         };
-        let (is_rising, flat) = (slope > 0, words.len().saturating_sub(sloping));
-        let middle = if is_rising { sloping } else { flat };
+        let subtract_highest = |words: &[u16], untilted: &mut [u16]| {
+            dual_mac::subtract_slope(words, inverted, HIGHEST, 0, untilted)
+        };
+        let middle = if slope > 0 {
+            sloping
+        } else {
+            words.len().saturating_sub(sloping)
+        };
         let (left, right) = words.split_at_checked(middle).unwrap_or_default();
         let (to_left, to_right) = untilted.split_at_mut_checked(middle).unwrap_or_default();
-        let subtract = |words: &[u16], is_sloping: bool, differences: &mut [u16]| {
-            let (start, step) = match (is_sloping, is_rising) {
-                (false, _) => (HIGHEST, 0),
-                (true, true) => (0, slope),
-                (true, false) => {
-                    let steps = words.len().saturating_sub(1) as i32;
-                    (numeric::mul_i32(slope.saturating_neg(), steps), slope)
-                }
-            };
-            dual_mac::subtract_slope(words, inverted, start, step, differences)
+        let lowest = if slope > 0 {
+            subtract_slope(left, to_left).min(subtract_highest(right, to_right))
+        } else {
+            subtract_highest(left, to_left).min(subtract_slope(right, to_right))
         };
-        let on_left = subtract(left, is_rising, to_left);
-        let on_right = subtract(right, !is_rising, to_right);
-        let lowest = on_left.min(on_right);
         dual_mac::subtract_to_12_bits(untilted, lowest);
         lowest.into()
     }
