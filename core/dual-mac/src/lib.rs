@@ -6,6 +6,9 @@
 //! has the only `unsafe` of the core's arithmetic. Each function has a portable twin in [`portable`], which
 //! runs on all other targets and must agree bit for bit: a program on the emulated board compares the two.
 //!
+//! The same targets have the extension's instructions that add, subtract and compare two samples at once: for
+//! sums, sweeps and differences.
+//!
 //! | target | inner products | square root |
 //! |---|---|---|
 //! | thumbv7em-none-eabihf | SMLAD | VSQRT |
@@ -16,7 +19,6 @@
 //!
 //! Sums wrap in both, as SMLAD does. A caller whose sums must not wrap proves for its weights that the sum of
 //! |weight| * largest sample is below 2^31.
-//! |weight| * largest sample < 2^31.
 #![no_std]
 
 #[cfg(not(target_os = "none"))]

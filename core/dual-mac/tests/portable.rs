@@ -126,7 +126,8 @@ proptest! {
             .zip(&words)
             .map(|(i, word)| i32::from(word ^ inverted) - ((start + step * i) >> 16))
             .collect();
-        prop_assert!(differences.iter().map(|&it| i32::from(it as i16)).eq(expected.iter().copied().chain([7])));
+        let with_room = expected.iter().copied().chain([7]);
+        prop_assert!(differences.iter().map(|&it| i32::from(it as i16)).eq(with_room));
         prop_assert_eq!(i32::from(lowest), expected.iter().copied().min().unwrap_or(i16::MAX.into()));
         subtract_to_12_bits(&mut differences[..words.len()], lowest);
         for (&difference, expected) in differences.iter().zip(&expected) {

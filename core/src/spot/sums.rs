@@ -74,7 +74,8 @@ fn sweep_large<T: Copy + Into<u32>>(sums: &[T], next: &mut [u32], parts: &mut [u
     sweep_of(sums, T::into, next, |sum| sum, parts);
 }
 
-// A sum of 16 pixels fits 16 bits.
+// A sum of 16 pixels fits 16 bits. So do four blocks of 4 pixels, as `sweep` asks for its responses, and two
+// blocks of 8, as `sweep_wide` does.
 const _: () = assert!((LARGEST_COUNT as u32) << 4 <= u16::MAX as u32);
 
 /// What blocks of 1, 2 and 4 pixels have.

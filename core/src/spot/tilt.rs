@@ -84,16 +84,15 @@ impl Tilt {
         self.rise(from_dark).min(1 << 20) as i32
     }
 
-    /// Subtracts the tilt from a row, and returns the lowest count of the result. The result, which is written
-    /// to `untilted`, has that lowest count subtracted too: otherwise a row whose dark end is near zero would
-    /// be cut off there.
+    /// Writes a row without the tilt to `untilted`, and returns its lowest count. That lowest count is
+    /// subtracted too: otherwise a row whose dark end is near zero would be cut off there.
     pub(super) fn subtract_from(self, light: Light<'_>, untilted: &mut [u16]) -> i32 {
         /// The highest tilt that a row can hold, Q16: 4096 counts. Beyond, the tilt stays as high.
         const HIGHEST: i32 = 1 << (12 + FRACTION);
         // Below 2^27.
         let slope = self.slope as i32;
         let (words, inverted) = light.words();
-        // The pixels from the dark end on where the tilt is not higher than that.
+        // The pixels, counted from the dark end, where the tilt is not higher than that.
         let sloping = (HIGHEST.unsigned_abs().checked_div(slope.unsigned_abs()))
             .map_or(words.len(), |steps| {
                 words.len().min((steps as usize).saturating_add(1))

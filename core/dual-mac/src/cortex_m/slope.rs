@@ -1,5 +1,5 @@
-//! Subtracts a slope from samples, two at a time. SSUB16 subtracts both halves of a word, and remembers for SEL
-//! which results are not negative.
+//! Subtracts a slope from samples, two at a time. SSUB16 subtracts both halves of a word, and remembers for
+//! SEL which results are not negative.
 
 use core::arch::asm;
 

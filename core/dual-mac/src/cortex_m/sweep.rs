@@ -1,8 +1,8 @@
-//! Sweeps over samples, two at a time: the low halves of the registers hold the first half of a part, the high
-//! halves its second half. So each half of a register needs only what comes before it in the same half.
+//! Sweeps over samples, two at a time. The low halves of the registers hold the first half of a part, the
+//! high halves its second half. So each half of a register needs only what comes before it in the same half.
 //!
-//! PKHBT and PKHTB put halves of two words together. UADD16 adds both halves, and UHADD16 halves these sums,
-//! rounded down, after it has added with 17 bits. USUB16 remembers for SEL where a difference is not negative.
+//! PKHBT and PKHTB put halves of two words together. UADD16 adds both halves. UHADD16 halves these sums of 17
+//! bits, rounded down. USUB16 remembers for SEL where a difference is not negative.
 
 use core::arch::asm;
 
@@ -16,8 +16,8 @@ macro_rules! lines {
 }
 
 /// One pair of each half of a part. `$here` and `$there` hold the words of the two pairs, and then the pairs'
-/// sums and their second samples. `$two` and `$last` hold what these are of the pairs before. `$respond` makes
-/// responses of {x} and `$last`; `$free` is one more register for that.
+/// sums and their second samples. `$two` and `$last` hold what these are of the pairs before. `$respond`
+/// makes responses of {x} and `$last`; `$free` is one more register for that.
 macro_rules! one_pair_of_both {
     (
         $sample:ident, $respond:ident, $here:literal, $there:literal, $two:literal, $last:literal,
@@ -35,7 +35,7 @@ macro_rules! one_pair_of_both {
                 ["uadd16 " $last ", " $last ", {x}"]
                 ["uadd16 " $here ", {x}, " $there]
             },
-            // A response is the former, plus the sum of the pair before or of this one: the larger one counts.
+            // A response is the former and the sum of the pair before, or of this one: the larger counts.
             larger!("{x}", $two, $here, "{x}"),
             $respond!($last, $free),
         )
@@ -201,7 +201,7 @@ fn larger_half(both: u32) -> u32 {
     (both & 0xFFFF).max(both >> 16)
 }
 
-/// See [`crate::portable::sweep`]. Four times as fast where the words are aligned to 4 bytes.
+/// See [`crate::portable::sweep`]. Three times as fast where the words are aligned to 4 bytes.
 #[inline(never)]
 pub fn sweep(words: &[u16], inverted: u16, sums: &mut [u16], parts: &mut [u32]) {
     let whole = whole_parts(words, inverted, sums, parts);
