@@ -8,7 +8,17 @@
 //! (`pure`), and leaves the stack alone (`nostack`). It changes the flags (SUBS, TST, ANDS, and Q where a sum
 //! wraps), so `preserves_flags` is not among the options.
 
+#[cfg(has_dsp)]
+mod slope;
+#[cfg(has_dsp)]
+mod sweep;
+
 use core::arch::asm;
+
+#[cfg(has_dsp)]
+pub use crate::cortex_m::slope::{subtract_slope, subtract_to_12_bits};
+#[cfg(has_dsp)]
+pub use crate::cortex_m::sweep::{sweep, sweep_wide};
 
 #[cfg(has_dsp)]
 use crate::{BLOCK, Pair, Pairs};

@@ -6,6 +6,9 @@
 //! has the only `unsafe` of the core's arithmetic. Each function has a portable twin in [`portable`], which
 //! runs on all other targets and must agree bit for bit: a program on the emulated board compares the two.
 //!
+//! The same targets have the extension's instructions that add, subtract and compare two samples at once: for
+//! sums, sweeps and differences.
+//!
 //! | target | inner products | square root |
 //! |---|---|---|
 //! | thumbv7em-none-eabihf | SMLAD | VSQRT |
@@ -16,7 +19,6 @@
 //!
 //! Sums wrap in both, as SMLAD does. A caller whose sums must not wrap proves for its weights that the sum of
 //! |weight| * largest sample is below 2^31.
-//! |weight| * largest sample < 2^31.
 #![no_std]
 
 #[cfg(not(target_os = "none"))]
@@ -31,11 +33,17 @@ mod cortex_m;
 #[cfg(has_fpu)]
 pub use cortex_m::square_root;
 #[cfg(has_dsp)]
-pub use cortex_m::{dot, dot2, reaches, sum_blocks, sum_of_steps};
+pub use cortex_m::{
+    dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps, sweep,
+    sweep_wide,
+};
 #[cfg(not(has_fpu))]
 pub use portable::square_root;
 #[cfg(not(has_dsp))]
-pub use portable::{dot, dot2, reaches, sum_blocks, sum_of_steps};
+pub use portable::{
+    dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps, sweep,
+    sweep_wide,
+};
 
 /// The weights of two neighbouring samples. Aligned, so that one instruction loads both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -49,6 +57,9 @@ pub struct Pairs(pub Pair, pub Pair);
 
 /// Samples in a block of [`sum_blocks`].
 pub const BLOCK: usize = 8;
+
+/// Pairs of samples in a part of [`sweep`].
+pub const PART: usize = 16;
 
 /// The largest sample. Samples are read as signed 16-bit numbers, so larger ones would be negative.
 pub const LARGEST_SAMPLE: u16 = i16::MAX as u16;

@@ -1,8 +1,11 @@
 //! Compares the portable twins with sums in 64 bits. `cost-on-chip` compares them with the assembly, on the
 //! chip.
 
-use dual_mac::portable::{dot, dot2, reaches, square_root, sum_blocks, sum_of_steps};
-use dual_mac::{LARGEST_SAMPLE, Pair, Pairs};
+use dual_mac::portable::{
+    dot, dot2, reaches, square_root, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps,
+    sweep, sweep_wide,
+};
+use dual_mac::{LARGEST_SAMPLE, PART, Pair, Pairs};
 use proptest::prelude::*;
 
 /// The most samples: more than in the longest window of the phase tables, which has 116.
@@ -82,6 +85,53 @@ proptest! {
                 prop_assert!(!reaches(&samples, highest + 1));
             }
             None => prop_assert!(!reaches(&samples, 0)),
+        }
+    }
+
+    /// The middles of a part's kernels follow the pair before it, or that pair's second sample.
+    #[test]
+    fn a_sweep_sums_pairs_and_keeps_the_highest_response_of_each_part(
+        words in samples(u16::MAX / 4),
+        inverted in prop_oneof![Just(0), Just(u16::MAX / 4)],
+    ) {
+        let samples: Vec<u32> = words.iter().map(|word| u32::from(word ^ inverted)).collect();
+        let pairs = samples.len() / 2;
+        let samples = &samples[..2 * pairs];
+        let pair_sums: Vec<u32> = samples.chunks(2).map(|pair| pair[0] + pair[1]).collect();
+        let responses: Vec<u32> = samples.windows(3).map(|it| it[0] + 2 * it[1] + it[2]).collect();
+        let highest: Vec<u32> = responses
+            .chunks(2 * PART)
+            .map(|part| part.iter().copied().max().unwrap_or_default())
+            .collect();
+        let (mut sums, mut parts) = (vec![7; pairs + 1], vec![7; highest.len() + 1]);
+        sweep(&words, inverted, &mut sums, &mut parts);
+        for _ in 0..2 {
+            prop_assert!(sums.iter().map(|&sum| u32::from(sum)).eq(pair_sums.iter().copied().chain([7])));
+            prop_assert!(parts.iter().eq(highest.iter().chain([&7])));
+            let counts: Vec<u16> = samples.iter().map(|&sample| sample as u16).collect();
+            sweep_wide(&counts, &mut sums, &mut parts);
+        }
+    }
+
+    #[test]
+    fn a_slope_is_subtracted_at_each_sample(
+        words in samples(4095),
+        inverted in prop_oneof![Just(0), Just(4095)],
+        start in 0..=1 << 28,
+        step in -(1 << 21)..1 << 21,
+    ) {
+        let mut differences = vec![7; words.len() + 1];
+        let lowest = subtract_slope(&words, inverted, start, step, &mut differences);
+        let expected: Vec<i32> = (0..)
+            .zip(&words)
+            .map(|(i, word)| i32::from(word ^ inverted) - ((start + step * i) >> 16))
+            .collect();
+        let with_room = expected.iter().copied().chain([7]);
+        prop_assert!(differences.iter().map(|&it| i32::from(it as i16)).eq(with_room));
+        prop_assert_eq!(i32::from(lowest), expected.iter().copied().min().unwrap_or(i16::MAX.into()));
+        subtract_to_12_bits(&mut differences[..words.len()], lowest);
+        for (&difference, expected) in differences.iter().zip(&expected) {
+            prop_assert_eq!(i32::from(difference), (expected - i32::from(lowest)).min(4095));
         }
     }
 

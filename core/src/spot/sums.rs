@@ -1,10 +1,15 @@
 //! The sums over blocks of a row's pixels, and the highest responses of the kernel [1 2 1].
 //!
+//! A sweep keeps only the highest response of each part of the row, which halves its cost.
+//! [`Sums::highest`] then searches the best part for the place.
+//!
 //! [`Coarse`] holds all sizes from 8 pixels up, which follow from the row's blocks of 8. [`Fine`] holds the
 //! sizes below, which take ten times as long: the search computes them only where they matter.
 
 use core::ops::Range;
 
+use dual_mac::portable::sweep_of;
+use dual_mac::{PART, sweep, sweep_wide};
 use heapless::Vec;
 
 use crate::numeric;
@@ -12,10 +17,6 @@ use crate::row::{BLOCK_LOG2, LARGEST_COUNT, Light, MAX_PIXELS};
 use crate::spot::tilt::Tilt;
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, in_q8, median};
 use crate::units::Counts;
-
-/// Pairs of blocks in a part. The sweep keeps only the highest response of each part, which halves its cost.
-/// [`Sums::highest`] then searches the best part for the place.
-const PART: usize = 16;
 
 /// The most parts of blocks of 2^`block_log2` pixels.
 const fn most_parts(block_log2: u32) -> usize {
@@ -52,41 +53,29 @@ impl Coarse {
     #[inline(never)]
     pub(super) fn sum(&mut self, blocks: &[u16]) {
         let [parts_8, parts_16, parts_32, parts_64, parts_128] = &mut self.parts;
-        let small = |sum: u32| sum as u16;
-        sweep(blocks, &mut self.sums_16, small, parts_8);
+        sweep_wide(blocks, &mut self.sums_16, parts_8);
         let mut pairs = blocks.len() / 2;
-        sweep(
-            first(&self.sums_16, pairs),
-            &mut self.sums_32,
-            |sum| sum,
-            parts_16,
-        );
+        let small = first(&self.sums_16, pairs);
+        sweep_large(small, &mut self.sums_32, parts_16);
         pairs /= 2;
-        sweep(
-            first(&self.sums_32, pairs),
-            &mut self.sums_64,
-            |sum| sum,
-            parts_32,
-        );
+        sweep_large(first(&self.sums_32, pairs), &mut self.sums_64, parts_32);
         pairs /= 2;
-        sweep(
-            first(&self.sums_64, pairs),
-            &mut self.sums_128,
-            |sum| sum,
-            parts_64,
-        );
+        sweep_large(first(&self.sums_64, pairs), &mut self.sums_128, parts_64);
         pairs /= 2;
-        let mut sums_256 = [0u32; MAX_PIXELS >> 8];
-        sweep(
-            first(&self.sums_128, pairs),
-            &mut sums_256,
-            |sum| sum,
-            parts_128,
-        );
+        let mut sums_256 = [0; MAX_PIXELS >> 8];
+        sweep_large(first(&self.sums_128, pairs), &mut sums_256, parts_128);
     }
 }
 
-// A sum of 16 pixels fits 16 bits.
+/// As [`sweep`], of sums over 16 pixels or more.
+// Out of line, so that the loop has all registers.
+#[inline(never)]
+fn sweep_large<T: Copy + Into<u32>>(sums: &[T], next: &mut [u32], parts: &mut [u32]) {
+    sweep_of(sums, T::into, next, |sum| sum, parts);
+}
+
+// A sum of 16 pixels fits 16 bits. So do four blocks of 4 pixels, as `sweep` asks for its responses, and two
+// blocks of 8, as `sweep_wide` does.
 const _: () = assert!((LARGEST_COUNT as u32) << 4 <= u16::MAX as u32);
 
 /// What blocks of 1, 2 and 4 pixels have.
@@ -113,24 +102,13 @@ impl Fine {
     /// Sums a row's pixels. In place, because copies of the sums take time.
     #[inline(never)]
     pub(super) fn sum(&mut self, light: Light<'_>) {
-        let small = |sum: u32| sum as u16;
         let (words, inverted) = light.words();
-        let count = |word: u16| u32::from(word ^ inverted);
-        sweep_of(words, count, &mut self.sums_2, small, &mut self.parts_1);
+        sweep(words, inverted, &mut self.sums_2, &mut self.parts_1);
         let pairs = light.len() / 2;
-        sweep(
-            first(&self.sums_2, pairs),
-            &mut self.sums_4,
-            small,
-            &mut self.parts_2,
-        );
-        let mut sums_8 = [0u16; MAX_PIXELS >> 3];
-        sweep(
-            first(&self.sums_4, pairs / 2),
-            &mut sums_8,
-            small,
-            &mut self.parts_4,
-        );
+        let twos = first(&self.sums_2, pairs);
+        sweep(twos, 0, &mut self.sums_4, &mut self.parts_2);
+        let fours = first(&self.sums_4, pairs / 2);
+        sweep(fours, 0, &mut [0; MAX_PIXELS >> 3], &mut self.parts_4);
     }
 }
 
@@ -427,60 +405,4 @@ fn fill(sums: &mut [u32], values: impl Iterator<Item = u32>) {
 /// The first values.
 fn first<T>(values: &[T], number: usize) -> &[T] {
     values.get(..number).unwrap_or(values)
-}
-
-/// Runs [1 2 1] over the values; puts the sum of each pair into `sums`, and the highest response of each part
-/// into `parts`.
-fn sweep<T: Copy + Into<u32>, S>(
-    values: &[T],
-    sums: &mut [S],
-    stored: impl Fn(u32) -> S,
-    parts: &mut [u32],
-) {
-    sweep_of(values, T::into, sums, stored, parts);
-}
-
-/// As [`sweep`], over values of these.
-#[inline(always)]
-fn sweep_of<T: Copy, S>(
-    values: &[T],
-    value: impl Fn(T) -> u32,
-    sums: &mut [S],
-    stored: impl Fn(u32) -> S,
-    parts: &mut [u32],
-) {
-    // The first pair starts the first kernel.
-    let pairs = values.as_chunks::<2>().0;
-    let (Some((&[a, b], pairs)), Some((sum, sums))) = (pairs.split_first(), sums.split_first_mut())
-    else {
-        return;
-    };
-    let (mut last, mut last_two) = (value(b), numeric::add_u32(value(a), value(b)));
-    *sum = stored(last_two);
-    // Sums of at most 128 pixels of 12 bits: four of them stay below 2^21.
-    let mut take = |highest: u32, &[a, b]: &[T; 2], sum: &mut S| {
-        let (a, b) = (value(a), value(b));
-        let (to_a, to_b) = (numeric::add_u32(last, a), numeric::add_u32(a, b));
-        // The kernel with its last block at a gives last_two + to_a, and at b to_a + to_b.
-        let response = numeric::add_u32(to_a, last_two.max(to_b));
-        *sum = stored(to_b);
-        (last, last_two) = (b, to_b);
-        highest.max(response)
-    };
-    let sums = sums.chunks_mut(PART);
-    for ((pairs, sums), part) in pairs.chunks(PART).zip(sums).zip(parts) {
-        // Two at a time, so that the compiler need not move what the kernel keeps.
-        let (twos, one) = pairs.as_chunks::<2>();
-        let sums = sums.get_mut(..pairs.len()).unwrap_or_default();
-        let (sum_twos, sum_one) = sums.as_chunks_mut::<2>();
-        let mut highest = 0;
-        for ([pair, next], [sum, next_sum]) in twos.iter().zip(sum_twos.iter_mut()) {
-            highest = take(highest, pair, sum);
-            highest = take(highest, next, next_sum);
-        }
-        if let ([pair], [sum]) = (one, sum_one) {
-            highest = take(highest, pair, sum);
-        }
-        *part = highest;
-    }
 }

@@ -7,7 +7,7 @@ use heapless::Vec;
 
 use crate::numeric;
 use crate::rank::{from_ordered, ordered};
-use crate::row::{LARGEST_COUNT, Light};
+use crate::row::Light;
 use crate::spot::{LARGEST_BLOCK_LOG2, MEDIAN_BLOCKS, median};
 use crate::units::Counts;
 
@@ -84,36 +84,53 @@ impl Tilt {
         self.rise(from_dark).min(1 << 20) as i32
     }
 
-    /// Subtracts the tilt from a row, and returns the lowest count of the result. The result has that lowest
-    /// count subtracted too: otherwise a row whose dark end is near zero would be cut off there.
-    pub(super) fn subtract_from(self, light: &mut [u16]) -> i32 {
-        /// Keeps counts without the tilt positive: a tilt is at most 4096 counts high.
-        const OFFSET: u16 = 1 << 12;
-        // As in `height_at`, but from pixel to pixel: from 0 to 2^39, and 2^23 without the fraction.
-        let mut height = match self.slope {
-            1.. => 0,
-            falling => numeric::mul_i64(
-                falling.saturating_neg(),
-                light.len().saturating_sub(1) as i64,
-            ),
+    /// Writes a row without the tilt to `untilted`, and returns its lowest count. That lowest count is
+    /// subtracted too: otherwise a row whose dark end is near zero would be cut off there.
+    pub(super) fn subtract_from(self, light: Light<'_>, untilted: &mut [u16]) -> i32 {
+        /// The highest tilt that a row can hold, Q16: 4096 counts. Beyond, the tilt stays as high.
+        const HIGHEST: i32 = 1 << (12 + FRACTION);
+        // Below 2^27.
+        let slope = self.slope as i32;
+        let (words, inverted) = light.words();
+        // The pixels, counted from the dark end, where the tilt is not higher than that.
+        let sloping = (HIGHEST.unsigned_abs().checked_div(slope.unsigned_abs()))
+            .map_or(words.len(), |steps| {
+                words.len().min((steps as usize).saturating_add(1))
+            });
+        let subtract_slope = |words: &[u16], untilted: &mut [u16]| {
+            let start = if slope > 0 {
+                0
+            } else {
+                // At most `HIGHEST`.
+                let steps = words.len().saturating_sub(1) as i32;
+                numeric::mul_i32(slope.saturating_neg(), steps)
+            };
+            dual_mac::subtract_slope(words, inverted, start, slope, untilted)
         };
-        let mut lowest = u16::MAX;
-        for count in &mut *light {
-            let tilt = ((height as u64 >> FRACTION) as u32).min(OFFSET.into()) as u16;
-            *count = count.saturating_add(OFFSET).saturating_sub(tilt);
-            lowest = lowest.min(*count);
-            height = numeric::add_i64(height, self.slope);
-        }
-        for count in light {
-            *count = count.saturating_sub(lowest).min(LARGEST_COUNT);
-        }
-        i32::from(lowest).saturating_sub(OFFSET.into())
+        let subtract_highest = |words: &[u16], untilted: &mut [u16]| {
+            dual_mac::subtract_slope(words, inverted, HIGHEST, 0, untilted)
+        };
+        let middle = if slope > 0 {
+            sloping
+        } else {
+            words.len().saturating_sub(sloping)
+        };
+        let (left, right) = words.split_at_checked(middle).unwrap_or_default();
+        let (to_left, to_right) = untilted.split_at_mut_checked(middle).unwrap_or_default();
+        let lowest = if slope > 0 {
+            subtract_slope(left, to_left).min(subtract_highest(right, to_right))
+        } else {
+            subtract_highest(left, to_left).min(subtract_slope(right, to_right))
+        };
+        dual_mac::subtract_to_12_bits(untilted, lowest);
+        lowest.into()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::row::LARGEST_COUNT;
 
     /// A row without its tilt, and the tilt at each pixel, make the row again.
     #[test]
@@ -132,8 +149,8 @@ mod tests {
         ] {
             let tilt = Tilt { slope };
             let light: Vec<u16, 300> = (0..300).map(|pixel| 4095 - 7 * pixel).collect();
-            let mut untilted = light.clone();
-            let lowest = tilt.subtract_from(&mut untilted);
+            let mut untilted = [0; 300];
+            let lowest = tilt.subtract_from(light.as_slice().into(), &mut untilted);
             assert_eq!(untilted.iter().min(), Some(&0), "{slope}");
             for (pixel, (&count, &without)) in light.iter().zip(&untilted).enumerate() {
                 let height = tilt.height_at(light.as_slice().into(), pixel) >> Counts::FRACTION;
