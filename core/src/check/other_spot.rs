@@ -2,7 +2,8 @@
 //!
 //! The coarse search compares the light that its kernel gathers, and a narrower or wider spot of equal height
 //! gathers less or more. This check compares heights. It takes the sums over two neighbouring half widths, of
-//! which the lower one counts, so that a single bad pixel is no spot.
+//! which the lower one counts, so that a single bad pixel is no spot. A spot exceeds the light on both sides.
+//! So a background that rises is no spot, and neither is the start or the end of its rise.
 
 use core::ops::Range;
 
@@ -24,6 +25,10 @@ const SHARE: f32 = 0.62;
 /// The most boxes in [`NEAREST_OTHER`] widths, rounded up. A box has all whole pixels of half a width, at
 /// least one: four widths have most boxes of one pixel, just below a width of 4.
 const MOST_APART: usize = 16;
+
+/// The part of its height by which a spot to the left exceeds one to the right, or does not count as higher.
+/// So the highest one changes at most some fifty times on a row, also where a thousand spots rise to the left.
+const HIGHER: u16 = 8;
 
 /// The places whose heights are compared in one go.
 const PART: usize = 1024;
@@ -48,8 +53,9 @@ pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<(),
     let level = spot.background.level_bits().unsigned_abs();
     let level = level.saturating_mul(half as u32) >> Counts::FRACTION;
     let least = level.saturating_add(enough);
-    // Two boxes of 12-bit counts below 2^14.
-    let shift = half.next_power_of_two().trailing_zeros().saturating_sub(2);
+    // The sum of 2^(2 + shift) counts of 12 bits fits 14 bits after the shift.
+    let size_log2 = usize::BITS.wrapping_sub(half.wrapping_sub(1).leading_zeros());
+    let shift = size_log2.saturating_sub(2);
     let mut search = Search {
         half,
         apart,
@@ -60,16 +66,13 @@ pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<(),
     };
     // Place k is the two boxes about pixel (k + 1) half. A spot has light on both sides. The spot itself is
     // between the places to its left and those to its right.
-    let end =
-        (light.len().checked_div(half).unwrap_or_default()).saturating_sub(apart.saturating_add(1));
-    let left = centre
-        .saturating_sub(separation)
-        .div_ceil(half)
-        .saturating_sub(1);
-    let right = centre
-        .saturating_add(separation)
-        .checked_div(half)
-        .unwrap_or_default();
+    let (before, behind) = (
+        centre.saturating_sub(separation),
+        centre.saturating_add(separation),
+    );
+    let end = (light.len() / half).saturating_sub(apart.saturating_add(1));
+    let left = before.div_ceil(half).saturating_sub(1);
+    let right = behind / half;
     search.places(row, right.max(apart)..end);
     search.places(row, apart..left.min(end));
     match search.other {
@@ -97,9 +100,9 @@ fn own_height(light: Light<'_>, centre: usize, half: usize, apart: usize) -> u32
         let beside = left.or(right)?.midpoint(right.or(left)?);
         Some(height(from)?.saturating_sub(beside))
     };
-    // Up to the centre, in steps of a quarter of a width.
+    // Up to the centre, in steps of an eighth of a width.
     let first = centre.saturating_sub(half.saturating_mul(2));
-    let places = (0..=4usize).map(|i| first.saturating_add(half.saturating_mul(i) / 2));
+    let places = (0..9usize).map(|i| first.saturating_add(half.saturating_mul(i) / 4));
     let places = places.filter(|&from| from <= centre);
     places.filter_map(own).max().unwrap_or_default()
 }
@@ -124,12 +127,12 @@ struct Search {
 impl Search {
     /// Searches some places. On nearly all rows, no pixel there is high.
     fn places(&mut self, row: &Row<'_>, places: Range<usize>) {
-        if self.may_be_high(row, places.clone()) {
+        if !places.is_empty() && self.may_be_high(row, places.clone()) {
             self.parts(row, places);
         }
     }
 
-    /// Searches some places, from the last one to the first, so that the last one of two equal spots counts.
+    /// Searches some places, from the last one to the first: the last one of two equal spots counts.
     #[cold]
     #[inline(never)]
     fn parts(&mut self, row: &Row<'_>, places: Range<usize>) {
@@ -195,7 +198,8 @@ impl Search {
             let heights = heights.get(from.saturating_add(1)..)?;
             heights.as_chunks().0.get(..places.len().div_ceil(4))
         };
-        let (Some(right), Some(middle), Some(left)) = (of(0), of(self.apart), of(2 * self.apart))
+        let (Some(right), Some(middle), Some(left)) =
+            (of(0), of(self.apart), of(self.apart.saturating_mul(2)))
         else {
             return;
         };
@@ -235,13 +239,11 @@ fn lower_pixels(words: &[u16], inverted: u32, to: &mut [u16]) {
         core::mem::replace(&mut behind, count).min(count) as u16
     };
     let (rest, fours) = words.as_rchunks::<4>();
-    let (to_fours, to_rest) = to.split_at_mut_checked(fours.len() * 4).unwrap_or_default();
-    for (to, &[a, b, c, d]) in to_fours
-        .as_chunks_mut::<4>()
-        .0
-        .iter_mut()
-        .zip(fours.iter().rev())
-    {
+    let (to_fours, to_rest) = to
+        .split_at_mut_checked(fours.as_flattened().len())
+        .unwrap_or_default();
+    let to_fours = to_fours.as_chunks_mut::<4>().0.iter_mut();
+    for (to, &[a, b, c, d]) in to_fours.zip(fours.iter().rev()) {
         *to = [d, c, b, a].map(&mut lower);
     }
     for (to, &word) in to_rest.iter_mut().zip(rest.iter().rev()) {
@@ -292,7 +294,8 @@ impl Highest {
     }
 
     /// Returns how many fours behind this one the first one is that has a higher spot.
-    // Two heights at a time. In each difference, the highest bit of 16 is zero where a height exceeds the other one.
+    // Two heights at a time. In each difference, the highest bit of 16 is zero where a height exceeds the other
+    // one.
     #[inline(never)]
     fn next(&self, fours: Fours<'_>, first: usize) -> Option<usize> {
         const ONES: u32 = 0x0001_0001;
@@ -326,7 +329,7 @@ impl Highest {
         for ((number, height), (right, left)) in (first..places).zip(of(fours.middle)).zip(beside) {
             let above = height.saturating_sub(right.max(left));
             if height > self.least && above > self.above {
-                self.above = limited(u32::from(above) + u32::from(above / 8));
+                self.above = limited(u32::from(above) + u32::from(above / HIGHER));
                 self.number = Some(number);
             }
         }
