@@ -77,9 +77,11 @@ pub fn centre(
     profile: Option<&Profile>,
 ) -> Result<RowCentre, Fault> {
     let found = find_and_check(estimator, row, spot, before, geometry, profile)?;
-    let is_alone = before.is_some() || other_spot::check(row, spot, &found)?;
+    if before.is_none() {
+        other_spot::check(row, spot, &found)?;
+    }
     Ok(RowCentre {
-        misfit: found.misfit || !is_alone || found.width.to_f32() < NARROWEST_SURE,
+        misfit: found.misfit || found.width.to_f32() < NARROWEST_SURE,
         ..found
     })
 }

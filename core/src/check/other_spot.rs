@@ -2,7 +2,8 @@
 //!
 //! The coarse search compares the light that its kernel gathers, and a narrower or wider spot of equal height
 //! gathers less or more. This check compares heights. It takes the sums over two neighbouring half widths, of
-//! which the lower one counts, so that a single bad pixel is no spot.
+//! which the lower one counts, so that a single bad pixel is no spot. A spot exceeds the light on both sides.
+//! So a background that rises is no spot, and neither is the start or the end of its rise.
 
 use core::ops::Range;
 
@@ -21,201 +22,343 @@ const NEAREST_OTHER: f32 = 4.0;
 /// that lies between two boxes.
 const SHARE: f32 = 0.62;
 
-/// The most boxes, higher than the light to their left, that are compared with the light to their right. Wide
-/// light below the spot has no such boxes.
-const MOST_COMPARED: u32 = 512;
+/// The most boxes in [`NEAREST_OTHER`] widths, rounded up. A box has all whole pixels of half a width, at
+/// least one: four widths have most boxes of one pixel, just below a width of 4.
+const MOST_APART: usize = 16;
 
-/// Searches all of the row for another spot. Called for a frame's first row only. `false` if the search has
-/// not reached the row's end, because more than [`MOST_COMPARED`] boxes rise as high as the spot.
+/// The part of its height by which a spot to the left exceeds one to the right, or does not count as higher.
+/// So the highest one changes at most some fifty times on a row, also where a thousand spots rise to the left.
+const HIGHER: u16 = 8;
+
+/// The places whose heights are compared in one go.
+const PART: usize = 1024;
+
+/// Their heights, those beside them, and what fills the last four.
+const HEIGHTS: usize = PART + 2 * MOST_APART + 4;
+
+/// Searches all of the row for another spot. Called for a frame's first row only.
 ///
 /// # Errors
 /// [`Fault::TwoSpots`] if there is another spot.
 #[inline(never)]
-pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<bool, Fault> {
+pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<(), Fault> {
     let light = row.light();
     let width = found.width.to_f32();
     // A width is at most 170 pixels: `as` cuts off, and saturates.
     let half = ((0.5 * width) as usize).clamp(1, MAX_PIXELS);
-    let centre = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
     let separation = ((NEAREST_OTHER * width) as usize).min(MAX_PIXELS);
-    let height = |from: usize| height(light, from, half);
-    let before = |from: usize| height(from.checked_sub(separation)?);
-    let behind = |from: usize| height(from.saturating_add(separation));
-    // The spot itself may lie at the row's end, or on a slope.
-    let own = |from: usize| {
-        let (left, right) = (before(from), behind(from));
-        let beside = left.or(right)?.midpoint(right.or(left)?);
-        Some(height(from)?.saturating_sub(beside))
-    };
-    // Up to the centre, in steps of an eighth of a width: 16 at most.
-    let first = centre.saturating_sub(half.wrapping_mul(2));
-    let step = (half / 4).max(1);
-    let near = (0..16usize).map(|i| first.saturating_add(i.wrapping_mul(step)));
-    let near = near.filter(|&from| from <= centre);
-    let own = near.filter_map(own).max().unwrap_or_default();
-    let enough = (SHARE * own as f32) as u32;
-    let far = |from: usize| from.saturating_add(half).abs_diff(centre) > separation;
-    // Boxes side by side. Nearly all do not stand out from the level under the spot.
+    let apart = separation.div_ceil(half).clamp(1, MOST_APART);
+    let centre = usize::try_from(found.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
+    let enough = (SHARE * own_height(light, centre, half, apart) as f32) as u32;
     let level = spot.background.level_bits().unsigned_abs();
     let level = level.saturating_mul(half as u32) >> Counts::FRACTION;
     let least = level.saturating_add(enough);
-    let (mut compared, mut highest, mut other) = (0, enough, None);
-    let take = &mut |first: usize| {
-        // The box with the one before it, and with the one behind it.
-        for from in [first.checked_sub(half), Some(first)].into_iter().flatten() {
-            if compared > MOST_COMPARED || !far(from) {
-                continue;
-            }
-            let Some(height) = height(from).filter(|height| *height > least) else {
-                continue;
-            };
-            // The height above the light on both sides. So a background that rises is no spot, and neither is
-            // the start or the end of its rise. The higher one of two spots counts, and the last one of two
-            // equal ones.
-            let above = |beside: u32| {
-                let above = height.saturating_sub(beside);
-                (above > enough && above >= highest).then_some(above)
-            };
-            let Some(left) = before(from).and_then(above) else {
-                continue;
-            };
-            compared = numeric::add_u32(compared, 1);
-            if compared <= MOST_COMPARED
-                && let Some(right) = behind(from).and_then(above)
-            {
-                highest = left.min(right);
-                other = Some(from);
-            }
-        }
+    // The sum of 2^(2 + shift) counts of 12 bits fits 14 bits after the shift.
+    let size_log2 = usize::BITS.wrapping_sub(half.wrapping_sub(1).leading_zeros());
+    let shift = size_log2.saturating_sub(2);
+    let mut search = Search {
+        half,
+        apart,
+        least,
+        shift,
+        above: limited(enough.wrapping_shr(shift)),
+        other: None,
     };
-    high_boxes(row, half, least, take);
-    match other {
-        Some(from) => Err(Fault::TwoSpots {
+    // Place k is the two boxes about pixel (k + 1) half. A spot has light on both sides. The spot itself is
+    // between the places to its left and those to its right.
+    let (before, behind) = (
+        centre.saturating_sub(separation),
+        centre.saturating_add(separation),
+    );
+    let end = (light.len() / half).saturating_sub(apart.saturating_add(1));
+    let left = before.div_ceil(half).saturating_sub(1);
+    let right = behind / half;
+    search.places(row, right.max(apart)..end);
+    search.places(row, apart..left.min(end));
+    match search.other {
+        None => Ok(()),
+        Some(place) => Err(Fault::TwoSpots {
             centre: found.centre,
             // On a row of at most 2^12 pixels.
-            other: Pixels::from_int(from.saturating_add(half) as i32),
+            other: Pixels::from_int(place.saturating_add(1).saturating_mul(half) as i32),
         }),
-        None => Ok(compared <= MOST_COMPARED),
     }
 }
 
-/// The lower one of two boxes side by side.
-#[inline(always)]
-fn height(light: Light<'_>, from: usize, half: usize) -> Option<u32> {
-    let (words, inverted) = light.words();
-    let words = words.get(from..)?;
-    if half == 1 {
-        let [a, b] = *words.first_chunk()?;
-        return Some((a ^ inverted).min(b ^ inverted).into());
-    }
-    let two = light.slice(from..from.saturating_add(half.saturating_mul(2)))?;
-    let (first, second) = two.split(half);
-    Some(sum(first).min(sum(second)))
+/// The height of the spot itself: the most that two boxes about its centre exceed the light beside them. The
+/// spot may lie at the row's end, or on a slope.
+fn own_height(light: Light<'_>, centre: usize, half: usize, apart: usize) -> u32 {
+    let height = |from: usize| {
+        let two = light.slice(from..from.saturating_add(half.saturating_mul(2)))?;
+        let (first, second) = two.split(half);
+        Some(sum(first).min(sum(second)))
+    };
+    let separation = half.saturating_mul(apart);
+    let own = |from: usize| {
+        let left = from.checked_sub(separation).and_then(height);
+        let right = height(from.saturating_add(separation));
+        let beside = left.or(right)?.midpoint(right.or(left)?);
+        Some(height(from)?.saturating_sub(beside))
+    };
+    // Up to the centre, in steps of an eighth of a width.
+    let first = centre.saturating_sub(half.saturating_mul(2));
+    let places = (0..9usize).map(|i| first.saturating_add(half.saturating_mul(i) / 4));
+    let places = places.filter(|&from| from <= centre);
+    places.filter_map(own).max().unwrap_or_default()
 }
 
-/// Calls `take` with the first pixel of every second box whose sum exceeds `least`. A spot needs two such
-/// boxes side by side, and one of these is a second one.
-///
-/// A box has at most the light of the row's blocks in which it lies: only where these exceed `least` are
-/// boxes summed.
-fn high_boxes(row: &Row<'_>, pixels: usize, least: u32, take: &mut dyn FnMut(usize)) {
-    let light = row.light();
-    let pixels = pixels.max(1);
-    let twice = pixels.saturating_mul(2).max(1);
-    // The boxes that begin on some pixels.
-    let mut visit = |begins: Range<usize>| {
-        let number = begins
-            .start
-            .saturating_add(twice.wrapping_sub(1))
-            .checked_div(twice);
-        let mut first = number.unwrap_or_default().saturating_mul(twice);
-        while first < begins.end {
-            let one = light.slice(first..first.saturating_add(pixels));
-            if one.is_some_and(|one| sum(one) > least) {
-                take(first);
+/// A search for the highest other spot. Place k is box k and box k + 1, and its height the lower one of their
+/// sums.
+struct Search {
+    /// Pixels in a box.
+    half: usize,
+    /// Boxes from a place to the light beside it.
+    apart: usize,
+    /// Another spot's height exceeds this.
+    least: u32,
+    /// Heights are compared as their sums shifted right by so much: then they are below 2^14.
+    shift: u32,
+    /// Another spot exceeds the light on both sides by more than this, shifted.
+    above: u16,
+    /// The place of the highest other spot up to now.
+    other: Option<usize>,
+}
+
+impl Search {
+    /// Searches some places. On nearly all rows, no pixel there is high.
+    fn places(&mut self, row: &Row<'_>, places: Range<usize>) {
+        if !places.is_empty() && self.may_be_high(row, places.clone()) {
+            self.parts(row, places);
+        }
+    }
+
+    /// Searches some places, from the last one to the first: the last one of two equal spots counts.
+    #[cold]
+    #[inline(never)]
+    fn parts(&mut self, row: &Row<'_>, places: Range<usize>) {
+        let mut heights = [0; HEIGHTS];
+        let mut end = places.end;
+        while end > places.start {
+            let start = end.saturating_sub(PART).max(places.start);
+            if self.may_be_high(row, start..end) {
+                self.part(row.light(), start..end, &mut heights);
             }
-            first = first.saturating_add(twice);
+            end = start;
         }
-    };
-    let blocks = row.blocks();
-    // A box that begins in a block lies in that block and in those behind it, so many in all.
-    let reach = pixels.saturating_add(BLOCK - 1).div_ceil(BLOCK);
-    let whole = blocks.len().saturating_mul(BLOCK) == light.len();
-    if !whole || blocks.len() < reach {
-        visit(0..light.len());
-        return;
     }
-    let pixels_of = |block: usize| {
-        let begin = block.saturating_mul(BLOCK);
-        begin..begin.saturating_add(BLOCK)
-    };
-    let see = &mut |block| visit(pixels_of(block));
-    if reach == 2 {
-        high_pairs(blocks, least, see);
-    } else {
-        high_blocks(blocks, reach, least, see);
+
+    /// Whether the height at one of these places may exceed the least one. If both boxes of a place do, so
+    /// does the mean of the blocks in which the two lie, and one pixel exceeds its part.
+    #[inline(never)]
+    fn may_be_high(&self, row: &Row<'_>, places: Range<usize>) -> bool {
+        let two = self.half.saturating_mul(2);
+        let number = two.saturating_add(BLOCK - 1).div_ceil(BLOCK);
+        let of = |number: usize| self.least.saturating_mul(2).checked_div(number as u32);
+        let (Some(of_block), Some(of_pixel)) = (of(number), of(two)) else {
+            return true;
+        };
+        let end = places.end.saturating_add(1).saturating_mul(self.half);
+        let pixels = places.start.saturating_mul(self.half)..end;
+        let blocks = pixels.start / BLOCK..pixels.end.div_ceil(BLOCK);
+        // What is not there may be high.
+        let blocks = row.blocks().get(blocks);
+        blocks.is_none_or(|blocks| exceeds(blocks.into(), of_block))
+            && row
+                .light()
+                .slice(pixels)
+                .is_none_or(|light| exceeds(light, of_pixel))
     }
-    // Fewer blocks than that are behind the last ones.
-    visit(pixels_of(blocks.len().saturating_sub(reach)).start..light.len());
+
+    /// Searches at most [`PART`] places.
+    fn part(&mut self, light: Light<'_>, places: Range<usize>, heights: &mut [u16; HEIGHTS]) {
+        // The boxes beside too.
+        let first = places.start.saturating_sub(self.apart);
+        let end = places.end.saturating_add(self.apart).saturating_add(1);
+        let pixels = first.saturating_mul(self.half)..end.saturating_mul(self.half);
+        let Some(light) = light.slice(pixels) else {
+            return;
+        };
+        match self.half {
+            1 => {
+                let (words, inverted) = light.words();
+                lower_pixels(words, inverted.into(), heights);
+            }
+            2 => lower_boxes(
+                light
+                    .chunks()
+                    .rev()
+                    .map(|[a, b]| u32::from(a) + u32::from(b)),
+                0,
+                heights,
+            ),
+            half => lower_boxes(light.groups(half).rev().map(sum), self.shift, heights),
+        }
+        // The last box has no other one behind it.
+        let of = |from: usize| {
+            let heights = heights.get(from.saturating_add(1)..)?;
+            heights.as_chunks().0.get(..places.len().div_ceil(4))
+        };
+        let (Some(right), Some(middle), Some(left)) =
+            (of(0), of(self.apart), of(self.apart.saturating_mul(2)))
+        else {
+            return;
+        };
+        let mut highest = Highest {
+            least: limited(self.least.wrapping_shr(self.shift)),
+            above: self.above,
+            number: None,
+        };
+        highest.compare(
+            Fours {
+                right,
+                middle,
+                left,
+            },
+            places.len(),
+        );
+        self.above = highest.above;
+        if let Some(number) = highest.number {
+            self.other = Some(places.end.saturating_sub(number.saturating_add(1)));
+        }
+    }
 }
 
-/// As [`high_blocks`] for two blocks.
+/// Limited to 14 bits.
+fn limited(height: u32) -> u16 {
+    // Fits, because of the limit.
+    height.min(0x3FFF) as u16
+}
+
+/// Writes the lower one of each pixel and the one behind it, from the last to the first. The last has nothing
+/// behind it.
 #[inline(never)]
-fn high_pairs(blocks: &[u16], least: u32, see: &mut dyn FnMut(usize)) {
-    const PART: usize = 8;
-    // A block with no other block behind it but the last is left to the caller.
-    let blocks = blocks.split_last().map_or(blocks, |(_, blocks)| blocks);
-    let (parts, rest) = blocks.as_chunks::<PART>();
-    let mut before = 0;
-    for (number, part) in (0..MAX_PIXELS).zip(parts) {
-        let mut last = before;
-        // All are below 2^31: the highest bit is set where a pair exceeds `least`.
-        let bits = part.iter().fold(0, |bits, &block| {
-            let pair = numeric::add_u32(last, block.into());
-            last = block.into();
-            bits | least.wrapping_sub(pair)
-        });
-        if bits >> 31 != 0 {
-            see_pairs(before, part, number.saturating_mul(PART), least, see);
-        }
-        before = last;
+fn lower_pixels(words: &[u16], inverted: u32, to: &mut [u16]) {
+    let mut behind = 0;
+    let mut lower = |word: u16| {
+        let count = u32::from(word) ^ inverted;
+        core::mem::replace(&mut behind, count).min(count) as u16
+    };
+    let (rest, fours) = words.as_rchunks::<4>();
+    let (to_fours, to_rest) = to
+        .split_at_mut_checked(fours.as_flattened().len())
+        .unwrap_or_default();
+    let to_fours = to_fours.as_chunks_mut::<4>().0.iter_mut();
+    for (to, &[a, b, c, d]) in to_fours.zip(fours.iter().rev()) {
+        *to = [d, c, b, a].map(&mut lower);
     }
-    let number = parts.len().saturating_mul(PART);
-    see_pairs(before, rest, number, least, see);
-}
-
-/// Calls `see` with the first block of each pair that exceeds `least`: the first pair is that of `before` and
-/// the block at `number`.
-#[cold]
-fn see_pairs(before: u32, blocks: &[u16], number: usize, least: u32, see: &mut dyn FnMut(usize)) {
-    let mut before = before;
-    for (block, &next) in (number..usize::MAX).zip(blocks) {
-        if numeric::add_u32(before, next.into()) > least
-            && let Some(first) = block.checked_sub(1)
-        {
-            see(first);
-        }
-        before = next.into();
+    for (to, &word) in to_rest.iter_mut().zip(rest.iter().rev()) {
+        *to = lower(word);
     }
 }
 
-/// Calls `see` with each block that has so many blocks behind it, if it and all but the last of these
-/// together exceed `least`.
-// A loop out of line, so that it keeps nothing but sums.
+/// As [`lower_pixels`] for the sums of boxes, from the last to the first.
 #[inline(never)]
-fn high_blocks(blocks: &[u16], number: usize, least: u32, see: &mut dyn FnMut(usize)) {
-    let (first, entering) = blocks.split_at_checked(number).unwrap_or_default();
-    let mut sum = first
+fn lower_boxes(sums: impl Iterator<Item = u32>, shift: u32, to: &mut [u16]) {
+    let mut behind = 0;
+    for (to, sum) in to.iter_mut().zip(sums) {
+        *to = limited(
+            core::mem::replace(&mut behind, sum)
+                .min(sum)
+                .wrapping_shr(shift),
+        );
+    }
+}
+
+/// The highest other spot of some places.
+struct Highest {
+    /// What the heights exceed.
+    least: u16,
+    /// What the next one's height above the light on both sides exceeds.
+    above: u16,
+    /// The number of the highest one's place.
+    number: Option<usize>,
+}
+
+/// Heights, and those on both sides, four at a time.
+#[derive(Clone, Copy)]
+struct Fours<'a> {
+    right: &'a [[u16; 4]],
+    middle: &'a [[u16; 4]],
+    left: &'a [[u16; 4]],
+}
+
+impl Highest {
+    /// Compares so many heights with those on both sides.
+    fn compare(&mut self, fours: Fours<'_>, places: usize) {
+        let mut first = 0;
+        while let Some(behind) = self.next(fours, first) {
+            first = behind.saturating_add(first);
+            self.take(fours, first, places);
+            first = first.saturating_add(1);
+        }
+    }
+
+    /// Returns how many fours behind this one the first one is that has a higher spot.
+    // Two heights at a time. In each difference, the highest bit of 16 is zero where a height exceeds the other
+    // one.
+    #[inline(never)]
+    fn next(&self, fours: Fours<'_>, first: usize) -> Option<usize> {
+        const ONES: u32 = 0x0001_0001;
+        const HIGHEST: u32 = 0x8000;
+        let two = |low: u16, high: u16| u32::from(low) | (u32::from(high) * 0x1_0000);
+        let plus = |bits: u16| (HIGHEST | u32::from(bits)).wrapping_mul(ONES);
+        let (least, above) = (plus(self.least), plus(self.above));
+        let [right, middle, left] =
+            [fours.right, fours.middle, fours.left].map(|it| it.get(first..).unwrap_or_default());
+        right
+            .iter()
+            .zip(middle)
+            .zip(left)
+            .position(|((right, middle), left)| {
+                let is_low = |a: usize, b: usize| {
+                    let [left, middle, right] = [left, middle, right].map(|it| two(it[a], it[b]));
+                    let low = above.wrapping_sub(middle);
+                    low.wrapping_add(left) | low.wrapping_add(right) | least.wrapping_sub(middle)
+                };
+                !(is_low(0, 1) & is_low(2, 3)) & (HIGHEST * ONES) != 0
+            })
+    }
+
+    /// Compares four heights.
+    #[cold]
+    #[inline(never)]
+    fn take(&mut self, fours: Fours<'_>, four: usize, places: usize) {
+        let of = |it: &[[u16; 4]]| it.get(four).copied().unwrap_or_default();
+        let beside = of(fours.right).into_iter().zip(of(fours.left));
+        let first = four.saturating_mul(4);
+        for ((number, height), (right, left)) in (first..places).zip(of(fours.middle)).zip(beside) {
+            let above = height.saturating_sub(right.max(left));
+            if height > self.least && above > self.above {
+                self.above = limited(u32::from(above) + u32::from(above / HIGHER));
+                self.number = Some(number);
+            }
+        }
+    }
+}
+
+/// Whether a count, or a block's sum, exceeds a limit.
+// Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in a larger count plus the
+// rest to 2^15.
+#[inline(never)]
+fn exceeds(counts: Light<'_>, limit: u32) -> bool {
+    const ONES: u32 = 0x0001_0001;
+    const LARGEST: u32 = 0x7FFF;
+    let Some(rest) = LARGEST.checked_sub(limit) else {
+        return false;
+    };
+    let rest = rest.wrapping_mul(ONES);
+    let (words, inverted) = counts.words();
+    let inverted = u32::from(inverted).wrapping_mul(ONES);
+    let take = |low: u16, high: u16| {
+        let words = u32::from(low) | (u32::from(high) * 0x1_0000);
+        (words ^ inverted).wrapping_add(rest)
+    };
+    let (eights, last) = words.as_chunks::<8>();
+    let is_high = |bits: u32| bits & (ONES * (LARGEST + 1)) != 0;
+    eights
         .iter()
-        .map(|&sum| sum.into())
-        .fold(0, numeric::add_u32);
-    for ((block, &leaves), &enters) in (0..MAX_PIXELS).zip(blocks).zip(entering) {
-        if sum > least {
-            see(block);
-        }
-        // A row has at most 2^12 pixels of 12 bits, and a block that leaves was in the sum.
-        sum = numeric::add_u32(sum, enters.into()).wrapping_sub(leaves.into());
-    }
+        .any(|&[a, b, c, d, e, f, g, h]| is_high(take(a, b) | take(c, d) | take(e, f) | take(g, h)))
+        || last.iter().any(|&word| is_high(take(word, word)))
 }
 
 /// A sum of counts. A row has at most 2^12 pixels of 12 bits. Where words fall with light, a count is full
@@ -239,38 +382,151 @@ fn sum(counts: Light<'_>) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::row::{Blocks, Geometry};
+    use crate::check::tests::found_at;
+    use crate::row::{Blocks, Geometry, LARGEST_COUNT, Polarity};
+    use crate::spot::Background;
 
-    /// Boxes of all sizes, on rows with and without blocks, and with a last box that is not whole.
-    #[test]
-    fn every_second_box_above_the_limit_is_found() {
-        let words: [u16; 104] =
-            core::array::from_fn(|i| (i as u32).wrapping_mul(2_654_435_761) as u16 >> 4);
-        let mut blocks = Blocks::NONE;
-        for (length, pixels) in (96..=104).flat_map(|length| (1..=20).map(move |it| (length, it))) {
+    const LEVEL: u16 = 300;
+
+    const CENTRE: usize = 1200;
+
+    /// The pixel of the other spot, whatever the words' polarity, and with and without blocks.
+    fn other<const N: usize>(light: &[u16; N], width: f32) -> Option<usize> {
+        let level = Counts::from_int(LEVEL.into());
+        let spot = Spot {
+            centre: CENTRE,
+            block_log2: 1,
+            height: level,
+            background: Background {
+                level,
+                noise: level,
+            },
+            black_level: level,
+        };
+        let found = found_at(CENTRE as f32, width);
+        let other = |row: &Row<'_>| match check(row, &spot, &found) {
+            Err(Fault::TwoSpots { other, .. }) => Some(other.to_f32() as usize),
+            _ => None,
+        };
+        let mut others = [None; 4];
+        let polarities = [Polarity::Rising, Polarity::Falling];
+        for (others, polarity) in others.as_chunks_mut::<2>().0.iter_mut().zip(polarities) {
+            let words = light.map(|count| match polarity {
+                Polarity::Rising => count,
+                Polarity::Falling => LARGEST_COUNT - count,
+            });
             let geometry = Geometry {
-                words: 104,
-                light: 0..length,
+                words: N,
+                light: 0..N,
                 shielded: 0..0,
+                polarity,
                 ..crate::sensor_heads::tcd1304dg()
             };
+            let mut blocks = Blocks::NONE;
             let row = geometry.row_and_blocks(&words, &mut blocks).expect("a row");
-            let light = row.light();
-            for row in [row, geometry.row(&words).expect("a row")] {
-                let least = 2400 * pixels as u32;
-                let mut found = [false; 104];
-                let take = &mut |first: usize| {
-                    assert!(!found[first]);
-                    found[first] = true;
-                };
-                high_boxes(&row, pixels, least, take);
-                for (first, found) in found.into_iter().enumerate() {
-                    let is_second = first % (2 * pixels) == 0;
-                    let counts = light.slice(first..first + pixels);
-                    let sum = counts.map(|counts| counts.iter().map(u32::from).sum());
-                    assert_eq!(found, is_second && sum > Some(least), "{pixels} at {first}");
+            *others = [other(&row), other(&geometry.row(&words).expect("a row"))];
+        }
+        assert!(others.iter().all(|&it| it == others[0]), "{others:?}");
+        others[0]
+    }
+
+    /// Boxes and boxes apart for a width.
+    fn boxes(width: f32) -> (usize, usize) {
+        let half = ((0.5 * width) as usize).max(1);
+        (half, ((4.0 * width) as usize).div_ceil(half))
+    }
+
+    /// A comb of lines as high as the spot has one such line as far off on either side of each. It ends at a
+    /// line that has none beside it.
+    #[test]
+    fn a_comb_is_searched_to_its_ends() {
+        for width in [1.0, 2.5, 3.9, 4.0, 6.5, 10.5, 30.0] {
+            let (half, apart) = boxes(width);
+            let period = half * apart;
+            let mut light: [u16; 3651] = core::array::from_fn(|i| match i {
+                _ if i.abs_diff(CENTRE) <= 4 * half => LEVEL + 1000,
+                _ if i.abs_diff(CENTRE) <= 2 * period => LEVEL,
+                _ if i % period < 2 * half => LEVEL + 1000,
+                _ => LEVEL,
+            });
+            assert_eq!(other(&light, width), None, "{width}");
+            let last = light.len() / period - 2;
+            for line in [1, last] {
+                let comb = light;
+                for dark in [line - 1, line + 1] {
+                    light[dark * period..][..2 * half].fill(LEVEL);
                 }
+                let middle = line * period + half;
+                assert_eq!(other(&light, width), Some(middle), "{width}");
+                light = comb;
             }
         }
+    }
+
+    /// On rows of random light, by the definition: a spot is found if there is one, and none is higher by
+    /// more than an eighth.
+    #[test]
+    fn nearly_the_highest_spot_is_found() {
+        let mut random = 1u32;
+        let mut numbers = [0; 2];
+        for number in 0..600 {
+            let width = [1.0, 1.9, 2.3, 3.9, 4.2, 5.0, 6.6, 9.9][number % 8];
+            let (half, apart) = boxes(width);
+            // From a few bright boxes to many.
+            let bright = 1 << (number % 11);
+            let end = 2300 + number % 19;
+            let mut count = LEVEL;
+            let mut light: [u16; 2330] = core::array::from_fn(|i| {
+                random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                if i % (2 * half) == 0 {
+                    let is_bright = (random >> 8) % 1024 < bright && i < end;
+                    count = LEVEL
+                        + if is_bright {
+                            (random >> 20) as u16 % 2000
+                        } else {
+                            0
+                        };
+                }
+                count
+            });
+            for (i, light) in light.iter_mut().enumerate() {
+                if i.abs_diff(CENTRE) <= 2 * half {
+                    *light = LEVEL + 1500;
+                }
+            }
+            let sums: [u32; 2330] = core::array::from_fn(|i| {
+                let sum = |i: usize| {
+                    light
+                        .iter()
+                        .skip(i)
+                        .take(half)
+                        .map(|&it| u32::from(it))
+                        .sum()
+                };
+                u32::min(sum(i * half), sum((i + 1) * half))
+            });
+            let places = light.len() / half - 1;
+            let own = own_height((&light).into(), CENTRE, half, apart);
+            let enough = (SHARE * own as f32) as u32;
+            let score = |place: usize| {
+                let pixel = (place + 1) * half;
+                let above =
+                    sums[place].saturating_sub(sums[place - apart].max(sums[place + apart]));
+                let is_spot = pixel.abs_diff(CENTRE) > (4.0 * width) as usize
+                    && sums[place] > u32::from(LEVEL) * half as u32 + enough
+                    && above > enough;
+                is_spot.then_some(above)
+            };
+            let highest = (apart..places - apart).filter_map(score).max();
+            let found = other(&light, width).map(|pixel| pixel / half - 1);
+            let height = found.map(|place| score(place).expect("a spot"));
+            assert_eq!(height.is_some(), highest.is_some(), "{number}");
+            assert!(
+                height.map(|it| it + it / 8) >= highest,
+                "{number}: {height:?} of {highest:?}"
+            );
+            numbers[usize::from(found.is_some())] += 1;
+        }
+        assert!(numbers.iter().all(|&number| number > 50), "{numbers:?}");
     }
 }

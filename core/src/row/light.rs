@@ -85,7 +85,7 @@ impl<'a> Light<'a> {
     #[inline]
     pub fn chunks<const N: usize>(
         self,
-    ) -> impl ExactSizeIterator<Item = [u16; N]> + Clone + use<'a, N> {
+    ) -> impl DoubleEndedIterator<Item = [u16; N]> + ExactSizeIterator + Clone + use<'a, N> {
         let inverted = self.inverted;
         let chunks = self.words.as_chunks::<N>().0.iter();
         chunks.map(move |chunk| chunk.map(|word| word ^ inverted))
@@ -93,7 +93,7 @@ impl<'a> Light<'a> {
 
     /// The pixels in groups of so many. Pixels that do not fill the last group are left out.
     #[inline]
-    pub fn groups(self, pixels: usize) -> impl Iterator<Item = Self> + use<'a> {
+    pub fn groups(self, pixels: usize) -> impl DoubleEndedIterator<Item = Self> + use<'a> {
         let groups = self.words.chunks_exact(pixels.max(1));
         groups.map(move |words| Self { words, ..self })
     }
