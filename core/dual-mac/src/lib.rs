@@ -31,11 +31,11 @@ mod cortex_m;
 #[cfg(has_fpu)]
 pub use cortex_m::square_root;
 #[cfg(has_dsp)]
-pub use cortex_m::{dot, dot2, reaches, sum_blocks, sum_of_steps};
+pub use cortex_m::{contrasts, dot, dot2, reaches, sum_blocks, sum_of_steps};
 #[cfg(not(has_fpu))]
 pub use portable::square_root;
 #[cfg(not(has_dsp))]
-pub use portable::{dot, dot2, reaches, sum_blocks, sum_of_steps};
+pub use portable::{contrasts, dot, dot2, reaches, sum_blocks, sum_of_steps};
 
 /// The weights of two neighbouring samples. Aligned, so that one instruction loads both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,3 +52,15 @@ pub const BLOCK: usize = 8;
 
 /// The largest sample. Samples are read as signed 16-bit numbers, so larger ones would be negative.
 pub const LARGEST_SAMPLE: u16 = i16::MAX as u16;
+
+/// From a sample to those beside it, of which [`contrasts`] takes the contrast.
+pub const BESIDE: usize = 4;
+
+/// Samples to either side of one that its contrast needs.
+pub const REACH: usize = BESIDE + 1;
+
+/// Samples in a part of [`contrasts`].
+pub const PART: usize = 24;
+
+/// The samples of a part, and those to its sides.
+pub const SAMPLES_OF_PART: usize = PART + 2 * REACH;

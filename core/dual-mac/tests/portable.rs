@@ -1,8 +1,8 @@
 //! Compares the portable twins with sums in 64 bits. `cost-on-chip` compares them with the assembly, on the
 //! chip.
 
-use dual_mac::portable::{dot, dot2, reaches, square_root, sum_blocks, sum_of_steps};
-use dual_mac::{LARGEST_SAMPLE, Pair, Pairs};
+use dual_mac::portable::{contrasts, dot, dot2, reaches, square_root, sum_blocks, sum_of_steps};
+use dual_mac::{BESIDE, LARGEST_SAMPLE, PART, Pair, Pairs, REACH};
 use proptest::prelude::*;
 
 /// The most samples: more than in the longest window of the phase tables, which has 116.
@@ -82,6 +82,28 @@ proptest! {
                 prop_assert!(!reaches(&samples, highest + 1));
             }
             None => prop_assert!(!reaches(&samples, 0)),
+        }
+    }
+
+    /// In quarters, which lose up to 3/4 of each response.
+    #[test]
+    fn each_part_has_its_highest_contrast(samples in samples(u16::MAX)) {
+        let response = |i: usize| {
+            u32::from(samples[i - 1]) + 2 * u32::from(samples[i]) + u32::from(samples[i + 1])
+        };
+        let places = REACH..samples.len().saturating_sub(REACH);
+        let contrast = |i| {
+            response(i).saturating_sub(response(i - BESIDE).max(response(i + BESIDE)))
+        };
+        let mut parts = [7; 8];
+        contrasts(&samples, &mut parts);
+        let number = places.len().div_ceil(PART);
+        prop_assert!(parts[number..].iter().all(|&part| part == 7));
+        for (part, &highest) in parts[..number].iter().enumerate() {
+            let start = (REACH + part * PART).min(places.end.saturating_sub(PART)).max(REACH);
+            let expected = (start..places.end.min(start + PART)).map(contrast).max();
+            let error = 4 * i64::from(highest) - i64::from(expected.unwrap_or_default());
+            prop_assert!((-3..=3).contains(&error), "part {part}: {error}");
         }
     }
 

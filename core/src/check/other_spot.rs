@@ -110,7 +110,7 @@ fn height(light: Light<'_>, from: usize, half: usize) -> Option<u32> {
     }
     let two = light.slice(from..from.saturating_add(half.saturating_mul(2)))?;
     let (first, second) = two.split(half);
-    Some(sum(first).min(sum(second)))
+    Some(first.sum().min(second.sum()))
 }
 
 /// Calls `take` with the first pixel of every second box whose sum exceeds `least`. A spot needs two such
@@ -131,7 +131,7 @@ fn high_boxes(row: &Row<'_>, pixels: usize, least: u32, take: &mut dyn FnMut(usi
         let mut first = number.unwrap_or_default().saturating_mul(twice);
         while first < begins.end {
             let one = light.slice(first..first.saturating_add(pixels));
-            if one.is_some_and(|one| sum(one) > least) {
+            if one.is_some_and(|one| one.sum() > least) {
                 take(first);
             }
             first = first.saturating_add(twice);
@@ -215,24 +215,6 @@ fn high_blocks(blocks: &[u16], number: usize, least: u32, see: &mut dyn FnMut(us
         }
         // A row has at most 2^12 pixels of 12 bits, and a block that leaves was in the sum.
         sum = numeric::add_u32(sum, enters.into()).wrapping_sub(leaves.into());
-    }
-}
-
-/// A sum of counts. A row has at most 2^12 pixels of 12 bits. Where words fall with light, a count is full
-/// scale less a word.
-#[inline(always)]
-fn sum(counts: Light<'_>) -> u32 {
-    let (words, inverted) = counts.words();
-    let (fours, rest) = words.as_chunks::<4>();
-    let add = |sum: u32, word: &u16| numeric::add_u32(sum, u32::from(*word));
-    let sum = fours.iter().fold(0, |sum, four| four.iter().fold(sum, add));
-    let sum = rest.iter().fold(sum, add);
-    if inverted == 0 {
-        sum
-    } else {
-        (words.len() as u32)
-            .wrapping_mul(inverted.into())
-            .wrapping_sub(sum)
     }
 }
 

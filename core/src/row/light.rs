@@ -2,6 +2,9 @@
 
 use core::slice::SliceIndex;
 
+use crate::numeric;
+use crate::row::LARGEST_COUNT;
+
 /// Pixels side by side, light positive, in the words of a read-out. Words that fall with light stay as they
 /// are: each count is computed when it is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -102,6 +105,51 @@ impl<'a> Light<'a> {
     #[inline]
     pub(crate) const fn words(self) -> (&'a [u16], u16) {
         (self.words, self.inverted)
+    }
+
+    /// The sum of the counts. A row has at most 2^12 pixels of 12 bits.
+    // Where words fall with light, a count is full scale less a word.
+    #[inline(always)]
+    pub(crate) fn sum(self) -> u32 {
+        let (fours, rest) = self.words.as_chunks::<4>();
+        let add = |sum: u32, word: &u16| numeric::add_u32(sum, u32::from(*word));
+        let sum = fours.iter().fold(0, |sum, four| four.iter().fold(sum, add));
+        let sum = rest.iter().fold(sum, add);
+        if self.inverted == 0 {
+            sum
+        } else {
+            (self.words.len() as u32)
+                .wrapping_mul(self.inverted.into())
+                .wrapping_sub(sum)
+        }
+    }
+
+    /// Whether any count is `least` or more.
+    // Takes two words at a time. A count of 12 bits plus 2^15 less `least` has the highest of 16 bits if so.
+    pub(crate) fn reach(self, least: i32) -> bool {
+        const ONES: u32 = 0x0001_0001;
+        const HIGHEST: u32 = 0x8000_8000;
+        if least > i32::from(LARGEST_COUNT) {
+            return false;
+        }
+        let rest = HIGHEST.wrapping_sub(least.max(0).unsigned_abs() * ONES);
+        let inverted = u32::from(self.inverted) * ONES;
+        let (eights, last) = self.words.as_chunks::<8>();
+        let mut bits = 0;
+        let mut take = |low: u16, high: u16| {
+            let words = u32::from(low) | (u32::from(high) * 0x1_0000);
+            bits |= (words ^ inverted).wrapping_add(rest);
+        };
+        for &[a, b, c, d, e, f, g, h] in eights {
+            take(a, b);
+            take(c, d);
+            take(e, f);
+            take(g, h);
+        }
+        for &word in last {
+            take(word, word);
+        }
+        bits & HIGHEST != 0
     }
 
     /// Whether any count is at an end of the converter's range.

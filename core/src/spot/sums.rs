@@ -336,14 +336,17 @@ impl<'a> Sums<'a> {
             .min(self.light.len());
         let pixels = self.light.slice(from..to).unwrap_or_default();
         // At most 640 pixels of 12 bits in Q8: below 2^30.
-        let above = |count: u16| {
-            (i32::from(count) * (1 << Counts::FRACTION)).saturating_sub(level.to_bits())
-        };
-        let light = pixels
-            .iter()
-            .fold(0, |sum, count| numeric::add_i32(sum, above(count)));
-        let highest = pixels.iter().map(above).max();
-        highest.is_some_and(|highest| highest / 3 > light / 4)
+        let background = numeric::mul_i32(level.to_bits(), pixels.len() as i32);
+        let light = numeric::sub_i32(in_q8(pixels.sum()), background);
+        // Such a pixel divided by three is more than a quarter of the light, both rounded towards zero.
+        let quarter = light / 4;
+        let more = if quarter < 0 { 1 } else { 3 };
+        let least = numeric::add_i32(numeric::mul_i32(3, quarter), more);
+        // Rounded up to a whole count.
+        let least = numeric::add_i32(least, level.to_bits())
+            .saturating_add((1 << Counts::FRACTION) - 1)
+            >> Counts::FRACTION;
+        pixels.reach(least)
     }
 
     /// Whether a part of the background is darker than its level by more than a pixel's noise. A spot there
