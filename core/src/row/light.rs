@@ -204,3 +204,25 @@ pub struct Extremes {
     /// A count is at full scale or above.
     pub full_scale: bool,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of all lengths, in words that rise and that fall.
+    #[test]
+    fn a_sum_and_a_highest_count_are_those_of_the_counts() {
+        let words: [u16; 40] =
+            core::array::from_fn(|i| (i as u32).wrapping_mul(2_654_435_761) as u16 >> 4);
+        for length in 0..=words.len() {
+            for inverted in [0, LARGEST_COUNT] {
+                let light = Light::new(&words[..length], inverted);
+                assert_eq!(light.sum(), light.iter().map(u32::from).sum());
+                let highest = light.iter().max().map_or(-1, i32::from);
+                assert!(length == 0 || light.reach(highest) && light.reach(-5));
+                assert!(!light.reach(highest + 1));
+                assert!(!light.reach(i32::MAX));
+            }
+        }
+    }
+}

@@ -5,6 +5,9 @@
 //! background is the light four blocks to the left and to the right of a place. The place counts by its
 //! *contrast*: how much its response is above that of the brighter side. A slope, an edge or a flat part of
 //! the background has no contrast. The top of wide light has little, and is less bent than a spot.
+//!
+//! One pass takes the highest contrast of each part of the row. Then the search looks at the parts, the
+//! highest first, until it has found a place of a spot with more contrast than the next part.
 
 use dual_mac::{BESIDE, PART, REACH, SAMPLES_OF_PART};
 use heapless::Vec;
@@ -46,12 +49,19 @@ const fn most_parts(block_log2: u32) -> usize {
 /// The blocks of a place and those of its sides.
 const BLOCKS: usize = 2 * REACH + 1;
 
-/// How much a search takes at most: the pixels that tell whether a place is one pixel, the parts of which the
-/// highest is taken, and [`LOOK`] for each part that is looked at. Narrow spots on wide light take MEASURED.
-const EFFORT: u32 = 3600;
+/// How much a search may take to look at parts, in units of about eight of the chip's instructions: 27,000 in
+/// all. The rest takes 22,000. That is enough for narrow spots and speckle on wide light, and for four hot
+/// pixels that are brighter.
+const EFFORT: u32 = 3400;
 
-/// See [`EFFORT`].
-const LOOK: u32 = 3 * PART as u32;
+/// Looking at a part.
+const LOOK: u32 = 50;
+
+/// Measuring the contrast and the bend of a place; then testing whether it is one pixel.
+const PLACE: u32 = 20;
+
+/// Parts side by side of which the highest rank is kept: the highest of all is found among those first.
+const GROUP: usize = 12;
 
 /// The least contrast, in halves of a standard deviation of a response's noise. A spot that is bright enough
 /// for a centre has about as much. The difference of two responses has 1.4 times that noise, so noise alone
@@ -104,6 +114,8 @@ struct Parts<'a> {
     sums: &'a Sums<'a>,
     /// In the order of the sizes, and from left to right.
     parts: Vec<Part, MOST_PARTS>,
+    /// The highest rank of each [`GROUP`] of parts.
+    highest: Vec<u32, { MOST_PARTS.div_ceil(GROUP) }>,
     /// What is left of the [`EFFORT`].
     effort: u32,
 }
@@ -112,32 +124,51 @@ impl<'a> Parts<'a> {
     fn new(sums: &'a Sums<'a>, noise: Counts) -> Self {
         let mut parts = Vec::new();
         // Another spot needs less than the one with the most contrast.
-        let least = rank_of(needed(LEAST_OTHER, noise));
+        let needed = needed(LEAST_OTHER, noise);
         for block_log2 in SMALLEST_BLOCK_LOG2..=LARGEST_BLOCK_LOG2 {
             let blocks = sums.small_blocks(block_log2);
             let mut highest = [0; most_parts(SMALLEST_BLOCK_LOG2)];
             dual_mac::contrasts(blocks, &mut highest);
+            let least = contrast_of(needed, block_log2);
             let last = blocks.len().saturating_sub(SAMPLES_OF_PART);
             for (part, highest) in (0..MAX_PIXELS).zip(highest) {
                 // A quarter, rounded down by at most 3/4. Below 2^18.
                 let contrast = numeric::add_u32(4 * u32::from(highest), 3);
-                let rank = rank_of(significance(contrast, block_log2));
-                if rank >= least {
+                if contrast > least {
                     // There is room for all.
                     let _ = parts.push(Part {
                         block_log2,
                         first: part.wrapping_mul(PART).min(last),
                         contrast,
-                        rank: Some(rank),
+                        rank: rank_of(significance(contrast, block_log2)),
                     });
                 }
             }
         }
-        Self {
+        let mut parts = Self {
             sums,
             parts,
+            highest: Vec::new(),
             effort: EFFORT,
+        };
+        for group in parts.parts.chunks(GROUP) {
+            let _ = parts.highest.push(highest_rank(group));
         }
+        parts
+    }
+
+    /// Takes the part with the highest rank, if that is `least` or more.
+    fn take(&mut self, least: u32) -> Option<Part> {
+        let groups = self.parts.chunks_mut(GROUP).zip(&mut self.highest);
+        let (group, highest) = groups.max_by_key(|(_, highest)| **highest)?;
+        if *highest < least {
+            return None;
+        }
+        let part = group.iter_mut().max_by_key(|part| part.rank)?;
+        let taken = *part;
+        part.rank = 0;
+        *highest = highest_rank(group);
+        Some(taken)
     }
 
     /// The place of a spot with the most significant contrast. Looks at the part with the highest contrast
@@ -145,14 +176,7 @@ impl<'a> Parts<'a> {
     fn best(&mut self, noise: Counts) -> Result<Option<Place>, Fault> {
         let mut best: Option<Place> = None;
         let mut least = needed(LEAST_CONTRAST, noise);
-        loop {
-            let number = self.parts.len();
-            let highest = self.parts.iter_mut().max_by_key(|part| part.rank);
-            let Some(part) = highest.filter(|part| part.rank >= Some(rank_of(least))) else {
-                return Ok(best);
-            };
-            part.rank = None;
-            self.effort = self.effort.saturating_sub(number as u32);
+        while let Some(part) = self.take(rank_of(least)) {
             let is_spot = |place: &Place| place.stands_out(noise);
             let more = contrast_of(least, part.block_log2);
             let found = part.highest(self.sums, more, &mut self.effort, is_spot);
@@ -165,6 +189,7 @@ impl<'a> Parts<'a> {
                 best = found;
             }
         }
+        Ok(best)
     }
 
     /// Finds another spot of similar contrast further away than [`NEAR`] blocks, and returns its pixel.
@@ -197,14 +222,15 @@ impl<'a> Parts<'a> {
 }
 
 /// Blocks side by side.
+#[derive(Clone, Copy)]
 struct Part {
     block_log2: u32,
     /// The first of the [`SAMPLES_OF_PART`] blocks that it takes.
     first: usize,
     /// At least the highest contrast of its places.
     contrast: u32,
-    /// The [`rank_of`] that contrast, if nothing has looked at the part.
-    rank: Option<u32>,
+    /// The [`rank_of`] that contrast, or zero once the part is taken.
+    rank: u32,
 }
 
 impl Part {
@@ -219,25 +245,78 @@ impl Part {
     ) -> Option<Place> {
         *effort = effort.saturating_sub(LOOK);
         let blocks = sums.small_blocks(self.block_log2).get(self.first..)?;
-        let blocks = blocks.get(..SAMPLES_OF_PART).unwrap_or(blocks);
+        // A short row has fewer blocks. Those behind them belong to no place.
+        let mut few = [0; SAMPLES_OF_PART];
+        let part = blocks.first_chunk().unwrap_or_else(|| {
+            for (few, &block) in few.iter_mut().zip(blocks) {
+                *few = block;
+            }
+            &few
+        });
+        let places = blocks.len().saturating_sub(2 * REACH).min(PART);
         let mut highest = None;
-        for (first, blocks) in (self.first..MAX_PIXELS).zip(blocks.windows(BLOCKS)) {
-            let Some(place) = Place::at(self.block_log2, first, blocks, least) else {
+        // How much twice a block is above those beside it. Together as with the kernel, that is the contrast
+        // to the mean of both sides, which is not less than that to the brighter one. Eight sums of 16 pixels
+        // of 12 bits: below 2^20, and so is twice a contrast.
+        let above = |first: usize| {
+            let [left, here, right] = [0, BESIDE, 2 * BESIDE].map(|i| i32::from(part[first + i]));
+            numeric::sub_i32(2 * here, numeric::add_i32(left, right))
+        };
+        let (mut before, mut last) = (above(0), above(1));
+        for first in 0..places {
+            let next = above(first + 2);
+            let both = numeric::add_i32(numeric::add_i32(before, next), 2 * last);
+            (before, last) = (last, next);
+            if both <= (2 * least) as i32 {
+                continue;
+            }
+            if *effort == 0 {
+                return None;
+            }
+            *effort = effort.saturating_sub(PLACE);
+            let Some(place) = self.place(part, first, least) else {
                 continue;
             };
             if !is_spot(&place) {
                 continue;
             }
-            *effort = effort.saturating_sub(5 << place.block_log2);
-            if *effort == 0 {
-                return None;
-            }
+            *effort = effort.saturating_sub(PLACE);
             if !sums.is_one_pixel(place.block_log2, place.block, place.level) {
                 least = place.contrast;
                 highest = Some(place);
             }
         }
         highest
+    }
+
+    /// A place of the part, of which `first` is the first block. `None` where its contrast is not more than
+    /// `least`.
+    #[inline(never)]
+    fn place(&self, part: &[u16; SAMPLES_OF_PART], first: usize, least: u32) -> Option<Place> {
+        let blocks: &[u16; BLOCKS] = part.get(first..)?.first_chunk()?;
+        // Blocks of at most 16 pixels of 12 bits: responses are below 2^18, and times 2 * 4 below 2^21.
+        let response = |first: usize| {
+            let [left, middle, right] = [0, 1, 2].map(|i| i32::from(blocks[first + i]));
+            numeric::add_i32(numeric::add_i32(left, right), 2 * middle)
+        };
+        let here = response(BESIDE);
+        let (left_side, right_side) = (response(0), response(2 * BESIDE));
+        let contrast = numeric::sub_i32(here, left_side.max(right_side));
+        let contrast = contrast.max(0).unsigned_abs();
+        if contrast <= least {
+            return None;
+        }
+        let fallen = |sides: i32| numeric::sub_i32(numeric::mul_i32(2, here), sides);
+        let sides = numeric::add_i32(left_side, right_side);
+        let halfway = numeric::add_i32(response(BESIDE / 2), response(BESIDE + BESIDE / 2));
+        let bend = numeric::sub_i32(numeric::mul_i32(4, fallen(halfway)), fallen(sides)) / 8;
+        Some(Place {
+            block_log2: self.block_log2,
+            block: self.first.saturating_add(first).saturating_add(REACH),
+            contrast,
+            bend: bend.max(0).unsigned_abs(),
+            level: height(in_q8((sides / 2).unsigned_abs()), self.block_log2),
+        })
     }
 }
 
@@ -256,38 +335,6 @@ struct Place {
 }
 
 impl Place {
-    /// The place in the middle of these blocks, of which `first` is the first. `None` where its contrast is
-    /// not more than `least`.
-    #[inline(always)]
-    fn at(block_log2: u32, first: usize, blocks: &[u16], least: u32) -> Option<Self> {
-        let blocks: &[u16; BLOCKS] = blocks.try_into().ok()?;
-        // Blocks of at most 16 pixels of 12 bits: responses are below 2^18, and times 2 * 4 below 2^21.
-        let response = |first: usize| {
-            let [left, middle, right] = [0, 1, 2].map(|i| i32::from(blocks[first + i]));
-            numeric::add_i32(numeric::add_i32(left, right), 2 * middle)
-        };
-        let here = response(BESIDE);
-        let (left_side, right_side) = (response(0), response(2 * BESIDE));
-        let contrast = here
-            .saturating_sub(left_side.max(right_side))
-            .max(0)
-            .unsigned_abs();
-        if contrast <= least {
-            return None;
-        }
-        let fallen = |sides: i32| numeric::sub_i32(numeric::mul_i32(2, here), sides);
-        let sides = numeric::add_i32(left_side, right_side);
-        let halfway = numeric::add_i32(response(BESIDE / 2), response(BESIDE + BESIDE / 2));
-        let bend = numeric::sub_i32(numeric::mul_i32(4, fallen(halfway)), fallen(sides)) / 8;
-        Some(Self {
-            block_log2,
-            block: first.saturating_add(REACH),
-            contrast,
-            bend: bend.max(0).unsigned_abs(),
-            level: height(in_q8((sides / 2).unsigned_abs()), block_log2),
-        })
-    }
-
     /// Whether the contrast and the bend are more than that of noise.
     fn stands_out(&self, noise: Counts) -> bool {
         significance(self.contrast, self.block_log2) >= needed(LEAST_CONTRAST, noise)
@@ -310,4 +357,8 @@ fn contrast_of(significance: u64, block_log2: u32) -> u32 {
 /// A significance without its fraction. Contrasts are below 2^18, so theirs is below 2^32 in blocks of 16.
 fn rank_of(significance: u64) -> u32 {
     u32::try_from(significance >> (2 * Counts::FRACTION)).unwrap_or(u32::MAX)
+}
+
+fn highest_rank(parts: &[Part]) -> u32 {
+    parts.iter().map(|part| part.rank).max().unwrap_or_default()
 }
