@@ -265,9 +265,9 @@ impl Part {
         let (mut before, mut last) = (above(0), above(1));
         for first in 0..places {
             let next = above(first + 2);
-            let both = numeric::add_i32(numeric::add_i32(before, next), 2 * last);
+            let both = numeric::add_i32(numeric::add_i32(before, next), numeric::mul_i32(2, last));
             (before, last) = (last, next);
-            if both <= (2 * least) as i32 {
+            if both <= numeric::mul_i32(2, least.min(1 << 20) as i32) {
                 continue;
             }
             if *effort == 0 {

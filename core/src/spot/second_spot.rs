@@ -329,12 +329,13 @@ fn find_far_spot(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
     };
     // A similar height is more than two thirds of the highest. The significance is what noise does not reach.
     let needed = needed(LEAST_OTHER, spot.background.noise);
-    let root = (needed.saturating_mul(1 << block_log2)).isqrt();
+    let root = (needed.saturating_mul(1 << block_log2.min(LARGEST_BLOCK_LOG2))).isqrt();
     let similar = (highest / 3 * 2).max(i32::try_from(root).unwrap_or(i32::MAX));
     let least = with_background(similar).saturating_sub(1);
     let is_other = |response: i32| {
         has_similar_height(response.into(), highest.into())
-            && square(response.max(0).unsigned_abs()) >> block_log2 >= needed
+            && square(response.max(0).unsigned_abs()) >> block_log2.min(LARGEST_BLOCK_LOG2)
+                >= needed
     };
     // A valley must lie between the two: the other spot is beyond the nearest dark block on its side.
     let (dark_on_left, dark_on_right) =
