@@ -191,8 +191,15 @@ fn search_all_sizes(
     if best.block_log2 == 0 && best.is_one_pixel(&sums, level) {
         // The highest response is that of a hot pixel. Larger blocks may show the spot that it hides.
         best = Candidate::all(&sums, level)
-            .filter(|candidate| !candidate.is_one_pixel(&sums, level))
-            .max_by_key(|candidate| candidate.significance)
+            .fold(None, |best: Option<Candidate>, candidate| {
+                let is_better =
+                    (best.as_ref()).is_none_or(|best| candidate.significance >= best.significance);
+                if is_better && !candidate.is_one_pixel(&sums, level) {
+                    Some(candidate)
+                } else {
+                    best
+                }
+            })
             .ok_or(NOTHING)?;
     }
     if !is_level && let Some(tilt) = sums.tilt_that_may_hide(best.height(), noise) {

@@ -34,15 +34,15 @@ mod cortex_m;
 pub use cortex_m::square_root;
 #[cfg(has_dsp)]
 pub use cortex_m::{
-    dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps, sweep,
-    sweep_wide,
+    contrasts, dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps,
+    sweep, sweep_wide,
 };
 #[cfg(not(has_fpu))]
 pub use portable::square_root;
 #[cfg(not(has_dsp))]
 pub use portable::{
-    dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps, sweep,
-    sweep_wide,
+    contrasts, dot, dot2, reaches, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps,
+    sweep, sweep_wide,
 };
 
 /// The weights of two neighbouring samples. Aligned, so that one instruction loads both.
@@ -63,3 +63,15 @@ pub const PART: usize = 16;
 
 /// The largest sample. Samples are read as signed 16-bit numbers, so larger ones would be negative.
 pub const LARGEST_SAMPLE: u16 = i16::MAX as u16;
+
+/// From a sample to those beside it, of which [`contrasts`] takes the contrast.
+pub const BESIDE: usize = 4;
+
+/// Samples to either side of one that its contrast needs.
+pub const REACH: usize = BESIDE + 1;
+
+/// Places in a part of [`contrasts`].
+pub const PLACES_OF_PART: usize = 24;
+
+/// Samples of the places in a part, and those to their sides.
+pub const SAMPLES_OF_PART: usize = PLACES_OF_PART + 2 * REACH;

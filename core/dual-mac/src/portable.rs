@@ -2,7 +2,7 @@
 
 #[cfg(doc)]
 use crate::LARGEST_SAMPLE;
-use crate::{BLOCK, PART, Pair, Pairs};
+use crate::{BESIDE, BLOCK, PART, PLACES_OF_PART, Pair, Pairs, REACH, SAMPLES_OF_PART};
 
 /// Sum of sample * weight over the samples, or over the weights if those are fewer. A last sample without a
 /// partner is left out.
@@ -165,6 +165,36 @@ pub fn subtract_to_12_bits(numbers: &mut [u16], subtracted: i16) {
         let difference = (*number as i16).wrapping_sub(subtracted);
         *number = difference.clamp(0, 4095) as u16;
     }
+}
+
+/// Writes the highest contrast of each part, as far as there is room. The contrast of a sample is how much a
+/// quarter of the kernel [1 2 1] responds there with more than [`BESIDE`] samples to the left and to the
+/// right, or zero. The first part starts with sample [`REACH`]; the last one is as long as the others, if
+/// there are so many samples, and ends [`REACH`] samples before the end.
+///
+/// The response is rounded down to a whole number: the true one is higher by at most 3/4.
+pub fn contrasts(samples: &[u16], highest: &mut [u16]) {
+    let starts = (0..samples.len().saturating_sub(2 * REACH)).step_by(PLACES_OF_PART);
+    for (start, highest) in starts.zip(highest) {
+        let start = start.min(samples.len().saturating_sub(SAMPLES_OF_PART));
+        let part = samples.get(start..).unwrap_or_default();
+        let part = part.get(..SAMPLES_OF_PART).unwrap_or(part);
+        let contrasts = part.windows(2 * REACH + 1).map(contrast);
+        *highest = contrasts.max().unwrap_or_default();
+    }
+}
+
+/// The contrast of the middle one of these samples.
+fn contrast(samples: &[u16]) -> u16 {
+    let mut quarters = samples.windows(3).step_by(BESIDE).map(|three| match three {
+        &[left, middle, right] => left.midpoint(right).midpoint(middle),
+        _ => 0,
+    });
+    let (Some(left), Some(here), Some(right)) = (quarters.next(), quarters.next(), quarters.next())
+    else {
+        return 0;
+    };
+    here.saturating_sub(left.max(right))
 }
 
 fn two_products(even: u16, odd: u16, weight: Pair) -> i32 {

@@ -2,10 +2,10 @@
 //! chip.
 
 use dual_mac::portable::{
-    dot, dot2, reaches, square_root, subtract_slope, subtract_to_12_bits, sum_blocks, sum_of_steps,
-    sweep, sweep_wide,
+    contrasts, dot, dot2, reaches, square_root, subtract_slope, subtract_to_12_bits, sum_blocks,
+    sum_of_steps, sweep, sweep_wide,
 };
-use dual_mac::{LARGEST_SAMPLE, PART, Pair, Pairs};
+use dual_mac::{BESIDE, LARGEST_SAMPLE, PART, PLACES_OF_PART, Pair, Pairs, REACH};
 use proptest::prelude::*;
 
 /// The most samples: more than in the longest window of the phase tables, which has 116.
@@ -132,6 +132,28 @@ proptest! {
         subtract_to_12_bits(&mut differences[..words.len()], lowest);
         for (&difference, expected) in differences.iter().zip(&expected) {
             prop_assert_eq!(i32::from(difference), (expected - i32::from(lowest)).min(4095));
+        }
+    }
+
+    /// In quarters, which lose up to 3/4 of each response.
+    #[test]
+    fn each_part_has_its_highest_contrast(samples in samples(u16::MAX)) {
+        let response = |i: usize| {
+            u32::from(samples[i - 1]) + 2 * u32::from(samples[i]) + u32::from(samples[i + 1])
+        };
+        let places = REACH..samples.len().saturating_sub(REACH);
+        let contrast = |i| {
+            response(i).saturating_sub(response(i - BESIDE).max(response(i + BESIDE)))
+        };
+        let mut parts = [7; 8];
+        contrasts(&samples, &mut parts);
+        let number = places.len().div_ceil(PLACES_OF_PART);
+        prop_assert!(parts[number..].iter().all(|&part| part == 7));
+        for (part, &highest) in parts[..number].iter().enumerate() {
+            let start = (REACH + part * PLACES_OF_PART).min(places.end.saturating_sub(PLACES_OF_PART)).max(REACH);
+            let expected = (start..places.end.min(start + PLACES_OF_PART)).map(contrast).max();
+            let error = 4 * i64::from(highest) - i64::from(expected.unwrap_or_default());
+            prop_assert!((-3..=3).contains(&error), "part {part}: {error}");
         }
     }
 

@@ -9,7 +9,6 @@ use core::ops::Range;
 
 use crate::centre::RowCentre;
 use crate::fault::Fault;
-use crate::numeric;
 use crate::row::{BLOCK, Light, MAX_PIXELS, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
@@ -91,7 +90,7 @@ fn own_height(light: Light<'_>, centre: usize, half: usize, apart: usize) -> u32
     let height = |from: usize| {
         let two = light.slice(from..from.saturating_add(half.saturating_mul(2)))?;
         let (first, second) = two.split(half);
-        Some(sum(first).min(sum(second)))
+        Some(first.sum().min(second.sum()))
     };
     let separation = half.saturating_mul(apart);
     let own = |from: usize| {
@@ -162,11 +161,11 @@ impl Search {
         let blocks = pixels.start / BLOCK..pixels.end.div_ceil(BLOCK);
         // What is not there may be high.
         let blocks = row.blocks().get(blocks);
-        blocks.is_none_or(|blocks| exceeds(blocks.into(), of_block))
+        blocks.is_none_or(|blocks| Light::from(blocks).exceeds(of_block))
             && row
                 .light()
                 .slice(pixels)
-                .is_none_or(|light| exceeds(light, of_pixel))
+                .is_none_or(|light| light.exceeds(of_pixel))
     }
 
     /// Searches at most [`PART`] places.
@@ -191,7 +190,11 @@ impl Search {
                 0,
                 heights,
             ),
-            half => lower_boxes(light.groups(half).rev().map(sum), self.shift, heights),
+            half => lower_boxes(
+                light.groups(half).rev().map(Light::sum),
+                self.shift,
+                heights,
+            ),
         }
         // The last box has no other one behind it.
         let of = |from: usize| {
@@ -333,49 +336,6 @@ impl Highest {
                 self.number = Some(number);
             }
         }
-    }
-}
-
-/// Whether a count, or a block's sum, exceeds a limit.
-// Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in a larger count plus the
-// rest to 2^15.
-#[inline(never)]
-fn exceeds(counts: Light<'_>, limit: u32) -> bool {
-    const ONES: u32 = 0x0001_0001;
-    const LARGEST: u32 = 0x7FFF;
-    let Some(rest) = LARGEST.checked_sub(limit) else {
-        return false;
-    };
-    let rest = rest.wrapping_mul(ONES);
-    let (words, inverted) = counts.words();
-    let inverted = u32::from(inverted).wrapping_mul(ONES);
-    let take = |low: u16, high: u16| {
-        let words = u32::from(low) | (u32::from(high) * 0x1_0000);
-        (words ^ inverted).wrapping_add(rest)
-    };
-    let (eights, last) = words.as_chunks::<8>();
-    let is_high = |bits: u32| bits & (ONES * (LARGEST + 1)) != 0;
-    eights
-        .iter()
-        .any(|&[a, b, c, d, e, f, g, h]| is_high(take(a, b) | take(c, d) | take(e, f) | take(g, h)))
-        || last.iter().any(|&word| is_high(take(word, word)))
-}
-
-/// A sum of counts. A row has at most 2^12 pixels of 12 bits. Where words fall with light, a count is full
-/// scale less a word.
-#[inline(always)]
-fn sum(counts: Light<'_>) -> u32 {
-    let (words, inverted) = counts.words();
-    let (fours, rest) = words.as_chunks::<4>();
-    let add = |sum: u32, word: &u16| numeric::add_u32(sum, u32::from(*word));
-    let sum = fours.iter().fold(0, |sum, four| four.iter().fold(sum, add));
-    let sum = rest.iter().fold(sum, add);
-    if inverted == 0 {
-        sum
-    } else {
-        (words.len() as u32)
-            .wrapping_mul(inverted.into())
-            .wrapping_sub(sum)
     }
 }
 

@@ -2,6 +2,8 @@
 
 use core::slice::SliceIndex;
 
+use crate::numeric;
+
 /// Pixels side by side, light positive, in the words of a read-out. Words that fall with light stay as they
 /// are: each count is computed when it is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -104,6 +106,46 @@ impl<'a> Light<'a> {
         (self.words, self.inverted)
     }
 
+    /// The sum of the counts. A row has at most 2^12 pixels of 12 bits.
+    // Where words fall with light, a count is full scale less a word.
+    #[inline(always)]
+    pub(crate) fn sum(self) -> u32 {
+        let (fours, rest) = self.words.as_chunks::<4>();
+        let add = |sum: u32, word: &u16| numeric::add_u32(sum, u32::from(*word));
+        let sum = fours.iter().fold(0, |sum, four| four.iter().fold(sum, add));
+        let sum = rest.iter().fold(sum, add);
+        if self.inverted == 0 {
+            sum
+        } else {
+            (self.words.len() as u32)
+                .wrapping_mul(self.inverted.into())
+                .wrapping_sub(sum)
+        }
+    }
+
+    /// Whether any count exceeds a limit.
+    // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in a larger count plus the
+    // rest to 2^15.
+    #[inline(never)]
+    pub(crate) fn exceeds(self, limit: u32) -> bool {
+        const ONES: u32 = 0x0001_0001;
+        const LARGEST: u32 = 0x7FFF;
+        let Some(rest) = LARGEST.checked_sub(limit) else {
+            return false;
+        };
+        let rest = rest.wrapping_mul(ONES);
+        let inverted = u32::from(self.inverted).wrapping_mul(ONES);
+        let take = |low: u16, high: u16| {
+            let words = u32::from(low) | (u32::from(high) * 0x1_0000);
+            (words ^ inverted).wrapping_add(rest)
+        };
+        let is_high = |bits: u32| bits & (ONES * (LARGEST + 1)) != 0;
+        let (eights, last) = self.words.as_chunks::<8>();
+        eights.iter().any(|&[a, b, c, d, e, f, g, h]| {
+            is_high(take(a, b) | take(c, d) | take(e, f) | take(g, h))
+        }) || last.iter().any(|&word| is_high(take(word, word)))
+    }
+
     /// Whether any count is at an end of the converter's range.
     // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in zero less one, and in
     // the largest word plus the rest to 2^15.
@@ -155,4 +197,26 @@ pub struct Extremes {
     pub zero: bool,
     /// A count is at full scale or above.
     pub full_scale: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::row::LARGEST_COUNT;
+
+    /// Of all lengths, in words that rise and that fall.
+    #[test]
+    fn a_sum_and_a_highest_count_are_those_of_the_counts() {
+        let words: [u16; 40] =
+            core::array::from_fn(|i| (i as u32).wrapping_mul(2_654_435_761) as u16 >> 4);
+        for length in 0..=words.len() {
+            for inverted in [0, LARGEST_COUNT] {
+                let light = Light::new(&words[..length], inverted);
+                assert_eq!(light.sum(), light.iter().map(u32::from).sum());
+                let highest = light.iter().max().map_or(0, u32::from);
+                assert!(highest == 0 || light.exceeds(highest - 1));
+                assert!(!light.exceeds(highest) && !light.exceeds(u32::MAX));
+            }
+        }
+    }
 }

@@ -5,9 +5,16 @@
 //! background is the light four blocks to the left and to the right of a place. The place counts by its
 //! *contrast*: how much its response is above that of the brighter side. A slope, an edge or a flat part of
 //! the background has no contrast. The top of wide light has little, and is less bent than a spot.
+//!
+//! One pass takes the highest contrast of each part of the row. Then the search looks at the parts, the
+//! highest first, until it has found a place of a spot with more contrast than the next part.
+
+use dual_mac::{BESIDE, PLACES_OF_PART, REACH, SAMPLES_OF_PART};
+use heapless::Vec;
 
 use crate::fault::Fault;
 use crate::numeric;
+use crate::row::MAX_PIXELS;
 use crate::spot::second_spot::{LEAST_OTHER, NEAR, check_near, has_similar_height, two_spots};
 use crate::spot::sums::Sums;
 use crate::spot::{Background, Spot, above, height, in_q8, middle, needed, noise, square};
@@ -19,9 +26,42 @@ const SMALLEST_BLOCK_LOG2: u32 = 1;
 /// The largest block has 2^4 = 16 pixels, for widths up to 20 pixels.
 const LARGEST_BLOCK_LOG2: u32 = 4;
 
-/// Blocks from a spot to the background beside it. A width is at most 4/3 of a block: the spot has 3 % of its
-/// response left there.
-const BESIDE: usize = 4;
+// Blocks from a spot to the background beside it. A width is at most 4/3 of a block: the spot has 3 % of its
+// response left there.
+const _: () = assert!(BESIDE == 4);
+
+/// The most parts of all sizes together.
+const MOST_PARTS: usize = {
+    let mut parts = 0;
+    let mut log2 = SMALLEST_BLOCK_LOG2;
+    while log2 <= LARGEST_BLOCK_LOG2 {
+        parts += most_parts(log2);
+        log2 += 1;
+    }
+    parts
+};
+
+/// The most parts of one size.
+const fn most_parts(block_log2: u32) -> usize {
+    (MAX_PIXELS >> block_log2).div_ceil(PLACES_OF_PART)
+}
+
+/// The blocks of a place and those of its sides.
+const BLOCKS: usize = 2 * REACH + 1;
+
+/// How much a search may take to look at parts, in units of about eight of the chip's instructions: 27,000 in
+/// all. The rest takes 22,000. That is enough for narrow spots and speckle on wide light, and for four hot
+/// pixels that are brighter.
+const EFFORT: u32 = 3400;
+
+/// Looking at a part.
+const LOOK: u32 = 50;
+
+/// Measuring the contrast and the bend of a place; then testing whether it is one pixel.
+const PLACE: u32 = 20;
+
+/// Parts side by side of which the highest rank is kept: the highest of all is found among those first.
+const GROUP: usize = 12;
 
 /// The least contrast, in halves of a standard deviation of a response's noise. A spot that is bright enough
 /// for a centre has about as much. The difference of two responses has 1.4 times that noise, so noise alone
@@ -38,19 +78,16 @@ const LEAST_BEND: u16 = 10;
 const NOISE_REACH: usize = 256;
 
 /// Finds the spot with the most significant contrast. `row_noise` is the noise of a pixel of the row. `None`
-/// if no spot has enough contrast. Returns [`Fault::TwoSpots`] if two spots have a similar contrast.
+/// if no spot has enough contrast. Returns [`Fault::TwoSpots`] if two spots have a similar contrast, and
+/// [`Fault::NoSpot`] if so many places have much contrast that the [`EFFORT`] does not tell which is a spot.
 #[cold]
 #[inline(never)]
 pub(super) fn find(sums: &Sums<'_>, row_noise: Counts) -> Option<Result<Spot, Fault>> {
-    let mut least = needed(LEAST_CONTRAST, row_noise);
-    let mut best = None;
-    for block_log2 in SMALLEST_BLOCK_LOG2..=LARGEST_BLOCK_LOG2 {
-        if let Some(place) = Place::highest(sums, block_log2, least, row_noise) {
-            least = significance(place.contrast, block_log2);
-            best = Some(place);
-        }
-    }
-    let best = best?;
+    let mut parts = Parts::new(sums, row_noise);
+    let best = match parts.best(row_noise) {
+        Ok(best) => best?,
+        Err(fault) => return Some(Err(fault)),
+    };
     let centre = middle(best.block, best.block_log2);
     let to = centre.saturating_add(NOISE_REACH).min(sums.light.len());
     let near = sums.light.slice(centre.saturating_sub(NOISE_REACH)..to)?;
@@ -58,7 +95,7 @@ pub(super) fn find(sums: &Sums<'_>, row_noise: Counts) -> Option<Result<Spot, Fa
     if !best.stands_out(noise) {
         return None;
     }
-    if let Some(other) = best.find_other(sums, noise) {
+    if let Some(other) = parts.find_other(&best, noise) {
         return Some(Err(two_spots(centre, other)));
     }
     let (here, level) = (sums.response(best.block_log2, best.block)?, best.level);
@@ -70,6 +107,217 @@ pub(super) fn find(sums: &Sums<'_>, row_noise: Counts) -> Option<Result<Spot, Fa
         black_level: level,
     };
     Some(check_near(sums, spot))
+}
+
+/// The parts of the row whose contrast is more than that of noise.
+struct Parts<'a> {
+    sums: &'a Sums<'a>,
+    /// In the order of the sizes, and from left to right.
+    parts: Vec<Part, MOST_PARTS>,
+    /// The highest rank of each [`GROUP`] of parts.
+    highest: Vec<u32, { MOST_PARTS.div_ceil(GROUP) }>,
+    /// What is left of the [`EFFORT`].
+    effort: u32,
+}
+
+impl<'a> Parts<'a> {
+    fn new(sums: &'a Sums<'a>, noise: Counts) -> Self {
+        let mut parts = Vec::new();
+        // Another spot needs less than the one with the most contrast.
+        let needed = needed(LEAST_OTHER, noise);
+        for block_log2 in SMALLEST_BLOCK_LOG2..=LARGEST_BLOCK_LOG2 {
+            let blocks = sums.small_blocks(block_log2);
+            let mut highest = [0; most_parts(SMALLEST_BLOCK_LOG2)];
+            dual_mac::contrasts(blocks, &mut highest);
+            let least = contrast_of(needed, block_log2);
+            let last = blocks.len().saturating_sub(SAMPLES_OF_PART);
+            for (part, highest) in (0..MAX_PIXELS).zip(highest) {
+                // A quarter, rounded down by at most 3/4. Below 2^18.
+                let contrast = numeric::add_u32(4 * u32::from(highest), 3);
+                if contrast > least {
+                    // There is room for all.
+                    let _ = parts.push(Part {
+                        block_log2,
+                        first: part.wrapping_mul(PLACES_OF_PART).min(last),
+                        contrast,
+                        rank: rank_of(significance(contrast, block_log2)),
+                    });
+                }
+            }
+        }
+        let mut parts = Self {
+            sums,
+            parts,
+            highest: Vec::new(),
+            effort: EFFORT,
+        };
+        for group in parts.parts.chunks(GROUP) {
+            let _ = parts.highest.push(highest_rank(group));
+        }
+        parts
+    }
+
+    /// Takes the part with the highest rank, if that is `least` or more.
+    fn take(&mut self, least: u32) -> Option<Part> {
+        let groups = self.parts.chunks_mut(GROUP).zip(&mut self.highest);
+        let (group, highest) = groups.max_by_key(|(_, highest)| **highest)?;
+        if *highest < least {
+            return None;
+        }
+        let part = group.iter_mut().max_by_key(|part| part.rank)?;
+        let taken = *part;
+        part.rank = 0;
+        *highest = highest_rank(group);
+        Some(taken)
+    }
+
+    /// The place of a spot with the most significant contrast. Looks at the part with the highest contrast
+    /// first, and so on, until no part left has more than the best place.
+    fn best(&mut self, noise: Counts) -> Result<Option<Place>, Fault> {
+        let mut best: Option<Place> = None;
+        let mut least = needed(LEAST_CONTRAST, noise);
+        while let Some(part) = self.take(rank_of(least)) {
+            let is_spot = |place: &Place| place.stands_out(noise);
+            let more = contrast_of(least, part.block_log2);
+            let found = part.highest(self.sums, more, &mut self.effort, is_spot);
+            if self.effort == 0 {
+                let amplitude = height(in_q8(part.contrast), part.block_log2);
+                return Err(Fault::NoSpot { amplitude });
+            }
+            if let Some(place) = found {
+                least = significance(place.contrast, place.block_log2);
+                best = found;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Finds another spot of similar contrast further away than [`NEAR`] blocks, and returns its pixel.
+    fn find_other(&mut self, best: &Place, noise: Counts) -> Option<usize> {
+        let least = needed(LEAST_OTHER, noise);
+        let is_other = |place: &Place| {
+            place.block.abs_diff(best.block) > NEAR
+                && has_similar_height(place.contrast.into(), best.contrast.into())
+                && significance(place.contrast, place.block_log2) >= least
+                // A spot between two blocks has four fifths of the bend.
+                && place.bend > best.bend / 2
+        };
+        let block_log2 = best.block_log2;
+        let parts = self.parts.iter();
+        let similar = parts.filter(|part| {
+            part.block_log2 == block_log2
+                && has_similar_height(part.contrast.into(), best.contrast.into())
+        });
+        for part in similar {
+            let other = part.highest(self.sums, best.contrast / 2, &mut self.effort, is_other);
+            if let Some(other) = other {
+                return Some(middle(other.block, block_log2));
+            }
+            if self.effort == 0 {
+                return Some(middle(part.first, block_log2));
+            }
+        }
+        None
+    }
+}
+
+/// Blocks side by side.
+#[derive(Clone, Copy)]
+struct Part {
+    block_log2: u32,
+    /// The first of the [`SAMPLES_OF_PART`] blocks that it takes.
+    first: usize,
+    /// At least the highest contrast of its places.
+    contrast: u32,
+    /// The [`rank_of`] that contrast, or zero once the part is taken.
+    rank: u32,
+}
+
+impl Part {
+    /// The place with the highest contrast that is more than `least`, if it is a spot's and no single pixel.
+    /// `None` too where that takes more than what is left of the effort, which is then zero.
+    fn highest(
+        &self,
+        sums: &Sums<'_>,
+        mut least: u32,
+        effort: &mut u32,
+        is_spot: impl Fn(&Place) -> bool,
+    ) -> Option<Place> {
+        *effort = effort.saturating_sub(LOOK);
+        let blocks = sums.small_blocks(self.block_log2).get(self.first..)?;
+        // A short row has fewer blocks. Those behind them belong to no place.
+        let mut few = [0; SAMPLES_OF_PART];
+        let part = blocks.first_chunk().unwrap_or_else(|| {
+            for (few, &block) in few.iter_mut().zip(blocks) {
+                *few = block;
+            }
+            &few
+        });
+        let places = blocks.len().saturating_sub(2 * REACH).min(PLACES_OF_PART);
+        let mut highest = None;
+        // How much twice a block is above those beside it. Together as with the kernel, that is the contrast
+        // to the mean of both sides, which is not less than that to the brighter one. Eight sums of 16 pixels
+        // of 12 bits: below 2^20, and so is twice a contrast.
+        let above = |first: usize| {
+            let [left, here, right] = [0, BESIDE, 2 * BESIDE].map(|i| i32::from(part[first + i]));
+            numeric::sub_i32(2 * here, numeric::add_i32(left, right))
+        };
+        let (mut before, mut last) = (above(0), above(1));
+        for first in 0..places {
+            let next = above(first + 2);
+            let both = numeric::add_i32(numeric::add_i32(before, next), numeric::mul_i32(2, last));
+            (before, last) = (last, next);
+            if both <= numeric::mul_i32(2, least.min(1 << 20) as i32) {
+                continue;
+            }
+            if *effort == 0 {
+                return None;
+            }
+            *effort = effort.saturating_sub(PLACE);
+            let Some(place) = self.place(part, first, least) else {
+                continue;
+            };
+            if !is_spot(&place) {
+                continue;
+            }
+            *effort = effort.saturating_sub(PLACE);
+            if !sums.is_one_pixel(place.block_log2, place.block, place.level) {
+                least = place.contrast;
+                highest = Some(place);
+            }
+        }
+        highest
+    }
+
+    /// A place of the part, of which `first` is the first block. `None` where its contrast is not more than
+    /// `least`.
+    #[inline(never)]
+    fn place(&self, part: &[u16; SAMPLES_OF_PART], first: usize, least: u32) -> Option<Place> {
+        let blocks: &[u16; BLOCKS] = part.get(first..)?.first_chunk()?;
+        // Blocks of at most 16 pixels of 12 bits: responses are below 2^18, and times 2 * 4 below 2^21.
+        let response = |first: usize| {
+            let [left, middle, right] = [0, 1, 2].map(|i| i32::from(blocks[first + i]));
+            numeric::add_i32(numeric::add_i32(left, right), 2 * middle)
+        };
+        let here = response(BESIDE);
+        let (left_side, right_side) = (response(0), response(2 * BESIDE));
+        let contrast = numeric::sub_i32(here, left_side.max(right_side));
+        let contrast = contrast.max(0).unsigned_abs();
+        if contrast <= least {
+            return None;
+        }
+        let fallen = |sides: i32| numeric::sub_i32(numeric::mul_i32(2, here), sides);
+        let sides = numeric::add_i32(left_side, right_side);
+        let halfway = numeric::add_i32(response(BESIDE / 2), response(BESIDE + BESIDE / 2));
+        let bend = numeric::sub_i32(numeric::mul_i32(4, fallen(halfway)), fallen(sides)) / 8;
+        Some(Place {
+            block_log2: self.block_log2,
+            block: self.first.saturating_add(first).saturating_add(REACH),
+            contrast,
+            bend: bend.max(0).unsigned_abs(),
+            level: height(in_q8((sides / 2).unsigned_abs()), self.block_log2),
+        })
+    }
 }
 
 /// A place on the row that may be a spot's.
@@ -87,85 +335,10 @@ struct Place {
 }
 
 impl Place {
-    /// The place of a spot with the highest contrast in blocks of 2^`block_log2` pixels, if its significance
-    /// is more than `least`.
-    fn highest(sums: &Sums<'_>, block_log2: u32, least: u64, noise: Counts) -> Option<Self> {
-        // Below 2^54, of which the root is taken. Without the 8 bits of Q8 it is below 2^20.
-        let least = least
-            .saturating_mul(1 << block_log2.min(LARGEST_BLOCK_LOG2))
-            .isqrt();
-        let least = (least >> Counts::FRACTION) as u32;
-        let mut best: Option<Self> = None;
-        for_each_candidate(sums, block_log2, least, |block, least| {
-            if let Some(place) = Self::at(sums, block_log2, block)
-                && place.contrast > least
-                && place.stands_out(noise)
-                && !sums.is_one_pixel(block_log2, block, place.level)
-            {
-                best = Some(place);
-                return place.contrast;
-            }
-            least
-        });
-        best
-    }
-
-    /// `None` where the row ends before the sides.
-    fn at(sums: &Sums<'_>, block_log2: u32, block: usize) -> Option<Self> {
-        let here = sums.response(block_log2, block)?;
-        let response = |block| Some(sums.response(block_log2, block)? as i32);
-        let left = |blocks| response(block.checked_sub(blocks)?);
-        let right = |blocks| response(block.checked_add(blocks)?);
-        // Responses of blocks of at most 16 pixels of 12 bits: below 2^18, and times 2 * 4 below 2^21.
-        let here = here as i32;
-        let fallen = |sides: i32| numeric::sub_i32(numeric::mul_i32(2, here), sides);
-        let (left_side, right_side) = (left(BESIDE)?, right(BESIDE)?);
-        let sides = numeric::add_i32(left_side, right_side);
-        let halfway = numeric::add_i32(left(BESIDE / 2)?, right(BESIDE / 2)?);
-        let bend = numeric::sub_i32(numeric::mul_i32(4, fallen(halfway)), fallen(sides)) / 8;
-        Some(Self {
-            block_log2,
-            block,
-            contrast: here
-                .saturating_sub(left_side.max(right_side))
-                .max(0)
-                .unsigned_abs(),
-            bend: bend.max(0).unsigned_abs(),
-            level: height(in_q8((sides / 2).unsigned_abs()), block_log2),
-        })
-    }
-
     /// Whether the contrast and the bend are more than that of noise.
     fn stands_out(&self, noise: Counts) -> bool {
         significance(self.contrast, self.block_log2) >= needed(LEAST_CONTRAST, noise)
             && significance(self.bend, self.block_log2) >= needed(LEAST_BEND, noise)
-    }
-
-    /// Finds another spot of similar contrast further away than [`NEAR`] blocks, and returns its pixel.
-    fn find_other(&self, sums: &Sums<'_>, noise: Counts) -> Option<usize> {
-        let least = needed(LEAST_OTHER, noise);
-        let mut other = None;
-        for_each_candidate(
-            sums,
-            self.block_log2,
-            self.contrast / 2,
-            |block, searched| {
-                if block.abs_diff(self.block) > NEAR
-                && let Some(place) = Self::at(sums, self.block_log2, block)
-                && has_similar_height(place.contrast.into(), self.contrast.into())
-                && significance(place.contrast, self.block_log2) >= least
-                // A spot between two blocks has four fifths of the bend.
-                && place.bend > self.bend / 2
-                && !sums.is_one_pixel(self.block_log2, block, place.level)
-                {
-                    other = Some(middle(block, self.block_log2));
-                    // The first one is enough.
-                    return u32::MAX;
-                }
-                searched
-            },
-        );
-        other
     }
 }
 
@@ -174,36 +347,18 @@ fn significance(response: u32, block_log2: u32) -> u64 {
     square(in_q8(response).unsigned_abs()) >> block_log2.min(LARGEST_BLOCK_LOG2)
 }
 
-/// Calls `see` with each block whose contrast may be more than `least`, and with `least`: its response is as
-/// much above the mean of both sides. `see` returns the next `least`.
-#[inline(always)]
-fn for_each_candidate(
-    sums: &Sums<'_>,
-    block_log2: u32,
-    mut least: u32,
-    mut see: impl FnMut(usize, u32) -> u32,
-) {
-    let sums = sums.small_blocks(block_log2);
-    // Contrasts to both sides are at most eight sums of 16 pixels of 12 bits: below 2^20.
-    let twice = |least: u32| numeric::mul_i32(2, least.min(1 << 20) as i32);
-    let mut both = twice(least);
-    let (mut last, mut last_two) = (0, 0);
-    // The kernel's middle is one block before its last. The first two sums are not those of a whole kernel:
-    // `Place::at` has no place there.
-    let middles = (BESIDE..).map(|last| last.wrapping_sub(1));
-    for (block, sums) in middles.zip(sums.windows(2 * BESIDE + 1)) {
-        let &[left, _, _, _, here, _, _, _, right] = sums else {
-            break;
-        };
-        let (left, here, right) = (left.into(), u32::from(here), right.into());
-        let sides = numeric::add_u32(left, right);
-        let above = numeric::sub_i32(numeric::add_u32(here, here) as i32, sides as i32);
-        let two = numeric::add_i32(last, above);
-        let contrast = numeric::add_i32(last_two, two);
-        (last, last_two) = (above, two);
-        if contrast > both {
-            least = see(block, least);
-            both = twice(least);
-        }
-    }
+/// The largest whole contrast whose significance is not more than this.
+fn contrast_of(significance: u64, block_log2: u32) -> u32 {
+    // Below 2^54, of which the root is taken. Without the 8 bits of Q8 it is below 2^20.
+    let square = significance.saturating_mul(1 << block_log2.min(LARGEST_BLOCK_LOG2));
+    (square.isqrt() >> Counts::FRACTION) as u32
+}
+
+/// A significance without its fraction. Contrasts are below 2^18, so theirs is below 2^32 in blocks of 16.
+fn rank_of(significance: u64) -> u32 {
+    u32::try_from(significance >> (2 * Counts::FRACTION)).unwrap_or(u32::MAX)
+}
+
+fn highest_rank(parts: &[Part]) -> u32 {
+    parts.iter().map(|part| part.rank).max().unwrap_or_default()
 }

@@ -307,7 +307,11 @@ fn block_of(pixel: usize, block_log2: u32) -> usize {
     pixel >> block_log2.min(LARGEST_BLOCK_LOG2)
 }
 
-/// Finds another spot further away than [`NEAR`] blocks, and returns its pixel.
+/// The most places, as high as the spot, that are tested for being one pixel.
+const MOST_TESTED: u32 = 16;
+
+/// Finds another spot further away than [`NEAR`] blocks, and returns its pixel. It may be a single pixel if
+/// there are more than [`MOST_TESTED`] of these.
 fn find_far_spot(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
     let (block_log2, level) = (
         spot.block_log2.min(LARGEST_BLOCK_LOG2),
@@ -319,35 +323,48 @@ fn find_far_spot(sums: &Sums<'_>, spot: &Spot) -> Option<usize> {
     let highest = (here.saturating_sub(1)..here.saturating_add(2))
         .filter_map(response)
         .max()?;
-    let least = needed(LEAST_OTHER, spot.background.noise);
+    // Responses above the background are below 2^30. What is at most so many whole counts, background
+    // included.
+    let with_background = |above: i32| {
+        let all = above.saturating_add(under_the_kernel(level, block_log2));
+        (all >> Counts::FRACTION).max(0).unsigned_abs()
+    };
+    // A similar height is more than two thirds of the highest. The significance is what noise does not reach.
+    let needed = needed(LEAST_OTHER, spot.background.noise);
+    let root = (needed.saturating_mul(1 << block_log2.min(LARGEST_BLOCK_LOG2))).isqrt();
+    let similar = (highest / 3 * 2).max(i32::try_from(root).unwrap_or(i32::MAX));
+    let least = with_background(similar).saturating_sub(1);
     let is_other = |response: i32| {
         has_similar_height(response.into(), highest.into())
-            && square(response.max(0).unsigned_abs()) >> block_log2.min(LARGEST_BLOCK_LOG2) >= least
+            && square(response.max(0).unsigned_abs()) >> block_log2.min(LARGEST_BLOCK_LOG2)
+                >= needed
     };
     // A valley must lie between the two: the other spot is beyond the nearest dark block on its side.
-    let is_dark = |block: &usize| response(*block).is_some_and(|valley| valley <= highest / 3);
-    let dark_on_left = (0..here).rev().find(is_dark);
-    let dark_on_right = (here..sums.number(block_log2)).find(is_dark);
-    let is_beyond = |block: usize| {
-        dark_on_left.is_some_and(|dark| block <= dark)
-            || dark_on_right.is_some_and(|dark| block > dark)
-    };
-    let mut other = None;
+    let (dark_on_left, dark_on_right) =
+        sums.nearest_low(block_log2, here, with_background(highest / 3));
+    let left = dark_on_left.map_or(0, |dark| {
+        dark.saturating_add(1).min(here.saturating_sub(NEAR))
+    });
+    let right = dark_on_right.map_or(usize::MAX, |dark| dark.max(here.saturating_add(NEAR)));
+    let (mut other, mut tested) = (None, 0);
     let see = &mut |block: usize, response: u32| {
-        let is_there = block.abs_diff(here) > NEAR
-            && is_beyond(block)
-            && is_other(above(response, block_log2, level))
-            && !sums.is_one_pixel(block_log2, block, level);
+        if !is_other(above(response, block_log2, level)) {
+            return true;
+        }
+        tested = numeric::add_u32(tested, 1);
+        let is_there = tested > MOST_TESTED || !sums.is_one_pixel(block_log2, block, level);
         if is_there {
             other = Some(middle(block, block_log2));
         }
         !is_there
     };
-    // A similar height is more than two thirds of the highest.
-    let similar = (highest / 3 * 2).saturating_add(under_the_kernel(level, block_log2));
-    let least = (similar >> Counts::FRACTION).max(0).unsigned_abs();
     for (highest, blocks) in sums.parts(block_log2) {
-        if highest >= least && !sums.all_above(block_log2, blocks, least.saturating_sub(1), see) {
+        let before = blocks.start..blocks.end.min(left);
+        let behind = blocks.start.max(right.saturating_add(1))..blocks.end;
+        if highest > least
+            && !(sums.all_above(block_log2, before, least, see)
+                && sums.all_above(block_log2, behind, least, see))
+        {
             break;
         }
     }

@@ -243,7 +243,29 @@ impl<'a> Sums<'a> {
         Some(numeric::add_u32(numeric::add_u32(left, twice), right))
     }
 
-    /// Calls `see` with each of these blocks on which the kernel's response is more than `least`, and with
+    /// The nearest blocks to the left of a block, and from it on to the right, on which the kernel's response is
+    /// at most `most`.
+    pub(super) fn nearest_low(
+        &self,
+        block_log2: u32,
+        block: usize,
+        most: u32,
+    ) -> (Option<usize>, Option<usize>) {
+        let block = block.min(self.number(block_log2).saturating_sub(1));
+        let small = self.small_blocks(block_log2);
+        if !small.is_empty() {
+            let sums = |sum: &u16| u32::from(*sum);
+            let left = small.get(..=block).unwrap_or_default().iter().map(sums);
+            let right = small.get(block.saturating_sub(1)..).unwrap_or_default();
+            return nearest_low(left.rev(), right.iter().map(sums), block, most);
+        }
+        let sums = |block: usize| self.block(block_log2, block).unwrap_or_default();
+        let left = (0..block.saturating_add(1)).map(sums);
+        let right = (block.saturating_sub(1)..self.number(block_log2)).map(sums);
+        nearest_low(left.rev(), right, block, most)
+    }
+
+    /// Calls `see` with each of these blocks, which are in one of the [parts](Self::parts), on which the kernel's response is more than `least`, and with
     /// the response, until it returns `false`. Whether it never does.
     pub(super) fn all_above(
         &self,
@@ -259,10 +281,12 @@ impl<'a> Sums<'a> {
             let near = small.get(start..end.min(small.len()));
             return all_above(near.unwrap_or_default(), start, least, see);
         }
-        blocks.into_iter().all(|block| {
-            let response = self.response(block_log2, block);
-            response.is_none_or(|response| response <= least || see(block, response))
-        })
+        let mut near = [0; 2 * PART + 2];
+        let near = near
+            .get_mut(..end.saturating_sub(start))
+            .unwrap_or_default();
+        let number = self.blocks_from(block_log2, start, near);
+        all_above(near.get(..number).unwrap_or_default(), start, least, see)
     }
 
     /// The highest response of each part, and the blocks on which the kernel's middle lies there.
@@ -314,14 +338,23 @@ impl<'a> Sums<'a> {
             .min(self.light.len());
         let pixels = self.light.slice(from..to).unwrap_or_default();
         // At most 640 pixels of 12 bits in Q8: below 2^30.
-        let above = |count: u16| {
-            (i32::from(count) * (1 << Counts::FRACTION)).saturating_sub(level.to_bits())
+        let background = numeric::mul_i32(level.to_bits(), pixels.len() as i32);
+        let blocks = block.checked_sub(2).and_then(|first| {
+            let blocks = self.small_blocks(block_log2).get(first..)?;
+            blocks.first_chunk::<5>()
+        });
+        let light = match blocks {
+            Some(blocks) => blocks.map(u32::from).into_iter().fold(0, numeric::add_u32),
+            None => pixels.sum(),
         };
-        let light = pixels
-            .iter()
-            .fold(0, |sum, count| numeric::add_i32(sum, above(count)));
-        let highest = pixels.iter().map(above).max();
-        highest.is_some_and(|highest| highest / 3 > light / 4)
+        let light = numeric::sub_i32(in_q8(light), background);
+        // Such a pixel divided by three is more than a quarter of the light, both rounded towards zero.
+        let quarter = light / 4;
+        let more = if quarter < 0 { 1 } else { 3 };
+        let least = numeric::add_i32(numeric::mul_i32(3, quarter), more);
+        // The largest whole count below it.
+        let below = numeric::add_i32(least, level.to_bits()).saturating_sub(1) >> Counts::FRACTION;
+        u32::try_from(below).map_or(true, |below| pixels.exceeds(below))
     }
 
     /// Whether a part of the background is darker than its level by more than a pixel's noise. A spot there
@@ -368,11 +401,38 @@ impl<'a> Sums<'a> {
     }
 }
 
-/// See [`Sums::all_above`]: on blocks of up to 16 pixels, of which `first` is the first.
+/// See [`Sums::nearest_low`]: the sums from `block` on to the left, and from the one before it to the right.
+fn nearest_low(
+    left: impl Iterator<Item = u32>,
+    right: impl Iterator<Item = u32>,
+    block: usize,
+    most: u32,
+) -> (Option<usize>, Option<usize>) {
+    let left = first_low(left, most).and_then(|steps| block.checked_sub(steps));
+    let right = first_low(right, most).map(|steps| block.saturating_sub(1).saturating_add(steps));
+    (left, right)
+}
+
+/// The first of these blocks on which the kernel's response is at most `most`.
+#[inline(always)]
+fn first_low(mut sums: impl Iterator<Item = u32>, most: u32) -> Option<usize> {
+    let (first, mut last) = (sums.next()?, sums.next()?);
+    // Sums of at most 128 pixels of 12 bits: four of them are below 2^21.
+    let mut last_two = numeric::add_u32(first, last);
+    let low = sums.position(|sum| {
+        let two = numeric::add_u32(last, sum);
+        let response = numeric::add_u32(last_two, two);
+        (last, last_two) = (sum, two);
+        response <= most
+    })?;
+    Some(low.saturating_add(1))
+}
+
+/// See [`Sums::all_above`]: on these blocks, of which `first` is the first.
 // A loop out of line, so that it keeps nothing but sums.
 #[inline(never)]
-fn all_above(
-    blocks: &[u16],
+fn all_above<T: Copy + Into<u32>>(
+    blocks: &[T],
     first: usize,
     least: u32,
     see: &mut dyn FnMut(usize, u32) -> bool,
@@ -382,7 +442,9 @@ fn all_above(
         let &[left, middle, right] = three else {
             continue;
         };
-        let response = u32::from(left) + 2 * u32::from(middle) + u32::from(right);
+        // As in `first_low`.
+        let sides = numeric::add_u32(left.into(), right.into());
+        let response = numeric::add_u32(sides, numeric::add_u32(middle.into(), middle.into()));
         if response > least && !see(block, response) {
             return false;
         }
@@ -405,4 +467,43 @@ fn fill(sums: &mut [u32], values: impl Iterator<Item = u32>) {
 /// The first values.
 fn first<T>(values: &[T], number: usize) -> &[T] {
     values.get(..number).unwrap_or(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::row::Blocks;
+
+    /// In all sizes, from each block on, and where no block is low.
+    #[test]
+    fn the_nearest_low_blocks_are_those_with_a_low_response() {
+        let counts: [u16; 700] = core::array::from_fn(|i| {
+            (i as u32).wrapping_mul(2_654_435_761).to_be_bytes()[0].into()
+        });
+        let light = Light::from(&counts);
+        let blocks = Blocks::of(light);
+        let (mut coarse, mut fine) = (Coarse::new(), Fine::new());
+        coarse.sum(blocks.sums());
+        fine.sum(light);
+        let sums = Sums::new(light, blocks.sums(), &coarse).with(&fine);
+        for block_log2 in 0..=LARGEST_BLOCK_LOG2 {
+            let number = sums.number(block_log2);
+            let mean = 4 * (128 << block_log2);
+            for most in [0, mean / 4, mean * 7 / 8, mean * 2] {
+                let is_low = |&block: &usize| {
+                    let response = sums.response(block_log2, block);
+                    response.is_some_and(|response| response <= most)
+                };
+                for block in 0..number + 2 {
+                    let left = (0..block).rev().find(is_low);
+                    let right = (block..number).find(is_low);
+                    assert_eq!(
+                        sums.nearest_low(block_log2, block, most),
+                        (left, right),
+                        "at most {most} at {block} of {number}"
+                    );
+                }
+            }
+        }
+    }
 }
