@@ -10,6 +10,7 @@
 
 use crate::centre::RowCentre;
 use crate::centre::phase_table::{self, Fit, WidthSource};
+use crate::centre::plausible::check_uncertainty;
 use crate::centre::tables::{MIXES, Sampling, TILTED, TableSet};
 use crate::fault::Fault;
 use crate::numeric;
@@ -59,10 +60,18 @@ pub(super) fn fit(
         fit = phase_table::refit(row.light(), &fit, better).unwrap_or(fit);
     }
     if is_tilted(row.light(), &fit, noise) {
+        // Noise may look like a spot to one set of tables. It seldom does to two.
+        let uncertainty = LEAST_EVIDENCE * fit.uncertainty(noise, geometry);
+        check_uncertainty(fit.amplitude(), uncertainty, fit.width)?;
         fit = phase_table::refit(row.light(), &fit, &TILTED).unwrap_or(fit);
     }
     Ok(fit)
 }
+
+/// The least evidence of a spot on a tilt, in the tables that do not know of the tilt: this part of what a
+/// spot without a tilt must have. Nearly all spots that [`TILTED`] shows have more. Where light rises along
+/// the row, noise that [`TILTED`] takes for a spot, or nearly, has 0.3 to 0.77.
+const LEAST_EVIDENCE: f32 = 0.8;
 
 /// The tables for the noise of a spot of this height in counts.
 fn for_mix(noise: Counts, height: f32, geometry: &Geometry) -> &'static TableSet<'static> {

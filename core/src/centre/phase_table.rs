@@ -438,14 +438,9 @@ impl Fit<'_> {
         self.slope * self.table.height_per_slope * divisor / f32::from(self.class.block)
     }
 
-    /// Makes a centre of the fit, with its amplitude and its uncertainty: the noise of the score over its
-    /// slope.
+    /// The standard uncertainty of the centre in pixels: the noise of the score over its slope.
     #[inline(always)]
-    pub(super) fn with_uncertainty(
-        &self,
-        noise: Counts,
-        geometry: &Geometry,
-    ) -> Result<RowCentre, Fault> {
+    pub(super) fn uncertainty(&self, noise: Counts, geometry: &Geometry) -> f32 {
         let block = f32::from(self.class.block);
         // A sample is the sum of a block's pixels, divided by this.
         let divisor = (1u32 << halvings(self.class.block)) as f32;
@@ -456,8 +451,17 @@ impl Fit<'_> {
         // width^1.5 (1.44 to 1.60 over the tables).
         let shot = height / divisor * shot_variance_per_count * (1.5 * self.ratio - 0.5);
         let variance = self.table.variance_per_noise * read + self.table.variance_per_height * shot;
-        let uncertainty = square_root(variance) * self.per_slope * block;
-        let amplitude = height * divisor / block;
+        square_root(variance) * self.per_slope * block
+    }
+
+    /// Makes a centre of the fit, with its amplitude and its uncertainty.
+    #[inline(always)]
+    pub(super) fn with_uncertainty(
+        &self,
+        noise: Counts,
+        geometry: &Geometry,
+    ) -> Result<RowCentre, Fault> {
+        let (amplitude, uncertainty) = (self.amplitude(), self.uncertainty(noise, geometry));
         check_uncertainty(amplitude, uncertainty, self.width)?;
         Ok(RowCentre {
             centre: self.centre,
