@@ -76,12 +76,11 @@ pub fn centre(
     geometry: &Geometry,
     profile: Option<&Profile>,
 ) -> Result<RowCentre, Fault> {
-    let found = find_and_check(estimator, row, spot, before, geometry, profile)?;
-    if before.is_none() {
-        other_spot::check(row, spot, &found)?;
-    }
+    let mut spot = *spot;
+    let found = find_and_check(estimator, row, &mut spot, before, geometry, profile)?;
+    let is_alone = before.is_some() || other_spot::check(row, &spot, &found)?;
     Ok(RowCentre {
-        misfit: found.misfit || found.width.to_f32() < NARROWEST_SURE,
+        misfit: found.misfit || !is_alone || found.width.to_f32() < NARROWEST_SURE,
         ..found
     })
 }
@@ -91,7 +90,7 @@ pub fn centre(
 fn find_and_check(
     estimator: Estimator,
     row: &Row<'_>,
-    spot: &Spot,
+    spot: &mut Spot,
     before: Option<&RowCentre>,
     geometry: &Geometry,
     profile: Option<&Profile>,
@@ -123,7 +122,7 @@ fn find_and_check(
 fn repair_or_keep(
     estimator: Estimator,
     row: &Row<'_>,
-    spot: &Spot,
+    spot: &mut Spot,
     before: Option<&RowCentre>,
     geometry: &Geometry,
     profile: Option<&Profile>,
@@ -132,7 +131,7 @@ fn repair_or_keep(
     let repaired = match estimator {
         // Its centre is the repair's first one, and has failed the check.
         Estimator::Adaptive => repair::refit(row, spot, geometry, profile, found),
-        _ => repair::centre(row, spot, before, geometry, profile).ok(),
+        _ => repair::centre_within(row, spot, before, geometry, profile).ok(),
     };
     match repaired {
         Some(other) if !other.misfit || other.width.to_f32() < repair::NARROWEST_SURE_REFIT => {

@@ -107,6 +107,7 @@ pub mod sensor_heads;
 pub mod text;
 pub mod units;
 
+mod effort;
 mod numeric;
 mod rank;
 

@@ -24,6 +24,7 @@ use core::ops::Range;
 
 use heapless::Vec;
 
+pub use crate::effort::Effort;
 use crate::fault::Fault;
 use crate::numeric;
 use crate::rank;
@@ -60,6 +61,8 @@ pub struct Spot {
     /// The level that the centroid subtracts: that of the background, unless the
     /// [`measurement`](crate::measurement) chooses another.
     pub black_level: Counts,
+    /// What the search left for the check.
+    pub effort: Effort,
 }
 
 /// Level and noise of a row away from the spot.
@@ -133,9 +136,10 @@ pub(crate) fn find_in(row: &Row<'_>, blocks: &[u16], coarse: &mut Coarse) -> Res
     if light.iter().all(|count| Some(count) == light.get(0)) {
         return Err(Fault::SensorSilent);
     }
-    match search(light, blocks, coarse, false)? {
-        Found::Spot(spot) => Ok(spot),
-        Found::Tilt(tilt) => search_level(light, tilt, coarse),
+    let first = First::look(light, blocks, coarse).ok_or(NOTHING)?;
+    match first.tilt() {
+        None => first.search(Effort::WHOLE),
+        Some(tilt) => search_level(light, tilt, coarse),
     }
 }
 
@@ -144,45 +148,72 @@ const NOTHING: Fault = Fault::NoSpot {
     amplitude: Counts::from_bits(0),
 };
 
-/// The result of a search.
-enum Found {
-    Spot(Spot),
-    /// The background rises so much along the row that it may hide the spot: search the row again without
-    /// this tilt.
-    Tilt(Tilt),
+/// The effort of a search in blocks of all sizes.
+const EFFORT_OF_ALL_SIZES: usize = 950;
+
+/// The effort of searching a row again without its tilt.
+const EFFORT_OF_LEVEL: usize = 1400;
+
+/// What blocks of 8 pixels and more show.
+struct First<'a> {
+    sums: Sums<'a>,
+    background: Background,
+    best: Candidate,
 }
 
-/// Searches a row. `is_level`: its tilt is already subtracted.
-#[inline(never)]
-fn search(
-    light: Light<'_>,
-    blocks: &[u16],
-    coarse: &mut Coarse,
-    is_level: bool,
-) -> Result<Found, Fault> {
-    coarse.sum(blocks);
-    let sums = Sums::new(light, blocks, coarse);
-    let level = sums.level().ok_or(NOTHING)?;
-    let noise = noise(light).ok_or(NOTHING)?;
-    let background = Background { level, noise };
-    if let Some(best) = Candidate::best(&sums, level)
-        && best.is_best_of_all_sizes(&sums, background)
-        && !best.is_too_wide(&sums, level)
-        && let Some(found) = take(&sums, &best, background, is_level)
-    {
-        return found;
+impl<'a> First<'a> {
+    #[inline(never)]
+    fn look(light: Light<'a>, blocks: &'a [u16], coarse: &'a mut Coarse) -> Option<Self> {
+        coarse.sum(blocks);
+        let sums = Sums::new(light, blocks, coarse);
+        let level = sums.level()?;
+        Some(Self {
+            background: Background {
+                level,
+                noise: noise(light)?,
+            },
+            best: Candidate::best(&sums, level)?,
+            sums,
+        })
     }
-    search_all_sizes(&sums, background, is_level)
+
+    /// The background's tilt, if it may hide the spot.
+    fn tilt(&self) -> Option<Tilt> {
+        let Self {
+            sums,
+            background,
+            best,
+        } = self;
+        sums.tilt_that_may_hide(best.height(), background.noise)
+    }
+
+    /// Searches a row whose tilt hides nothing.
+    #[inline(never)]
+    fn search(&self, effort: Effort) -> Result<Spot, Fault> {
+        let Self {
+            sums,
+            background,
+            best,
+        } = self;
+        if best.is_best_of_all_sizes(sums, *background)
+            && !best.is_too_wide(sums, background.level)
+            && let Some(found) = take(sums, best, *background, effort)
+        {
+            return found;
+        }
+        search_all_sizes(sums, *background, effort)
+    }
 }
 
-/// As [`search`], in blocks of all sizes.
+/// Searches a row in blocks of all sizes.
 #[cold]
 #[inline(never)]
 fn search_all_sizes(
     sums: &Sums<'_>,
     background: Background,
-    is_level: bool,
-) -> Result<Found, Fault> {
+    mut effort: Effort,
+) -> Result<Spot, Fault> {
+    effort.pay(EFFORT_OF_ALL_SIZES).ok_or(NOTHING)?;
     let mut fine = Fine::new();
     fine.sum(sums.light);
     let sums = sums.with(&fine);
@@ -202,35 +233,31 @@ fn search_all_sizes(
             })
             .ok_or(NOTHING)?;
     }
-    if !is_level && let Some(tilt) = sums.tilt_that_may_hide(best.height(), noise) {
-        return Ok(Found::Tilt(tilt));
-    }
     let is_dim = best.significance < needed(narrow::LEAST_CONTRAST, noise);
     let may_hide_another =
         best.is_too_wide(&sums, level) || is_dim && sums.has_darker_background(level, noise);
-    if may_hide_another && let Some(found) = narrow::find(&sums, noise) {
-        return found.map(Found::Spot);
+    if may_hide_another {
+        effort.pay(narrow::EFFORT).ok_or(NOTHING)?;
+        if let Some(found) = narrow::find(&sums, noise, effort) {
+            return found;
+        }
     }
     if best.significance < needed(DETECTION, noise) {
         return Err(Fault::NoSpot {
             amplitude: best.height(),
         });
     }
-    // The tilt is tested.
-    take(&sums, &best, background, true).unwrap_or(Err(NOTHING))
+    take(&sums, &best, background, effort).unwrap_or(Err(NOTHING))
 }
 
-/// Takes a candidate for the spot, if it is no part of a background that rises, and there is no other spot.
-/// `None` where the sums do not hold what this needs.
+/// Takes a candidate for the spot, if there is no other spot. `None` where the sums do not hold what this
+/// needs.
 fn take(
     sums: &Sums<'_>,
     best: &Candidate,
     background: Background,
-    is_level: bool,
-) -> Option<Result<Found, Fault>> {
-    if !is_level && let Some(tilt) = sums.tilt_that_may_hide(best.height(), background.noise) {
-        return Some(Ok(Found::Tilt(tilt)));
-    }
+    effort: Effort,
+) -> Option<Result<Spot, Fault>> {
     let block = sums.highest(best.block_log2)?;
     let spot = Spot {
         centre: middle(block, best.block_log2),
@@ -238,8 +265,9 @@ fn take(
         height: best.height(),
         background,
         black_level: background.level,
+        effort,
     };
-    Some(second_spot::check(sums, spot)?.map(Found::Spot))
+    second_spot::check(sums, spot)
 }
 
 /// Searches a row without its tilt, and adds the tilt at the spot to the background's level.
@@ -254,25 +282,24 @@ fn search_level(light: Light<'_>, tilt: Tilt, coarse: &mut Coarse) -> Result<Spo
     let untilted = untilted.0.get_mut(..light.len()).unwrap_or_default();
     let lowest = tilt.subtract_from(light, untilted);
     let untilted = Light::from(&*untilted);
-    match search(untilted, Blocks::of(untilted).sums(), coarse, true)? {
-        Found::Spot(spot) => {
-            let level = Counts::from_bits(
-                (spot.background.level.to_bits())
-                    .saturating_add(lowest.saturating_mul(1 << Counts::FRACTION))
-                    .saturating_add(tilt.height_at(light, spot.centre)),
-            );
-            Ok(Spot {
-                background: Background {
-                    level,
-                    ..spot.background
-                },
-                black_level: level,
-                ..spot
-            })
-        }
-        // A tilt is subtracted only once.
-        Found::Tilt(_) => Err(NOTHING),
-    }
+    let mut effort = Effort::WHOLE;
+    effort.pay(EFFORT_OF_LEVEL).ok_or(NOTHING)?;
+    let blocks = Blocks::of(untilted);
+    let first = First::look(untilted, blocks.sums(), coarse).ok_or(NOTHING)?;
+    let spot = first.search(effort)?;
+    let level = Counts::from_bits(
+        (spot.background.level.to_bits())
+            .saturating_add(lowest.saturating_mul(1 << Counts::FRACTION))
+            .saturating_add(tilt.height_at(light, spot.centre)),
+    );
+    Ok(Spot {
+        background: Background {
+            level,
+            ..spot.background
+        },
+        black_level: level,
+        ..spot
+    })
 }
 
 /// The significance of a response that is `halves` halves of a standard deviation above the background. The

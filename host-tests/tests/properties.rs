@@ -15,7 +15,7 @@ use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
-use slitrange::spot::{Background, Spot};
+use slitrange::spot::{Background, Effort, Spot};
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::{Counts, Pixels};
 
@@ -58,6 +58,7 @@ fn spots() -> impl Strategy<Value = Spot> {
             height,
             background: Background { level, noise },
             black_level: level,
+            effort: Effort::WHOLE,
         },
     )
 }

@@ -271,6 +271,7 @@ mod tests {
                 noise: Counts::from_int(1),
             },
             black_level: Counts::from_int(200),
+            effort: crate::spot::Effort::WHOLE,
         }
     }
 

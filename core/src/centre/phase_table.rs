@@ -495,6 +495,7 @@ mod tests {
                 height: Counts::from_int(0),
                 background,
                 black_level: background.level,
+                effort: crate::spot::Effort::WHOLE,
             };
             let fault = centre_of(&row, &spot);
             assert!(matches!(fault, Err(Fault::SpotAtEdge { .. })), "{fault:?}");

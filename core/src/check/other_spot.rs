@@ -35,12 +35,16 @@ const PART: usize = 1024;
 /// Their heights, those beside them, and what fills the last four.
 const HEIGHTS: usize = PART + 2 * MOST_APART + 4;
 
-/// Searches all of the row for another spot. Called for a frame's first row only.
+/// The effort of the comparison.
+const EFFORT: usize = 1500;
+
+/// Searches all of the row for another spot. Called for a frame's first row only. `false` if there may be one,
+/// and the effort that is left does not tell.
 ///
 /// # Errors
 /// [`Fault::TwoSpots`] if there is another spot.
 #[inline(never)]
-pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<(), Fault> {
+pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<bool, Fault> {
     let light = row.light();
     let width = found.width.to_f32();
     // A width is at most 170 pixels: `as` cuts off, and saturates.
@@ -72,10 +76,18 @@ pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<(),
     let end = (light.len() / half).saturating_sub(apart.saturating_add(1));
     let left = before.div_ceil(half).saturating_sub(1);
     let right = behind / half;
-    search.places(row, right.max(apart)..end);
-    search.places(row, apart..left.min(end));
+    // On nearly all rows, no pixel there is high.
+    let sides = [right.max(apart)..end, apart..left.min(end)]
+        .map(|places| search.may_be_high(row, places.clone()).then_some(places));
+    let mut effort = spot.effort;
+    if sides.iter().any(Option::is_some) && effort.pay(EFFORT).is_none() {
+        return Ok(false);
+    }
+    for places in sides.into_iter().flatten() {
+        search.parts(row, places);
+    }
     match search.other {
-        None => Ok(()),
+        None => Ok(true),
         Some(place) => Err(Fault::TwoSpots {
             centre: found.centre,
             // On a row of at most 2^12 pixels.
@@ -124,13 +136,6 @@ struct Search {
 }
 
 impl Search {
-    /// Searches some places. On nearly all rows, no pixel there is high.
-    fn places(&mut self, row: &Row<'_>, places: Range<usize>) {
-        if !places.is_empty() && self.may_be_high(row, places.clone()) {
-            self.parts(row, places);
-        }
-    }
-
     /// Searches some places, from the last one to the first: the last one of two equal spots counts.
     #[cold]
     #[inline(never)]
@@ -150,6 +155,9 @@ impl Search {
     /// does the mean of the blocks in which the two lie, and one pixel exceeds its part.
     #[inline(never)]
     fn may_be_high(&self, row: &Row<'_>, places: Range<usize>) -> bool {
+        if places.is_empty() {
+            return false;
+        }
         let two = self.half.saturating_mul(2);
         let number = two.saturating_add(BLOCK - 1).div_ceil(BLOCK);
         let of = |number: usize| self.least.saturating_mul(2).checked_div(number as u32);
@@ -191,7 +199,7 @@ impl Search {
                 heights,
             ),
             half => lower_boxes(
-                light.groups(half).rev().map(Light::sum),
+                light.groups(half).rev().map(|group| group.sum()),
                 self.shift,
                 heights,
             ),
@@ -362,6 +370,7 @@ mod tests {
                 noise: level,
             },
             black_level: level,
+            effort: crate::spot::Effort::WHOLE,
         };
         let found = found_at(CENTRE as f32, width);
         let other = |row: &Row<'_>| match check(row, &spot, &found) {

@@ -14,8 +14,9 @@
 //!    normal equations tell which single pixels to mask: see `gauss_newton::least_without`.
 //!
 //! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains.
-//! Otherwise [`centre`] gives the first centre with a flag, and the check decides. A repair ends when its
-//! `EFFORT` is used up, whatever the row is.
+//! Otherwise [`centre`] gives the first centre with a flag, and the check decides. A repair ends when the row's
+//! effort is used up ([`Effort`]): a sample in one pass is one unit. The pass of a step, which sums up the
+//! normal equations, takes 37 instructions a sample, and no other pass takes more than 40.
 
 use core::cell::Cell;
 
@@ -29,7 +30,7 @@ use crate::fault::Fault;
 use crate::numeric;
 use crate::profile::Profile;
 use crate::row::{Geometry, Row};
-use crate::spot::Spot;
+use crate::spot::{Effort, Spot};
 
 /// The least deviation of an outlier, in standard deviations. In one row of a hundred, one of 128 good pixels
 /// gets there.
@@ -70,12 +71,6 @@ const LIGHT_ROUNDS: usize = 3;
 /// The most steps of the fit to the spot's top and the dark. It is only a start.
 const STEPS_OF_TOP: usize = 3;
 
-/// The most effort of a repair. The unit is a sample in one pass. The pass of a step, which sums up the
-/// normal equations, takes 37 instructions a sample, and no other pass takes more than 40.
-///
-/// If too little is left, the first centre stays. No clean row needs more, and no row of the catalogue.
-const EFFORT: usize = 4000;
-
 /// The effort of a step besides its sums: four exponentials, and the equations' solution.
 const EFFORT_OF_STEP: usize = 12;
 
@@ -89,6 +84,17 @@ const EFFORT_OF_CHECK: usize = 150;
 pub fn centre(
     row: &Row<'_>,
     spot: &Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+    profile: Option<&Profile>,
+) -> Result<RowCentre, Fault> {
+    centre_within(row, &mut { *spot }, before, geometry, profile)
+}
+
+/// As [`centre`]. Takes what it needs from the spot's effort.
+pub(super) fn centre_within(
+    row: &Row<'_>,
+    spot: &mut Spot,
     before: Option<&RowCentre>,
     geometry: &Geometry,
     profile: Option<&Profile>,
@@ -114,7 +120,7 @@ pub fn centre(
 #[inline(never)]
 pub(super) fn refit(
     row: &Row<'_>,
-    spot: &Spot,
+    spot: &mut Spot,
     geometry: &Geometry,
     profile: Option<&Profile>,
     first: RowCentre,
@@ -129,9 +135,11 @@ pub(super) fn refit(
         geometry,
         profile,
         found: first,
-        effort: Cell::new(EFFORT),
+        effort: Cell::new(spot.effort),
     };
-    scene.refit()
+    let found = scene.refit();
+    spot.effort = scene.effort.get();
+    found
 }
 
 /// Why samples are masked.
@@ -153,8 +161,8 @@ struct Scene<'a> {
     profile: Option<&'a Profile>,
     /// The first centre.
     found: RowCentre,
-    /// The effort that is left, of [`EFFORT`].
-    effort: Cell<usize>,
+    /// The effort that is left.
+    effort: Cell<Effort>,
 }
 
 impl Scene<'_> {
@@ -197,7 +205,8 @@ impl Scene<'_> {
 
     /// Takes a pass over so many samples from the effort. `None` if too little is left.
     fn pay(&self, samples: usize) -> Option<()> {
-        let left = self.effort.get().checked_sub(samples)?;
+        let mut left = self.effort.get();
+        left.pay(samples)?;
         self.effort.set(left);
         Some(())
     }
@@ -205,7 +214,7 @@ impl Scene<'_> {
     /// Fits by as many steps as are needed, and no more than are allowed.
     fn fit(&self, window: &Window, at: Parameters, most: usize) -> Option<Fit> {
         let step = window.samples().len().saturating_add(EFFORT_OF_STEP);
-        let steps = self.effort.get().checked_div(step)?;
+        let steps = self.effort.get().left().checked_div(step)?;
         let fit = gauss_newton::fit(window.samples(), at, self.shot(), most.min(steps))?;
         self.pay(step.saturating_mul(fit.steps))?;
         Some(fit)

@@ -509,6 +509,7 @@ mod tests {
                 noise: Counts::from_f32(1.1),
             },
             black_level: level,
+            effort: crate::spot::Effort::WHOLE,
         };
         let found = RowCentre {
             centre: Pixels::from_f32(centre),
@@ -577,6 +578,7 @@ mod tests {
                         noise: Counts::from_f32(libm::sqrtf(read_noise * read_noise + 1.0 / 12.0)),
                     },
                     black_level: Counts::from_f32(level),
+                    effort: crate::spot::Effort::WHOLE,
                 };
                 let found = RowCentre {
                     centre: Pixels::from_f32(centre),
@@ -692,6 +694,7 @@ mod tests {
                 noise: Counts::from_f32(noise),
             },
             black_level: Counts::from_int(320),
+            effort: crate::spot::Effort::WHOLE,
         };
         let is_coarse = |light: &[u16], noise| {
             let row = Row::new(light, &[], geometry.full_scale()).expect("12 bits");
@@ -723,6 +726,7 @@ mod tests {
                 noise: Counts::from_int(2),
             },
             black_level: Counts::from_int(300),
+            effort: crate::spot::Effort::WHOLE,
         };
         let mut light = [300; 101];
         light[50] = 1300;
@@ -811,6 +815,7 @@ mod tests {
                 noise: Counts::from_int(1),
             },
             black_level: Counts::from_f32(level),
+            effort: crate::spot::Effort::WHOLE,
         };
         let found = RowCentre {
             amplitude: Counts::from_f32(height),

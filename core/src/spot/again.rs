@@ -7,8 +7,8 @@ use crate::fault::Fault;
 use crate::numeric;
 use crate::row::{BLOCK_LOG2, Blocks, MAX_PIXELS, Row};
 use crate::spot::{
-    Coarse, DETECTION, LARGEST_BLOCK_LOG2, MIN_PIXELS, Spot, find_in, height, in_q8, middle,
-    needed, square, under_the_kernel,
+    Coarse, DETECTION, Effort, LARGEST_BLOCK_LOG2, MIN_PIXELS, Spot, find_in, height, in_q8,
+    middle, needed, square, under_the_kernel,
 };
 use crate::units::{Counts, Pixels};
 
@@ -75,6 +75,7 @@ pub(crate) fn find_again_in(
         height: height(response, block_log2),
         background: before.background,
         black_level: before.background.level,
+        effort: Effort::WHOLE,
     })
 }
 

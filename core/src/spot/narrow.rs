@@ -17,7 +17,7 @@ use crate::numeric;
 use crate::row::MAX_PIXELS;
 use crate::spot::second_spot::{LEAST_OTHER, NEAR, check_near, has_similar_height, two_spots};
 use crate::spot::sums::Sums;
-use crate::spot::{Background, Spot, above, height, in_q8, middle, needed, noise, square};
+use crate::spot::{Background, Effort, Spot, above, height, in_q8, middle, needed, noise, square};
 use crate::units::Counts;
 
 /// The smallest block has 2 pixels, for widths from 1 pixel. Blocks of one pixel would double the cost.
@@ -49,10 +49,13 @@ const fn most_parts(block_log2: u32) -> usize {
 /// The blocks of a place and those of its sides.
 const BLOCKS: usize = 2 * REACH + 1;
 
+/// The effort of a search.
+pub(super) const EFFORT: usize = 1300;
+
 /// How much a search may take to look at parts, in units of about eight of the chip's instructions: 27,000 in
 /// all. The rest takes 22,000. That is enough for narrow spots and speckle on wide light, and for four hot
 /// pixels that are brighter.
-const EFFORT: u32 = 3400;
+const LOOKS: u32 = 3400;
 
 /// Looking at a part.
 const LOOK: u32 = 50;
@@ -79,10 +82,14 @@ const NOISE_REACH: usize = 256;
 
 /// Finds the spot with the most significant contrast. `row_noise` is the noise of a pixel of the row. `None`
 /// if no spot has enough contrast. Returns [`Fault::TwoSpots`] if two spots have a similar contrast, and
-/// [`Fault::NoSpot`] if so many places have much contrast that the [`EFFORT`] does not tell which is a spot.
+/// [`Fault::NoSpot`] if so many places have much contrast that the [`LOOKS`] does not tell which is a spot.
 #[cold]
 #[inline(never)]
-pub(super) fn find(sums: &Sums<'_>, row_noise: Counts) -> Option<Result<Spot, Fault>> {
+pub(super) fn find(
+    sums: &Sums<'_>,
+    row_noise: Counts,
+    effort: Effort,
+) -> Option<Result<Spot, Fault>> {
     let mut parts = Parts::new(sums, row_noise);
     let best = match parts.best(row_noise) {
         Ok(best) => best?,
@@ -105,6 +112,7 @@ pub(super) fn find(sums: &Sums<'_>, row_noise: Counts) -> Option<Result<Spot, Fa
         height: height(above(here, best.block_log2, level), best.block_log2),
         background: Background { level, noise },
         black_level: level,
+        effort,
     };
     Some(check_near(sums, spot))
 }
@@ -116,7 +124,7 @@ struct Parts<'a> {
     parts: Vec<Part, MOST_PARTS>,
     /// The highest rank of each [`GROUP`] of parts.
     highest: Vec<u32, { MOST_PARTS.div_ceil(GROUP) }>,
-    /// What is left of the [`EFFORT`].
+    /// What is left of the [`LOOKS`].
     effort: u32,
 }
 
@@ -149,7 +157,7 @@ impl<'a> Parts<'a> {
             sums,
             parts,
             highest: Vec::new(),
-            effort: EFFORT,
+            effort: LOOKS,
         };
         for group in parts.parts.chunks(GROUP) {
             let _ = parts.highest.push(highest_rank(group));

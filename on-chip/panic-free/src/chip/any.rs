@@ -18,7 +18,7 @@ use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use slitrange::shape::COMPONENTS;
-use slitrange::spot::{Background, Spot};
+use slitrange::spot::{Background, Effort, Spot};
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES, Parts};
 use slitrange::units::{Counts, Micrometres, Pixels};
 
@@ -146,6 +146,7 @@ pub fn spot() -> Spot {
             noise: Counts::MIN,
         },
         black_level: Counts::MIN,
+        effort: Effort::WHOLE,
     })
 }
 
