@@ -809,6 +809,24 @@ pub(crate) struct MaskedPixels {
 }
 
 impl MaskedPixels {
+    /// The pixels.
+    pub(crate) fn pixels(&self) -> impl Iterator<Item = usize> {
+        let Self {
+            first,
+            block,
+            mut samples,
+        } = *self;
+        let masked = core::iter::from_fn(move || {
+            let sample = (samples != 0).then(|| samples.trailing_zeros() as usize);
+            samples &= samples.wrapping_sub(1);
+            sample
+        });
+        masked.flat_map(move |sample| {
+            let start = first.saturating_add(sample.saturating_mul(block));
+            start..start.saturating_add(block)
+        })
+    }
+
     /// Whether a pixel of the row is in a masked sample.
     pub(crate) fn has(&self, pixel: usize) -> bool {
         let from_first = pixel.checked_sub(self.first);

@@ -383,8 +383,7 @@ fn settle<'a>(
             }
             continue;
         };
-        let score = window.score().ok_or(Unsettled::NotASpot)?;
-        let stretch = window.stretch(&score);
+        let (score, stretch) = window.score_and_stretch().ok_or(Unsettled::NotASpot)?;
         at = score.centre;
         width = table.width * f32::from(class.block) * (1.0 + stretch);
         if at.to_bits().abs_diff(start.to_bits())

@@ -118,6 +118,12 @@ impl<'r, 't> Window<'r, 't> {
         } else {
             self.score_of_blocks()
         };
+        self.score_of(score, slope)
+    }
+
+    /// The centre of the two sums. `None` where the slope is not positive.
+    #[inline(always)]
+    fn score_of(&self, score: i32, slope: i32) -> Option<Score> {
         if slope <= 0 {
             return None;
         }
@@ -162,16 +168,26 @@ impl<'r, 't> Window<'r, 't> {
         straight * limited(1.0 - self.table.bend * (straight * straight), 0.9, 1.1)
     }
 
+    /// The centre, and the [stretch](Self::stretch).
+    pub(super) fn score_and_stretch(&self) -> Option<(Score, f32)> {
+        if self.block == 1 {
+            let score = self.score()?;
+            let stretch = self.stretch(&score);
+            return Some((score, stretch));
+        }
+        let mut sums = [0; MAX_TAPS];
+        sum_blocks(self.pixels, self.block, &mut sums);
+        let (score, slope) = dot2(&sums, self.weights);
+        let score = self.score_of(score, slope)?;
+        let stretch = self.stretch_of(dot(&sums, self.weights_of_stretch()), &score);
+        Some((score, stretch))
+    }
+
     /// The spot's width over the table's, less one. Limited to a bit less than half or twice the width, like
     /// the distance.
     #[inline(always)]
     pub(super) fn stretch(&self, score: &Score) -> f32 {
-        // `TableSet::new` has proven that there are as many weights of the stretch as of the score.
-        let weights = self
-            .table
-            .stretch
-            .get(self.start..self.start + self.weights.len())
-            .unwrap_or_default();
+        let weights = self.weights_of_stretch();
         let product = if self.block == 1 {
             let (words, inverted) = self.pixels.words();
             let product = dot(words, weights);
@@ -183,6 +199,20 @@ impl<'r, 't> Window<'r, 't> {
         } else {
             self.stretch_of_blocks(weights)
         };
+        self.stretch_of(product, score)
+    }
+
+    /// `TableSet::new` has proven that there are as many weights of the stretch as of the score.
+    #[inline(always)]
+    fn weights_of_stretch(&self) -> &'t [Pair] {
+        self.table
+            .stretch
+            .get(self.start..self.start + self.weights.len())
+            .unwrap_or_default()
+    }
+
+    #[inline(always)]
+    fn stretch_of(&self, product: i32, score: &Score) -> f32 {
         limited(
             product as f32 * score.per_slope * self.table.stretch_per_ratio,
             -0.4,

@@ -74,8 +74,14 @@ const STEPS_OF_TOP: usize = 3;
 /// The effort of a step besides its sums: four exponentials, and the equations' solution.
 const EFFORT_OF_STEP: usize = 12;
 
-/// The effort of comparing the row with its mirror image.
-const EFFORT_OF_CHECK: usize = 150;
+/// The effort of comparing the row with its mirror image, masked samples left out.
+const EFFORT_OF_CHECK: usize = 300;
+
+/// The effort of the first centre, where the estimator has found another one.
+const EFFORT_OF_FIRST_CENTRE: usize = 500;
+
+/// The effort of finding a start for the spot's top.
+const EFFORT_OF_START: usize = 300;
 
 /// Finds the centre of a spot.
 ///
@@ -99,6 +105,9 @@ pub(super) fn centre_within(
     geometry: &Geometry,
     profile: Option<&Profile>,
 ) -> Result<RowCentre, Fault> {
+    if spot.effort.pay(EFFORT_OF_FIRST_CENTRE).is_none() {
+        return Err(spot.no_spot());
+    }
     let found = match adaptive::centre(row, spot, before, geometry) {
         Err(Fault::Saturated { .. }) => gauss_newton::centre(row, spot, before, geometry)?,
         // If `adaptive` finds no spot there is none: a fit to a hot pixel is not to be trusted.
@@ -174,7 +183,7 @@ impl Scene<'_> {
             amplitude: self.found.amplitude.to_f32(),
             is_whole: true,
         };
-        let mut window = self.window(&start);
+        let mut window = self.window(&start)?;
         let mut at = window.parameters(&start);
         at.level = level(&window, &at);
         if at.width < NARROW
@@ -189,18 +198,21 @@ impl Scene<'_> {
         if at.width < 2.0 {
             return None;
         }
+        self.pay(EFFORT_OF_START)?;
         let start = Start::find(self.row.light(), self.spot, self.geometry).ok()?;
-        window = self.window(&start);
+        window = self.window(&start)?;
         let start = window.parameters(&start);
         self.fit_without_light(&mut window, start)
     }
 
     /// The window of a start. It is short for a narrow spot, because it is fitted many times.
-    fn window(&self, start: &Start) -> Window {
+    fn window(&self, start: &Start) -> Option<Window> {
         // `as` saturates.
         let half = ((HALF_WINDOW * start.width) as usize).max(FEWEST);
         let light = self.row.light();
-        Window::within(half, light, self.spot, start, self.geometry)
+        let window = Window::within(half, light, self.spot, start, self.geometry);
+        self.pay(window.samples().len())?;
+        Some(window)
     }
 
     /// Takes a pass over so many samples from the effort. `None` if too little is left.
@@ -288,6 +300,7 @@ impl Scene<'_> {
     fn fit_without_pixels(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
         let mut residuals = self.residuals(window, &at)?;
         for _ in 0..PIXEL_ROUNDS {
+            self.pay(window.samples().len())?;
             mask_outliers(window, &residuals);
             // The next rounds mask more samples.
             if !Masked::of(window, &at).are_few {
@@ -311,7 +324,7 @@ impl Scene<'_> {
         let mut before = None;
         for _ in 0..LIGHT_ROUNDS {
             window.unmask();
-            self.pay(window.samples().len())?;
+            self.pay(window.samples().len().saturating_mul(2))?;
             mask_second(window, &at, self)?;
             let masked = window.masked_pixels();
             if before == Some(masked) {

@@ -256,21 +256,34 @@ impl Pairs<'_> {
     #[cold]
     #[inline(never)]
     fn places_of_gaps(&self) -> u64 {
-        let mut from = self.mirror.right.saturating_sub(1);
-        let mut to = self.mirror.left.saturating_add(1);
-        let length = self.pixels.saturating_add(2);
-        let mut gaps = 0;
-        for bit in (0..MOST_PAIRS as u32).map(|pair| 1 << pair) {
-            let is_whole = self
-                .gaps
-                .leave(self.light, from..from.saturating_add(length))
-                && self.gaps.leave(self.light, to.saturating_sub(length)..to);
-            if !is_whole {
-                gaps |= bit;
+        let pixels = self.pixels.max(1);
+        // Where the samples to the right start, and where those to the left end.
+        let from = self.mirror.right.saturating_sub(1);
+        let end = self.mirror.left;
+        let mut gaps = 0u64;
+        // A sample takes its pixels, and one at either end.
+        let mut mark = |pixel: usize| {
+            let sides = [pixel.checked_sub(from), end.checked_sub(pixel)];
+            for away in sides.into_iter().flatten() {
+                let last = away / pixels;
+                let first = away
+                    .saturating_sub(pixels.saturating_add(1))
+                    .div_ceil(pixels);
+                for pair in first..last.saturating_add(1).min(MOST_PAIRS) {
+                    gaps |= 1u64.wrapping_shl(pair as u32);
+                }
             }
-            from = from.saturating_add(self.pixels);
-            to = to.saturating_sub(self.pixels);
+        };
+        if let Some(full_scale) = self.gaps.full_scale {
+            let reach = pixels.saturating_mul(MOST_PAIRS).saturating_add(2);
+            let start = end.saturating_sub(reach);
+            let (_, near) = self.light.split(start);
+            let length = from.saturating_add(reach).saturating_sub(start);
+            let cut = (start..usize::MAX).zip(near.iter().take(length));
+            cut.filter(|&(_, count)| count >= full_scale)
+                .for_each(|(pixel, _)| mark(pixel));
         }
+        self.gaps.masked.pixels().for_each(mark);
         gaps
     }
 }
@@ -552,6 +565,50 @@ mod tests {
         for end in [Pixels::MIN, Pixels::MAX] {
             let place = Place::of(end);
             assert!(place.right >= 1 && place.offset.abs() <= 0.5);
+        }
+    }
+
+    /// Saturated pixels, masked ones, and both; samples of all sizes, and mirrors near the row's ends.
+    #[test]
+    fn a_pair_with_a_gap_is_one_whose_samples_take_one() {
+        let light: [u16; 300] = core::array::from_fn(|i| {
+            (i as u32).wrapping_mul(2_654_435_761).to_be_bytes()[0].into()
+        });
+        for (pixels, centre) in
+            (1..=7).flat_map(|pixels| [150.2, 150.7, 20.0].map(|at| (pixels, at)))
+        {
+            for (full_scale, samples) in [
+                (Some(252), 0),
+                (None, 1 << 40 | 3),
+                (Some(252), 1 << 90 | 1 << 5),
+            ] {
+                let masked = MaskedPixels {
+                    first: 10,
+                    block: 3,
+                    samples,
+                };
+                let pairs = Pairs {
+                    light: (&light).into(),
+                    mirror: Place::of(Pixels::from_f32(centre)),
+                    pixels,
+                    u: 0.1,
+                    pitch: 0.2,
+                    level: 0,
+                    gaps: Gaps {
+                        full_scale,
+                        masked: &masked,
+                    },
+                };
+                let found = pairs.places_of_gaps();
+                let (from, end) = (pairs.mirror.right - 1, pairs.mirror.left + 1);
+                for pair in 0..pairs.number().1 {
+                    let right = from + pair * pixels;
+                    let left = end - pair * pixels;
+                    let is_gap = !(pairs.gaps.leave(pairs.light, right..right + pixels + 2)
+                        && pairs.gaps.leave(pairs.light, left - pixels - 2..left));
+                    assert_eq!(found >> pair & 1 == 1, is_gap, "{pixels} {centre} {pair}");
+                }
+            }
         }
     }
 
