@@ -361,8 +361,8 @@ pub fn reaches(samples: &[u16], least: i32) -> bool {
     (signs as i32) < 0 || !rest.is_empty() && crate::portable::reaches(last, least)
 }
 
-/// The responses of two neighbouring samples, each a quarter: `$word`, which holds the last two samples, takes
-/// them, and `$next` takes the next two samples. UHADD16 adds both halves and divides by two.
+/// The responses of two neighbouring samples, each a quarter: `$word`, which holds the last two samples,
+/// takes them, and `$next` takes the next two samples. UHADD16 adds both halves and divides by two.
 #[cfg(has_dsp)]
 macro_rules! quarters {
     ($word:literal, $next:literal) => {
@@ -388,8 +388,8 @@ macro_rules! quarters {
 }
 
 /// Takes the contrasts of the two samples at `$here`. `$left` has the responses to their left and is free
-/// afterwards; `$word` and `$next` are as in [`quarters`], and give those to their right. USUB16 remembers for
-/// SEL which half is higher; UQSUB16 gives zero for what is negative.
+/// afterwards; `$word` and `$next` are as in [`quarters`], and give those to their right. USUB16 remembers
+/// for SEL which half is higher; UQSUB16 gives zero for what is negative.
 #[cfg(has_dsp)]
 macro_rules! two_contrasts {
     ($left:literal, $here:literal, $word:literal, $next:literal) => {
@@ -457,8 +457,8 @@ pub fn contrasts(samples: &[u16], highest: &mut [u16]) {
     }
 }
 
-/// As [`contrasts`], for parts that are all there: the samples are [`PLACES_OF_PART`] for each, and [`REACH`] to both
-/// sides. Writes nothing where there are fewer.
+/// As [`contrasts`], for parts that are all there: the samples are [`PLACES_OF_PART`] for each, and [`REACH`]
+/// to both sides. Writes nothing where there are fewer.
 #[cfg(has_dsp)]
 fn contrasts_of_parts(samples: &[u16], highest: &mut [u16]) {
     let parts = highest.len();

@@ -150,7 +150,8 @@ proptest! {
         let number = places.len().div_ceil(PLACES_OF_PART);
         prop_assert!(parts[number..].iter().all(|&part| part == 7));
         for (part, &highest) in parts[..number].iter().enumerate() {
-            let start = (REACH + part * PLACES_OF_PART).min(places.end.saturating_sub(PLACES_OF_PART)).max(REACH);
+            let last = places.end.saturating_sub(PLACES_OF_PART);
+            let start = (REACH + part * PLACES_OF_PART).min(last).max(REACH);
             let expected = (start..places.end.min(start + PLACES_OF_PART)).map(contrast).max();
             let error = 4 * i64::from(highest) - i64::from(expected.unwrap_or_default());
             prop_assert!((-3..=3).contains(&error), "part {part}: {error}");

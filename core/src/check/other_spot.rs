@@ -26,7 +26,8 @@ const SHARE: f32 = 0.62;
 const MOST_APART: usize = 16;
 
 /// The part of its height by which a spot to the left exceeds one to the right, or does not count as higher.
-/// So the highest one changes at most some fifty times on a row, also where a thousand spots rise to the left.
+/// So the highest one changes at most some fifty times on a row, also where a thousand spots rise to the
+/// left.
 const HIGHER: u16 = 8;
 
 /// The places whose heights are compared in one go.
@@ -38,8 +39,8 @@ const HEIGHTS: usize = PART + 2 * MOST_APART + 4;
 /// The effort of the comparison.
 const EFFORT: usize = 1500;
 
-/// Searches all of the row for another spot. Called for a frame's first row only. `false` if there may be one,
-/// and the effort that is left does not tell.
+/// Searches all of the row for another spot. Called for a frame's first row only. `false` if there may be
+/// one, and the effort that is left does not tell.
 ///
 /// # Errors
 /// [`Fault::TwoSpots`] if there is another spot.
@@ -305,8 +306,8 @@ impl Highest {
     }
 
     /// Returns how many fours behind this one the first one is that has a higher spot.
-    // Two heights at a time. In each difference, the highest bit of 16 is zero where a height exceeds the other
-    // one.
+    // Two heights at a time. In each difference, the highest bit of 16 is zero where a height exceeds the
+    // other one.
     #[inline(never)]
     fn next(&self, fours: Fours<'_>, first: usize) -> Option<usize> {
         const ONES: u32 = 0x0001_0001;

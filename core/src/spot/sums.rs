@@ -243,8 +243,8 @@ impl<'a> Sums<'a> {
         Some(numeric::add_u32(numeric::add_u32(left, twice), right))
     }
 
-    /// The nearest blocks to the left of a block, and from it on to the right, on which the kernel's response is
-    /// at most `most`.
+    /// The nearest blocks to the left of a block, and from it on to the right, on which the kernel's response
+    /// is at most `most`.
     pub(super) fn nearest_low(
         &self,
         block_log2: u32,
@@ -265,8 +265,9 @@ impl<'a> Sums<'a> {
         nearest_low(left.rev(), right, block, most)
     }
 
-    /// Calls `see` with each of these blocks, which are in one of the [parts](Self::parts), on which the kernel's response is more than `least`, and with
-    /// the response, until it returns `false`. Whether it never does.
+    /// Calls `see` with each of these blocks, which are in one of the [parts](Self::parts), on which the
+    /// kernel's response is more than `least`, and with the response, until it returns `false`. Whether it
+    /// never does.
     pub(super) fn all_above(
         &self,
         block_log2: u32,

@@ -19,7 +19,8 @@ pub struct Estimate {
     range: Range,
 }
 
-/// An estimate for each method at each width, for each form of a calibration, for whole rows and for readings.
+/// An estimate for each method at each width, for each form of a calibration, for whole rows and for
+/// readings.
 pub fn estimates(run: &Run) -> Result<Vec<Estimate>> {
     let program = Program::of(&run.firmware)?;
     let model = Model::of(&program);
