@@ -342,10 +342,9 @@ impl Measured {
     pub fn readme_rows(&self) -> String {
         format!(
             "{}\nInstructions, and estimated microseconds at 168 MHz, from the {WORDS} words of a row to its \
-             centre with its check. {} {}\n",
+             centre with its check. {}\n",
             table::markdown(&self.rows_table()),
-            self.range_text(),
-            self.share_text(),
+            self.readme_text(),
         )
     }
 

@@ -289,6 +289,23 @@ impl Measured {
         )
     }
 
+    /// Both in a short sentence.
+    pub(super) fn readme_text(&self) -> String {
+        let rows = &self.chip.whole_rows;
+        let nominal = rows.nominal(Estimator::Adaptive);
+        let Some((nominal, (_, share))) = nominal.zip(rows.adaptive_over_phase_table()) else {
+            return String::new();
+        };
+        let Range { low, high, .. } = nominal.following.cycles;
+        format!(
+            "A following row by `adaptive` takes {:.0} to {:.0} us, and {:.1} % more instructions than by \
+             `phase-table`.",
+            low as f64 / CLOCK_MHZ,
+            high as f64 / CLOCK_MHZ,
+            100.0 * share
+        )
+    }
+
     /// How much slower `adaptive` is, in a sentence.
     pub(super) fn share_text(&self) -> String {
         let Some((instructions, share)) = self.chip.whole_rows.adaptive_over_phase_table() else {
