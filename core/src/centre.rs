@@ -16,7 +16,7 @@ mod window;
 use crate::centre::tables::Sampling;
 use crate::fault::Fault;
 use crate::row::{Geometry, Row};
-use crate::shape::SpotShape;
+use crate::shape::{OwnSpot, SpotShape};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -54,6 +54,14 @@ impl Estimator {
             Self::Adaptive => "adaptive",
             Self::GaussNewton => "gauss-newton",
             Self::Fraunhofer => "fraunhofer",
+        }
+    }
+
+    /// The standard uncertainty of a calibrated centre by the spot's shape. `own` is the sensor's own spot.
+    pub fn by_shape(self, shape: &SpotShape, own: Option<&OwnSpot>) -> Pixels {
+        match self {
+            Self::Adaptive => shape.uncertainty_by_sets(own),
+            _ => shape.uncertainty(own),
         }
     }
 

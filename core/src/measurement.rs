@@ -180,7 +180,7 @@ impl Measurement {
                 .unwrap_or_default(),
             ambient: self.ambient,
             estimator: self.settings.estimator,
-            by_shape: (frame.shape).uncertainty_by(self.settings.estimator, own.as_ref()),
+            by_shape: (self.settings.estimator).by_shape(&frame.shape, own.as_ref()),
             pixels: map.map_or(PixelErrors::TCD1304DG, PixelMap::errors),
         })
     }

@@ -13,7 +13,6 @@
 //! A wide and weak shadow hides nearly all of itself: it leaves a spot that is symmetric, but narrower. Only
 //! a sensor that knows the width of its own spot ([`crate::profile`]) sees it.
 
-use crate::centre::Estimator;
 use crate::units::Pixels;
 
 /// Number of the components of the antisymmetric light.
@@ -49,10 +48,11 @@ pub struct OwnSpot {
     pub deviation: f32,
 }
 
-/// How far the centres of a lopsided spot by two sets of [`Estimator::Adaptive`] are apart, over how lopsided
-/// it is, as a standard deviation. From one set to the next the centre moves by 0.1 to 0.37 of it, for skewed
-/// beams, narrow shadows and second reflections alike. Most readings take the set with which their distance
-/// was calibrated, or the next one. For a skewed beam, 97 to 98 % of simulated readings are within 2u so.
+/// How far the centres of a lopsided spot by two sets of [`adaptive`](crate::centre::Estimator::Adaptive) are
+/// apart, over how lopsided it is, as a standard deviation. From one set to the next the centre moves by 0.1
+/// to 0.37 of it, for skewed beams, narrow shadows and second reflections alike. Most readings take the set
+/// with which their distance was calibrated, or the next one. For a skewed beam, 97 to 98 % of simulated
+/// readings are within 2u so.
 const BETWEEN_SETS: f32 = 0.1;
 
 /// The hidden shift over each component. Of the flaws in host-tests/tests/shape.rs, 99 % are hidden by less
@@ -106,15 +106,14 @@ impl SpotShape {
         Pixels::from_f32(dual_mac::square_root(variance))
     }
 
-    /// The standard uncertainty of a calibrated centre by the spot's shape: [`Self::uncertainty`], with what
-    /// [`Estimator::Adaptive`] adds if the sensor's own spot is lopsided. The calibration's curve holds the
-    /// centres by the sets that the heights of the spot chose then. The height of the spot in a reading may
-    /// choose another set.
+    /// As [`Self::uncertainty`], for an estimator with several sets of tables. If the sensor's own spot is
+    /// lopsided, each set has another centre of it. The calibration's curve holds the centres by the sets
+    /// that the heights of the spot chose then. The height of the spot in a reading may choose another set.
     ///
     /// Each of five components is at most 2^15 pixels, so no sum exceeds 2^33.
-    pub fn uncertainty_by(&self, estimator: Estimator, own: Option<&OwnSpot>) -> Pixels {
+    pub fn uncertainty_by_sets(&self, own: Option<&OwnSpot>) -> Pixels {
         let by_flaws = self.uncertainty(own);
-        let Some(own) = own.filter(|_| estimator == Estimator::Adaptive) else {
+        let Some(own) = own else {
             return by_flaws;
         };
         let lopsided: f32 = own.components.iter().map(|it| square(*it)).sum();
@@ -186,9 +185,9 @@ mod tests {
             ..OWN
         };
         let same = spot(own.components);
-        let by = |estimator, own| same.uncertainty_by(estimator, own).to_f32();
-        assert!((by(Estimator::Adaptive, Some(&own)) - 0.1 * 5.0).abs() < 1e-4);
-        assert_eq!(by(Estimator::PhaseTable, Some(&own)), 0.0);
+        let by_sets = |own| same.uncertainty_by_sets(own).to_f32();
+        assert!((by_sets(Some(&own)) - 0.1 * 5.0).abs() < 1e-4);
+        assert_eq!(same.uncertainty(Some(&own)).to_f32(), 0.0);
         for own in [
             None,
             Some(&OwnSpot {
@@ -196,14 +195,14 @@ mod tests {
                 ..OWN
             }),
         ] {
-            assert_eq!(by(Estimator::Adaptive, own), by(Estimator::PhaseTable, own));
+            assert_eq!(by_sets(own), same.uncertainty(own).to_f32());
         }
         // 1.2 pixels of a flaw and 0.5 make 1.3.
         let bad_pixels = SpotShape {
             rest: Pixels::from_f32(1.2),
             ..same
         };
-        let all = bad_pixels.uncertainty_by(Estimator::Adaptive, Some(&own));
+        let all = bad_pixels.uncertainty_by_sets(Some(&own));
         assert!((all.to_f32() - 1.3).abs() < 1e-4);
     }
 

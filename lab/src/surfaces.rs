@@ -153,7 +153,7 @@ pub fn see(scene: &Scene, count: u64, first: u64) -> Vec<(f64, Measured)> {
 fn known(measured: &Measured, record: &Record) -> Measured {
     let own = record.profile.map(|own| own.at(measured.frame.centre));
     Measured {
-        by_shape: (measured.frame.shape).uncertainty_by(measured.estimator, own.as_ref()),
+        by_shape: (measured.estimator).by_shape(&measured.frame.shape, own.as_ref()),
         ..*measured
     }
 }
