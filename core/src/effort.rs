@@ -2,16 +2,22 @@
 //!
 //! Nearly all rows take what the plain search, an estimator and the check take. The rest takes time only on
 //! some rows: a tilt, narrow spots, wide light, a repair, light that may be another spot. All these together
-//! share one effort. What it does not suffice for is not done: then the row has a flag, or it is a fault.
+//! share one effort. The search has enough of it on every row. If a repair has too little, the first centre
+//! stays: its shape makes u larger, or it has a flag. If a look for other spots has too little, the row has a
+//! flag.
 
-/// What a row may still take beyond a plain one. One unit is 40 of the chip's instructions: as many as the
-/// repair's passes take for a sample.
+/// What a row may still take beyond a plain one. One unit is what a pass of the repair takes for a sample: 40
+/// of the chip's instructions. On the slowest rows that we know, some parts pay too little: there a unit is
+/// up to 100 instructions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Effort(u16);
 
+/// The units of a row. With fewer, clean rows get a larger u, because some of their repairs do not end.
+pub(crate) const WHOLE: u16 = 5200;
+
 impl Effort {
     /// Nothing is done yet.
-    pub const WHOLE: Self = Self(5200);
+    pub const WHOLE: Self = Self(WHOLE);
 
     /// What is left.
     pub(crate) fn left(self) -> usize {

@@ -564,7 +564,8 @@ fn median(values: impl ExactSizeIterator<Item = u32>) -> Option<u32> {
     ranked(middle, values)
 }
 
-/// The value that exceeds `rank` of the others, of at most [`MAX_ROWS`] values. `None` for no values.
+/// Returns the value at place `rank`, from zero, of at most [`MAX_ROWS`] values in ascending order. `None`
+/// for no values.
 fn ranked(rank: usize, values: impl Iterator<Item = u32>) -> Option<u32> {
     // Each value is computed once.
     let mut keys: Vec<u32, { MAX_ROWS as usize }> = Vec::new();

@@ -1,7 +1,8 @@
 //! Finds a value by its rank among others, without sorting them: the library's sorts have a panic, for keys
 //! that have no order.
 
-/// The value that exceeds `rank` of the others. `None` if there are not so many.
+/// Returns the value at place `rank`, from zero, of the keys in ascending order. `None` if there are not so
+/// many keys.
 ///
 /// Bisection finds it: each pass halves the range from `low` to `high` in which it lies.
 pub(crate) fn ranked(rank: usize, keys: &[u32]) -> Option<u32> {
@@ -13,7 +14,7 @@ pub(crate) fn ranked(rank: usize, keys: &[u32]) -> Option<u32> {
         low = low.min(key);
         high = high.max(key);
     }
-    // At most 32 passes. Each one ends with two of the keys.
+    // At most 32 passes. After each one, `low` and `high` are keys.
     while low < high {
         let between = low.midpoint(high);
         let (mut below, mut highest_below, mut lowest_above) = (0usize, low, high);

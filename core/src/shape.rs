@@ -48,11 +48,10 @@ pub struct OwnSpot {
     pub deviation: f32,
 }
 
-/// How far the centres of a lopsided spot by two sets of [`adaptive`](crate::centre::Estimator::Adaptive) are
-/// apart, over how lopsided it is, as a standard deviation. From one set to the next the centre moves by 0.1
-/// to 0.37 of it, for skewed beams, narrow shadows and second reflections alike. Most readings take the set
-/// with which their distance was calibrated, or the next one. For a skewed beam, 97 to 98 % of simulated
-/// readings are within 2u so.
+/// The uncertainty that the sets of [`adaptive`](crate::centre::Estimator::Adaptive) add, over how lopsided
+/// the spot is. The centres by two neighbouring sets differ by 0.1 to 0.37 of that. Most readings take the
+/// set of their calibration, so the least is enough: 97 to 98 % of simulated readings of a skewed beam are
+/// within 2u.
 const BETWEEN_SETS: f32 = 0.1;
 
 /// The hidden shift over each component. Of the flaws in host-tests/tests/shape.rs, 99 % are hidden by less

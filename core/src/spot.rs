@@ -24,6 +24,7 @@ use core::ops::Range;
 
 use heapless::Vec;
 
+use crate::effort;
 pub use crate::effort::Effort;
 use crate::fault::Fault;
 use crate::numeric;
@@ -153,6 +154,10 @@ const EFFORT_OF_ALL_SIZES: usize = 950;
 
 /// The effort of searching a row again without its tilt.
 const EFFORT_OF_LEVEL: usize = 1400;
+
+// Only the search has paid yet, so it never has too little.
+const _: () =
+    assert!(EFFORT_OF_ALL_SIZES + EFFORT_OF_LEVEL + narrow::EFFORT <= effort::WHOLE as usize);
 
 /// What blocks of 8 pixels and more show.
 struct First<'a> {

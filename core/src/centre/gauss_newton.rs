@@ -39,6 +39,8 @@
 //! widths at a Fresnel number of 0.55. A fit that is wider than the half maximum says therefore weighs the
 //! spot's flanks less: see `LEAST_MIX`.
 
+use core::ops::Range;
+
 use crate::centre::half_width::{self, WIDTHS};
 use crate::centre::plausible::{check_uncertainty, count_saturated_pixels};
 use crate::centre::{RowCentre, WidthClass};
@@ -809,8 +811,8 @@ pub(crate) struct MaskedPixels {
 }
 
 impl MaskedPixels {
-    /// The pixels.
-    pub(crate) fn pixels(&self) -> impl Iterator<Item = usize> {
+    /// The pixels of each masked sample.
+    pub(crate) fn samples(&self) -> impl Iterator<Item = Range<usize>> {
         let Self {
             first,
             block,
@@ -821,7 +823,7 @@ impl MaskedPixels {
             samples &= samples.wrapping_sub(1);
             sample
         });
-        masked.flat_map(move |sample| {
+        masked.map(move |sample| {
             let start = first.saturating_add(sample.saturating_mul(block));
             start..start.saturating_add(block)
         })

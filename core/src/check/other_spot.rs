@@ -25,22 +25,21 @@ const SHARE: f32 = 0.62;
 /// least one: four widths have most boxes of one pixel, just below a width of 4.
 const MOST_APART: usize = 16;
 
-/// The part of its height by which a spot to the left exceeds one to the right, or does not count as higher.
-/// So the highest one changes at most some fifty times on a row, also where a thousand spots rise to the
-/// left.
+/// A spot further to the left replaces the highest one only if it is higher by one part in this many. So on a
+/// row with a thousand rising spots, the highest one changes about fifty times.
 const HIGHER: u16 = 8;
 
 /// The places whose heights are compared in one go.
 const PART: usize = 1024;
 
-/// Their heights, those beside them, and what fills the last four.
+/// Heights of a part and of both sides, rounded up to whole fours.
 const HEIGHTS: usize = PART + 2 * MOST_APART + 4;
 
 /// The effort of the comparison.
 const EFFORT: usize = 1500;
 
-/// Searches all of the row for another spot. Called for a frame's first row only. `false` if there may be
-/// one, and the effort that is left does not tell.
+/// Searches all of the row for another spot. Called for a frame's first row only. Returns `false` if
+/// another spot is possible, but too little effort is left to search for it.
 ///
 /// # Errors
 /// [`Fault::TwoSpots`] if there is another spot.

@@ -16,7 +16,7 @@
 //! A fit is taken if the rest of the row is symmetric about it and scatters no more than noise explains.
 //! Otherwise [`centre`] gives the first centre with a flag, and the check decides. A repair ends when the
 //! row's effort is used up ([`Effort`]): a sample in one pass is one unit. The pass of a step, which sums up
-//! the normal equations, takes 37 instructions a sample, and no other pass takes more than 40.
+//! the normal equations, takes 37 instructions a sample.
 
 use core::cell::Cell;
 

@@ -124,8 +124,8 @@ impl<'a> Light<'a> {
     }
 
     /// Whether any count exceeds a limit.
-    // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in a larger count plus the
-    // rest to 2^15.
+    // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in a count above the
+    // limit, plus what the limit lacks to 2^15 - 1.
     #[inline(never)]
     pub(crate) fn exceeds(self, limit: u32) -> bool {
         const ONES: u32 = 0x0001_0001;

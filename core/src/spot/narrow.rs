@@ -52,9 +52,9 @@ const BLOCKS: usize = 2 * REACH + 1;
 /// The effort of a search.
 pub(super) const EFFORT: usize = 1300;
 
-/// How much a search may take to look at parts, in units of about eight of the chip's instructions: 27,000 in
-/// all. The rest takes 22,000. That is enough for narrow spots and speckle on wide light, and for four hot
-/// pixels that are brighter.
+/// What a search may take to look at parts, in units of about eight of the chip's instructions: 27,000 in
+/// all. The other passes of [`find`] take 22,000. That is enough for narrow spots and speckle on wide light,
+/// and for four hot pixels that are brighter.
 const LOOKS: u32 = 3400;
 
 /// Looking at a part.
@@ -63,7 +63,8 @@ const LOOK: u32 = 50;
 /// Measuring the contrast and the bend of a place; then testing whether it is one pixel.
 const PLACE: u32 = 20;
 
-/// Parts side by side of which the highest rank is kept: the highest of all is found among those first.
+/// Parts of a group. The highest rank of each group is stored, so that two short searches find the highest
+/// part.
 const GROUP: usize = 12;
 
 /// The least contrast, in halves of a standard deviation of a response's noise. A spot that is bright enough
@@ -82,7 +83,7 @@ const NOISE_REACH: usize = 256;
 
 /// Finds the spot with the most significant contrast. `row_noise` is the noise of a pixel of the row. `None`
 /// if no spot has enough contrast. Returns [`Fault::TwoSpots`] if two spots have a similar contrast, and
-/// [`Fault::NoSpot`] if so many places have much contrast that the [`LOOKS`] does not tell which is a spot.
+/// [`Fault::NoSpot`] if [`LOOKS`] is used up before the spot is found.
 #[cold]
 #[inline(never)]
 pub(super) fn find(
@@ -124,8 +125,8 @@ struct Parts<'a> {
     parts: Vec<Part, MOST_PARTS>,
     /// The highest rank of each [`GROUP`] of parts.
     highest: Vec<u32, { MOST_PARTS.div_ceil(GROUP) }>,
-    /// What is left of the [`LOOKS`].
-    effort: u32,
+    /// What is left of [`LOOKS`].
+    looks_left: u32,
 }
 
 impl<'a> Parts<'a> {
@@ -157,7 +158,7 @@ impl<'a> Parts<'a> {
             sums,
             parts,
             highest: Vec::new(),
-            effort: LOOKS,
+            looks_left: LOOKS,
         };
         for group in parts.parts.chunks(GROUP) {
             let _ = parts.highest.push(highest_rank(group));
@@ -187,8 +188,8 @@ impl<'a> Parts<'a> {
         while let Some(part) = self.take(rank_of(least)) {
             let is_spot = |place: &Place| place.stands_out(noise);
             let more = contrast_of(least, part.block_log2);
-            let found = part.highest(self.sums, more, &mut self.effort, is_spot);
-            if self.effort == 0 {
+            let found = part.highest(self.sums, more, &mut self.looks_left, is_spot);
+            if self.looks_left == 0 {
                 let amplitude = height(in_q8(part.contrast), part.block_log2);
                 return Err(Fault::NoSpot { amplitude });
             }
@@ -217,11 +218,11 @@ impl<'a> Parts<'a> {
                 && has_similar_height(part.contrast.into(), best.contrast.into())
         });
         for part in similar {
-            let other = part.highest(self.sums, best.contrast / 2, &mut self.effort, is_other);
+            let other = part.highest(self.sums, best.contrast / 2, &mut self.looks_left, is_other);
             if let Some(other) = other {
                 return Some(middle(other.block, block_log2));
             }
-            if self.effort == 0 {
+            if self.looks_left == 0 {
                 return Some(middle(part.first, block_log2));
             }
         }
@@ -243,15 +244,15 @@ struct Part {
 
 impl Part {
     /// The place with the highest contrast that is more than `least`, if it is a spot's and no single pixel.
-    /// `None` too where that takes more than what is left of the effort, which is then zero.
+    /// `None` too where that takes more than what is left of [`LOOKS`], which is then zero.
     fn highest(
         &self,
         sums: &Sums<'_>,
         mut least: u32,
-        effort: &mut u32,
+        looks_left: &mut u32,
         is_spot: impl Fn(&Place) -> bool,
     ) -> Option<Place> {
-        *effort = effort.saturating_sub(LOOK);
+        *looks_left = looks_left.saturating_sub(LOOK);
         let blocks = sums.small_blocks(self.block_log2).get(self.first..)?;
         // A short row has fewer blocks. Those behind them belong to no place.
         let mut few = [0; SAMPLES_OF_PART];
@@ -278,17 +279,17 @@ impl Part {
             if both <= numeric::mul_i32(2, least.min(1 << 20) as i32) {
                 continue;
             }
-            if *effort == 0 {
+            if *looks_left == 0 {
                 return None;
             }
-            *effort = effort.saturating_sub(PLACE);
+            *looks_left = looks_left.saturating_sub(PLACE);
             let Some(place) = self.place(part, first, least) else {
                 continue;
             };
             if !is_spot(&place) {
                 continue;
             }
-            *effort = effort.saturating_sub(PLACE);
+            *looks_left = looks_left.saturating_sub(PLACE);
             if !sums.is_one_pixel(place.block_log2, place.block, place.level) {
                 least = place.contrast;
                 highest = Some(place);

@@ -4,7 +4,7 @@
 //! [`Sums::highest`] then searches the best part for the place.
 //!
 //! [`Coarse`] holds all sizes from 8 pixels up, which follow from the row's blocks of 8. [`Fine`] holds the
-//! sizes below, which take ten times as long: the search computes them only where they matter.
+//! sizes below, which take four times as long: the search computes them only where they matter.
 
 use core::ops::Range;
 

@@ -44,7 +44,8 @@ impl Tilt {
             let drift = Self::of(step, block_log2).rise(pixels / 2);
             drift > 2 * i64::from(noise.to_bits()) && drift > i64::from(height.to_bits()) / 4
         };
-        // In most rows few steps may hide a spot. Then the median may not: half of the steps are as large.
+        // The median is large only if half of the steps are. Most rows have few large steps, and need no
+        // median.
         let hiding = numeric::count(steps.clone().map(may_hide));
         if hiding < sums.len().saturating_sub(1) / 2 {
             return None;

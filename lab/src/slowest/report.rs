@@ -60,11 +60,11 @@ pub fn attribution(program: &Firmware, call: &Call) -> Result<Vec<(String, u64)>
 /// closure in their names: they count for the function around it.
 fn function_of(symbol: &str) -> String {
     let name = format!("{:#}", rustc_demangle::demangle(symbol));
-    let own = name
-        .rsplit_once("slitrange::")
-        .map_or(name.as_str(), |(_, own)| own);
-    let own = own.split("::{closure").next().unwrap_or_default();
-    own.replace(['<', '>'], "")
+    let own = match name.split_once("::{closure") {
+        Some((around, _)) => around.rsplit_once("slitrange::").map(|(_, own)| own),
+        None => name.trim_start_matches('<').strip_prefix("slitrange::"),
+    };
+    own.unwrap_or(&name).replace(['<', '>'], "")
 }
 
 /// What is on a row.
@@ -168,6 +168,10 @@ mod tests {
             (
                 "core::iter::fold::<u32, slitrange::spot::search::{closure#1}>",
                 "spot::search",
+            ),
+            (
+                "core::iter::fold::<slitrange::centre::gauss_newton::Sample>",
+                "core::iter::fold::slitrange::centre::gauss_newton::Sample",
             ),
             ("__aeabi_memcpy4", "__aeabi_memcpy4"),
         ] {

@@ -261,15 +261,21 @@ impl Pairs<'_> {
         let from = self.mirror.right.saturating_sub(1);
         let end = self.mirror.left;
         let mut gaps = 0u64;
-        // A sample takes its pixels, and one at either end.
-        let mut mark = |pixel: usize| {
-            let sides = [pixel.checked_sub(from), end.checked_sub(pixel)];
-            for away in sides.into_iter().flatten() {
-                let last = away / pixels;
-                let first = away
+        // A sample takes its pixels, and one at either end. How far the nearest and the furthest pixel of a
+        // gap are from there tells the first and the last pair.
+        let mut mark = |gap: Range<usize>| {
+            let last = gap.end.saturating_sub(1);
+            let to_right = last.checked_sub(from);
+            let to_left = end.checked_sub(gap.start);
+            let sides = [
+                to_right.map(|furthest| (gap.start.saturating_sub(from), furthest)),
+                to_left.map(|furthest| (end.saturating_sub(last), furthest)),
+            ];
+            for (nearest, furthest) in sides.into_iter().flatten() {
+                let first = nearest
                     .saturating_sub(pixels.saturating_add(1))
                     .div_ceil(pixels);
-                for pair in first..last.saturating_add(1).min(MOST_PAIRS) {
+                for pair in first..(furthest / pixels).saturating_add(1).min(MOST_PAIRS) {
                     gaps |= 1u64.wrapping_shl(pair as u32);
                 }
             }
@@ -281,9 +287,9 @@ impl Pairs<'_> {
             let length = from.saturating_add(reach).saturating_sub(start);
             let cut = (start..usize::MAX).zip(near.iter().take(length));
             cut.filter(|&(_, count)| count >= full_scale)
-                .for_each(|(pixel, _)| mark(pixel));
+                .for_each(|(pixel, _)| mark(pixel..pixel.saturating_add(1)));
         }
-        self.gaps.masked.pixels().for_each(mark);
+        self.gaps.masked.samples().for_each(mark);
         gaps
     }
 }

@@ -80,7 +80,7 @@ fn main() -> anyhow::Result<()> {
     println!("\n{table}\n{} rows in {:.0} s", search.rows, seconds);
     chip.finish()?;
     if found.iter().any(|slow| slow.instructions > LIMIT) {
-        println!("A row takes more than {LIMIT} instructions.");
+        println!("A row takes more than the goal of {LIMIT} instructions.");
     }
     if !options.write {
         docs::print_hint("cargo slowest", &format!("{CORPUS} and {PAGE}"));

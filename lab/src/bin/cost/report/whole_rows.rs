@@ -289,7 +289,7 @@ impl Measured {
         )
     }
 
-    /// Both in a short sentence.
+    /// The time of a following row, and how much slower `adaptive` is, in one sentence.
     pub(super) fn readme_text(&self) -> String {
         let rows = &self.chip.whole_rows;
         let nominal = rows.nominal(Estimator::Adaptive);
@@ -323,7 +323,7 @@ impl Measured {
         let slowest = self.chip.whole_rows.slowest(Estimator::default());
         slowest.map_or(String::new(), |slowest| {
             format!(
-                "The slowest row of the default estimator shows: {}.",
+                "The slowest row of the default estimator: {}.",
                 slowest.name
             )
         })
