@@ -409,7 +409,9 @@ mod tests {
     /// line that has none beside it.
     #[test]
     fn a_comb_is_searched_to_its_ends() {
-        for width in [1.0, 2.5, 3.9, 4.0, 6.5, 10.5, 30.0] {
+        let widths = [10.5, 1.0, 2.5, 3.9, 4.0, 6.5, 30.0];
+        // Miri takes a minute for each.
+        for width in widths.into_iter().take(if cfg!(miri) { 1 } else { 7 }) {
             let (half, apart) = boxes(width);
             let period = half * apart;
             let mut light: [u16; 3651] = core::array::from_fn(|i| match i {
@@ -438,7 +440,7 @@ mod tests {
     fn nearly_the_highest_spot_is_found() {
         let mut random = 1u32;
         let mut numbers = [0; 2];
-        for number in 0..600 {
+        for number in 0..if cfg!(miri) { 2 } else { 600 } {
             let width = [1.0, 1.9, 2.3, 3.9, 4.2, 5.0, 6.6, 9.9][number % 8];
             let (half, apart) = boxes(width);
             // From a few bright boxes to many.
@@ -496,6 +498,9 @@ mod tests {
             );
             numbers[usize::from(found.is_some())] += 1;
         }
-        assert!(numbers.iter().all(|&number| number > 50), "{numbers:?}");
+        assert!(
+            cfg!(miri) || numbers.iter().all(|&number| number > 50),
+            "{numbers:?}"
+        );
     }
 }
