@@ -19,12 +19,12 @@ impl Effort {
     /// Nothing is done yet.
     pub const WHOLE: Self = Self(WHOLE);
 
-    /// What is left.
+    /// The units that nothing has used yet.
     pub(crate) fn left(self) -> usize {
         self.0.into()
     }
 
-    /// Takes from what is left. `None` if too little is left.
+    /// Uses some units. Returns `None`, and uses nothing, if there are fewer.
     #[must_use]
     pub(crate) fn pay(&mut self, units: usize) -> Option<()> {
         let units = u16::try_from(units).ok()?;

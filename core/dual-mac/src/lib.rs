@@ -64,10 +64,10 @@ pub const PART: usize = 16;
 /// The largest sample. Samples are read as signed 16-bit numbers, so larger ones would be negative.
 pub const LARGEST_SAMPLE: u16 = i16::MAX as u16;
 
-/// From a sample to those beside it, of which [`contrasts`] takes the contrast.
+/// [`contrasts`] compares a sample with the two samples that are so far to its left and to its right.
 pub const BESIDE: usize = 4;
 
-/// Samples to either side of one that its contrast needs.
+/// The contrast of a sample depends on so many samples to its left, and on as many to its right.
 pub const REACH: usize = BESIDE + 1;
 
 /// Places in a part of [`contrasts`].

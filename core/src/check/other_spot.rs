@@ -167,7 +167,7 @@ impl Search {
         let end = places.end.saturating_add(1).saturating_mul(self.half);
         let pixels = places.start.saturating_mul(self.half)..end;
         let blocks = pixels.start / BLOCK..pixels.end.div_ceil(BLOCK);
-        // What is not there may be high.
+        // A row without blocks is searched.
         let blocks = row.blocks().get(blocks);
         blocks.is_none_or(|blocks| Light::from(blocks).exceeds(of_block))
             && row
@@ -397,6 +397,40 @@ mod tests {
         }
         assert!(others.iter().all(|&it| it == others[0]), "{others:?}");
         others[0]
+    }
+
+    /// Another spot is as high as the spot, or there is none. Only a look for one takes effort.
+    #[test]
+    fn without_effort_a_row_that_may_have_another_spot_is_not_passed() {
+        let level = Counts::from_int(LEVEL.into());
+        let mut effort = crate::spot::Effort::WHOLE;
+        assert_eq!(effort.pay(effort.left() + 1), None);
+        assert_eq!(effort.pay(effort.left() - EFFORT + 1), Some(()));
+        let spot = Spot {
+            centre: CENTRE,
+            block_log2: 1,
+            height: level,
+            background: Background {
+                level,
+                noise: level,
+            },
+            black_level: level,
+            effort,
+        };
+        let found = found_at(CENTRE as f32, 4.0);
+        for (another, is_passed) in [(CENTRE, true), (CENTRE + 200, false)] {
+            let light: [u16; 2000] = core::array::from_fn(|i| {
+                let nearest = i.abs_diff(CENTRE).min(i.abs_diff(another));
+                LEVEL + if nearest <= 8 { 1000 } else { 0 }
+            });
+            let row = Row::new(&light, &[], LARGEST_COUNT).expect("a row");
+            assert_eq!(check(&row, &spot, &found), Ok(is_passed), "{another}");
+            let whole = Spot {
+                effort: crate::spot::Effort::WHOLE,
+                ..spot
+            };
+            assert_eq!(check(&row, &whole, &found).is_ok(), is_passed);
+        }
     }
 
     /// Boxes and boxes apart for a width.

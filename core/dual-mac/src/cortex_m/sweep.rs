@@ -76,8 +76,8 @@ macro_rules! two_pairs_of_both {
     };
 }
 
-/// A part. Its words start with the pair before it, and its sums with the sum of that pair, which is there
-/// already.
+/// Sweeps a part. `$words` points to the pair before the part, and `$sums` to the sum of that pair. That sum
+/// is already written.
 macro_rules! part {
     ($words:expr, $sums:expr, $sample:ident, $respond:ident, $($operand:tt)*) => {
         asm!(
@@ -181,7 +181,8 @@ fn part_at(number: usize, words: &[u16], sums: &mut [u16]) -> (*const u16, *mut 
     )
 }
 
-/// What is left of a sweep behind so many parts, with the pair before it.
+/// Returns the words, the sums and the parts that come behind the whole parts. The words and the sums start
+/// with the pair before.
 fn behind<'a>(
     whole: usize,
     words: &'a [u16],

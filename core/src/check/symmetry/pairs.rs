@@ -476,9 +476,9 @@ impl Steps {
 /// The place about which the row is mirrored.
 #[derive(Clone, Copy)]
 pub(super) struct Place {
-    /// The first pixel to the right of that place. At least 1.
+    /// The mirror's right side begins with this pixel. At least 1.
     pub(super) right: usize,
-    /// The number of pixels to the left of that place.
+    /// The mirror's left side has so many pixels.
     pub(super) left: usize,
     /// From that place to pixel `right`: half a pixel or one.
     pub(super) to_right: f32,

@@ -332,8 +332,8 @@ impl Measured {
         }
         format!(
             "{}\nA row is one read-out of the pixels. The bound (Cramér-Rao) is the smallest error of any \
-             unbiased method with this noise. The ratio is the worst of spot widths (sigma) from 1.2 to 18 px. \
-             A whole row: estimated time at 168 MHz, from the row's words to its centre with its check.\n",
+             unbiased method with this noise. The ratio is the worst of spot widths (sigma) from 1.2 to 18 \
+             px. A whole row: estimated time at 168 MHz, from the row's words to its centre with its check.\n",
             table::markdown(&rows),
         )
     }
