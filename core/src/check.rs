@@ -41,7 +41,7 @@ pub mod repair;
 mod symmetry;
 
 use crate::centre::gauss_newton::MaskedPixels;
-use crate::centre::{self, Estimator, RowCentre, gauss_newton};
+use crate::centre::{self, Estimator, RowCentre, gauss_newton, half_width};
 use crate::fault::Fault;
 use crate::profile::Profile;
 use crate::row::{Geometry, Row};
@@ -60,6 +60,23 @@ const LARGEST_SHAPE: f32 = 0.5;
 /// A narrower spot, in pixels, is flagged if it is not symmetric: a single bad pixel looks like a shape
 /// there.
 const NARROWEST_WITH_SHAPE: f32 = repair::NARROWEST_SURE_REFIT;
+
+/// The estimator and the check take effort only for a spot that is wider than this, in pixels.
+const USUAL_WIDTH: usize = 16;
+
+/// The effort that they take for each pixel that the spot is wider.
+const EFFORT_OF_PIXEL: usize = 15;
+
+/// The most effort of [`gauss_newton`], which takes all its steps.
+fn effort_of_fit(spot: &Spot) -> usize {
+    widest(spot).saturating_mul(4).saturating_add(1000)
+}
+
+/// The most pixels that a spot may be wide, before its width is known.
+fn widest(spot: &Spot) -> usize {
+    let widest = *half_width::WIDTHS.end() as usize;
+    spot.block().saturating_mul(2).min(widest)
+}
 
 /// Finds the centre of a spot that the coarse search found, and checks it.
 ///
@@ -95,19 +112,33 @@ fn find_and_check(
     geometry: &Geometry,
     profile: Option<&Profile>,
 ) -> Result<RowCentre, Fault> {
+    if estimator == Estimator::GaussNewton {
+        spot.effort.pay(effort_of_fit(spot)).ok_or(spot.no_spot())?;
+    }
     let found = match centre::centre(estimator, row, spot, before, geometry) {
-        Err(Fault::SpotAtEdge { .. }) if estimator != Estimator::GaussNewton => {
+        Err(at_edge @ Fault::SpotAtEdge { .. }) if estimator != Estimator::GaussNewton => {
+            spot.effort.pay(effort_of_fit(spot)).ok_or(at_edge)?;
             let found = gauss_newton::centre(row, spot, before, geometry)?;
-            let Checked { found, is_clean } = check_symmetry(row, spot, found, geometry, profile);
+            let checked = check_symmetry(row, spot, found, geometry, profile);
             return Ok(RowCentre {
-                misfit: !is_clean || !is_certain_cut(row, &found),
-                ..found
+                misfit: !checked.is_clean || !is_certain_cut(row, &found),
+                ..checked.found
             });
         }
         found => found?,
     };
-    let Checked { found, is_clean } = check_symmetry(row, spot, found, geometry, profile);
-    if !is_clean && estimator != Estimator::GaussNewton {
+    // `as` saturates. The estimator's part is paid afterwards: only now is the width known.
+    let wider = (found.width.to_f32() as usize).saturating_sub(USUAL_WIDTH);
+    let effort = wider.saturating_mul(EFFORT_OF_PIXEL);
+    if spot.effort.pay(effort).is_none() {
+        return Ok(RowCentre {
+            misfit: true,
+            ..found
+        });
+    }
+    let checked = check_symmetry(row, spot, found, geometry, profile);
+    let found = checked.found;
+    if checked.may_be_repaired && estimator != Estimator::GaussNewton {
         return Ok(repair_or_keep(
             estimator, row, spot, before, geometry, profile, found,
         ));
@@ -150,6 +181,8 @@ struct Checked {
     found: RowCentre,
     /// Nothing is wrong with the centre.
     is_clean: bool,
+    /// Something is, and samples that are masked may change it.
+    may_be_repaired: bool,
 }
 
 /// Compares a row with its mirror image about a centre. A fit's own flag stays if full scale or the sensor's
@@ -170,10 +203,12 @@ fn check_symmetry(
         return Checked {
             found: RowCentre { misfit, ..found },
             is_clean: !misfit,
+            may_be_repaired: misfit,
         };
     };
     let shape = verdict.shape;
     let is_sound = verdict.is_spot && !(found.misfit && !is_whole(row, &found));
+    let is_clean = is_sound && verdict.is_symmetric;
     let width = found.width.to_f32();
     let is_expressed = verdict.is_symmetric
         || width > NARROWEST_WITH_SHAPE && shape.uncertainty(own).to_f32() <= LARGEST_SHAPE * width;
@@ -183,7 +218,8 @@ fn check_symmetry(
             shape,
             ..found
         },
-        is_clean: is_sound && verdict.is_symmetric,
+        is_clean,
+        may_be_repaired: !is_clean && !verdict.is_hopeless,
     }
 }
 
@@ -231,6 +267,38 @@ mod tests {
         light[3] = 4095;
         let row = Row::new(&light, &[], 4095).expect("12 bits");
         assert!(!is_whole(&row, &found_at(50.0, 10.0)));
+    }
+
+    /// A spot of 60 pixels, in the row's middle or cut by its end, on a row whose search left no effort.
+    #[test]
+    fn without_effort_a_wide_spot_has_a_flag_and_a_cut_spot_a_fault() {
+        let geometry = crate::sensor_heads::tcd1304dg();
+        for (centre, is_cut) in [(900.0f32, false), (20.0, true)] {
+            let light: std::vec::Vec<u16> = (0..2000u32)
+                .map(|i| {
+                    let u = (i as f32 - centre) / 60.0;
+                    let noise = i.wrapping_mul(2_654_435_761) >> 30;
+                    (300.0 + 2000.0 * libm::expf(-0.5 * u * u)) as u16 + noise as u16
+                })
+                .collect();
+            let row = Row::new(&light, &[], 4095).expect("12 bits");
+            let spot = crate::spot::find(&row).expect("a spot");
+            let measure = |spot: &Spot| {
+                let estimator = Estimator::PhaseTable;
+                super::centre(estimator, &row, spot, None, &geometry, None)
+            };
+            let found = measure(&spot).expect("a centre");
+            assert!((found.centre.to_f32() - centre).abs() < 1.0, "{found:?}");
+            assert!(!found.misfit, "{found:?}");
+            let mut tired = spot;
+            assert_eq!(tired.effort.pay(spot.effort.left()), Some(()));
+            let found = measure(&tired);
+            if is_cut {
+                assert!(matches!(found, Err(Fault::SpotAtEdge { .. })), "{found:?}");
+            } else {
+                assert!(found.expect("a centre").misfit);
+            }
+        }
     }
 
     #[test]

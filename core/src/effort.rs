@@ -3,17 +3,16 @@
 //! Nearly all rows take what the plain search, an estimator and the check take. The rest takes time only on
 //! some rows: a tilt, narrow spots, wide light, a repair, light that may be another spot. All these together
 //! share one effort. The search has enough of it on every row. If a repair has too little, the first centre
-//! stays: its shape makes u larger, or it has a flag. If a look for other spots has too little, the row has a
-//! flag.
+//! stays: its shape makes u larger, or it has a flag. If the check of a wide spot or the look for other spots
+//! has too little, the row has a flag. If the fit of a cut spot has too little, the row has a fault.
 
 /// What a row may still take beyond a plain one. One unit is what a pass of the repair takes for a sample: 40
-/// of the chip's instructions. On the slowest rows that we know, some parts pay too little: there a unit is
-/// up to 100 instructions.
+/// of the chip's instructions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Effort(u16);
 
-/// The units of a row. With fewer, clean rows get a larger u, because some of their repairs do not end.
-pub(crate) const WHOLE: u16 = 5200;
+/// The units of a row. With fewer, some repairs of clean rows do not end, and u grows.
+pub(crate) const WHOLE: u16 = 4300;
 
 impl Effort {
     /// Nothing is done yet.
@@ -30,5 +29,12 @@ impl Effort {
         let units = u16::try_from(units).ok()?;
         self.0 = self.0.checked_sub(units)?;
         Some(())
+    }
+
+    /// Uses some units, or all that are left.
+    pub(crate) fn pay_at_most(&mut self, units: usize) {
+        self.0 = self
+            .0
+            .saturating_sub(u16::try_from(units).unwrap_or(u16::MAX));
     }
 }

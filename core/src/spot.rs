@@ -97,6 +97,16 @@ fn level_bits(level: Counts) -> i32 {
 }
 
 impl Spot {
+    /// The pixels in a block.
+    pub(crate) const fn block(&self) -> usize {
+        let log2 = if self.block_log2 < LARGEST_BLOCK_LOG2 {
+            self.block_log2
+        } else {
+            LARGEST_BLOCK_LOG2
+        };
+        1 << log2
+    }
+
     /// The black level in the bits of [`Counts`], limited to what a row can hold.
     pub fn black_level_bits(&self) -> i32 {
         level_bits(self.black_level)
@@ -134,7 +144,10 @@ pub(crate) fn find_in(row: &Row<'_>, blocks: &[u16], coarse: &mut Coarse) -> Res
     if light.len() < MIN_PIXELS {
         return Err(NOTHING);
     }
-    if light.iter().all(|count| Some(count) == light.get(0)) {
+    // The blocks of nearly all rows tell that the sensor is not silent.
+    if blocks.iter().all(|sum| Some(sum) == blocks.first())
+        && light.iter().all(|count| Some(count) == light.get(0))
+    {
         return Err(Fault::SensorSilent);
     }
     let first = First::look(light, blocks, coarse).ok_or(NOTHING)?;
@@ -150,10 +163,10 @@ const NOTHING: Fault = Fault::NoSpot {
 };
 
 /// The effort of a search in blocks of all sizes.
-const EFFORT_OF_ALL_SIZES: usize = 950;
+const EFFORT_OF_ALL_SIZES: usize = 1100;
 
 /// The effort of searching a row again without its tilt.
-const EFFORT_OF_LEVEL: usize = 1400;
+const EFFORT_OF_LEVEL: usize = 1200;
 
 // Only the search has paid yet, so it never has too little.
 const _: () =
@@ -243,7 +256,7 @@ fn search_all_sizes(
         best.is_too_wide(&sums, level) || is_dim && sums.has_darker_background(level, noise);
     if may_hide_another {
         effort.pay(narrow::EFFORT).ok_or(NOTHING)?;
-        if let Some(found) = narrow::find(&sums, noise, effort) {
+        if let Some(found) = narrow::find(&sums, noise, &mut effort) {
             return found;
         }
     }

@@ -54,8 +54,9 @@ use crate::units::{Counts, Pixels};
 /// Samples in a window.
 pub const SAMPLES: usize = 128;
 
-/// Half of the window of a spot that needs samples of more than one pixel, in its widths.
-const HALF_WINDOW: f32 = 5.0;
+/// A width has at least so many samples, if samples of [`LARGEST_SAMPLE`] pixels are that small: half of the
+/// window of a wide spot has five widths.
+const SAMPLES_A_WIDTH: f32 = 12.8;
 
 /// The most pixels in a sample. The widest spot needs 170 * 10 / 128 = 13.3. The sum of this many counts is
 /// below 2^16.
@@ -77,6 +78,9 @@ pub(crate) const MAX_STEPS: usize = 8;
 
 /// The last step's square in standard deviations is at most this.
 const LAST_STEP: f32 = 0.01;
+
+/// The same for the fits of a repair, which are many. What such a step leaves is still far below the noise.
+const LAST_STEP_OF_REPAIR: f32 = 0.06;
 
 /// A fit whose last step was longer than half a standard deviation has not arrived.
 const ARRIVED: f32 = 0.25;
@@ -207,8 +211,8 @@ pub fn centre(
         f32::INFINITY
     };
     let parameters = window.parameters(&start);
-    let fit =
-        fit_profile(window.samples(), parameters, shot, least_noise, MAX_STEPS).ok_or(unfit)?;
+    let until = Until::PRECISE;
+    let fit = fit_profile(window.samples(), parameters, shot, least_noise, &until).ok_or(unfit)?;
     let cut_off = window.cut_off(&fit.parameters);
     if cut_off == CutOff::TooMuch {
         return Err(unfit);
@@ -282,6 +286,17 @@ impl Start {
     }
 }
 
+/// Half of the window of a spot of this width, in pixels.
+pub(crate) fn half_window(width: f32) -> usize {
+    pixels_a_sample(width, SAMPLES_A_WIDTH) * (SAMPLES / 2)
+}
+
+/// The pixels of a sample, of which a width has at least so many.
+pub(crate) fn pixels_a_sample(width: f32, samples_a_width: f32) -> usize {
+    // `as` cuts off.
+    ((width / samples_a_width) as usize).min(LARGEST_SAMPLE - 1) + 1
+}
+
 /// How many pixels about a place are at full scale without a gap.
 fn flat_top(light: Light<'_>, place: Pixels, geometry: &Geometry) -> usize {
     let full_scale = geometry.full_scale();
@@ -315,27 +330,25 @@ impl Window {
         start: &Start,
         geometry: &Geometry,
     ) -> Self {
-        Self::within(SAMPLES / 2, light, spot, start, geometry)
+        let block = pixels_a_sample(start.width, SAMPLES_A_WIDTH);
+        Self::within((SAMPLES / 2, block), light, spot, start, geometry)
     }
 
-    /// As [`Self::around`], with `half` samples to either side.
+    /// As [`Self::around`], with `half` samples of `block` pixels to either side: see [`pixels_a_sample`].
     pub(crate) fn within(
-        half: usize,
+        (half, block): (usize, usize),
         light: Light<'_>,
         spot: &Spot,
         start: &Start,
         geometry: &Geometry,
     ) -> Self {
         let half = half.min(SAMPLES / 2);
+        let block = block.clamp(1, LARGEST_SAMPLE);
         let middle =
             usize::try_from(start.centre.to_bits() >> Pixels::FRACTION).unwrap_or_default();
-        let samples_a_pixel = SAMPLES as f32 / (2.0 * HALF_WINDOW * start.width);
-        // `as` cuts off: one pixel up to a width of 12.8.
-        let block = ((1.0 / samples_a_pixel) as usize).min(LARGEST_SAMPLE - 1) + 1;
         let first = middle.saturating_sub(block * half).min(light.len());
         let end = (middle + block * half).min(light.len());
         let pixels = light.slice(first..end).unwrap_or_default();
-        let full_scale = geometry.full_scale();
         // Below 2^16 in Q8, and 16 counts of 12 bits: 2^24 in Q8, exact in f32.
         let level = spot.background.level_bits() * block as i32;
         let (noise, _) = spot.background.variances(geometry);
@@ -347,25 +360,34 @@ impl Window {
             saturated: 0,
             variance: noise * block as f32,
         };
-        for (sample, pixels) in window.samples.iter_mut().zip(pixels.groups(block)) {
-            let (mut sum, mut highest) = (0, 0);
-            for count in pixels.iter() {
-                // At most LARGEST_SAMPLE counts.
-                sum = numeric::add_i32(sum, i32::from(count));
-                highest = highest.max(count);
-            }
-            let full = highest >= full_scale;
-            *sample = Sample {
-                counts: numeric::sub_i32(numeric::mul_i32(sum, 1 << Counts::FRACTION), level)
-                    as f32
-                    / 256.0,
-                variance: if full { SATURATED } else { window.variance },
-            };
-            // At most SAMPLES.
-            window.saturated = numeric::add_usize(window.saturated, usize::from(full));
-            window.length = numeric::add_usize(window.length, 1);
+        let full_scale = geometry.full_scale();
+        if block == 1 {
+            let counts = pixels.iter();
+            window.fill(
+                level,
+                counts.map(|count| (count.into(), count >= full_scale)),
+            );
+        } else {
+            let groups = pixels.groups(block);
+            window.fill(level, groups.map(|pixels| pixels.sum_of_few(full_scale)));
         }
         window
+    }
+
+    /// Makes samples of sums of counts, each with whether a pixel of it is at full scale. `level` is under
+    /// each sample, in Q8.
+    #[inline(always)]
+    fn fill(&mut self, level: i32, sums: impl Iterator<Item = (u32, bool)>) {
+        for (sample, (sum, is_full)) in self.samples.iter_mut().zip(sums) {
+            let sum = numeric::mul_i32(sum as i32, 1 << Counts::FRACTION);
+            *sample = Sample {
+                counts: numeric::sub_i32(sum, level) as f32 / 256.0,
+                variance: if is_full { SATURATED } else { self.variance },
+            };
+            // At most SAMPLES.
+            self.saturated = numeric::add_usize(self.saturated, usize::from(is_full));
+            self.length = numeric::add_usize(self.length, 1);
+        }
     }
 
     /// Whether the centre is among the samples, and so on the sensor.
@@ -384,15 +406,21 @@ impl Window {
 
     /// The pixels of the samples that are masked.
     pub(crate) fn masked_pixels(&self) -> MaskedPixels {
-        let samples = self.samples().iter().enumerate();
         MaskedPixels {
             first: self.first,
             block: self.block,
-            // Fewer than 128.
-            samples: samples.fold(0, |all, (i, sample)| {
-                all | u128::from(sample.is_masked()).wrapping_shl(i as u32)
-            }),
+            samples: self.bits(Sample::is_masked),
         }
+    }
+
+    /// A bit for each sample, the lowest for the first.
+    pub(crate) fn bits(&self, is_set: impl Fn(&Sample) -> bool) -> u128 {
+        let mut words = [0u32; SAMPLES / 32];
+        for (word, samples) in words.iter_mut().zip(self.samples().chunks(32)) {
+            *word = (samples.iter().rev())
+                .fold(0, |bits, sample| (bits << 1) | u32::from(is_set(sample)));
+        }
+        (words.iter().rev()).fold(0, |all, &word| (all << 32) | u128::from(word))
     }
 
     /// The mean of the samples within `reach` of a sample, above the row's level. The samples may lie outside
@@ -501,9 +529,9 @@ pub(crate) fn allowed_scatter(freedom: f32) -> f32 {
     MISFIT * dual_mac::square_root((2.0 * freedom + known * known).max(0.0))
 }
 
-/// The spot's light in each sample of a window, over its height: by the recurrence of [`normal_equations`].
-pub(crate) fn exponentials(at: &Parameters) -> [f32; SAMPLES] {
-    let mut light = [0.0; SAMPLES];
+/// Writes the spot's light in each sample of a window, over its height: by the recurrence of
+/// [`normal_equations`].
+pub(crate) fn exponentials(at: &Parameters, light: &mut [f32; SAMPLES]) {
     let middle = ((at.centre + 0.5) as usize).min(SAMPLES);
     let (left, right) = light.split_at_mut_checked(middle).unwrap_or_default();
     let pitch = 1.0 / at.width;
@@ -525,7 +553,6 @@ pub(crate) fn exponentials(at: &Parameters) -> [f32; SAMPLES] {
         e *= ratio;
         ratio *= falls;
     }
-    light
 }
 
 /// How much of a spot full scale leaves.
@@ -561,10 +588,29 @@ impl Fit {
     }
 }
 
-/// Fits the samples from a start, by `most` steps at most. `None` where they do not tell the four parameters
+/// Fits the samples from a start for a repair, by `most` steps at most. `None` where they do not tell the four parameters
 /// apart.
 pub(crate) fn fit(samples: &[Sample], start: Parameters, shot: f32, most: usize) -> Option<Fit> {
-    fit_profile(samples, start, shot, f32::INFINITY, most)
+    let until = Until {
+        steps: most,
+        last_step: LAST_STEP_OF_REPAIR,
+    };
+    fit_profile(samples, start, shot, f32::INFINITY, &until)
+}
+
+/// When a fit ends.
+struct Until {
+    /// After so many steps.
+    steps: usize,
+    /// Or after a step whose square, in standard deviations, is at most this.
+    last_step: f32,
+}
+
+impl Until {
+    const PRECISE: Self = Self {
+        steps: MAX_STEPS,
+        last_step: LAST_STEP,
+    };
 }
 
 /// As [`fit`], with weights for a profile with bright flanks. `noise` is a sample's variance without shot
@@ -575,13 +621,13 @@ fn fit_profile(
     start: Parameters,
     shot: f32,
     noise: f32,
-    most: usize,
+    until: &Until,
 ) -> Option<Fit> {
     let mut at = start;
     let mut last = None;
     let mut has_bright_flanks = false;
     let per_sample = 1.0 / samples.len() as f32;
-    for steps in 1..=most {
+    for steps in 1..=until.steps {
         has_bright_flanks |= at.width > BRIGHT_FLANKS * start.width;
         // Weights need only the ratio of the two variances.
         let weighed = if has_bright_flanks {
@@ -611,7 +657,7 @@ fn fit_profile(
         };
         at = fit.parameters;
         last = Some(fit);
-        if last_step.max(of_centre) <= LAST_STEP {
+        if last_step.max(of_centre) <= until.last_step {
             break;
         }
     }
@@ -631,7 +677,8 @@ pub(crate) fn least_without(
     shot: f32,
 ) -> [Option<usize>; CANDIDATES] {
     let all = normal_equations(samples, at, shot);
-    let light = exponentials(at);
+    let mut light = [0.0; SAMPLES];
+    exponentials(at, &mut light);
     let (pitch, scale) = (1.0 / at.width, Scale::of(at, shot));
     let mut least: [(f32, Option<usize>); CANDIDATES] = [(f32::INFINITY, None); CANDIDATES];
     for ((i, sample), e) in (0..SAMPLES).zip(samples).zip(&light) {
@@ -811,21 +858,31 @@ pub(crate) struct MaskedPixels {
 }
 
 impl MaskedPixels {
-    /// The pixels of each masked sample.
-    pub(crate) fn samples(&self) -> impl Iterator<Item = Range<usize>> {
+    /// The pixels of masked samples, of those side by side together.
+    pub(crate) fn runs(&self) -> impl Iterator<Item = Range<usize>> {
         let Self {
             first,
             block,
             mut samples,
         } = *self;
-        let masked = core::iter::from_fn(move || {
-            let sample = (samples != 0).then(|| samples.trailing_zeros() as usize);
-            samples &= samples.wrapping_sub(1);
-            sample
+        let runs = core::iter::from_fn(move || {
+            if samples == 0 {
+                return None;
+            }
+            let start = samples.trailing_zeros();
+            // The carry goes on through the run, to the first sample that is not masked.
+            let (carried, is_last) = samples.overflowing_add(1u128.wrapping_shl(start));
+            let end = if is_last {
+                u128::BITS
+            } else {
+                (carried & !samples).trailing_zeros()
+            };
+            samples &= carried;
+            Some((start, end))
         });
-        masked.map(move |sample| {
-            let start = first.saturating_add(sample.saturating_mul(block));
-            start..start.saturating_add(block)
+        runs.map(move |(start, end)| {
+            let pixel = |sample: u32| first.saturating_add((sample as usize).saturating_mul(block));
+            pixel(start)..pixel(end)
         })
     }
 
@@ -885,6 +942,34 @@ mod tests {
 
     /// Compares the recurrence in f32 with that reference: every sum agrees to 2e-5 of the sum of its terms'
     /// magnitudes (for a product, at most the root of the product of the sums of squares).
+    /// Runs of all lengths, up to the last sample.
+    #[test]
+    fn runs_have_the_pixels_of_all_masked_samples() {
+        let mut samples = 0x9E37_79B9_7F4A_7C15_F39C_C060_5CED_C834u128;
+        for round in 0..60 {
+            let masked = MaskedPixels {
+                first: 7,
+                block: 3,
+                samples,
+            };
+            let mut last = 0;
+            let mut found = std::vec::Vec::new();
+            for run in masked.runs() {
+                assert!(run.start > last && !run.is_empty(), "{run:?}");
+                last = run.end;
+                found.extend(run);
+            }
+            let all: std::vec::Vec<usize> = (0..500).filter(|&it| masked.has(it)).collect();
+            assert_eq!(found, all, "{samples:x}");
+            samples = match round {
+                0 => 0,
+                1 => u128::MAX,
+                2 => 1 << 127,
+                _ => samples.rotate_left(13) ^ samples.wrapping_mul(5) | samples >> 1,
+            };
+        }
+    }
+
     #[test]
     fn sums_are_those_of_the_definition() {
         let mut worst = 0.0f64;
@@ -1015,7 +1100,8 @@ mod tests {
             amplitude: 3200.0,
             level: 0.0,
         };
-        let fitted = |noise| fit_profile(&samples, start, 0.1, noise, MAX_STEPS).expect("a fit");
+        let fitted =
+            |noise| fit_profile(&samples, start, 0.1, noise, &Until::PRECISE).expect("a fit");
         let [without, with] = [f32::INFINITY, 4.0].map(fitted);
         println!("{without:?}\n{with:?}");
         for found in [&without, &with] {
@@ -1040,7 +1126,7 @@ mod tests {
             width: 0.9 * AT.width,
             ..AT
         };
-        let found = fit_profile(&samples, start, shot, noise, MAX_STEPS).expect("a fit");
+        let found = fit_profile(&samples, start, shot, noise, &Until::PRECISE).expect("a fit");
         let (mut product, mut norm) = (0.0, 0.0);
         for i in 0..SAMPLES {
             let u = (i as f64 - f64::from(AT.centre)) / f64::from(AT.width);

@@ -83,7 +83,7 @@ impl HalfMaximum {
 /// blocks.
 pub fn find(light: Light<'_>, spot: &Spot) -> Result<HalfMaximum, Fault> {
     let start = position_on_row(light, spot)?;
-    let block = 1usize << spot.block_log2.min(7);
+    let block = spot.block();
     let smoothed = (block / 2).max(1);
     // The spot's centre is on the row.
     let (before, near) = light.split(spot.centre.saturating_sub(block + smoothed / 2));
@@ -101,21 +101,13 @@ pub fn find(light: Light<'_>, spot: &Spot) -> Result<HalfMaximum, Fault> {
     }
     let half = numeric::add_i32(level, height / 2);
     let reach = 4 * block;
-    let (left, right) = light.split(first);
-    let (top, right) = right.split(smoothed);
-    let leftwards = left.iter().rev();
-    let left = walk(
-        leftwards.zip(top.iter().rev().chain(left.iter().rev())),
-        sum,
-        half,
-        reach,
-    );
-    let right = walk(
-        right.iter().zip(top.iter().chain(right.iter())),
-        sum,
-        half,
-        reach,
-    );
+    // The sum moves by a pixel: one enters, and the one `smoothed` pixels further back leaves.
+    let (left, from_top) = light.split(first);
+    let (_, right) = from_top.split(smoothed);
+    let (to_top, _) = light.split(first.saturating_add(smoothed));
+    let left = left.iter().rev().zip(to_top.iter().rev());
+    let left = walk(left, sum, half, reach);
+    let right = walk(right.iter().zip(from_top.iter()), sum, half, reach);
     if left == Walk::NeverHalf || right == Walk::NeverHalf {
         return Err(spot.no_spot());
     }
@@ -191,9 +183,11 @@ impl Walk {
 /// and the one that leaves.
 fn walk(steps: impl Iterator<Item = (u16, u16)>, mut sum: i32, half: i32, reach: usize) -> Walk {
     let mut walked = 0;
+    // The least whole sum that is not below half.
+    let least = half.saturating_add((1 << Counts::FRACTION) - 1) >> Counts::FRACTION;
     for (enters, leaves) in steps.take(reach) {
         let next = moved(sum, enters, leaves);
-        if in_q8(next) < half {
+        if next < least {
             // The sum before was not below half, so the quotient is within 0 and 1.
             let above = numeric::sub_i32(in_q8(sum), half);
             let fall = numeric::sub_i32(in_q8(sum), in_q8(next));

@@ -252,27 +252,23 @@ const FEW_TAPS: usize = 24;
 /// sample, because a block's size is a multiple of what its sum is divided by.
 fn sum_blocks(pixels: Light<'_>, block: u8, sums: &mut [u16]) {
     match block {
-        2 => sum_chunks(pixels.chunks::<2>(), 2, sums),
-        4 => sum_chunks(pixels.chunks::<4>(), 4, sums),
-        8 => sum_chunks(pixels.chunks::<8>(), 8, sums),
-        _ => sum_chunks(pixels.chunks::<16>(), 16, sums),
+        2 => sum_chunks::<2>(pixels, sums),
+        4 => sum_chunks::<4>(pixels, sums),
+        8 => sum_chunks::<8>(pixels, sums),
+        _ => sum_chunks::<16>(pixels, sums),
     }
 }
 
+// Two words at a time: half of a block of 16 pixels of 12 bits fits 16 bits.
 #[inline(always)]
-fn sum_chunks<const BLOCK: usize>(
-    chunks: impl Iterator<Item = [u16; BLOCK]>,
-    block: u8,
-    sums: &mut [u16],
-) {
-    for (sum, chunk) in sums.iter_mut().zip(chunks) {
-        // Two at a time: half of a block of 16 pixels of 12 bits fits 16 bits.
-        let both: u32 = chunk
-            .as_chunks::<2>()
-            .0
-            .iter()
-            .map(|&[low, high]| u32::from(low) | (u32::from(high) * 0x1_0000))
+fn sum_chunks<const BLOCK: usize>(pixels: Light<'_>, sums: &mut [u16]) {
+    let (words, inverted) = pixels.words();
+    let inverted = u32::from(inverted).wrapping_mul(0x0001_0001);
+    for (sum, block) in sums.iter_mut().zip(words.as_chunks::<BLOCK>().0) {
+        let pairs = block.as_chunks::<2>().0.iter();
+        let both = pairs
+            .map(|&[low, high]| (u32::from(low) | (u32::from(high) * 0x1_0000)) ^ inverted)
             .fold(0, u32::wrapping_add);
-        *sum = (((both & 0xffff) + (both >> 16)) >> halvings(block)) as u16;
+        *sum = (((both & 0xffff) + (both >> 16)) >> halvings(BLOCK as u8)) as u16;
     }
 }

@@ -9,6 +9,7 @@ use core::ops::Range;
 
 use crate::centre::RowCentre;
 use crate::fault::Fault;
+use crate::numeric;
 use crate::row::{BLOCK, Light, MAX_PIXELS, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
@@ -35,8 +36,11 @@ const PART: usize = 1024;
 /// Heights of a part and of both sides, rounded up to whole fours.
 const HEIGHTS: usize = PART + 2 * MOST_APART + 4;
 
-/// The effort of the comparison.
-const EFFORT: usize = 1500;
+/// The effort of the comparison, besides that of its places.
+const EFFORT: usize = 250;
+
+/// So many places are compared in one unit of effort.
+const PLACES_IN_A_UNIT: usize = 5;
 
 /// Searches all of the row for another spot. Called for a frame's first row only. Returns `false` if
 /// another spot is possible, but too little effort is left to search for it.
@@ -80,7 +84,8 @@ pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<boo
     let sides = [right.max(apart)..end, apart..left.min(end)]
         .map(|places| search.may_be_high(row, places.clone()).then_some(places));
     let mut effort = spot.effort;
-    if sides.iter().any(Option::is_some) && effort.pay(EFFORT).is_none() {
+    let places = light.len() / half / PLACES_IN_A_UNIT;
+    if sides.iter().any(Option::is_some) && effort.pay(places.saturating_add(EFFORT)).is_none() {
         return Ok(false);
     }
     for places in sides.into_iter().flatten() {
@@ -190,14 +195,12 @@ impl Search {
                 let (words, inverted) = light.words();
                 lower_pixels(words, inverted.into(), heights);
             }
-            2 => lower_boxes(
-                light
-                    .chunks()
-                    .rev()
-                    .map(|[a, b]| u32::from(a) + u32::from(b)),
-                0,
-                heights,
-            ),
+            2 => lower_chunks::<2>(light, self.shift, heights),
+            3 => lower_chunks::<3>(light, self.shift, heights),
+            4 => lower_chunks::<4>(light, self.shift, heights),
+            5 => lower_chunks::<5>(light, self.shift, heights),
+            6 => lower_chunks::<6>(light, self.shift, heights),
+            7 => lower_chunks::<7>(light, self.shift, heights),
             half => lower_boxes(
                 light.groups(half).rev().map(|group| group.sum()),
                 self.shift,
@@ -262,8 +265,15 @@ fn lower_pixels(words: &[u16], inverted: u32, to: &mut [u16]) {
     }
 }
 
-/// As [`lower_pixels`] for the sums of boxes, from the last to the first.
+/// As [`lower_boxes`] for small boxes, whose number of pixels the compiler knows.
 #[inline(never)]
+fn lower_chunks<const PIXELS: usize>(light: Light<'_>, shift: u32, to: &mut [u16]) {
+    let sum = |chunk: [u16; PIXELS]| chunk.into_iter().map(u32::from).fold(0, numeric::add_u32);
+    lower_boxes(light.chunks::<PIXELS>().rev().map(sum), shift, to);
+}
+
+/// As [`lower_pixels`] for the sums of boxes, from the last to the first.
+#[inline(always)]
 fn lower_boxes(sums: impl Iterator<Item = u32>, shift: u32, to: &mut [u16]) {
     let mut behind = 0;
     for (to, sum) in to.iter_mut().zip(sums) {

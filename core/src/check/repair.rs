@@ -20,14 +20,13 @@
 
 use core::cell::Cell;
 
-use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Start, Window};
+use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Sample, Start, Window};
 use crate::centre::half_width::WIDTHS;
 use crate::centre::plausible::check_uncertainty;
 use crate::centre::tables::TILTED;
 use crate::centre::{RowCentre, adaptive};
-use crate::check::{check_symmetry, symmetry};
+use crate::check::{check_symmetry, effort_of_fit, symmetry, widest};
 use crate::fault::Fault;
-use crate::numeric;
 use crate::profile::Profile;
 use crate::row::{Geometry, Row};
 use crate::spot::{Effort, Spot};
@@ -56,8 +55,19 @@ pub(super) const NARROWEST_SURE_REFIT: f32 = 2.5;
 const BAD_PIXELS: u32 = 3;
 
 /// Half of a window, in widths: room for a second spot at five widths, with three widths to either side of
-/// it.
+/// it. A window is no larger than that of [`gauss_newton`].
 const HALF_WINDOW: f32 = 8.0;
+
+/// A width has at least so many samples, if it has so many pixels. A repair fits the row many times, so they
+/// are fewer than in [`gauss_newton`].
+const SAMPLES_A_WIDTH: f32 = 8.0;
+
+/// Up to this width, in pixels, bad pixels are searched in samples of one pixel: a sample of several pixels
+/// hides them.
+const SINGLE_PIXELS: f32 = 11.0;
+
+/// Half of a window of single pixels has no more of them.
+const MOST_SINGLE_PIXELS: usize = 64;
 
 /// The fewest samples to either side, from which the level is known.
 const FEWEST: usize = 16;
@@ -68,20 +78,40 @@ const PIXEL_ROUNDS: usize = 4;
 /// The most fits that each mask the second light anew. If two rounds mask the same, the next ones would, too.
 const LIGHT_ROUNDS: usize = 3;
 
+/// The most steps of a fit before samples are masked anew. A fit that has not arrived goes on in the next
+/// round.
+const STEPS_OF_ROUND: usize = 4;
+
 /// The most steps of the fit to the spot's top and the dark. It is only a start.
 const STEPS_OF_TOP: usize = 3;
+
+/// The effort of a repair besides the passes that it pays one by one: windows are copied and unmasked, fits
+/// are compared with what was found before.
+const EFFORT_OF_REPAIR: usize = 420;
 
 /// The effort of a step besides its sums: four exponentials, and the equations' solution.
 const EFFORT_OF_STEP: usize = 12;
 
 /// The effort of comparing the row with its mirror image, masked samples left out.
-const EFFORT_OF_CHECK: usize = 300;
+const EFFORT_OF_CHECK: usize = 210;
 
-/// The effort of the first centre, where the estimator has found another one.
-const EFFORT_OF_FIRST_CENTRE: usize = 500;
+/// What the comparison takes besides for each pixel of the width.
+const EFFORT_OF_CHECKED_PIXEL: usize = 6;
 
-/// The effort of finding a start for the spot's top.
-const EFFORT_OF_START: usize = 300;
+/// The effort of the first centre of a narrow spot, where the estimator has found another one, and what it
+/// takes besides for each pixel that the spot may be wide.
+const EFFORT_OF_FIRST_CENTRE: usize = 300;
+/// See [`EFFORT_OF_FIRST_CENTRE`].
+const EFFORT_OF_MEASURED_PIXEL: usize = 9;
+
+/// The effort of finding a start for a narrow spot's top, and what it takes besides for each pixel of the
+/// spot's block.
+const EFFORT_OF_START: usize = 30;
+/// See [`EFFORT_OF_START`].
+const EFFORT_OF_STARTING_PIXEL: usize = 3;
+
+/// So many pixels are summed into samples in one unit of effort.
+const PIXELS_IN_A_UNIT: usize = 10;
 
 /// Finds the centre of a spot.
 ///
@@ -105,11 +135,18 @@ pub(super) fn centre_within(
     geometry: &Geometry,
     profile: Option<&Profile>,
 ) -> Result<RowCentre, Fault> {
-    if spot.effort.pay(EFFORT_OF_FIRST_CENTRE).is_none() {
+    let of_width = widest(spot).saturating_mul(EFFORT_OF_MEASURED_PIXEL);
+    let effort = EFFORT_OF_FIRST_CENTRE.saturating_add(of_width);
+    if spot.effort.pay(effort).is_none() {
         return Err(spot.no_spot());
     }
     let found = match adaptive::centre(row, spot, before, geometry) {
-        Err(Fault::Saturated { .. }) => gauss_newton::centre(row, spot, before, geometry)?,
+        Err(Fault::Saturated { .. }) => {
+            if spot.effort.pay(effort_of_fit(spot)).is_none() {
+                return Err(spot.no_spot());
+            }
+            gauss_newton::centre(row, spot, before, geometry)?
+        }
         // If `adaptive` finds no spot there is none: a fit to a hot pixel is not to be trusted.
         found => found?,
     };
@@ -118,7 +155,7 @@ pub(super) fn centre_within(
         misfit: !checked.is_clean,
         ..checked.found
     };
-    if checked.is_clean {
+    if !checked.may_be_repaired {
         return Ok(sure);
     }
     Ok(refit(row, spot, geometry, profile, found).unwrap_or(sure))
@@ -138,6 +175,7 @@ pub(super) fn refit(
     if first.class.set == TILTED.number() {
         return None;
     }
+    spot.effort.pay(EFFORT_OF_REPAIR)?;
     let scene = Scene {
         row,
         spot,
@@ -183,7 +221,7 @@ impl Scene<'_> {
             amplitude: self.found.amplitude.to_f32(),
             is_whole: true,
         };
-        let mut window = self.window(&start)?;
+        let mut window = self.window_for_pixels(&start)?;
         let mut at = window.parameters(&start);
         at.level = level(&window, &at);
         if at.width < NARROW
@@ -198,21 +236,47 @@ impl Scene<'_> {
         if at.width < 2.0 {
             return None;
         }
-        self.pay(EFFORT_OF_START)?;
+        let of_width = self.spot.block().saturating_mul(EFFORT_OF_STARTING_PIXEL);
+        self.pay(EFFORT_OF_START.saturating_add(of_width))?;
         let start = Start::find(self.row.light(), self.spot, self.geometry).ok()?;
-        window = self.window(&start)?;
+        window = self.window_for_light(&start)?;
         let start = window.parameters(&start);
         self.fit_without_light(&mut window, start)
     }
 
-    /// The window of a start. It is short for a narrow spot, because it is fitted many times.
-    fn window(&self, start: &Start) -> Option<Window> {
+    /// The window in which bad pixels are searched.
+    fn window_for_pixels(&self, start: &Start) -> Option<Window> {
+        if start.width > SINGLE_PIXELS {
+            return self.window_for_light(start);
+        }
         // `as` saturates.
-        let half = ((HALF_WINDOW * start.width) as usize).max(FEWEST);
+        let half = (HALF_WINDOW * start.width) as usize;
+        self.window(start, (half.min(MOST_SINGLE_PIXELS), 1))
+    }
+
+    /// The window in which the light of a second spot is searched.
+    fn window_for_light(&self, start: &Start) -> Option<Window> {
+        let block = gauss_newton::pixels_a_sample(start.width, SAMPLES_A_WIDTH);
+        // `as` saturates.
+        let half = (HALF_WINDOW * start.width) as usize;
+        let half = half.min(gauss_newton::half_window(start.width));
+        self.window(start, (half / block, block))
+    }
+
+    /// A window of so many samples to either side, each of so many pixels.
+    fn window(&self, start: &Start, (half, block): (usize, usize)) -> Option<Window> {
+        let half = half.clamp(FEWEST, SAMPLES / 2);
+        let samples = half.saturating_mul(2);
+        let pixels = samples.saturating_mul(block);
+        self.pay((samples / 2).saturating_add(pixels / PIXELS_IN_A_UNIT))?;
         let light = self.row.light();
-        let window = Window::within(half, light, self.spot, start, self.geometry);
-        self.pay(window.samples().len())?;
-        Some(window)
+        Some(Window::within(
+            (half, block),
+            light,
+            self.spot,
+            start,
+            self.geometry,
+        ))
     }
 
     /// Takes a pass over so many samples from the effort. `None` if too little is left.
@@ -226,16 +290,21 @@ impl Scene<'_> {
     /// Fits by as many steps as are needed, and no more than are allowed.
     fn fit(&self, window: &Window, at: Parameters, most: usize) -> Option<Fit> {
         let step = window.samples().len().saturating_add(EFFORT_OF_STEP);
-        let steps = self.effort.get().left().checked_div(step)?;
-        let fit = gauss_newton::fit(window.samples(), at, self.shot(), most.min(steps))?;
+        let before = self.effort.get();
+        let most = most.min(before.left().checked_div(step)?);
+        // A fit without a solution may have taken all steps.
+        self.pay(step.saturating_mul(most))?;
+        let fit = gauss_newton::fit(window.samples(), at, self.shot(), most)?;
+        self.effort.set(before);
         self.pay(step.saturating_mul(fit.steps))?;
         Some(fit)
     }
 
-    /// How the samples deviate from a spot.
-    fn residuals(&self, window: &Window, at: &Parameters) -> Option<Residuals> {
+    /// How the samples deviate from a spot. In place, because copies take time.
+    fn residuals(&self, window: &Window, at: &Parameters, residuals: &mut Residuals) -> Option<()> {
         self.pay(window.samples().len())?;
-        Some(Residuals::of(window, at, self.shot()))
+        residuals.measure(window, at, self.shot());
+        Some(())
     }
 
     fn shot(&self) -> f32 {
@@ -273,7 +342,9 @@ impl Scene<'_> {
         let masked = window.masked_pixels();
         let own = self.profile.map(|profile| profile.at(found.centre));
         let own = own.as_ref();
-        self.pay(EFFORT_OF_CHECK)?;
+        // `as` saturates.
+        let of_width = (width as usize).saturating_mul(EFFORT_OF_CHECKED_PIXEL);
+        self.pay(EFFORT_OF_CHECK.saturating_add(of_width))?;
         let verdict = symmetry::check(self.row, self.spot, &found, self.geometry, own, &masked)?;
         verdict.is_clean().then_some(RowCentre {
             shape: verdict.shape,
@@ -298,17 +369,18 @@ impl Scene<'_> {
     /// Fits again and again, and masks the samples that deviate, the worst first, until none deviates.
     #[inline(never)]
     fn fit_without_pixels(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
-        let mut residuals = self.residuals(window, &at)?;
+        let mut residuals = Residuals::NONE;
+        self.residuals(window, &at, &mut residuals)?;
         for _ in 0..PIXEL_ROUNDS {
-            self.pay(window.samples().len())?;
+            self.pay(window.samples().len() / 2)?;
             mask_outliers(window, &residuals);
             // The next rounds mask more samples.
             if !Masked::of(window, &at).are_few {
                 return None;
             }
-            let fit = self.fit(window, at, gauss_newton::MAX_STEPS)?;
+            let fit = self.fit(window, at, STEPS_OF_ROUND)?;
             at = fit.parameters;
-            residuals = self.residuals(window, &at)?;
+            self.residuals(window, &at, &mut residuals)?;
             if residuals.worst <= OUTLIER && fit.has_arrived() {
                 return self.accept(window, &fit, &residuals, Cause::Pixels);
             }
@@ -321,7 +393,7 @@ impl Scene<'_> {
     fn fit_without_light(&self, window: &mut Window, mut at: Parameters) -> Option<RowCentre> {
         mask_but_top_and_dark(window, &at);
         at = self.fit(window, at, STEPS_OF_TOP)?.parameters;
-        let mut before = None;
+        let (mut before, mut residuals) = (None, Residuals::NONE);
         for _ in 0..LIGHT_ROUNDS {
             window.unmask();
             self.pay(window.samples().len().saturating_mul(2))?;
@@ -330,10 +402,10 @@ impl Scene<'_> {
             if before == Some(masked) {
                 return None;
             }
-            let fit = self.fit(window, at, gauss_newton::MAX_STEPS)?;
+            let fit = self.fit(window, at, STEPS_OF_ROUND)?;
             before = fit.has_arrived().then_some(masked);
             at = fit.parameters;
-            let residuals = self.residuals(window, &at)?;
+            self.residuals(window, &at, &mut residuals)?;
             if let Some(found) = self.accept(window, &fit, &residuals, Cause::Light) {
                 return Some(found);
             }
@@ -357,6 +429,7 @@ impl Scene<'_> {
         let candidates =
             gauss_newton::least_without(window.samples(), first..end, &at, self.shot());
         let mut best: Option<(f32, RowCentre)> = None;
+        let mut residuals = Residuals::NONE;
         for candidate in candidates.into_iter().flatten() {
             window.unmask();
             if let Some(sample) = window.samples.get_mut(candidate) {
@@ -365,7 +438,7 @@ impl Scene<'_> {
             let Some(fit) = self.fit(window, at, gauss_newton::MAX_STEPS) else {
                 continue;
             };
-            let residuals = self.residuals(window, &fit.parameters)?;
+            self.residuals(window, &fit.parameters, &mut residuals)?;
             if residuals.worst <= OUTLIER
                 && best.is_none_or(|(least, _)| residuals.squares < least)
                 && let Some(found) = self.accept(window, &fit, &residuals, Cause::Pixels)
@@ -387,28 +460,33 @@ struct Masked {
 
 impl Masked {
     fn of(window: &Window, at: &Parameters) -> Self {
-        // At most SAMPLES each.
-        let (mut all, mut masked, mut top) = (0, 0, 0);
-        let (mut run, mut longest) = (0, 0);
-        for (i, sample) in window.samples().iter().enumerate() {
-            let distance = (i as f32 - at.centre).abs();
-            run = if sample.is_masked_by_check() {
-                numeric::add_u32(run, 1)
-            } else {
-                0
-            };
-            longest = longest.max(run);
-            if distance <= 3.0 * at.width {
-                all = numeric::add_u32(all, 1);
-                masked = numeric::add_u32(masked, sample.is_masked_by_check().into());
-                let of_top = sample.is_masked_by_check() && distance <= at.width;
-                top = numeric::add_u32(top, of_top.into());
-            }
-        }
+        let all_masked = window.bits(Sample::is_masked_by_check);
+        let within = |widths: f32| {
+            let reach = widths * at.width;
+            // `as` saturates.
+            let first = (libm::ceilf(at.centre - reach) as usize).min(SAMPLES);
+            let end = ((at.centre + reach) as usize).saturating_add(1);
+            let end = end.min(window.samples().len());
+            let bits = all_masked & bits_below(end) & !bits_below(first);
+            (end.saturating_sub(first), bits)
+        };
+        let (all, masked) = within(3.0);
+        let (_, masked_at_top) = within(1.0);
+        let masked = masked.count_ones() as usize;
+        // The first sample of each run that is too long.
+        let too_long = (0..=BAD_PIXELS).fold(u128::MAX, |runs, i| runs & (all_masked >> i));
         Self {
-            are_few: longest <= BAD_PIXELS && (masked <= all / 8 || masked <= 1),
-            are_at_top: top > 0,
+            are_few: too_long == 0 && (masked <= all / 8 || masked <= 1),
+            are_at_top: masked_at_top != 0,
         }
+    }
+}
+
+/// The lowest bits, so many of them.
+const fn bits_below(number: usize) -> u128 {
+    match 1u128.checked_shl(number as u32) {
+        Some(bit) => bit.wrapping_sub(1),
+        None => u128::MAX,
     }
 }
 
@@ -428,15 +506,18 @@ struct Residuals {
 }
 
 impl Residuals {
+    const NONE: Self = Self {
+        deviations: [0.0; SAMPLES],
+        worst: 0.0,
+        squares: 0.0,
+        unmasked: 0.0,
+    };
+
     #[inline(never)]
-    fn of(window: &Window, at: &Parameters, shot: f32) -> Self {
-        let mut residuals = Self {
-            // Each place holds the spot's light over its height, until the deviation replaces it.
-            deviations: gauss_newton::exponentials(at),
-            worst: 0.0,
-            squares: 0.0,
-            unmasked: 0.0,
-        };
+    fn measure(&mut self, window: &Window, at: &Parameters, shot: f32) {
+        // Each place holds the spot's light over its height, until the deviation replaces it.
+        gauss_newton::exponentials(at, &mut self.deviations);
+        let (mut squares, mut unmasked) = (0.0, 0.0);
         let shape = SHAPE_UNCERTAINTY * at.amplitude;
         let from_spot = shape * shape;
         let neighbours = NEIGHBOUR_UNCERTAINTY / (at.width * at.width);
@@ -445,40 +526,35 @@ impl Residuals {
         } else {
             from_spot
         };
-        // (deviation from the spot, variance) of the sample before, and of the one before that.
-        let mut last: Option<(f32, f32)> = None;
-        let mut middle: Option<(f32, f32)> = None;
-        let mut place: Option<&mut f32> = None;
-        for (sample, deviation) in window.samples().iter().zip(&mut residuals.deviations) {
+        // Of the sample before, and of the one before that: the deviation from the spot in counts, and its
+        // variance. A masked sample has a variance beside which no deviation counts.
+        let (mut last, mut middle) = ((0.0, f32::INFINITY), (0.0, f32::INFINITY));
+        let (mut place, mut largest) = (&mut 0.0, 0.0f32);
+        for (sample, deviation) in window.samples().iter().zip(&mut self.deviations) {
             let light = at.amplitude * *deviation;
-            let next = (!sample.is_masked()).then_some((
-                sample.counts - at.level - light,
-                sample.variance + shot * light,
-            ));
-            *deviation = 0.0;
-            if let Some((residual, variance)) = next {
-                *deviation = residual * residual / (variance + from_spot);
-                residuals.squares += *deviation;
-                residuals.unmasked += 1.0;
+            let residual = sample.counts - at.level - light;
+            let variance = sample.variance + shot * light;
+            let square = residual * residual / (variance + from_spot);
+            squares += square;
+            unmasked += if sample.is_masked() { 0.0 } else { 1.0 };
+            // The deviation of the sample before from the mean of its neighbours.
+            let bent = middle.0 - 0.5 * (last.0 + residual);
+            let bent = bent * bent / (middle.1 + 0.25 * (last.1 + variance) + from_neighbours);
+            if bent > *place {
+                *place = bent;
             }
-            // The deviation from the mean of its neighbours.
-            if let (Some(a), Some(b), Some(c), Some(place)) = (last, middle, next, place) {
-                let residual = b.0 - 0.5 * (a.0 + c.0);
-                let variance = b.1 + 0.25 * (a.1 + c.1) + from_neighbours;
-                let square = residual * residual / variance;
-                if square > *place {
-                    *place = square;
-                }
+            if *place > largest {
+                largest = *place;
             }
-            (last, middle, place) = (middle, next, Some(deviation));
+            *deviation = square;
+            (last, middle, place) = (middle, (residual, variance), deviation);
         }
-        let largest = residuals.deviations.iter().take(window.samples().len());
-        let largest = largest.fold(0.0, |a: f32, b| if *b > a { *b } else { a });
-        for rest in residuals.deviations.iter_mut().skip(window.samples().len()) {
-            *rest = 0.0;
+        // The last sample has one neighbour.
+        if *place > largest {
+            largest = *place;
         }
-        residuals.worst = dual_mac::square_root(largest);
-        residuals
+        (self.squares, self.unmasked) = (squares, unmasked);
+        self.worst = dual_mac::square_root(largest);
     }
 }
 
@@ -514,7 +590,8 @@ fn mask_but_top_and_dark(window: &mut Window, at: &Parameters) {
 /// is left (of a gaussian 14 %). `None` where no light falls like that: a flare is wider, and a tail has no
 /// top of its own.
 fn mask_second(window: &mut Window, at: &Parameters, scene: &Scene<'_>) -> Option<()> {
-    let mut beside = gauss_newton::exponentials(at);
+    let mut beside = [0.0; SAMPLES];
+    gauss_newton::exponentials(at, &mut beside);
     for (sample, light) in window.samples().iter().zip(&mut beside) {
         *light = sample.counts - at.level - at.amplitude * *light;
     }
@@ -580,7 +657,8 @@ const HEIGHT_OVER_UNMASKED: f32 = 1000.0;
 /// The level under the spot: the mean of the samples less the spot's light. An outlier shifts the level, but
 /// by far less than its own deviation.
 fn level(window: &Window, at: &Parameters) -> f32 {
-    let light = gauss_newton::exponentials(at);
+    let mut light = [0.0; SAMPLES];
+    gauss_newton::exponentials(at, &mut light);
     let (mut sum, mut unmasked) = (0.0, 0.0);
     for (sample, light) in window.samples().iter().zip(&light) {
         if !sample.is_masked() {

@@ -121,6 +121,8 @@ pub(super) struct Verdict {
     pub is_spot: bool,
     /// Noise explains how the row differs from its mirror image, beyond the sensor's own spot.
     pub is_symmetric: bool,
+    /// The row does not show the spot's shape, whichever samples are masked.
+    pub is_hopeless: bool,
     /// The spot's shape, with the sensor's own antisymmetric light in it.
     pub shape: SpotShape,
 }
@@ -143,14 +145,20 @@ pub(super) fn check(
     masked: &MaskedPixels,
 ) -> Option<Verdict> {
     let extremes = extremes_near(row.light(), found, geometry.full_scale());
-    if extremes.zero && is_cut_at_zero(row.light(), found)
-        || is_row_too_short(row.light(), found)
-        || is_coarse(row.light(), spot, found)
+    // The repair masks samples only where none of this is so about the first centre.
+    let is_first = masked.samples == 0;
+    if is_first
+        && (extremes.zero && is_cut_at_zero(row.light(), found)
+            || is_row_too_short(row.light(), found)
+            || is_coarse(row.light(), spot, found))
     {
-        return Some(Verdict::default());
+        return Some(Verdict {
+            is_hopeless: true,
+            ..Verdict::default()
+        });
     }
     let mut symmetry = Symmetry::of(row, spot, found, geometry, masked, extremes.full_scale);
-    let fewest = if masked.samples == 0 {
+    let fewest = if is_first {
         FEWEST_PAIRS
     } else {
         FEWEST_OF_A_PART
@@ -162,11 +170,12 @@ pub(super) fn check(
     if let Some(own) = own {
         symmetry.subtract(own);
     }
-    let is_sharp = masked.samples == 0 && is_sharp(row.light(), spot, found, geometry);
+    let is_sharp = is_first && is_sharp(row.light(), spot, found, geometry);
     let trust = Trust::of(found, masked);
     Some(Verdict {
         is_spot: !is_sharp && symmetry.is_spot(trust),
         is_symmetric: symmetry.is_symmetric(found, trust),
+        is_hopeless: false,
         shape,
     })
 }
@@ -218,9 +227,10 @@ fn is_cut_at_zero(light: Light<'_>, found: &RowCentre) -> bool {
     // `as` saturates.
     let middle = (centre as usize).min(light.len());
     let (left, right) = light.split(middle);
-    let is_zero = |count: u16| count == 0;
-    let left = numeric::count(left.iter().rev().take(reach as usize).map(is_zero));
-    let right = numeric::count(right.iter().take(reach as usize).map(is_zero));
+    let (_, left) = left.split(left.len().saturating_sub(reach as usize));
+    let right = right.slice(..reach as usize).unwrap_or(right);
+    let zeros = |light: Light<'_>| numeric::count(light.iter().map(|count| count == 0));
+    let (left, right) = (zeros(left), zeros(right));
     left.abs_diff(right) > left.min(right).saturating_add(2)
 }
 

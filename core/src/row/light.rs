@@ -107,20 +107,38 @@ impl<'a> Light<'a> {
     }
 
     /// The sum of the counts. A row has at most 2^12 pixels of 12 bits.
-    // Where words fall with light, a count is full scale less a word.
     #[inline(always)]
     pub(crate) fn sum(self) -> u32 {
-        let (fours, rest) = self.words.as_chunks::<4>();
-        let add = |sum: u32, word: &u16| numeric::add_u32(sum, u32::from(*word));
-        let sum = fours.iter().fold(0, |sum, four| four.iter().fold(sum, add));
-        let sum = rest.iter().fold(sum, add);
-        if self.inverted == 0 {
-            sum
-        } else {
-            (self.words.len() as u32)
-                .wrapping_mul(self.inverted.into())
-                .wrapping_sub(sum)
+        let (many, rest) = self.words.as_chunks::<16>();
+        let few = |words| Self { words, ..self }.sum_of_few(0).0;
+        let sum = many
+            .iter()
+            .fold(0, |sum, words| numeric::add_u32(sum, few(words)));
+        numeric::add_u32(sum, few(rest))
+    }
+
+    /// The sum of at most 32 counts, and whether any of them is at full scale.
+    // Takes two words at a time: 16 counts of 12 bits fit 16 bits. The highest of 16 bits is set in full
+    // scale plus the rest to 2^15.
+    #[inline(always)]
+    pub(crate) fn sum_of_few(self, full_scale: u16) -> (u32, bool) {
+        const ONES: u32 = 0x0001_0001;
+        const HIGHEST: u32 = 0x8000_8000;
+        let inverted = u32::from(self.inverted).wrapping_mul(ONES);
+        let rest = HIGHEST.wrapping_sub(u32::from(full_scale) * ONES);
+        let (mut both, mut full) = (0u32, 0);
+        let (pairs, last) = self.words.as_chunks::<2>();
+        for &[low, high] in pairs {
+            let counts = (u32::from(low) | (u32::from(high) * 0x1_0000)) ^ inverted;
+            both = both.wrapping_add(counts);
+            full |= counts.wrapping_add(rest);
         }
+        for &word in last {
+            let count = u32::from(word ^ self.inverted);
+            both = both.wrapping_add(count);
+            full |= count.wrapping_add(rest);
+        }
+        ((both & 0xFFFF) + (both >> 16), full & HIGHEST != 0)
     }
 
     /// Whether any count exceeds a limit.
@@ -141,9 +159,11 @@ impl<'a> Light<'a> {
         };
         let is_high = |bits: u32| bits & (ONES * (LARGEST + 1)) != 0;
         let (eights, last) = self.words.as_chunks::<8>();
+        let (twos, last) = last.as_chunks::<2>();
         eights.iter().any(|&[a, b, c, d, e, f, g, h]| {
             is_high(take(a, b) | take(c, d) | take(e, f) | take(g, h))
-        }) || last.iter().any(|&word| is_high(take(word, word)))
+        }) || twos.iter().any(|&[a, b]| is_high(take(a, b)))
+            || last.iter().any(|&word| is_high(take(word, word)))
     }
 
     /// Whether any count is at an end of the converter's range.
@@ -213,6 +233,11 @@ mod tests {
             for inverted in [0, LARGEST_COUNT] {
                 let light = Light::new(&words[..length], inverted);
                 assert_eq!(light.sum(), light.iter().map(u32::from).sum());
+                let few = light.slice(..length.min(32)).expect("so many");
+                for full_scale in [LARGEST_COUNT, 1000] {
+                    let is_full = few.iter().any(|count| count >= full_scale);
+                    assert_eq!(few.sum_of_few(full_scale), (few.sum(), is_full));
+                }
                 let highest = light.iter().max().map_or(0, u32::from);
                 assert!(highest == 0 || light.exceeds(highest - 1));
                 assert!(!light.exceeds(highest) && !light.exceeds(u32::MAX));

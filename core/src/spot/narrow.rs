@@ -49,13 +49,15 @@ const fn most_parts(block_log2: u32) -> usize {
 /// The blocks of a place and those of its sides.
 const BLOCKS: usize = 2 * REACH + 1;
 
-/// The effort of a search.
-pub(super) const EFFORT: usize = 1300;
+/// The effort of a search, without its looks at parts.
+pub(super) const EFFORT: usize = 920;
 
 /// What a search may take to look at parts, in units of about eight of the chip's instructions: 27,000 in
-/// all. The other passes of [`find`] take 22,000. That is enough for narrow spots and speckle on wide light,
-/// and for four hot pixels that are brighter.
+/// all. That is enough for narrow spots and speckle on wide light, and for four hot pixels that are brighter.
 const LOOKS: u32 = 3400;
+
+/// Looks in a unit of effort.
+const LOOKS_IN_A_UNIT: u32 = 5;
 
 /// Looking at a part.
 const LOOK: u32 = 50;
@@ -89,10 +91,16 @@ const NOISE_REACH: usize = 256;
 pub(super) fn find(
     sums: &Sums<'_>,
     row_noise: Counts,
-    effort: Effort,
+    effort: &mut Effort,
 ) -> Option<Result<Spot, Fault>> {
-    let mut parts = Parts::new(sums, row_noise);
-    let best = match parts.best(row_noise) {
+    let looks = LOOKS.min((effort.left() as u32).saturating_mul(LOOKS_IN_A_UNIT));
+    let mut parts = Parts::new(sums, row_noise, looks);
+    let found = parts.best(row_noise);
+    let used = looks
+        .saturating_sub(parts.looks_left)
+        .div_ceil(LOOKS_IN_A_UNIT);
+    effort.pay_at_most(used as usize);
+    let best = match found {
         Ok(best) => best?,
         Err(fault) => return Some(Err(fault)),
     };
@@ -113,7 +121,7 @@ pub(super) fn find(
         height: height(above(here, best.block_log2, level), best.block_log2),
         background: Background { level, noise },
         black_level: level,
-        effort,
+        effort: *effort,
     };
     Some(check_near(sums, spot))
 }
@@ -123,6 +131,8 @@ struct Parts<'a> {
     sums: &'a Sums<'a>,
     /// In the order of the sizes, and from left to right.
     parts: Vec<Part, MOST_PARTS>,
+    /// The [`rank_of`] the contrast of each part, or zero once the part is taken.
+    ranks: Vec<u32, MOST_PARTS>,
     /// The highest rank of each [`GROUP`] of parts.
     highest: Vec<u32, { MOST_PARTS.div_ceil(GROUP) }>,
     /// What is left of [`LOOKS`].
@@ -130,8 +140,8 @@ struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    fn new(sums: &'a Sums<'a>, noise: Counts) -> Self {
-        let mut parts = Vec::new();
+    fn new(sums: &'a Sums<'a>, noise: Counts, looks_left: u32) -> Self {
+        let (mut parts, mut ranks) = (Vec::new(), Vec::new());
         // Another spot needs less than the one with the most contrast.
         let needed = needed(LEAST_OTHER, noise);
         for block_log2 in SMALLEST_BLOCK_LOG2..=LARGEST_BLOCK_LOG2 {
@@ -149,35 +159,37 @@ impl<'a> Parts<'a> {
                         block_log2,
                         first: part.wrapping_mul(PLACES_OF_PART).min(last),
                         contrast,
-                        rank: rank_of(significance(contrast, block_log2)),
                     });
+                    let _ = ranks.push(rank_of(significance(contrast, block_log2)));
                 }
             }
         }
-        let mut parts = Self {
+        let mut highest = Vec::new();
+        for group in ranks.chunks(GROUP) {
+            let _ = highest.push(highest_of(group).1);
+        }
+        Self {
             sums,
             parts,
-            highest: Vec::new(),
-            looks_left: LOOKS,
-        };
-        for group in parts.parts.chunks(GROUP) {
-            let _ = parts.highest.push(highest_rank(group));
+            highest,
+            ranks,
+            looks_left,
         }
-        parts
     }
 
     /// Takes the part with the highest rank, if that is `least` or more.
     fn take(&mut self, least: u32) -> Option<Part> {
-        let groups = self.parts.chunks_mut(GROUP).zip(&mut self.highest);
-        let (group, highest) = groups.max_by_key(|(_, highest)| **highest)?;
-        if *highest < least {
+        let (group, rank, _) = highest_of(&self.highest);
+        if rank < least {
             return None;
         }
-        let part = group.iter_mut().max_by_key(|part| part.rank)?;
-        let taken = *part;
-        part.rank = 0;
-        *highest = highest_rank(group);
-        Some(taken)
+        let first = group.saturating_mul(GROUP);
+        let (_, ranks) = self.ranks.split_at_mut_checked(first)?;
+        let ranks = ranks.chunks_mut(GROUP).next()?;
+        let (place, _, next) = highest_of(ranks);
+        *ranks.get_mut(place)? = 0;
+        *self.highest.get_mut(group)? = next;
+        self.parts.get(first.saturating_add(place)).copied()
     }
 
     /// The place of a spot with the most significant contrast. Looks at the part with the highest contrast
@@ -238,8 +250,6 @@ struct Part {
     first: usize,
     /// At least the highest contrast of its places.
     contrast: u32,
-    /// The [`rank_of`] that contrast, or zero once the part is taken.
-    rank: u32,
 }
 
 impl Part {
@@ -254,14 +264,14 @@ impl Part {
     ) -> Option<Place> {
         *looks_left = looks_left.saturating_sub(LOOK);
         let blocks = sums.small_blocks(self.block_log2).get(self.first..)?;
-        // A short row has fewer blocks. Those behind them belong to no place.
-        let mut few = [0; SAMPLES_OF_PART];
-        let part = blocks.first_chunk().unwrap_or_else(|| {
-            for (few, &block) in few.iter_mut().zip(blocks) {
-                *few = block;
+        let few;
+        let part = match blocks.first_chunk() {
+            Some(part) => part,
+            None => {
+                few = short_part(blocks);
+                &few
             }
-            &few
-        });
+        };
         let places = blocks.len().saturating_sub(2 * REACH).min(PLACES_OF_PART);
         let mut highest = None;
         // How much twice a block is above those beside it. Together as with the kernel, that is the contrast
@@ -358,9 +368,8 @@ fn significance(response: u32, block_log2: u32) -> u64 {
 
 /// The largest whole contrast whose significance is not more than this.
 fn contrast_of(significance: u64, block_log2: u32) -> u32 {
-    // Below 2^54, of which the root is taken. Without the 8 bits of Q8 it is below 2^20.
     let square = significance.saturating_mul(1 << block_log2.min(LARGEST_BLOCK_LOG2));
-    (square.isqrt() >> Counts::FRACTION) as u32
+    rank_of(square).isqrt()
 }
 
 /// A significance without its fraction. Contrasts are below 2^18, so theirs is below 2^32 in blocks of 16.
@@ -368,6 +377,26 @@ fn rank_of(significance: u64) -> u32 {
     u32::try_from(significance >> (2 * Counts::FRACTION)).unwrap_or(u32::MAX)
 }
 
-fn highest_rank(parts: &[Part]) -> u32 {
-    parts.iter().map(|part| part.rank).max().unwrap_or_default()
+/// The place of the highest rank, that rank, and the next lower one; zeros where there is none.
+fn highest_of(ranks: &[u32]) -> (usize, u32, u32) {
+    let (mut place, mut highest, mut next) = (0, 0, 0);
+    for (i, &rank) in (0..MOST_PARTS).zip(ranks) {
+        if rank > highest {
+            (place, highest, next) = (i, rank, highest);
+        } else if rank > next {
+            next = rank;
+        }
+    }
+    (place, highest, next)
+}
+
+/// A short row has fewer blocks than a part. Those behind them belong to no place.
+#[cold]
+#[inline(never)]
+fn short_part(blocks: &[u16]) -> [u16; SAMPLES_OF_PART] {
+    let mut part = [0; SAMPLES_OF_PART];
+    for (part, &block) in part.iter_mut().zip(blocks) {
+        *part = block;
+    }
+    part
 }

@@ -150,7 +150,7 @@ impl Near {
         let level = numeric::mul_i32(spot.background.level_bits(), 1 << block_log2);
         // Both are at most 16 pixels of 12 bits in Q8: below 2^24.
         let above = |sum: u32| numeric::sub_i32(in_q8(sum), level);
-        let threes = with_ends.array_windows::<3>();
+        let threes = with_ends.array_windows::<3>().take(self.length);
         for ((light, smooth), &[left, here, right]) in
             self.light.iter_mut().zip(&mut self.smooth).zip(threes)
         {

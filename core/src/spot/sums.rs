@@ -323,9 +323,20 @@ impl<'a> Sums<'a> {
     /// The block on which the kernel's middle has its highest response; of equal ones, the first.
     pub(super) fn highest(&self, block_log2: u32) -> Option<usize> {
         // Not `>=`: of equal parts the first.
-        let (response, mut blocks) = (self.parts(block_log2))
+        let (response, blocks) = (self.parts(block_log2))
             .reduce(|highest, part| if part.0 > highest.0 { part } else { highest })?;
-        blocks.find(|&block| self.response(block_log2, block) == Some(response))
+        let mut found = None;
+        let mut take_first = |block, _| {
+            found = Some(block);
+            false
+        };
+        self.all_above(
+            block_log2,
+            blocks,
+            response.checked_sub(1)?,
+            &mut take_first,
+        );
+        found
     }
 
     /// Whether one pixel has three quarters of the light about a block. No spot has such a pixel: its width

@@ -261,9 +261,14 @@ impl Pairs<'_> {
         let from = self.mirror.right.saturating_sub(1);
         let end = self.mirror.left;
         let mut gaps = 0u64;
+        // The bits of the pairs before one.
+        let below = |pair: usize| {
+            1u64.wrapping_shl(pair.min(MOST_PAIRS) as u32)
+                .wrapping_sub(1)
+        };
         // A sample takes its pixels, and one at either end. How far the nearest and the furthest pixel of a
         // gap are from there tells the first and the last pair.
-        let mut mark = |gap: Range<usize>| {
+        let mark = |gap: Range<usize>| {
             let last = gap.end.saturating_sub(1);
             let to_right = last.checked_sub(from);
             let to_left = end.checked_sub(gap.start);
@@ -275,21 +280,37 @@ impl Pairs<'_> {
                 let first = nearest
                     .saturating_sub(pixels.saturating_add(1))
                     .div_ceil(pixels);
-                for pair in first..(furthest / pixels).saturating_add(1).min(MOST_PAIRS) {
-                    gaps |= 1u64.wrapping_shl(pair as u32);
-                }
+                // The pairs up to the last, without those before the first.
+                let end = (furthest / pixels).saturating_add(1);
+                gaps |= below(end) & !below(first);
             }
         };
+        self.gaps.masked.runs().for_each(mark);
         if let Some(full_scale) = self.gaps.full_scale {
-            let reach = pixels.saturating_mul(MOST_PAIRS).saturating_add(2);
-            let start = end.saturating_sub(reach);
-            let (_, near) = self.light.split(start);
-            let length = from.saturating_add(reach).saturating_sub(start);
-            let cut = (start..usize::MAX).zip(near.iter().take(length));
-            cut.filter(|&(_, count)| count >= full_scale)
-                .for_each(|(pixel, _)| mark(pixel..pixel.saturating_add(1)));
+            let below = u32::from(full_scale.saturating_sub(1));
+            let is_cut = |pixels: Range<usize>| {
+                let end = pixels.end.min(self.light.len());
+                let near = self.light.slice(pixels.start..end);
+                near.is_some_and(|near| near.exceeds(below))
+            };
+            // Whether some pairs side by side have a gap. A row has at most 2^12 pixels.
+            let have_gap = |pairs: Range<usize>| {
+                let nearest = pairs.start.wrapping_mul(pixels);
+                let furthest = pairs.end.wrapping_mul(pixels).wrapping_add(1);
+                let right = from.wrapping_add(nearest)..from.wrapping_add(furthest).wrapping_add(1);
+                let left = end.saturating_sub(furthest)..end.saturating_sub(nearest);
+                is_cut(right) || is_cut(left.start..left.end.saturating_add(1))
+            };
+            let number = self.number().1.min(MOST_PAIRS);
+            for first in (0..number).step_by(4) {
+                let four = first..first.saturating_add(4).min(number);
+                if have_gap(four.clone()) {
+                    for pair in four.filter(|&pair| have_gap(pair..pair.wrapping_add(1))) {
+                        gaps |= 1u64.wrapping_shl(pair as u32);
+                    }
+                }
+            }
         }
-        self.gaps.masked.samples().for_each(mark);
         gaps
     }
 }
