@@ -64,10 +64,10 @@ const NARROWEST_WITH_SHAPE: f32 = repair::NARROWEST_SURE_REFIT;
 /// The estimator and the check take effort only for a spot that is wider than this, in pixels.
 const USUAL_WIDTH: usize = 16;
 
-/// The effort that they take for each pixel that the spot is wider.
+/// They take so much for each pixel that the spot is wider.
 const EFFORT_OF_PIXEL: usize = 15;
 
-/// The most effort of [`gauss_newton`], which takes all its steps.
+/// The effort of [`gauss_newton`] if it takes all its steps.
 fn effort_of_fit(spot: &Spot) -> usize {
     widest(spot).saturating_mul(4).saturating_add(1000)
 }
@@ -127,7 +127,7 @@ fn find_and_check(
         }
         found => found?,
     };
-    // `as` saturates. The estimator's part is paid afterwards: only now is the width known.
+    // The estimator's part is paid only now, when the width is known. `as` saturates.
     let wider = (found.width.to_f32() as usize).saturating_sub(USUAL_WIDTH);
     let effort = wider.saturating_mul(EFFORT_OF_PIXEL);
     if spot.effort.pay(effort).is_none() {
@@ -181,7 +181,7 @@ struct Checked {
     found: RowCentre,
     /// Nothing is wrong with the centre.
     is_clean: bool,
-    /// Something is, and samples that are masked may change it.
+    /// Something is wrong, and a repair may find a better centre.
     may_be_repaired: bool,
 }
 

@@ -54,8 +54,7 @@ use crate::units::{Counts, Pixels};
 /// Samples in a window.
 pub const SAMPLES: usize = 128;
 
-/// A width has at least so many samples, if samples of [`LARGEST_SAMPLE`] pixels are that small: half of the
-/// window of a wide spot has five widths.
+/// A width has at most so many samples: half of a window then has at least five widths.
 const SAMPLES_A_WIDTH: f32 = 12.8;
 
 /// The most pixels in a sample. The widest spot needs 170 * 10 / 128 = 13.3. The sum of this many counts is
@@ -79,7 +78,7 @@ pub(crate) const MAX_STEPS: usize = 8;
 /// The last step's square in standard deviations is at most this.
 const LAST_STEP: f32 = 0.01;
 
-/// The same for the fits of a repair, which are many. What such a step leaves is still far below the noise.
+/// The same for a repair, which fits a row many times. What such a step leaves is still far below the noise.
 const LAST_STEP_OF_REPAIR: f32 = 0.06;
 
 /// A fit whose last step was longer than half a standard deviation has not arrived.
@@ -291,7 +290,7 @@ pub(crate) fn half_window(width: f32) -> usize {
     pixels_a_sample(width, SAMPLES_A_WIDTH) * (SAMPLES / 2)
 }
 
-/// The pixels of a sample, of which a width has at least so many.
+/// The pixels of a sample, if a width has at most so many samples.
 pub(crate) fn pixels_a_sample(width: f32, samples_a_width: f32) -> usize {
     // `as` cuts off.
     ((width / samples_a_width) as usize).min(LARGEST_SAMPLE - 1) + 1
@@ -588,8 +587,8 @@ impl Fit {
     }
 }
 
-/// Fits the samples from a start for a repair, by `most` steps at most. `None` where they do not tell the four parameters
-/// apart.
+/// Fits the samples from a start for a repair, by `most` steps at most. `None` where they do not tell the
+/// four parameters apart.
 pub(crate) fn fit(samples: &[Sample], start: Parameters, shot: f32, most: usize) -> Option<Fit> {
     let until = Until {
         steps: most,

@@ -36,7 +36,7 @@ const PART: usize = 1024;
 /// Heights of a part and of both sides, rounded up to whole fours.
 const HEIGHTS: usize = PART + 2 * MOST_APART + 4;
 
-/// The effort of the comparison, besides that of its places.
+/// The effort of the comparison, without that of its places.
 const EFFORT: usize = 250;
 
 /// So many places are compared in one unit of effort.

@@ -58,16 +58,12 @@ const BAD_PIXELS: u32 = 3;
 /// it. A window is no larger than that of [`gauss_newton`].
 const HALF_WINDOW: f32 = 8.0;
 
-/// A width has at least so many samples, if it has so many pixels. A repair fits the row many times, so they
-/// are fewer than in [`gauss_newton`].
+/// A width has at most so many samples, where the light of a second spot is searched. A repair fits the row
+/// many times, so they are fewer than in [`gauss_newton`].
 const SAMPLES_A_WIDTH: f32 = 8.0;
 
-/// Up to this width, in pixels, bad pixels are searched in samples of one pixel: a sample of several pixels
-/// hides them.
+/// Up to this width, in pixels, bad pixels are searched in samples of one pixel: larger samples hide them.
 const SINGLE_PIXELS: f32 = 11.0;
-
-/// Half of a window of single pixels has no more of them.
-const MOST_SINGLE_PIXELS: usize = 64;
 
 /// The fewest samples to either side, from which the level is known.
 const FEWEST: usize = 16;
@@ -85,8 +81,8 @@ const STEPS_OF_ROUND: usize = 4;
 /// The most steps of the fit to the spot's top and the dark. It is only a start.
 const STEPS_OF_TOP: usize = 3;
 
-/// The effort of a repair besides the passes that it pays one by one: windows are copied and unmasked, fits
-/// are compared with what was found before.
+/// The effort of a repair besides what it pays pass by pass: it copies windows, clears masks, and compares a
+/// fit with the first centre.
 const EFFORT_OF_REPAIR: usize = 420;
 
 /// The effort of a step besides its sums: four exponentials, and the equations' solution.
@@ -95,19 +91,18 @@ const EFFORT_OF_STEP: usize = 12;
 /// The effort of comparing the row with its mirror image, masked samples left out.
 const EFFORT_OF_CHECK: usize = 210;
 
-/// What the comparison takes besides for each pixel of the width.
+/// The comparison takes so much more for each pixel of the width.
 const EFFORT_OF_CHECKED_PIXEL: usize = 6;
 
-/// The effort of the first centre of a narrow spot, where the estimator has found another one, and what it
-/// takes besides for each pixel that the spot may be wide.
+/// The effort of the first centre of a narrow spot, where the estimator has found another one.
 const EFFORT_OF_FIRST_CENTRE: usize = 300;
-/// See [`EFFORT_OF_FIRST_CENTRE`].
+/// The first centre takes so much more for each pixel that the spot may be wide.
 const EFFORT_OF_MEASURED_PIXEL: usize = 9;
 
-/// The effort of finding a start for a narrow spot's top, and what it takes besides for each pixel of the
-/// spot's block.
+/// The effort of finding a start for a narrow spot's top.
 const EFFORT_OF_START: usize = 30;
-/// See [`EFFORT_OF_START`].
+
+/// The start takes so much more for each pixel of the spot's block.
 const EFFORT_OF_STARTING_PIXEL: usize = 3;
 
 /// So many pixels are summed into samples in one unit of effort.
@@ -251,7 +246,7 @@ impl Scene<'_> {
         }
         // `as` saturates.
         let half = (HALF_WINDOW * start.width) as usize;
-        self.window(start, (half.min(MOST_SINGLE_PIXELS), 1))
+        self.window(start, (half, 1))
     }
 
     /// The window in which the light of a second spot is searched.
@@ -263,7 +258,7 @@ impl Scene<'_> {
         self.window(start, (half / block, block))
     }
 
-    /// A window of so many samples to either side, each of so many pixels.
+    /// A window of so many samples to either side, each of so many pixels. There is room for 64.
     fn window(&self, start: &Start, (half, block): (usize, usize)) -> Option<Window> {
         let half = half.clamp(FEWEST, SAMPLES / 2);
         let samples = half.saturating_mul(2);

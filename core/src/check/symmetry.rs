@@ -121,7 +121,7 @@ pub(super) struct Verdict {
     pub is_spot: bool,
     /// Noise explains how the row differs from its mirror image, beyond the sensor's own spot.
     pub is_symmetric: bool,
-    /// The row does not show the spot's shape, whichever samples are masked.
+    /// The row does not show the spot's shape, so no repair can help.
     pub is_hopeless: bool,
     /// The spot's shape, with the sensor's own antisymmetric light in it.
     pub shape: SpotShape,
@@ -145,7 +145,7 @@ pub(super) fn check(
     masked: &MaskedPixels,
 ) -> Option<Verdict> {
     let extremes = extremes_near(row.light(), found, geometry.full_scale());
-    // The repair masks samples only where none of this is so about the first centre.
+    // A repair begins only if the first centre has passed these tests.
     let is_first = masked.samples == 0;
     if is_first
         && (extremes.zero && is_cut_at_zero(row.light(), found)
