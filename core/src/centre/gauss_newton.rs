@@ -416,10 +416,11 @@ impl Window {
     pub(crate) fn bits(&self, is_set: impl Fn(&Sample) -> bool) -> u128 {
         let mut words = [0u32; SAMPLES / 32];
         for (word, samples) in words.iter_mut().zip(self.samples().chunks(32)) {
-            *word = (samples.iter().rev())
-                .fold(0, |bits, sample| (bits << 1) | u32::from(is_set(sample)));
+            *word = (samples.iter().rev()).fold(0, |bits, sample| {
+                bits.wrapping_mul(2) | u32::from(is_set(sample))
+            });
         }
-        (words.iter().rev()).fold(0, |all, &word| (all << 32) | u128::from(word))
+        (words.iter().rev()).fold(0, |all, &word| all.wrapping_mul(1 << 32) | u128::from(word))
     }
 
     /// The mean of the samples within `reach` of a sample, above the row's level. The samples may lie outside
