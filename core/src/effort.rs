@@ -12,7 +12,7 @@
 pub struct Effort(u16);
 
 /// The units of a row. With fewer, some repairs of clean rows do not end, and u grows.
-pub(crate) const WHOLE: u16 = 4300;
+pub(crate) const WHOLE: u16 = 4250;
 
 impl Effort {
     /// Nothing is done yet.

@@ -166,7 +166,7 @@ const NOTHING: Fault = Fault::NoSpot {
 const EFFORT_OF_ALL_SIZES: usize = 1100;
 
 /// The effort of searching a row again without its tilt.
-const EFFORT_OF_LEVEL: usize = 1200;
+const EFFORT_OF_LEVEL: usize = 1100;
 
 // Only the search has paid yet, so it never has too little.
 const _: () =

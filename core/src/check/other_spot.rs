@@ -104,23 +104,62 @@ pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<boo
 /// The height of the spot itself: the most that two boxes about its centre exceed the light beside them. The
 /// spot may lie at the row's end, or on a slope.
 fn own_height(light: Light<'_>, centre: usize, half: usize, apart: usize) -> u32 {
-    let height = |from: usize| {
-        let two = light.slice(from..from.saturating_add(half.saturating_mul(2)))?;
-        let (first, second) = two.split(half);
-        Some(first.sum().min(second.sum()))
-    };
-    let separation = half.saturating_mul(apart);
-    let own = |from: usize| {
-        let left = from.checked_sub(separation).and_then(height);
-        let right = height(from.saturating_add(separation));
-        let beside = left.or(right)?.midpoint(right.or(left)?);
-        Some(height(from)?.saturating_sub(beside))
-    };
-    // Up to the centre, in steps of an eighth of a width.
+    // From two boxes before the centre up to it.
     let first = centre.saturating_sub(half.saturating_mul(2));
-    let places = (0..9usize).map(|i| first.saturating_add(half.saturating_mul(i) / 4));
-    let places = places.filter(|&from| from <= centre);
-    places.filter_map(own).max().unwrap_or_default()
+    let separation = half.saturating_mul(apart);
+    // A row has at most 2^12 pixels.
+    let heights = |from: usize, to_left: usize| {
+        heights(light, (from as i32).saturating_sub(to_left as i32), half)
+    };
+    let sides = heights(first, separation)
+        .into_iter()
+        .zip(heights(first.saturating_add(separation), 0));
+    let places = heights(first, 0).into_iter().zip(sides).enumerate();
+    places
+        .filter(|(place, _)| first.saturating_add(step(*place, half)) <= centre)
+        .filter_map(|(_, (here, (left, right)))| {
+            let beside = left.or(right)?.midpoint(right.or(left)?);
+            Some(here?.saturating_sub(beside))
+        })
+        .max()
+        .unwrap_or_default()
+}
+
+/// Places in a box of [`heights`]: an eighth of a width apart.
+const PLACES: usize = 4;
+
+/// Pixels from the first place to another.
+fn step(place: usize, half: usize) -> usize {
+    half.saturating_mul(place) / PLACES
+}
+
+/// The lower one of the sums over two boxes, at each place from a pixel on. `None` where they are not all on
+/// the row.
+fn heights(light: Light<'_>, from: i32, half: usize) -> [Option<u32>; 2 * PLACES + 1] {
+    // The sums of all pixels on the row from the first place to each place.
+    let mut sums = [None; 4 * PLACES + 1];
+    let mut last = None;
+    for (place, sum) in sums.iter_mut().enumerate() {
+        let pixel = from.saturating_add(step(place, half) as i32);
+        let Ok(pixel) = usize::try_from(pixel) else {
+            continue;
+        };
+        let all = match last {
+            None => (pixel <= light.len()).then_some(0),
+            Some((before, sum)) => light.slice(before..pixel).map(|pixels| {
+                // So few that two at a time take longer.
+                pixels.iter().map(u32::from).fold(sum, numeric::add_u32)
+            }),
+        };
+        let Some(all) = all else { break };
+        last = Some((pixel, all));
+        *sum = Some(all);
+    }
+    core::array::from_fn(|place| {
+        let sum = |boxes: usize| *sums.get(place.saturating_add(boxes.saturating_mul(PLACES)))?;
+        let (start, middle, end) = (sum(0)?, sum(1)?, sum(2)?);
+        Some(end.saturating_sub(middle).min(middle.saturating_sub(start)))
+    })
 }
 
 /// A search for the highest other spot. Place k is box k and box k + 1, and its height the lower one of their
@@ -146,10 +185,11 @@ impl Search {
     #[inline(never)]
     fn parts(&mut self, row: &Row<'_>, places: Range<usize>) {
         let mut heights = [0; HEIGHTS];
+        let is_one_part = places.len() <= PART;
         let mut end = places.end;
         while end > places.start {
             let start = end.saturating_sub(PART).max(places.start);
-            if self.may_be_high(row, start..end) {
+            if is_one_part || self.may_be_high(row, start..end) {
                 self.part(row.light(), start..end, &mut heights);
             }
             end = start;
@@ -268,8 +308,21 @@ fn lower_pixels(words: &[u16], inverted: u32, to: &mut [u16]) {
 /// As [`lower_boxes`] for small boxes, whose number of pixels the compiler knows.
 #[inline(never)]
 fn lower_chunks<const PIXELS: usize>(light: Light<'_>, shift: u32, to: &mut [u16]) {
-    let sum = |chunk: [u16; PIXELS]| chunk.into_iter().map(u32::from).fold(0, numeric::add_u32);
-    lower_boxes(light.chunks::<PIXELS>().rev().map(sum), shift, to);
+    let (words, inverted) = light.words();
+    let sum = |words: &[u16; PIXELS]| {
+        words
+            .iter()
+            .copied()
+            .map(u32::from)
+            .fold(0, numeric::add_u32)
+    };
+    let sums = words.as_chunks::<PIXELS>().0.iter().rev().map(sum);
+    if inverted == 0 {
+        lower_boxes(sums, shift, to);
+    } else {
+        let full_scale = PIXELS as u32 * u32::from(inverted);
+        lower_boxes(sums.map(|sum| full_scale.saturating_sub(sum)), shift, to);
+    }
 }
 
 /// As [`lower_pixels`] for the sums of boxes, from the last to the first.

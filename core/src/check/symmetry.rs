@@ -38,7 +38,6 @@ use self::pairs::{Correction, Gaps, Noise, Pairs, Place};
 use crate::centre::RowCentre;
 use crate::centre::gauss_newton::MaskedPixels;
 use crate::centre::tables::TILTED;
-use crate::numeric;
 use crate::row::{Extremes, Geometry, Light, Row};
 use crate::shape::{COMPONENTS, OwnSpot, SpotShape};
 use crate::spot::Spot;
@@ -229,8 +228,7 @@ fn is_cut_at_zero(light: Light<'_>, found: &RowCentre) -> bool {
     let (left, right) = light.split(middle);
     let (_, left) = left.split(left.len().saturating_sub(reach as usize));
     let right = right.slice(..reach as usize).unwrap_or(right);
-    let zeros = |light: Light<'_>| numeric::count(light.iter().map(|count| count == 0));
-    let (left, right) = (zeros(left), zeros(right));
+    let (left, right) = (left.zeros(), right.zeros());
     left.abs_diff(right) > left.min(right).saturating_add(2)
 }
 

@@ -166,6 +166,22 @@ impl<'a> Light<'a> {
             || last.iter().any(|&word| is_high(take(word, word)))
     }
 
+    /// How many counts are zero.
+    // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in all but zero, plus 2^15
+    // less one. At most 2^11 pairs.
+    pub(crate) fn zeros(self) -> u32 {
+        const ONES: u32 = 0x0001_0001;
+        let inverted = u32::from(self.inverted).wrapping_mul(ONES);
+        let (pairs, last) = self.words.as_chunks::<2>();
+        let others = pairs.iter().fold(0u32, |sum, &[low, high]| {
+            let counts = (u32::from(low) | (u32::from(high) * 0x1_0000)) ^ inverted;
+            sum.wrapping_add((counts.wrapping_add(ONES * 0x7FFF) >> 15) & ONES)
+        });
+        let others = numeric::add_u32(others & 0xFFFF, others >> 16);
+        let last = last.iter().filter(|&&word| word != self.inverted).count();
+        (self.words.len() as u32).saturating_sub(others.saturating_add(last as u32))
+    }
+
     /// Whether any count is at an end of the converter's range.
     // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in zero less one, and in
     // the largest word plus the rest to 2^15.
@@ -227,12 +243,17 @@ mod tests {
     /// Of all lengths, in words that rise and that fall.
     #[test]
     fn a_sum_and_a_highest_count_are_those_of_the_counts() {
-        let words: [u16; 40] =
-            core::array::from_fn(|i| (i as u32).wrapping_mul(2_654_435_761) as u16 >> 4);
+        let words: [u16; 40] = core::array::from_fn(|i| match i % 7 {
+            3 => 0,
+            4 => LARGEST_COUNT,
+            _ => (i as u32).wrapping_mul(2_654_435_761) as u16 >> 4,
+        });
         for length in 0..=words.len() {
             for inverted in [0, LARGEST_COUNT] {
                 let light = Light::new(&words[..length], inverted);
                 assert_eq!(light.sum(), light.iter().map(u32::from).sum());
+                let zeros = light.iter().filter(|count| *count == 0).count();
+                assert_eq!(light.zeros() as usize, zeros);
                 let few = light.slice(..length.min(32)).expect("so many");
                 for full_scale in [LARGEST_COUNT, 1000] {
                     let is_full = few.iter().any(|count| count >= full_scale);

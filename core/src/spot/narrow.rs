@@ -50,7 +50,7 @@ const fn most_parts(block_log2: u32) -> usize {
 const BLOCKS: usize = 2 * REACH + 1;
 
 /// The effort of a search, without its looks at parts.
-pub(super) const EFFORT: usize = 920;
+pub(super) const EFFORT: usize = 870;
 
 /// What a search may take to look at parts, in units of about eight of the chip's instructions: 27,000 in
 /// all. That is enough for narrow spots and speckle on wide light, and for four hot pixels that are brighter.
@@ -60,10 +60,10 @@ const LOOKS: u32 = 3400;
 const LOOKS_IN_A_UNIT: u32 = 5;
 
 /// Looking at a part.
-const LOOK: u32 = 50;
+const LOOK: u32 = 75;
 
 /// Measuring the contrast and the bend of a place; then testing whether it is one pixel.
-const PLACE: u32 = 20;
+const PLACE: u32 = 14;
 
 /// Parts of a group. The highest rank of each group is stored, so that two short searches find the highest
 /// part.
