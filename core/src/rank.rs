@@ -4,7 +4,8 @@
 /// Returns the value at place `rank`, from zero, of the keys in ascending order. `None` if there are not so
 /// many keys.
 ///
-/// Bisection finds it: each pass halves the range from `low` to `high` in which it lies.
+/// Bisection finds it: each pass halves the range from `low` to `high` in which it lies. It ends where all keys
+/// of lower rank are told from all of higher.
 pub(crate) fn ranked(rank: usize, keys: &[u32]) -> Option<u32> {
     if rank >= keys.len() {
         return None;
@@ -27,7 +28,11 @@ pub(crate) fn ranked(rank: usize, keys: &[u32]) -> Option<u32> {
                 lowest_above = lowest_above.min(key);
             }
         }
-        if below > rank {
+        if below == rank.wrapping_add(1) {
+            return Some(highest_below);
+        } else if below == rank {
+            return Some(lowest_above);
+        } else if below > rank {
             high = highest_below;
         } else {
             low = lowest_above;

@@ -350,7 +350,7 @@ fn highest_response<const N: usize>(mut blocks: impl Iterator<Item = [u16; N]>) 
 
 /// Where more blocks stand out, a search of all sizes takes less time than a look at each of them. A spot
 /// that fits blocks of 8 pixels stands out on less than ten of them.
-const MOST_TRIED: u32 = 32;
+const MOST_TRIED: u32 = 16;
 
 /// On a row of fewer pixels all sizes are searched.
 const SHORT: usize = 1024;

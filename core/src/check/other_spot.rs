@@ -36,8 +36,11 @@ const PART: usize = 1024;
 /// Heights of a part and of both sides, rounded up to whole fours.
 const HEIGHTS: usize = PART + 2 * MOST_APART + 4;
 
-/// The effort of the comparison, without that of its places.
-const EFFORT: usize = 250;
+/// The effort of the comparison, without that of its pixels and places.
+const EFFORT: usize = 200;
+
+/// So many pixels are summed in one unit of effort.
+const PIXELS_IN_A_UNIT: usize = 20;
 
 /// So many places are compared in one unit of effort.
 const PLACES_IN_A_UNIT: usize = 5;
@@ -84,8 +87,10 @@ pub(super) fn check(row: &Row<'_>, spot: &Spot, found: &RowCentre) -> Result<boo
     let sides = [right.max(apart)..end, apart..left.min(end)]
         .map(|places| search.may_be_high(row, places.clone()).then_some(places));
     let mut effort = spot.effort;
-    let places = light.len() / half / PLACES_IN_A_UNIT;
-    if sides.iter().any(Option::is_some) && effort.pay(places.saturating_add(EFFORT)).is_none() {
+    let units = EFFORT
+        .saturating_add(light.len() / PIXELS_IN_A_UNIT)
+        .saturating_add(light.len() / half / PLACES_IN_A_UNIT);
+    if sides.iter().any(Option::is_some) && effort.pay(units).is_none() {
         return Ok(false);
     }
     for places in sides.into_iter().flatten() {
@@ -231,21 +236,14 @@ impl Search {
             return;
         };
         match self.half {
-            1 => {
-                let (words, inverted) = light.words();
-                lower_pixels(words, inverted.into(), heights);
-            }
+            1 => lower_chunks::<1>(light, self.shift, heights),
             2 => lower_chunks::<2>(light, self.shift, heights),
             3 => lower_chunks::<3>(light, self.shift, heights),
             4 => lower_chunks::<4>(light, self.shift, heights),
             5 => lower_chunks::<5>(light, self.shift, heights),
             6 => lower_chunks::<6>(light, self.shift, heights),
             7 => lower_chunks::<7>(light, self.shift, heights),
-            half => lower_boxes(
-                light.groups(half).rev().map(|group| group.sum()),
-                self.shift,
-                heights,
-            ),
+            half => lower_groups(light, half, self.shift, heights),
         }
         // The last box has no other one behind it.
         let of = |from: usize| {
@@ -283,16 +281,18 @@ fn limited(height: u32) -> u16 {
     height.min(0x3FFF) as u16
 }
 
-/// Writes the lower one of each pixel and the one behind it, from the last to the first. The last has nothing
-/// behind it.
+/// Writes the lower one of the sums of each box and the one behind it, shifted, from the last to the first.
+/// The last has nothing behind it. The compiler knows how many pixels a box has.
 #[inline(never)]
-fn lower_pixels(words: &[u16], inverted: u32, to: &mut [u16]) {
+fn lower_chunks<const PIXELS: usize>(light: Light<'_>, shift: u32, to: &mut [u16]) {
+    let (words, inverted) = light.words();
     let mut behind = 0;
-    let mut lower = |word: u16| {
-        let count = u32::from(word) ^ inverted;
-        core::mem::replace(&mut behind, count).min(count) as u16
+    let mut lower = |words: [u16; PIXELS]| {
+        let counts = words.map(|word| u32::from(word ^ inverted));
+        let sum = counts.into_iter().fold(0, numeric::add_u32);
+        lower_shifted(&mut behind, sum, shift)
     };
-    let (rest, fours) = words.as_rchunks::<4>();
+    let (rest, fours) = words.as_chunks::<PIXELS>().0.as_rchunks::<4>();
     let (to_fours, to_rest) = to
         .split_at_mut_checked(fours.as_flattened().len())
         .unwrap_or_default();
@@ -300,42 +300,24 @@ fn lower_pixels(words: &[u16], inverted: u32, to: &mut [u16]) {
     for (to, &[a, b, c, d]) in to_fours.zip(fours.iter().rev()) {
         *to = [d, c, b, a].map(&mut lower);
     }
-    for (to, &word) in to_rest.iter_mut().zip(rest.iter().rev()) {
-        *to = lower(word);
+    for (to, &words) in to_rest.iter_mut().zip(rest.iter().rev()) {
+        *to = lower(words);
     }
 }
 
-/// As [`lower_boxes`] for small boxes, whose number of pixels the compiler knows.
-#[inline(never)]
-fn lower_chunks<const PIXELS: usize>(light: Light<'_>, shift: u32, to: &mut [u16]) {
-    let (words, inverted) = light.words();
-    let sum = |words: &[u16; PIXELS]| {
-        words
-            .iter()
-            .copied()
-            .map(u32::from)
-            .fold(0, numeric::add_u32)
-    };
-    let sums = words.as_chunks::<PIXELS>().0.iter().rev().map(sum);
-    if inverted == 0 {
-        lower_boxes(sums, shift, to);
-    } else {
-        let full_scale = PIXELS as u32 * u32::from(inverted);
-        lower_boxes(sums.map(|sum| full_scale.saturating_sub(sum)), shift, to);
-    }
-}
-
-/// As [`lower_pixels`] for the sums of boxes, from the last to the first.
+/// As [`lower_chunks`], of larger boxes.
 #[inline(always)]
-fn lower_boxes(sums: impl Iterator<Item = u32>, shift: u32, to: &mut [u16]) {
+fn lower_groups(light: Light<'_>, pixels: usize, shift: u32, to: &mut [u16]) {
     let mut behind = 0;
-    for (to, sum) in to.iter_mut().zip(sums) {
-        *to = limited(
-            core::mem::replace(&mut behind, sum)
-                .min(sum)
-                .wrapping_shr(shift),
-        );
+    for (to, group) in to.iter_mut().zip(light.groups(pixels).rev()) {
+        *to = lower_shifted(&mut behind, group.sum(), shift);
     }
+}
+
+/// The lower one of a sum and the one behind it, shifted. Fits: so shifted, a sum of counts has 14 bits.
+#[inline(always)]
+fn lower_shifted(behind: &mut u32, sum: u32, shift: u32) -> u16 {
+    core::mem::replace(behind, sum).min(sum).wrapping_shr(shift) as u16
 }
 
 /// The highest other spot of some places.
