@@ -119,7 +119,7 @@ fn own_height(light: Light<'_>, centre: usize, half: usize, apart: usize) -> u32
     let sides = heights(first, separation)
         .into_iter()
         .zip(heights(first.saturating_add(separation), 0));
-    let places = heights(first, 0).into_iter().zip(sides).enumerate();
+    let places = (0..MAX_PIXELS).zip(heights(first, 0).into_iter().zip(sides));
     places
         .filter(|(place, _)| first.saturating_add(step(*place, half)) <= centre)
         .filter_map(|(_, (here, (left, right)))| {
@@ -144,7 +144,7 @@ fn heights(light: Light<'_>, from: i32, half: usize) -> [Option<u32>; 2 * PLACES
     // The sums of all pixels on the row from the first place to each place.
     let mut sums = [None; 4 * PLACES + 1];
     let mut last = None;
-    for (place, sum) in sums.iter_mut().enumerate() {
+    for (place, sum) in (0..MAX_PIXELS).zip(&mut sums) {
         let pixel = from.saturating_add(step(place, half) as i32);
         let Ok(pixel) = usize::try_from(pixel) else {
             continue;
