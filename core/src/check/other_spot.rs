@@ -37,7 +37,7 @@ const PART: usize = 1024;
 const HEIGHTS: usize = PART + 2 * MOST_APART + 4;
 
 /// The effort of the comparison, without that of its pixels and places.
-const EFFORT: usize = 200;
+const EFFORT: usize = 240;
 
 /// So many pixels are summed in one unit of effort.
 const PIXELS_IN_A_UNIT: usize = 20;
@@ -243,6 +243,11 @@ impl Search {
             5 => lower_chunks::<5>(light, self.shift, heights),
             6 => lower_chunks::<6>(light, self.shift, heights),
             7 => lower_chunks::<7>(light, self.shift, heights),
+            8 => lower_chunks::<8>(light, self.shift, heights),
+            9 => lower_chunks::<9>(light, self.shift, heights),
+            10 => lower_chunks::<10>(light, self.shift, heights),
+            11 => lower_chunks::<11>(light, self.shift, heights),
+            12 => lower_chunks::<12>(light, self.shift, heights),
             half => lower_groups(light, half, self.shift, heights),
         }
         // The last box has no other one behind it.
