@@ -69,7 +69,7 @@ const EFFORT_OF_PIXEL: usize = 15;
 
 /// The effort of [`gauss_newton`] if it takes all its steps.
 fn effort_of_fit(spot: &Spot) -> usize {
-    widest(spot).saturating_mul(4).saturating_add(1150)
+    widest(spot).saturating_mul(4).saturating_add(1400)
 }
 
 /// The most pixels that a spot may be wide, before its width is known.

@@ -46,7 +46,7 @@ const FINE_LOG2: u32 = 3;
 const FINE: usize = (2 * NEAR) << FINE_LOG2;
 
 /// The effort of a look at smaller blocks.
-const EFFORT_OF_A_LOOK: usize = 100;
+const EFFORT_OF_A_LOOK: usize = 220;
 
 /// Returns the spot, or the higher one of two. `None` where the sums do not hold the sizes that the higher
 /// one needs.
