@@ -213,8 +213,9 @@ impl<'a> First<'a> {
             background,
             best,
         } = self;
-        if best.is_best_of_all_sizes(sums, *background)
-            && !best.is_too_wide(sums, background.level)
+        // The second test takes much more time.
+        if !best.is_too_wide(sums, background.level)
+            && best.is_best_of_all_sizes(sums, *background)
             && let Some(found) = take(sums, best, *background, effort)
         {
             return found;

@@ -94,7 +94,8 @@ pub(super) fn find(
     effort: &mut Effort,
 ) -> Option<Result<Spot, Fault>> {
     let looks = LOOKS.min((effort.left() as u32).saturating_mul(LOOKS_IN_A_UNIT));
-    let mut parts = Parts::new(sums, row_noise, looks);
+    let mut parts = Parts::none(sums, looks);
+    parts.measure(row_noise);
     let found = parts.best(row_noise);
     let used = looks
         .saturating_sub(parts.looks_left)
@@ -140,12 +141,23 @@ struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    fn new(sums: &'a Sums<'a>, noise: Counts, looks_left: u32) -> Self {
-        let (mut parts, mut ranks) = (Vec::new(), Vec::new());
+    const fn none(sums: &'a Sums<'a>, looks_left: u32) -> Self {
+        Self {
+            sums,
+            parts: Vec::new(),
+            ranks: Vec::new(),
+            highest: Vec::new(),
+            looks_left,
+        }
+    }
+
+    /// Measures the contrast of all parts. In place, because copies take time.
+    #[inline(always)]
+    fn measure(&mut self, noise: Counts) {
         // Another spot needs less than the one with the most contrast.
         let needed = needed(LEAST_OTHER, noise);
         for block_log2 in SMALLEST_BLOCK_LOG2..=LARGEST_BLOCK_LOG2 {
-            let blocks = sums.small_blocks(block_log2);
+            let blocks = self.sums.small_blocks(block_log2);
             let mut highest = [0; most_parts(SMALLEST_BLOCK_LOG2)];
             dual_mac::contrasts(blocks, &mut highest);
             let least = contrast_of(needed, block_log2);
@@ -155,25 +167,18 @@ impl<'a> Parts<'a> {
                 let contrast = numeric::add_u32(4 * u32::from(highest), 3);
                 if contrast > least {
                     // There is room for all.
-                    let _ = parts.push(Part {
+                    let _ = self.parts.push(Part {
                         block_log2,
                         first: part.wrapping_mul(PLACES_OF_PART).min(last),
                         contrast,
                     });
-                    let _ = ranks.push(rank_of(significance(contrast, block_log2)));
+                    let rank = rank_of(significance(contrast, block_log2));
+                    let _ = self.ranks.push(rank);
                 }
             }
         }
-        let mut highest = Vec::new();
-        for group in ranks.chunks(GROUP) {
-            let _ = highest.push(highest_of(group).1);
-        }
-        Self {
-            sums,
-            parts,
-            highest,
-            ranks,
-            looks_left,
+        for group in self.ranks.chunks(GROUP) {
+            let _ = self.highest.push(highest_of(group).1);
         }
     }
 
