@@ -323,6 +323,18 @@ pub(crate) struct Window {
 }
 
 impl Window {
+    /// No samples.
+    pub(crate) fn nothing() -> Self {
+        Self {
+            first: 0,
+            block: 1,
+            samples: [Sample::default(); SAMPLES],
+            length: 0,
+            saturated: 0,
+            variance: 0.0,
+        }
+    }
+
     pub(crate) fn around(
         light: Light<'_>,
         spot: &Spot,
@@ -330,17 +342,21 @@ impl Window {
         geometry: &Geometry,
     ) -> Self {
         let block = pixels_a_sample(start.width, SAMPLES_A_WIDTH);
-        Self::within((SAMPLES / 2, block), light, spot, start, geometry)
+        let mut window = Self::nothing();
+        window.take((SAMPLES / 2, block), light, spot, start, geometry);
+        window
     }
 
-    /// As [`Self::around`], with `half` samples of `block` pixels to either side: see [`pixels_a_sample`].
-    pub(crate) fn within(
+    /// Takes `half` samples of `block` pixels to either side: see [`pixels_a_sample`]. In place, because copies
+    /// take time.
+    pub(crate) fn take(
+        &mut self,
         (half, block): (usize, usize),
         light: Light<'_>,
         spot: &Spot,
         start: &Start,
         geometry: &Geometry,
-    ) -> Self {
+    ) {
         let half = half.min(SAMPLES / 2);
         let block = block.clamp(1, LARGEST_SAMPLE);
         let middle =
@@ -351,26 +367,20 @@ impl Window {
         // Below 2^16 in Q8, and 16 counts of 12 bits: 2^24 in Q8, exact in f32.
         let level = spot.background.level_bits() * block as i32;
         let (noise, _) = spot.background.variances(geometry);
-        let mut window = Self {
-            first,
-            block,
-            samples: [Sample::default(); SAMPLES],
-            length: 0,
-            saturated: 0,
-            variance: noise * block as f32,
-        };
+        (self.first, self.block) = (first, block);
+        (self.length, self.saturated) = (0, 0);
+        self.variance = noise * block as f32;
         let full_scale = geometry.full_scale();
         if block == 1 {
             let counts = pixels.iter();
-            window.fill(
+            self.fill(
                 level,
                 counts.map(|count| (count.into(), count >= full_scale)),
             );
         } else {
             let groups = pixels.groups(block);
-            window.fill(level, groups.map(|pixels| pixels.sum_of_few(full_scale)));
+            self.fill(level, groups.map(|pixels| pixels.sum_of_few(full_scale)));
         }
-        window
     }
 
     /// Makes samples of sums of counts, each with whether a pixel of it is at full scale. `level` is under

@@ -216,7 +216,8 @@ impl Scene<'_> {
             amplitude: self.found.amplitude.to_f32(),
             is_whole: true,
         };
-        let mut window = self.window_for_pixels(&start)?;
+        let mut window = Window::nothing();
+        self.window_for_pixels(&start, &mut window)?;
         let mut at = window.parameters(&start);
         at.level = level(&window, &at);
         if at.width < NARROW
@@ -234,44 +235,44 @@ impl Scene<'_> {
         let of_width = self.spot.block().saturating_mul(EFFORT_OF_STARTING_PIXEL);
         self.pay(EFFORT_OF_START.saturating_add(of_width))?;
         let start = Start::find(self.row.light(), self.spot, self.geometry).ok()?;
-        window = self.window_for_light(&start)?;
+        self.window_for_light(&start, &mut window)?;
         let start = window.parameters(&start);
         self.fit_without_light(&mut window, start)
     }
 
     /// The window in which bad pixels are searched.
-    fn window_for_pixels(&self, start: &Start) -> Option<Window> {
+    fn window_for_pixels(&self, start: &Start, window: &mut Window) -> Option<()> {
         if start.width > SINGLE_PIXELS {
-            return self.window_for_light(start);
+            return self.window_for_light(start, window);
         }
         // `as` saturates.
         let half = (HALF_WINDOW * start.width) as usize;
-        self.window(start, (half, 1))
+        self.window(start, (half, 1), window)
     }
 
     /// The window in which the light of a second spot is searched.
-    fn window_for_light(&self, start: &Start) -> Option<Window> {
+    fn window_for_light(&self, start: &Start, window: &mut Window) -> Option<()> {
         let block = gauss_newton::pixels_a_sample(start.width, SAMPLES_A_WIDTH);
         // `as` saturates.
         let half = (HALF_WINDOW * start.width) as usize;
         let half = half.min(gauss_newton::half_window(start.width));
-        self.window(start, (half / block, block))
+        self.window(start, (half / block, block), window)
     }
 
     /// A window of so many samples to either side, each of so many pixels. There is room for 64.
-    fn window(&self, start: &Start, (half, block): (usize, usize)) -> Option<Window> {
+    fn window(
+        &self,
+        start: &Start,
+        (half, block): (usize, usize),
+        window: &mut Window,
+    ) -> Option<()> {
         let half = half.clamp(FEWEST, SAMPLES / 2);
         let samples = half.saturating_mul(2);
         let pixels = samples.saturating_mul(block);
         self.pay((samples / 2).saturating_add(pixels / PIXELS_IN_A_UNIT))?;
         let light = self.row.light();
-        Some(Window::within(
-            (half, block),
-            light,
-            self.spot,
-            start,
-            self.geometry,
-        ))
+        window.take((half, block), light, self.spot, start, self.geometry);
+        Some(())
     }
 
     /// Takes a pass over so many samples from the effort. `None` if too little is left.

@@ -142,26 +142,47 @@ impl<'a> Light<'a> {
     }
 
     /// Whether any count exceeds a limit.
-    // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in a count above the
-    // limit, plus what the limit lacks to 2^15 - 1.
+    // Takes two words at a time, of at most 15 bits. Plus what the limit lacks to 2^15 - 1, a count above the
+    // limit has the highest of 16 bits. A word that falls with light has that bit, plus what its own limit
+    // lacks to 2^15, unless its count is above the limit.
     #[inline(never)]
     pub(crate) fn exceeds(self, limit: u32) -> bool {
         const ONES: u32 = 0x0001_0001;
         const LARGEST: u32 = 0x7FFF;
-        let Some(rest) = LARGEST.checked_sub(limit) else {
-            return false;
-        };
-        let rest = rest.wrapping_mul(ONES);
-        let inverted = u32::from(self.inverted).wrapping_mul(ONES);
+        const HIGHEST: u32 = ONES * (LARGEST + 1);
+        if self.inverted == 0 {
+            return LARGEST.checked_sub(limit).is_some_and(|rest| {
+                let is_high = |bits: u32| bits & HIGHEST != 0;
+                self.has_pair(rest.wrapping_mul(ONES), |a, b| a | b, is_high)
+            });
+        }
+        u32::from(self.inverted)
+            .checked_sub(limit)
+            .is_some_and(|least| {
+                let rest = (LARGEST + 1).wrapping_sub(least);
+                let is_high = |bits: u32| bits & HIGHEST != HIGHEST;
+                self.has_pair(rest.wrapping_mul(ONES), |a, b| a & b, is_high)
+            })
+    }
+
+    /// Whether a pair of words, plus `rest` in both halves, is high. `both` is high if either of two is.
+    #[inline(always)]
+    fn has_pair(
+        self,
+        rest: u32,
+        both: impl Fn(u32, u32) -> u32,
+        is_high: impl Fn(u32) -> bool,
+    ) -> bool {
         let take = |low: u16, high: u16| {
-            let words = u32::from(low) | (u32::from(high) * 0x1_0000);
-            (words ^ inverted).wrapping_add(rest)
+            (u32::from(low) | (u32::from(high) * 0x1_0000)).wrapping_add(rest)
         };
-        let is_high = |bits: u32| bits & (ONES * (LARGEST + 1)) != 0;
         let (eights, last) = self.words.as_chunks::<8>();
         let (twos, last) = last.as_chunks::<2>();
         eights.iter().any(|&[a, b, c, d, e, f, g, h]| {
-            is_high(take(a, b) | take(c, d) | take(e, f) | take(g, h))
+            is_high(both(
+                both(take(a, b), take(c, d)),
+                both(take(e, f), take(g, h)),
+            ))
         }) || twos.iter().any(|&[a, b]| is_high(take(a, b)))
             || last.iter().any(|&word| is_high(take(word, word)))
     }
