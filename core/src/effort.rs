@@ -4,14 +4,16 @@
 //! some rows: a tilt, narrow spots, wide light, a repair, light that may be another spot. All these together
 //! share one effort. The search has enough of it on every row. If a repair has too little, the first centre
 //! stays: its shape makes u larger, or it has a flag. If the check of a wide spot or the look for other spots
-//! has too little, the row has a flag. If the fit of a cut spot has too little, the row has a fault.
+//! has too little, the row has a flag. If the fit of a cut or saturated spot has too little, or the fit of
+//! the estimator `gauss-newton`, the row has a fault.
 
 /// What a row may still take beyond a plain one. One unit is what a pass of the repair takes for a sample: 40
 /// of the chip's instructions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Effort(u16);
 
-/// The units of a row. With fewer, some repairs of clean rows do not end, and u grows.
+/// The units of a row. With 50 fewer, a repair of a clean row among 3000 does not end (host-tests,
+/// second_judge.rs).
 pub(crate) const WHOLE: u16 = 4250;
 
 impl Effort {

@@ -4,8 +4,9 @@
 /// Returns the value at place `rank`, from zero, of the keys in ascending order. `None` if there are not so
 /// many keys.
 ///
-/// Bisection finds it: each pass halves the range from `low` to `high` in which it lies. It ends where all keys
-/// of lower rank are told from all of higher.
+/// Bisection finds it: each pass halves the range from `low` to `high` in which it lies. It ends early if
+/// exactly `rank` or `rank + 1` keys are at or below the middle: the value is then the lowest key above it,
+/// or the highest key at or below it.
 pub(crate) fn ranked(rank: usize, keys: &[u32]) -> Option<u32> {
     if rank >= keys.len() {
         return None;
@@ -28,6 +29,7 @@ pub(crate) fn ranked(rank: usize, keys: &[u32]) -> Option<u32> {
                 lowest_above = lowest_above.min(key);
             }
         }
+        // There are more keys than `rank`.
         if below == rank.wrapping_add(1) {
             return Some(highest_below);
         } else if below == rank {

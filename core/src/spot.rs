@@ -213,7 +213,7 @@ impl<'a> First<'a> {
             background,
             best,
         } = self;
-        // The second test takes much more time.
+        // The width is tested first, because the other test takes much more time.
         if !best.is_too_wide(sums, background.level)
             && best.is_best_of_all_sizes(sums, *background)
             && let Some(found) = take(sums, best, *background, effort)
@@ -349,8 +349,8 @@ fn highest_response<const N: usize>(mut blocks: impl Iterator<Item = [u16; N]>) 
     })
 }
 
-/// Where more blocks stand out, a search of all sizes takes less time than a look at each of them. A spot
-/// that fits blocks of 8 pixels stands out on less than ten of them.
+/// These tests are not paid from the effort, so their number has a limit: where more blocks stand out, all
+/// sizes are searched. A spot that fits blocks of 8 pixels stands out on less than ten of them.
 const MOST_TRIED: u32 = 16;
 
 /// On a row of fewer pixels all sizes are searched.

@@ -324,7 +324,7 @@ pub(crate) struct Window {
 
 impl Window {
     /// No samples.
-    pub(crate) fn nothing() -> Self {
+    pub(crate) fn empty() -> Self {
         Self {
             first: 0,
             block: 1,
@@ -342,14 +342,14 @@ impl Window {
         geometry: &Geometry,
     ) -> Self {
         let block = pixels_a_sample(start.width, SAMPLES_A_WIDTH);
-        let mut window = Self::nothing();
-        window.take((SAMPLES / 2, block), light, spot, start, geometry);
+        let mut window = Self::empty();
+        window.fill_around((SAMPLES / 2, block), light, spot, start, geometry);
         window
     }
 
-    /// Takes `half` samples of `block` pixels to either side: see [`pixels_a_sample`]. In place, because copies
-    /// take time.
-    pub(crate) fn take(
+    /// Fills the window with up to `half` samples of `block` pixels on each side of the start's centre: see
+    /// [`pixels_a_sample`]. In place, because a copy takes time.
+    pub(crate) fn fill_around(
         &mut self,
         (half, block): (usize, usize),
         light: Light<'_>,
@@ -423,6 +423,7 @@ impl Window {
     }
 
     /// A bit for each sample, the lowest for the first.
+    // Bits move up by multiplication: builds that check for overflow test the left operand of a shift.
     pub(crate) fn bits(&self, is_set: impl Fn(&Sample) -> bool) -> u128 {
         let mut words = [0u32; SAMPLES / 32];
         for (word, samples) in words.iter_mut().zip(self.samples().chunks(32)) {

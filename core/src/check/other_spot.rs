@@ -119,9 +119,9 @@ fn own_height(light: Light<'_>, centre: usize, half: usize, apart: usize) -> u32
     let sides = heights(first, separation)
         .into_iter()
         .zip(heights(first.saturating_add(separation), 0));
-    let places = (0..MAX_PIXELS).zip(heights(first, 0).into_iter().zip(sides));
-    places
-        .filter(|(place, _)| first.saturating_add(step(*place, half)) <= centre)
+    let steps = (0..MAX_PIXELS).zip(heights(first, 0).into_iter().zip(sides));
+    steps
+        .filter(|(step, _)| first.saturating_add(offset(*step, half)) <= centre)
         .filter_map(|(_, (here, (left, right)))| {
             let beside = left.or(right)?.midpoint(right.or(left)?);
             Some(here?.saturating_sub(beside))
@@ -130,29 +130,29 @@ fn own_height(light: Light<'_>, centre: usize, half: usize, apart: usize) -> u32
         .unwrap_or_default()
 }
 
-/// Places in a box of [`heights`]: an eighth of a width apart.
-const PLACES: usize = 4;
+/// Steps of a box: [`heights`] are taken an eighth of a width apart.
+const STEPS: usize = 4;
 
-/// Pixels from the first place to another.
-fn step(place: usize, half: usize) -> usize {
-    half.saturating_mul(place) / PLACES
+/// Pixels from the first step to another.
+fn offset(step: usize, half: usize) -> usize {
+    half.saturating_mul(step) / STEPS
 }
 
-/// The lower one of the sums over two boxes, at each place from a pixel on. `None` where they are not all on
-/// the row.
-fn heights(light: Light<'_>, from: i32, half: usize) -> [Option<u32>; 2 * PLACES + 1] {
-    // The sums of all pixels on the row from the first place to each place.
-    let mut sums = [None; 4 * PLACES + 1];
+/// For each step from a pixel on: the lower one of the sums of the two boxes that begin there. `None` if a
+/// box reaches beyond the row.
+fn heights(light: Light<'_>, from: i32, half: usize) -> [Option<u32>; 2 * STEPS + 1] {
+    // The sums of the pixels from the first step on the row to each step. `None` off the row.
+    let mut sums = [None; 4 * STEPS + 1];
     let mut last = None;
-    for (place, sum) in (0..MAX_PIXELS).zip(&mut sums) {
-        let pixel = from.saturating_add(step(place, half) as i32);
+    for (step, sum) in (0..MAX_PIXELS).zip(&mut sums) {
+        let pixel = from.saturating_add(offset(step, half) as i32);
         let Ok(pixel) = usize::try_from(pixel) else {
             continue;
         };
         let all = match last {
             None => (pixel <= light.len()).then_some(0),
             Some((before, sum)) => light.slice(before..pixel).map(|pixels| {
-                // So few that two at a time take longer.
+                // At most 22: `Light::sum` takes longer.
                 pixels.iter().map(u32::from).fold(sum, numeric::add_u32)
             }),
         };
@@ -160,8 +160,8 @@ fn heights(light: Light<'_>, from: i32, half: usize) -> [Option<u32>; 2 * PLACES
         last = Some((pixel, all));
         *sum = Some(all);
     }
-    core::array::from_fn(|place| {
-        let sum = |boxes: usize| *sums.get(place.saturating_add(boxes.saturating_mul(PLACES)))?;
+    core::array::from_fn(|step| {
+        let sum = |boxes: usize| *sums.get(step.saturating_add(boxes.saturating_mul(STEPS)))?;
         let (start, middle, end) = (sum(0)?, sum(1)?, sum(2)?);
         Some(end.saturating_sub(middle).min(middle.saturating_sub(start)))
     })
@@ -310,7 +310,7 @@ fn lower_chunks<const PIXELS: usize>(light: Light<'_>, shift: u32, to: &mut [u16
     }
 }
 
-/// As [`lower_chunks`], of larger boxes.
+/// As [`lower_chunks`], for boxes of any size.
 #[inline(always)]
 fn lower_groups(light: Light<'_>, pixels: usize, shift: u32, to: &mut [u16]) {
     let mut behind = 0;
@@ -319,7 +319,8 @@ fn lower_groups(light: Light<'_>, pixels: usize, shift: u32, to: &mut [u16]) {
     }
 }
 
-/// The lower one of a sum and the one behind it, shifted. Fits: so shifted, a sum of counts has 14 bits.
+/// The lower one of a sum and the one behind it, shifted. It fits, because the shift leaves a sum of counts
+/// at most 14 bits.
 #[inline(always)]
 fn lower_shifted(behind: &mut u32, sum: u32, shift: u32) -> u16 {
     core::mem::replace(behind, sum).min(sum).wrapping_shr(shift) as u16
@@ -493,9 +494,9 @@ mod tests {
     /// line that has none beside it.
     #[test]
     fn a_comb_is_searched_to_its_ends() {
-        let widths = [10.5, 1.0, 2.5, 3.9, 4.0, 6.5, 30.0];
+        let widths = [10.5, 1.0, 2.5, 3.9, 4.0, 6.5, 17.0, 24.5, 30.0];
         // Miri takes a minute for each.
-        for width in widths.into_iter().take(if cfg!(miri) { 1 } else { 7 }) {
+        for width in widths.into_iter().take(if cfg!(miri) { 1 } else { 9 }) {
             let (half, apart) = boxes(width);
             let period = half * apart;
             let mut light: [u16; 3651] = core::array::from_fn(|i| match i {
@@ -520,6 +521,43 @@ mod tests {
 
     /// On rows of random light, by the definition: a spot is found if there is one, and none is higher by
     /// more than an eighth.
+    /// At the row's ends and in its middle: two boxes at each step about the centre, and two on each side.
+    #[test]
+    fn the_own_height_is_that_of_its_definition() {
+        let light: [u16; 700] = core::array::from_fn(|i| {
+            (i as u32 + 1).wrapping_mul(2_654_435_761).wrapping_shr(21) as u16
+        });
+        for half in [1, 2, 3, 7, 13, 85usize] {
+            let apart = 5;
+            let box_of = |from: i64| {
+                let pixels = from..from + half as i64;
+                let sum = pixels.map(|i| light.get(usize::try_from(i).ok()?).copied());
+                sum.map(|it| it.map(u32::from)).sum::<Option<u32>>()
+            };
+            let two = |from: i64| Some(box_of(from)?.min(box_of(from + half as i64)?));
+            let ends = [0, 1, half, 2 * half, apart * half, 350, 698, 699];
+            for centre in ends.into_iter().chain(700 - 2 * half..700) {
+                let from = centre.saturating_sub(2 * half);
+                let steps = (0..=2 * STEPS).map(|step| from + half * step / STEPS);
+                let expected = steps
+                    .filter(|&pixel| pixel <= centre)
+                    .filter_map(|pixel| {
+                        let (pixel, off) = (pixel as i64, (apart * half) as i64);
+                        // The sides begin a whole number of boxes from the first step.
+                        let (left, right) = (two(pixel - off), two(pixel + off));
+                        let beside = match (left, right) {
+                            (Some(left), Some(right)) => left.midpoint(right),
+                            (one, other) => one.or(other)?,
+                        };
+                        Some(two(pixel)?.saturating_sub(beside))
+                    })
+                    .max();
+                let found = own_height((&light).into(), centre, half, apart);
+                assert_eq!(found, expected.unwrap_or_default(), "{centre}, {half}");
+            }
+        }
+    }
+
     #[test]
     fn nearly_the_highest_spot_is_found() {
         let mut random = 1u32;

@@ -81,7 +81,7 @@ const STEPS_OF_ROUND: usize = 4;
 /// The most steps of the fit to the spot's top and the dark. It is only a start.
 const STEPS_OF_TOP: usize = 3;
 
-/// The effort of a repair besides what it pays pass by pass: it copies windows, clears masks, and compares a
+/// The effort of a repair besides what it pays pass by pass: it clears its window and masks, and compares a
 /// fit with the first centre.
 const EFFORT_OF_REPAIR: usize = 420;
 
@@ -216,8 +216,8 @@ impl Scene<'_> {
             amplitude: self.found.amplitude.to_f32(),
             is_whole: true,
         };
-        let mut window = Window::nothing();
-        self.window_for_pixels(&start, &mut window)?;
+        let mut window = Window::empty();
+        self.fill_for_pixels(&start, &mut window)?;
         let mut at = window.parameters(&start);
         at.level = level(&window, &at);
         if at.width < NARROW
@@ -235,32 +235,32 @@ impl Scene<'_> {
         let of_width = self.spot.block().saturating_mul(EFFORT_OF_STARTING_PIXEL);
         self.pay(EFFORT_OF_START.saturating_add(of_width))?;
         let start = Start::find(self.row.light(), self.spot, self.geometry).ok()?;
-        self.window_for_light(&start, &mut window)?;
+        self.fill_for_light(&start, &mut window)?;
         let start = window.parameters(&start);
         self.fit_without_light(&mut window, start)
     }
 
-    /// The window in which bad pixels are searched.
-    fn window_for_pixels(&self, start: &Start, window: &mut Window) -> Option<()> {
+    /// Fills the window in which bad pixels are searched. `None` if too little effort is left.
+    fn fill_for_pixels(&self, start: &Start, window: &mut Window) -> Option<()> {
         if start.width > SINGLE_PIXELS {
-            return self.window_for_light(start, window);
+            return self.fill_for_light(start, window);
         }
         // `as` saturates.
         let half = (HALF_WINDOW * start.width) as usize;
-        self.window(start, (half, 1), window)
+        self.fill(start, (half, 1), window)
     }
 
-    /// The window in which the light of a second spot is searched.
-    fn window_for_light(&self, start: &Start, window: &mut Window) -> Option<()> {
+    /// Fills the window in which the light of a second spot is searched. `None` as above.
+    fn fill_for_light(&self, start: &Start, window: &mut Window) -> Option<()> {
         let block = gauss_newton::pixels_a_sample(start.width, SAMPLES_A_WIDTH);
         // `as` saturates.
         let half = (HALF_WINDOW * start.width) as usize;
         let half = half.min(gauss_newton::half_window(start.width));
-        self.window(start, (half / block, block), window)
+        self.fill(start, (half / block, block), window)
     }
 
-    /// A window of so many samples to either side, each of so many pixels. There is room for 64.
-    fn window(
+    /// Fills a window with so many samples to either side, each of so many pixels. There is room for 64.
+    fn fill(
         &self,
         start: &Start,
         (half, block): (usize, usize),
@@ -271,7 +271,7 @@ impl Scene<'_> {
         let pixels = samples.saturating_mul(block);
         self.pay((samples / 2).saturating_add(pixels / PIXELS_IN_A_UNIT))?;
         let light = self.row.light();
-        window.take((half, block), light, self.spot, start, self.geometry);
+        window.fill_around((half, block), light, self.spot, start, self.geometry);
         Some(())
     }
 

@@ -142,9 +142,9 @@ impl<'a> Light<'a> {
     }
 
     /// Whether any count exceeds a limit.
-    // Takes two words at a time, of at most 15 bits. Plus what the limit lacks to 2^15 - 1, a count above the
-    // limit has the highest of 16 bits. A word that falls with light has that bit, plus what its own limit
-    // lacks to 2^15, unless its count is above the limit.
+    // Takes two words of at most 15 bits at a time. Adding 2^15 - 1 - limit sets bit 15 of exactly the counts
+    // above the limit. A falling word is full scale less its count: the count is above the limit if the word
+    // is below `least`, and adding 2^15 - `least` sets bit 15 of all other words. No sum exceeds 16 bits.
     #[inline(never)]
     pub(crate) fn exceeds(self, limit: u32) -> bool {
         const ONES: u32 = 0x0001_0001;
@@ -152,44 +152,45 @@ impl<'a> Light<'a> {
         const HIGHEST: u32 = ONES * (LARGEST + 1);
         if self.inverted == 0 {
             return LARGEST.checked_sub(limit).is_some_and(|rest| {
-                let is_high = |bits: u32| bits & HIGHEST != 0;
-                self.has_pair(rest.wrapping_mul(ONES), |a, b| a | b, is_high)
+                let has_hit = |bits: u32| bits & HIGHEST != 0;
+                self.any_pair(rest.wrapping_mul(ONES), |a, b| a | b, has_hit)
             });
         }
         u32::from(self.inverted)
             .checked_sub(limit)
             .is_some_and(|least| {
                 let rest = (LARGEST + 1).wrapping_sub(least);
-                let is_high = |bits: u32| bits & HIGHEST != HIGHEST;
-                self.has_pair(rest.wrapping_mul(ONES), |a, b| a & b, is_high)
+                let has_hit = |bits: u32| bits & HIGHEST != HIGHEST;
+                self.any_pair(rest.wrapping_mul(ONES), |a, b| a & b, has_hit)
             })
     }
 
-    /// Whether a pair of words, plus `rest` in both halves, is high. `both` is high if either of two is.
+    /// Adds `rest` to both halves of each pair of words, and tests whether any sum has a hit. `combine`
+    /// merges two sums into one that has a hit if either has.
     #[inline(always)]
-    fn has_pair(
+    fn any_pair(
         self,
         rest: u32,
-        both: impl Fn(u32, u32) -> u32,
-        is_high: impl Fn(u32) -> bool,
+        combine: impl Fn(u32, u32) -> u32,
+        has_hit: impl Fn(u32) -> bool,
     ) -> bool {
-        let take = |low: u16, high: u16| {
+        let add = |low: u16, high: u16| {
             (u32::from(low) | (u32::from(high) * 0x1_0000)).wrapping_add(rest)
         };
         let (eights, last) = self.words.as_chunks::<8>();
         let (twos, last) = last.as_chunks::<2>();
         eights.iter().any(|&[a, b, c, d, e, f, g, h]| {
-            is_high(both(
-                both(take(a, b), take(c, d)),
-                both(take(e, f), take(g, h)),
+            has_hit(combine(
+                combine(add(a, b), add(c, d)),
+                combine(add(e, f), add(g, h)),
             ))
-        }) || twos.iter().any(|&[a, b]| is_high(take(a, b)))
-            || last.iter().any(|&word| is_high(take(word, word)))
+        }) || twos.iter().any(|&[a, b]| has_hit(add(a, b)))
+            || last.iter().any(|&word| has_hit(add(word, word)))
     }
 
     /// How many counts are zero.
-    // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in all but zero, plus 2^15
-    // less one. At most 2^11 pairs.
+    // Takes two words of at most 15 bits at a time. Adding 2^15 - 1 sets bit 15 of all counts but zero. At
+    // most 2^11 pairs, so each half of the sum fits 16 bits.
     pub(crate) fn zeros(self) -> u32 {
         const ONES: u32 = 0x0001_0001;
         let inverted = u32::from(self.inverted).wrapping_mul(ONES);
@@ -263,7 +264,7 @@ mod tests {
 
     /// Of all lengths, in words that rise and that fall.
     #[test]
-    fn a_sum_and_a_highest_count_are_those_of_the_counts() {
+    fn sums_zeros_and_limits_match_the_counts() {
         let words: [u16; 40] = core::array::from_fn(|i| match i % 7 {
             3 => 0,
             4 => LARGEST_COUNT,
@@ -280,9 +281,44 @@ mod tests {
                     let is_full = few.iter().any(|count| count >= full_scale);
                     assert_eq!(few.sum_of_few(full_scale), (few.sum(), is_full));
                 }
-                let highest = light.iter().max().map_or(0, u32::from);
-                assert!(highest == 0 || light.exceeds(highest - 1));
-                assert!(!light.exceeds(highest) && !light.exceeds(u32::MAX));
+                assert_exceeds(light);
+            }
+        }
+    }
+
+    /// Compares [`Light::exceeds`] with the counts, for limits about each count and at all ends.
+    fn assert_exceeds(light: Light<'_>) {
+        let ends = [
+            0,
+            1,
+            999,
+            2048,
+            4094,
+            4095,
+            4096,
+            32_766,
+            32_767,
+            32_768,
+            u32::MAX,
+        ];
+        let about = light.iter().flat_map(|count| {
+            let count = u32::from(count);
+            [count.saturating_sub(1), count, count + 1]
+        });
+        for limit in ends.into_iter().chain(about) {
+            let is_so = light.iter().any(|count| u32::from(count) > limit);
+            assert_eq!(light.exceeds(limit), is_so, "{limit}");
+        }
+    }
+
+    /// The highest count in each place, with no other near the ends of the range.
+    #[test]
+    fn a_limit_is_exceeded_in_any_place() {
+        for inverted in [0, LARGEST_COUNT] {
+            for place in 0..27 {
+                let mut words = [1000 ^ inverted; 27];
+                words[place] = 1003 ^ inverted;
+                assert_exceeds(Light::new(&words, inverted));
             }
         }
     }

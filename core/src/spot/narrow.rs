@@ -56,13 +56,13 @@ pub(super) const EFFORT: usize = 870;
 /// all. That is enough for narrow spots and speckle on wide light, and for four hot pixels that are brighter.
 const LOOKS: u32 = 3400;
 
-/// Looks in a unit of effort.
+/// Units of [`LOOKS`] in one unit of effort, which is 40 instructions.
 const LOOKS_IN_A_UNIT: u32 = 5;
 
 /// Looking at a part.
 const LOOK: u32 = 75;
 
-/// Measuring the contrast and the bend of a place; then testing whether it is one pixel.
+/// Measuring the contrast and the bend of a place. Testing whether it is one pixel costs as much again.
 const PLACE: u32 = 14;
 
 /// Parts of a group. The highest rank of each group is stored, so that two short searches find the highest

@@ -45,8 +45,9 @@ const FINE_LOG2: u32 = 3;
 /// Number of fine blocks.
 const FINE: usize = (2 * NEAR) << FINE_LOG2;
 
-/// The effort of a look at smaller blocks.
-const EFFORT_OF_A_LOOK: usize = 220;
+/// The effort of dividing the light into smaller blocks once more. The first pass belongs to the plain
+/// search, and a pass that finds no two spots is not paid.
+const EFFORT_OF_SMALLER_BLOCKS: usize = 220;
 
 /// Returns the spot, or the higher one of two. `None` where the sums do not hold the sizes that the higher
 /// one needs.
@@ -80,7 +81,7 @@ pub(super) fn check_near(sums: &Sums<'_>, found: Spot) -> Result<Spot, Fault> {
             break;
         };
         spot = finer;
-        spot.effort.pay_at_most(EFFORT_OF_A_LOOK);
+        spot.effort.pay_at_most(EFFORT_OF_SMALLER_BLOCKS);
     }
     Ok(spot)
 }
