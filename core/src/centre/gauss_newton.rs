@@ -307,7 +307,6 @@ fn flat_top(light: Light<'_>, place: Pixels, geometry: &Geometry) -> usize {
 }
 
 /// The samples that are fitted.
-#[derive(Clone)]
 pub(crate) struct Window {
     /// The first sample's first pixel.
     first: usize,

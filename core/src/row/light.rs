@@ -321,5 +321,12 @@ mod tests {
                 assert_exceeds(Light::new(&words, inverted));
             }
         }
+        // The widest words: sums over blocks, and all 15 bits.
+        for highest in [8 * LARGEST_COUNT, 0x7FFF] {
+            let mut words = [0; 27];
+            words[13] = highest;
+            assert_exceeds(Light::from(&words));
+            assert_exceeds(Light::from(&[highest; 27]));
+        }
     }
 }

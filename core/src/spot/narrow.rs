@@ -141,6 +141,7 @@ struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
+    /// No parts yet.
     const fn none(sums: &'a Sums<'a>, looks_left: u32) -> Self {
         Self {
             sums,
