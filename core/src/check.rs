@@ -102,6 +102,26 @@ pub fn centre(
     })
 }
 
+/// As [`centre`] for one of several images on a row, without a search of the rest of the row. Takes its effort
+/// from the spot's.
+///
+/// # Errors
+/// As [`centre`].
+#[inline(never)]
+pub(crate) fn centre_of_one(
+    estimator: Estimator,
+    row: &Row<'_>,
+    spot: &mut Spot,
+    before: Option<&RowCentre>,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    let found = find_and_check(estimator, row, spot, before, geometry, None)?;
+    Ok(RowCentre {
+        misfit: found.misfit || found.width.to_f32() < NARROWEST_SURE,
+        ..found
+    })
+}
+
 /// As [`centre`], without a search of the rest of the row.
 #[inline(always)]
 fn find_and_check(

@@ -54,11 +54,25 @@ pub enum Fault {
         /// Its standard uncertainty.
         uncertainty: Pixels,
     },
+    /// A comb shows the spot through too few of its slits.
+    FewSlits {
+        /// How many slits show it.
+        found: u16,
+        /// How many are needed.
+        needed: u16,
+    },
+    /// The images of a comb fit its slits in two ways: nothing tells which slit each belongs to.
+    SlitsUnclear {
+        /// How many images fit the better way.
+        images: u16,
+        /// How many fit the other.
+        other: u16,
+    },
 }
 
 impl Fault {
     /// Number of kinds of fault.
-    pub const KINDS: usize = 9;
+    pub const KINDS: usize = 11;
 
     /// The kind as a number from 0 to [`Fault::KINDS`] - 1, to count by.
     pub const fn kind(&self) -> usize {
@@ -72,6 +86,8 @@ impl Fault {
             Self::Unsteady { .. } => 6,
             Self::OutOfRange { .. } => 7,
             Self::NotCalibrated { .. } => 8,
+            Self::FewSlits { .. } => 9,
+            Self::SlitsUnclear { .. } => 10,
         }
     }
 
@@ -86,6 +102,8 @@ impl Fault {
         "unsteady",
         "out of range",
         "not calibrated",
+        "too few slits",
+        "slits not told apart",
     ];
 
     /// The kind's name.
@@ -105,6 +123,10 @@ impl Fault {
             }
             Self::TwoSpots { .. } => "cover other lights, and surfaces that reflect the laser",
             Self::Unsteady { .. } => "hold the target still, or take fewer rows in a frame",
+            Self::FewSlits { .. } => {
+                "clean the slits, take more light, or send `slits one` if there is no comb"
+            }
+            Self::SlitsUnclear { .. } => "cover other lights, and surfaces that reflect the laser",
             Self::NotCalibrated { .. } => {
                 "send `calibration on`; if there is no calibration, upload one or send `defaults`"
             }

@@ -76,6 +76,8 @@ pub mod shape;
 
 pub mod profile;
 
+pub mod comb;
+
 pub mod frame;
 
 pub mod distance;

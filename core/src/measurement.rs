@@ -7,8 +7,9 @@
 use crate::black_level::{BlackLevel, BlackPixels};
 use crate::centre::{Estimator, RowCentre};
 use crate::check;
+use crate::comb::{Comb, CombMeasurement, Combined, Slits};
 use crate::fault::Fault;
-use crate::frame::Frame;
+use crate::frame::{Frame, FrameCentre};
 use crate::pixels::PixelErrors;
 use crate::pixels::map::{self, PixelMap};
 use crate::profile::Profile;
@@ -30,6 +31,8 @@ pub struct Measurement {
     coarse: Coarse,
     frame: Frame,
     black: BlackPixels,
+    /// What the rows of a comb need.
+    comb: CombMeasurement,
     /// The result of the row before, if it is of the same frame and had a centre.
     before: Option<(Spot, RowCentre)>,
     /// The background above the black level, of the latest row of the frame with a spot.
@@ -47,9 +50,17 @@ impl Measurement {
             coarse: Coarse::new(),
             frame: Frame::default(),
             black: BlackPixels::default(),
+            comb: CombMeasurement::new(Comb::nominal()),
             before: None,
             ambient: Counts::default(),
         }
+    }
+
+    /// Changes the slits that rows are measured by if the setting is [`Slits::Comb`], and starts the frame
+    /// under way again. They are those of [`Comb::nominal`] until then.
+    pub fn set_comb(&mut self, comb: Comb) {
+        self.comb = CombMeasurement::new(comb);
+        self.start_frame();
     }
 
     /// The settings in use.
@@ -77,7 +88,10 @@ impl Measurement {
         map: Option<&PixelMap>,
     ) -> Option<Result<Measured, Fault>> {
         let map = map.filter(|map| map.fits(&self.geometry));
-        let centre = self.centre(words, map);
+        let centre = match self.settings.slits {
+            Slits::One => self.centre(words, map),
+            Slits::Comb => self.centre_of_comb(words, map),
+        };
         self.frame.add(centre);
         let rows = self.settings.rows.clamp(1, crate::frame::MAX_ROWS as u16);
         (self.frame.rows() >= rows).then(|| {
@@ -97,6 +111,7 @@ impl Measurement {
     pub fn start_frame(&mut self) {
         self.frame.clear();
         self.black = BlackPixels::default();
+        self.comb.start_frame();
         self.before = None;
     }
 
@@ -169,8 +184,51 @@ impl Measurement {
         })
     }
 
+    /// Finds the centre that a slit on the axis would show, from all images of a comb.
+    #[inline(never)]
+    fn centre_of_comb(
+        &mut self,
+        words: &mut [u16],
+        map: Option<&PixelMap>,
+    ) -> Result<RowCentre, Fault> {
+        let Ok(row) = self.geometry.row_and_blocks(words, &mut self.blocks) else {
+            return Err(Fault::SensorSilent);
+        };
+        let how = self.settings.black_level;
+        let mut black = BlackPixels::default();
+        // The images leave no part of the row to `BlackLevel::Frame`: the background's level serves.
+        black.add(how, &row, None);
+        self.black.merge(black);
+        let mut found = self.comb.find(&row)?;
+        let level = found.background.level;
+        let black_level = black.level(how).unwrap_or(level);
+        let row = match map {
+            None => row,
+            Some(map) => {
+                let black = self::black_level(&row).unwrap_or(level);
+                for centre in found.images() {
+                    correct(&self.geometry, words, map, &found.spot(centre), None, black);
+                }
+                found.background = map.background_of(found.background);
+                (self.geometry.row_of_valid(words)).ok_or(Fault::SensorSilent)?
+            }
+        };
+        let above_black = level.to_bits().saturating_sub(black_level.to_bits());
+        self.ambient = Counts::from_bits(above_black.max(0));
+        let estimator = self.settings.estimator;
+        self.comb
+            .measure(&row, &found, black_level, estimator, &self.geometry)
+    }
+
     fn measured(&self, map: Option<&PixelMap>) -> Result<Measured, Fault> {
         let frame = self.frame.centre(self.settings.mean)?;
+        let comb = match self.settings.slits {
+            Slits::One => None,
+            Slits::Comb => Some(self.comb.combine()?),
+        };
+        let shift = comb.map_or(0, |comb: Combined| comb.shift.to_bits());
+        let centre = Pixels::from_bits(frame.centre.to_bits().saturating_add(shift));
+        let frame = FrameCentre { centre, ..frame };
         let own = (self.profile.as_ref()).map(|profile| profile.at(frame.centre));
         Ok(Measured {
             frame,
@@ -182,6 +240,7 @@ impl Measurement {
             estimator: self.settings.estimator,
             by_shape: (self.settings.estimator).by_shape(&frame.shape, own.as_ref()),
             pixels: map.map_or(PixelErrors::TCD1304DG, PixelMap::errors),
+            comb,
         })
     }
 }

@@ -1,6 +1,7 @@
 //! The result of a frame: the centre as it was measured, and the distance that a calibration gives for it.
 
 use crate::centre::Estimator;
+use crate::comb::Combined;
 use crate::distance::Calibration;
 use crate::fault::Fault;
 use crate::frame::FrameCentre;
@@ -24,6 +25,8 @@ pub struct Measured {
     pub by_shape: Pixels,
     /// How far the pixels differ, after the correction that the rows had.
     pub pixels: PixelErrors,
+    /// What the slits of a comb say together. `None` for a sensor with one slit.
+    pub comb: Option<Combined>,
 }
 
 impl Measured {
@@ -44,6 +47,7 @@ impl Measured {
             estimator,
             by_shape,
             pixels,
+            comb,
         } = *self;
         let calibration = calibration.ok_or(Fault::NotCalibrated {
             centre: frame.centre,
@@ -57,7 +61,14 @@ impl Measured {
             along: (frame.centre.to_f32() - first.to_f32()) / (last.to_f32() - first.to_f32()),
         };
         let pixels = pixels.of_centre(estimator, frame.width, frame.amplitude, ambient);
-        let parts = place.parts(&frame, by_shape, pixels, errors, surface);
+        let slits_used = comb.map_or(1, |comb| comb.used.max(1));
+        // Each image lies on other pixels.
+        let pixels = match slits_used {
+            1 => pixels,
+            slits => pixels / dual_mac::square_root(slits.into()),
+        };
+        let by_slits = comb.map(|comb| comb.surface);
+        let parts = place.parts(&frame, by_shape, pixels, by_slits, errors, surface);
         Ok(Reading {
             distance,
             uncertainty: parts.combined(),
@@ -68,6 +79,7 @@ impl Measured {
             width: frame.width,
             rows_used: frame.rows_used,
             rows: frame.rows,
+            slits_used,
             black_level,
             estimator,
             misfits: frame.misfits,
@@ -99,6 +111,8 @@ pub struct Reading {
     pub rows_used: u16,
     /// Rows in the frame.
     pub rows: u16,
+    /// Slits of the comb whose images went into the reading; 1 for a sensor with one slit.
+    pub slits_used: u8,
     /// The counts of an unlit pixel.
     pub black_level: Counts,
     /// How the rows' centres were found.

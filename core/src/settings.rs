@@ -13,6 +13,7 @@ use heapless::Vec;
 
 use crate::black_level::BlackLevel;
 use crate::centre::Estimator;
+use crate::comb::Slits;
 use crate::frame::{MAX_ROWS, Mean};
 use crate::uncertainty::Surface;
 use crate::units::{Counts, Micrometres};
@@ -41,6 +42,9 @@ macro_rules! list {
             /// how the centre of a row is found
             Estimator "estimator" estimator: Estimator = Estimator::Adaptive,
                 Form::Listed, Affects::Measurement;
+
+            /// what is before the sensor
+            Slits "slits" slits: Slits = Slits::One, Form::Words("one|comb"), Affects::Measurement;
 
             /// how far speckle moves a distance, in um
             Surface "surface" surface: Surface = Surface::Auto,
@@ -307,6 +311,19 @@ impl ValueText for Mean {
     }
 }
 
+impl ValueText for Slits {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [name] => Self::named(name).ok_or(ValueError::Form),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 impl ValueText for Estimator {
     fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
         match words {
@@ -386,6 +403,7 @@ pub(crate) mod tests {
             .into_iter()
             .chain([true, false].map(Value::Stream))
             .chain(Mean::ALL.map(Value::Mean))
+            .chain(Slits::ALL.map(Value::Slits))
             .chain(Estimator::ALL.map(Value::Estimator))
             .chain(black.map(Value::Black))
             .chain([Surface::Auto, Surface::Off].map(Value::Surface))

@@ -549,23 +549,59 @@ const MEDIAN_BLOCKS: usize = 32;
 /// Estimates the noise of a pixel from the mean absolute difference of neighbours, which is sigma 2/sqrt(pi)
 /// for white noise. Takes the median of these means over parts of the row.
 fn noise(light: Light<'_>) -> Option<Counts> {
-    let mut noises: Vec<u32, MEDIAN_BLOCKS> = Vec::new();
-    let part = light.len().div_ceil(MEDIAN_BLOCKS).max(8);
-    // A step has the same size in words that rise and in words that fall.
-    let (words, _) = light.words();
-    for pixels in words.chunks_exact(part) {
-        // Two pixels in four are enough: on a row of 3648 the noise is then known to 3 %.
-        let fours = pixels.as_chunks::<4>().0;
-        // At most 32 steps of 12 bits: below 2^17, and in Q8 below 2^25.
-        let _ = noises.push(dual_mac::sum_of_steps(fours));
+    let mut steps = Steps::of(light.len());
+    steps.add(light);
+    steps.noise()
+}
+
+/// As [`noise`], over two parts of a row.
+pub(crate) fn noise_of(left: Light<'_>, right: Light<'_>) -> Option<Counts> {
+    let pixels = left.len().saturating_add(right.len());
+    let mut steps = Steps::of(pixels);
+    steps.add(left);
+    steps.add(right);
+    steps.noise()
+}
+
+/// Sums of the steps between neighbours, over parts of a row.
+struct Steps {
+    sums: Vec<u32, MEDIAN_BLOCKS>,
+    /// Pixels in a part.
+    part: usize,
+}
+
+impl Steps {
+    /// No sums yet, of so many pixels.
+    #[inline(always)]
+    fn of(pixels: usize) -> Self {
+        Self {
+            sums: Vec::new(),
+            part: pixels.div_ceil(MEDIAN_BLOCKS).max(8),
+        }
     }
-    // All parts have as many steps, at least two.
-    let mean = (in_q8(median(&noises)?) as u32).checked_div(part as u32 / 4)?;
-    // sqrt(pi)/2 = 0.886227 as 58080/65536; a mean step is below 2^20 in Q8.
-    let noise = (u64::from(mean) * 58_080) >> 16;
-    /// 1/sqrt(12) of a count in Q8.
-    const ROUNDING: i32 = 74;
-    Some(Counts::from_bits((noise as i32).max(ROUNDING)))
+
+    #[inline(always)]
+    fn add(&mut self, light: Light<'_>) {
+        // A step has the same size in words that rise and in words that fall.
+        let (words, _) = light.words();
+        for pixels in words.chunks_exact(self.part) {
+            // Two pixels in four are enough: on a row of 3648 the noise is then known to 3 %.
+            let fours = pixels.as_chunks::<4>().0;
+            // At most 32 steps of 12 bits: below 2^17, and in Q8 below 2^25.
+            let _ = self.sums.push(dual_mac::sum_of_steps(fours));
+        }
+    }
+
+    #[inline(always)]
+    fn noise(&self) -> Option<Counts> {
+        // All parts have as many steps, at least two.
+        let mean = (in_q8(median(&self.sums)?) as u32).checked_div(self.part as u32 / 4)?;
+        // sqrt(pi)/2 = 0.886227 as 58080/65536; a mean step is below 2^20 in Q8.
+        let noise = (u64::from(mean) * 58_080) >> 16;
+        /// 1/sqrt(12) of a count in Q8.
+        const ROUNDING: i32 = 74;
+        Some(Counts::from_bits((noise as i32).max(ROUNDING)))
+    }
 }
 
 /// The median. Of an even number of values, the upper one of the middle two.

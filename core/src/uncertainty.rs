@@ -174,6 +174,7 @@ impl Place {
         frame: &FrameCentre,
         by_shape: Pixels,
         pixels: f32,
+        by_slits: Option<Pixels>,
         errors: &CalibrationErrors,
         surface: Surface,
     ) -> Parts {
@@ -183,7 +184,10 @@ impl Place {
             shape: distance_of(by_shape.to_f32()),
             pixels: distance_of(pixels),
             calibration: errors.curve(self),
-            surface: self.surface(frame, errors, surface),
+            surface: match by_slits {
+                None => self.surface(frame, errors, surface),
+                Some(by_slits) => self.surface_by_slits(by_slits, errors, surface),
+            },
             geometry: match errors {
                 CalibrationErrors::Nominal => self.geometry(frame.centre),
                 CalibrationErrors::Unknown | CalibrationErrors::Fitted(_) => Micrometres::default(),
@@ -213,12 +217,33 @@ impl Place {
         Micrometres::from_f32(dual_mac::square_root(variance))
     }
 
+    /// The surface's part of a comb's reading: the scatter of the slits, and what a calibration found that all
+    /// slits share. A value that is set by hand takes the place of both.
+    fn surface_by_slits(
+        &self,
+        by_slits: Pixels,
+        errors: &CalibrationErrors,
+        surface: Surface,
+    ) -> Micrometres {
+        let shared = match (surface, errors) {
+            (Surface::Off, _) => return Micrometres::default(),
+            (Surface::Fixed(deviation), _) => return deviation,
+            (Surface::Auto, CalibrationErrors::Fitted(_)) => errors
+                .surface(self, surface)
+                .map_or(0.0, |(deviation, _)| deviation),
+            (Surface::Auto, _) => 0.0,
+        };
+        let squares = square(by_slits.to_f32() * self.slope) + square(shared);
+        Micrometres::from_f32(dual_mac::square_root(squares))
+    }
+
     /// Eq. (1)'s derivatives by angle, baseline, focal length and offset, each times its tolerance.
     fn geometry(&self, centre: Pixels) -> Micrometres {
         let eq1::Drawing {
             baseline_um: b,
             focal_px,
             axis_px,
+            pitch_um: _,
         } = eq1::DRAWING;
         let distance = self.distance.to_f32();
         // d = b tan(theta), alpha = atan((x - axis) / f).

@@ -83,6 +83,7 @@ pub const DRAWING: Drawing = Drawing {
     baseline_um: 300_000.0,
     focal_px: 50_000.0 / 8.0,
     axis_px: 1823.5,
+    pitch_um: 8.0,
 };
 
 /// See [`DRAWING`].
@@ -94,6 +95,8 @@ pub struct Drawing {
     pub focal_px: f32,
     /// The pixel on the optical axis.
     pub axis_px: f32,
+    /// From pixel to pixel, in micrometres.
+    pub pitch_um: f32,
 }
 
 /// The calibration of [`DRAWING`], used until a sensor has its own. Valid from 0.55 m to 1.10 m.
@@ -115,7 +118,7 @@ pub const NOMINAL: Result<Eq1, Eq1Error> = Eq1::new(
 const SLOPE: f32 = 1.0 / 16.0 * (1.0 + 16.0 / (1u32 << 24) as f32);
 
 /// tan u of [`NOMINAL`].
-const T: f64 = 2.6;
+pub const T: f64 = 2.6;
 
 impl Eq1 {
     /// Makes eq. (1) from D, K (um px, Q48.16), xp, and the centres for which it is valid.

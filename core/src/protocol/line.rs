@@ -2,7 +2,8 @@
 //!
 //! A reading is `d 800.1234 mm u 0.4372 r 0.0035 x 1823.1234 a 1830 n 16/16`: distance, its combined standard
 //! uncertainty u and its repeatability r, all in millimetres; centre in pixels, amplitude in counts, rows
-//! used of the frame's. A difference from `zero` begins with `z` instead of `d`. Flags may follow:
+//! used of the frame's. A difference from `zero` begins with `z` instead of `d`. A comb adds ` k 16`: the slits
+//! used. Flags may follow:
 //!
 //! * `m 3`: three of the rows used did not fit their spot.
 //! * `c 3`: neighbouring rows have similar errors, and all rows may be worth as few as three independent
@@ -59,6 +60,9 @@ impl Reading {
             self.rows_used,
             self.rows,
         )?;
+        if self.slits_used > 1 {
+            write!(f, " k {}", self.slits_used)?;
+        }
         flags(f, self.misfits, self.correlated)?;
         if self.is_nominal {
             f.write_str(" g")?;
@@ -154,6 +158,10 @@ impl fmt::Display for Fault {
                 centre,
                 uncertainty,
             } => write!(f, ": x {centre:.5} u {uncertainty:.5}"),
+            Self::FewSlits { found, needed } => write!(f, ": {found}, needs {needed}"),
+            Self::SlitsUnclear { images, other } => {
+                write!(f, ": {images} images fit, and {other} fit elsewhere")
+            }
         }
     }
 }
@@ -186,6 +194,7 @@ mod tests {
             width: Pixels::from_int(9),
             rows_used: 16,
             rows: 16,
+            slits_used: 1,
             black_level: Counts::from_f32(312.25),
             estimator: Estimator::PhaseTable,
             misfits: 0,
@@ -235,6 +244,14 @@ mod tests {
         assert_eq!(lines[0], "uncertainty noise 0.0350 mm");
         assert_eq!(lines[4], "uncertainty surface 0.4360 mm");
         assert_eq!(lines.len(), 7);
+        let of_comb = Reading {
+            slits_used: 13,
+            ..both
+        };
+        assert!(
+            of_comb.to_string().ends_with(" n 16/16 k 13 m 2 c 3"),
+            "{of_comb}"
+        );
         let difference = Difference(Reading {
             distance: Micrometres::from_int(-1234),
             ..reading
@@ -253,6 +270,19 @@ mod tests {
             needed: Counts::from_f32(60.1),
         };
         assert_eq!(dim.to_string(), "f too dim: 35.2 counts, needs 60.1");
+        let few = Fault::FewSlits {
+            found: 3,
+            needed: 4,
+        };
+        assert_eq!(few.to_string(), "f too few slits: 3, needs 4");
+        let unclear = Fault::SlitsUnclear {
+            images: 6,
+            other: 5,
+        };
+        assert_eq!(
+            unclear.to_string(),
+            "f slits not told apart: 6 images fit, and 5 fit elsewhere"
+        );
     }
 
     #[test]
@@ -280,6 +310,7 @@ mod tests {
             estimator: Estimator::PhaseTable,
             by_shape: Default::default(),
             pixels: PixelErrors::TCD1304DG,
+            comb: None,
         };
         let line = "x 1770.98767 u 0.00195 a 1993 n 16/16 b 300 e t w 7.62500 o 0.00011 -0.00310 0.01230 \
                     0.00000 -12.50000";
@@ -311,6 +342,7 @@ mod tests {
             width: Pixels::from_int(130),
             rows_used: rows,
             rows,
+            slits_used: 1,
             black_level: Counts::from_int(4095),
             estimator: Estimator::GaussNewton,
             misfits: rows,

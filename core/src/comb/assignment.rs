@@ -1,0 +1,240 @@
+//! Tells which peak belongs to which slit.
+//!
+//! A peak through a slit says where a slit on the axis would show the spot: x0. If all peaks are given to
+//! their own slits, all say the same x0. The gaps between the slits differ, so any other way of giving peaks
+//! to slits brings fewer of them together, and those lie farther apart. Each slit with a peak near its place
+//! adds 1 - (off / tolerance)^2 to the score of an x0. The highest score wins, if it wins clearly.
+
+use heapless::Vec;
+
+use crate::comb::{Comb, MAX_PEAKS, MAX_SLITS, Peak, SlitMap};
+use crate::fault::Fault;
+use crate::numeric;
+use crate::rank;
+use crate::row::MAX_PIXELS;
+use crate::units::Pixels;
+
+/// The fewest slits that make a measurement: with fewer, their scatter says little of the error, and noise
+/// or reflections might agree by chance.
+pub const FEWEST: usize = 4;
+
+/// The score of the best x0 must exceed that of any other by so much: one false peak adds at most 1.
+pub const LEAD: f32 = 1.5;
+
+/// An image may be so far from its place, in pixels: five times what speckle of a 1 mm spot on metal does
+/// (2.2 px RMS at 0.8 m).
+pub const TOLERANCE: f32 = 12.0;
+
+/// Pixels in a bin of x0, and bins that agree: twice the tolerance.
+const BIN: f32 = 8.0;
+const AGREEING: usize = 3;
+
+/// Bins for the x0 of a row.
+const BINS: usize = MAX_PIXELS / BIN as usize;
+
+/// Which peak belongs to which slit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assignment {
+    /// Where a slit on the axis would show the spot: the median over the slits.
+    pub x0: Pixels,
+    /// The peak of each slit, by its number in the list of peaks.
+    pub peaks: [Option<usize>; MAX_SLITS],
+}
+
+impl Assignment {
+    /// The number of slits that have a peak.
+    pub fn slits(&self) -> usize {
+        numeric::count(self.peaks.iter().map(Option::is_some))
+    }
+}
+
+/// Gives the peaks to the slits.
+///
+/// # Errors
+/// [`Fault::FewSlits`] if fewer than [`FEWEST`] slits agree. [`Fault::SlitsUnclear`] if this place does not
+/// lead by [`LEAD`].
+pub fn assign(peaks: &[Peak], comb: &Comb) -> Result<Assignment, Fault> {
+    // The slits that may have their image in a bin, a bit for each.
+    let mut votes = [0u16; BINS];
+    for peak in peaks {
+        for (slit, bit) in comb.slits().iter().zip(0..MAX_SLITS as u32) {
+            if let Some(votes) = bin_of(slit, peak).and_then(|bin| votes.get_mut(bin)) {
+                *votes |= 1u16.wrapping_shl(bit);
+            }
+        }
+    }
+    let agreeing = |bins: &[u16]| bins.iter().fold(0, |all, votes| all | votes).count_ones();
+    let windows = || (0..BINS).zip(votes.windows(AGREEING).map(agreeing));
+    let most = windows().map(|(_, slits)| slits).max().unwrap_or(0);
+    if (most as usize) < FEWEST {
+        return Err(few(most as usize));
+    }
+    let (mut best, mut other) = (Scored::NONE, Scored::NONE);
+    // Fewer slits than this cannot come near the best score: five slits fewer, each of which may add 1.
+    let least = most.saturating_sub(5).max(2);
+    for (first, _) in windows().filter(|(_, slits)| *slits >= least) {
+        let Some(x0) = median_in(peaks, comb, first) else {
+            continue;
+        };
+        let this = Scored::of(peaks, comb, x0);
+        // Windows that overlap hold the same x0.
+        let is_same = |that: &Scored| (that.x0.to_f32() - x0.to_f32()).abs() <= 2.0 * TOLERANCE;
+        if this.score > best.score {
+            if !is_same(&best) {
+                other = best;
+            }
+            best = this;
+        } else if this.score > other.score && !is_same(&best) {
+            other = this;
+        }
+    }
+    if best.slits < FEWEST {
+        return Err(few(best.slits));
+    }
+    if best.score - other.score >= LEAD {
+        return Ok(Assignment {
+            x0: best.x0,
+            peaks: nearest(peaks, comb, best.x0).map(|near| near.map(|(peak, _)| peak)),
+        });
+    }
+    Err(Fault::SlitsUnclear {
+        images: best.slits as u16,
+        other: other.slits as u16,
+    })
+}
+
+/// How well the peaks fit the slits for an x0.
+struct Scored {
+    x0: Pixels,
+    score: f32,
+    slits: usize,
+}
+
+impl Scored {
+    /// Nothing fits.
+    const NONE: Self = Self {
+        x0: Pixels::MIN,
+        score: 0.0,
+        slits: 0,
+    };
+
+    fn of(peaks: &[Peak], comb: &Comb, x0: Pixels) -> Self {
+        let (mut score, mut slits) = (0.0, 0);
+        for (_, off) in nearest(peaks, comb, x0).into_iter().flatten() {
+            score += 1.0 - (off / TOLERANCE) * (off / TOLERANCE);
+            slits = numeric::add_usize(slits, 1);
+        }
+        Self { x0, score, slits }
+    }
+}
+
+/// The fault of too few slits.
+pub(super) fn few(found: usize) -> Fault {
+    Fault::FewSlits {
+        found: found as u16,
+        needed: FEWEST as u16,
+    }
+}
+
+/// The bin of the x0 that a peak through a slit says. `None` before the row's first pixel.
+fn bin_of(slit: &SlitMap, peak: &Peak) -> Option<usize> {
+    let x0 = slit.to_axis(Pixels::from_f32(peak.place)).to_f32();
+    // Beyond the row there is no such bin.
+    (x0 >= 0.0).then_some((x0 * (1.0 / BIN)) as usize)
+}
+
+/// The median of the x0 in a window of bins.
+fn median_in(peaks: &[Peak], comb: &Comb, first: usize) -> Option<Pixels> {
+    let mut all: Vec<u32, { 2 * MAX_PEAKS }> = Vec::new();
+    for peak in peaks {
+        for slit in comb.slits() {
+            let is_in = |bin: &usize| (first..first.saturating_add(AGREEING)).contains(bin);
+            if bin_of(slit, peak).filter(is_in).is_some() {
+                let x0 = slit.to_axis(Pixels::from_f32(peak.place));
+                // A peak is in the window for one slit: gaps are longer than windows. If a comb has shorter
+                // ones, the first of them count.
+                let _ = all.push(rank::ordered(x0.to_bits()));
+            }
+        }
+    }
+    let median = rank::ranked(all.len() / 2, &all)?;
+    Some(Pixels::from_bits(rank::from_ordered(median)))
+}
+
+/// The peak nearest to where each slit shows x0, and how far it is, if it is within [`TOLERANCE`].
+fn nearest(peaks: &[Peak], comb: &Comb, x0: Pixels) -> [Option<(usize, f32)>; MAX_SLITS] {
+    let mut all = [None; MAX_SLITS];
+    for (place, slit) in all.iter_mut().zip(comb.slits()) {
+        let expected = slit.from_axis(x0).to_f32();
+        let mut least = TOLERANCE;
+        for (number, peak) in (0..MAX_PEAKS).zip(peaks) {
+            let off = (peak.place - expected).abs();
+            if off <= least {
+                (least, *place) = (off, Some((number, off)));
+            }
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Counts;
+
+    fn peak(place: f32) -> Peak {
+        Peak {
+            place,
+            height: Counts::from_int(1000),
+        }
+    }
+
+    /// The peaks of all slits of a comb but some, for a spot at x0.
+    fn peaks(comb: &Comb, x0: f32, but: &[usize]) -> std::vec::Vec<Peak> {
+        let slits = (0..)
+            .zip(comb.slits())
+            .filter(|(slit, _)| !but.contains(slit));
+        slits
+            .map(|(_, slit)| peak(slit.from_axis(Pixels::from_f32(x0)).to_f32()))
+            .collect()
+    }
+
+    #[test]
+    fn each_slit_gets_its_own_peak() {
+        let comb = Comb::nominal();
+        for x0 in [1191.0, 1823.5, 2654.0] {
+            for but in [
+                &[] as &[usize],
+                &[0, 15],
+                &[1, 3, 5, 7, 9, 11, 13, 15],
+                &[0, 1, 2, 3, 4, 5],
+            ] {
+                let found = assign(&peaks(&comb, x0, but), &comb).expect("an assignment");
+                assert!((found.x0.to_f32() - x0).abs() < 0.01);
+                let mut next = 0;
+                for slit in 0..MAX_SLITS {
+                    let expected = (!but.contains(&slit)).then_some(next);
+                    assert_eq!(found.peaks[slit], expected, "slit {slit} at {x0}");
+                    next += usize::from(expected.is_some());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn too_few_peaks_and_peaks_of_no_comb_are_faults() {
+        let comb = Comb::nominal();
+        let some = peaks(&comb, 1823.5, &[]);
+        assert_eq!(assign(&[], &comb), Err(few(0)));
+        for number in 1..FEWEST {
+            assert_eq!(assign(&some[..number], &comb), Err(few(number)));
+        }
+        // Even gaps fit all gaps of 860 and 880 um that follow one another, in several places.
+        let even: std::vec::Vec<Peak> = (0..16).map(|i| peak(900.0 + 112.0 * i as f32)).collect();
+        let unclear = assign(&even, &comb);
+        assert!(
+            matches!(unclear, Err(Fault::SlitsUnclear { .. })),
+            "{unclear:?}"
+        );
+    }
+}
