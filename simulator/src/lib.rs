@@ -6,6 +6,7 @@
 //! reference fits in f64 ([`least_squares`], [`sinc_fit`]).
 
 pub mod bound;
+pub mod comb;
 pub mod distorted_optics;
 pub mod field;
 pub mod least_squares;

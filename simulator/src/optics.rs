@@ -53,7 +53,7 @@ pub struct Optics {
     pub axis: f64,
     /// The light's wavelength in metres.
     pub wavelength: f64,
-    /// Slit or lens.
+    /// Slit or lens. Where the scene has a [`crate::comb::Comb`], its slits take the place of this one.
     pub aperture: Aperture,
 }
 
@@ -75,6 +75,25 @@ impl Optics {
             axis: (sensor.geometry().light.len() as f64 - 1.0) / 2.0,
             wavelength: 650e-9,
             aperture: Aperture::PAPER_SLIT,
+        }
+    }
+
+    /// The optics of a slit that is not on the axis, but `place` metres from the axis along the row, in the
+    /// direction in which pixels count: eq. (1) holds with another d0, b and axis. All else is equal.
+    ///
+    /// Take x away from the laser along the casing, and z along the beam. The axis runs from the slit at (b,
+    /// d0) towards the beam along (-cos u, sin u), and light at an angle a to the axis, which falls at f
+    /// tan(a), comes along (cos(u - a), -sin(u - a)) = cos(a) (cos u, -sin u) + sin(a) (sin u, cos u). So
+    /// (sin u, cos u) is the row's direction. A slit s along the row is at (b + s sin u, d0 + s cos u), and
+    /// the foot of its own axis on the sensor is s further along the row.
+    #[must_use]
+    pub fn behind(&self, place: f64) -> Self {
+        let (sin, cos) = libm::sincos(self.angle);
+        Self {
+            offset: self.offset + place * cos,
+            baseline: self.baseline + place * sin,
+            axis: self.axis + place / self.pitch,
+            ..*self
         }
     }
 

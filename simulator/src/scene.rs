@@ -30,7 +30,7 @@ pub mod response;
 pub mod saturation;
 pub mod second_reflection;
 pub mod sensor;
-mod shape;
+pub(crate) mod shape;
 pub mod shot_noise;
 pub mod simulation;
 pub mod speckle;
@@ -42,6 +42,7 @@ pub mod texture;
 use serde::{Deserialize, Serialize};
 use slitrange::row::Geometry;
 
+use crate::comb::Comb;
 use crate::optics::Optics;
 pub use ambient::Ambient;
 pub use black_level::BlackLevel;
@@ -84,6 +85,9 @@ pub struct Scene {
     pub sensor: Sensor,
     /// Where light falls for a distance, and through what.
     pub optics: Optics,
+    /// The mask of several slits in place of the one slit of `optics`.
+    #[serde(default)]
+    pub comb: Option<Comb>,
 
     /// The laser's light on the sensor, where the laser is on.
     pub spot: Option<Spot>,
@@ -164,6 +168,7 @@ macro_rules! effects {
                     exposure: 0.005,
                     sensor,
                     optics: Optics::nominal_on(sensor),
+                    comb: None,
                     spot: None,
                     $($field: None,)+
                 }

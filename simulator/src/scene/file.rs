@@ -95,6 +95,9 @@ impl Scene {
             );
         }
         check_optics(&self.optics, self.sensor)?;
+        if let Some(comb) = &self.comb {
+            comb.check(&self.optics)?;
+        }
         self.check_laser_light()?;
         self.check_lens()?;
         self.check_sensor()

@@ -2,7 +2,8 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::optics::Optics;
+use crate::comb::{Slit, relative_height};
+use crate::optics::{Aperture, Optics};
 use crate::scene::obliquity::Oblique;
 use crate::scene::pattern::Pattern;
 use crate::scene::shape::{self, Shape};
@@ -10,23 +11,44 @@ use crate::scene::speckle::RoughSurface;
 use crate::scene::spot::{Spot, between};
 use crate::scene::{Motion, Scene, texture};
 
-/// What the laser's light needs that is drawn or computed once.
-#[derive(Debug, Default)]
+/// What the laser's light needs that is drawn or computed once. Empty without a spot.
+#[derive(Clone, Debug, Default)]
 pub struct LaserLight {
+    surface: Surface,
+    /// What the light passes: the slits of a comb, or the one slit or lens.
+    openings: Vec<Opening>,
+}
+
+/// The target's surface, which all openings see.
+#[derive(Clone, Debug, Default)]
+struct Surface {
     /// [`crate::scene::Texture`].
     texture: Option<texture::Surface>,
     /// [`crate::scene::Speckle`].
     rough: Option<Arc<RoughSurface>>,
+}
+
+/// A slit or a lens, and what was last seen through it.
+#[derive(Debug)]
+struct Opening {
+    /// The scene with this opening alone.
+    scene: Scene,
+    /// The scene's optics before [`Optics::behind`], with this opening's aperture.
+    optics: Optics,
+    /// From the optical axis along the row, in metres.
+    place: f64,
+    /// Width in metres of the slit that makes a spot of the scene's height: `None` for a lens.
+    nominal_width: Option<f64>,
     /// The last shape and its distance: a target at rest has one shape for all rows.
     last: Mutex<Option<(f64, Arc<Shape>)>>,
 }
 
-impl Clone for LaserLight {
+impl Clone for Opening {
     fn clone(&self) -> Self {
         Self {
-            texture: self.texture.clone(),
-            rough: self.rough.clone(),
+            scene: self.scene.clone(),
             last: Mutex::default(),
+            ..*self
         }
     }
 }
@@ -42,23 +64,70 @@ impl LaserLight {
             .speckle
             .zip(scene.laser_spot)
             .map(|(speckle, spot)| Arc::new(speckle.surface(scene, &spot, texture.as_ref())));
+        let openings = match &scene.comb {
+            Some(comb) => {
+                let slits = comb.slits.iter();
+                slits.map(|slit| Opening::slit(scene, slit)).collect()
+            }
+            None => vec![Opening::alone(scene)],
+        };
         Self {
-            texture,
-            rough,
-            last: Mutex::default(),
+            surface: Surface { texture, rough },
+            openings,
         }
     }
 
     /// Adds it to a row of light. `distance` is that of [`Scene::row`], `time` that of the row.
-    pub fn add(
+    pub fn add(&self, light: &mut [f32], row: u64, time: f64, distance: f64, exposure: f64) {
+        for opening in &self.openings {
+            opening.add(&self.surface, light, row, time, distance, exposure);
+        }
+    }
+}
+
+impl Opening {
+    /// The one slit or lens of a scene without a comb.
+    fn alone(scene: &Scene) -> Self {
+        Self {
+            scene: Scene {
+                about: String::new(),
+                comb: None,
+                ..scene.clone()
+            },
+            optics: scene.optics,
+            place: 0.0,
+            nominal_width: match scene.optics.aperture {
+                Aperture::Slit { width, .. } => Some(width),
+                Aperture::Lens { .. } => None,
+            },
+            last: Mutex::default(),
+        }
+    }
+
+    /// A slit of the scene's comb.
+    fn slit(scene: &Scene, slit: &Slit) -> Self {
+        let mut opening = Self::alone(scene);
+        opening.place = slit.place;
+        opening.optics = slit.narrow(&scene.optics);
+        opening.scene.optics = slit.optics(&scene.optics);
+        // A slit twice as wide makes the gaussian of a point half as wide.
+        if let (Some(spot), Some(width)) = (&mut opening.scene.spot, opening.nominal_width) {
+            spot.width *= width / slit.width;
+        }
+        opening
+    }
+
+    /// As [`LaserLight::add`].
+    fn add(
         &self,
-        scene: &Scene,
+        surface: &Surface,
         light: &mut [f32],
         row: u64,
         time: f64,
         distance: f64,
         exposure: f64,
     ) {
+        let scene = &self.scene;
         let Some(spot) = &scene.spot else {
             return;
         };
@@ -67,7 +136,10 @@ impl LaserLight {
             None => distance,
         };
         let optics = match &scene.temperature {
-            Some(temperature) => temperature.optics(&scene.optics, time),
+            Some(temperature) => {
+                let place = temperature.scale(time) * self.place;
+                temperature.optics(&self.optics, time).behind(place)
+            }
             None => scene.optics,
         };
         let centre_at = move |distance: f64| {
@@ -78,13 +150,16 @@ impl LaserLight {
             }
         };
         let mut amplitude = spot.counts_per_second * exposure;
+        if let Some(width) = self.nominal_width {
+            amplitude *= relative_height(scene, width, distance);
+        }
         if let Some(lobe) = &scene.specular_lobe {
             amplitude *= lobe.factor(optics.viewing_angle(distance));
         }
         let row = (row % scene.sensor.rows()) as usize;
 
         if Shape::is_needed(scene) {
-            let shape = self.shape(scene, distance);
+            let shape = self.shape(surface, distance);
             if let Some((pattern, factor)) = shape.row(row) {
                 let width = shape.width() / optics.pitch;
                 let centres = centres(scene, distance, exposure, width, centre_at);
@@ -123,16 +198,16 @@ impl LaserLight {
 
     /// The shape at a distance: the last one, if it has not changed. Nobody waits while another thread
     /// computes another distance's.
-    fn shape(&self, scene: &Scene, distance: f64) -> Arc<Shape> {
+    fn shape(&self, surface: &Surface, distance: f64) -> Arc<Shape> {
         let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((at, shape)) = &*last()
             && at.to_bits() == distance.to_bits()
         {
             return shape.clone();
         }
-        let shape = Arc::new(match &self.rough {
-            Some(surface) => Shape::coherent(scene, surface, distance),
-            None => Shape::incoherent(scene, self.texture.as_ref(), distance),
+        let shape = Arc::new(match &surface.rough {
+            Some(rough) => Shape::coherent(&self.scene, rough, distance),
+            None => Shape::incoherent(&self.scene, surface.texture.as_ref(), distance),
         });
         *last() = Some((distance, shape.clone()));
         shape

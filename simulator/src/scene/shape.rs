@@ -20,7 +20,7 @@ const SLIT_DETAILS: f64 = 48.0;
 const LENS_DETAILS: f64 = 24.0;
 
 /// Sigma, in details, of the gaussian that fits sinc^2 best: 1/2.66 of the distance to its first zero.
-const SLIT_WIDTH: f64 = 0.376;
+pub(crate) const SLIT_WIDTH: f64 = 0.376;
 
 /// The same for Airy's pattern, or a little less.
 pub(super) const AIRY_WIDTH: f64 = 0.4;
@@ -308,7 +308,7 @@ pub(super) fn geometric_centre(scene: &Scene, distance: f64) -> f64 {
     (scene.optics.centre(distance) - scene.optics.axis) * scene.optics.pitch
 }
 
-fn gap(scene: &Scene, width: f64, distance: f64) -> Gap {
+pub(crate) fn gap(scene: &Scene, width: f64, distance: f64) -> Gap {
     Gap {
         width,
         to_light: scene.optics.range(distance),
@@ -325,7 +325,7 @@ fn gaussian(scene: &Scene) -> (Pattern, f64) {
 }
 
 /// Standard deviation of the laser's light over the target, in metres: 0 for a point.
-pub(super) fn spot_deviation(scene: &Scene, distance: f64) -> f64 {
+pub(crate) fn spot_deviation(scene: &Scene, distance: f64) -> f64 {
     scene
         .laser_spot
         .map_or(0.0, |it| it.deviation(distance, scene.optics.wavelength))

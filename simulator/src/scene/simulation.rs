@@ -52,14 +52,23 @@ impl Simulation {
 
     /// The centre in pixels that a perfect sensor has for that distance, by eq. (1) as it was calibrated:
     /// what moves the spot besides the target - temperature, distortion, obliquity, aberrations, texture,
-    /// speckle - is an error.
+    /// speckle - is an error. With a comb this is the centre of a slit on the axis, which the mask need not
+    /// have: [`Simulation::true_centres`] has that of each slit.
     pub fn true_centre(&self, row: u64, distance: f64) -> f64 {
         self.scene.optics.centre(self.true_distance(row, distance))
     }
 
+    /// The centre in pixels of each opening's image for that distance: of each slit of a comb in the order of
+    /// its list, or the one of [`Simulation::true_centre`].
+    pub fn true_centres(&self, row: u64, distance: f64) -> Vec<f64> {
+        let distance = self.true_distance(row, distance);
+        let openings = self.scene.openings();
+        openings.iter().map(|it| it.centre(distance)).collect()
+    }
+
     /// Sigma in pixels of the gaussian that fits the spot best, of a target at rest at a distance in metres:
     /// what an estimator can expect. Speckle and texture are left out. NaN where no gaussian fits, as for a
-    /// spot beyond the row's ends.
+    /// spot beyond the row's ends. With a comb it is that behind the one slit of [`Scene::optics`].
     pub fn spot_width(&self, distance: f64) -> f64 {
         let sensor = self.scene.sensor;
         let spot = Scene {
@@ -133,7 +142,7 @@ pub(crate) fn row(
     let mut counts = vec![0.0; geometry.words];
 
     let light = &mut counts[geometry.light.clone()];
-    (prepared.laser_light).add(scene, light, row, time, distance, exposure);
+    (prepared.laser_light).add(light, row, time, distance, exposure);
     if let Some(ambient) = &scene.ambient {
         ambient.add(light, exposure);
     }

@@ -14,7 +14,8 @@ use crate::optics::Optics;
 /// e (f tan(a) + f d b / ((b^2 + d^2) cos^2(a)))
 /// ```
 ///
-/// which is an error: no estimate knows of it.
+/// which is an error: no estimate knows of it. The mask of a [`crate::comb::Comb`] grows with its mount, by
+/// the same factor from the axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Temperature {
@@ -25,9 +26,14 @@ pub struct Temperature {
 }
 
 impl Temperature {
+    /// The factor by which lengths have grown after a time in seconds.
+    pub fn scale(&self, time: f64) -> f64 {
+        1.0 + self.expansion * self.kelvin_per_second * time
+    }
+
     /// The geometry after a time in seconds.
     pub fn optics(&self, optics: &Optics, time: f64) -> Optics {
-        let scale = 1.0 + self.expansion * self.kelvin_per_second * time;
+        let scale = self.scale(time);
         Optics {
             baseline: optics.baseline * scale,
             focal_length: optics.focal_length * scale,
