@@ -71,5 +71,6 @@ pub fn at_centre(centre: f64) -> Measured {
             response_q16: 0,
             offset: Counts::default(),
         },
+        comb: None,
     }
 }

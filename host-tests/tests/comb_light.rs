@@ -10,10 +10,10 @@ use std::f64::consts::TAU;
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use simulator::comb::{PLACES_UM, WIDTH_UM};
 use simulator::optics::Optics;
 use simulator::scene::Sensor;
 use slitrange::centre::{self, Estimator};
+use slitrange::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 use slitrange::row::Row;
 use slitrange::spot;
 
@@ -69,7 +69,7 @@ impl Ways {
     fn new(distance: f64, points: &[f64]) -> Self {
         let optics = Optics::nominal();
         let (sin, cos) = optics.angle.sin_cos();
-        let place = |slit: usize| f64::from(PLACES_UM[slit]) / 1e6;
+        let place = |slit: usize| f64::from(NOMINAL_PLACES_UM[slit]) / 1e6;
         let centre = optics.behind(place(SLITS[1])).centre(distance);
         let first = centre.round() - f64::from(HALF);
         // In coordinates of the casing: along the baseline, and along the beam.
@@ -84,7 +84,7 @@ impl Ways {
             })
             .collect();
         let length = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-        let width = f64::from(WIDTH_UM) / 1e6;
+        let width = f64::from(SLIT_WIDTH_UM) / 1e6;
         let slits = SLITS.map(|slit| {
             let apertures: Vec<[f64; 2]> = (0..POINTS)
                 .map(|i| place(slit) + width * ((i as f64 + 0.5) / POINTS as f64 - 0.5))

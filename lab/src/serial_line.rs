@@ -160,6 +160,14 @@ fn faults() -> [Fault; Fault::KINDS] {
             centre,
             uncertainty: Pixels::from_f32(0.002),
         },
+        Fault::FewSlits {
+            found: 3,
+            needed: 4,
+        },
+        Fault::SlitsUnclear {
+            images: 6,
+            other: 5,
+        },
     ]
 }
 

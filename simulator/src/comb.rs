@@ -32,6 +32,7 @@
 
 use anyhow::{Result, ensure};
 use serde::{Deserialize, Serialize};
+use slitrange::comb::{self, NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
 use crate::field::fresnel;
 use crate::optics::{Aperture, Optics};
@@ -40,18 +41,7 @@ use crate::scene::laser_spot::image_scale;
 use crate::scene::{Scene, shape};
 
 /// A comb has so many slits, or fewer.
-pub const MOST_SLITS: usize = 16;
-
-/// Places of the nominal mask's slits along the row, from the optical axis, in micrometres.
-///
-/// The gaps are 860, 860, 880, 860, 1080, 1300, 1080, 1080, 1080, 860, 1080, 1080, 860, 880 and 860 um.
-pub const PLACES_UM: [i32; MOST_SLITS] = [
-    -7900, -7040, -6180, -5300, -4440, -3360, -2060, -980, 100, 1180, 2040, 3120, 4200, 5060, 5940,
-    6800,
-];
-
-/// Width of the nominal mask's slits, in micrometres.
-pub const WIDTH_UM: i32 = 200;
+pub const MOST_SLITS: usize = comb::MAX_SLITS;
 
 /// A mask with slits, in place of the one slit of [`Optics::aperture`]. Each slit is as high as the
 /// aperture's.
@@ -96,15 +86,15 @@ impl Slit {
 }
 
 impl Comb {
-    /// The default mask: [`PLACES_UM`] and [`WIDTH_UM`].
+    /// The default mask: [`NOMINAL_PLACES_UM`] and [`SLIT_WIDTH_UM`].
     pub fn nominal() -> Self {
         // Division gives the number that a scene's file reads from its decimals.
         let metres = |um: i32| f64::from(um) / 1e6;
         Self {
-            slits: PLACES_UM
+            slits: NOMINAL_PLACES_UM
                 .map(|place| Slit {
                     place: metres(place),
-                    width: metres(WIDTH_UM),
+                    width: metres(SLIT_WIDTH_UM),
                 })
                 .to_vec(),
         }
@@ -252,18 +242,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn the_nominal_places_have_the_gaps_of_the_mask() {
-        let gaps: Vec<i32> = PLACES_UM.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        assert_eq!(
-            gaps,
-            [
-                860, 860, 880, 860, 1080, 1300, 1080, 1080, 1080, 860, 1080, 1080, 860, 880, 860
-            ]
-        );
-        assert_eq!(PLACES_UM[0], -7900);
-    }
-
     /// Draws a straight line from a point on the beam through the slit's place to the sensor's plane, in
     /// coordinates of the casing.
     #[test]
@@ -278,7 +256,7 @@ mod tests {
         let axis = [-cos, sin];
         let row = [sin, cos];
         let mut worst = 0.0f64;
-        for place in PLACES_UM.map(|um| f64::from(um) / 1e6) {
+        for place in NOMINAL_PLACES_UM.map(|um| f64::from(um) / 1e6) {
             for distance in DISTANCES {
                 let through = [slit[0] + place * row[0], slit[1] + place * row[1]];
                 let way = [through[0], through[1] - distance];

@@ -174,6 +174,7 @@ fn say_reading(answer: Result<Reading, Fault>, say: &mut impl FnMut(u32)) {
             width,
             rows_used,
             rows,
+            slits_used,
             black_level,
             estimator: _,
             misfits,
@@ -197,7 +198,7 @@ fn say_reading(answer: Result<Reading, Fault>, say: &mut impl FnMut(u32)) {
             ] {
                 say(bits as u32);
             }
-            for number in [rows_used, rows, misfits] {
+            for number in [rows_used, rows, misfits, slits_used.into()] {
                 say(u32::from(number));
             }
             say(correlated.map_or(u32::MAX, u32::from));
@@ -220,6 +221,8 @@ fn say_fault(fault: Fault, say: &mut impl FnMut(u32)) {
             centre,
             uncertainty,
         } => [centre.to_bits(), uncertainty.to_bits()],
+        Fault::FewSlits { found, needed } => [found.into(), needed.into()],
+        Fault::SlitsUnclear { images, other } => [images.into(), other.into()],
     };
     for bits in bits {
         say(bits as u32);
