@@ -848,6 +848,7 @@ fn rows_of_scenes_never_change() {
         "rusty-metal",
         "paper-on-camera",
         "lens",
+        "comb",
     ] {
         let scene = Scene::load(name).expect("a scene");
         let rows = first_rows(&scene);

@@ -3,6 +3,7 @@
 //! for the slowest row.
 
 pub mod budget;
+pub mod comb;
 pub mod docs;
 pub mod paper;
 pub mod progress;

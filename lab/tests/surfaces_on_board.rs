@@ -72,7 +72,8 @@ fn u_holds_in_every_scene() {
     let mut judged = 0;
     for name in file::names().expect("the folder of scenes") {
         let scene = Scene::load(&name).expect("a scene");
-        if scene.sensor != Sensor::Tcd1304dg {
+        // The firmware reads one spot: behind a comb it takes the brightest of the images for that spot.
+        if scene.sensor != Sensor::Tcd1304dg || scene.comb.is_some() {
             continue;
         }
         let found = errors(
