@@ -584,7 +584,7 @@ impl Steps {
     fn add(&mut self, light: Light<'_>) {
         // A step has the same size in words that rise and in words that fall.
         let (words, _) = light.words();
-        for pixels in words.chunks_exact(self.part) {
+        for pixels in words.chunks_exact(self.part.max(8)) {
             // Two pixels in four are enough: on a row of 3648 the noise is then known to 3 %.
             let fours = pixels.as_chunks::<4>().0;
             // At most 32 steps of 12 bits: below 2^17, and in Q8 below 2^25.

@@ -168,9 +168,15 @@ impl CombMeasurement {
         let all = images.len();
         let misfits = numeric::count(images.iter().map(|image| image.found.misfit));
         let is_misfit = misfits.saturating_mul(2) > all;
-        if !is_misfit && all.saturating_sub(misfits) >= FEWEST {
-            images.retain(|image| !image.found.misfit);
+        let keeps_all = is_misfit || all.saturating_sub(misfits) < FEWEST;
+        let mut used: Vec<Image, MAX_SLITS> = Vec::new();
+        for image in &images {
+            if keeps_all || !image.found.misfit {
+                // There is room for all of them.
+                let _ = used.push(*image);
+            }
         }
+        let images = used;
         if images.is_empty()
             && let Some(fault) = fault.1
         {

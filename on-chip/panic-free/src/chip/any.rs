@@ -2,6 +2,7 @@
 
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::{Estimator, RowCentre, WidthClass};
+use slitrange::comb::{CORRECTIONS, Comb, Combined, MAX_SLITS, SlitMap, Slits};
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, Eq1Error};
 use slitrange::distance::knots::Knot;
@@ -59,6 +60,7 @@ pub fn settings() -> Settings {
         mean: any(Mean::Plain),
         estimator: any(Estimator::Centroid),
         black_level: any(BlackLevel::Shielded),
+        slits: any(Slits::Comb),
         ..Settings::default()
     }
 }
@@ -182,6 +184,7 @@ pub fn measured() -> Measured {
         estimator: Estimator::Centroid,
         by_shape: any(Pixels::MIN),
         pixels: PixelErrors::TCD1304DG,
+        comb: any(true).then(|| any(COMBINED)),
     })
 }
 
@@ -194,6 +197,7 @@ pub fn reading() -> Reading {
         amplitude: Counts::MIN,
         width: Pixels::MIN,
         rows_used: 0,
+        slits_used: any(0),
         rows: 0,
         black_level: Counts::MIN,
         estimator: Estimator::Centroid,
@@ -207,4 +211,20 @@ pub fn reading() -> Reading {
 
 pub fn fault() -> Fault {
     any(Fault::SensorSilent)
+}
+
+const COMBINED: Combined = Combined {
+    shift: Pixels::MIN,
+    surface: Pixels::MIN,
+    used: 0,
+    centres: [None; MAX_SLITS],
+};
+
+/// Any slits, also some that no mask has.
+pub fn comb() -> Option<Comb> {
+    let mut slits = [SlitMap::nominal(0); 20];
+    for slit in &mut slits {
+        *slit = SlitMap::nominal(any(0)).corrected(any([Pixels::MIN; CORRECTIONS]));
+    }
+    Comb::new(slits.get(..any(0))?)
 }

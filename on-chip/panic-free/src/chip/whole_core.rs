@@ -41,6 +41,9 @@ pub fn measure_rows() {
         if any(true) {
             say(&measurement.silence());
         }
+        if let Some(comb) = any::comb() {
+            measurement.set_comb(comb);
+        }
         match measurement.row(any::words(&mut words)) {
             Some(Ok(measured)) => {
                 any(measured
