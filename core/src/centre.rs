@@ -166,6 +166,27 @@ pub fn centre(
     }
 }
 
+/// A centre with its height above the black level, if that is what the centroid sums. The other estimators
+/// fit or cancel the level under the spot, and measure the height above it.
+///
+/// # Errors
+/// [`Fault::NoSpot`] if the centroid's height is not above zero.
+#[inline(always)]
+pub(crate) fn above_black(
+    estimator: Estimator,
+    spot: &Spot,
+    found: RowCentre,
+) -> Result<RowCentre, Fault> {
+    if estimator != Estimator::Centroid {
+        return Ok(found);
+    }
+    let amplitude = spot.above_black(found.amplitude);
+    if amplitude <= Counts::default() {
+        return Err(spot.no_spot());
+    }
+    Ok(RowCentre { amplitude, ..found })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

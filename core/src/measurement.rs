@@ -5,7 +5,7 @@
 //! A [`Calibration`](crate::distance::Calibration) turns that into a distance: [`Measured::reading`].
 
 use crate::black_level::{BlackLevel, BlackPixels};
-use crate::centre::{Estimator, RowCentre};
+use crate::centre::{self, RowCentre};
 use crate::check;
 use crate::comb::{Comb, CombMeasurement, Combined, Slits};
 use crate::fault::Fault;
@@ -170,18 +170,7 @@ impl Measurement {
             self.profile.as_ref(),
         )?;
         self.before = Some((found, centre));
-        if self.settings.estimator != Estimator::Centroid {
-            // The other estimators fit or cancel the level under the spot, and measure the height above it.
-            return Ok(centre);
-        }
-        let amplitude = spot.above_black(centre.amplitude);
-        if amplitude <= Counts::default() {
-            return Err(spot.no_spot());
-        }
-        Ok(RowCentre {
-            amplitude,
-            ..centre
-        })
+        centre::above_black(self.settings.estimator, &spot, centre)
     }
 
     /// Finds the centre that a slit on the axis would show, from all images of a comb.

@@ -14,7 +14,8 @@
 //! with a random tilt, and the tilt moves the spot. For a spot that is made of M equal speckle patterns, the
 //! displacement given the spot's light I is normal, with the variance s^2 / (2 M) times the mean light over
 //! I: s is the standard deviation of the laser spot, converted to a distance. So the surface's part is
-//! e sqrt(usual height / height). e depends on the surface, and is proportional to the distance.
+//! e sqrt(usual height / height). e depends on the surface, and is proportional to the distance. A comb
+//! measures it in each reading, as the scatter of its slits ([`crate::comb`]).
 //!
 //! **Ranges.** In fixed point, lengths are below 2^23 um, centres below 2^15 px and heights below 2^23
 //! counts. A curve's slope is below 2^28 um a pixel: knots are at least 1/16 px and less than 2^22 um apart,
@@ -35,7 +36,7 @@ pub enum Surface {
     /// [`USUAL_HEIGHT`].
     #[default]
     Auto,
-    /// Set by hand, for a spot of the usual height.
+    /// Set by hand, for a spot of the usual height. With a comb: the part that all slits share.
     Fixed(Micrometres),
     /// The surface is smooth, or its errors are not to count.
     Off,
@@ -62,7 +63,7 @@ pub struct FittedErrors {
     /// Standard uncertainty of the curve.
     pub curve: [Micrometres; PLACES],
     /// Standard uncertainty by the surface, for a spot of the usual height. `None` if the points did not show
-    /// it.
+    /// it. With a comb: the part that all slits share.
     pub surface: Option<FittedSurface>,
 }
 
@@ -217,8 +218,9 @@ impl Place {
         Micrometres::from_f32(dual_mac::square_root(variance))
     }
 
-    /// The surface's part of a comb's reading: the scatter of the slits, and what a calibration found that all
-    /// slits share. A value that is set by hand takes the place of both.
+    /// The surface's part of a comb's reading: the scatter of the slits, and what all slits share. The scatter
+    /// does not show that part, as when a texture makes one side of the laser spot brighter. A calibration
+    /// finds it on its own material, or a person sets it.
     fn surface_by_slits(
         &self,
         by_slits: Pixels,
@@ -227,10 +229,13 @@ impl Place {
     ) -> Micrometres {
         let shared = match (surface, errors) {
             (Surface::Off, _) => return Micrometres::default(),
-            (Surface::Fixed(deviation), _) => return deviation,
-            (Surface::Auto, CalibrationErrors::Fitted(_)) => errors
-                .surface(self, surface)
-                .map_or(0.0, |(deviation, _)| deviation),
+            (Surface::Fixed(shared), _) => shared.to_f32(),
+            (Surface::Auto, CalibrationErrors::Fitted(fitted)) => {
+                let found = fitted.surface.as_ref();
+                found.map_or(0.0, |found| {
+                    between(&found.deviation.map(Micrometres::to_f32), self.along)
+                })
+            }
             (Surface::Auto, _) => 0.0,
         };
         let squares = square(by_slits.to_f32() * self.slope) + square(shared);

@@ -5,6 +5,7 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::tables::BLOCKS;
 use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
 use slitrange::check;
+use slitrange::comb::{Comb, FEWEST, Slits};
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
@@ -201,6 +202,46 @@ proptest! {
         }
     }
 
+    /// No row makes the measurement of a comb panic, by any estimator. A reading has its slits.
+    #[test]
+    fn any_row_of_a_comb_gives_a_reading_or_a_fault(
+        light in rows(),
+        x0 in 0.0..4096.0f64,
+        width in 0.5..40.0f64,
+        height in 0.0..5000.0f64,
+        covered in any::<u16>(),
+    ) {
+        let comb = Comb::nominal();
+        let mut light = light;
+        for (slit, bit) in comb.slits().iter().zip(0..) {
+            let centre = slit.from_axis(Pixels::from_f32(x0 as f32)).to_f64();
+            for (count, i) in light.iter_mut().zip(0u32..) {
+                let u = (f64::from(i) - centre) / width;
+                let more = if covered >> bit & 1 == 0 { height * (-0.5 * u * u).exp() } else { 0.0 };
+                *count = (f64::from(*count) + more).min(4095.0) as u16;
+            }
+        }
+        let geometry = Geometry {
+            words: light.len(),
+            shielded: 0..0,
+            light: 0..light.len(),
+            polarity: Polarity::Rising,
+            bits: 12,
+            shot_variance_per_count_q16: 6554,
+        };
+        for estimator in Estimator::ALL {
+            let settings = Settings { estimator, rows: 2, slits: Slits::Comb, ..Settings::default() };
+            let mut measurement = Measurement::new(geometry.clone(), settings);
+            prop_assert!(measurement.row(&mut light.clone()).is_none());
+            let result = measurement.row(&mut light.clone()).expect("a frame of two rows");
+            if let Ok(measured) = result {
+                let comb = measured.comb.expect("slits");
+                prop_assert!(usize::from(comb.used) >= FEWEST && comb.used <= 16);
+                prop_assert!(comb.surface.to_bits() >= 0 && measured.frame.uncertainty.to_bits() > 0);
+            }
+        }
+    }
+
     /// A frame of n rows is complete after n rows, whatever the rows show.
     #[test]
     fn a_frame_is_complete_after_its_rows(rows in 1..=64u16, level in 0..4096u16) {
@@ -286,7 +327,11 @@ fn words_of(spots: &[(f64, f64, f64)]) -> Vec<u16> {
 fn every_fault_is_reachable() {
     let spot = |centre| words_of(&[(centre, 8.0, 2000.0)]);
     let twins = [(1500.3, 8.0, 2000.0), (1800.3, 8.0, 2000.0)];
-    let cases: [(&str, Vec<Vec<u16>>, bool); 10] = [
+    // Images 1 mm apart fit the mask in no way that is better than another.
+    let even: Vec<_> = (0..14)
+        .map(|i| (900.3 + 132.0 * f64::from(i), 8.0, 2000.0))
+        .collect();
+    let cases: [(&str, Vec<Vec<u16>>, bool); 12] = [
         ("reading", vec![spot(1800.3)], true),
         ("sensor silent", vec![vec![0xffff; 3694]], true),
         ("no spot", vec![words_of(&[])], true),
@@ -301,6 +346,8 @@ fn every_fault_is_reachable() {
         ("unsteady", vec![spot(1800.3), spot(1900.3)], true),
         ("out of range", vec![spot(100.3)], true),
         ("not calibrated", vec![spot(1800.3)], false),
+        ("too few slits", vec![spot(1800.3)], true),
+        ("slits not told apart", vec![words_of(&even)], true),
     ];
     for estimator in Estimator::ALL {
         for (name, rows, calibrated) in &cases {
@@ -309,6 +356,11 @@ fn every_fault_is_reachable() {
                 rows: rows.len() as u16,
                 mean: Mean::default(),
                 black_level: BlackLevel::Shielded,
+                slits: if name.contains("slits") {
+                    Slits::Comb
+                } else {
+                    Slits::One
+                },
                 ..Settings::default()
             };
             let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);

@@ -4,7 +4,7 @@ use core::ops::Range;
 
 use heapless::Vec;
 
-use crate::centre::{Estimator, RowCentre, WidthClass};
+use crate::centre::{self, Estimator, RowCentre, WidthClass};
 use crate::check;
 use crate::comb::combination::Image;
 use crate::comb::peaks::{self, Peaks};
@@ -123,19 +123,19 @@ impl CombMeasurement {
     pub fn measure(
         &mut self,
         row: &Row<'_>,
-        found: &CombRow,
+        on_row: &CombRow,
         black_level: Counts,
         estimator: Estimator,
         geometry: &Geometry,
     ) -> Result<RowCentre, Fault> {
-        let origin = found.assignment.x0;
+        let origin = on_row.assignment.x0;
         let mut images: Vec<Image, MAX_SLITS> = Vec::new();
         let mut fault = (Counts::MIN, None);
         // All images of a row share its effort.
         let mut effort = Effort::WHOLE;
-        let slits = self.comb.slits().iter().zip(&found.assignment.peaks);
+        let slits = self.comb.slits().iter().zip(&on_row.assignment.peaks);
         for ((number, before), (slit, peak)) in (0..MAX_SLITS).zip(&mut self.before).zip(slits) {
-            let Some(peak) = peak.and_then(|peak| found.peaks.get(peak)) else {
+            let Some(peak) = peak.and_then(|peak| on_row.peaks.get(peak)) else {
                 *before = None;
                 continue;
             };
@@ -144,21 +144,21 @@ impl CombMeasurement {
                 black_level,
                 effort,
                 // `as` saturates.
-                ..found.spot((peak.place + 0.5) as usize)
+                ..on_row.spot((peak.place + 0.5) as usize)
             };
             let result = check::centre_of_one(estimator, row, &mut spot, before.as_ref(), geometry);
             effort = spot.effort;
             *before = result.ok();
-            match result {
-                Ok(centre) => {
-                    let x0 = slit.to_axis(centre.centre);
+            match result.and_then(|found| centre::above_black(estimator, &spot, found)) {
+                Ok(found) => {
+                    let x0 = slit.to_axis(found.centre);
                     let off = x0.to_bits().saturating_sub(origin.to_bits());
                     // There is room for all slits.
                     let _ = images.push(Image {
                         slit: number,
-                        found: centre,
+                        found,
                         off: Pixels::from_bits(off).to_f32(),
-                        noise: centre.uncertainty.to_f32() / slit.growth(),
+                        noise: found.uncertainty.to_f32() / slit.growth(),
                     });
                 }
                 Err(of_image) if peak.height > fault.0 => fault = (peak.height, Some(of_image)),
