@@ -16,8 +16,8 @@ use crate::units::{Counts, Pixels};
 const OUTLIER: f32 = 5.0;
 
 /// How much the errors of the mean exceed what the scatter of independent images says, because neighbouring
-/// images share some of their speckle: 0.42 mm wide laser spots have speckles of 1.3 mm, wider than the gaps,
-/// and images of neighbours then correlate by 0.07 to 0.10.
+/// images share some of their speckle. Speckles of a 0.42 mm laser spot are wider than the gaps, and errors
+/// of neighbours correlate by 0.065. With a spot of 1 mm they do not correlate (host-tests/tests/comb.rs).
 const NEIGHBOURS: f32 = 1.06;
 
 /// The images of a frame's rows, so far.
