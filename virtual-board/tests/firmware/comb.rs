@@ -23,8 +23,8 @@ use virtual_board::upload::upload;
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use crate::common::{
-    DISTANCE, PATIENCE, Status, boot, firmware, fresh_results, is_reading, is_result, number,
-    paper, results, set,
+    DISTANCE, PATIENCE, Status, boot, firmware, fresh_results, is_reading, number, paper, results,
+    set,
 };
 use crate::faults::{assert_all_are, assert_distance_gives_advice};
 use crate::identical::{aligned, assert_same, calibrated_on_this_pc, logarithmic, on_this_pc, run};
@@ -240,7 +240,7 @@ fn a_comb_loses_no_row_in_an_hour() {
 /// Rows of any comb: the nominal mask without some of its slits, with images off their places as speckle puts
 /// them, or even gaps; near and beyond the range; dim, saturated, narrow and wide. One row in four has a false
 /// image.
-fn any_combs(seed: u64) -> LightSource {
+pub fn any_combs(seed: u64) -> LightSource {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut row = 0;
     Box::new(move |_: &Exposure| {
