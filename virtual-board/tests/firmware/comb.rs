@@ -214,9 +214,9 @@ fn a_row_of_a_comb_costs_less_than_half_of_its_time() {
     fresh_results(&mut board, 2);
     board.take_calls();
     board.trace_calls_of(firmware().address_of("measure_row").expect("a function"));
-    board.run_until_rows(65, PATIENCE).expect("rows");
+    board.run_until_rows(18, PATIENCE).expect("rows");
     let mut all: Vec<u64> = board.take_calls().iter().map(Call::instructions).collect();
-    assert!(all.len() >= 64, "{} rows", all.len());
+    assert!(all.len() >= 16, "{} rows", all.len());
     let mean = all.iter().sum::<u64>() as f64 / all.len() as f64;
     let period = INSTRUCTIONS_PER_SECOND as f64 / ROWS_PER_SECOND;
     all.sort_unstable();
