@@ -31,7 +31,9 @@ pub static FREE: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::ne
 pub static FULL: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::new();
 
 /// Results for the serial line. Holds 91 ms of results at the highest rate, a row a frame, so that the answer
-/// to `status` (about 45 ms) loses none.
+/// to `status` (about 45 ms) loses none. All its bytes are zero at first, as `.ccm` wants it: no DMA reaches
+/// it, and the stack has the room.
+#[unsafe(link_section = ".ccm.results")]
 pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Measured, Fault>, 16> = Channel::new();
 
 /// Changed settings, and the sensor's own spot. Only the last change matters.

@@ -88,7 +88,7 @@ impl Spot {
 ///
 /// It is that of a gaussian with read noise and its own shot noise. `None` where the scene lists an effect
 /// besides these that moves the spot, shapes it or adds noise; with speckle, say, the error is not bounded by
-/// noise.
+/// noise. `None` too for a comb, whose rows show more than one spot.
 pub fn of_row(simulation: &Simulation, distance: f64, exposure: f64) -> Option<f64> {
     let scene = simulation.scene();
     let amplitude = scene.spot?.counts_per_second * exposure;
@@ -103,7 +103,12 @@ pub fn of_row(simulation: &Simulation, distance: f64, exposure: f64) -> Option<f
     };
     let is_noisy = scene.shot_noise.is_some() || scene.read_noise.is_some();
     let mut listed = (Effect::ALL.into_iter()).filter(|&effect| scene.lists(effect));
-    if !is_noisy || scene.sensor.rows() > 1 || !listed.all(|effect| is_known(&effect)) {
+    let has_one_slit = scene.comb.is_none();
+    if !is_noisy
+        || !has_one_slit
+        || scene.sensor.rows() > 1
+        || !listed.all(|effect| is_known(&effect))
+    {
         return None;
     }
     let spot = Spot {

@@ -7,7 +7,7 @@
 
 use heapless::Vec;
 
-use crate::comb::{Comb, MAX_PEAKS, MAX_SLITS, Peak, SlitMap};
+use crate::comb::{Comb, MAX_PEAKS, MAX_SLITS, Peak};
 use crate::fault::Fault;
 use crate::numeric;
 use crate::rank;
@@ -28,6 +28,10 @@ pub const TOLERANCE: f32 = 12.0;
 /// Pixels in a bin of x0, and bins that agree: twice the tolerance.
 const BIN: f32 = 8.0;
 const AGREEING: usize = 3;
+
+/// A peak within [`TOLERANCE`] of its slit's place says an x0 that is at most so many bins off: images move by
+/// at least half as much as x0.
+const REACH: usize = 3;
 
 /// Bins for the x0 of a row.
 const BINS: usize = MAX_PIXELS / BIN as usize;
@@ -54,16 +58,8 @@ impl Assignment {
 /// [`Fault::FewSlits`] if fewer than [`FEWEST`] slits agree. [`Fault::SlitsUnclear`] if this place does not
 /// lead by [`LEAD`].
 pub fn assign(peaks: &[Peak], comb: &Comb) -> Result<Assignment, Fault> {
-    // The slits that may have their image in a bin, a bit for each.
-    let mut votes = [0u16; BINS];
-    for peak in peaks {
-        for (slit, bit) in comb.slits().iter().zip(0..MAX_SLITS as u32) {
-            if let Some(votes) = bin_of(slit, peak).and_then(|bin| votes.get_mut(bin)) {
-                *votes |= 1u16.wrapping_shl(bit);
-            }
-        }
-    }
-    let agreeing = |bins: &[u16]| bins.iter().fold(0, |all, votes| all | votes).count_ones();
+    let candidates = Candidates::of(peaks, comb);
+    let votes = &candidates.votes;
     let windows = || (0..BINS).zip(votes.windows(AGREEING).map(agreeing));
     let most = windows().map(|(_, slits)| slits).max().unwrap_or(0);
     if (most as usize) < FEWEST {
@@ -73,7 +69,14 @@ pub fn assign(peaks: &[Peak], comb: &Comb) -> Result<Assignment, Fault> {
     // Fewer slits than this cannot come near the best score: five slits fewer, each of which may add 1.
     let least = most.saturating_sub(5).max(2);
     for (first, _) in windows().filter(|(_, slits)| *slits >= least) {
-        let Some(x0) = median_in(peaks, comb, first) else {
+        // Each slit adds at most 1 to the score, and has a peak in reach. So most windows are left out without
+        // a score.
+        let reach = first.saturating_sub(REACH)..first.saturating_add(AGREEING + REACH).min(BINS);
+        let most = votes.get(reach).map_or(0, agreeing);
+        if most as f32 <= other.score {
+            continue;
+        }
+        let Some(x0) = candidates.median_in(first) else {
             continue;
         };
         let this = Scored::of(peaks, comb, x0);
@@ -136,29 +139,77 @@ pub(super) fn few(found: usize) -> Fault {
     }
 }
 
-/// The bin of the x0 that a peak through a slit says. `None` before the row's first pixel.
-fn bin_of(slit: &SlitMap, peak: &Peak) -> Option<usize> {
-    let x0 = slit.to_axis(Pixels::from_f32(peak.place)).to_f32();
-    // Beyond the row there is no such bin.
-    (x0 >= 0.0).then_some((x0 * (1.0 / BIN)) as usize)
+/// The number of slits that have a vote in some bins.
+fn agreeing(votes: &[u16]) -> u32 {
+    votes.iter().fold(0, |all, votes| all | votes).count_ones()
 }
 
-/// The median of the x0 in a window of bins.
-fn median_in(peaks: &[Peak], comb: &Comb, first: usize) -> Option<Pixels> {
-    let mut all: Vec<u32, { 2 * MAX_PEAKS }> = Vec::new();
-    for peak in peaks {
-        for slit in comb.slits() {
-            let is_in = |bin: &usize| (first..first.saturating_add(AGREEING)).contains(bin);
-            if bin_of(slit, peak).filter(is_in).is_some() {
-                let x0 = slit.to_axis(Pixels::from_f32(peak.place));
-                // A peak is in the window for one slit: gaps are longer than windows. If a comb has shorter
-                // ones, the first of them count.
-                let _ = all.push(rank::ordered(x0.to_bits()));
+/// What each peak says of x0 through each slit, by bins. Computed once, because it takes longer than all the
+/// rest.
+struct Candidates {
+    /// The slits that may have their image in a bin, a bit for each.
+    votes: [u16; BINS],
+    /// Each x0 as a key of [`rank`], and the number of the one before it in its bin.
+    all: Vec<(u32, u16), { MAX_PEAKS * MAX_SLITS }>,
+    /// The number of the last x0 in each bin. Numbers begin with 1; 0 is none.
+    last: [u16; BINS],
+}
+
+impl Candidates {
+    fn of(peaks: &[Peak], comb: &Comb) -> Self {
+        let mut candidates = Self {
+            votes: [0; BINS],
+            all: Vec::new(),
+            last: [0; BINS],
+        };
+        for peak in peaks {
+            let place = Pixels::from_f32(peak.place);
+            for (slit, bit) in comb.slits().iter().zip(0..MAX_SLITS as u32) {
+                candidates.add(slit.to_axis(place), bit);
             }
         }
+        candidates
     }
-    let median = rank::ranked(all.len() / 2, &all)?;
-    Some(Pixels::from_bits(rank::from_ordered(median)))
+
+    /// Adds what a peak says through the slit with this number.
+    fn add(&mut self, x0: Pixels, slit: u32) {
+        let pixels = x0.to_f32();
+        if pixels < 0.0 {
+            return;
+        }
+        let bin = (pixels * (1.0 / BIN)) as usize;
+        // Beyond the row there is no such bin.
+        let (Some(votes), Some(last)) = (self.votes.get_mut(bin), self.last.get_mut(bin)) else {
+            return;
+        };
+        // There is room for all peaks of all slits.
+        if self.all.push((rank::ordered(x0.to_bits()), *last)).is_ok() {
+            *votes |= 1u16.wrapping_shl(slit);
+            *last = self.all.len() as u16;
+        }
+    }
+
+    /// The median of the x0 in a window of bins.
+    fn median_in(&self, first: usize) -> Option<Pixels> {
+        let mut keys: Vec<u32, { 2 * MAX_PEAKS }> = Vec::new();
+        for &last in self.last.get(first..first.saturating_add(AGREEING))? {
+            let mut next = last;
+            // Each number is lower than the one before.
+            while let Some(&(key, before)) = numbered(&self.all, next) {
+                // A peak is in the window for one slit: gaps are longer than windows. If a comb has shorter
+                // ones, the last of them count.
+                let _ = keys.push(key);
+                next = before;
+            }
+        }
+        let median = rank::ranked(keys.len() / 2, &keys)?;
+        Some(Pixels::from_bits(rank::from_ordered(median)))
+    }
+}
+
+/// The x0 with a number from 1.
+fn numbered(all: &[(u32, u16)], number: u16) -> Option<&(u32, u16)> {
+    all.get(usize::from(number).checked_sub(1)?)
 }
 
 /// The peak nearest to where each slit shows x0, and how far it is, if it is within [`TOLERANCE`].

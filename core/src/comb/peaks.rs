@@ -51,19 +51,23 @@ pub(crate) fn find(blocks: &[u16], background: Background, peaks: &mut Peaks) {
     let under = level.saturating_mul(4 * BLOCK as u32) >> Counts::FRACTION;
     let least = noise.saturating_mul(DETECTION * KERNEL_NOISE) >> Counts::FRACTION;
     let least = under.saturating_add(least);
-    for (three, block) in blocks.windows(3).zip(1..) {
+    for (three, block) in blocks.windows(3).zip(1usize..) {
         let Some(response) = response(three).filter(|&response| response > least) else {
             continue;
         };
+        let beside = |three: Option<&[u16]>| three.and_then(self::response).unwrap_or(under);
+        let left = beside(blocks.get(block.saturating_sub(2)..=block));
+        let right = beside(blocks.get(block..block.saturating_add(3)));
+        // Most blocks of an image are done with by a look at their neighbours.
+        if left >= response || right > response {
+            continue;
+        }
         let above = response.saturating_sub(under);
         if !is_highest(blocks, block, response) || is_side_lobe(blocks, block, above, under) {
             continue;
         }
         // A block's number is below 2^9, and a response above the level is that of 32 pixels.
-        let beside = |three: Option<&[u16]>| three.and_then(self::response).unwrap_or(under);
-        let left = beside(blocks.get(block.saturating_sub(2)..=block)) as f32;
-        let right = beside(blocks.get(block..block.saturating_add(3))) as f32;
-        let middle = response as f32;
+        let (left, right, middle) = (left as f32, right as f32, response as f32);
         // The vertex of the parabola through three responses, at most half a block from the middle one.
         let bend = 2.0 * middle - left - right;
         let off = if bend > 0.0 {

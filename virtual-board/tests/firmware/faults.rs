@@ -37,7 +37,7 @@ fn only_fault(name: &str, light: LightSource) -> String {
 }
 
 /// Asserts that `distance` is answered by the fault and its advice.
-fn assert_distance_gives_advice(board: &mut VirtualBoard, name: &str) {
+pub fn assert_distance_gives_advice(board: &mut VirtualBoard, name: &str) {
     board.take_lines();
     board.send("distance\r\n");
     board
@@ -55,7 +55,7 @@ fn assert_distance_gives_advice(board: &mut VirtualBoard, name: &str) {
     assert_eq!(*advice, format!("({})", advice_for(name)), "{lines:#?}");
 }
 
-fn assert_all_are(lines: &[String], name: &str) {
+pub fn assert_all_are(lines: &[String], name: &str) {
     let fault = format!("f {name}");
     let all = lines.iter().all(|line| {
         line.strip_prefix(&fault)
@@ -89,6 +89,14 @@ fn advice_for(name: &str) -> &'static str {
         Fault::NotCalibrated {
             centre,
             uncertainty: centre,
+        },
+        Fault::FewSlits {
+            found: 0,
+            needed: 0,
+        },
+        Fault::SlitsUnclear {
+            images: 0,
+            other: 0,
         },
     ]
     .iter()

@@ -1,11 +1,13 @@
 //! Measures the deepest stack of the firmware.
 
+use std::ops::Range;
 use std::time::Duration;
 
 use rigless::soc::Width;
 use slitrange::centre::Estimator;
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
+use crate::comb::{any_combs, paper_behind_a_comb};
 use crate::common::{PATIENCE, firmware, paper, results, set, spot_at};
 use crate::records::{longest, upload};
 
@@ -44,6 +46,18 @@ fn the_stack_stays_far_from_the_statics() {
             results(&mut board, 2);
         }
     }
+    println!("one slit: {} bytes", used(&mut board, end..start));
+    // Rows of a comb, first a good one.
+    set(&mut board, "slits comb");
+    for estimator in Estimator::ALL {
+        set(&mut board, &format!("estimator {}", estimator.name()));
+        for light in [paper_behind_a_comb(), any_combs(21)] {
+            board.set_light(light);
+            results(&mut board, 10);
+        }
+    }
+    println!("and a comb: {} bytes", used(&mut board, end..start));
+    set(&mut board, "slits one");
     for command in [
         "help",
         "help estimator",
@@ -72,15 +86,7 @@ fn the_stack_stays_far_from_the_statics() {
         .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
         .expect("a banner");
     set(&mut board, "defaults");
-    let deepest = board
-        .on_emulator(move |_, host, _| {
-            (end..start)
-                .step_by(4)
-                .find(|&at| host.read(at, Width::W32).ok() != Some(PATTERN.into()))
-        })
-        .expect("the emulator")
-        .expect("a stack that is used");
-    let (used, room) = (start - deepest, start - end);
+    let (used, room) = (used(&mut board, end..start), start - end);
     println!("stack: {used} bytes at most of {room}");
     // At least so much, or the measurement failed: rows alone take more. At most so much that an interrupt
     // more does not matter.
@@ -89,6 +95,19 @@ fn the_stack_stays_far_from_the_statics() {
     // two, of 2 KB each. Half of the room stays free.
     assert!(used < room / 2, "{used} of {room}");
     board.finish().expect("a clean run");
+}
+
+/// The bytes of the stack's room that were used so far.
+fn used(board: &mut VirtualBoard, mut room: Range<u64>) -> u64 {
+    let start = room.end;
+    let deepest = board.on_emulator(move |_, host, _| {
+        let mut words = room.by_ref().step_by(4);
+        words.find(|&at| host.read(at, Width::W32).ok() != Some(PATTERN.into()))
+    });
+    start
+        - deepest
+            .expect("the emulator")
+            .expect("a stack that is used")
 }
 
 /// Rows that take the estimators' longest paths: a good spot, one cut off at full scale, one at the sensor's

@@ -18,6 +18,8 @@ pub struct Reading {
     pub amplitude: f64,
     /// The rows used.
     pub rows: u16,
+    /// The slits used: 1 for a sensor with one slit.
+    pub slits: u8,
     /// The flags, as the line has them.
     pub flags: String,
 }
@@ -59,7 +61,7 @@ impl Report {
             amplitude,
             "n",
             rows,
-            ref flags @ ..,
+            ref rest @ ..,
         ] = words[..]
         else {
             anyhow::bail!("{line:?} is no reading");
@@ -67,6 +69,10 @@ impl Report {
         let number = |word: &str| {
             word.parse::<f64>()
                 .with_context(|| format!("{word:?} in {line:?} is no number"))
+        };
+        let (slits, flags) = match rest {
+            ["k", slits, flags @ ..] => (*slits, flags),
+            flags => ("1", flags),
         };
         let used = rows.split('/').next().unwrap_or_default();
         Ok(Some(Self::Reading(Reading {
@@ -78,6 +84,9 @@ impl Report {
             rows: used
                 .parse()
                 .with_context(|| format!("{rows:?} in {line:?} is no count of rows"))?,
+            slits: slits
+                .parse()
+                .with_context(|| format!("{slits:?} in {line:?} is no count of slits"))?,
             flags: flags.join(" "),
         })))
     }

@@ -32,8 +32,12 @@ struct Options {
     /// .toml file. The firmware's exposure replaces the scene's.
     #[arg(long, value_name = "NAME")]
     scene: Option<String>,
+    /// Put a comb of 16 slits before the sensor, instead of one slit, and tell the firmware `slits comb`. A
+    /// scene that has a comb keeps its own, with or without this option.
+    #[arg(long)]
+    comb: bool,
     /// Show the sensor the rows of a photograph (binary PGM, 8 or 16 bit), one after the other.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["distance", "steps", "scene", "pty"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["distance", "steps", "scene", "comb", "pty"])]
     pgm: Option<PathBuf>,
     /// Open the serial line as a pseudo-terminal for tio or screen, and run on wall time until interrupted.
     #[arg(long, conflicts_with_all = ["json", "steps"])]

@@ -3,14 +3,23 @@
 //! The sensor was calibrated before. Its record is `paper.record`, which `cargo surfaces --write` makes as an
 //! owner would: from points at known distances, by the tool's fit. The curve is from a target without
 //! speckle, and the surface's part of u from white paper in the light of a laser with a single wavelength.
+//!
+//! With a comb, the record has the same curve: it is that of a slit on the optical axis, and the nominal mask
+//! is as it was drawn. The surface's part of u then comes from the scatter of the slits alone.
 
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, ensure};
 use serde::Serialize;
 use simulator::bound;
+use simulator::comb::Comb;
 use simulator::scene::{Scene, Sensor, Simulation};
 use simulator::statistics::median;
+use slitrange::comb::Slits;
+use slitrange::record::encoded::EncodedRecord;
+use slitrange::record::{self, Record};
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
+use slitrange::units::Micrometres;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::upload::upload;
 use virtual_board::{Firmware, Line, VirtualBoard};
@@ -55,6 +64,8 @@ pub struct Summary {
     within_2u: Option<f64>,
     median_u_um: Option<f64>,
     median_r_um: Option<f64>,
+    /// Mean over the readings of the slits used: 1 for a sensor with one slit.
+    slits_used: Option<f64>,
     readings_per_s: f64,
     rows_per_s: f64,
     rows_lost: u64,
@@ -69,10 +80,49 @@ struct Compared {
     uncertainty: f64,
     repeatability: f64,
     bound: Option<f64>,
+    slits: u8,
 }
 
-/// The scene to show, and the first distance of its target.
+/// The scene to show, with the comb that the options ask for, and the first distance of its target.
 pub fn scene(options: &Options) -> Result<(Scene, f64)> {
+    let (mut scene, distance) = scene_by_name(options)?;
+    if options.comb && scene.comb.is_none() {
+        scene.comb = Some(Comb::nominal());
+        scene.check().context("--comb")?;
+    }
+    Ok((scene, distance))
+}
+
+/// What is before the sensor.
+fn slits_of(scene: &Scene) -> Slits {
+    match scene.comb {
+        Some(_) => Slits::Comb,
+        None => Slits::One,
+    }
+}
+
+/// The command that tells the firmware about a scene's slits. The answer is the same text.
+pub fn slits_command(scene: &Scene) -> String {
+    format!("slits {}", slits_of(scene).name())
+}
+
+/// The record of the demo's sensor with these slits.
+fn record(slits: Slits) -> Result<EncodedRecord> {
+    let paper = record::decode(RECORD).context("the demo's record")?;
+    let errors = match (slits, paper.errors) {
+        (Slits::Comb, CalibrationErrors::Fitted(errors)) => {
+            let surface = errors.surface.map(|surface| FittedSurface {
+                deviation: [Micrometres::default(); PLACES],
+                ..surface
+            });
+            CalibrationErrors::Fitted(FittedErrors { surface, ..errors })
+        }
+        (_, errors) => errors,
+    };
+    EncodedRecord::new(Record { errors, ..paper }).context("the demo's record")
+}
+
+fn scene_by_name(options: &Options) -> Result<(Scene, f64)> {
     let Some(name) = &options.scene else {
         // At a terminal a person may put the target anywhere, and give the sensor another geometry: speckle
         // is made for neither.
@@ -147,17 +197,18 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let target = Target::at(start);
     let warms_up = scene.temperature.is_some();
     let simulation = Simulation::new(scene.clone());
+    let record = record(slits_of(&scene))?;
+    let command = slits_command(&scene);
     let mut board = VirtualBoard::power_on(firmware, of_scene(scene, target.clone()))?;
     let patience = patience(options.rows);
-    upload(&mut board, RECORD, patience)?;
-    board.send(&format!("rows {}\r\n", options.rows));
-    board
-        .run_until_line(|line| line == format!("rows {}", options.rows), patience)
-        .context("the firmware did not take the command `rows`")?;
+    upload(&mut board, record.bytes(), patience)?;
+    for command in [command, format!("rows {}", options.rows)] {
+        tell(&mut board, &command, patience)?;
+    }
 
     say(
         options.json,
-        "   true mm  reported mm  error um      u um     r um  rows  virtual s  flags",
+        "   true mm  reported mm  error um      u um     r um  rows  slits  virtual s  flags",
     );
     let (started, first_row) = (board.now(), board.head(|head| head.row_count()));
     let (mut readings, mut faults, mut compared) = (0, 0, vec![]);
@@ -204,13 +255,14 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                         say(
                             options.json,
                             &format!(
-                                "{:>10.3} {:>12.4} {:>+9.2} {:>9.2} {:>8.2} {:>5} {:>10.3}  {}",
+                                "{:>10.3} {:>12.4} {:>+9.2} {:>9.2} {:>8.2} {:>5} {:>6} {:>10.3}  {}",
                                 distance * 1e3,
                                 reading.distance,
                                 found.error,
                                 found.uncertainty,
                                 found.repeatability,
                                 reading.rows,
+                                reading.slits,
                                 line.at as f64 * 1e-9,
                                 reading.flags
                             ),
@@ -250,6 +302,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
         }),
         median_u_um: median(compared.iter().map(|reading| reading.uncertainty)),
         median_r_um: median(compared.iter().map(|reading| reading.repeatability)),
+        slits_used: mean(compared.iter().map(|reading| f64::from(reading.slits))),
         readings_per_s: f64::from(readings) / seconds,
         rows_per_s: rows as f64 / seconds,
         rows_lost,
@@ -288,9 +341,19 @@ fn compare(
         error: (reading.distance - distance * 1e3) * 1e3,
         uncertainty: reading.uncertainty * 1e3,
         repeatability: reading.repeatability * 1e3,
+        slits: reading.slits,
         bound: bound::of_row(simulation, distance, exposure)
             .map(|bound| bound / f64::from(reading.rows).sqrt() * metres_per_pixel * 1e6),
     })
+}
+
+/// Sends a command that sets a value, and waits until the firmware repeats it.
+pub fn tell(board: &mut VirtualBoard, command: &str, patience: Duration) -> Result<()> {
+    board.send(&format!("{command}\r\n"));
+    board
+        .run_until_line(|line| line == command, patience)
+        .with_context(|| format!("the firmware did not take the command `{command}`"))?;
+    Ok(())
 }
 
 /// The rows that the firmware lost or failed to read, by its own count.
@@ -306,6 +369,12 @@ fn rows_lost(board: &mut VirtualBoard, patience: Duration) -> Result<u64> {
             .with_context(|| format!("no count in {:?}", line.text))?;
     }
     Ok(lost)
+}
+
+/// Arithmetic mean; `None` without values.
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
+    let count = values.len();
+    (count > 0).then(|| values.sum::<f64>() / count as f64)
 }
 
 /// Root mean square; `None` without values.
@@ -335,8 +404,12 @@ impl Summary {
             ),
             _ => "no reading".to_owned(),
         };
+        let slits = match self.slits_used {
+            Some(slits) if slits > 1.0 => format!("; {slits:.1} slits used on average"),
+            _ => String::new(),
+        };
         format!(
-            "{readings} readings: {accuracy}\n{:.1} readings and {:.1} rows a second, \
+            "{readings} readings: {accuracy}{slits}\n{:.1} readings and {:.1} rows a second, \
              {} rows lost, {} faults; CPU asleep {:.1} % of the time",
             self.readings_per_s,
             self.rows_per_s,

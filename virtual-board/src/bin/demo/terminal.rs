@@ -1,7 +1,9 @@
 //! The board's serial line as a pseudo-terminal, with a target on a stage, and flash that survives a power
 //! cycle.
 
-use anyhow::Result;
+use std::time::Duration;
+
+use anyhow::{Context as _, Result};
 use simulator::distorted_optics::DistortedOptics;
 use simulator::scene::Scene;
 use virtual_board::light::{Target, of_scene, of_scene_through};
@@ -16,6 +18,9 @@ use crate::moving_target::{self, FARTHEST, NEAREST};
 /// The largest departure of an unknown geometry from eq. (1), in metres.
 const DEPARTURE: f64 = 300e-6;
 
+/// The longest wait for the banner and for an answer.
+const PATIENCE: Duration = Duration::from_secs(2);
+
 /// Runs the board until the process is interrupted.
 pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
     let (scene, distance) = moving_target::scene(options)?;
@@ -23,8 +28,15 @@ pub fn serve(firmware: &Firmware, options: &Options) -> Result<()> {
     let mut stage = (options.stage.as_ref()).map(|file| Stage::new(file, target.clone()));
     let mut flash_file = (options.flash.as_ref()).map(FlashFile::open).transpose()?;
     let flash = (flash_file.as_ref()).map_or_else(SharedFlash::default, FlashFile::flash);
+    let comb = (scene.comb.is_some()).then(|| moving_target::slits_command(&scene));
     let light = light(options, scene, target)?;
     let mut board = VirtualBoard::power_on_with_flash(firmware, light, flash)?;
+    if let Some(command) = comb {
+        board
+            .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+            .context("the firmware did not start")?;
+        moving_target::tell(&mut board, &command, PATIENCE)?;
+    }
     let mut terminal = PseudoTerminal::open()?;
     println!("serial line: {}", terminal.path().display());
     let mut kept = Ok(());

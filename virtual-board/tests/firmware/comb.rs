@@ -1,0 +1,484 @@
+//! The firmware behind a comb of slits: faults, the sensor's rate, the same lines as on a PC, and readings on
+//! white paper with speckle.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use simulator::comb::{Comb, Slit};
+use simulator::scene::{Scene, Simulation, Spot};
+use slitrange::comb::Slits;
+use slitrange::distance::Calibration;
+use slitrange::fault::Fault;
+use slitrange::record::Record;
+use slitrange::record::encoded::EncodedRecord;
+use slitrange::settings::Settings;
+use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
+use slitrange::units::{Counts, Micrometres};
+use virtual_board::board::INSTRUCTIONS_PER_SECOND;
+use virtual_board::light::{LIGHT, Target, of_scene};
+use virtual_board::trace::Call;
+use virtual_board::upload::upload;
+use virtual_board::{Exposure, LightSource, VirtualBoard};
+
+use crate::common::{
+    DISTANCE, PATIENCE, Status, boot, firmware, fresh_results, is_reading, number, paper, results,
+    set,
+};
+use crate::faults::{assert_all_are, assert_distance_gives_advice};
+use crate::identical::{aligned, assert_same, calibrated_on_this_pc, logarithmic, on_this_pc, run};
+use crate::records;
+
+/// The sensor's rows in a second: one in 5.7 ms.
+const ROWS_PER_SECOND: f64 = 1.0 / 5.7e-3;
+
+/// White paper without speckle, behind a mask.
+fn behind(comb: Comb) -> Scene {
+    Scene {
+        comb: Some(comb),
+        ..Scene::white_paper()
+    }
+}
+
+/// White paper without speckle behind the nominal mask, at [`DISTANCE`].
+pub fn paper_behind_a_comb() -> LightSource {
+    of_scene(behind(Comb::nominal()), Target::at(DISTANCE))
+}
+
+/// A mask of 16 slits with even gaps.
+fn even(pitch: f64) -> Comb {
+    let slits = (0..16).map(|number| Slit {
+        place: pitch * (f64::from(number) - 7.5),
+        width: 200e-6,
+    });
+    Comb {
+        slits: slits.collect(),
+    }
+}
+
+/// Settings for a comb with `rows` rows in a frame.
+fn settings(rows: u16) -> Settings {
+    Settings {
+        rows,
+        slits: Slits::Comb,
+        ..Settings::default()
+    }
+}
+
+/// A board that is told about the comb.
+fn measuring(light: LightSource, rows: u16) -> VirtualBoard {
+    let (mut board, _) = boot(light);
+    set(&mut board, "slits comb");
+    set(&mut board, &format!("rows {rows}"));
+    board
+}
+
+/// The slits used, if a reading's line has them.
+fn slits_of(line: &str) -> Option<u32> {
+    let mut words = line.split(' ').skip_while(|word| *word != "k").skip(1);
+    words
+        .next()
+        .map(|word| word.parse().expect("a count of slits"))
+}
+
+/// Asserts that all lines are readings of [`DISTANCE`] whose number of slits is `slits`.
+fn assert_readings(lines: &[String], slits: Option<u32>) {
+    for line in lines {
+        assert!(is_reading(line), "readings and nothing else: {lines:#?}");
+        let error = number(line, "d ", " mm") - DISTANCE * 1e3;
+        assert!(error.abs() < 0.05, "{error} mm off: {lines:#?}");
+        assert_eq!(slits_of(line), slits, "slits used: {line}");
+    }
+}
+
+/// Asserts that all results are the fault of that name, that `distance` gives its advice, and that `status`
+/// counts it.
+fn assert_fault(board: &mut VirtualBoard, name: &str) -> String {
+    let line = fresh_results(board, 4);
+    assert_all_are(&line, name);
+    assert_distance_gives_advice(board, name);
+    let status = Status::ask(board);
+    let count = status.count(&format!("fault {name}"));
+    println!("{}: {count} in `status`", line[0]);
+    assert!(count >= 4, "{status:#?}");
+    line[0].clone()
+}
+
+#[test]
+fn a_comb_is_measured_once_the_firmware_is_told() {
+    let (mut board, _) = boot(paper_behind_a_comb());
+    set(&mut board, "rows 4");
+    // A sensor with one slit sees two spots.
+    assert_all_are(&fresh_results(&mut board, 2), "two spots");
+    set(&mut board, "slits comb");
+    let lines = fresh_results(&mut board, 4);
+    println!("{}", lines[0]);
+    assert_readings(&lines, Some(16));
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn one_slit_is_too_few_until_the_setting_is_right_again() {
+    let mut board = measuring(paper(), 4);
+    let line = assert_fault(&mut board, "too few slits");
+    assert_eq!(line, "f too few slits: 1, needs 4");
+    set(&mut board, "slits one");
+    assert_readings(&fresh_results(&mut board, 4), None);
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn a_mask_with_even_gaps_is_not_told_apart() {
+    let scene = behind(even(1e-3));
+    scene.check().expect("a scene");
+    let mut board = measuring(of_scene(scene, Target::at(DISTANCE)), 4);
+    let line = assert_fault(&mut board, "slits not told apart");
+    let (images, other) = (
+        number(&line, ": ", " images"),
+        number(&line, "and ", " fit elsewhere"),
+    );
+    assert!(images >= 4.0 && (1.0..=images).contains(&other), "{line}");
+    // The right mask brings readings back.
+    board.set_light(paper_behind_a_comb());
+    assert_readings(&fresh_results(&mut board, 4), Some(16));
+    board.finish().expect("a clean run");
+}
+
+/// Rows of white paper with speckle behind the nominal comb that come one after the other, again and again.
+/// They are made beforehand, because a run takes thousands. Each has its own noise, and all of them show one
+/// surface.
+fn recurring() -> LightSource {
+    const COUNT: u64 = 61;
+    let scene = Scene::load("comb").expect("a scene");
+    let simulation = Simulation::new(scene);
+    let rows: Vec<Vec<f32>> = (0..COUNT)
+        .map(|row| simulation.row(row, DISTANCE, 1.0 / ROWS_PER_SECOND))
+        .collect();
+    let mut next = rows.into_iter().cycle();
+    Box::new(move |_: &Exposure| next.next().expect("rows recur for ever"))
+}
+
+/// Runs the firmware with a comb at the sensor's rate. No row is lost, all frames give readings, and the
+/// core sleeps at least half of the time.
+fn assert_rate(frame: u16, seconds: u64) {
+    let mut board = measuring(recurring(), frame);
+    let before = Status::ask(&mut board);
+    board.run_for(Duration::from_millis(300)).expect("a run");
+    let (began, rows) = (board.statistics(), board.head(|head| head.row_count()));
+    for _ in 0..seconds {
+        board.run_for(Duration::from_secs(1)).expect("a run");
+        board.take_lines();
+    }
+    let ended = board.statistics();
+    let rows = (board.head(|head| head.row_count()) - rows) as f64;
+    let instructions = (ended.instructions - began.instructions) as f64;
+    let elapsed = ended.seconds - began.seconds;
+    let free = 1.0 - instructions / (INSTRUCTIONS_PER_SECOND as f64 * elapsed);
+    let status = Status::ask(&mut board);
+    println!(
+        "{frame} rows a frame, {elapsed:.1} s: {rows} rows, {:.2} a second, {} lost; {:.0} instructions a \
+         row, {:.1} % of the time free; the slowest row took {}",
+        rows / elapsed,
+        status.count("rows lost"),
+        instructions / rows,
+        100.0 * free,
+        status.count("slowest row cycles"),
+    );
+    status.assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    let faults = |it: &Status| -> u64 {
+        let names = Fault::NAMES.iter();
+        names.map(|name| it.count(&format!("fault {name}"))).sum()
+    };
+    assert_eq!(faults(&status), faults(&before), "{status:#?}");
+    assert!(
+        (rows / elapsed - ROWS_PER_SECOND).abs() * elapsed <= 2.0,
+        "{rows} rows"
+    );
+    assert!(free >= 0.5, "{free} of the time is free");
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn a_comb_keeps_the_sensors_rate_with_half_of_the_time_free() {
+    for frame in [16, 64] {
+        assert_rate(frame, 3);
+    }
+}
+
+/// Instructions from a row's words to its centre: the middle one and the most, of rows that do not end a
+/// frame, and of those that do.
+#[test]
+fn a_row_of_a_comb_costs_less_than_half_of_its_time() {
+    let mut board = measuring(recurring(), 16);
+    fresh_results(&mut board, 2);
+    board.take_calls();
+    board.trace_calls_of(firmware().address_of("measure_row").expect("a function"));
+    board.run_until_rows(18, PATIENCE).expect("rows");
+    let mut all: Vec<u64> = board.take_calls().iter().map(Call::instructions).collect();
+    assert!(all.len() >= 16, "{} rows", all.len());
+    let mean = all.iter().sum::<u64>() as f64 / all.len() as f64;
+    let period = INSTRUCTIONS_PER_SECOND as f64 / ROWS_PER_SECOND;
+    all.sort_unstable();
+    println!(
+        "{} rows: {mean:.0} instructions on average, {} in the middle, {} at most, of {period:.0} in a row's \
+         time",
+        all.len(),
+        all[all.len() / 2],
+        all[all.len() - 1],
+    );
+    assert!(mean < 0.5 * period, "{mean} of {period}");
+    board.finish().expect("a clean run");
+}
+
+#[test]
+#[ignore = "an hour of virtual time"]
+fn a_comb_loses_no_row_in_an_hour() {
+    assert_rate(16, 3600);
+}
+
+/// Rows of any comb: the nominal mask without some of its slits, with images off their places as speckle puts
+/// them, or even gaps; near and beyond the range; dim, saturated, narrow and wide. One row in four has a false
+/// image.
+pub fn any_combs(seed: u64) -> LightSource {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut row = 0;
+    Box::new(move |_: &Exposure| {
+        row += 1;
+        let missing = random.random_range(0.0..0.9);
+        let off = random.random_range(0.0..80e-6);
+        let mut comb = match random.random_range(0..10) {
+            0 => even(random.random_range(0.85e-3..1.1e-3)),
+            _ => Comb::nominal(),
+        };
+        comb.slits
+            .retain(|_| random.random_range(0.0..1.0) > missing);
+        for slit in &mut comb.slits {
+            slit.place += off * random.random_range(-1.0..1.0);
+        }
+        let width = logarithmic(&mut random, 1.0, 40.0);
+        let height = match random.random_range(0..4) {
+            0 => logarithmic(&mut random, 4.0, 12_000.0),
+            _ => logarithmic(&mut random, 60.0, 3500.0),
+        };
+        let spot = Spot {
+            width,
+            counts_per_second: height,
+        };
+        let distance = random.random_range(0.5..1.2);
+        let (place, strength) = (
+            random.random_range(0.0..LIGHT.len() as f64),
+            random.random_range(0.1..1.5),
+        );
+        let scene = Scene {
+            seed,
+            spot: (!comb.slits.is_empty()).then_some(spot),
+            comb: (!comb.slits.is_empty()).then_some(comb),
+            ..Scene::white_paper()
+        };
+        // With an exposure of one second, the light of a second is the height.
+        let mut counts = scene.row(row, distance, 1.0);
+        if row % 4 == 0 {
+            spot.add(&mut counts[LIGHT], place, strength * height);
+        }
+        counts
+    })
+}
+
+/// Frames of combs: for 40 rows a spot stays, and slits come and go. Then the target is elsewhere.
+fn frames_of_combs(seed: u64) -> LightSource {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let (mut row, mut shown, mut missing, mut distance) = (0, Comb::nominal(), 0.0, DISTANCE);
+    Box::new(move |_: &Exposure| {
+        if row % 40 == 0 {
+            shown = Comb::nominal();
+            for slit in &mut shown.slits {
+                slit.place += random.random_range(-30e-6..30e-6);
+            }
+            missing = random.random_range(0.0..0.4);
+            distance = random.random_range(0.56..1.09);
+        }
+        row += 1;
+        let mut comb = shown.clone();
+        comb.slits
+            .retain(|_| random.random_range(0.0..1.0) > missing);
+        let scene = Scene {
+            seed,
+            spot: Some(Spot {
+                width: 8.6,
+                counts_per_second: logarithmic(&mut random, 60.0, 3500.0),
+            }),
+            ..behind(comb)
+        };
+        distance += 2e-6;
+        scene.row(row, distance, 1.0)
+    })
+}
+
+#[test]
+fn every_row_of_a_comb_gives_the_same_line_on_the_chip_and_on_a_pc() {
+    const ROWS: u64 = 420;
+    for (calibration, command) in [
+        (Calibration::nominal(), "calibration on"),
+        (None, "calibration off"),
+    ] {
+        let commands = [command, "slits comb", "rows 1"];
+        let (rows, chip) = run(any_combs(11), &commands, ROWS);
+        let pc = on_this_pc(&rows, settings(1), calibration.as_ref());
+        // The first lines may still belong to frames of 16 rows.
+        let chip = &chip[2..];
+        let pc = aligned(&pc, chip);
+        let missing = pc.len().abs_diff(chip.len());
+        assert!(
+            chip.len() >= 300 && missing <= 2,
+            "{} and {}",
+            chip.len(),
+            pc.len()
+        );
+        let kinds = assert_same(chip, pc);
+        println!("{command}: {} lines are the same: {kinds:?}", chip.len());
+        let mut slits = BTreeMap::new();
+        for line in chip.iter().filter(|line| is_reading(line)) {
+            *slits.entry(slits_of(line)).or_insert(0) += 1;
+        }
+        println!("readings by slits: {slits:?}");
+        let centre = match calibration {
+            Some(_) => "reading",
+            None => "not calibrated",
+        };
+        for kind in [centre, "too few slits", "slits not told apart", "no spot"] {
+            assert!(kinds.contains_key(kind), "{kind}: {kinds:?}");
+        }
+    }
+}
+
+#[test]
+fn every_frame_of_a_comb_gives_the_same_line_on_the_chip_and_on_a_pc() {
+    for (rows, of_all) in [(5, 150), (16, 400)] {
+        let commands = ["slits comb", &format!("rows {rows}")];
+        let (shown, chip) = run(frames_of_combs(12), &commands, of_all);
+        let calibration = Calibration::nominal();
+        let chip = &chip[2..];
+        // The first frame begins with the first row after the settings took effect.
+        let pc: Vec<Vec<String>> = (0..usize::from(rows))
+            .map(|first| on_this_pc(&shown[first..], settings(rows), calibration.as_ref()))
+            .collect();
+        let pc = pc.iter().find(|pc| pc.contains(&chip[0]));
+        let pc = aligned(
+            pc.unwrap_or_else(|| panic!("the PC nowhere says {}", chip[0])),
+            chip,
+        );
+        assert!(chip.len() >= 20 && pc.len().abs_diff(chip.len()) <= 1);
+        let kinds = assert_same(chip, pc);
+        println!(
+            "{} frames of {rows} rows are the same: {kinds:?}",
+            chip.len()
+        );
+        assert!(kinds["reading"] >= 10, "{kinds:?}");
+    }
+}
+
+/// The calibration of a sensor whose geometry is nominal: u is from noise, pixels and the scatter of the
+/// slits.
+fn record() -> Record {
+    Record {
+        errors: CalibrationErrors::Fitted(FittedErrors {
+            curve: [Micrometres::from_int(1); PLACES],
+            surface: Some(FittedSurface {
+                deviation: [Micrometres::default(); PLACES],
+                height: [Counts::from_int(1000); PLACES],
+            }),
+        }),
+        estimator: Settings::default().estimator,
+        black_level: Settings::default().black_level,
+        profile: None,
+        ..records::record(Calibration::nominal().expect("a curve"))
+    }
+}
+
+/// RMS error in um, share of errors within 2u, and mean number of slits, of lines with their true distances in
+/// metres.
+fn errors<'a>(lines: impl Iterator<Item = (&'a str, f64)>) -> (f64, f64, f64) {
+    let (mut count, mut squares, mut within, mut slits) = (0.0, 0.0, 0.0, 0.0);
+    for (line, distance) in lines {
+        let error = number(line, "d ", " mm") - 1e3 * distance;
+        count += 1.0;
+        squares += error * error;
+        within += f64::from(u8::from(error.abs() <= 2.0 * number(line, "u ", " ")));
+        slits += f64::from(slits_of(line).expect("a comb's reading"));
+    }
+    (
+        1e3 * (squares / count).sqrt(),
+        within / count,
+        slits / count,
+    )
+}
+
+/// White paper at random distances over the whole range, with another surface each time, in the light of a
+/// laser with a single wavelength and a spot of 1 mm.
+#[test]
+#[ignore = "simulates the speckle of 220 surfaces behind 16 slits"]
+fn speckle_moves_readings_on_the_chip_as_on_a_pc() {
+    const SURFACES: u64 = 220;
+    const ROWS: u16 = 4;
+    let mut random = ChaCha8Rng::seed_from_u64(13);
+    let target = Target::at(DISTANCE);
+    let scene = Scene::load("comb").expect("a scene");
+    let (mut board, _) = boot(of_scene(scene, target.clone()));
+    board.head(|head| head.keep_all_rows(true));
+    let record = record();
+    let encoded = EncodedRecord::new(record.clone()).expect("a record");
+    upload(&mut board, encoded.bytes(), PATIENCE).expect("an upload");
+    set(&mut board, "slits comb");
+    set(&mut board, &format!("rows {ROWS}"));
+    board.take_lines();
+    // The true distance, and the number of the line that is compared with it.
+    let mut compared = Vec::new();
+    let mut lines = Vec::new();
+    for surface in 0..SURFACES {
+        let distance = random.random_range(0.552..1.098);
+        target.move_to(distance);
+        target.show_surface(surface);
+        lines.extend(results(&mut board, 3));
+        compared.push((lines.len() - 1, distance));
+    }
+    let shown = board.head(|head| head.rows().cloned().collect::<Vec<_>>());
+    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    board.finish().expect("a clean run");
+
+    let calibration = Some(&record.calibration);
+    // The first line may be from other settings. A frame may begin with any row.
+    let first_line = 2;
+    let pc = (0..usize::from(ROWS)).map(|first| {
+        calibrated_on_this_pc(&shown[first..], settings(ROWS), calibration, &record.errors)
+    });
+    let pc = pc.into_iter().find(|pc| pc.contains(&lines[first_line]));
+    let pc = pc.unwrap_or_else(|| panic!("the PC nowhere says {}", lines[first_line]));
+    let pc = aligned(&pc, &lines[first_line..]);
+    let kinds = assert_same(&lines[first_line..], pc);
+    println!("{kinds:?}");
+    let readings = compared
+        .iter()
+        .filter(|(number, _)| is_reading(&lines[*number]));
+    let readings: Vec<_> = readings.collect();
+    let on = |lines: &[String]| {
+        errors(
+            readings
+                .iter()
+                .map(|(number, distance)| (lines[*number].as_str(), *distance)),
+        )
+    };
+    let mut of_pc = lines[..first_line].to_vec();
+    of_pc.extend_from_slice(pc);
+    for (name, (rms, within, slits)) in [("chip", on(&lines)), ("PC", on(&of_pc))] {
+        println!(
+            "{name}: {} readings of {SURFACES}, RMS error {rms:.1} um, {:.1} % within 2u, {slits:.2} slits",
+            readings.len(),
+            100.0 * within
+        );
+    }
+    let (rms, within, _) = on(&lines);
+    assert!(readings.len() >= 200);
+    assert!(rms < 140.0, "{rms} um");
+    assert!(within >= 0.93, "{within}");
+}
