@@ -12,6 +12,7 @@
 
 pub mod apparatus;
 pub mod camera;
+pub mod comb_path;
 pub mod data_set;
 pub mod errors;
 pub mod experiment;

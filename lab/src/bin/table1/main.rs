@@ -5,6 +5,7 @@ mod report;
 
 use clap::Parser;
 use lab::paper::apparatus::{Aperture, POSITIONS};
+use lab::paper::comb_path;
 use lab::paper::experiment::{Experiment, Outcome};
 use lab::paper::materials::MATERIALS;
 use lab::paper::training::PIECES;
@@ -16,7 +17,7 @@ use crate::report::Report;
 const SEED: u64 = 1;
 
 /// Simulates the paper's experiment: six materials, lens against slit, 16,800 positions of five captures
-/// each.
+/// each. Beside the paper's camera stands a comb of slits on a line sensor.
 #[derive(Parser)]
 #[command(name = "cargo table1")]
 struct Options {
@@ -33,7 +34,7 @@ struct Options {
     /// Only this material, by a part of its name
     #[arg(long, value_name = "NAME", value_parser = material)]
     material: Option<usize>,
-    /// Only the lens or only the slit
+    /// Only the lens or only the slit, without the comb
     #[arg(long, value_name = "NAME", value_parser = aperture)]
     optics: Option<Aperture>,
     /// Also rewrite the table and the figures of docs/physics.md with these results
@@ -83,7 +84,11 @@ fn main() -> anyhow::Result<()> {
         seed: options.seed,
         pieces: PIECES,
     };
-    let report = Report::new(run(&options, &experiment)?, &experiment);
+    let report = Report::new(
+        run(&options, &experiment)?,
+        run_combs(&options)?,
+        &experiment,
+    );
     if options.json {
         println!("{}", serde_json::to_string_pretty(&report.json())?);
         return Ok(());
@@ -129,4 +134,30 @@ fn run(options: &Options, experiment: &Experiment) -> anyhow::Result<Vec<Outcome
         .collect();
     progress.finish_and_clear();
     outcomes
+}
+
+/// The comb on a line sensor, on each material.
+fn run_combs(options: &Options) -> anyhow::Result<Vec<comb_path::Judged>> {
+    if options.optics.is_some() {
+        return Ok(vec![]);
+    }
+    let materials = || {
+        let all = 0..MATERIALS.len();
+        all.filter(|&material| options.material.is_none_or(|only| only == material))
+    };
+    let positions = POSITIONS.div_ceil(options.stride());
+    let progress = progress::bar(
+        (materials().count() * positions) as u64,
+        "{msg:24} {wide_bar} {pos}/{len} positions, {eta} left",
+    )?;
+    let judged = materials()
+        .map(|material| {
+            progress.set_message(format!("{}, comb", MATERIALS[material].name));
+            comb_path::judge(material, options.seed, options.stride(), &|| {
+                progress.inc(1)
+            })
+        })
+        .collect();
+    progress.finish_and_clear();
+    judged
 }

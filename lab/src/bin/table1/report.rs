@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use lab::paper::apparatus::{self, Aperture, LASER, POSITIONS, TAN_ANGLE, WANDER};
 use lab::paper::camera::{FULL_SCALE, PEAK};
+use lab::paper::comb_path;
 use lab::paper::errors::Judged;
 use lab::paper::experiment::{Experiment, Outcome};
 use lab::paper::lens_effects::{DISTORTION, Flare};
@@ -16,6 +17,8 @@ use serde::Serialize;
 pub struct Report {
     /// Of every material and aperture that was run.
     pub outcomes: Vec<Outcome>,
+    /// Of every material that was run, the comb on a line sensor.
+    combs: Vec<comb_path::Judged>,
     /// The best method for the slit, by the data that were trained on.
     pub best: Option<Method>,
     /// What was run.
@@ -60,10 +63,15 @@ const MICROMETRES: f64 = 1e6;
 
 impl Report {
     /// Chooses the best method, and reports.
-    pub fn new(outcomes: Vec<Outcome>, experiment: &Experiment) -> Self {
+    pub fn new(
+        outcomes: Vec<Outcome>,
+        combs: Vec<comb_path::Judged>,
+        experiment: &Experiment,
+    ) -> Self {
         Self {
             best: best(&outcomes),
             outcomes,
+            combs,
             experiment: *experiment,
         }
     }
@@ -118,8 +126,8 @@ impl Report {
         let mut text = format!(
             "Errors in µm, simulated on a PC, with the paper's in brackets; {}.\n\n\
              | Material | Lens MAX | MAE | Slit, gaussian MAX | MAE | Slit, Fraunhofer MAX | MAE | Slit, \
-             ours MAX | MAE |\n\
-             |:--|--:|--:|--:|--:|--:|--:|--:|--:|\n",
+             ours MAX | MAE | Comb, line sensor MAX | MAE |\n\
+             |:--|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
             self.extent()
         );
         let methods = PAPERS_METHODS.map(|(_, method)| method);
@@ -139,8 +147,12 @@ impl Report {
                     line += &format!(" {ours}{paper} |");
                 }
             }
+            for figure in self.comb(i) {
+                line += &figure.map_or(" - |".into(), |um| format!(" {um:.0} |"));
+            }
             text += &(line + "\n");
         }
+        text += &self.combs_text();
         if let Some(best) = self.best {
             let gains = self.gains(&best);
             let gains = || gains.iter().map(|gain| gain.gain_percent);
@@ -157,6 +169,30 @@ impl Report {
                 brightness over that of the matt surface. *Texture*: the standard deviation of the \
                 reflectance over its mean, and the length over which the reflectance varies.\n\n"
             + &chosen()
+    }
+
+    /// MAX and MAE of the comb on a material, in micrometres.
+    fn comb(&self, material: usize) -> [Option<f64>; 2] {
+        let comb = self.combs.iter().find(|comb| comb.material == material);
+        [
+            comb.map(|comb| comb.max * MICROMETRES),
+            comb.map(|comb| comb.mae * MICROMETRES),
+        ]
+    }
+
+    /// What the column of the comb is, in a paragraph.
+    fn combs_text(&self) -> String {
+        if self.combs.is_empty() {
+            return String::new();
+        }
+        let faults: usize = self.combs.iter().map(|comb| comb.without_centre).sum();
+        let slits: f64 = self.combs.iter().map(|comb| comb.slits).sum();
+        format!(
+            "\nThe comb has 16 slits before one row of pixels of 8 µm x 200 µm (TCD1304DG). A reading is a \
+             frame of five rows, and uses {:.1} slits in the mean; {faults} positions have no reading. Eq. (1) \
+             is fitted to each data set itself, as for the others.\n",
+            slits / self.combs.len() as f64
+        )
     }
 
     /// What a method makes of a material.
@@ -182,8 +218,17 @@ impl Report {
                 }
             })
         });
+        let combs = self.combs.iter().map(|comb| Cell {
+            material: MATERIALS[comb.material].name,
+            optics: "comb",
+            method: "line sensor".to_owned(),
+            mae_um: comb.mae * MICROMETRES,
+            max_um: comb.max * MICROMETRES,
+            paper_mae_um: None,
+            paper_max_um: None,
+        });
         Json {
-            cells: cells.collect(),
+            cells: cells.chain(combs).collect(),
             best: self.best.map(|method| Best {
                 method: method.name(),
                 gains: self.gains(&method),
@@ -227,11 +272,11 @@ impl Report {
         for (name, _) in PAPERS_METHODS {
             write!(text, "{name:>46}")?;
         }
-        write!(text, "\n{:<20}", "Material")?;
+        write!(text, "{:>24}\n{:<20}", "Comb, line sensor", "Material")?;
         for _ in PAPERS_METHODS {
             write!(text, "{:>23}{:>23}", "MAX", "MAE")?;
         }
-        writeln!(text)?;
+        writeln!(text, "{:>12}{:>12}", "MAX", "MAE")?;
         for (i, (material, paper)) in MATERIALS.iter().zip(&TABLE_1).enumerate() {
             let mut line = format!("{:<20}", material.name);
             let mut any = false;
@@ -253,6 +298,11 @@ impl Report {
                     }
                     _ => write!(line, "{:>46}", "-")?,
                 }
+            }
+            for figure in self.comb(i) {
+                any |= figure.is_some();
+                let figure = figure.map_or("-".into(), |um| format!("{um:.0}"));
+                write!(line, "{figure:>12}")?;
             }
             if any {
                 writeln!(text, "{line}")?;

@@ -1,0 +1,221 @@
+//! A comb of slits before a line sensor on the paper's table, in place of the camera: the same pieces of
+//! material in the same light, through the core.
+
+use anyhow::Context as _;
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, StandardNormal};
+use rayon::prelude::*;
+use simulator::comb::Comb;
+use simulator::field::{Image, Surface, View, slit_image};
+use simulator::optics::Optics;
+use simulator::scene::{Sensor, quantise};
+use slitrange::comb::Slits;
+use slitrange::measurement::Measurement;
+use slitrange::row::Polarity;
+use slitrange::sensor_heads;
+use slitrange::settings::Settings;
+use slitrange_tool::fit::eq1;
+
+use crate::paper::apparatus::{CAPTURES, LASER, SLIT, TABLE, WANDER};
+use crate::paper::camera::PEAK;
+use crate::paper::data_set::{JUDGED, positions};
+use crate::paper::materials::MATERIALS;
+
+/// The comb on a material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Judged {
+    /// Index of the material in [`MATERIALS`].
+    pub material: usize,
+    /// Mean of the absolute errors in metres.
+    pub mae: f64,
+    /// The largest absolute error in metres.
+    pub max: f64,
+    /// Positions without a centre.
+    pub without_centre: usize,
+    /// Mean number of slits in a reading.
+    pub slits: f64,
+}
+
+/// Pixels that an image of a slit is computed on: the next slit's begins there.
+const COLUMNS: usize = 128;
+
+/// Parts of a pixel's height: the slit's fringes along it are a tenth of a millimetre long.
+const PARTS: usize = 8;
+
+/// Black level, noise and electrons of a count: those of the TCD1304DG in the scenes.
+const BLACK: f64 = 300.0;
+const READ_NOISE: f64 = 4.0;
+const ELECTRONS: f64 = 10.0;
+
+/// A piece of material, seen by a line sensor through a comb.
+struct Target {
+    surface: Surface,
+    material: usize,
+    slits: Vec<Optics>,
+    optics: Optics,
+    /// Counts for an image's light times its density times its brightness.
+    counts: f64,
+    seed: u64,
+}
+
+impl Target {
+    fn new(material: usize, seed: u64) -> anyhow::Result<Self> {
+        let optics = Optics::nominal_on(Sensor::Tcd1304dg);
+        let of_piece = seed ^ (material as u64) << 48 ^ JUDGED << 32;
+        let mut target = Self {
+            surface: MATERIALS[material].surface(&LASER, of_piece)?,
+            material,
+            slits: (Comb::nominal().slits.iter())
+                .map(|slit| slit.optics(&optics))
+                .collect(),
+            optics,
+            counts: 1.0,
+            seed: of_piece,
+        };
+        // As the camera's exposure: the mean peak along the table is a quarter of full scale.
+        const EXPOSED_AT: usize = 16;
+        let mut sum = 0.0;
+        for i in 0..EXPOSED_AT {
+            let share = (i as f64 + 0.5) / EXPOSED_AT as f64;
+            let distance = TABLE.0 + (TABLE.1 - TABLE.0) * share;
+            let view = target.view(&target.optics, distance);
+            let image = slit_image(&target.surface, &view, &SLIT, &[0.0], &[0.0])?;
+            sum += target.brightness(&view) * image.density;
+        }
+        target.counts = PEAK * EXPOSED_AT as f64 / sum;
+        Ok(target)
+    }
+
+    fn view(&self, slit: &Optics, distance: f64) -> View {
+        View {
+            distance: distance - slit.offset,
+            baseline: slit.baseline,
+            lateral: [WANDER * (distance - TABLE.0), 0.0],
+        }
+    }
+
+    /// Light that reaches a slit, in any unit.
+    fn brightness(&self, view: &View) -> f64 {
+        let angle = (view.baseline / view.distance).atan();
+        MATERIALS[self.material].brightness(angle) / view.range().powi(2)
+    }
+
+    /// The light of all slits on the row, in counts.
+    fn light(&self, distance: f64) -> anyhow::Result<Vec<f32>> {
+        let mut row = vec![0.0; sensor_heads::tcd1304dg().light.len()];
+        let parts: Vec<f64> = (0..PARTS)
+            .map(|i| ((i as f64 + 0.5) / PARTS as f64 - 0.5) * Sensor::Tcd1304dg.pixel_height())
+            .collect();
+        for slit in &self.slits {
+            let centre = slit.centre(distance);
+            let first = centre.round() as usize - COLUMNS / 2;
+            let columns: Vec<f64> = (first..first + COLUMNS)
+                .map(|column| (column as f64 - centre) * slit.pitch)
+                .collect();
+            let view = self.view(slit, distance);
+            let image: Image = slit_image(&self.surface, &view, &SLIT, &columns, &parts)?;
+            let counts = self.counts * self.brightness(&view) * image.density / PARTS as f64;
+            for part in 0..PARTS {
+                for (place, light) in row[first..].iter_mut().zip(image.row(part)) {
+                    *place += (counts * f64::from(*light)) as f32;
+                }
+            }
+        }
+        Ok(row)
+    }
+
+    /// The centre of a frame of the paper's captures, in pixels, and the slits used.
+    fn centre(&self, distance: f64, position: u64) -> anyhow::Result<Option<(f64, u8)>> {
+        let light = self.light(distance)?;
+        let geometry = sensor_heads::tcd1304dg();
+        let settings = Settings {
+            rows: CAPTURES as u16,
+            slits: Slits::Comb,
+            ..Settings::default()
+        };
+        let mut measurement = Measurement::new(geometry.clone(), settings);
+        let mut random = ChaCha8Rng::seed_from_u64(!self.seed);
+        random.set_stream(position);
+        let measured = (0..CAPTURES).find_map(|_| {
+            let mut noisy = vec![BLACK as f32; geometry.words];
+            noisy[geometry.light.clone()]
+                .iter_mut()
+                .zip(&light)
+                .for_each(|(pixel, light)| *pixel += light);
+            for pixel in &mut noisy {
+                let variance = READ_NOISE * READ_NOISE + (f64::from(*pixel) - BLACK) / ELECTRONS;
+                let normal: f64 = StandardNormal.sample(&mut random);
+                *pixel += (normal * variance.sqrt()) as f32;
+            }
+            let mut words = quantise(&noisy, geometry.full_scale());
+            if geometry.polarity == Polarity::Falling {
+                (words.iter_mut()).for_each(|word| *word = geometry.full_scale() - *word);
+            }
+            measurement.row(&mut words)
+        });
+        let measured = measured.context("a frame of all captures is complete")?;
+        Ok(measured.ok().map(|measured| {
+            let used = measured.comb.map_or(1, |comb| comb.used);
+            (measured.frame.centre.to_f64(), used)
+        }))
+    }
+}
+
+/// Moves a material past the comb, at every `stride`-th of the paper's positions, and fits eq. (1) to the data
+/// set itself as the paper does. `done` is called after each position.
+///
+/// # Errors
+/// The surface cannot be made, or eq. (1) does not fit.
+pub fn judge(
+    material: usize,
+    seed: u64,
+    stride: usize,
+    done: &(dyn Fn() + Sync),
+) -> anyhow::Result<Judged> {
+    let target = Target::new(material, seed)?;
+    let distances = positions(stride);
+    let found: Vec<Option<(f64, u8)>> = (distances.par_iter().enumerate())
+        .map(|(position, &distance)| {
+            let centre = target.centre(distance, position as u64);
+            done();
+            centre
+        })
+        .collect::<anyhow::Result<_>>()?;
+    let points: Vec<(f64, f64)> = (found.iter().zip(&distances))
+        .filter_map(|(found, &distance)| found.map(|(centre, _)| (centre, distance)))
+        .collect();
+    let fit = eq1::fit(&points)?;
+    let errors = || {
+        let points = points.iter();
+        points.map(|&(centre, distance)| (fit.curve.distance(centre) - distance).abs())
+    };
+    let slits: f64 = found
+        .iter()
+        .flatten()
+        .map(|(_, used)| f64::from(*used))
+        .sum();
+    Ok(Judged {
+        material,
+        mae: errors().sum::<f64>() / points.len() as f64,
+        max: errors().fold(0.0, f64::max),
+        without_centre: found.len() - points.len(),
+        slits: slits / points.len() as f64,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Through 16 slits the mean error on paper is below what the simulated camera has with one slit and 600
+    /// rows (docs/physics/table1.csv: 89 um at every tenth position).
+    #[test]
+    fn a_comb_beats_the_camera_on_paper() {
+        let paper = MATERIALS.iter().position(|it| it.name == "Printer Paper");
+        let judged = judge(paper.expect("paper"), 7, 420, &|| {}).expect("a curve");
+        println!("{judged:?}");
+        assert_eq!(judged.without_centre, 0);
+        assert!(judged.mae < 60e-6 && judged.slits > 15.0);
+    }
+}
