@@ -47,16 +47,17 @@
 //!
 //! | | bytes |
 //! |---|---|
-//! | [`Measurement`], with the frame under way and the sums over a row's blocks | 6864 |
+//! | [`Measurement`], with the frame under way and the sums over a row's blocks | 8576 |
 //! | [`Calibration`] | 2144 |
 //! | [`record::Record`], a calibration with the sensor that it belongs to | 2536 |
 //! | [`pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |
-//! | [`session::Session`], the serial line with its copies of both | 6368 |
-//! | [`Measured`], [`Reading`], [`Geometry`], [`Settings`] | 92 or less, each |
+//! | [`session::Session`], the serial line with its copies of both | 6376 |
+//! | [`Measured`], with the centre of each slit of a comb | 360 |
+//! | [`Reading`], [`Geometry`], [`Settings`] | 92 or less, each |
 //!
 //! Stack: a row takes 18 KB, because the search keeps the sums over its blocks, and 26 KB if a background
-//! that rises along the row is removed first. At most 50,212 bytes were measured on the virtual board, in a
-//! save that reads the longest record again (docs/proofs.md says how).
+//! that rises along the row is removed first. A row of a comb takes 20 KB. At most 50,740 bytes were measured
+//! on the virtual board, in a save that reads the longest record again (docs/proofs.md says how).
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 

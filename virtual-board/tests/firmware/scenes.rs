@@ -41,11 +41,23 @@ fn result(board: &mut VirtualBoard) -> Line {
     board.run_until_line(is_result, PATIENCE).expect("a result")
 }
 
+/// A scene with a comb gives its fault to a sensor with one slit. A sensor that is told about the comb gives a
+/// reading.
+fn assert_comb_gives_readings(board: &mut VirtualBoard, name: &str, scene: &Scene) {
+    set(board, "slits comb");
+    let line = result(board);
+    println!("{name}, slits comb: {}", line.text);
+    assert!(is_reading(&line.text), "{name}: {}", line.text);
+    let error = number(&line.text, "d ", " mm") - 1e3 * scene.distance;
+    assert!(error.abs() < 0.5, "{name}: {error} mm off: {}", line.text);
+    set(board, "slits one");
+}
+
 #[test]
 fn every_scene_gives_readings_or_its_own_fault() {
     let (mut board, _) = boot(paper());
     set(&mut board, "rows 1");
-    let (mut readings, mut faults) = (0, 0);
+    let (mut readings, mut faults, mut combs) = (0, 0, 0);
     for name in file::names().expect("the folder of scenes") {
         let scene = Scene::load(&name).expect("a scene");
         if scene.sensor != Sensor::Tcd1304dg {
@@ -80,11 +92,15 @@ fn every_scene_gives_readings_or_its_own_fault() {
                 let start = format!("f {fault}");
                 assert!(line.text.starts_with(&start), "{name}: {}", line.text);
                 faults += 1;
+                if scene.comb.is_some() {
+                    assert_comb_gives_readings(&mut board, &name, &scene);
+                    combs += 1;
+                }
             }
         }
     }
     // An empty folder must fail the test.
-    println!("{readings} scenes gave readings, {faults} faults");
-    assert!(readings >= 8 && faults >= 3);
+    println!("{readings} scenes gave readings, {faults} faults, {combs} combs");
+    assert!(readings >= 8 && faults >= 3 && combs >= 1);
     board.finish().expect("a clean run");
 }
