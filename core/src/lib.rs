@@ -47,12 +47,13 @@
 //!
 //! | | bytes |
 //! |---|---|
-//! | [`Measurement`], with the frame under way and the sums over a row's blocks | 6864 |
+//! | [`Measurement`], with the frame under way and the sums over a row's blocks | 8576 |
 //! | [`Calibration`] | 2144 |
-//! | [`record::Record`], a calibration with the sensor that it belongs to | 2536 |
+//! | [`record::Record`], a calibration with the sensor that it belongs to | 2864 |
 //! | [`pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |
-//! | [`session::Session`], the serial line with its copies of both | 6368 |
-//! | [`Measured`], [`Reading`], [`Geometry`], [`Settings`] | 92 or less, each |
+//! | [`session::Session`], the serial line with its copies of both | 7344 |
+//! | [`Measured`], with the centre of each slit of a comb | 360 |
+//! | [`Reading`], [`Geometry`], [`Settings`] | 92 or less, each |
 //!
 //! Stack: a row takes 18 KB, because the search keeps the sums over its blocks, and 26 KB if a background
 //! that rises along the row is removed first. At most 50,212 bytes were measured on the virtual board, in a

@@ -69,7 +69,8 @@ pub struct FittedErrors {
 /// How a surface moves the spot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FittedSurface {
-    /// Standard uncertainty of a distance, for a spot of the usual height.
+    /// Standard uncertainty of a distance, for a spot of the usual height. For a comb, only the part that all
+    /// slits share, whatever the height: the scatter of the slits tells the rest.
     pub deviation: [Micrometres; PLACES],
     /// The usual height of the spot.
     pub height: [Counts; PLACES],
@@ -228,9 +229,11 @@ impl Place {
         let shared = match (surface, errors) {
             (Surface::Off, _) => return Micrometres::default(),
             (Surface::Fixed(deviation), _) => return deviation,
-            (Surface::Auto, CalibrationErrors::Fitted(_)) => errors
-                .surface(self, surface)
-                .map_or(0.0, |(deviation, _)| deviation),
+            (Surface::Auto, CalibrationErrors::Fitted(FittedErrors { surface, .. })) => {
+                surface.as_ref().map_or(0.0, |it| {
+                    between(&it.deviation.map(Micrometres::to_f32), self.along)
+                })
+            }
             (Surface::Auto, _) => 0.0,
         };
         let squares = square(by_slits.to_f32() * self.slope) + square(shared);

@@ -48,6 +48,7 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
             black_level: slitrange::black_level::BlackLevel::Shielded,
             calibration: made.calibration.clone(),
             profile: None,
+            comb: None,
             errors: CalibrationErrors::Unknown,
         };
         let written = EncodedRecord::new(record.clone()).expect("a record");
