@@ -78,7 +78,7 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
         }
         let report = Report::of("points".into(), &solved, &made);
         prop_assert!(!report.to_string().contains("NaN"), "{}", report);
-        figure::draw(&solved, made.form, &directory.path().join("a.svg")).expect("a figure");
+        figure::draw(&solved, made.form, None, &directory.path().join("a.svg")).expect("a figure");
         any = true;
     }
     Ok(any)

@@ -50,6 +50,7 @@ fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
         black_level: BlackLevel::Fixed(Counts::from_int(300)),
         // The tables have a spot of their own.
         profile: (!matches!(calibration, Calibration::Eq1(_))).then_some(PROFILE),
+        comb: None,
         calibration,
         errors: CalibrationErrors::Unknown,
     })

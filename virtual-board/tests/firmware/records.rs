@@ -40,6 +40,7 @@ pub fn record(calibration: Calibration) -> Record {
                 height: [Counts::from_int(1000); PLACES],
             }),
         }),
+        comb: None,
         // The board's spot is symmetric.
         profile: Some(Profile {
             first: Pixels::from_int(1200),
