@@ -18,7 +18,8 @@
 //! of distance over x0 takes that in. So the corrections' coefficients are made to add up to zero.
 //!
 //! **Few points.** A slit with fewer than twelve points, or whose points lie on a part of the range, gets a
-//! polynomial of a lower degree, or none: then the mask's drawing is all that is known of the slit.
+//! polynomial of a lower degree, or none: then the mask's drawing is all that is known of the slit. The points'
+//! x0 are those of the other slits.
 
 use anyhow::Context as _;
 use nalgebra::{DMatrix, DVector};
@@ -71,6 +72,13 @@ const LEAST_SPAN: [f64; CORRECTIONS] = [0.0, 0.25, 0.5, 0.75];
 /// An image is left out if it is so many standard deviations from its point's x0, as on the sensor.
 const OUTLIER: f64 = 5.0;
 
+/// No image is left out that is nearer than this to its point's x0, in pixels: a correction of degree three may
+/// leave so much of a bent window.
+const LEAST_OFF: f64 = 0.25;
+
+/// The same for slits with few points, whose corrections leave more: five times what 5 um of a mask move an image.
+const LEAST_OFF_OF_FEW: f64 = 3.0;
+
 /// In the first rounds, an image so many standard deviations off counts less, in proportion.
 const LESS: f64 = 2.5;
 
@@ -98,11 +106,18 @@ struct Image {
     light: f64,
     /// What the image counts, 0 to 1, beside its light.
     trust: f64,
+    /// Whether the image counts in the x0 of its point: that of a slit with few points does not.
+    is_common: bool,
 }
 
 impl Image {
     fn weight(&self) -> f64 {
         self.light * self.trust
+    }
+
+    /// Whether the image counts in the x0 of its point.
+    fn counts(&self) -> bool {
+        self.is_common && self.trust > 0.0
     }
 
     /// 1, t, t^2, t^3.
@@ -144,7 +159,7 @@ pub fn fit(points: &[Point]) -> anyhow::Result<Option<FittedComb>> {
     let mut corrections = Corrections::default();
     let mut x0s = means(&images, &corrections, points.len());
     for round in 0..ROUNDS {
-        let degrees = degrees(&images);
+        let degrees = mark_common(&mut images);
         corrections =
             solve(&images, &degrees, &x0s).context("the slits' corrections have no solution")?;
         x0s = means(&images, &corrections, points.len());
@@ -165,8 +180,8 @@ pub fn fit(points: &[Point]) -> anyhow::Result<Option<FittedComb>> {
             .map(|slit| slit.correction().map(|term| term.to_f64()));
         slit.unwrap_or_default()
     });
+    let degrees = mark_common(&mut images);
     let x0s = means(&images, &rounded, points.len());
-    let degrees = degrees(&images);
     let sigmas = sigmas(&images, &rounded, &x0s, &degrees);
     let all = slits.iter().enumerate();
     let slits = all
@@ -211,6 +226,7 @@ fn images_of(point: usize, images: &SlitImages, nominal: &Comb) -> Option<Vec<Im
                 t: (x0 - f64::from(DRAWING.axis_px)) / f64::from(UNIT),
                 light: image.height_counts.max(1.0),
                 trust: 1.0,
+                is_common: true,
             })
         })
         .collect();
@@ -223,7 +239,8 @@ fn means(images: &[Image], corrections: &Corrections, points: usize) -> Vec<f64>
     let mut all = sums.clone();
     for image in images {
         let x0 = image.corrected(corrections);
-        for (sums, weight) in [(&mut sums, image.weight()), (&mut all, image.light)] {
+        let weight = if image.counts() { image.weight() } else { 0.0 };
+        for (sums, weight) in [(&mut sums, weight), (&mut all, image.light)] {
             let (sum, weights) = &mut sums[image.point];
             *sum += weight * x0;
             *weights += weight;
@@ -233,6 +250,24 @@ fn means(images: &[Image], corrections: &Corrections, points: usize) -> Vec<f64>
     (sums.into_iter().zip(all))
         .map(|(sums, all)| mean(sums).or(mean(all)).unwrap_or_default())
         .collect()
+}
+
+/// The degree of each slit's correction. The images of the slits with the highest degree that at least [`FEWEST`]
+/// slits have count in the x0 of their points.
+fn mark_common(images: &mut [Image]) -> [Option<usize>; MAX_SLITS] {
+    let degrees = degrees(images);
+    let most = common_degree(&degrees);
+    for image in images {
+        image.is_common = degrees[image.slit] >= most;
+    }
+    degrees.map(|degree| degree.min(most))
+}
+
+/// The highest degree that at least [`FEWEST`] slits have.
+fn common_degree(degrees: &[Option<usize>; MAX_SLITS]) -> Option<usize> {
+    let mut sorted = *degrees;
+    sorted.sort_unstable();
+    sorted[MAX_SLITS - FEWEST]
 }
 
 /// The degree of each slit's correction.
@@ -265,9 +300,7 @@ fn solve(
     x0s: &[f64],
 ) -> Option<Corrections> {
     let freedoms = degrees.map(|degree| degree.map_or(0, |degree| degree + 1));
-    let mut sorted = freedoms;
-    sorted.sort_unstable_by(|a, b| b.cmp(a));
-    let most = sorted[FEWEST - 1];
+    let most = common_degree(degrees).map_or(0, |degree| degree + 1);
     let mut corrections = Corrections::default();
     if most == 0 {
         return Some(corrections);
@@ -326,14 +359,10 @@ fn solve(
     for (terms, &slit) in solution.as_slice().chunks(most).zip(&together) {
         corrections[slit][..most].copy_from_slice(terms);
     }
-    let common: Vec<Image> = (images.iter())
-        .filter(|image| place[image.slit].is_some())
-        .copied()
-        .collect();
-    let reference = means(&common, &corrections, x0s.len());
+    let reference = means(images, &corrections, x0s.len());
     let has_reference = |image: &&Image| {
-        let mut others = common.iter().filter(|other| other.point == image.point);
-        others.any(|other| other.trust > 0.0)
+        let mut others = images.iter().filter(|other| other.point == image.point);
+        others.any(Image::counts)
     };
     for slit in (0..MAX_SLITS).filter(|&slit| freedoms[slit] < most && freedoms[slit] > 0) {
         let of_slit = images
@@ -378,9 +407,15 @@ fn trust(images: &mut [Image], corrections: &Corrections, x0s: &[f64], rejects: 
     // 1.4826 median deviations are a gaussian's sigma.
     let deviation = 1.4826 * median(&mut all);
     for image in images {
+        let least = if image.is_common {
+            LEAST_OFF
+        } else {
+            LEAST_OFF_OF_FEW
+        };
+        let outlier = (OUTLIER * deviation).max(least * image.light.sqrt());
         let off = off(image);
         image.trust = match rejects {
-            true if off > OUTLIER * deviation => 0.0,
+            true if off > outlier => 0.0,
             true => 1.0,
             false if off > LESS * deviation => LESS * deviation / off,
             false => 1.0,
@@ -404,7 +439,7 @@ fn sigmas(
         images: f64,
     }
     let mut of_points = vec![OfPoint::default(); x0s.len()];
-    for image in images.iter().filter(|image| image.trust > 0.0) {
+    for image in images.iter().filter(|image| image.counts()) {
         let point = &mut of_points[image.point];
         let off = image.corrected(corrections) - x0s[image.point];
         point.squares += image.light * off * off;
@@ -412,7 +447,11 @@ fn sigmas(
         point.images += 1.0;
     }
     let freedom: f64 = of_points.iter().map(|it| (it.images - 1.0).max(0.0)).sum();
-    let fitted: usize = degrees.iter().flatten().map(|degree| degree + 1).sum();
+    let common = degrees
+        .iter()
+        .flatten()
+        .filter(|&&degree| Some(degree) == common_degree(degrees));
+    let fitted: usize = common.map(|degree| degree + 1).sum();
     // The corrections follow the images, so the residuals are smaller than the errors.
     let left = (freedom - fitted as f64).max(1.0);
     let by_fit = (freedom / left).max(1.0);

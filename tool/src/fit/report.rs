@@ -457,11 +457,8 @@ impl fmt::Display for Report {
         match &self.surface {
             Some(surface) if self.comb.is_some() => writeln!(
                 f,
-                "  moves all slits together by {:.1} um +- {:.0} % of the errors' square at {:.0} mm, beyond \
-                 their scatter: this part of u the scatter cannot show",
-                surface.deviation_um,
-                100.0 * surface.known_to,
-                surface.middle_mm
+                "  moves all slits together by {:.1} um at {:.0} mm, which their scatter cannot show",
+                surface.deviation_um, surface.middle_mm
             )?,
             None if self.comb.is_some() => writeln!(
                 f,
