@@ -7,7 +7,7 @@ use slitrange::centre::Estimator;
 use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use crate::common::{PATIENCE, firmware, paper, results, set, spot_at};
-use crate::records::{longest, upload};
+use crate::records::{longest_of_comb, upload};
 
 /// The pattern in unused stack.
 const PATTERN: u32 = 0xA5C3_5A3C;
@@ -59,7 +59,7 @@ fn the_stack_stays_far_from_the_statics() {
     }
     board.take_lines();
     // Records are the largest objects. Upload one, save it, and start again with it.
-    upload(&mut board, &longest());
+    upload(&mut board, &longest_of_comb());
     for command in ["save", "save nominal"] {
         board.send(&format!("{command}\r\n"));
         board
