@@ -7,6 +7,7 @@ use core::task::Poll;
 
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
+use slitrange::comb::Comb;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
@@ -33,8 +34,9 @@ pub async fn measure() {
     let mut silence = Silence::new();
     loop {
         // Settings and requests first, so that they hold for every row that comes after them.
-        if let Some((settings, profile)) = SETTINGS.try_take() {
-            measurement.set(settings, profile);
+        if let Some(applied) = SETTINGS.try_take() {
+            measurement.set(applied.settings, applied.profile);
+            measurement.set_comb(applied.comb.unwrap_or_else(Comb::nominal));
             // The frame starts again, so this counts as a result. Otherwise a user who changes settings
             // faster than frames end would make the watchdog take the lack of results for a fault.
             COUNTERS.results.add();

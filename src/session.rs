@@ -164,8 +164,8 @@ impl Shell {
     }
 
     fn apply(&mut self) {
-        if let Some(settings) = self.actions.apply.take() {
-            SETTINGS.signal(settings);
+        if let Some(applied) = self.actions.apply.take() {
+            SETTINGS.signal(applied);
         }
     }
 

@@ -7,11 +7,10 @@ use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use slitrange::fault::Fault;
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
-use slitrange::profile::Profile;
 use slitrange::protocol::status::{SerialErrors, Vitals};
 use slitrange::reading::Measured;
 use slitrange::sensor_heads;
-use slitrange::settings::Settings;
+use slitrange::session::Applied;
 
 /// Words in a row, all of which one DMA transfer brings.
 pub const WORDS: usize = sensor_heads::tcd1304dg().words;
@@ -36,8 +35,8 @@ pub static FULL: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::ne
 #[unsafe(link_section = ".ccm.results")]
 pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Measured, Fault>, 16> = Channel::new();
 
-/// Changed settings, and the sensor's own spot. Only the last change matters.
-pub static SETTINGS: Signal<CriticalSectionRawMutex, (Settings, Option<Profile>)> = Signal::new();
+/// Changed settings, with what the calibration knows of the sensor. Only the last change matters.
+pub static SETTINGS: Signal<CriticalSectionRawMutex, Applied> = Signal::new();
 
 /// While this is set, no reading is due: rows are taken and dropped. It is set from the start until the flash
 /// has been read, and during each save.

@@ -22,7 +22,12 @@ mod mask;
 mod peaks;
 mod slit_map;
 
+use core::fmt;
+
 use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::units::Micrometres;
 
 pub use assignment::{Assignment, FEWEST, LEAD, TOLERANCE, assign};
 pub(crate) use background::background;
@@ -30,7 +35,7 @@ pub use combination::{Combined, Scatter, SlitCentre, SlitCentres};
 pub(crate) use images::CombMeasurement;
 pub use mask::{MAX_SLITS, NOMINAL_GAPS_UM, NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 pub use peaks::{MAX_PEAKS, Peak, Peaks};
-pub use slit_map::{CORRECTIONS, SlitMap};
+pub use slit_map::{CORRECTIONS, LARGEST_CORRECTION, LARGEST_PLACE_UM, SlitMap, UNIT};
 
 /// What is before the sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,8 +65,8 @@ impl Slits {
     }
 }
 
-/// The slits of a comb, in the order of their places.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// The slits of a comb, in the order of their places. Records hold them, by postcard.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Comb {
     slits: Vec<SlitMap, MAX_SLITS>,
 }
@@ -95,5 +100,137 @@ impl Comb {
     /// The slits.
     pub fn slits(&self) -> &[SlitMap] {
         &self.slits
+    }
+
+    /// Checks that rows can be measured with these slits.
+    ///
+    /// # Errors
+    /// [`CombError`] says which slit cannot be used, and why.
+    pub fn check(&self) -> Result<(), CombError> {
+        let slits = self.slits.len();
+        if slits < FEWEST {
+            return Err(CombError::Few { slits });
+        }
+        let mut before = None;
+        for (slit, number) in self.slits.iter().zip(1..) {
+            let place = slit.place();
+            if before.is_some_and(|before| place <= before) {
+                return Err(CombError::Order { number });
+            }
+            before = Some(place);
+            if !slit.is_on_row() {
+                return Err(CombError::Place { number, place });
+            }
+            if !slit.has_small_correction() {
+                return Err(CombError::Correction { number });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Why a comb cannot be used. Slits count from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CombError {
+    /// There are fewer than [`FEWEST`] slits.
+    Few {
+        /// How many there are.
+        slits: usize,
+    },
+    /// A slit is not to the right of the slit before.
+    Order {
+        /// The slit.
+        number: usize,
+    },
+    /// A slit is beyond the ends of the longest row.
+    Place {
+        /// The slit.
+        number: usize,
+        /// Its place.
+        place: Micrometres,
+    },
+    /// A coefficient of a slit's correction is beyond [`LARGEST_CORRECTION`].
+    Correction {
+        /// The slit.
+        number: usize,
+    },
+}
+
+impl fmt::Display for CombError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Few { slits } => write!(
+                f,
+                "the record's comb has {slits} slits, and a measurement needs {FEWEST}: fit again with all slits"
+            ),
+            Self::Order { number } => write!(
+                f,
+                "slit {number} of the record's comb is not to the right of the slit before: put the slits in \
+                the order of their places"
+            ),
+            Self::Place { number, place } => write!(
+                f,
+                "slit {number} of the record's comb is at {place:.0} um, and must be within \
+                {LARGEST_PLACE_UM} um of the axis: correct its place"
+            ),
+            Self::Correction { number } => write!(
+                f,
+                "the correction of slit {number} of the record's comb is beyond {LARGEST_CORRECTION} px: check \
+                the mask's drawing, and fit again"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for CombError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Pixels;
+
+    #[test]
+    fn combs_that_cannot_be_used_are_refused() {
+        let nominal = Comb::nominal();
+        assert_eq!(nominal.check(), Ok(()));
+        let with = |number: usize, slit: SlitMap| {
+            let mut comb = Comb::nominal();
+            comb.slits[number - 1] = slit;
+            comb.check()
+        };
+        let few = Comb::new(&nominal.slits()[..3]).expect("ascending");
+        assert_eq!(few.check(), Err(CombError::Few { slits: 3 }));
+        let twice = nominal.slits()[4];
+        assert_eq!(with(6, twice), Err(CombError::Order { number: 6 }));
+        let most = Pixels::from_int(LARGEST_CORRECTION);
+        let beyond = Pixels::from_bits(most.to_bits() + 1);
+        for place in 0..CORRECTIONS {
+            let corrected = |value: Pixels| {
+                let mut correction = [Pixels::default(); CORRECTIONS];
+                correction[place] = value;
+                with(5, twice.corrected(correction))
+            };
+            let error = Err(CombError::Correction { number: 5 });
+            assert_eq!(corrected(most), Ok(()));
+            assert_eq!(corrected(beyond), error);
+            assert_eq!(corrected(Pixels::from_bits(-beyond.to_bits())), error);
+            assert_eq!(corrected(Pixels::MIN), error);
+        }
+        // Only bytes can have such a place.
+        let place = Micrometres::from_int(LARGEST_PLACE_UM + 1);
+        let mut buffer = [0; 32];
+        let parts = (place, [Pixels::default(); CORRECTIONS]);
+        let bytes = postcard::to_slice(&parts, &mut buffer).expect("room");
+        let slit: SlitMap = postcard::from_bytes(bytes).expect("a slit");
+        assert_eq!(with(16, slit), Err(CombError::Place { number: 16, place }));
+        for error in [
+            CombError::Few { slits: 3 },
+            CombError::Order { number: 2 },
+            CombError::Place { number: 16, place },
+            CombError::Correction { number: 5 },
+        ] {
+            println!("{error}");
+            assert!(error.to_string().contains(": "));
+        }
     }
 }

@@ -49,9 +49,9 @@
 //! |---|---|
 //! | [`Measurement`], with the frame under way and the sums over a row's blocks | 8576 |
 //! | [`Calibration`] | 2144 |
-//! | [`record::Record`], a calibration with the sensor that it belongs to | 2536 |
+//! | [`record::Record`], a calibration with the sensor that it belongs to | 2864 |
 //! | [`pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |
-//! | [`session::Session`], the serial line with its copies of both | 6376 |
+//! | [`session::Session`], the serial line with its copies of both | 7352 |
 //! | [`Measured`], with the centre of each slit of a comb | 360 |
 //! | [`Reading`], [`Geometry`], [`Settings`] | 92 or less, each |
 //!

@@ -2,8 +2,11 @@
 //!
 //! ```text
 //! format version | the record, by postcard | CRC-32 of all before it, little endian
-//! 1 byte: 3      | up to 1784 bytes        | 4 bytes
+//! 1 byte: 3 or 4 | up to 2105 bytes        | 4 bytes
 //! ```
+//!
+//! The record of a sensor with a comb of slits has version 4: its slits follow the rest. Any other record has
+//! version 3, which firmware from before the comb reads.
 //!
 //! The CRC-32 is ISO-HDLC, as in zip and PNG.
 //!
@@ -24,6 +27,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::black_level::BlackLevel;
 use crate::centre::Estimator;
+use crate::comb::{Comb, CombError, Slits};
 use crate::distance::Calibration;
 use crate::distance::eq1::{Eq1, Eq1Error};
 use crate::distance::knots::{Knot, Knots, MAX_KNOTS};
@@ -56,10 +60,15 @@ pub struct Record {
     pub errors: CalibrationErrors,
     /// The sensor's own spot, if the calibration learned it.
     pub profile: Option<Profile>,
+    /// The slits, if the sensor has a comb.
+    pub comb: Option<Comb>,
 }
 
-/// The format that this firmware writes.
+/// The format that this firmware writes for a sensor with one slit.
 pub const VERSION: u8 = 3;
+
+/// The format that this firmware writes for a sensor with a comb: the same, and [`Record::comb`].
+pub const VERSION_OF_COMB: u8 = 4;
 
 /// The first format: the same without [`Record::errors`] and [`Record::profile`].
 const VERSION_1: u8 = 1;
@@ -67,9 +76,9 @@ const VERSION_1: u8 = 1;
 /// The second format: the same without [`Record::profile`].
 const VERSION_2: u8 = 2;
 
-/// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, the uncertainties of a fit, and the
-/// sensor's own spot, each number at its longest.
-pub const MAX_ENCODED: usize = 1789;
+/// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, the uncertainties of a fit, the sensor's
+/// own spot, and 16 slits, each number at its longest.
+pub const MAX_ENCODED: usize = 2110;
 
 /// Computed bit by bit, without a table: a record is read once at the start.
 const CRC: Crc<u32, crc::Table<0>> = Crc::<u32, crc::Table<0>>::new(&CRC_32_ISO_HDLC);
@@ -86,14 +95,27 @@ pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], Rec
         bytes: buffer.len(),
     };
     let (version, rest) = buffer.split_first_mut().ok_or(no_room)?;
-    *version = VERSION;
+    *version = match record.comb {
+        None => VERSION,
+        Some(_) => VERSION_OF_COMB,
+    };
     let fields = postcard::to_slice(&fields, rest)
         .map_err(|_| no_room)?
         .len();
     let rest = rest.get_mut(fields..).ok_or(no_room)?;
     let after = (&record.errors, &record.profile);
-    let errors = postcard::to_slice(&after, rest).map_err(|_| no_room)?;
-    let summed = fields.saturating_add(errors.len()).saturating_add(1);
+    let errors = postcard::to_slice(&after, rest).map_err(|_| no_room)?.len();
+    let slits = match &record.comb {
+        None => 0,
+        Some(comb) => {
+            let rest = rest.get_mut(errors..).ok_or(no_room)?;
+            postcard::to_slice(comb, rest).map_err(|_| no_room)?.len()
+        }
+    };
+    let summed = fields
+        .saturating_add(errors)
+        .saturating_add(slits)
+        .saturating_add(1);
     let (before, after) = buffer.split_at_mut_checked(summed).ok_or(no_room)?;
     let sum = after.first_chunk_mut().ok_or(no_room)?;
     *sum = CRC.checksum(before).to_le_bytes();
@@ -118,30 +140,47 @@ pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
     let (&version, body) = before
         .split_first()
         .ok_or(RecordError::Short { bytes: bytes.len() })?;
-    if !(VERSION_1..=VERSION).contains(&version) {
+    if !(VERSION_1..=VERSION_OF_COMB).contains(&version) {
         return Err(RecordError::Version { version });
     }
     match &Fields::read(body) {
         Ok((fields, rest)) => {
-            let (errors, profile) = read_errors(version, rest)?;
-            fields.record(errors, profile)
+            let (errors, profile, rest) = read_errors(version, rest)?;
+            let comb = read_comb(version, rest)?;
+            fields.record(errors, profile, comb)
         }
         Err(error) => Err(*error),
     }
 }
 
-/// Reads what follows the fields.
+/// Reads the uncertainties and the sensor's own spot, which follow the fields. Returns them with the bytes
+/// after them.
 fn read_errors(
     version: u8,
     rest: &[u8],
-) -> Result<(CalibrationErrors, Option<Profile>), RecordError> {
+) -> Result<(CalibrationErrors, Option<Profile>, &[u8]), RecordError> {
     let read = match version {
         VERSION_1 => Ok(((CalibrationErrors::Unknown, None), rest)),
         VERSION_2 => postcard::take_from_bytes(rest).map(|(errors, rest)| ((errors, None), rest)),
         _ => postcard::take_from_bytes(rest),
     };
     match read {
-        Ok((read, [])) => Ok(read),
+        Ok(((errors, profile), rest)) => Ok((errors, profile, rest)),
+        Err(_) => Err(RecordError::Shape),
+    }
+}
+
+/// Reads the slits, which are the last bytes of a record of a comb.
+#[inline(never)]
+fn read_comb(version: u8, rest: &[u8]) -> Result<Option<Comb>, RecordError> {
+    if version == VERSION_OF_COMB {
+        return match postcard::take_from_bytes(rest) {
+            Ok((comb, [])) => Ok(Some(comb)),
+            _ => Err(RecordError::Shape),
+        };
+    }
+    match rest {
+        [] => Ok(None),
         _ => Err(RecordError::Shape),
     }
 }
@@ -159,7 +198,16 @@ impl Record {
             calibration: Calibration::nominal()?,
             errors: CalibrationErrors::Nominal,
             profile: None,
+            comb: None,
         })
+    }
+
+    /// What is before the sensor.
+    pub const fn slits(&self) -> Slits {
+        match self.comb {
+            None => Slits::One,
+            Some(_) => Slits::Comb,
+        }
     }
 
     /// Whether this is the record of the nominal calibration.
@@ -200,7 +248,10 @@ impl Record {
         if !self.errors.are_sensible() || !is_sensible {
             return Err(RecordError::Errors);
         }
-        Ok(())
+        match &self.comb {
+            None => Ok(()),
+            Some(comb) => comb.check().map_err(RecordError::Comb),
+        }
     }
 }
 
@@ -318,6 +369,7 @@ impl Fields {
         &self,
         errors: CalibrationErrors,
         profile: Option<Profile>,
+        comb: Option<Comb>,
     ) -> Result<Record, RecordError> {
         let estimator = Estimator::from_stored_letter(char::from(self.estimator)).ok_or(
             RecordError::Estimator {
@@ -349,6 +401,7 @@ impl Fields {
             calibration: self.calibration.calibration()?,
             errors,
             profile,
+            comb,
         };
         record.check()?;
         Ok(record)
@@ -477,6 +530,8 @@ pub enum RecordError {
     Corrected(CorrectedError),
     /// An uncertainty below zero, or a usual height of the spot that is not above zero.
     Errors,
+    /// The comb cannot be used.
+    Comb(CombError),
     /// The range of centres reaches beyond the sensor's pixels.
     OffTheSensor {
         /// The first centre.
@@ -503,7 +558,7 @@ impl fmt::Display for RecordError {
             ),
             Self::Version { version } => write!(
                 f,
-                "the record has format {version}, and this firmware knows {VERSION_1} to {VERSION}: write \
+                "the record has format {version}, and this firmware knows {VERSION_1} to {VERSION_OF_COMB}: write \
                 it with the tool of this firmware"
             ),
             Self::Shape => f.write_str(
@@ -535,6 +590,7 @@ impl fmt::Display for RecordError {
             Self::Errors => f.write_str(
                 "the record's uncertainties are impossible: fit again from the points file",
             ),
+            Self::Comb(error) => error.fmt(f),
             Self::OffTheSensor { first, last } => write!(
                 f,
                 "the record's centres, {first:.1} to {last:.1} px, reach beyond the sensor: take a smaller \

@@ -13,6 +13,7 @@ pub mod flat;
 
 use core::fmt::{self, Write as _};
 
+use crate::comb::Comb;
 use crate::difference::Difference;
 use crate::fault::Fault;
 use crate::pixels::PixelErrors;
@@ -61,13 +62,24 @@ pub struct Actions {
     pub text: Text<MAX_ANSWER>,
     /// The text is one of a stream: drop it if the line is busy. Any other text must arrive.
     pub may_drop: bool,
-    /// The settings and the sensor's own spot that the measurement must use from now on.
-    pub apply: Option<(Settings, Option<Profile>)>,
+    /// What the measurement must use from now on.
+    pub apply: Option<Applied>,
     /// Write [`Session::configuration`] to flash, and then take the event [`Event::Saved`]. No frame is due
     /// before that.
     pub save: bool,
     /// Do this with the map of the pixels, and then take the event [`Event::Flat`].
     pub flat: Option<flat::Job>,
+}
+
+/// What the measurement takes from settings and calibration.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Applied {
+    /// The settings.
+    pub settings: Settings,
+    /// The sensor's own spot, if the calibration knows it.
+    pub profile: Option<Profile>,
+    /// The slits of the comb, if the calibration knows them. Otherwise they are those of [`Comb::nominal`].
+    pub comb: Option<Comb>,
 }
 
 impl Actions {
@@ -99,7 +111,7 @@ pub struct Session {
     parts_wanted: bool,
     zero_wanted: bool,
     /// Distances are relative to this reading's. None after a change of what both readings must share: the
-    /// calibration, the estimator, the black level or the map of the pixels.
+    /// calibration, the estimator, the black level, the slits or the map of the pixels.
     zero: Option<Reading>,
     /// As the latest frame says.
     pixels: PixelErrors,
@@ -311,7 +323,8 @@ impl Session {
         let reading = measured.reading(calibration, &record.errors, self.settings.surface)?;
         let is_as_calibrated = reading.is_nominal
             || record.estimator == self.settings.estimator
-                && record.black_level == self.settings.black_level;
+                && record.black_level == self.settings.black_level
+                && record.slits() == self.settings.slits;
         Ok(Reading {
             has_other_settings: !is_as_calibrated,
             ..reading
@@ -355,7 +368,10 @@ impl Session {
             Command::Show(setting) => actions.add_line(&self.settings.get(setting)),
             Command::Set(value) => {
                 self.settings.set(value);
-                if matches!(value, Value::Estimator(_) | Value::Black(_)) {
+                if matches!(
+                    value,
+                    Value::Estimator(_) | Value::Black(_) | Value::Slits(_)
+                ) {
                     self.zero = None;
                 }
                 if value.setting().affects() == Affects::Measurement {
@@ -404,9 +420,13 @@ impl Session {
     }
 
     /// What the measurement must use.
-    fn applied(&self) -> (Settings, Option<Profile>) {
+    fn applied(&self) -> Applied {
         let record = self.record().filter(|_| self.calibration_on);
-        (self.settings, record.and_then(|record| record.profile))
+        Applied {
+            settings: self.settings,
+            profile: record.and_then(|record| record.profile),
+            comb: record.and_then(|record| record.comb.clone()),
+        }
     }
 
     fn piece(&self, offset: u16) -> Result<Piece, Refusal> {
@@ -421,9 +441,10 @@ impl Session {
     #[inline(never)]
     fn upload(&mut self, step: Step, actions: &mut Actions) -> Result<(), Refusal> {
         if let Some(record) = self.upload.take(step, &self.geometry)? {
-            // Centres and black level are found as when the record was made.
+            // Centres and black level are found as when the record was made, behind the same slits.
             self.settings.estimator = record.estimator;
             self.settings.black_level = record.black_level;
+            self.settings.slits = record.slits();
             self.set_record(record);
             actions.apply = Some(self.applied());
         }

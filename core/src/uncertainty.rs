@@ -70,7 +70,8 @@ pub struct FittedErrors {
 /// How a surface moves the spot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FittedSurface {
-    /// Standard uncertainty of a distance, for a spot of the usual height.
+    /// Standard uncertainty of a distance, for a spot of the usual height. For a comb, only the part that all
+    /// slits share, whatever the height: the scatter of the slits tells the rest.
     pub deviation: [Micrometres; PLACES],
     /// The usual height of the spot.
     pub height: [Counts; PLACES],

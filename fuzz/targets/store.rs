@@ -187,6 +187,7 @@ fn sample(what: u8, i: u16) -> Configuration {
             calibration,
             errors: CalibrationErrors::Unknown,
             profile: None,
+            comb: None,
         }),
     }
 }

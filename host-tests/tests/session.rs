@@ -5,6 +5,7 @@ use host_tests::frames::at_centre;
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
+use slitrange::comb::{Comb, SlitMap, Slits};
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
@@ -25,7 +26,7 @@ use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::session::flat::{Job, Outcome};
-use slitrange::session::{Actions, Event, Session};
+use slitrange::session::{Actions, Applied, Event, Session};
 use slitrange::settings::{Affects, Setting, Settings};
 use slitrange::shape::COMPONENTS;
 use slitrange::store::configuration::Configuration;
@@ -40,6 +41,15 @@ const HARDWARE: Hardware = Hardware {
     row_us: 5700,
 };
 
+/// What the measurement of a sensor with one slit takes.
+fn applied(settings: Settings, profile: Option<Profile>) -> Applied {
+    Applied {
+        settings,
+        profile,
+        comb: None,
+    }
+}
+
 /// A session, and the actions of its latest event.
 struct Sensor {
     session: Session,
@@ -49,6 +59,16 @@ struct Sensor {
 impl Sensor {
     /// Just started, with this in flash.
     fn started(stored: Stored) -> Self {
+        let sensor = Self::comb_started(stored);
+        assert_eq!(
+            sensor.actions.apply,
+            Some(applied(*sensor.session.settings(), None))
+        );
+        sensor
+    }
+
+    /// The same of a sensor that may have a comb.
+    fn comb_started(stored: Stored) -> Self {
         let mut sensor = Self {
             session: Session::new(HARDWARE, tcd1304dg(), StartCause::PowerOn),
             actions: Actions::default(),
@@ -56,10 +76,6 @@ impl Sensor {
         let banner = sensor.take(Event::Started(stored));
         let expected = Banner(&HARDWARE, StartCause::PowerOn);
         assert_eq!(banner, expected.to_string());
-        assert_eq!(
-            sensor.actions.apply,
-            Some((*sensor.session.settings(), None))
-        );
         sensor
     }
 
@@ -179,11 +195,9 @@ fn every_setting_is_shown_set_and_applied() {
         sensor.set(line);
         let name = line.split(' ').next().expect("a name");
         let setting = Setting::named(name).expect("a setting");
-        let applied = sensor.actions.apply;
-        match setting.affects() {
-            Affects::Measurement => assert_eq!(applied, Some((*sensor.session.settings(), None))),
-            Affects::Session => assert_eq!(applied, None),
-        }
+        let expected = applied(*sensor.session.settings(), None);
+        let expected = Some(expected).filter(|_| setting.affects() == Affects::Measurement);
+        assert_eq!(sensor.actions.apply, expected);
         assert_eq!(sensor.ask(name), line);
     }
     let settings = *sensor.session.settings();
@@ -502,9 +516,9 @@ fn an_upload_is_used_when_it_is_whole_with_the_settings_it_was_made_with() {
     let own = own_record();
     let mut sensor = Sensor::new();
     sensor.upload(&own);
-    let applied = sensor.actions.apply.expect("settings");
-    assert_eq!(applied.0.estimator, Estimator::Adaptive);
-    assert_eq!(applied.0.black_level, BlackLevel::Frame);
+    let applied = sensor.actions.apply.clone().expect("settings");
+    assert_eq!(applied.settings.estimator, Estimator::Adaptive);
+    assert_eq!(applied.settings.black_level, BlackLevel::Frame);
     assert_eq!(sensor.session.record(), Some(own.record()));
     let shown = sensor.ask("calibration");
     assert!(
@@ -550,18 +564,66 @@ fn the_measurement_learns_the_own_spot_from_an_upload_and_loses_it_with_the_cali
     sensor.upload(&EncodedRecord::new(record).expect("a record"));
     let settings = *sensor.session.settings();
     assert_eq!(settings.estimator, Estimator::Adaptive);
-    assert_eq!(sensor.actions.apply, Some((settings, Some(profile))));
+    assert_eq!(sensor.actions.apply, Some(applied(settings, Some(profile))));
     for (line, own) in [("calibration off", None), ("calibration on", Some(profile))] {
         sensor.set(line);
-        assert_eq!(sensor.actions.apply, Some((settings, own)), "{line}");
+        assert_eq!(sensor.actions.apply, Some(applied(settings, own)), "{line}");
     }
     // A setting is applied with the own spot. The calibration of the factory knows none.
     sensor.set("mean plain");
     let settings = *sensor.session.settings();
-    assert_eq!(sensor.actions.apply, Some((settings, Some(profile))));
+    assert_eq!(sensor.actions.apply, Some(applied(settings, Some(profile))));
     sensor.set("defaults");
     let settings = *sensor.session.settings();
-    assert_eq!(sensor.actions.apply, Some((settings, None)));
+    assert_eq!(sensor.actions.apply, Some(applied(settings, None)));
+}
+
+/// A record with a comb sets `slits comb`, and a record without one sets `slits one`.
+#[test]
+fn the_measurement_learns_the_slits_of_a_comb_from_an_upload() {
+    let places = [-3000, -1000, 100, 1500, 2600];
+    let slits = places.map(|place| SlitMap::nominal(place).corrected([Pixels::from_f32(0.5); 4]));
+    let comb = Comb::new(&slits).expect("ascending");
+    let with = Record {
+        comb: Some(comb.clone()),
+        errors: CalibrationErrors::Unknown,
+        ..own_record().record().clone()
+    };
+    let with = EncodedRecord::new(with).expect("a record");
+    let mut sensor = Sensor::new();
+    sensor.upload(&with);
+    let settings = *sensor.session.settings();
+    assert_eq!(settings.slits, Slits::Comb);
+    let expected = Applied {
+        settings,
+        profile: None,
+        comb: Some(comb),
+    };
+    assert_eq!(sensor.actions.apply, Some(expected.clone()));
+    assert!(
+        sensor
+            .ask("calibration")
+            .contains("\r\ncalibration slits 5\r\n")
+    );
+
+    // Another setting than the record's is flagged.
+    let frame = || Event::Frame(Ok(at_centre(1823.5)));
+    let flagged = |sensor: &mut Sensor| sensor.take(frame()).contains(" s");
+    assert!(!flagged(&mut sensor));
+    sensor.set("slits one");
+    assert!(flagged(&mut sensor));
+    sensor.set("slits comb");
+
+    let saved = sensor.save();
+    let again = Sensor::comb_started(Stored::Newest(saved));
+    assert_eq!(again.session.record(), Some(with.record()));
+    assert_eq!(again.actions.apply.map(|it| it.comb), Some(expected.comb));
+
+    sensor.upload(&own_record());
+    assert_eq!(sensor.session.settings().slits, Slits::One);
+    let applied = sensor.actions.apply.clone().expect("settings");
+    assert_eq!(applied.comb, None);
+    assert!(!sensor.ask("calibration").contains("calibration slits"));
 }
 
 #[test]
@@ -626,7 +688,7 @@ fn defaults_are_those_of_the_factory_and_leave_the_stream() {
         stream: false,
         ..Settings::default()
     };
-    assert_eq!(sensor.actions.apply, Some((expected, None)));
+    assert_eq!(sensor.actions.apply, Some(applied(expected, None)));
     assert_eq!(sensor.session.record(), Record::nominal().as_ref());
     assert!(sensor.ask("calibration").starts_with("calibration on\r\n"));
 }

@@ -19,8 +19,8 @@ use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
 use slitrange::units::Pixels;
-use slitrange_tool::fit::{calibration, errors, profile, solve};
-use slitrange_tool::points::{KnownShape, Point, Shape};
+use slitrange_tool::fit::{calibration, comb, errors, profile, solve};
+use slitrange_tool::points::{KnownShape, Point, Shape, slit_images};
 use slitrange_tool::sensor::positions::{Spacing, Which};
 
 /// The materials, by the scenes that show them. The first is white paper in the light of a laser with a
@@ -86,10 +86,13 @@ pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
                 sigma_px: Some(frame.frame.uncertainty.to_f64()),
                 height_counts: Some(frame.frame.amplitude.to_f64()),
                 shape: Some(shape_of(&frame)),
+                slits: frame.comb.map(|comb| slit_images(&comb.centres)),
             })
         })
         .collect();
-    let solved = solve::solve(&points, None)?;
+    let comb = comb::fit(&points)?;
+    let points = comb.as_ref().map_or(&points, |comb| &comb.points);
+    let solved = solve::solve(points, None)?;
     let made = calibration::make(&solved, None)?;
     Ok(Record {
         serial_number: 1,
@@ -100,6 +103,7 @@ pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
         errors: errors::of(&solved, &made),
         profile: profile::of(&solved, &made.calibration),
         calibration: made.calibration,
+        comb: comb.map(|comb| comb.comb),
     })
 }
 

@@ -3,8 +3,11 @@
 //! ```text
 //! points -> order -> outliers -> eq. (1), smooth curve -> form -> calibration, record, report, figure
 //! ```
+//!
+//! With a comb of slits, [`comb`] comes first: it makes one centre of each point's images.
 
 pub mod calibration;
+pub mod comb;
 pub mod curve;
 pub mod eq1;
 pub mod errors;
@@ -26,6 +29,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, ensure};
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
+use slitrange::comb::Comb;
 use slitrange::profile::Profile;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
@@ -35,14 +39,14 @@ use slitrange::uncertainty::CalibrationErrors;
 
 use crate::points::{self, Points, Setup};
 use crate::record_file::{self, Shown};
-use report::{RecordWritten, Report};
+use report::{RecordWritten, Report, ShownComb};
 use solve::Form;
 
 /// Of `slitrange calibrate fit`.
 #[derive(clap::Args)]
 pub struct Options {
-    /// The points: a CSV file with the columns x_px, d_mm and, if there, sigma_px, height_counts and the
-    /// spot's shape
+    /// The points: a CSV file with the columns x_px, d_mm and, if there, sigma_px, height_counts, the spot's
+    /// shape, and the images of a comb's slits
     points: PathBuf,
     /// What the calibration is made of
     #[arg(long, value_enum, default_value = "auto")]
@@ -109,12 +113,16 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
     let Points { points, setup } = Points::read(&options.points)?;
     let file = options.points.display().to_string();
     let position = options.position_uncertainty.map(|mm| 1e-3 * mm);
-    let solved = solve::solve(&points, position).with_context(|| file.clone())?;
+    let comb = comb::fit(&points).with_context(|| file.clone())?;
+    let points = comb.as_ref().map_or(&points, |comb| &comb.points);
+    let solved = solve::solve(points, position).with_context(|| file.clone())?;
     let made = calibration::make(&solved, options.form.form()).with_context(|| file.clone())?;
     let mut report = Report::of(file, &solved, &made);
+    report.comb = comb.as_ref().map(ShownComb::of);
     let errors = errors::of(&solved, &made);
     let profile = profile::of(&solved, &made.calibration);
-    let record = options.record(&setup, made.calibration.clone(), errors, profile)?;
+    let slits = comb.as_ref().map(|comb| comb.comb.clone());
+    let record = options.record(&setup, made.calibration.clone(), errors, profile, slits)?;
     let path = options.record_path();
     ensure!(
         path != options.points,
@@ -124,7 +132,7 @@ pub fn run(options: &Options, output: &mut dyn Write) -> anyhow::Result<()> {
     record_file::write(&path, &record, options.force)?;
     report.record = Some(written(&path, &record));
     if let Some(path) = &options.figure {
-        figure::draw(&solved, made.form, path)
+        figure::draw(&solved, made.form, comb.as_ref(), path)
             .with_context(|| format!("{} cannot be drawn", path.display()))?;
     }
     let text = match options.json {
@@ -142,6 +150,7 @@ impl Options {
         calibration: slitrange::distance::Calibration,
         errors: CalibrationErrors,
         profile: Option<Profile>,
+        comb: Option<Comb>,
     ) -> anyhow::Result<EncodedRecord> {
         Ok(EncodedRecord::new(Record {
             serial_number: self.serial.or(setup.serial_number).unwrap_or(0),
@@ -162,6 +171,7 @@ impl Options {
             calibration,
             errors,
             profile,
+            comb,
         })?)
     }
 

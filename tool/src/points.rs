@@ -14,6 +14,9 @@
 //! The shape is in the columns `width_px` and `shape_0_px` to `shape_4_px` (see [`Shape`]). It counts only
 //! with `claimed_px`, the uncertainty that the sensor claims for a frame, and `frames`, their number.
 //!
+//! A comb of slits has the images of all slits in the columns `slit_1_px`, `slit_1_counts` to `slit_16_px`,
+//! `slit_16_counts`: centre on the row, and height. Both are empty for a slit without an image.
+//!
 //! Lines that begin with `#` are comments. The comments above are a [`Setup`], which goes into the record.
 //! Other columns are not read.
 
@@ -22,6 +25,7 @@ use std::path::Path;
 use anyhow::{Context as _, bail, ensure};
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
+use slitrange::comb::{MAX_SLITS, SlitCentres, Slits};
 use slitrange::row::LARGEST_COUNT;
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::settings::{Setting, Value};
@@ -43,6 +47,38 @@ pub struct Point {
     pub height_counts: Option<f64>,
     /// The spot's shape, where it is known.
     pub shape: Option<KnownShape>,
+    /// The images of a comb's slits, if the sensor has a comb.
+    pub slits: Option<SlitImages>,
+}
+
+/// The image of one slit of a comb.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlitImage {
+    /// The centre on the row, in pixels.
+    pub x_px: f64,
+    /// The height in counts.
+    pub height_counts: f64,
+}
+
+/// The images of a comb, in the order of its slits. A slit may have no image.
+pub type SlitImages = [Option<SlitImage>; MAX_SLITS];
+
+/// The images that the sensor measured.
+pub fn slit_images(centres: &SlitCentres) -> SlitImages {
+    centres.map(|centre| {
+        centre.map(|centre| SlitImage {
+            x_px: centre.centre.to_f64(),
+            height_counts: centre.height.to_f64(),
+        })
+    })
+}
+
+/// The names of the columns with the images of a comb: for each slit its centre and its height.
+pub fn slit_columns() -> Vec<String> {
+    let numbers = 1..=MAX_SLITS;
+    numbers
+        .flat_map(|number| [format!("slit_{number}_px"), format!("slit_{number}_counts")])
+        .collect()
 }
 
 /// The shape of a spot, as the sensor measures it.
@@ -93,6 +129,8 @@ pub struct Setup {
     pub estimator: Option<Estimator>,
     /// How the black level was found.
     pub black_level: Option<BlackLevel>,
+    /// What was before the sensor. Points that do not say it are those of one slit.
+    pub slits: Slits,
 }
 
 /// The only head that there is a driver for.
@@ -149,6 +187,25 @@ impl Points {
                 with.line
             );
         }
+        let (with, without): (Vec<&Point>, Vec<&Point>) =
+            read.points.iter().partition(|point| point.slits.is_some());
+        if let (Some(with), Some(without)) = (with.first(), without.first()) {
+            bail!(
+                "line {} has no image of any slit, and line {} has: remove the line without, or take the point \
+                 again",
+                without.line,
+                with.line
+            );
+        }
+        if read.setup.slits == Slits::Comb && with.is_empty() && !read.points.is_empty() {
+            bail!(
+                "the points are those of a comb, and have no columns slit_1_px, slit_1_counts and so on: take \
+                 them with `calibrate run`"
+            );
+        }
+        if !with.is_empty() {
+            read.setup.slits = Slits::Comb;
+        }
         Ok(read)
     }
 }
@@ -171,6 +228,7 @@ struct Columns {
     sigma: Option<usize>,
     height: Option<usize>,
     shape: Option<ShapeColumns>,
+    slits: Option<Vec<usize>>,
 }
 
 /// Where the columns of the spot's shape and its noise are.
@@ -198,6 +256,7 @@ impl Columns {
             sigma: place("sigma_px"),
             height: place("height_counts"),
             shape: ShapeColumns::of(place),
+            slits: slit_columns().iter().map(|name| place(name)).collect(),
         })
     }
 
@@ -265,8 +324,46 @@ impl Columns {
                 Some(columns) => columns.read(line, number)?,
                 None => None,
             },
+            slits: match &self.slits {
+                Some(columns) => read_slits(columns, line, number)?,
+                None => None,
+            },
         })
     }
+}
+
+/// Reads the images of a comb. `None` if no slit has an image.
+fn read_slits(
+    columns: &[usize],
+    line: u64,
+    number: impl Fn(&str, usize) -> anyhow::Result<Option<f64>>,
+) -> anyhow::Result<Option<SlitImages>> {
+    let mut images = SlitImages::default();
+    for (image, (columns, slit)) in images.iter_mut().zip(columns.chunks(2).zip(1..)) {
+        let &[x, height] = columns else {
+            continue;
+        };
+        let x_px = number(&format!("slit_{slit}_px"), x)?;
+        let height_counts = number(&format!("slit_{slit}_counts"), height)?;
+        *image = match (x_px, height_counts) {
+            (None, None) => None,
+            (Some(x_px), Some(height_counts))
+                if (-0.5..=4096.0).contains(&x_px)
+                    && height_counts > 0.0
+                    && height_counts <= LARGEST_COUNT.into() =>
+            {
+                Some(SlitImage {
+                    x_px,
+                    height_counts,
+                })
+            }
+            _ => bail!(
+                "line {line}: slit {slit} has no usable image: its centre must be on the row, and its height \
+                 above 0 and at most {LARGEST_COUNT}: correct them, or leave both empty"
+            ),
+        };
+    }
+    Ok(Some(images).filter(|images| images.iter().any(Option::is_some)))
 }
 
 impl ShapeColumns {
@@ -335,7 +432,7 @@ impl ShapeColumns {
 
 impl Setup {
     /// Names and values of the comments that hold this setup.
-    pub fn comments(&self) -> [(&'static str, Option<String>); 4] {
+    pub fn comments(&self) -> [(&'static str, Option<String>); 5] {
         let black_level = self.black_level.map(black_level_words);
         let estimator = self.estimator.map(|estimator| estimator.name().to_owned());
         [
@@ -346,6 +443,10 @@ impl Setup {
             ),
             ("estimator", estimator),
             ("black", black_level),
+            (
+                "slits",
+                Some(self.slits.name().to_owned()).filter(|_| self.slits != Slits::One),
+            ),
         ]
     }
 
@@ -372,6 +473,10 @@ impl Setup {
             }
             ["estimator", name] => self.estimator = Some(estimator(name)?),
             ["black", ..] if words.len() <= 3 => self.black_level = Some(black_level(&words[1..])?),
+            ["slits", name] => {
+                self.slits = Slits::named(name)
+                    .with_context(|| format!("slits are one or comb, and not {name:?}"))?;
+            }
             ["head", head] => self.head = Some(head.to_owned()),
             _ => {}
         }
@@ -445,6 +550,7 @@ mod tests {
                 serial_number: Some(42),
                 estimator: Some(Estimator::Adaptive),
                 black_level: Some(BlackLevel::Fixed(Counts::from_int(120))),
+                slits: Slits::One,
             }
         );
         let point = |line, x_px, d_mm, sigma_px| Point {
@@ -454,6 +560,7 @@ mod tests {
             sigma_px: Some(sigma_px),
             height_counts: None,
             shape: None,
+            slits: None,
         };
         assert_eq!(
             read.points,
@@ -489,6 +596,43 @@ mod tests {
     }
 
     #[test]
+    fn the_images_of_a_comb_are_read() {
+        let columns = slit_columns().join(",");
+        let line = |first: &str| format!("1500,600,{first}{}", ",".repeat(2 * MAX_SLITS - 2));
+        let text = format!("x_px,d_mm,{columns}\n{}\n", line("912.5,1830"));
+        let read = Points::parse(&text).expect("points");
+        assert_eq!(read.setup.slits, Slits::Comb);
+        let images = read.points[0].slits.expect("images");
+        let first = SlitImage {
+            x_px: 912.5,
+            height_counts: 1830.0,
+        };
+        assert_eq!((images[0], images[1]), (Some(first), None));
+        for (text, says) in [
+            (
+                text.replace("912.5", ""),
+                "line 2: slit 1 has no usable image",
+            ),
+            (
+                text.replace("1830", "0"),
+                "line 2: slit 1 has no usable image",
+            ),
+            (
+                text.clone() + &line(","),
+                "line 3 has no image of any slit, and line 2 has",
+            ),
+            (
+                "# slits comb\nx_px,d_mm\n1500,600".to_owned(),
+                "the points are those of a comb",
+            ),
+            ("# slits two\n".to_owned(), "line 1"),
+        ] {
+            let error = Points::parse(&text).expect_err("refused").to_string();
+            assert!(error.starts_with(says), "{error}");
+        }
+    }
+
+    #[test]
     fn files_name_estimators_of_earlier_firmware() {
         for (name, estimator) in [
             ("robust", Estimator::Adaptive),
@@ -516,6 +660,7 @@ mod tests {
                 serial_number: Some(17),
                 estimator: Some(Estimator::Fraunhofer),
                 black_level: Some(black_level),
+                slits: Slits::Comb,
             };
             let mut read = Setup::default();
             for (name, value) in setup.comments() {

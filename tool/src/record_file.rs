@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use serde::Serialize;
+use slitrange::comb::{CORRECTIONS, SlitMap};
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::{Knot, Knots};
@@ -99,6 +100,28 @@ pub struct Shown {
     pub spot: Option<ShownSpot>,
     /// Distances at some centres.
     pub examples: Vec<Example>,
+    /// The slits of a comb. None for a sensor with one slit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slits: Option<Vec<ShownSlit>>,
+}
+
+/// A slit of a comb.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ShownSlit {
+    /// From the optical axis along the row, in micrometres.
+    pub place_um: f64,
+    /// The coefficients of the correction in pixels, of the lowest degree first. The argument is x0 from the axis
+    /// of the sensor, in units of 1024 pixels.
+    pub correction_px: [f64; CORRECTIONS],
+}
+
+impl ShownSlit {
+    fn of(slit: &SlitMap) -> Self {
+        Self {
+            place_um: slit.place().to_f64(),
+            correction_px: slit.correction().map(Pixels::to_f64),
+        }
+    }
 }
 
 /// What a record knows of its errors: the least and the largest standard uncertainty over its centres.
@@ -260,6 +283,8 @@ impl Shown {
             examples: (0..EXAMPLES)
                 .filter_map(|index| at(between(first, last, index)))
                 .collect(),
+            slits: (record.comb.as_ref())
+                .map(|comb| comb.slits().iter().map(ShownSlit::of).collect()),
         }
     }
 
@@ -359,6 +384,24 @@ impl Shown {
                 None => "not in the record: any symmetric spot counts as clean".to_owned(),
             },
         ));
+        if let Some(slits) = &self.slits {
+            let of = |value: fn(&ShownSlit) -> f64| {
+                let values = || slits.iter().map(value);
+                (
+                    values().fold(f64::INFINITY, f64::min),
+                    values().fold(f64::NEG_INFINITY, f64::max),
+                )
+            };
+            let (left, right) = of(|slit| slit.place_um);
+            let (least, most) = of(|slit| slit.correction_px[0]);
+            fields.push((
+                "slits",
+                format!(
+                    "{}, from {left:.0} to {right:.0} um; corrections on the axis {least:+.4} to {most:+.4} px",
+                    slits.len()
+                ),
+            ));
+        }
         fields
     }
 }
@@ -376,6 +419,20 @@ impl fmt::Display for Shown {
         } in &self.examples
         {
             write!(f, "\n{x_px:>12.3}  {d_mm:>11.4}  {um_per_px:>8.2}")?;
+        }
+        let Some(slits) = &self.slits else {
+            return Ok(());
+        };
+        write!(
+            f,
+            "\n\n{:>4}  {:>8}  correction px, by powers of (x0 - axis) / 1024 px",
+            "slit", "place um"
+        )?;
+        for (slit, number) in slits.iter().zip(1..) {
+            write!(f, "\n{number:>4}  {:>8.0}", slit.place_um)?;
+            for term in slit.correction_px {
+                write!(f, "  {term:>+9.4}")?;
+            }
         }
         Ok(())
     }

@@ -36,7 +36,11 @@ pub const UNIT: f32 = 1024.0;
 const COS: f32 = 0.358_979_08;
 
 /// The largest place of a slit in micrometres: half of a row of 4096 pixels of 8 um.
-const LARGEST_PLACE_UM: i32 = 16_384;
+pub const LARGEST_PLACE_UM: i32 = 16_384;
+
+/// The largest coefficient of a correction in pixels. x0 then always rises with the centre: t is within 1.8,
+/// so a correction changes by less than 64 (1 + 2 t + 3 t^2) / 1024 = 0.9 pixels a pixel.
+pub const LARGEST_CORRECTION: i32 = 64;
 
 impl SlitMap {
     /// A slit at a place in micrometres, limited to half of the longest row.
@@ -67,6 +71,21 @@ impl SlitMap {
     /// The correction's coefficients, of the lowest degree first.
     pub const fn correction(&self) -> &[Pixels; CORRECTIONS] {
         &self.correction
+    }
+
+    /// Whether the slit's place is within [`LARGEST_PLACE_UM`].
+    pub(super) fn is_on_row(&self) -> bool {
+        let most = Micrometres::from_int(LARGEST_PLACE_UM);
+        self.place.to_bits().unsigned_abs() <= most.to_bits().unsigned_abs()
+    }
+
+    /// Whether no coefficient is beyond [`LARGEST_CORRECTION`].
+    pub(super) fn has_small_correction(&self) -> bool {
+        let most = Pixels::from_int(LARGEST_CORRECTION)
+            .to_bits()
+            .unsigned_abs();
+        let mut terms = self.correction.iter();
+        terms.all(|term| term.to_bits().unsigned_abs() <= most)
     }
 
     /// e. Its size is below 0.02 for a place within [`LARGEST_PLACE_UM`].

@@ -78,6 +78,9 @@ impl CalibrationAnswer<'_> {
         write!(f, "\r\ncalibration estimator {}", record.estimator.name())?;
         let black = Value::Black(record.black_level);
         write!(f, "\r\ncalibration {black}")?;
+        if let Some(comb) = &record.comb {
+            write!(f, "\r\ncalibration slits {}", comb.slits().len())?;
+        }
         let (first, last) = record.calibration.valid();
         write!(f, "\r\ncalibration centres {first} {last} px")?;
         if let Ok(distances) = record.calibration.distances() {
@@ -244,6 +247,22 @@ mod tests {
             assert!(shown.lines().all(|line| line.len() <= 110), "{shown}");
             assert!(shown.len() + 2 <= crate::protocol::MAX_ANSWER);
         }
+    }
+
+    #[test]
+    fn the_slits_of_a_comb_are_counted() {
+        let own = written(Record {
+            comb: Some(crate::comb::Comb::nominal()),
+            ..nominal()
+        });
+        let shown = CalibrationAnswer {
+            record: Some(&own),
+            is_on: true,
+            stored: FlashStatus::Nothing,
+        };
+        let lines =
+            "\r\ncalibration black shielded\r\ncalibration slits 16\r\ncalibration centres ";
+        assert!(shown.to_string().contains(lines), "{shown}");
     }
 
     #[test]

@@ -9,7 +9,7 @@
 //! * `c 3`: neighbouring rows have similar errors, and all rows may be worth as few as three independent
 //!   ones. This flag comes only below eight ([`Reading::correlated`]).
 //! * `g`: the geometry is the nominal one, because the head was never calibrated.
-//! * `s`: estimator or black level are not those of the calibration.
+//! * `s`: estimator, black level or slits are not those of the calibration.
 //!
 //! A fault is `f too dim: 35.2 counts, needs 60.1`. The centre of a frame, calibrated or not, is
 //! `x 1823.12341 u 0.00195 a 1830 n 16/16 b 312 e t w 7.62131 o 0.00012 -0.00310 0.01203 0.00010 -0.00020`:
@@ -18,6 +18,11 @@
 //! ([`SpotShape`](crate::shape::SpotShape)). `w` is the width, `o` the five components of the antisymmetric
 //! light, all in pixels. All six are zero if the sensor's edge leaves the check too little of the spot. The
 //! flags of a reading may follow.
+//!
+//! With a comb, `x` is the centre that a slit on the optical axis would show. ` k 16` follows the shape: the
+//! slits used. A second line has the images, in the order of the slits: `slits 912.12345/1830 - ...`. Each is
+//! the centre of the slit's image in pixels and its height in counts. `-` is a slit without an image in at
+//! least half of the frame's rows.
 //!
 //! 115200 baud carries 65.6 bytes in the 5.7 ms of a row, so a frame's line may have that many bytes for each
 //! of its rows. The longest line of a frame of one row is 65 bytes with its end, for distances that are
@@ -109,6 +114,7 @@ impl fmt::Display for Measured {
             frame,
             black_level,
             estimator,
+            comb,
             ..
         } = self;
         write!(
@@ -125,7 +131,23 @@ impl fmt::Display for Measured {
         for component in frame.shape.components {
             write!(f, " {component:.5}")?;
         }
-        flags(f, frame.misfits, frame.correlated)
+        if let Some(comb) = comb {
+            write!(f, " k {}", comb.used)?;
+        }
+        flags(f, frame.misfits, frame.correlated)?;
+        let Some(comb) = comb else {
+            return Ok(());
+        };
+        f.write_str("\r\nslits")?;
+        for slit in &comb.centres {
+            match slit {
+                Some(slit) if slit.rows >= frame.rows_used.div_ceil(2) => {
+                    write!(f, " {:.5}/{:.0}", slit.centre, slit.height)?;
+                }
+                _ => f.write_str(" -")?,
+            }
+        }
+        Ok(())
     }
 }
 
@@ -172,6 +194,7 @@ impl core::error::Error for Fault {}
 mod tests {
     use super::*;
     use crate::centre::Estimator;
+    use crate::comb::{Combined, MAX_SLITS, SlitCentre, SlitCentres};
     use crate::frame::{FEWEST_INDEPENDENT, FrameCentre};
     use crate::pixels::PixelErrors;
     use crate::shape::SpotShape;
@@ -324,6 +347,45 @@ mod tests {
             ..measured
         };
         assert_eq!(flagged.to_string(), format!("{line} m 3 c 2"));
+
+        // A comb: the second slit has an image in 7 of 16 rows, and the others in none.
+        let image = |rows| SlitCentre {
+            centre: Pixels::from_f32(912.125),
+            height: Counts::from_f32(1830.25),
+            rows,
+        };
+        let mut centres = SlitCentres::default();
+        (centres[0], centres[1], centres[15]) = (Some(image(16)), Some(image(7)), Some(image(8)));
+        let combined = Combined {
+            shift: Pixels::default(),
+            surface: Pixels::default(),
+            used: 14,
+            centres,
+        };
+        let of_comb = Measured {
+            comb: Some(combined),
+            ..flagged
+        };
+        let dashes = " -".repeat(14);
+        assert_eq!(
+            of_comb.to_string(),
+            format!("{line} k 14 m 3 c 2\r\nslits 912.12500/1830{dashes} 912.12500/1830")
+        );
+        let longest = SlitCentre {
+            centre: Pixels::from_bits((3647 << 16) + 12_345),
+            height: Counts::from_int(4095),
+            rows: 64,
+        };
+        let longest = Measured {
+            comb: Some(Combined {
+                centres: [Some(longest); MAX_SLITS],
+                ..combined
+            }),
+            ..flagged
+        };
+        let text = longest.to_string();
+        println!("{} bytes", text.len());
+        assert!(text.len() + 2 <= crate::protocol::MAX_ANSWER);
     }
 
     /// The longest line of a frame, in bytes with its end.

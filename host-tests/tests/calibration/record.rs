@@ -5,10 +5,13 @@ use std::collections::BTreeSet;
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
+use slitrange::comb::{Comb, CombError};
 use slitrange::distance::Calibration;
 use slitrange::distance::knots::{Knot, Knots};
 use slitrange::distance::table::Table;
-use slitrange::record::{MAX_ENCODED, Record, RecordError, VERSION, decode, encode};
+use slitrange::record::{
+    MAX_ENCODED, Record, RecordError, VERSION, VERSION_OF_COMB, decode, encode,
+};
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
@@ -152,6 +155,7 @@ fn straight_lines_are_refused_with_advice() {
 fn records_of_format_2_decode_without_a_profile() {
     let without = Record {
         profile: None,
+        comb: None,
         ..longest()
     };
     let mut bytes = encoded(&without);
@@ -160,6 +164,39 @@ fn records_of_format_2_decode_without_a_profile() {
     assert_eq!(decode(&sealed(bytes.clone())), Ok(without));
     bytes.push(0);
     assert_eq!(decode(&sealed(bytes)), Err(RecordError::Shape));
+}
+
+/// Firmware from before the comb reads the records of sensors with one slit.
+#[test]
+fn only_a_comb_changes_the_format() {
+    let bytes = encoded(&nominal());
+    assert_eq!(bytes[0], VERSION);
+    let with = Record {
+        comb: Some(Comb::nominal()),
+        ..nominal()
+    };
+    let of_comb = encoded(&with);
+    assert_eq!(of_comb[0], VERSION_OF_COMB);
+    let end = bytes.len() - 4;
+    assert_eq!(of_comb[1..end], bytes[1..end]);
+    let slits = &of_comb[end..of_comb.len() - 4];
+    println!(
+        "{} bytes, {} of them for 16 slits",
+        of_comb.len(),
+        slits.len()
+    );
+    assert_eq!(decode(&of_comb), Ok(with));
+
+    // Without slits, with too few, with more bytes, or with more slits than there may be.
+    let refused = |slits: &[u8], error| {
+        let body = [&of_comb[..end], slits].concat();
+        assert_eq!(decode(&sealed(body)), Err(error));
+    };
+    refused(&[], RecordError::Shape);
+    refused(&[0], RecordError::Comb(CombError::Few { slits: 0 }));
+    refused(&slits[..slits.len() - 1], RecordError::Shape);
+    refused(&[slits, &[0]].concat(), RecordError::Shape);
+    refused(&[&[17], &slits[1..], &[0; 5]].concat(), RecordError::Shape);
 }
 
 #[test]
@@ -225,11 +262,11 @@ fn damaged_and_cut_off_records_are_refused() {
         Err(RecordError::Short { bytes: 4 })
     );
     let mut newer = body;
-    newer[0] = VERSION + 1;
+    newer[0] = VERSION_OF_COMB + 1;
     assert_eq!(
         decode(&sealed(newer)),
         Err(RecordError::Version {
-            version: VERSION + 1
+            version: VERSION_OF_COMB + 1
         })
     );
 }

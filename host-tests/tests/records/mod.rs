@@ -4,6 +4,7 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
+use slitrange::comb::{CORRECTIONS, Comb, FEWEST, LARGEST_CORRECTION, MAX_SLITS, SlitMap};
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::{CLOSEST, Knot, MAX_KNOTS};
@@ -38,7 +39,36 @@ pub fn nominal() -> Record {
         calibration: Calibration::nominal().expect("a curve"),
         profile: None,
         errors: CalibrationErrors::Unknown,
+        comb: None,
     }
+}
+
+/// A comb whose numbers take all bytes that they can.
+fn widest_comb() -> Comb {
+    let most = Pixels::from_int(LARGEST_CORRECTION);
+    // 8193 um and more take four bytes.
+    let places = (0..8).map(|i| i - 16_384).chain((0..8).map(|i| i + 8_193));
+    let slits: Vec<SlitMap> = places
+        .map(|place| SlitMap::nominal(place).corrected([most; CORRECTIONS]))
+        .collect();
+    Comb::new(&slits).expect("ascending")
+}
+
+/// Combs of 4 to 16 slits.
+fn combs() -> impl Strategy<Value = Comb> {
+    let term = || (-64 << 16..=64 << 16).prop_map(Pixels::from_bits);
+    let corrections = prop::collection::vec([(); CORRECTIONS].map(|()| term()), MAX_SLITS);
+    (
+        prop::collection::btree_set(-16_384..=16_384, FEWEST..=MAX_SLITS),
+        corrections,
+    )
+        .prop_map(|(places, corrections)| {
+            let slits = places.into_iter().zip(corrections);
+            let slits: Vec<SlitMap> = slits
+                .map(|(place, correction)| SlitMap::nominal(place).corrected(correction))
+                .collect();
+            Comb::new(&slits).expect("ascending")
+        })
 }
 
 /// The longest record that there can be.
@@ -85,6 +115,7 @@ pub fn longest() -> Record {
             components: [[Pixels::MAX; PLACES]; COMPONENTS],
             deviation: Pixels::MAX,
         }),
+        comb: Some(widest_comb()),
     }
 }
 
@@ -129,6 +160,7 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
         calibrations(),
         errors(),
         prop::option::of(profiles()),
+        prop::option::of(combs()),
     )
         .prop_map(
             |(
@@ -140,6 +172,7 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
                 calibration,
                 errors,
                 profile,
+                comb,
             )| {
                 Some(Record {
                     serial_number,
@@ -150,6 +183,7 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
                     calibration: calibration?,
                     profile,
                     errors,
+                    comb,
                 })
             },
         )

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use plotters::prelude::*;
 
+use super::comb::{FittedComb, FittedSlit};
 use super::curve::Curve;
 use super::solve::{Form, Solved};
 use crate::axes::{self, Area, Axis, Panel, TEXT, text};
@@ -20,20 +21,30 @@ const UPPER: u32 = 520;
 const LOWER: u32 = 330;
 
 /// Draws the points and the curve above, what eq. (1) leaves below, and where it is corrected what that
-/// leaves, too.
+/// leaves, too. Below that, the corrections of a comb's slits.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn draw(solved: &Solved, form: Form, path: &Path) -> anyhow::Result<()> {
+pub fn draw(
+    solved: &Solved,
+    form: Form,
+    comb: Option<&FittedComb>,
+    path: &Path,
+) -> anyhow::Result<()> {
     let corrected = solved
         .corrected
         .as_ref()
         .map(|(curve, _)| curve)
         .filter(|_| form != Form::Eq1);
-    let height = UPPER + LOWER * if corrected.is_some() { 2 } else { 1 };
+    let of_curve = UPPER + LOWER * if corrected.is_some() { 2 } else { 1 };
+    let height = of_curve + LOWER * if comb.is_some() { 1 } else { 0 };
     let root = SVGBackend::new(path, (1000, height)).into_drawing_area();
     root.fill(&WHITE)?;
-    let (above, below) = root.split_vertically(UPPER);
+    let (upper, of_comb) = root.split_vertically(of_curve);
+    if let Some(comb) = comb {
+        draw_comb(&of_comb, comb)?;
+    }
+    let (above, below) = upper.split_vertically(UPPER);
     let plain = &solved.plain;
     let (first, last) = plain.eq1.valid;
     let all = solved.points.iter().map(|point| point.x_px);
@@ -147,6 +158,40 @@ fn draw_residuals(
         panel.draw_series([PathElement::new(line, BLACK.stroke_width(2))])?;
     }
     draw_points(&mut panel, solved, low..high, residual)
+}
+
+/// Each slit's correction in the middle of the points, with its residual to both sides.
+fn draw_comb(area: &Area<'_>, comb: &FittedComb) -> anyhow::Result<()> {
+    let slits = || comb.slits.iter().filter(|slit| slit.points > 0);
+    let ends = |slit: &FittedSlit| {
+        [
+            slit.correction_px - slit.residual_px,
+            slit.correction_px + slit.residual_px,
+        ]
+    };
+    let (low, high) = around(slits().flat_map(ends).chain([0.0]), 0.15);
+    let (left, right) = around(slits().map(|slit| 1e-3 * slit.place_um), 0.04);
+    let digits = (2.0 - (high - low).log10()).clamp(0.0, 4.0) as usize;
+    let title = format!(
+        "corrections of {} slits in the middle, and the residuals of each",
+        comb.slits.len()
+    );
+    let x = Axis::linear((left, right), "place on the mask, mm", 10, 0);
+    let y = Axis::linear((low, high), "correction, px", 6, digits);
+    let mut panel = axes::panel(area, &title, 30, &x, &y)?;
+    panel.draw_series([PathElement::new(
+        vec![(left, 0.0), (right, 0.0)],
+        BLACK.stroke_width(1),
+    )])?;
+    panel.draw_series(slits().map(|slit| {
+        let line = ends(slit).map(|y| (1e-3 * slit.place_um, y)).to_vec();
+        PathElement::new(line, USED.stroke_width(2))
+    }))?;
+    panel
+        .draw_series(slits().map(|slit| {
+            Circle::new((1e-3 * slit.place_um, slit.correction_px), 4, USED.filled())
+        }))?;
+    Ok(())
 }
 
 /// Points that count as dots, rejected ones as crosses; those beyond the axis lie near its end.

@@ -5,6 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::calibration::Made;
+use super::comb::{FittedComb, FittedSlit};
 use super::curve::{FEW_FREEDOMS, Quality};
 use super::observed::Weights;
 use super::order::FEWEST_TO_REJECT;
@@ -47,6 +48,9 @@ pub struct Report {
     pub scatter: Option<f64>,
     /// How far the target's surface moves distances, if the points tell it.
     pub surface: Option<ShownSurface>,
+    /// The slits of a comb.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub comb: Option<ShownComb>,
     /// What the points cannot show.
     pub cannot_show: Vec<String>,
     /// The record that was written.
@@ -134,6 +138,31 @@ pub struct ShownSurface {
     pub known_to: f64,
     /// The usual height there.
     pub height_counts: f64,
+}
+
+/// What the points tell of a comb.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ShownComb {
+    /// The slits.
+    pub slits: Vec<FittedSlit>,
+    /// Images that count.
+    pub images: usize,
+    /// Images that do not: they lie far from the others of their point.
+    pub rejected: usize,
+    /// Standard uncertainty of a point's centre by the scatter of its slits, root mean square.
+    pub scatter_px: f64,
+}
+
+impl ShownComb {
+    /// What a fit found.
+    pub fn of(comb: &FittedComb) -> Self {
+        Self {
+            slits: comb.slits.clone(),
+            images: comb.images,
+            rejected: comb.rejected,
+            scatter_px: comb.scatter_px,
+        }
+    }
 }
 
 /// For which centres and distances a calibration holds.
@@ -258,6 +287,7 @@ impl Report {
                 known_to: surface.known_to,
                 height_counts: surface.height,
             }),
+            comb: None,
             cannot_show: Vec::new(),
             record: None,
         };
@@ -419,8 +449,21 @@ impl fmt::Display for Report {
             self.curve.freedoms, self.curve.leverage_first, self.curve.leverage_last
         )?;
 
+        if let Some(comb) = &self.comb {
+            write_comb(f, comb)?;
+        }
+
         writeln!(f, "\nThe target's surface")?;
         match &self.surface {
+            Some(surface) if self.comb.is_some() => writeln!(
+                f,
+                "  moves all slits together by {:.1} um at {:.0} mm, which their scatter cannot show",
+                surface.deviation_um, surface.middle_mm
+            )?,
+            None if self.comb.is_some() => writeln!(
+                f,
+                "  there are too few points to tell what moves all slits together: u holds their scatter"
+            )?,
             Some(surface) => writeln!(
                 f,
                 "  moves a distance by {:.1} um +- {:.0} % at {:.0} mm, for a spot of {:.0} counts: the \
@@ -465,6 +508,43 @@ impl fmt::Display for Report {
         }
         Ok(())
     }
+}
+
+/// The slits of a comb, a line for each.
+fn write_comb(f: &mut fmt::Formatter<'_>, comb: &ShownComb) -> fmt::Result {
+    writeln!(
+        f,
+        "\nThe comb: {} slits, {} images",
+        comb.slits.len(),
+        comb.images
+    )?;
+    if comb.rejected > 0 {
+        writeln!(
+            f,
+            "  {} images lie far from the others of their point, and do not count",
+            comb.rejected
+        )?;
+    }
+    writeln!(
+        f,
+        "  by the scatter of its slits, a point's centre is uncertain by {:.4} px (RMS)",
+        comb.scatter_px
+    )?;
+    writeln!(
+        f,
+        "  slit  place um  points  degree  correction px  residual px"
+    )?;
+    for (slit, number) in comb.slits.iter().zip(1..) {
+        let degree = slit
+            .degree
+            .map_or("none".to_owned(), |degree| degree.to_string());
+        writeln!(
+            f,
+            "  {number:>4}  {:>8.0}  {:>6}  {degree:>6}  {:>+13.4}  {:>11.4}",
+            slit.place_um, slit.points, slit.correction_px, slit.residual_px
+        )?;
+    }
+    Ok(())
 }
 
 fn residuals(f: &mut fmt::Formatter<'_>, name: &str, of: &Residuals) -> fmt::Result {

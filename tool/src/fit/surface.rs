@@ -1,7 +1,8 @@
 //! How far the target's surface moves distances: what the points scatter beyond their noise.
 //!
 //! Speckle moves each point by e sqrt(usual height / height), where e rises with the distance (core,
-//! `uncertainty`). Here e = c (d - D), with D of eq. (1), so that the zero of a stage does not matter; and
+//! `uncertainty`). A comb's slits scatter by their own speckle, which each point's uncertainty already holds:
+//! what is left is the part that all slits share, which does not follow the height. Here e = c (d - D), with D of eq. (1), so that the zero of a stage does not matter; and
 //! the usual height is H (d - D)^q, which follows the laser, the slit and the material.
 
 use nalgebra::{Matrix2, Vector2};
@@ -32,8 +33,9 @@ const FEWEST_FREEDOMS: f64 = 10.0;
 impl Surface {
     /// The surface that the points of a fit show. `None` where they have no heights, or are too few.
     pub fn of(solved: &Solved, curve: &Curve) -> Option<Self> {
+        let is_comb = solved.points.iter().any(|point| point.slits.is_some());
         let points: Vec<(Observed, f64)> = (solved.observed.iter())
-            .map(|point| Some((*point, point.height?)))
+            .map(|point| Some((*point, point.height.or(is_comb.then_some(1.0))?)))
             .collect::<Option<_>>()?;
         let freedom = points.len() as f64 - curve.freedoms();
         if freedom < FEWEST_FREEDOMS {
@@ -61,7 +63,11 @@ impl Surface {
         // freedoms corrects this on average.
         let squares: Vec<f64> = (points.iter())
             .map(|(point, height)| {
-                let unit = from_pole(point).powi(2) * usual.height_at(from_pole(point)) / height;
+                let by_height = match is_comb {
+                    true => 1.0,
+                    false => usual.height_at(from_pole(point)) / height,
+                };
+                let unit = from_pole(point).powi(2) * by_height;
                 let residual = point.distance - curve.distance(point.centre);
                 let own = point.sigma_at(curve.slope(point.centre)).powi(2);
                 (residual.powi(2) * points.len() as f64 / freedom - own) / unit

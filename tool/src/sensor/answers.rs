@@ -1,10 +1,15 @@
 //! What a sensor's answers say, where they are more than the command that they answer.
 
-use crate::points::Shape;
+use slitrange::comb::MAX_SLITS;
+
+use crate::points::{Shape, SlitImage, SlitImages};
 
 /// The centre of a frame, as `centre` answers it: `x 1770.98771 u 0.00195 a 1993 n 16/16 b 300 e t w 7.62131
 /// o 0.00012 -0.00310 0.01203 0.00010 -0.00020`, and ` m 3` and ` c 3` as in a reading. Earlier firmware
 /// sends neither `w` nor `o`.
+///
+/// A comb has ` k 16` after the shape, and a second line with the image of each slit: `slits 912.12345/1830 -
+/// ...`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Centre {
     /// In pixels.
@@ -23,6 +28,8 @@ pub struct Centre {
     pub misfits: u32,
     /// As how few independent rows the frame's may count, where the sensor says so.
     pub correlated: Option<u16>,
+    /// The images of a comb's slits.
+    pub slits: Option<SlitImages>,
 }
 
 /// Why a frame gave no centre, in the sensor's own words.
@@ -46,10 +53,38 @@ pub fn centre(lines: &[String]) -> Option<Result<Centre, NoCentre>> {
             advice: advice.to_owned(),
         }));
     }
-    reading(last).map(Ok)
+    if let Some(images) = last.strip_prefix("slits ") {
+        let (centre, _) = reading(before.last()?).filter(|(_, has_comb)| *has_comb)?;
+        let slits = Some(slit_images(images)?);
+        return Some(Ok(Centre { slits, ..centre }));
+    }
+    match reading(last)? {
+        (centre, false) => Some(Ok(centre)),
+        // The line with the slits follows.
+        (_, true) => None,
+    }
 }
 
-fn reading(line: &str) -> Option<Centre> {
+/// The images of a comb: `912.12345/1830`, or `-` for none.
+fn slit_images(words: &str) -> Option<SlitImages> {
+    let mut images = SlitImages::default();
+    let words: Vec<&str> = words.split(' ').collect();
+    for (image, word) in images.iter_mut().zip(&words) {
+        if *word == "-" {
+            continue;
+        }
+        let (x, height) = word.split_once('/')?;
+        let height: u16 = height.parse().ok()?;
+        *image = Some(SlitImage {
+            x_px: five_decimals(x)?,
+            height_counts: height.into(),
+        });
+    }
+    (words.len() == MAX_SLITS).then_some(images)
+}
+
+/// The first line, and whether it is that of a comb.
+fn reading(line: &str) -> Option<(Centre, bool)> {
     let words: Vec<&str> = line.split(' ').collect();
     let (measured, flags) = words.split_at_checked(12)?;
     let &[
@@ -86,6 +121,13 @@ fn reading(line: &str) -> Option<Centre> {
         }
         _ => (None, flags),
     };
+    let (has_comb, flags) = match *flags {
+        ["k", used, ref flags @ ..] => {
+            let _: u8 = used.parse().ok()?;
+            (true, flags)
+        }
+        _ => (false, flags),
+    };
     let (misfits, correlated) = match *flags {
         [] => (None, None),
         ["m", misfits] => (Some(misfits), None),
@@ -100,7 +142,7 @@ fn reading(line: &str) -> Option<Centre> {
     // It is of no interest here, but where noise made something else of it, it may have of the rest.
     let _: i32 = black.parse().ok()?;
     let mut letters = letter.chars();
-    Some(Centre {
+    let centre = Centre {
         x_px: five_decimals(x)?,
         claimed_px: five_decimals(u)?,
         height_counts: height.into(),
@@ -112,7 +154,9 @@ fn reading(line: &str) -> Option<Centre> {
             Some(rows) => Some(rows.parse().ok()?),
             None => None,
         },
-    })
+        slits: None,
+    };
+    Some((centre, has_comb))
 }
 
 /// A number with as many decimals as the sensor sends: one more or one less is a line with a byte too many or
@@ -223,6 +267,7 @@ mod tests {
             }),
             misfits: 3,
             correlated: Some(2),
+            slits: None,
         };
         assert_eq!(centre(&lines(line)), Some(Ok(read)));
         let plain = line.strip_suffix(" m 3 c 2").expect("flags");
@@ -235,11 +280,11 @@ mod tests {
         // A byte lost anywhere leaves no centre, but for the digits of whole numbers.
         let lost: Vec<String> = (0..plain.len())
             .map(|at| [&plain[..at], &plain[at + 1..]].concat())
-            .filter(|line| reading(line).is_some_and(|read| read != unflagged))
+            .filter(|line| reading(line).is_some_and(|(read, _)| read != unflagged))
             .collect();
         println!("{lost:#?}");
         assert!(lost.iter().all(|line| {
-            let read = reading(line).expect("filtered");
+            let (read, _) = reading(line).expect("filtered");
             let is_of_height = read.height_counts < 1000.0;
             let is_of_shape = read.x_px == unflagged.x_px && read.shape != unflagged.shape;
             let is_of_centre = read.x_px < 1000.0 && read.claimed_px == 0.00195;
@@ -254,6 +299,45 @@ mod tests {
         assert_eq!(centre(&lines(before)), Some(Ok(without)));
         let zeros = format!("{before} w 0.00000 o{}", " 0.00000".repeat(5));
         assert_eq!(centre(&lines(&zeros)), Some(Ok(without)));
+    }
+
+    #[test]
+    fn a_comb_has_a_second_line() {
+        let first = "x 1770.98771 u 0.00195 a 1993 n 16/16 b 300 e a w 0.00000 o 0.00000 0.00000 0.00000 \
+                     0.00000 0.00000 k 3 m 2";
+        let slits = format!("slits - 912.12345/1830{} 2912.00001/7", " -".repeat(13));
+        let both = format!("{first}\n{slits}");
+        let image = |x_px, height_counts| {
+            Some(SlitImage {
+                x_px,
+                height_counts,
+            })
+        };
+        let read = centre(&lines(&both)).expect("an answer").expect("a centre");
+        let images = read.slits.expect("images");
+        assert_eq!((images[0], images[1]), (None, image(912.12345, 1830.0)));
+        assert_eq!(images[15], image(2912.00001, 7.0));
+        assert_eq!((read.x_px, read.misfits), (1770.98771, 2));
+        // Half of an answer is none, and no line goes with the line of another answer.
+        assert_eq!(centre(&lines(first)), None);
+        assert_eq!(centre(&lines(&slits)), None);
+        let one = first.replace(" k 3", "");
+        assert_eq!(centre(&lines(&format!("{one}\n{slits}"))), None);
+        // A byte lost in the second line leaves no answer, but for the digits of whole numbers.
+        let at_px = |images: &SlitImages| images.map(|it| it.map(|it| it.x_px));
+        for at in first.len() + 7..both.len() {
+            let lost = [&both[..at], &both[at + 1..]].concat();
+            if let Some(Ok(found)) = centre(&lines(&lost)) {
+                let found = at_px(&found.slits.expect("images"));
+                let changed = found
+                    .iter()
+                    .zip(&at_px(&images))
+                    .filter(|(a, b)| a != b)
+                    .count();
+                let is_whole = found.iter().flatten().all(|px| px.fract() > 0.0);
+                assert!(changed <= 1 && is_whole, "{lost}");
+            }
+        }
     }
 
     #[test]

@@ -16,8 +16,9 @@ use crate::pc::{Pc, Port};
 /// How often a command is said before nobody answers.
 pub const TRIES: usize = 4;
 
-/// The longest line that is kept: three times as long as any that a sensor sends. Beyond it is noise.
-const LONGEST: usize = 256;
+/// The longest line that is kept: three times as long as any that a sensor sends. Beyond it is noise. A comb's
+/// line of slits has up to 261 bytes.
+const LONGEST: usize = 800;
 
 // Waits are many times what a board takes: some 0.1 s for the longest answer, 0.4 s for a frame of 64 rows, 1
 // s for a sector of flash that is erased. An emulated board can be slower than the clock on the wall.

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use slitrange::centre::Estimator;
+use slitrange::comb::Slits;
 use slitrange::frame::MAX_ROWS;
 use slitrange::protocol::command::Command;
 use slitrange::settings::{Setting, Value};
@@ -17,7 +18,7 @@ use super::positions::{self, Moved, Mover, Which, check_command};
 use super::session::{Before, Session};
 use super::taken::{Millimetres, PointsFile, Taken};
 use crate::pc::Pc;
-use crate::points::{Setup, Shape};
+use crate::points::{Setup, Shape, SlitImage, SlitImages};
 
 /// How often a position is tried with a stage, which cannot be asked.
 const TRIES: usize = 3;
@@ -174,15 +175,23 @@ fn ask_setup(session: &mut Session<'_>) -> Result<Setup, LineError> {
             Value::Black(level) => Some(level),
             _ => None,
         },
+        slits: match session.value(Setting::Slits) {
+            Ok(Value::Slits(slits)) => slits,
+            // Earlier firmware has no such setting, and one slit.
+            Ok(_) | Err(LineError::Refused { .. }) => Slits::One,
+            Err(error) => return Err(error),
+        },
     })
 }
 
 /// The settings that points are taken with.
 fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
     let estimator = setup.estimator.map(Value::Estimator);
+    let slits = Some(setup.slits).filter(|slits| *slits != Slits::One);
     estimator
         .into_iter()
         .chain(setup.black_level.map(Value::Black))
+        .chain(slits.map(Value::Slits))
 }
 
 /// The way through the positions.
@@ -292,6 +301,7 @@ impl Walk<'_> {
         match &answer {
             Ok(centre)
                 if u32::from(centre.rows) != MAX_ROWS
+                    || centre.slits.is_some() != (self.setup.slits == Slits::Comb)
                     || Some(centre.estimator) != self.setup.estimator.map(Estimator::letter) =>
             {
                 Err(LineError::Restarted {
@@ -316,6 +326,10 @@ impl Walk<'_> {
         );
         for value in settings(&self.setup) {
             self.session.set(Command::Set(value))?;
+        }
+        if now.slits != self.setup.slits {
+            self.session
+                .set(Command::Set(Value::Slits(self.setup.slits)))?;
         }
         self.session.borrow_rows(MAX_ROWS as u16)?;
         writeln!(self.output, "the sensor is back, and set as it was")?;
@@ -404,7 +418,30 @@ pub fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
         height_counts: Some(median(centres.iter().map(|it| it.height_counts).collect()))
             .filter(|height| *height > 0.0),
         shape: mean_shape(centres),
+        slits: mean_images(centres),
     }
+}
+
+/// The mean images of a comb's slits, rounded as a file holds them. A slit without an image in at least half of
+/// the frames has none.
+fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
+    let frames: Vec<SlitImages> = centres.iter().filter_map(|centre| centre.slits).collect();
+    if frames.is_empty() {
+        return None;
+    }
+    Some(std::array::from_fn(|slit| {
+        let images: Vec<SlitImage> = frames.iter().filter_map(|images| images[slit]).collect();
+        if 2 * images.len() < frames.len() {
+            return None;
+        }
+        let x_px = middle_mean(images.iter().map(|image| image.x_px).collect());
+        let height = median(images.iter().map(|image| image.height_counts).collect());
+        Some(SlitImage {
+            x_px: (x_px * 1e6).round() / 1e6,
+            height_counts: height,
+        })
+        .filter(|image| image.height_counts > 0.0)
+    }))
 }
 
 /// The mean shape of the frames, rounded as a file holds it. None if a frame has none.
@@ -452,6 +489,7 @@ mod tests {
             shape: None,
             misfits: 0,
             correlated: None,
+            slits: None,
         }
     }
 
@@ -497,6 +535,34 @@ mod tests {
         assert_eq!(shape.components_px, [0.001, -0.002, 0.025, 0.0, 0.0]);
         centres[3].shape = None;
         assert_eq!(taken(700.0, &centres).shape, None);
+    }
+
+    #[test]
+    fn an_image_is_the_mean_of_the_frames_that_have_it() {
+        let image = |x_px| {
+            Some(SlitImage {
+                x_px,
+                height_counts: 1000.0,
+            })
+        };
+        let with = |first, second| {
+            let mut slits = SlitImages::default();
+            (slits[0], slits[1]) = (first, second);
+            Centre {
+                slits: Some(slits),
+                ..centre(1800.0)
+            }
+        };
+        let frames = [
+            with(image(900.0), None),
+            with(image(901.0), image(1000.0)),
+            with(image(902.0), None),
+        ];
+        let slits = taken(700.0, &frames).slits.expect("images");
+        assert_eq!((slits[0], slits[1]), (image(901.0), None));
+        let slits = taken(700.0, &frames[..2]).slits.expect("images");
+        assert_eq!((slits[0], slits[1]), (image(900.5), image(1000.0)));
+        assert_eq!(taken(700.0, &[centre(1800.0)]).slits, None);
     }
 
     #[test]

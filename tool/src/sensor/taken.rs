@@ -10,11 +10,12 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use slitrange::comb::{MAX_SLITS, Slits};
 use slitrange::protocol::command::{Command, parse};
 use slitrange::settings::Value;
 
 use super::session::Before;
-use crate::points::{Setup, Shape};
+use crate::points::{Setup, Shape, SlitImage, SlitImages, slit_columns};
 
 /// The line above the points.
 const COLUMNS: &str = "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated,height_counts,\
@@ -25,6 +26,19 @@ const COLUMNS_BEFORE: [&str; 2] = [
     "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated",
     "x_px,d_mm,sigma_px,frames,scatter_px,claimed_px,misfits,correlated,height_counts",
 ];
+
+/// The line above the points of a comb.
+fn columns_of_comb() -> String {
+    format!("{COLUMNS},{}", slit_columns().join(","))
+}
+
+/// The line above the points of a sensor with these slits.
+fn columns(slits: Slits) -> String {
+    match slits {
+        Slits::One => COLUMNS.to_owned(),
+        Slits::Comb => columns_of_comb(),
+    }
+}
 
 /// The first line, by which a file is known as one of these.
 const TITLE: &str = "# points of a sensor, by slitrange calibrate run";
@@ -65,6 +79,8 @@ pub struct Taken {
     pub height_counts: Option<f64>,
     /// The spot's shape, the mean of the frames'. Earlier programs did not note it.
     pub shape: Option<Shape>,
+    /// The images of a comb's slits, the means of the frames'.
+    pub slits: Option<SlitImages>,
 }
 
 impl fmt::Display for Taken {
@@ -94,11 +110,21 @@ impl fmt::Display for Taken {
             Some(height) => write!(f, ",{height:.1}")?,
             None => f.write_str(",")?,
         }
-        let Some(shape) = self.shape else {
-            return f.write_str(",,,,,,");
-        };
-        write!(f, ",{:.6}", shape.width_px)?;
-        (shape.components_px.iter()).try_for_each(|component| write!(f, ",{component:.6}"))
+        match self.shape {
+            Some(shape) => {
+                write!(f, ",{:.6}", shape.width_px)?;
+                (shape.components_px.iter())
+                    .try_for_each(|component| write!(f, ",{component:.6}"))?;
+            }
+            None => f.write_str(",,,,,,")?,
+        }
+        for image in self.slits.iter().flatten() {
+            match image {
+                Some(image) => write!(f, ",{:.6},{:.1}", image.x_px, image.height_counts)?,
+                None => f.write_str(",,")?,
+            }
+        }
+        Ok(())
     }
 }
 
@@ -109,6 +135,10 @@ impl Taken {
         let (&[x, d, sigma, frames, scatter, claimed, misfits, correlated], rest) =
             columns.split_first_chunk()?;
         let number = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite());
+        let (rest, slits) = match rest.split_last_chunk::<{ 2 * MAX_SLITS }>() {
+            Some((rest, slits)) => (rest, Some(parse_slits(slits)?)),
+            None => (rest, None),
+        };
         let (height, shape) = match *rest {
             [] => ("", None),
             [height] | [height, "", "", "", "", "", ""] => (height, None),
@@ -150,8 +180,26 @@ impl Taken {
                 Some(number(height)?)
             },
             shape,
+            slits,
         })
     }
+}
+
+/// The images of a comb, from two columns for each slit.
+fn parse_slits(columns: &[&str; 2 * MAX_SLITS]) -> Option<SlitImages> {
+    let number = |word: &str| word.parse().ok().filter(|value: &f64| value.is_finite());
+    let mut images = SlitImages::default();
+    for (image, columns) in images.iter_mut().zip(columns.chunks(2)) {
+        *image = match *columns {
+            ["", ""] => None,
+            [x, height] => Some(SlitImage {
+                x_px: number(x)?,
+                height_counts: number(height)?,
+            }),
+            _ => return None,
+        };
+    }
+    Some(images)
 }
 
 /// A file of points, open to take more.
@@ -176,6 +224,8 @@ struct Content {
     torn: Option<String>,
     /// The columns are those of an earlier program.
     is_old: bool,
+    /// The slits of the sensor.
+    slits: Slits,
 }
 
 impl PointsFile {
@@ -199,6 +249,7 @@ impl PointsFile {
                 remarks: Vec::new(),
                 torn: None,
                 is_old: false,
+                slits: setup.slits,
             }
         } else {
             let content =
@@ -328,6 +379,7 @@ impl Content {
             remarks: Vec::new(),
             torn: (!rest.is_empty()).then(|| rest.escape_ascii().to_string()),
             is_old: false,
+            slits: Slits::One,
         };
         let text = std::str::from_utf8(whole).context("it is not text")?;
         ensure!(
@@ -338,6 +390,10 @@ impl Content {
         let mut lines = text.lines().zip(1..);
         for (line, number) in lines.by_ref() {
             content.is_old = COLUMNS_BEFORE.contains(&line);
+            if line == columns_of_comb() {
+                content.slits = Slits::Comb;
+                break;
+            }
             if line == COLUMNS || content.is_old {
                 break;
             }
@@ -352,10 +408,15 @@ impl Content {
             if line.starts_with('#') {
                 content.remarks.push(line.to_owned());
             } else if !line.trim().is_empty() {
-                let Some(point) = Taken::parse(line) else {
+                let point = Taken::parse(line).filter(|point| {
+                    let is_of_comb = content.slits == Slits::Comb;
+                    point.slits.is_some() == is_of_comb
+                });
+                let Some(point) = point else {
                     bail!(
-                        "line {number}, `{}`, is no point: expected {COLUMNS}",
-                        line.escape_debug()
+                        "line {number}, `{}`, is no point: expected {}",
+                        line.escape_debug(),
+                        columns(content.slits)
                     );
                 };
                 content.points.push(point);
@@ -368,7 +429,7 @@ impl Content {
     fn write(&self, path: &Path) -> Result<()> {
         let mut text = String::new();
         let points: Vec<String> = self.points.iter().map(ToString::to_string).collect();
-        let columns = [COLUMNS.to_owned()];
+        let columns = [columns(self.slits)];
         for line in [&self.first[..], &columns, &points, &self.remarks]
             .into_iter()
             .flatten()
@@ -404,7 +465,17 @@ fn check_setup(first: &[String], setup: &Setup) -> Result<()> {
     for comment in first.iter().filter_map(|line| line.strip_prefix('#')) {
         found.read_comment(comment)?;
     }
+    ensure!(
+        found.slits == setup.slits,
+        "its points were taken with `slits {}`, and the sensor is set to `slits {}`: set it to that, or take \
+         another file",
+        found.slits.name(),
+        setup.slits.name()
+    );
     for ((name, then), (_, now)) in found.comments().into_iter().zip(setup.comments()) {
+        if name == "slits" {
+            continue;
+        }
         let (Some(then), Some(now)) = (then, now) else {
             bail!(
                 "it does not say with which {name} its points were taken: a line `# {name} ...` is missing"
@@ -448,6 +519,7 @@ mod tests {
             serial_number: Some(17),
             estimator: Some(Estimator::PhaseTable),
             black_level: Some(BlackLevel::Fixed(Counts::from_int(300))),
+            slits: Slits::One,
         }
     }
 
@@ -481,6 +553,7 @@ mod tests {
                 x_px, d_mm, sigma_px, frames, scatter_px, claimed_px, misfits, correlated,
                 height_counts,
                 shape: shape.map(|(width_px, components_px)| Shape { width_px, components_px }),
+                slits: None,
             }
         }
     }
@@ -574,6 +647,7 @@ mod tests {
                 width_px: 7.62131,
                 components_px: [0.00012, -0.0031, 0.01203, 0.0001, -0.0002],
             }),
+            slits: None,
         };
         let typed = Taken {
             d_mm: 810.12345,
@@ -623,6 +697,58 @@ mod tests {
                 Some(later.shape)
             );
         }
+    }
+
+    #[test]
+    fn a_file_of_a_comb_has_a_column_for_each_slit() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("points.csv");
+        let comb = Setup {
+            slits: Slits::Comb,
+            ..setup()
+        };
+        let images: SlitImages = std::array::from_fn(|slit| {
+            (slit != 3).then_some(SlitImage {
+                x_px: 900.000001 + 100.0 * slit as f64,
+                height_counts: 1830.5,
+            })
+        });
+        let point = Taken {
+            x_px: 1770.98771,
+            d_mm: 800.0,
+            sigma_px: 0.0007,
+            frames: 8,
+            scatter_px: None,
+            claimed_px: 0.0019,
+            misfits: 0,
+            correlated: None,
+            height_counts: Some(1011.0),
+            shape: None,
+            slits: Some(images),
+        };
+        let mut file = PointsFile::open(&path, &comb, BEFORE, "today").expect("a file");
+        file.add(point).expect("added");
+        let mut again = PointsFile::open(&path, &comb, BEFORE, "today").expect("a file");
+        assert_eq!(again.points(), [point]);
+        let nearer = Taken {
+            x_px: 1700.0,
+            d_mm: 810.0,
+            ..point
+        };
+        again.add(nearer).expect("added");
+        again.put_in_order().expect("in order");
+        let again = PointsFile::open(&path, &comb, BEFORE, "today").expect("a file");
+        assert_eq!(again.points(), [nearer, point]);
+        // The fit finds all of it.
+        let read = crate::points::Points::read(&path).expect("points");
+        assert_eq!(read.setup.slits, Slits::Comb);
+        assert_eq!(read.points[1].slits, Some(images));
+        // A sensor that is set otherwise does not go on with the file.
+        let error = PointsFile::open(&path, &setup(), BEFORE, "today").expect_err("refused");
+        println!("{error:#}");
+        assert!(
+            format!("{error:#}").contains("`slits comb`, and the sensor is set to `slits one`")
+        );
     }
 
     #[test]

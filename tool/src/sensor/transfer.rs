@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
+use slitrange::comb::Slits;
 use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::piece::{PIECE, Piece};
 use slitrange::protocol::upload::Step;
@@ -105,9 +106,13 @@ pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
         )?;
     }
     transfer(session, &written, !options.no_save)?;
+    let slits = match record.slits() {
+        Slits::One => String::new(),
+        comb => format!(", {}", Value::Slits(comb)),
+    };
     writeln!(
         output,
-        "uploaded and in use; read back, it is the same bit for bit. Set with it: estimator {}, {}",
+        "uploaded and in use; read back, it is the same bit for bit. Set with it: estimator {}, {}{slits}",
         record.estimator.name(),
         Value::Black(record.black_level)
     )?;

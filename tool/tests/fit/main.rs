@@ -1,6 +1,7 @@
 //! `slitrange calibrate fit` against known truth.
 
 mod accuracy;
+mod comb;
 mod command;
 mod errors;
 mod own_spot;

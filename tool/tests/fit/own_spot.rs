@@ -7,6 +7,7 @@ use rand_distr::{Distribution as _, StandardNormal};
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::check;
+use slitrange::comb::Slits;
 use slitrange::measurement::Measurement;
 use slitrange::pixels::PixelErrors;
 use slitrange::profile::Profile;
@@ -110,6 +111,7 @@ impl Sensor {
             serial_number: Some(17),
             estimator: Some(self.estimator),
             black_level: Some(BlackLevel::Shielded),
+            slits: Slits::One,
         };
         let before = Before {
             streamed: true,

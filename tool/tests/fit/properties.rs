@@ -48,6 +48,7 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
             black_level: slitrange::black_level::BlackLevel::Shielded,
             calibration: made.calibration.clone(),
             profile: None,
+            comb: None,
             errors: CalibrationErrors::Unknown,
         };
         let written = EncodedRecord::new(record.clone()).expect("a record");
@@ -77,7 +78,7 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
         }
         let report = Report::of("points".into(), &solved, &made);
         prop_assert!(!report.to_string().contains("NaN"), "{}", report);
-        figure::draw(&solved, made.form, &directory.path().join("a.svg")).expect("a figure");
+        figure::draw(&solved, made.form, None, &directory.path().join("a.svg")).expect("a figure");
         any = true;
     }
     Ok(any)

@@ -47,6 +47,7 @@ fn unusable_points_are_refused_with_a_reason() {
         sigma_px: None,
         height_counts: None,
         shape: None,
+        slits: None,
     });
     say("collinear", straight.clone().collect());
     say("three collinear", straight.take(3).collect());

@@ -98,6 +98,7 @@ impl Truth {
                     sigma_px: None,
                     height_counts: None,
                     shape: None,
+                    slits: None,
                 }
             })
             .collect()

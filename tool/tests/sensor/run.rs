@@ -8,6 +8,7 @@ use std::time::Duration;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use slitrange::centre::Estimator;
+use slitrange::comb::{Comb, Slits};
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::units::Pixels;
 use slitrange_tool::pc::Pc as _;
@@ -468,4 +469,72 @@ fn a_run_that_is_killed_goes_on_where_it_was() {
     check(&sensor, &TEN, noise(3));
     let there: BTreeSet<String> = lines(&sensor).into_iter().collect();
     assert_eq!(there, before);
+}
+
+/// A sensor with a comb: the file has the images of all slits, and the record that `fit` makes of them sets the
+/// comb again. The line is noisy, and the sensor loses its power and its settings meanwhile.
+#[test]
+fn a_comb_is_calibrated_from_the_images_of_its_slits() {
+    let positions: Vec<f64> = (0..30).map(|i| 560.0 + 18.0 * f64::from(i)).collect();
+    let bad = Trouble {
+        lost: 0.01,
+        garbled: 0.02,
+        restart: 0.01,
+        ..Trouble::default()
+    };
+    for (seed, trouble) in [(20, Trouble::default()), (21, bad)] {
+        let sensor = StandIn::new(seed, Trouble::default());
+        sensor.state().type_line("slits comb");
+        sensor.state().trouble = trouble;
+        let (mut result, mut output) = run_stage(&sensor, &positions, &["--frames", "3"]);
+        assert!(output.contains(", slits comb: "), "{output}");
+        while result.is_err() {
+            sensor.state().type_line("slits comb");
+            (result, output) = run_stage(&sensor, &positions, &["--frames", "3"]);
+            println!("{output}");
+        }
+        sensor.state().trouble = Trouble::default();
+        check(&sensor, &positions, noise(3));
+        let file = points(&sensor);
+        let taken = Points::read(Path::new(&file)).expect("points");
+        assert_eq!(taken.setup.slits, Slits::Comb);
+        for point in &taken.points {
+            let images = point.slits.expect("images");
+            assert_eq!(images.iter().flatten().count(), 15);
+            for (slit, image) in Comb::nominal().slits().iter().zip(images).skip(1) {
+                let x0 = Pixels::from_bits((centre_px(point.d_mm) * 65536.0).round() as i32);
+                let off = image.expect("an image").x_px - slit.from_axis(x0).to_f64();
+                assert!(off.abs() < noise(1) + 1e-3, "{off} px");
+            }
+        }
+        let record = sensor.path("sensor.record");
+        let record = record.to_str().expect("text");
+        let fit = ["fit", &file, "--serial", "7", "-o", record];
+        let (result, output) = sensor.slitrange(&fit, "");
+        assert!(result.is_ok(), "{result:?}");
+        assert!(
+            output.contains("The comb: 16 slits, 450 images"),
+            "{output}"
+        );
+        sensor.state().type_line("slits one");
+        let port = sensor.port();
+        let (result, output) = sensor.slitrange(&["write", "--port", &port, record], "");
+        assert!(result.is_ok(), "{result:?}");
+        assert!(output.contains("black shielded, slits comb\n"), "{output}");
+        assert_eq!(sensor.state().settings().slits, Slits::Comb);
+        let (_, output) = sensor.slitrange(&["show", "--port", &port], "");
+        assert!(
+            output.contains("slits         16, from -7900 to 6800 um; corrections"),
+            "{output}"
+        );
+        assert!(output.contains("\n   1     -7900    +0.0000"), "{output}");
+        // A record without a comb sets one slit.
+        let one = EncodedRecord::nominal().expect("a record");
+        let path = sensor.path("one.record");
+        std::fs::write(&path, one.bytes()).expect("written");
+        let path = path.to_str().expect("text");
+        let (result, output) = sensor.slitrange(&["write", "--no-save", "--port", &port, path], "");
+        assert!(result.is_ok() && !output.contains("slits"), "{output}");
+        assert_eq!(sensor.state().settings().slits, Slits::One);
+    }
 }

@@ -16,6 +16,7 @@ use host_tests::frames::at_centre;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use slitrange::comb::{Comb, Combined, SlitCentre, SlitCentres, Slits};
 use slitrange::distance::eq1::NOMINAL;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
@@ -612,8 +613,30 @@ impl Sensor {
             },
             estimator: settings.estimator,
             pixels: PixelErrors::TCD1304DG,
+            comb: (settings.slits == Slits::Comb).then(|| self.combined(centre)),
             ..exact
         })
+    }
+
+    /// What the slits of a comb show of a centre: each with its own noise, and one of them nothing.
+    fn combined(&mut self, centre: f64) -> Combined {
+        let mut centres = SlitCentres::default();
+        let comb = Comb::nominal();
+        for (image, slit) in centres.iter_mut().zip(comb.slits()).skip(1) {
+            let noise: f64 = StandardNormal.sample(&mut self.random);
+            let x0 = centre + NOISE_PX * noise;
+            *image = Some(SlitCentre {
+                centre: slit.from_axis(Pixels::from_bits((x0 * 65536.0).round() as i32)),
+                height: Counts::from_int(1500),
+                rows: self.state.settings().rows,
+            });
+        }
+        Combined {
+            shift: Pixels::default(),
+            surface: Pixels::default(),
+            used: 15,
+            centres,
+        }
     }
 
     fn say(&mut self, text: &str) {

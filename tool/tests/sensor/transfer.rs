@@ -50,6 +50,7 @@ fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
         black_level: BlackLevel::Fixed(Counts::from_int(300)),
         // The tables have a spot of their own.
         profile: (!matches!(calibration, Calibration::Eq1(_))).then_some(PROFILE),
+        comb: None,
         calibration,
         errors: CalibrationErrors::Unknown,
     })
@@ -286,7 +287,7 @@ fn damaged_and_foreign_records_are_refused() {
         .0
         .expect_err("too long");
     assert!(
-        error.contains("it has 5000 bytes, and the longest record 1789"),
+        error.contains("it has 5000 bytes, and the longest record 2110"),
         "{error}"
     );
     let error = run(&sensor, &["show", "/nowhere/record"])

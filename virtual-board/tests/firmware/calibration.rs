@@ -1,6 +1,8 @@
 //! Tests of calibrations over the serial line: the firmware uses the uploaded calibration as the core does,
 //! or nothing changes.
 
+use simulator::scene::Scene;
+use slitrange::comb::Comb;
 use slitrange::measurement::Measurement;
 use slitrange::protocol::calibration::FlashStatus;
 use slitrange::protocol::piece::Piece;
@@ -12,14 +14,15 @@ use slitrange::settings::Settings;
 use slitrange::uncertainty::Surface;
 use slitrange::{frame, sensor_heads};
 use virtual_board::VirtualBoard;
+use virtual_board::light::{Target, of_scene};
 
 use crate::common::{
     PATIENCE, Status, ask, ask_for_lines, boot, fresh_results, is_reading, measuring, number, set,
     spot_at,
 };
 use crate::records::{
-    CENTRE, assert_shown, eq1, every_kind, longest, pieces, read_back, record, send, shown, upload,
-    written,
+    CENTRE, assert_shown, eq1, every_kind, longest, of_comb, pieces, read_back, record, send,
+    shown, upload, written,
 };
 
 #[test]
@@ -78,6 +81,70 @@ fn readings_use_the_uploaded_calibration() {
     board.finish().expect("a clean run");
 }
 
+/// Uploads and saves the record of a comb, and cuts the power. Then readings use the record's slits, as the core
+/// does on this PC.
+#[test]
+fn readings_use_the_slits_of_a_saved_comb() {
+    let scene = Scene::load("comb").expect("a scene");
+    let (mut board, _) = boot(of_scene(scene, Target::at(0.8)));
+    set(&mut board, "rows 6");
+    let written = of_comb();
+    upload(&mut board, &written);
+    assert_eq!(ask(&mut board, "slits"), "slits comb");
+    board.send("save\r\n");
+    board
+        .run_until_line(|line| line == "save", PATIENCE)
+        .expect("it is saved");
+    board.reset_pin().expect("the emulator");
+    board
+        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+        .expect("a banner");
+
+    assert_shown(
+        &mut board,
+        Some(&written),
+        FlashStatus::Record(written.sum()),
+    );
+    assert!(shown(&mut board).contains(&"calibration slits 16".to_owned()));
+    assert_eq!(read_back(&mut board), written.bytes());
+    assert_eq!(ask(&mut board, "slits"), "slits comb");
+    board.head(|head| head.keep_all_rows(true));
+    let lines = fresh_results(&mut board, 5);
+    println!("{}", lines[4]);
+    assert!(lines.iter().all(|line| is_reading(line)), "{lines:#?}");
+    assert!(
+        lines
+            .iter()
+            .all(|line| line.contains(" k 1") && !line.ends_with(" s"))
+    );
+    let rows: Vec<_> = board.head(|head| head.rows().cloned().collect());
+    let agrees = |with: &EncodedRecord| {
+        (0..6).any(|first| {
+            let pc = on_this_pc(&rows[first..], with);
+            pc.windows(lines.len()).any(|window| window == lines)
+        })
+    };
+    assert!(agrees(&written), "the PC nowhere says {lines:#?}");
+    // With the mask's drawing, the distances are others.
+    let drawn = slitrange::record::Record {
+        comb: Some(Comb::nominal()),
+        ..written.record().clone()
+    };
+    assert!(!agrees(&crate::records::written(drawn)));
+
+    // The centre of each slit, in a second line.
+    set(&mut board, "stream off");
+    board.run_for(PATIENCE / 20).expect("a run");
+    board.take_lines();
+    let both = ask_for_lines(&mut board, "centre", 2);
+    println!("{both:#?}");
+    assert!(both[0].contains(" k 1"), "{}", both[0]);
+    let images: Vec<&str> = both[1].split(' ').collect();
+    assert_eq!((images[0], images.len()), ("slits", 17));
+    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    board.finish().expect("a clean run");
+}
+
 /// The lines of frames of six rows, of which the first frame begins with the first row.
 fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<String> {
     let record = written.record();
@@ -86,9 +153,13 @@ fn on_this_pc(rows: &[virtual_board::Row], written: &EncodedRecord) -> Vec<Strin
         mean: frame::Mean::default(),
         estimator: record.estimator,
         black_level: record.black_level,
+        slits: record.slits(),
         ..Settings::default()
     };
     let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
+    if let Some(comb) = &record.comb {
+        measurement.set_comb(comb.clone());
+    }
     rows.iter()
         .filter_map(|row| measurement.row(&mut row.words.clone()))
         .map(|measured| {

@@ -2,6 +2,7 @@
 
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
+use slitrange::comb::{CORRECTIONS, Comb, LARGEST_CORRECTION, SlitMap};
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
@@ -40,6 +41,7 @@ pub fn record(calibration: Calibration) -> Record {
                 height: [Counts::from_int(1000); PLACES],
             }),
         }),
+        comb: None,
         // The board's spot is symmetric.
         profile: Some(Profile {
             first: Pixels::from_int(1200),
@@ -64,6 +66,35 @@ pub fn eq1() -> EncodedRecord {
     let d = Micrometres::from_bits(nominal.d().to_bits() + Micrometres::from_int(1000).to_bits());
     let curve = Eq1::new(d, nominal.k(), nominal.pole(), first..=last);
     written(record(Calibration::Eq1(curve.expect("a curve"))))
+}
+
+/// Eq. (1) of a sensor with a comb, whose mask differs from its drawing by up to 0.8 pixels.
+pub fn of_comb() -> EncodedRecord {
+    let drawn = Comb::nominal();
+    let slits: Vec<SlitMap> = (drawn.slits().iter().zip(0i32..))
+        .map(|(slit, number)| {
+            let of_drawing = (number * 7 % 16 - 8) as f32 / 10.0;
+            slit.corrected([of_drawing, 0.3, -0.2, 0.1].map(Pixels::from_f32))
+        })
+        .collect();
+    written(Record {
+        comb: Comb::new(&slits),
+        profile: None,
+        ..eq1().record().clone()
+    })
+}
+
+/// The longest record with the longest comb.
+pub fn longest_of_comb() -> EncodedRecord {
+    let most = Pixels::from_int(LARGEST_CORRECTION);
+    let places = (0..8).map(|i| i - 16_384).chain((0..8).map(|i| i + 8_193));
+    let slits: Vec<SlitMap> = places
+        .map(|place| SlitMap::nominal(place).corrected([most; CORRECTIONS]))
+        .collect();
+    written(Record {
+        comb: Comb::new(&slits),
+        ..longest().record().clone()
+    })
 }
 
 /// Eq. (1), a table, eq. (1) with residuals, and the longest record that this sensor can have.

@@ -9,7 +9,7 @@ use virtual_board::{Exposure, LightSource, VirtualBoard};
 
 use crate::comb::{any_combs, paper_behind_a_comb};
 use crate::common::{PATIENCE, firmware, paper, results, set, spot_at};
-use crate::records::{longest, upload};
+use crate::records::{longest_of_comb, upload};
 
 /// The pattern in unused stack.
 const PATTERN: u32 = 0xA5C3_5A3C;
@@ -73,7 +73,7 @@ fn the_stack_stays_far_from_the_statics() {
     }
     board.take_lines();
     // Records are the largest objects. Upload one, save it, and start again with it.
-    upload(&mut board, &longest());
+    upload(&mut board, &longest_of_comb());
     for command in ["save", "save nominal"] {
         board.send(&format!("{command}\r\n"));
         board

@@ -111,6 +111,7 @@ fn record_bytes(calibration: Calibration) -> anyhow::Result<usize> {
         black_level: BlackLevel::Shielded,
         calibration,
         profile: None,
+        comb: None,
         errors: CalibrationErrors::Unknown,
     };
     Ok(encode(&record, &mut [0; MAX_ENCODED])?.len())

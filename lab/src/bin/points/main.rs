@@ -103,6 +103,7 @@ fn write(cells: &[Vec<Vec<Cell>>], block: &str) -> Result<()> {
     draw_fit(
         &example,
         example.better(),
+        None,
         &figures.join("calibration-fit.svg"),
     )?;
     Ok(())
@@ -147,6 +148,7 @@ fn solved(
             sigma_px: Some(CENTRE),
             height_counts: None,
             shape: None,
+            slits: None,
         })
         .collect();
     Some((optics, solve(&points, Some(means.position)).ok()?))

@@ -248,9 +248,15 @@ pub fn talk() {
         };
         session.take(event, &vitals, &mut actions);
         say(&actions.text.as_str());
-        if let Some((settings, profile)) = actions.apply {
-            reached(i32::from(settings.rows));
-            reached(profile.map_or(0, |profile| profile.first.to_bits()));
+        if let Some(applied) = &actions.apply {
+            reached(i32::from(applied.settings.rows));
+            reached(applied.profile.map_or(0, |profile| profile.first.to_bits()));
+            reached(
+                applied
+                    .comb
+                    .as_ref()
+                    .map_or(0, |comb| comb.slits().len() as i32),
+            );
         }
         reached(session.is_map_on().into());
         if let Some(configuration) = session.configuration() {

@@ -1,0 +1,504 @@
+//! The slits of a comb: brings the images of all slits to one centre for each point.
+//!
+//! Each slit's image lies on a straight line over x0, the image that a slit on the optical axis would show
+//! ([`SlitMap`]). The mask's drawing gives that line. What the mask and the optics do otherwise shows as
+//! differences between the slits at the same point. For each slit a polynomial of x0 takes them away.
+//!
+//! ```text
+//! images -> x0 by the drawing -> corrections of all slits at once -> x0 of each point -> eq. (1), residuals
+//!                                 weights by light, without outliers  and its scatter
+//! ```
+//!
+//! **Corrections.** The light h of an image weighs it, because its variance by speckle is one over its light
+//! (see the core's `combination`). The corrections c and the points' x0 make the weighted sum of
+//! (x0 by the drawing + c - x0 of the point)^2 least. The points' x0 are weighted means, so only the
+//! polynomials are unknown: a linear system of at most 64.
+//!
+//! **What is free.** If the same polynomial is added to all corrections, nothing changes but x0, and the curve
+//! of distance over x0 takes that in. So the corrections' coefficients are made to add up to zero.
+//!
+//! **Few points.** A slit with fewer than twelve points, or whose points lie on a part of the range, gets a
+//! polynomial of a lower degree, or none: then the mask's drawing is all that is known of the slit. The points'
+//! x0 are those of the other slits.
+
+use anyhow::Context as _;
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+use slitrange::comb::{CORRECTIONS, Comb, FEWEST, MAX_SLITS, SlitMap, UNIT};
+use slitrange::distance::eq1::DRAWING;
+
+use super::start::median;
+use super::tabulate::pixels;
+use crate::points::{Point, SlitImages};
+
+/// The comb that points tell, and their x0.
+#[derive(Clone, Debug)]
+pub struct FittedComb {
+    /// As the sensor holds it.
+    pub comb: Comb,
+    /// What the points tell of each slit.
+    pub slits: Vec<FittedSlit>,
+    /// The points, with x0 for their centres. Their uncertainties hold the scatter of the slits.
+    pub points: Vec<Point>,
+    /// Root mean square over the points of an x0's standard uncertainty by the scatter of the slits, in pixels.
+    pub scatter_px: f64,
+    /// Images that count.
+    pub images: usize,
+    /// Images that do not, because they lie far from the others of their point.
+    pub rejected: usize,
+}
+
+/// What the points tell of a slit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FittedSlit {
+    /// From the optical axis along the row, in micrometres, by the mask's drawing.
+    pub place_um: f64,
+    /// Points with an image of the slit that counts.
+    pub points: usize,
+    /// The degree of the correction. None if the slit has too few points.
+    pub degree: Option<usize>,
+    /// The correction in the middle of the points, in pixels.
+    pub correction_px: f64,
+    /// Root mean square of the slit's x0 less the points', in pixels.
+    pub residual_px: f64,
+}
+
+/// The fewest points for a correction of degree 0, 1, 2 and 3.
+const FEWEST_POINTS: [usize; CORRECTIONS] = [2, 4, 8, 12];
+
+/// The least part of the points' range that the slit's points must cover, for each degree.
+const LEAST_SPAN: [f64; CORRECTIONS] = [0.0, 0.25, 0.5, 0.75];
+
+/// An image is left out if it is so many standard deviations from its point's x0, as on the sensor.
+const OUTLIER: f64 = 5.0;
+
+/// No image is left out that is nearer than this to its point's x0, in pixels: a correction of degree three may
+/// leave so much of a bent window.
+const LEAST_OFF: f64 = 0.25;
+
+/// The same for slits with few points, whose corrections leave more: five times what 5 um of a mask move an image.
+const LEAST_OFF_OF_FEW: f64 = 3.0;
+
+/// In the first rounds, an image so many standard deviations off counts less, in proportion.
+const LESS: f64 = 2.5;
+
+/// Rounds with smaller weights for images that are far off, and rounds without them.
+const SOFT_ROUNDS: usize = 4;
+const ROUNDS: usize = 8;
+
+/// Points to both sides whose scatter is averaged with a point's own.
+const NEIGHBOURS: usize = 3;
+
+/// How much the error of x0 exceeds what the scatter says, because neighbouring slits share some speckle: as on
+/// the sensor.
+const SHARED: f64 = 1.06;
+
+/// An image of a slit in a point.
+#[derive(Clone, Copy, Debug)]
+struct Image {
+    slit: usize,
+    point: usize,
+    /// x0 by the drawing.
+    x0: f64,
+    /// x0 by the drawing from the axis, in units of the correction's argument.
+    t: f64,
+    /// Height in counts.
+    light: f64,
+    /// What the image counts, 0 to 1, beside its light.
+    trust: f64,
+    /// Whether the image counts in the x0 of its point: that of a slit with few points does not.
+    is_common: bool,
+}
+
+impl Image {
+    fn weight(&self) -> f64 {
+        self.light * self.trust
+    }
+
+    /// Whether the image counts in the x0 of its point.
+    fn counts(&self) -> bool {
+        self.is_common && self.trust > 0.0
+    }
+
+    /// 1, t, t^2, t^3.
+    fn powers(&self) -> [f64; CORRECTIONS] {
+        [1.0, self.t, self.t * self.t, self.t * self.t * self.t]
+    }
+
+    fn corrected(&self, corrections: &Corrections) -> f64 {
+        let terms = corrections[self.slit].iter().zip(self.powers());
+        self.x0 + terms.map(|(term, power)| term * power).sum::<f64>()
+    }
+}
+
+/// The coefficients of all slits.
+type Corrections = [[f64; CORRECTIONS]; MAX_SLITS];
+
+/// Finds the corrections of the slits, and the points' x0. `None` for points of a sensor with one slit.
+///
+/// # Errors
+/// A point has no image of any slit, or a correction is beyond what a record holds.
+pub fn fit(points: &[Point]) -> anyhow::Result<Option<FittedComb>> {
+    if points.iter().all(|point| point.slits.is_none()) {
+        return Ok(None);
+    }
+    let nominal = Comb::nominal();
+    let mut images = Vec::new();
+    for (number, point) in points.iter().enumerate() {
+        let of_point = point
+            .slits
+            .as_ref()
+            .and_then(|it| images_of(number, it, &nominal));
+        images.extend(of_point.with_context(|| {
+            format!(
+                "line {} has no image of any slit: take the point again, or remove the line",
+                point.line
+            )
+        })?);
+    }
+    let mut corrections = Corrections::default();
+    let mut x0s = means(&images, &corrections, points.len());
+    for round in 0..ROUNDS {
+        let degrees = mark_common(&mut images);
+        corrections =
+            solve(&images, &degrees, &x0s).context("the slits' corrections have no solution")?;
+        x0s = means(&images, &corrections, points.len());
+        trust(&mut images, &corrections, &x0s, round >= SOFT_ROUNDS);
+    }
+    // As the sensor holds them.
+    let slits: Vec<SlitMap> = nominal
+        .slits()
+        .iter()
+        .zip(&corrections)
+        .map(|(slit, terms)| slit.corrected(terms.map(pixels)))
+        .collect();
+    let comb = Comb::new(&slits).context("the mask's drawing has no slits")?;
+    comb.check()?;
+    let rounded: Corrections = std::array::from_fn(|slit| {
+        let slit = slits
+            .get(slit)
+            .map(|slit| slit.correction().map(|term| term.to_f64()));
+        slit.unwrap_or_default()
+    });
+    let degrees = mark_common(&mut images);
+    let x0s = means(&images, &rounded, points.len());
+    let sigmas = sigmas(&images, &rounded, &x0s, &degrees);
+    let all = slits.iter().enumerate();
+    let slits = all
+        .map(|(number, slit)| fitted_slit(number, slit, &images, &rounded, &x0s, degrees[number]))
+        .collect();
+    let scatter = sigmas.iter().map(|sigma| sigma * sigma).sum::<f64>() / sigmas.len() as f64;
+    Ok(Some(FittedComb {
+        comb,
+        slits,
+        points: (points.iter().zip(&x0s).zip(&sigmas))
+            .map(|((point, &x_px), &sigma)| Point {
+                x_px,
+                // The scatter of the slits holds their noise.
+                sigma_px: Some(
+                    point
+                        .sigma_px
+                        .map_or(sigma, |noise| noise.max(sigma))
+                        .max(LEAST_PX),
+                ),
+                ..*point
+            })
+            .collect(),
+        scatter_px: scatter.sqrt(),
+        images: images.iter().filter(|image| image.trust > 0.0).count(),
+        rejected: images.iter().filter(|image| image.trust <= 0.0).count(),
+    }))
+}
+
+/// The finest step of a centre, in pixels.
+const LEAST_PX: f64 = 1e-5;
+
+/// The images of a point. `None` if there are none.
+fn images_of(point: usize, images: &SlitImages, nominal: &Comb) -> Option<Vec<Image>> {
+    let found: Vec<Image> = (nominal.slits().iter().zip(images).enumerate())
+        .filter_map(|(slit, (map, image))| {
+            let image = (*image)?;
+            let x0 = map.to_axis(pixels(image.x_px)).to_f64();
+            Some(Image {
+                slit,
+                point,
+                x0,
+                t: (x0 - f64::from(DRAWING.axis_px)) / f64::from(UNIT),
+                light: image.height_counts.max(1.0),
+                trust: 1.0,
+                is_common: true,
+            })
+        })
+        .collect();
+    (!found.is_empty()).then_some(found)
+}
+
+/// The weighted means of the points' images. If a point has no image that counts, all of its images count.
+fn means(images: &[Image], corrections: &Corrections, points: usize) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0.0); points];
+    let mut all = sums.clone();
+    for image in images {
+        let x0 = image.corrected(corrections);
+        let weight = if image.counts() { image.weight() } else { 0.0 };
+        for (sums, weight) in [(&mut sums, weight), (&mut all, image.light)] {
+            let (sum, weights) = &mut sums[image.point];
+            *sum += weight * x0;
+            *weights += weight;
+        }
+    }
+    let mean = |(sum, weights): (f64, f64)| (weights > 0.0).then(|| sum / weights);
+    (sums.into_iter().zip(all))
+        .map(|(sums, all)| mean(sums).or(mean(all)).unwrap_or_default())
+        .collect()
+}
+
+/// The degree of each slit's correction. The images of the slits with the highest degree that at least [`FEWEST`]
+/// slits have count in the x0 of their points.
+fn mark_common(images: &mut [Image]) -> [Option<usize>; MAX_SLITS] {
+    let degrees = degrees(images);
+    let most = common_degree(&degrees);
+    for image in images {
+        image.is_common = degrees[image.slit] >= most;
+    }
+    degrees.map(|degree| degree.min(most))
+}
+
+/// The highest degree that at least [`FEWEST`] slits have.
+fn common_degree(degrees: &[Option<usize>; MAX_SLITS]) -> Option<usize> {
+    let mut sorted = *degrees;
+    sorted.sort_unstable();
+    sorted[MAX_SLITS - FEWEST]
+}
+
+/// The degree of each slit's correction.
+fn degrees(images: &[Image]) -> [Option<usize>; MAX_SLITS] {
+    let span = |images: &mut dyn Iterator<Item = &Image>| {
+        let (least, most) = images.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), it| {
+            (least.min(it.t), most.max(it.t))
+        });
+        most - least
+    };
+    let whole = span(&mut images.iter());
+    std::array::from_fn(|slit| {
+        let of_slit = || images.iter().filter(|it| it.slit == slit && it.trust > 0.0);
+        let count = of_slit().count();
+        let part = span(&mut of_slit()) / whole;
+        (0..CORRECTIONS).rev().find(|&degree| {
+            // All points may be at one place.
+            count >= FEWEST_POINTS[degree] && (degree == 0 || part >= LEAST_SPAN[degree])
+        })
+    })
+}
+
+/// The corrections, for the trust that each image has.
+///
+/// The slits with the most freedoms that at least [`FEWEST`] slits have are solved for at once, with the x0 of the
+/// points as their means. The others follow from these x0.
+fn solve(
+    images: &[Image],
+    degrees: &[Option<usize>; MAX_SLITS],
+    x0s: &[f64],
+) -> Option<Corrections> {
+    let freedoms = degrees.map(|degree| degree.map_or(0, |degree| degree + 1));
+    let most = common_degree(degrees).map_or(0, |degree| degree + 1);
+    let mut corrections = Corrections::default();
+    if most == 0 {
+        return Some(corrections);
+    }
+    let together: Vec<usize> = (0..MAX_SLITS)
+        .filter(|&slit| freedoms[slit] >= most)
+        .collect();
+    let place: [Option<usize>; MAX_SLITS] =
+        std::array::from_fn(|slit| together.iter().position(|&other| other == slit));
+    let size = most * together.len();
+    let (mut normal, mut right) = (DMatrix::zeros(size, size), DVector::zeros(size));
+    for (point, &about) in x0s.iter().enumerate() {
+        let of_point: Vec<(usize, &Image)> = (images.iter())
+            .filter(|image| image.point == point && image.trust > 0.0)
+            .filter_map(|image| Some((place[image.slit]? * most, image)))
+            .collect();
+        let weights: f64 = of_point.iter().map(|(_, image)| image.weight()).sum();
+        if of_point.len() < 2 {
+            continue;
+        }
+        let mean = of_point
+            .iter()
+            .map(|(_, it)| it.weight() * (it.x0 - about))
+            .sum::<f64>()
+            / weights;
+        // The sum of w (y + c - mean of (y + c))^2.
+        for &(row, image) in &of_point {
+            let own = image.powers();
+            for i in 0..most {
+                right[row + i] -= image.weight() * own[i] * (image.x0 - about - mean);
+                for j in 0..most {
+                    normal[(row + i, row + j)] += image.weight() * own[i] * own[j];
+                }
+            }
+            for &(column, other) in &of_point {
+                let weight = image.weight() * other.weight() / weights;
+                let others = other.powers();
+                for i in 0..most {
+                    for j in 0..most {
+                        normal[(row + i, column + j)] -= weight * own[i] * others[j];
+                    }
+                }
+            }
+        }
+    }
+    let scale = normal.trace() / size as f64;
+    for i in 0..size {
+        for j in (i % most..size).step_by(most) {
+            // The coefficients of each degree add up to zero.
+            normal[(i, j)] += scale;
+        }
+        // Points that do not tell some coefficient leave it zero.
+        normal[(i, i)] += 1e-10 * scale;
+    }
+    let solution = normal.cholesky()?.solve(&right);
+    for (terms, &slit) in solution.as_slice().chunks(most).zip(&together) {
+        corrections[slit][..most].copy_from_slice(terms);
+    }
+    let reference = means(images, &corrections, x0s.len());
+    let has_reference = |image: &&Image| {
+        let mut others = images.iter().filter(|other| other.point == image.point);
+        others.any(Image::counts)
+    };
+    for slit in (0..MAX_SLITS).filter(|&slit| freedoms[slit] < most && freedoms[slit] > 0) {
+        let of_slit = images
+            .iter()
+            .filter(|image| image.slit == slit && image.trust > 0.0);
+        let of_slit: Vec<&Image> = of_slit.filter(has_reference).collect();
+        if let Some(terms) = alone(&of_slit, freedoms[slit], &reference) {
+            corrections[slit] = terms;
+        }
+    }
+    Some(corrections)
+}
+
+/// The correction of one slit to x0 that are known. `None` if there are too few points.
+fn alone(images: &[&Image], freedoms: usize, reference: &[f64]) -> Option<[f64; CORRECTIONS]> {
+    if images.len() < FEWEST_POINTS[freedoms - 1] {
+        return None;
+    }
+    let (mut normal, mut right) = (DMatrix::zeros(freedoms, freedoms), DVector::zeros(freedoms));
+    for image in images {
+        let powers = image.powers();
+        for i in 0..freedoms {
+            right[i] += image.weight() * powers[i] * (reference[image.point] - image.x0);
+            for j in 0..freedoms {
+                normal[(i, j)] += image.weight() * powers[i] * powers[j];
+            }
+        }
+    }
+    let solution = normal.cholesky()?.solve(&right);
+    let mut terms = [0.0; CORRECTIONS];
+    terms[..freedoms].copy_from_slice(solution.as_slice());
+    Some(terms)
+}
+
+/// Finds out which images are too far from their points' x0. An image's deviation is in proportion to one over
+/// the square root of its light.
+fn trust(images: &mut [Image], corrections: &Corrections, x0s: &[f64], rejects: bool) {
+    let off = |image: &Image| {
+        (image.corrected(corrections) - x0s[image.point]).abs() * image.light.sqrt()
+    };
+    let mut all: Vec<f64> = images.iter().map(off).collect();
+    // 1.4826 median deviations are a gaussian's sigma.
+    let deviation = 1.4826 * median(&mut all);
+    for image in images {
+        let least = if image.is_common {
+            LEAST_OFF
+        } else {
+            LEAST_OFF_OF_FEW
+        };
+        let outlier = (OUTLIER * deviation).max(least * image.light.sqrt());
+        let off = off(image);
+        image.trust = match rejects {
+            true if off > outlier => 0.0,
+            true => 1.0,
+            false if off > LESS * deviation => LESS * deviation / off,
+            false => 1.0,
+        };
+    }
+}
+
+/// The standard uncertainty of each point's x0 by the scatter of its slits. Few slits tell their scatter to a
+/// fifth, and so its square is averaged with those of the neighbours.
+fn sigmas(
+    images: &[Image],
+    corrections: &Corrections,
+    x0s: &[f64],
+    degrees: &[Option<usize>; MAX_SLITS],
+) -> Vec<f64> {
+    #[derive(Clone, Copy, Default)]
+    struct OfPoint {
+        /// The sum of h r^2.
+        squares: f64,
+        light: f64,
+        images: f64,
+    }
+    let mut of_points = vec![OfPoint::default(); x0s.len()];
+    for image in images.iter().filter(|image| image.counts()) {
+        let point = &mut of_points[image.point];
+        let off = image.corrected(corrections) - x0s[image.point];
+        point.squares += image.light * off * off;
+        point.light += image.light;
+        point.images += 1.0;
+    }
+    let freedom: f64 = of_points.iter().map(|it| (it.images - 1.0).max(0.0)).sum();
+    let common = degrees
+        .iter()
+        .flatten()
+        .filter(|&&degree| Some(degree) == common_degree(degrees));
+    let fitted: usize = common.map(|degree| degree + 1).sum();
+    // The corrections follow the images, so the residuals are smaller than the errors.
+    let left = (freedom - fitted as f64).max(1.0);
+    let by_fit = (freedom / left).max(1.0);
+    let mut order: Vec<usize> = (0..x0s.len()).collect();
+    order.sort_by(|&a, &b| x0s[a].total_cmp(&x0s[b]));
+    let mut sigmas = vec![0.0; x0s.len()];
+    for (rank, &point) in order.iter().enumerate() {
+        let near = &order[rank.saturating_sub(NEIGHBOURS)..order.len().min(rank + NEIGHBOURS + 1)];
+        let squares: f64 = near.iter().map(|&it| of_points[it].squares).sum();
+        let freedom: f64 = near
+            .iter()
+            .map(|&it| (of_points[it].images - 1.0).max(0.0))
+            .sum();
+        let of_one_count = by_fit * squares / freedom.max(1.0);
+        sigmas[point] = SHARED * (of_one_count / of_points[point].light.max(1.0)).sqrt();
+    }
+    sigmas
+}
+
+fn fitted_slit(
+    number: usize,
+    slit: &SlitMap,
+    images: &[Image],
+    corrections: &Corrections,
+    x0s: &[f64],
+    degree: Option<usize>,
+) -> FittedSlit {
+    let (least, most) = x0s
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), &x| {
+            (least.min(x), most.max(x))
+        });
+    let t = (0.5 * (least + most) - f64::from(DRAWING.axis_px)) / f64::from(UNIT);
+    let correction_px = corrections[number]
+        .iter()
+        .rev()
+        .fold(0.0, |sum, term| sum * t + term);
+    let offs: Vec<f64> = (images.iter())
+        .filter(|image| image.slit == number && image.trust > 0.0)
+        .map(|image| image.corrected(corrections) - x0s[image.point])
+        .collect();
+    let squares = offs.iter().map(|off| off * off).sum::<f64>();
+    FittedSlit {
+        place_um: slit.place().to_f64(),
+        points: offs.len(),
+        degree,
+        correction_px,
+        residual_px: (squares / offs.len().max(1) as f64).sqrt(),
+    }
+}
