@@ -94,11 +94,12 @@ impl Measurement {
         };
         self.frame.add(centre);
         let rows = self.settings.rows.clamp(1, crate::frame::MAX_ROWS as u16);
-        (self.frame.rows() >= rows).then(|| {
-            let measured = self.measured(map);
-            self.start_frame();
-            measured
-        })
+        if self.frame.rows() < rows {
+            return None;
+        }
+        let measured = self.measured(map);
+        self.start_frame();
+        Some(measured)
     }
 
     /// Drops the frame under way, because no row came in its time.

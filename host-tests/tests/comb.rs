@@ -293,7 +293,7 @@ fn errors_of_slits(waist: f64, surfaces: u64) -> Vec<[Option<f64>; MAX_SLITS]> {
             for ((error, image), slit) in errors.iter_mut().zip(images).zip(comb.slits()) {
                 *error = image.map(|image| {
                     let off = slit.to_axis(image.centre).to_f64() - truth;
-                    off * image.height.to_f64().sqrt()
+                    off * f64::from(image.height).sqrt()
                 });
             }
             Some(errors)

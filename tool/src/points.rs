@@ -68,7 +68,7 @@ pub fn slit_images(centres: &SlitCentres) -> SlitImages {
     centres.map(|centre| {
         centre.map(|centre| SlitImage {
             x_px: centre.centre.to_f64(),
-            height_counts: centre.height.to_f64(),
+            height_counts: f64::from(centre.height),
         })
     })
 }

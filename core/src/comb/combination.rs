@@ -5,6 +5,8 @@
 //! images of the heights h about their mean with these weights, e^2 = sum h r^2 / (n - 1), and the mean has
 //! the variance e^2 / sum h. Noise adds its own variance to that of each image.
 
+use core::num::NonZeroU16;
+
 use crate::centre::RowCentre;
 use crate::comb::MAX_SLITS;
 use crate::comb::assignment::{self, FEWEST};
@@ -45,15 +47,16 @@ struct OfSlit {
     rows: u16,
 }
 
-/// The images of one slit: their mean over a frame's rows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// The images of one slit: their mean over a frame's rows. In 8 bytes, because a frame's result is copied
+/// several times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SlitCentre {
     /// The centre on the row.
     pub centre: Pixels,
-    /// The height.
-    pub height: Counts,
+    /// The height in counts.
+    pub height: u16,
     /// Rows with an image.
-    pub rows: u16,
+    pub rows: NonZeroU16,
 }
 
 /// The slits' centres. A slit without an image in a frame has none.
@@ -155,9 +158,9 @@ impl Scatter {
         let mut members = [Member::default(); MAX_SLITS];
         let mut centres = SlitCentres::default();
         for ((member, centre), slit) in members.iter_mut().zip(&mut centres).zip(&self.slits) {
-            if slit.rows == 0 {
+            let Some(rows) = NonZeroU16::new(slit.rows) else {
                 continue;
-            }
+            };
             let per_row = 1.0 / f32::from(slit.rows);
             let height = slit.height * per_row;
             *member = Member {
@@ -169,8 +172,9 @@ impl Scatter {
             *centre = Some(SlitCentre {
                 // A mean lies between its values.
                 centre: Pixels::from_bits(slit.centre.div_euclid(slit.rows.max(1).into()) as i32),
-                height: Counts::from_f32(height),
-                rows: slit.rows,
+                // `as` saturates.
+                height: (height + 0.5) as u16,
+                rows,
             });
         }
         leave_outliers_out(&mut members);
@@ -388,7 +392,7 @@ mod tests {
         let mean = first + combined.shift.to_f32();
         assert!((mean - (3.0 + sum / weights)).abs() < 1e-3, "{mean}");
         let later = combined.centres[5].expect("an image");
-        assert_eq!((later.rows, later.height), (1, Counts::from_int(1000)));
+        assert_eq!((later.rows.get(), later.height), (1, 1000));
     }
 
     #[test]

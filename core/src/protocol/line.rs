@@ -141,8 +141,8 @@ impl fmt::Display for Measured {
         f.write_str("\r\nslits")?;
         for slit in &comb.centres {
             match slit {
-                Some(slit) if slit.rows >= frame.rows_used.div_ceil(2) => {
-                    write!(f, " {:.5}/{:.0}", slit.centre, slit.height)?;
+                Some(slit) if slit.rows.get() >= frame.rows_used.div_ceil(2) => {
+                    write!(f, " {:.5}/{}", slit.centre, slit.height)?;
                 }
                 _ => f.write_str(" -")?,
             }
@@ -192,6 +192,8 @@ impl core::error::Error for Fault {}
 
 #[cfg(test)]
 mod tests {
+    use core::num::NonZeroU16;
+
     use super::*;
     use crate::centre::Estimator;
     use crate::comb::{Combined, MAX_SLITS, SlitCentre, SlitCentres};
@@ -351,8 +353,8 @@ mod tests {
         // A comb: the second slit has an image in 7 of 16 rows, and the others in none.
         let image = |rows| SlitCentre {
             centre: Pixels::from_f32(912.125),
-            height: Counts::from_f32(1830.25),
-            rows,
+            height: 1830,
+            rows: NonZeroU16::new(rows).expect("rows"),
         };
         let mut centres = SlitCentres::default();
         (centres[0], centres[1], centres[15]) = (Some(image(16)), Some(image(7)), Some(image(8)));
@@ -373,8 +375,8 @@ mod tests {
         );
         let longest = SlitCentre {
             centre: Pixels::from_bits((3647 << 16) + 12_345),
-            height: Counts::from_int(4095),
-            rows: 64,
+            height: 4095,
+            rows: NonZeroU16::MAX,
         };
         let longest = Measured {
             comb: Some(Combined {

@@ -5,8 +5,10 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore as _, SeedableRng as _};
+use slitrange::comb::{Comb, MAX_SLITS};
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
+use slitrange::units::Pixels;
 
 /// Pixels of a row that see light: those of the TCD1304DG.
 pub const PIXELS: usize = 3648;
@@ -54,22 +56,63 @@ pub fn light(width: f32, row: usize, turn: Turn, pixels: &mut [u16; PIXELS]) {
     let centre = centre + moved * 0.5 * even(row + 1, 2.645_751_311_064_591);
     let width = f64::from(width) * (1.0 + moved * 0.05 * even(row + 1, core::f64::consts::SQRT_2));
     let amplitude = AMPLITUDE * (1.0 + moved * 0.1 * even(row + 1, 1.732_050_807_568_877));
-    let mut random = ChaCha8Rng::seed_from_u64(width.to_bits());
-    random.set_stream(match turn {
+    let spot = Spot {
+        centre,
+        width,
+        amplitude,
+    };
+    write_spots(&[spot], width.to_bits(), stream(row, turn), pixels);
+}
+
+/// Writes a row's pixels: images of the nominal comb, 10.5 pixels wide and of heights as speckle makes them.
+pub fn comb_light(turn: Turn, pixels: &mut [u16; PIXELS]) {
+    let comb = Comb::nominal();
+    let x0 = Pixels::from_f32(1823.7);
+    let mut spots = [Spot::default(); MAX_SLITS];
+    for ((spot, slit), number) in spots.iter_mut().zip(comb.slits()).zip(0..) {
+        // Half a pixel of speckle, and a tenth to all of the height.
+        *spot = Spot {
+            centre: slit.from_axis(x0).to_f64() + 0.5 * even(number, core::f64::consts::SQRT_2),
+            width: f64::from(crate::whole_rows::WIDTH),
+            amplitude: AMPLITUDE * (0.55 + 0.45 * even(number, 1.618_033_988_749_895)),
+        };
+    }
+    write_spots(&spots, 0xc0b, stream(0, turn), pixels);
+}
+
+/// A gaussian.
+#[derive(Clone, Copy, Default)]
+struct Spot {
+    centre: f64,
+    width: f64,
+    amplitude: f64,
+}
+
+/// The number of the random stream of a row.
+fn stream(row: usize, turn: Turn) -> u64 {
+    match turn {
         Turn::Before | Turn::BeforeMoved => 2 * row as u64,
         Turn::Now => 2 * row as u64 + 1,
         Turn::OfFrame(place) => (ROWS * (2 + usize::from(place)) + row) as u64,
-    });
+    }
+}
+
+fn write_spots(spots: &[Spot], seed: u64, stream: u64, pixels: &mut [u16; PIXELS]) {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    random.set_stream(stream);
     // Variance of the light's own noise in counts squared a count.
     let shot = f64::from(geometry().shot_variance_per_count_q16) / 65536.0;
     for (i, pixel) in pixels.iter_mut().enumerate() {
-        let from_centre = (i as f64 - centre) / width;
-        // Beyond eight widths it is below a millionth of a count.
-        let signal = if from_centre > -8.0 && from_centre < 8.0 {
-            amplitude * libm::exp(-0.5 * from_centre * from_centre)
-        } else {
-            0.0
+        let of_spot = |spot: &Spot| {
+            let from_centre = (i as f64 - spot.centre) / spot.width;
+            // Beyond eight widths it is below a millionth of a count.
+            if from_centre > -8.0 && from_centre < 8.0 {
+                spot.amplitude * libm::exp(-0.5 * from_centre * from_centre)
+            } else {
+                0.0
+            }
         };
+        let signal: f64 = spots.iter().map(of_spot).sum();
         let noise = libm::sqrt(READ_NOISE * READ_NOISE + shot * signal);
         // `as` takes the whole part, and saturates.
         *pixel = (BLACK_LEVEL + signal + noise * nearly_normal(random.next_u32()) + 0.5) as u16;

@@ -8,6 +8,10 @@ pub const FRAME: u16 = 16;
 /// The width of the spot whose rows are the headline, sigma in pixels: that of the nominal sensor.
 pub const WIDTH: f32 = 10.5;
 
+/// The name of a comb's rows in the program's lines, which they have in place of an estimator's: the default
+/// one measures them.
+pub const COMB: &str = "comb";
+
 /// What the program does with a row that was put into its memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Order {

@@ -6,6 +6,7 @@ use std::any::Any;
 use std::cell::{RefCell, RefMut};
 use std::collections::VecDeque;
 use std::io;
+use std::num::NonZeroU16;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -627,8 +628,8 @@ impl Sensor {
             let x0 = centre + NOISE_PX * noise;
             *image = Some(SlitCentre {
                 centre: slit.from_axis(Pixels::from_bits((x0 * 65536.0).round() as i32)),
-                height: Counts::from_int(1500),
-                rows: self.state.settings().rows,
+                height: 1500,
+                rows: NonZeroU16::new(self.state.settings().rows).expect("rows"),
             });
         }
         Combined {

@@ -205,6 +205,7 @@ fn readings() -> Vec<Point> {
                 Light::NoiseAlone if estimator == Estimator::Centroid => 9.5 / n.sqrt(),
                 Light::NoiseAlone => 6.5 / n.sqrt(),
                 Light::SpeckleAtRest => 590.0,
+                Light::SpeckleBehindComb => 110.0,
                 Light::SpeckleReceding => 580.0 / (1.0 + 0.005 * n),
                 Light::SpeckleSliding => 580.0 / (1.0 + 0.2 * n).sqrt(),
             };

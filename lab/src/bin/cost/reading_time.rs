@@ -4,7 +4,8 @@
 //! White paper at 0.8 m, seen by the TCD1304DG with its nominal geometry:
 //! * noise alone: no speckle, the rows are independent;
 //! * speckle on a target at rest: all rows of a reading share its error;
-//! * speckle on a target that moves away from the sensor, and on one that slides past under the laser.
+//! * speckle on a target that moves away from the sensor, and on one that slides past under the laser;
+//! * speckle on a target at rest behind a comb of 16 slits.
 //!
 //! They are the scenes `speckle-*` of `scenes/`; speckle is summed as a field ([`simulator::field`]). Each
 //! reading sees a surface of its own. Its truth is the target's mean distance over its rows.
@@ -14,10 +15,12 @@ use host_tests::frames::words;
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use simulator::bound;
+use simulator::comb::Comb;
 use simulator::scene::{Effect, Scene, Simulation};
 use simulator::statistics::median;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
+use slitrange::comb::Slits;
 use slitrange::distance::Calibration;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
@@ -47,22 +50,27 @@ pub enum Light {
     SpeckleReceding,
     /// Speckle of a target that moves across the laser, at 20 mm/s.
     SpeckleSliding,
+    /// The same speckle in all rows, behind a comb of 16 slits.
+    SpeckleBehindComb,
 }
 
 impl Light {
     /// All of them.
-    pub const ALL: [Self; 4] = [
+    pub const ALL: [Self; 5] = [
         Self::NoiseAlone,
         Self::SpeckleAtRest,
         Self::SpeckleReceding,
         Self::SpeckleSliding,
+        Self::SpeckleBehindComb,
     ];
 
     /// By which estimators it is measured.
     fn estimators(self) -> Vec<Estimator> {
         match self {
             Self::NoiseAlone | Self::SpeckleAtRest => Estimator::ALL.into(),
-            Self::SpeckleReceding | Self::SpeckleSliding => vec![Estimator::default()],
+            Self::SpeckleReceding | Self::SpeckleSliding | Self::SpeckleBehindComb => {
+                vec![Estimator::default()]
+            }
         }
     }
 
@@ -72,6 +80,18 @@ impl Light {
             Self::SpeckleAtRest => Scene::load("speckle-at-rest"),
             Self::SpeckleReceding => Scene::load("speckle-receding"),
             Self::SpeckleSliding => Scene::load("speckle-sliding"),
+            Self::SpeckleBehindComb => Ok(Scene {
+                comb: Some(Comb::nominal()),
+                ..Scene::load("speckle-at-rest")?
+            }),
+        }
+    }
+
+    /// What the chip computes for a reading of so many rows, in milliseconds.
+    fn computing(self, chip: &WholeRows, estimator: Estimator, rows: u64) -> Option<f64> {
+        match self {
+            Self::SpeckleBehindComb => chip.comb_milliseconds(rows),
+            _ => chip.reading_milliseconds(estimator, rows),
         }
     }
 }
@@ -138,7 +158,7 @@ fn measure_light(light: Light, readings: u64, chip: &WholeRows) -> Result<Vec<Po
         .map(|(i, (estimator, rows))| {
             let mut point = point(light, estimator, rows, results.iter().map(|found| found[i]));
             point.bound_micrometres = bound / (rows as f64).sqrt();
-            let computing = chip.reading_milliseconds(estimator, rows);
+            let computing = light.computing(chip, estimator, rows);
             point.computing_milliseconds = computing.unwrap_or(f64::NAN);
             // The maximum of a number and NaN is the number.
             point.milliseconds = point.milliseconds.max(point.computing_milliseconds);
@@ -226,6 +246,10 @@ fn read(scene: &Scene, reading: u64, estimators: &[Estimator]) -> Vec<Option<Fou
             mean: Mean::default(),
             estimator,
             black_level: BlackLevel::Shielded,
+            slits: match scene.comb {
+                Some(_) => Slits::Comb,
+                None => Slits::One,
+            },
             ..Settings::default()
         })
     });
@@ -240,7 +264,10 @@ fn read(scene: &Scene, reading: u64, estimators: &[Estimator]) -> Vec<Option<Fou
     let calibration = Calibration::nominal();
     // The curve is exact here. What it says of the surface is what a calibration on white paper finds.
     let errors = record::decode(CALIBRATED_ON_PAPER).map(|record| record.errors);
-    let errors = errors.unwrap_or(CalibrationErrors::Unknown);
+    // That calibration has one slit. What it finds of the surface is no part that the slits of a comb share.
+    let errors = (errors.ok())
+        .filter(|_| scene.comb.is_none())
+        .unwrap_or(CalibrationErrors::Unknown);
     let mut results = vec![None; measurements.len()];
     let geometry = scene.geometry();
     let mut sum_of_truths = 0.0;

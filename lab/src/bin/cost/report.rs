@@ -19,7 +19,7 @@ use crate::distances::Distance;
 use crate::float_functions::FloatFunctions;
 use crate::peers::{Peer, Peers};
 use crate::reading_time;
-use whole_rows::RowInstructions;
+use whole_rows::{CombInstructions, RowInstructions};
 
 /// The chip's clock in MHz.
 pub const CLOCK_MHZ: f64 = 168.0;
@@ -68,6 +68,8 @@ pub struct Json {
     sweep_instructions_per_pixel: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     gauss_newton_instructions_per_iteration: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    comb_row_instructions: Option<CombInstructions>,
     #[serde(skip_serializing_if = "Option::is_none")]
     peers: Option<Vec<Peer>>,
 }
@@ -146,6 +148,7 @@ impl Measured {
                 })
                 .collect(),
             sweep_instructions_per_pixel: self.chip.sweep_instructions_per_pixel,
+            comb_row_instructions: self.chip.whole_rows.comb_json(),
             gauss_newton_instructions_per_iteration: self
                 .chip
                 .gauss_newton_instructions_per_iteration,

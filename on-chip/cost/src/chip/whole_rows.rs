@@ -5,8 +5,9 @@ use core::array::from_fn;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use cost_on_chip::rows::{self, PIXELS, ROWS, Turn, WIDTHS, WORDS};
-use cost_on_chip::whole_rows::{FRAME, Order, WIDTH};
+use cost_on_chip::whole_rows::{COMB, FRAME, Order, WIDTH};
 use slitrange::centre::Estimator;
+use slitrange::comb::Slits;
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
@@ -30,6 +31,35 @@ pub fn measure() {
     for estimator in Estimator::ALL {
         measure_the_last(estimator);
     }
+    measure_comb();
+}
+
+/// Counts the first, the second and the last row of a comb's frame, by the default estimator.
+#[inline(never)]
+fn measure_comb() {
+    let mut words = [0; WORDS];
+    let mut pixels = [0; PIXELS];
+    let settings = Settings {
+        rows: FRAME,
+        slits: Slits::Comb,
+        ..Settings::default()
+    };
+    let mut measurement = Measurement::new(rows::geometry(), settings);
+    for place in 1..=FRAME {
+        rows::comb_light(Turn::OfFrame(place), &mut pixels);
+        rows::words(&pixels, &mut words);
+        if place > 2 && place < FRAME {
+            defmt::assert!(measurement.row(&mut words).is_none());
+            continue;
+        }
+        let (cost, measured) = count(&mut measurement, &words);
+        if let Some(measured) = measured {
+            let comb = defmt::unwrap!(measured.ok().and_then(|measured| measured.comb));
+            defmt::assert!(comb.used == 16);
+        }
+        print_row(COMB, WIDTH, 0, place, cost);
+        let_the_log_out();
+    }
 }
 
 /// Counts the first two rows of a frame. One pipeline at a time: five do not fit the stack.
@@ -41,7 +71,7 @@ fn measure_two(width: f32, number: usize, estimator: Estimator) {
         write_words(width, number, turn, &mut words);
         let (cost, measured) = count(&mut measurement, &words);
         defmt::assert!(measured.is_none());
-        print_row(estimator, width, number, place, cost);
+        print_row(estimator.name(), width, number, place, cost);
         let_the_log_out();
     }
 }
@@ -59,7 +89,7 @@ fn measure_the_last(estimator: Estimator) {
             continue;
         }
         let (cost, measured) = count(&mut measurement, &words);
-        print_row(estimator, WIDTH, 0, FRAME, cost);
+        print_row(estimator.name(), WIDTH, 0, FRAME, cost);
         let measured = defmt::unwrap!(measured.and_then(Result::ok));
         let given = (measured, calibration.as_ref());
         let mut reading = None;
@@ -87,10 +117,10 @@ fn write_words(width: f32, number: usize, turn: Turn, words: &mut [u16; WORDS]) 
 }
 
 /// `place`: the row's in its frame, from 1.
-fn print_row(estimator: Estimator, width: f32, number: usize, place: u16, cost: Cost) {
+fn print_row(name: &str, width: f32, number: usize, place: u16, cost: Cost) {
     defmt::println!(
         "whole-row {} width {} number {} place {} cycles {}",
-        estimator.name(),
+        name,
         width,
         number,
         place,

@@ -147,10 +147,15 @@ fn says(function: &str) -> Option<Says> {
         "spot" => Says::All(Step::Search),
         "centre" => Says::All(Step::Estimate),
         // The functions of the module itself call the estimator too.
-        "check" if modules.count() < 2 => Says::Own(Step::Check),
+        "check" if modules.by_ref().count() < 2 => Says::Own(Step::Check),
         "check" | "shape" | "profile" => Says::All(Step::Check),
         "measurement" => Says::Own(Step::Frame),
         "frame" => Says::All(Step::Frame),
+        "comb" => match modules.next() {
+            Some("images") => Says::Own(Step::Frame),
+            Some("combination") => Says::All(Step::Frame),
+            _ => Says::All(Step::Search),
+        },
         "distance" | "reading" | "uncertainty" => Says::All(Step::Distance),
         _ => return None,
     };

@@ -1,7 +1,7 @@
 //! Whole rows on the chip: the instructions from a row's words to its centre with its check, by step.
 
 use anyhow::{Context as _, Result, bail, ensure};
-use cost_on_chip::whole_rows::FRAME;
+use cost_on_chip::whole_rows::{COMB, FRAME};
 use slitrange::centre::Estimator;
 use virtual_board::trace::Call;
 
@@ -65,6 +65,19 @@ pub struct WholeRows {
     pub once_a_frame: Vec<OnceAFrame>,
     /// Each estimator.
     pub slowest: Vec<Slowest>,
+    /// A comb of 16 slits, by the default estimator.
+    pub comb: Option<Comb>,
+}
+
+/// What the rows of a comb take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Comb {
+    /// The first row of a frame.
+    pub first: WholeRow,
+    /// The second row of a frame.
+    pub following: WholeRow,
+    /// The row that completes the frame.
+    pub last: WholeRow,
 }
 
 /// Reads what came of a run.
@@ -115,6 +128,20 @@ pub fn read(run: &Run, program: &Program, model: &Model<'_>) -> Result<WholeRows
             distance: whole_row(reading)?,
         });
     }
+    let of_comb = |place: u16| {
+        let mut calls = rows.iter().filter(|(line, _)| {
+            line.name == COMB && line.values.get("place") == Some(&f64::from(place))
+        });
+        let (_, call) = calls
+            .next()
+            .context("the chip's program measured no comb")?;
+        whole_row(call)
+    };
+    whole_rows.comb = Some(Comb {
+        first: of_comb(1)?,
+        following: of_comb(2)?,
+        last: of_comb(FRAME)?,
+    });
     for Slow {
         estimator,
         name,

@@ -48,6 +48,7 @@ pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
         &[
             ("receding", Light::SpeckleReceding),
             ("sliding", Light::SpeckleSliding),
+            ("comb of 16 slits", Light::SpeckleBehindComb),
         ],
         Some(reading_time::speckle_limit()?),
     )?;

@@ -1,7 +1,7 @@
 //! What whole rows take, as JSON, as tables to read and as CSV.
 
 use cost_on_chip::methods::Method;
-use cost_on_chip::whole_rows::{FRAME, WIDTH};
+use cost_on_chip::whole_rows::{COMB, FRAME, WIDTH};
 use lab::table::cells;
 use serde::Serialize;
 use slitrange::centre::Estimator;
@@ -28,6 +28,17 @@ pub struct RowInstructions {
     once_a_frame: Once,
     /// Spots of other widths.
     widths: Vec<Widths>,
+}
+
+/// What the rows of a comb of 16 slits take, by the default estimator.
+#[derive(Clone, Debug, Serialize)]
+pub struct CombInstructions {
+    /// A row that follows another of its frame.
+    following: Row,
+    /// The first row of a frame.
+    first: Row,
+    /// The row that completes a frame of 16.
+    last: Row,
 }
 
 /// Instructions of a row.
@@ -120,6 +131,26 @@ impl WholeRows {
         let rows =
             microseconds(&nominal.first) + (rows - 1) as f64 * microseconds(&nominal.following);
         Some((rows + mean + microseconds(&once.distance)) / 1e3)
+    }
+
+    /// The same for a comb, by the default estimator.
+    pub fn comb_milliseconds(&self, rows: u64) -> Option<f64> {
+        let (comb, once) = (self.comb?, self.once_a_frame(Estimator::default())?);
+        let mean = microseconds(&comb.last) - microseconds(&comb.following);
+        let rows = microseconds(&comb.first)
+            + (rows - 1) as f64 * microseconds(&comb.following)
+            + mean * rows as f64 / f64::from(FRAME);
+        Some((rows + microseconds(&once.distance)) / 1e3)
+    }
+
+    /// What `--json` says of a comb.
+    pub fn comb_json(&self) -> Option<CombInstructions> {
+        let comb = self.comb?;
+        Some(CombInstructions {
+            following: (&comb.following).into(),
+            first: (&comb.first).into(),
+            last: (&comb.last).into(),
+        })
     }
 
     /// What `--json` says of an estimator.
@@ -220,18 +251,12 @@ impl Measured {
                 let Some(row) = self.chip.whole_rows.kinds(estimator)[i] else {
                     continue;
                 };
-                let steps = row.steps;
-                let figures = [
-                    steps.convert,
-                    steps.search,
-                    steps.estimate,
-                    steps.check,
-                    steps.frame,
-                    steps.total(),
-                ];
-                let mut line = vec![format!("{kind}, {}", estimator.name())];
-                line.extend(figures.map(|instructions| instructions.to_string()));
-                rows.push(line);
+                rows.push(steps_line(format!("{kind}, {}", estimator.name()), row));
+            }
+        }
+        if let Some(comb) = &self.chip.whole_rows.comb {
+            for (kind, row) in [("following", &comb.following), ("first", &comb.first)] {
+                rows.push(steps_line(format!("{kind}, comb of 16 slits"), row));
             }
         }
         rows
@@ -333,11 +358,11 @@ impl Measured {
     pub(super) fn row_records(&self) -> Vec<RowRecord> {
         let rows = &self.chip.whole_rows;
         let mut records = vec![];
-        let mut add = |row: &'static str, estimator: Estimator, width, whole: &WholeRow| {
+        let mut add = |row: &'static str, name: &'static str, width, whole: &WholeRow| {
             let steps = whole.steps;
             records.push(RowRecord {
                 row,
-                estimator: estimator.name(),
+                estimator: name,
                 width_px: width,
                 convert: steps.convert,
                 search: steps.search,
@@ -353,20 +378,43 @@ impl Measured {
                 microseconds: super::round(microseconds(whole)),
             });
         };
+        let nominal = Some(f64::from(WIDTH));
         for at in &rows.at_widths {
-            add("following", at.estimator, Some(at.width), &at.following);
-            add("first", at.estimator, Some(at.width), &at.first);
+            let (name, width) = (at.estimator.name(), Some(at.width));
+            add("following", name, width, &at.following);
+            add("first", name, width, &at.first);
         }
         for slowest in &rows.slowest {
-            add("slowest", slowest.estimator, None, &slowest.row);
+            add("slowest", slowest.estimator.name(), None, &slowest.row);
         }
         for once in &rows.once_a_frame {
-            let width = Some(f64::from(WIDTH));
-            add("last of a frame", once.estimator, width, &once.last);
-            add("reading", once.estimator, width, &once.distance);
+            let name = once.estimator.name();
+            add("last of a frame", name, nominal, &once.last);
+            add("reading", name, nominal, &once.distance);
+        }
+        if let Some(comb) = &rows.comb {
+            add("following", COMB, nominal, &comb.following);
+            add("first", COMB, nominal, &comb.first);
+            add("last of a frame", COMB, nominal, &comb.last);
         }
         records
     }
+}
+
+/// A row's name and its instructions by step.
+fn steps_line(name: String, row: &WholeRow) -> Vec<String> {
+    let steps = row.steps;
+    let figures = [
+        steps.convert,
+        steps.search,
+        steps.estimate,
+        steps.check,
+        steps.frame,
+        steps.total(),
+    ];
+    let mut line = vec![name];
+    line.extend(figures.map(|instructions| instructions.to_string()));
+    line
 }
 
 /// The estimator's name, marked if it is the default.
