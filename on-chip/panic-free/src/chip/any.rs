@@ -182,6 +182,7 @@ pub fn measured() -> Measured {
         estimator: Estimator::Centroid,
         by_shape: any(Pixels::MIN),
         pixels: PixelErrors::TCD1304DG,
+        comb: any(None),
     })
 }
 
@@ -195,6 +196,7 @@ pub fn reading() -> Reading {
         width: Pixels::MIN,
         rows_used: 0,
         rows: 0,
+        slits_used: 0,
         black_level: Counts::MIN,
         estimator: Estimator::Centroid,
         misfits: 0,
