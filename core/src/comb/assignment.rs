@@ -162,10 +162,9 @@ impl Candidates {
             all: Vec::new(),
             last: [0; BINS],
         };
-        for peak in peaks {
-            let place = Pixels::from_f32(peak.place);
-            for (slit, bit) in comb.slits().iter().zip(0..MAX_SLITS as u32) {
-                candidates.add(slit.to_axis(place), bit);
+        for (slit, number) in comb.slits().iter().zip(0..MAX_SLITS as u32) {
+            for peak in peaks {
+                candidates.add(slit.to_axis(Pixels::from_f32(peak.place)), number);
             }
         }
         candidates

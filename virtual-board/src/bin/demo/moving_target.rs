@@ -394,9 +394,13 @@ impl Summary {
             }
             _ => String::new(),
         };
+        let slits = match self.slits_used {
+            Some(slits) if slits > 1.0 => format!("; {slits:.1} slits used"),
+            _ => String::new(),
+        };
         let accuracy = match (self.rms_error_um, self.max_error_um, self.within_2u) {
             (Some(rms), Some(largest), Some(within)) => format!(
-                "RMS error {rms:.2} um{bound}; largest {largest:.2} um; {:.1} % within twice u\n\
+                "RMS error {rms:.2} um{bound}; largest {largest:.2} um; {:.1} % within twice u{slits}\n\
                  median u {:.2} um, what a distance may be off by; median r {:.2} um, what it repeats to",
                 within * 100.0,
                 self.median_u_um.unwrap_or(f64::NAN),
@@ -404,12 +408,8 @@ impl Summary {
             ),
             _ => "no reading".to_owned(),
         };
-        let slits = match self.slits_used {
-            Some(slits) if slits > 1.0 => format!("; {slits:.1} slits used on average"),
-            _ => String::new(),
-        };
         format!(
-            "{readings} readings: {accuracy}{slits}\n{:.1} readings and {:.1} rows a second, \
+            "{readings} readings: {accuracy}\n{:.1} readings and {:.1} rows a second, \
              {} rows lost, {} faults; CPU asleep {:.1} % of the time",
             self.readings_per_s,
             self.rows_per_s,
