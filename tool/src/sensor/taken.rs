@@ -714,7 +714,7 @@ mod tests {
         };
         let images: SlitImages = std::array::from_fn(|slit| {
             (slit != 3).then_some(SlitImage {
-                x_px: 900.000001 + 100.0 * slit as f64,
+                x_px: (900_000_001 + 100_000_000 * slit) as f64 / 1e6,
                 height_counts: 1830.5,
             })
         });
