@@ -195,8 +195,8 @@ fn every_setting_is_shown_set_and_applied() {
         sensor.set(line);
         let name = line.split(' ').next().expect("a name");
         let setting = Setting::named(name).expect("a setting");
-        let expected = applied(*sensor.session.settings(), None);
-        let expected = Some(expected).filter(|_| setting.affects() == Affects::Measurement);
+        let expected = (setting.affects() == Affects::Measurement)
+            .then(|| applied(*sensor.session.settings(), None));
         assert_eq!(sensor.actions.apply, expected);
         assert_eq!(sensor.ask(name), line);
     }

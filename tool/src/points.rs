@@ -445,7 +445,7 @@ impl Setup {
             ("black", black_level),
             (
                 "slits",
-                Some(self.slits.name().to_owned()).filter(|_| self.slits != Slits::One),
+                (self.slits != Slits::One).then(|| self.slits.name().to_owned()),
             ),
         ]
     }

@@ -4,6 +4,7 @@ use core::fmt;
 
 use super::flat::Remaining;
 use super::status::StartCause;
+use crate::comb::Slits;
 use crate::distance::Calibration;
 use crate::distance::eq1::Eq1;
 use crate::distance::knots::Knots;
@@ -92,6 +93,9 @@ impl fmt::Display for Info<'_> {
         write!(f, "\r\ninfo rate a row every {row_us} us, exposed as long")?;
         write!(f, "\r\ninfo mean {}", self.settings.mean.name())?;
         write!(f, "\r\ninfo estimator {}", self.settings.estimator.name())?;
+        if self.settings.slits == Slits::Comb {
+            write!(f, "\r\ninfo slits {}", self.settings.slits.name())?;
+        }
         let Some(record) = self.record else {
             return f.write_str("\r\ninfo calibration none");
         };
@@ -166,6 +170,14 @@ impl Info<'_> {
         match (self.settings.surface, of_points) {
             (Surface::Off, _) => write!(f, "{PART} surface: off")?,
             (Surface::Fixed(um), _) => write!(f, "{PART} surface: {um} um, set by hand")?,
+            (Surface::Auto, Some(surface)) if self.settings.slits == Slits::Comb => write!(
+                f,
+                "{PART} surface: of each frame, from its slits, and {} that they share",
+                Range(&surface.deviation)
+            )?,
+            (Surface::Auto, None) if self.settings.slits == Slits::Comb => {
+                write!(f, "{PART} surface: of each frame, from its slits")?;
+            }
             (Surface::Auto, Some(surface)) => write!(
                 f,
                 "{PART} surface: {}, from the calibration's points",
@@ -245,10 +257,14 @@ mod tests {
     };
 
     fn info(record: Option<&Record>, on: bool) -> String {
+        info_of(&Settings::default(), record, on)
+    }
+
+    fn info_of(settings: &Settings, record: Option<&Record>, on: bool) -> String {
         let info = Info {
             hardware: &HARDWARE,
             geometry: &sensor_heads::tcd1304dg(),
-            settings: &Settings::default(),
+            settings,
             record,
             is_calibration_on: on,
             pixels: PixelErrors::TCD1304DG,
@@ -319,6 +335,7 @@ mod tests {
                 height: [Counts::from_int(1000); PLACES],
             }),
         });
+        let new_errors = fitted.clone();
         let new = info(Some(&own(fitted)), true);
         for line in [
             "calibration: 10 to 18 um, from its fit",
@@ -326,6 +343,23 @@ mod tests {
         ] {
             let line = format!("\r\ninfo uncertainty {line}\r\n");
             assert!(new.contains(&line), "{new}");
+        }
+        // The slits of a comb tell most of it.
+        let comb = Settings {
+            slits: Slits::Comb,
+            ..Settings::default()
+        };
+        for (errors, surface) in [
+            (CalibrationErrors::Unknown, "from its slits\r\n"),
+            (
+                new_errors,
+                "from its slits, and 200 to 360 um that they share\r\n",
+            ),
+        ] {
+            let of_comb = info_of(&comb, Some(&own(errors)), true);
+            assert!(of_comb.contains("\r\ninfo slits comb\r\n"), "{of_comb}");
+            let line = format!("\r\ninfo uncertainty surface: of each frame, {surface}");
+            assert!(of_comb.contains(&line), "{of_comb}");
         }
     }
 

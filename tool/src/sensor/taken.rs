@@ -362,6 +362,11 @@ fn heading(setup: &Setup, found: Before, started: &str) -> Vec<String> {
         ]
         .map(str::to_owned),
     );
+    if setup.slits == Slits::Comb {
+        let of_slits = "# slit_1_px, slit_1_counts and so on: the image of each slit of the comb, its centre and \
+                        its height.";
+        lines.push(of_slits.to_owned());
+    }
     lines
 }
 
@@ -709,7 +714,7 @@ mod tests {
         };
         let images: SlitImages = std::array::from_fn(|slit| {
             (slit != 3).then_some(SlitImage {
-                x_px: 900.000001 + 100.0 * slit as f64,
+                x_px: (900_000_001 + 100_000_000 * slit) as f64 / 1e6,
                 height_counts: 1830.5,
             })
         });
