@@ -12,8 +12,8 @@ use slitrange::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
 use crate::tolerances::{MATERIALS, ROW_OFF, Tolerances, WARMER};
 
-/// Length and height of the mask in millimetres. The slits span 14.9 mm: 5 mm are left at both ends to clamp
-/// the mask, and to keep light beside the slits from the row. 4.5 mm above and below the slits do the same.
+/// Length and height of the mask in millimetres. The slits span 14.9 mm x 3 mm. At least 4.5 mm are left
+/// on all sides of them, to clamp the mask and to keep light beside the slits from the row.
 pub const OUTLINE_MM: [f64; 2] = [25.0, 12.0];
 
 /// The middles of the marks, from the datum. They are not in the line of the row: their light falls 4.2 mm
