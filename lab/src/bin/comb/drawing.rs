@@ -1,8 +1,8 @@
-//! The drawing of the nominal mask: `docs/hardware/comb.svg` for people. [`crate::dxf`] writes the same shapes
-//! for machines.
+//! The drawing of the nominal mask: `docs/hardware/comb.svg` for people. [`crate::dxf`] writes the same
+//! shapes for machines.
 //!
-//! Both show the mask as the sensor sees it. There the laser is to the left, the target is behind the sheet, and
-//! pixels and places count to the right: a slit with a larger place is farther from the laser's beam
+//! Both show the mask as the sensor sees it. There the laser is to the left, the target is behind the sheet,
+//! and pixels and places count to the right: a slit with a larger place is farther from the laser's beam
 //! ([`Optics::behind`](simulator::optics::Optics::behind)).
 
 use std::fmt::Write as _;
@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use simulator::optics::Aperture;
 use slitrange::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
-use crate::tolerances::{MATERIALS, ROW_OFF, Tolerances, WARMER};
+use crate::tolerances::{DISTANCE, MATERIALS, ROW_OFF, Tolerances, WARMER};
 
 /// Length and height of the mask in millimetres. The slits span 14.9 mm x 3 mm. At least 4.5 mm are left
 /// on all sides of them, to clamp the mask and to keep light beside the slits from the row.
@@ -96,27 +96,37 @@ pub fn notes(it: &Tolerances) -> Vec<String> {
         )
     };
     vec![
-        "1. Lengths in mm. Seen from the sensor: laser to the left, target behind the sheet, pixels count to the right."
+        "1. Lengths in mm. Seen from the sensor: laser to the left, target behind the sheet, pixels count \
+             to the right."
             .into(),
-        "2. Datum A: the optical axis, half-way between the outline's sides. Places are those of a slit's middle."
+        "2. Datum A: the optical axis, half-way between the outline's sides. Places are those of a slit's \
+             middle."
             .into(),
         format!(
-            "3. Places, each from the datum: \u{b1} {} if each slit is calibrated; \u{b1} {:.1} um if only eq. (1) is.",
+            "3. Places, each from the datum: \u{b1} {} if each slit is calibrated; \u{b1} {:.1} um if \
+                 only eq. (1) is.",
             um(loose.place), 1e6 * tight.place
         ),
-        format!("4. Width of a slit: \u{b1} {width:.0} um. Height: + 0.5 / - 0. Slits square to the line of places: \u{b1} {:.2} deg.", loose.square.to_degrees()),
-        format!("5. Flat within {}. Outline \u{b1} 0.1. Marks on the line y = {}, as places; they may go through.", um(loose.flatness), MARKS_MM[0][1]),
+        format!("4. Width of a slit: \u{b1} {width:.0} um. Height: + 0.5 / - 0. Slits square to the line \
+             of places: \u{b1} {:.2} deg.", loose.square.to_degrees()),
+        format!("5. Flat within {}. Outline \u{b1} 0.1. Marks on the line y = {}, as places; they may go \
+             through.", um(loose.flatness), MARKS_MM[0][1]),
         format!(
-            "6. Mount: turned about the axis by at most {:.2} deg ({} over the length); one end nearer to the sensor by at most {:.2} deg ({}).",
+            "6. Mount: turned about the axis by at most {:.2} deg ({} over the length); one end nearer to \
+                 the sensor by at most {:.2} deg ({}).",
             loose.rotation.to_degrees(), over(loose.rotation), loose.tilt.to_degrees(), over(loose.tilt)
         ),
-        format!("    The row of pixels lies within {} mm of the line y = 0. Hold the mask at the datum, so that it grows to both sides.", 1e3 * ROW_OFF),
-        "7. Material: (a) chrome on glass, optical density 3 or more, chrome towards the sensor; (b) stainless steel foil of 0.05,"
+        format!("    The row of pixels lies within {} mm of the line y = 0. Hold the mask at the \
+             datum, so that it grows to both sides.", 1e3 * ROW_OFF),
+        "7. Material: (a) chrome on glass, optical density 3 or more, chrome towards the sensor; (b) \
+             stainless steel foil of 0.05,"
             .into(),
         "    laser-cut or etched, blackened on both sides, wider side of the cut towards the target."
             .into(),
-        format!("    Expansion: {}, {}. {WARMER} K move a distance at 0.8 m by {} or {}.", growth(0), growth(1), um(it.warmer[0]), um(it.warmer[1])),
-        "8. The disc is at the end away from the laser. Turned end for end, the mask gives wrong distances or none.".into(),
+        format!("    Expansion: {}, {}. {WARMER} K move a distance at {DISTANCE} m by {} \
+             or {}.", growth(0), growth(1), um(it.warmer[0]), um(it.warmer[1])),
+        "8. The disc is at the end away from the laser. Turned end for end, the mask gives wrong \
+             distances or none.".into(),
     ]
 }
 
@@ -273,7 +283,7 @@ pub fn svg(tolerances: &Tolerances) -> String {
     let blue = r##"fill="#1555d0" text-anchor="middle""##;
     let [left, right] = [at([-half, 0.0])[0], at([half, 0.0])[0]];
     let y = below + 22.0;
-    let _ = dimension(
+    dimension(
         s,
         [left, y],
         [DATUM[0], y],
@@ -281,7 +291,7 @@ pub fn svg(tolerances: &Tolerances) -> String {
         blue,
         &format!("{half:.1}"),
     );
-    let _ = dimension(
+    dimension(
         s,
         [DATUM[0], y],
         [right, y],

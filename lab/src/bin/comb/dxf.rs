@@ -1,4 +1,5 @@
-//! The mask as a DXF file of release 12 (AC1009), for laser cutters and mask writers: `docs/hardware/comb.dxf`.
+//! The mask as a DXF file of release 12 (AC1009), for laser cutters and mask writers:
+//! `docs/hardware/comb.dxf`.
 //!
 //! The file has closed polylines, a circle and texts, in millimetres, on these layers: OUTLINE, SLITS, MARKS
 //! and NOTES. Do not cut NOTES. The view is that of [`crate::drawing`].
@@ -148,8 +149,6 @@ mod tests {
     fn pairs(text: &str) -> Vec<(u16, &str)> {
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len() % 2, 0);
-        let pair = |two: &[&'static str]| (two[0], two[1]);
-        let _ = pair;
         lines
             .chunks(2)
             .map(|two| (two[0].trim().parse().expect("a group code"), two[1]))

@@ -189,10 +189,10 @@ fn measure(base: &Scene, options: &Options) -> Result<String> {
     Ok(format!(
         "Simulated on a PC: the default comb, {} surfaces of each kind, frames of {} rows, the nominal \
          calibration without the tolerances of an unadjusted head. Lengths in µm; within 2u: the share of \
-         errors that are at most twice u, which is 95.4 % for normal errors. The first four kinds: at {} m, a \
-         laser of a single wavelength, and the 1/e² diameter of its spot. The others: scenes of `scenes/`, at \
-         {near} to {far:.2} m.\n\n{}\nTheory and measurement at {} m, in µm unless another unit is \
-         given:\n\n{}",
+         errors that are at most twice u, which is 95.4 % for normal errors. The first four kinds: at {} \
+         m, a laser of a single wavelength, and the 1/e² diameter of its spot. The others: scenes of \
+         `scenes/`, at {near} to {far:.2} m.\n\n{}\nTheory and measurement at {} m, in µm unless another \
+         unit is given:\n\n{}",
         options.surfaces,
         options.rows,
         tolerances::DISTANCE,

@@ -4,12 +4,12 @@
 //! `spot` is the 1/e^2 diameter of the laser's spot on the target, and s a quarter of it: the standard
 //! deviation of its light. `patterns` is M, the number of equal speckle patterns in an image.
 //!
-//! **One slit.** An image with the light I has a normal error of the variance s^2 b^-2 d^2 / (2 M) <I> / I (see
-//! [`slitrange::uncertainty`]).
+//! **One slit.** An image with the light I has a normal error of the variance s^2 b^-2 d^2 / (2 M) <I> / I
+//! (see [`slitrange::uncertainty`]).
 //!
-//! **A comb.** If n images are independent and weighed by their light, their mean has the variance s^2 b^-2 d^2
-//! / (2 M) <I> / sum I. The sum of the light is a gamma variable of n M, whose inverse has the mean M / (n M -
-//! 1) / <I>. So the variance of the mean is s^2 b^-2 d^2 / (2 (n M - 1)).
+//! **A comb.** If n images are independent and weighed by their light, their mean has the variance s^2 b^-2
+//! d^2 / (2 M) <I> / sum I. The sum of the light is a gamma variable of n M, whose inverse has the mean M /
+//! (n M - 1) / <I>. So the variance of the mean is s^2 b^-2 d^2 / (2 (n M - 1)).
 //!
 //! **A filled aperture** of the width A, as a lens has, finds the centroid of its image: the mean tilt of the
 //! wave over A, weighed by light. The tilts at two places are correlated as exp(-2 a x^2), a = 2 (pi s cos
@@ -132,8 +132,8 @@ mod tests {
         assert!((limit(0.8, 1.0, 50e-3 / 12.0) - 0.12e-3).abs() < 2e-6);
     }
 
-    /// Scatterers of random phases under a gaussian spot, and their far field at the mask's plane: the tilt of the wave
-    /// at sixteen points and over the whole aperture, both weighed by light.
+    /// Scatterers of random phases under a gaussian spot, and their far field at the mask's plane: the tilt
+    /// of the wave at sixteen points and over the whole aperture, both weighed by light.
     #[test]
     fn closed_forms_agree_with_random_fields() {
         let optics = Optics::nominal();
@@ -143,8 +143,8 @@ mod tests {
             for surface in 0..surfaces {
                 let mut random = ChaCha8Rng::seed_from_u64(surface);
                 let s = 0.25 * spot * optics.viewing_angle(distance).cos();
-                // Only phases are random: the centre of the light on the target stays. The field repeats after
-                // lambda R over the scatterers' pitch, 0.13 m.
+                // Only phases are random: the centre of the light on the target stays. The field repeats
+                // after lambda R over the scatterers' pitch, 0.13 m.
                 let scatterers: Vec<[f64; 3]> = (0..400)
                     .map(|i| {
                         let place = 7.0 * s * ((f64::from(i) + 0.5) / 400.0 - 0.5);

@@ -5,24 +5,24 @@
 //!
 //! **Place.** A slit that is p off its drawing moves its image by p (1 + f cos u / b), because its baseline
 //! and offset change with its place. The core weighs images by their light. If an image is made of M equal
-//! speckle patterns, the squares of n weights sum to (M + 1) / (n M + 1) in the mean over surfaces (weights of
-//! a Dirichlet distribution), which is 1.9 / n on metal and 1.45 / n on paper for 16 slits. So independent
+//! speckle patterns, the squares of n weights sum to (M + 1) / (n M + 1) in the mean over surfaces (weights
+//! of a Dirichlet distribution), which is 1.9 / n on metal and 1.45 / n on paper for 16 slits. So independent
 //! errors p move the distance by p (1 + f cos u / b) / pitch * slope * sqrt((M + 1) / (n M + 1)).
 //!
-//! **Temperature.** A mask that is held at its datum grows by s a dT at the place s. This moves the mean by the
-//! mean of s, and by the RMS of s about that mean as the weights vary.
+//! **Temperature.** A mask that is held at its datum grows by s a dT at the place s. This moves the mean by
+//! the mean of s, and by the RMS of s about that mean as the weights vary.
 //!
 //! **Width.** The height of an image goes with the square of the slit's width. An error q of the width makes
 //! the weight wrong by 2 q, and the variance of a mean with such weights grows by (2 q)^2.
 //!
-//! **Rotation about the optical axis.** A mask that is turned by r shows the slit of the place s at s (1 + r^2
-//! / 2) - h r, where h is how far the row lies beside the mask's middle line. The first part is small, and the
-//! second is the same for all slits.
+//! **Rotation about the optical axis.** A mask that is turned by r shows the slit of the place s at s (1 +
+//! r^2 / 2) - h r, where h is how far the row lies beside the mask's middle line. The first part is small,
+//! and the second is the same for all slits.
 //!
-//! **Tilt about the slits' direction.** If one end is nearer to the sensor by the angle t, the slit at s is s t
-//! farther from or nearer to the sensor. Its image moves by s t tan(a) (1 + f cos u / b), where a is the angle
-//! of the light to the axis. A mask that is not flat by the height v moves an image by v tan(a) (1 + f cos u /
-//! b).
+//! **Tilt about the slits' direction.** If one end is nearer to the sensor by the angle t, the slit at s is s
+//! t farther from or nearer to the sensor. Its image moves by s t tan(a) (1 + f cos u / b), where a is the
+//! angle of the light to the axis. A mask that is not flat by the height v moves an image by v tan(a) (1 + f
+//! cos u / b).
 
 use simulator::comb::Comb;
 use simulator::optics::Optics;
@@ -278,14 +278,14 @@ pub fn report(it: &Tolerances) -> String {
         .map(|((name, _), moved)| format!("{} um ({name})", um(moved)))
         .collect();
     text += &format!(
-        "\n*Slits as drawn*: a calibration finds eq. (1), which takes out what all slits share. The places are \
-         those of the drawing. A slit that is 1 um off its place moves its image by {:.3} um, and one slit alone \
-         would move a distance at {DISTANCE} m by {:.0} um. All 16 places may be {:.2} um RMS off for {:.0} um RMS \
-         of the distance (metal), and {:.2} um RMS for a tenth of speckle's error (paper). The smaller one is \
-         taken, as the limit of a uniform distribution. *Each slit is calibrated*: the mask only has a tenth of \
-         the {TOLERANCE} pixels that an image may be from its place when it is given to a slit for the first \
-         time. Light meets the mask at up to {:.1}° to the axis. {WARMER} K move a distance at {DISTANCE} m by {}, \
-         if the mask is held at its datum.\n",
+        "\n*Slits as drawn*: a calibration finds eq. (1), which takes out what all slits share. The \
+         places are those of the drawing. A slit that is 1 um off its place moves its image by {:.3} um, \
+         and one slit alone would move a distance at {DISTANCE} m by {:.0} um. All 16 places may be {:.2} \
+         um RMS off for {:.0} um RMS of the distance (metal), and {:.2} um RMS for a tenth of speckle's \
+         error (paper). The smaller one is taken, as the limit of a uniform distribution. *Each slit is \
+         calibrated*: the mask only has a tenth of the {TOLERANCE} pixels that an image may be from its \
+         place when it is given to a slit for the first time. Light meets the mask at up to {:.1}° to the \
+         axis. {WARMER} K move a distance at {DISTANCE} m by {}, if the mask is held at its datum.\n",
         it.gain,
         it.gain * it.slope,
         1e6 * it.place_for_error,
@@ -301,8 +301,8 @@ pub fn report(it: &Tolerances) -> String {
 mod tests {
     use super::*;
 
-    /// A straight ray from the spot through a point of a mask to the row, in the mask's coordinates: along the
-    /// row, up, and along the axis towards the target. Returns the place of the image along the row.
+    /// A straight ray from the spot through a point of a mask to the row, in the mask's coordinates: along
+    /// the row, up, and along the axis towards the target. Returns the place of the image along the row.
     ///
     /// The spot and the row are in the plane `row` above the mask's middle.
     fn image(
