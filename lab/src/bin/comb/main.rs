@@ -1,12 +1,27 @@
-//! What a comb of slits does: `cargo comb`.
+//! What a comb of slits does on rough surfaces, and the drawing of its mask: `cargo comb`.
 
-use anyhow::Result;
+mod design;
+mod drawing;
+mod dxf;
+mod figure;
+mod theory;
+mod tolerances;
+
+use std::collections::BTreeMap;
+
+use anyhow::{Context as _, Result};
 use clap::Parser;
+use indicatif::ProgressBar;
 use lab::comb::{At, Mask, read, with_speckle};
 use lab::surfaces::{MATERIALS, Summary};
+use lab::table::{cells, markdown};
+use lab::{docs, progress};
 use simulator::scene::Scene;
 
-/// Reads rough surfaces through the default comb, and compares what the readings claim with the truth.
+use crate::tolerances::Tolerances;
+
+/// Reads rough surfaces through the default comb, and compares what the readings claim with the truth. Takes
+/// about fifteen minutes.
 #[derive(Parser)]
 #[command(name = "cargo comb", bin_name = "cargo comb")]
 struct Options {
@@ -16,62 +31,228 @@ struct Options {
     /// Rows of a frame
     #[arg(long, default_value_t = 4)]
     rows: u16,
+    /// Also rewrite the tables of docs/physics.md, and what --drawing writes
+    #[arg(long)]
+    write: bool,
+    /// Measure nothing: write the drawing of the mask, docs/hardware/comb.svg and .dxf, its tolerances in
+    /// docs/physics.md, and docs/figures/comb.svg
+    #[arg(long, conflicts_with = "design")]
+    drawing: bool,
+    /// Measure other masks and laser spots instead, on a fifth of the surfaces of each. With --write, rewrite
+    /// their table in docs/physics.md, and docs/figures/comb-design.svg
+    #[arg(long)]
+    design: bool,
+}
+
+const PAGE: &str = "docs/physics.md";
+const SVG: &str = "docs/hardware/comb.svg";
+const DXF: &str = "docs/hardware/comb.dxf";
+const FIGURE: &str = "docs/figures/comb.svg";
+
+/// The scene whose optics and noise all kinds at one distance share.
+const BASE: &str = "speckle-at-rest";
+
+/// The first surface. No calibration sees these.
+const FIRST: u64 = 1_000_000;
+
+/// Surfaces that are read.
+struct Kind {
+    name: String,
+    scene: Scene,
+    at: At,
+    /// The spot's diameter in metres and the number of speckle patterns, if all surfaces are at
+    /// [`tolerances::DISTANCE`].
+    theory: Option<(f64, u8)>,
+}
+
+fn kinds(base: &Scene) -> Result<Vec<Kind>> {
+    let mut kinds = vec![];
+    for (name, patterns) in [("paper", 2), ("metal", 1)] {
+        for spot in [1e-3, 0.5e-3] {
+            kinds.push(Kind {
+                name: format!("{name}, {} mm", 1e3 * spot),
+                scene: with_speckle(base, spot, patterns),
+                at: At::One(tolerances::DISTANCE),
+                theory: Some((spot, patterns)),
+            });
+        }
+    }
+    let [first, last] = tolerances::RANGE;
+    for (name, scene) in MATERIALS {
+        let scene = Scene::load(scene)?;
+        let mut add = |name: String, scene: Scene| {
+            let at = At::Between(first, last);
+            kinds.push(Kind {
+                name,
+                scene,
+                at,
+                theory: None,
+            });
+        };
+        add(name.into(), scene.clone());
+        if scene.texture.is_some() {
+            let texture = None;
+            add(format!("{name}, no texture"), Scene { texture, ..scene });
+        }
+    }
+    Ok(kinds)
+}
+
+/// What the readings of a kind came to.
+struct Outcome {
+    summary: Summary,
+    /// How often each fault was.
+    faults: BTreeMap<&'static str, usize>,
+    /// Mean number of slits that went into a reading.
+    used: f64,
+    /// Mean height in counts.
+    height: f64,
+}
+
+impl Outcome {
+    fn measure(kind: &Kind, mask: &Mask, rows: u16, surfaces: u64) -> Self {
+        let all = read(&kind.scene, Some(mask), kind.at, rows, FIRST, surfaces);
+        let mut faults = BTreeMap::new();
+        for fault in all.iter().filter_map(|it| it.as_ref().err()) {
+            *faults.entry(fault.name()).or_default() += 1;
+        }
+        let judged: Vec<_> = all.into_iter().flatten().collect();
+        let slits = judged.iter().map(|it| f64::from(it.reading.slits_used));
+        let heights = judged.iter().map(|it| it.reading.amplitude.to_f64());
+        Self {
+            summary: Summary::of(&judged),
+            faults,
+            used: slits.sum::<f64>() / judged.len() as f64,
+            height: heights.sum::<f64>() / judged.len() as f64,
+        }
+    }
+
+    fn faults(&self) -> String {
+        let total: usize = self.faults.values().sum();
+        let names: Vec<_> = self
+            .faults
+            .iter()
+            .map(|(name, count)| format!("{count} {name}"))
+            .collect();
+        match names.as_slice() {
+            [] => "0".into(),
+            _ => format!("{total} ({})", names.join(", ")),
+        }
+    }
+
+    /// Readings and faults, error, claims and slits: the columns after the name.
+    fn cells(&self) -> Vec<String> {
+        let it = &self.summary;
+        let mut cells = vec![it.count.to_string(), self.faults()];
+        cells.extend([it.rms, it.median_u].map(|um| format!("{um:.0}")));
+        cells.extend(it.within.map(|share| format!("{:.1} %", 100.0 * share)));
+        cells.push(format!("{:.1}", self.used));
+        cells
+    }
+}
+
+const HEAD: [&str; 9] = [
+    "kind",
+    "readings",
+    "faults",
+    "RMS error",
+    "median u",
+    "within u",
+    "2u",
+    "3u",
+    "slits used",
+];
+
+fn measure(base: &Scene, options: &Options) -> Result<String> {
+    let (kinds, mask) = (kinds(base)?, Mask::nominal());
+    let progress = bar(kinds.len() as u64 * options.surfaces)?;
+    let mut rows = vec![cells(&HEAD)];
+    let mut beside_theory = vec![];
+    for kind in &kinds {
+        progress.set_message(kind.name.clone());
+        let outcome = Outcome::measure(kind, &mask, options.rows, options.surfaces);
+        progress.inc(options.surfaces);
+        let mut row = vec![kind.name.clone()];
+        row.extend(outcome.cells());
+        rows.push(row);
+        if let Some((spot, patterns)) = kind.theory {
+            beside_theory.push(theory::Kind {
+                name: kind.name.clone(),
+                spot,
+                patterns,
+                rms: outcome.summary.rms,
+            });
+        }
+    }
+    progress.finish_and_clear();
+    let [near, far] = tolerances::RANGE;
+    Ok(format!(
+        "Simulated on a PC: the default comb, {} surfaces of each kind, frames of {} rows, the nominal \
+         calibration without the tolerances of an unadjusted head. Lengths in µm; within 2u: the share of \
+         errors that are at most twice u, which is 95.4 % for normal errors. The first four kinds: at {} \
+         m, a laser of a single wavelength, and the 1/e² diameter of its spot. The others: scenes of \
+         `scenes/`, at {near} to {far:.2} m.\n\n{}\nTheory and measurement at {} m, in µm unless another \
+         unit is given:\n\n{}",
+        options.surfaces,
+        options.rows,
+        tolerances::DISTANCE,
+        markdown(&rows),
+        tolerances::DISTANCE,
+        theory::report(tolerances::DISTANCE, &beside_theory),
+    ))
+}
+
+/// A bar over surfaces.
+fn bar(surfaces: u64) -> Result<ProgressBar> {
+    progress::bar(surfaces, "{msg:28} {wide_bar} {pos}/{len}, {eta} left")
+}
+
+fn write_drawing(base: &Scene) -> Result<()> {
+    let tolerances = Tolerances::nominal();
+    let write = |name: &str, text: String| {
+        let path = docs::path(name);
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        }
+        std::fs::write(path, text).with_context(|| name.to_owned())
+    };
+    write(SVG, drawing::svg(&tolerances))?;
+    write(DXF, dxf::write(&tolerances))?;
+    write(FIGURE, figure::svg(base))?;
+    docs::write_block(PAGE, "cargo comb, mask", &tolerances::report(&tolerances))
 }
 
 fn main() -> Result<()> {
     let options = Options::parse();
-    let mask = Mask::nominal();
-    let base = Scene::load("speckle-at-rest")?;
-    let mut kinds = vec![];
-    for (name, polarisations) in [("paper", 2), ("metal", 1)] {
-        for waist in [1e-3, 0.5e-3] {
-            let scene = with_speckle(&base, waist, polarisations);
-            kinds.push((format!("{name} {} mm", 1e3 * waist), scene, At::One(0.8)));
-        }
+    let base = Scene::load(BASE)?;
+    if options.drawing {
+        write_drawing(&base)?;
+        println!("{}", tolerances::report(&Tolerances::nominal()));
+        println!("Written: {SVG}, {DXF}, {FIGURE}, and the tolerances in {PAGE}.");
+        return Ok(());
     }
-    for (name, scene) in MATERIALS {
-        let scene = Scene::load(scene)?;
-        let plain = Scene {
-            texture: None,
-            ..scene.clone()
-        };
-        kinds.push((name.into(), scene.clone(), At::Between(0.55, 1.10)));
-        if scene.texture.is_some() {
-            kinds.push((
-                format!("{name}, no texture"),
-                plain,
-                At::Between(0.55, 1.10),
-            ));
+    if options.design {
+        let variants = design::measure(&base, options.rows, options.surfaces.div_ceil(5))?;
+        let report = design::report(&variants);
+        println!("{report}");
+        if options.write {
+            docs::write_block(PAGE, "cargo comb, design", &report)?;
+            design::draw(&variants, &docs::path(design::FIGURE))?;
+        } else {
+            docs::print_hint(
+                "cargo comb --design",
+                &format!("{PAGE} and {}", design::FIGURE),
+            );
         }
+        return Ok(());
     }
-    for (name, scene, at) in kinds {
-        let all = read(
-            &scene,
-            Some(&mask),
-            at,
-            options.rows,
-            1_000_000,
-            options.surfaces,
-        );
-        let faults = all.iter().filter(|it| it.is_err()).count();
-        let mut names: Vec<&str> = all
-            .iter()
-            .filter_map(|it| it.as_ref().err().map(|f| f.name()))
-            .collect();
-        names.sort();
-        names.dedup();
-        let judged: Vec<_> = all.into_iter().flatten().collect();
-        let of = Summary::of(&judged);
-        let used = judged
-            .iter()
-            .map(|it| f64::from(it.reading.slits_used))
-            .sum::<f64>()
-            / judged.len() as f64;
-        let misfits = judged.iter().filter(|it| it.reading.misfits > 0).count();
-        println!(
-            "{name:28} rms {:6.1} median u {:6.1} r {:5.1} within {:.3} {:.3} {:.3} used {used:.1} flagged {misfits} faults {faults} {names:?}",
-            of.rms, of.median_u, of.median_r, of.within[0], of.within[1], of.within[2]
-        );
+    let report = measure(&base, &options)?;
+    println!("{report}");
+    if options.write {
+        docs::write_block(PAGE, "cargo comb", &report)?;
+        write_drawing(&base)?;
+    } else {
+        docs::print_hint("cargo comb", &format!("{PAGE}, {SVG}, {DXF} and {FIGURE}"));
     }
     Ok(())
 }
