@@ -52,7 +52,7 @@
 //! | [`record::Record`], a calibration with the sensor that it belongs to | 2864 |
 //! | [`pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |
 //! | [`session::Session`], the serial line with its copies of both | 7352 |
-//! | [`Measured`], with the centre of each slit of a comb | 360 |
+//! | [`Measured`], with the centre of each slit of a comb | 236 |
 //! | [`Reading`], [`Geometry`], [`Settings`] | 92 or less, each |
 //!
 //! Stack: a row takes 18 KB, because the search keeps the sums over its blocks, and 26 KB if a background

@@ -16,7 +16,7 @@ fn types_fit_the_memory_that_the_crate_page_states() {
             29_500,
         ),
         ("Session", size_of::<session::Session>(), 7352),
-        ("Measured", size_of::<Measured>(), 360),
+        ("Measured", size_of::<Measured>(), 236),
         ("Reading", size_of::<Reading>(), 92),
         ("Geometry", size_of::<Geometry>(), 92),
         ("Settings", size_of::<Settings>(), 92),

@@ -10,9 +10,9 @@ pub const CORRECTIONS: usize = 4;
 
 /// Brings the centre of a slit's image to the place where a slit on the optical axis would show it.
 ///
-/// A slit at the place s on the row shows a target at another baseline b + s sin u and with another offset d0
-/// + s cos u than a slit on the axis. With y the image's place from the slit's own axis, and x0 that from the
-/// optical axis of an image through a slit there, eq. (1) for both gives
+/// A slit at the place s on the row shows a target at another baseline, b + s sin u, and with another offset,
+/// d0 plus s cos u, than a slit on the axis. With y the image's place from the slit's own axis, and x0 that
+/// from the optical axis of an image through a slit there, eq. (1) for both gives
 ///
 /// ```text
 /// x0 = (y - f e) / (1 + e tan u),   e = s cos u / b
