@@ -90,7 +90,7 @@ pub fn report(distance: f64, kinds: &[Kind]) -> String {
         "surface at 0.8 m, spot",
         "speckle, mm",
         "speckles in the comb's span",
-        "one slit, um",
+        "one slit",
         "comb by theory",
         "comb as measured",
         "filled aperture",
