@@ -13,7 +13,8 @@
 //!
 //! **A filled aperture** of the width A, as a lens has, finds the centroid of its image: the mean tilt of the
 //! wave over A, weighed by light. The tilts at two places are correlated as exp(-2 a x^2), a = 2 (pi s cos
-//! theta / (lambda R))^2, so A holds A sqrt(2 a / pi) independent speckles.
+//! theta / (lambda R))^2, so A holds A sqrt(2 a / pi) independent speckles. Its error is that of one
+//! slit over the root of this number.
 //!
 //! **The limit** of Dorsch, Häusler and Herrmann (Appl. Opt. 33, 1306 (1994)) is C lambda / (2 pi sin u sin
 //! theta), with the contrast C = 1 / sqrt(M), the half-angle u of the aperture, and the angle theta of
@@ -56,10 +57,10 @@ pub fn speckles(distance: f64, spot: f64, aperture: f64) -> f64 {
     aperture * (2.0 * a / PI).sqrt()
 }
 
-/// RMS error of a distance by the centroid of a filled aperture's image, for a spot that it resolves.
+/// RMS error of a distance by the centroid of a filled aperture's image, for a spot that the aperture
+/// resolves.
 pub fn filled(distance: f64, spot: f64, patterns: f64, aperture: f64) -> f64 {
-    let independent = speckles(distance, spot, aperture) * patterns;
-    one_slit(distance, spot, patterns) * (patterns / (independent - 1.0).max(1.0)).sqrt()
+    one_slit(distance, spot, patterns) / speckles(distance, spot, aperture).sqrt()
 }
 
 /// Dorsch, Häusler and Herrmann's limit of an aperture of a width.
