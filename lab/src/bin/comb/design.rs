@@ -83,7 +83,11 @@ impl Design {
         let (mut near, mut far) = (0.0f64, f64::INFINITY);
         for &um in &self.places_um {
             let slit = optics.behind(1e-6 * f64::from(um));
-            let ends = [MARGIN, pixels - 1.0 - MARGIN].map(|centre| slit.distance(centre));
+            // Light from beyond infinity has a distance below zero.
+            let ends = [MARGIN, pixels - 1.0 - MARGIN].map(|centre| match slit.distance(centre) {
+                distance if distance > 0.0 => distance,
+                _ => f64::INFINITY,
+            });
             near = near.max(ends[0].min(ends[1]));
             far = far.min(ends[0].max(ends[1]));
         }
@@ -327,4 +331,19 @@ pub fn draw(variants: &[Variant], path: &Path) -> Result<()> {
     }
     root.present()?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tolerances::RANGE;
+
+    #[test]
+    fn the_default_comb_is_on_the_row_over_the_whole_range() {
+        for (name, _, design) in designs() {
+            println!("{name}: {:?}", design.range());
+        }
+        let [near, far] = Design::nominal().range().expect("a range");
+        assert!(near < RANGE[0] && far > RANGE[1]);
+    }
 }
