@@ -106,6 +106,7 @@ pub fn record(calibration: Calibration) -> Option<Record> {
         calibration,
         errors: errors(),
         profile: any(true).then(profile),
+        comb: comb(),
     })
 }
 
