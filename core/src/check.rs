@@ -115,7 +115,11 @@ pub(crate) fn centre_of_one(
     before: Option<&RowCentre>,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
-    let found = find_and_check(estimator, row, spot, before, geometry, None)?;
+    if estimator == Estimator::GaussNewton {
+        spot.effort.pay(effort_of_fit(spot)).ok_or(spot.no_spot())?;
+    }
+    let found = centre::centre(estimator, row, spot, before, geometry)?;
+    let found = check_symmetry(row, spot, found, geometry, None).found;
     Ok(RowCentre {
         misfit: found.misfit || found.width.to_f32() < NARROWEST_SURE,
         ..found

@@ -88,11 +88,14 @@ impl Measurement {
         map: Option<&PixelMap>,
     ) -> Option<Result<Measured, Fault>> {
         let map = map.filter(|map| map.fits(&self.geometry));
-        let centre = match self.settings.slits {
-            Slits::One => self.centre(words, map),
-            Slits::Comb => self.centre_of_comb(words, map),
-        };
-        self.frame.add(centre);
+        match self.settings.slits {
+            // The two kinds of result do not meet: they would be copied.
+            Slits::One => {
+                let centre = self.centre(words, map);
+                self.frame.add(centre);
+            }
+            Slits::Comb => self.add_row_of_comb(words, map),
+        }
         let rows = self.settings.rows.clamp(1, crate::frame::MAX_ROWS as u16);
         if self.frame.rows() < rows {
             return None;
@@ -175,7 +178,6 @@ impl Measurement {
     }
 
     /// Finds the centre that a slit on the axis would show, from all images of a comb.
-    #[inline(never)]
     fn centre_of_comb(
         &mut self,
         words: &mut [u16],
@@ -208,6 +210,12 @@ impl Measurement {
         let estimator = self.settings.estimator;
         self.comb
             .measure(&row, &found, black_level, estimator, &self.geometry)
+    }
+
+    #[inline(never)]
+    fn add_row_of_comb(&mut self, words: &mut [u16], map: Option<&PixelMap>) {
+        let centre = self.centre_of_comb(words, map);
+        self.frame.add(centre);
     }
 
     fn measured(&self, map: Option<&PixelMap>) -> Result<Measured, Fault> {

@@ -151,7 +151,11 @@ fn count(
 #[inline(never)]
 #[unsafe(no_mangle)]
 extern "C" fn step_measurement_row(_: &(), pipeline: &mut Pipeline<'_>) {
-    pipeline.measured = pipeline.measurement.row(&mut pipeline.words);
+    // As the firmware, which passes on the result of a complete frame.
+    let measured = pipeline.measurement.row(&mut pipeline.words);
+    if measured.is_some() {
+        pipeline.measured = measured;
+    }
 }
 
 #[inline(never)]
