@@ -815,7 +815,7 @@ mod tests {
         assert_eq!(lines("methods.csv").1, 10);
         assert_eq!(lines("bias.csv").1, 10 * 12);
         assert_eq!(lines("situations.csv").1, 10 * SITUATIONS.len());
-        assert_eq!(lines("reading-time.csv").1, 4 * 5 * 7);
+        assert_eq!(lines("reading-time.csv").1, 5 * 5 * 7);
         assert_eq!(lines("whole-rows.csv").1, 5 * (2 * 5 + 1 + 2));
         assert_eq!(lines("distances.csv").1, 1);
         std::fs::remove_dir_all(directory).expect("removed");
