@@ -104,7 +104,7 @@ fn peaks_of_a_comb_get_their_own_slits() {
 }
 
 #[test]
-#[ignore = "a minute: a million random rows"]
+#[ignore = "a million random rows take 40 CPU s; run by .ci/run"]
 fn at_most_one_in_a_million_random_rows_gets_wrong_slits() {
     check_random_peaks(1_000_000);
 }
@@ -305,14 +305,15 @@ fn errors_of_slits(waist: f64, surfaces: u64) -> Vec<[Option<f64>; MAX_SLITS]> {
 /// n images has the variance (1 + 2 c (n - 1) / n) of independent ones, and their scatter shows (1 - 2 c / n)
 /// of it. The core's factor on u, 1.06, is that of the smallest spot.
 #[test]
-#[ignore = "two minutes: speckle of 16 slits on 3000 surfaces"]
+#[ignore = "speckle of 16 slits on 1200 surfaces takes 60 CPU s; run by .ci/run"]
 fn neighbours_share_as_much_speckle_as_the_core_says() {
+    // The correlation of 5000 pairs is known to 0.014.
     for (waist, factors) in [
-        (1e-3, 0.98..1.02),
-        (0.5e-3, 1.01..1.05),
-        (0.42e-3, 1.04..1.09),
+        (1e-3, 0.97..1.03),
+        (0.5e-3, 1.0..1.06),
+        (0.42e-3, 1.03..1.10),
     ] {
-        let all = errors_of_slits(waist, 1000);
+        let all = errors_of_slits(waist, 400);
         let pairs = all.iter().flat_map(|errors| errors.windows(2));
         let (mut products, mut squares) = (0.0, 0.0);
         for pair in pairs {
