@@ -14,6 +14,7 @@ use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::pixels::map::PixelMap;
 use slitrange::reading::Measured;
 use slitrange::settings::Settings;
+use static_cell::StaticCell;
 
 use super::shared::{
     COUNTERS, FLAT_REQUESTS, FREE, FULL, Flat, FlatRequest, GIVEN, PAUSED, RESULTS, SETTINGS,
@@ -24,11 +25,16 @@ use super::{board, tcd1304};
 /// The sensor is silent if no row comes for so long, 17 row periods.
 const SILENCE: Duration = Duration::from_millis(100);
 
+/// The pipeline. In core-coupled memory, which no DMA needs, so that the stack has the room.
+#[unsafe(link_section = ".ccm.measurement")]
+static MEASUREMENT: StaticCell<Measurement> = StaticCell::new();
+
 /// Measures for ever. Deadline: a row within [`super::acquisition::ROW_PERIOD`] on average, or rows are lost.
 /// A slow row may take longer by the periods of the rows that the buffers hold.
 #[embassy_executor::task]
 pub async fn measure() {
-    let mut measurement = Measurement::new(tcd1304::geometry(), Settings::default());
+    let measurement =
+        MEASUREMENT.init_with(|| Measurement::new(tcd1304::geometry(), Settings::default()));
     let mut flat: Option<Flat> = None;
     let mut is_corrected = false;
     let mut silence = Silence::new();
@@ -80,7 +86,7 @@ pub async fn measure() {
         let start = board::cycles();
         let map = flat.as_deref().and_then(FlatField::map);
         let map = map.filter(|_| is_corrected);
-        let result = measure_row(&mut measurement, row, map);
+        let result = measure_row(measurement, row, map);
         let cycles = board::cycles().wrapping_sub(start);
         COUNTERS.row_cycles.set(cycles);
         COUNTERS.slowest_row_cycles.set_if_larger(cycles);

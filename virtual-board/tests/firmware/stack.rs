@@ -92,8 +92,8 @@ fn the_stack_stays_far_from_the_statics() {
     // more does not matter.
     assert!(used > 4 * 1024, "{used} of {room}");
     // A save that reads the longest record again takes most: every function on the way down holds a record or
-    // two, of 3 KB each. Two fifths of the room stay free: 43 KB of 96 KB.
-    assert!(5 * used < 3 * room, "{used} of {room}");
+    // two, of 3 KB each. Half of the room stays free.
+    assert!(used < room / 2, "{used} of {room}");
     board.finish().expect("a clean run");
 }
 
