@@ -188,7 +188,11 @@ impl Bench {
                 1 => BlackLevel::Frame,
                 _ => BlackLevel::Fixed(Counts::from_int(i32::from(d))),
             },
-            slits: if a & 0x40 == 0 { Slits::One } else { Slits::Comb },
+            slits: if a & 0x40 == 0 {
+                Slits::One
+            } else {
+                Slits::Comb
+            },
             ..Settings::default()
         };
         self.calibration = Calibration::nominal().filter(|_| a & 0x80 != 0);
