@@ -6,6 +6,8 @@
 //! [`Geometry::height_limit`](crate::row::Geometry::height_limit). The black level also shows stray light and
 //! drift to a person.
 
+use core::ops::Range;
+
 use crate::frame::MAX_ROWS;
 use crate::numeric;
 use crate::row::{LARGEST_COUNT, Light, MAX_PIXELS, Row};
@@ -59,6 +61,14 @@ impl BlackPixels {
                 );
             }
         }
+    }
+
+    /// Adds the pixels outside of a part of the row that may be lit, for [`BlackLevel::Frame`].
+    pub(crate) fn add_outside(&mut self, row: &Row<'_>, lit: Range<usize>) {
+        let (left, rest) = row.light().split(lit.start);
+        let (_, right) = rest.split(lit.end.saturating_sub(lit.start));
+        self.add_pixels(left);
+        self.add_pixels(right);
     }
 
     /// Adds the sum and the number of other black pixels to these.

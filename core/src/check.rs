@@ -102,8 +102,9 @@ pub fn centre(
     })
 }
 
-/// As [`centre`] for one of several images on a row, without a search of the rest of the row. Takes its effort
-/// from the spot's.
+/// As [`centre`] for one of several images on a row: without a search of the rest of the row, and without a
+/// repair. An image that fails the check is flagged, and the others take its place. Wide light takes its effort
+/// from the spot's; fits are at most as many as there are images.
 ///
 /// # Errors
 /// As [`centre`].
@@ -115,15 +116,26 @@ pub(crate) fn centre_of_one(
     before: Option<&RowCentre>,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
-    if estimator == Estimator::GaussNewton {
-        spot.effort.pay(effort_of_fit(spot)).ok_or(spot.no_spot())?;
-    }
     let found = centre::centre(estimator, row, spot, before, geometry)?;
+    if spot.effort.pay(effort_of_width(&found)).is_none() {
+        return Ok(RowCentre {
+            misfit: true,
+            ..found
+        });
+    }
     let found = check_symmetry(row, spot, found, geometry, None).found;
     Ok(RowCentre {
         misfit: found.misfit || found.width.to_f32() < NARROWEST_SURE,
         ..found
     })
+}
+
+/// The effort of the estimator and the check for a spot of this width.
+#[inline(always)]
+fn effort_of_width(found: &RowCentre) -> usize {
+    // `as` saturates.
+    let wider = (found.width.to_f32() as usize).saturating_sub(USUAL_WIDTH);
+    wider.saturating_mul(EFFORT_OF_PIXEL)
 }
 
 /// As [`centre`], without a search of the rest of the row.
@@ -151,10 +163,8 @@ fn find_and_check(
         }
         found => found?,
     };
-    // The estimator's part is paid only now, when the width is known. `as` saturates.
-    let wider = (found.width.to_f32() as usize).saturating_sub(USUAL_WIDTH);
-    let effort = wider.saturating_mul(EFFORT_OF_PIXEL);
-    if spot.effort.pay(effort).is_none() {
+    // The estimator's part is paid only now, when the width is known.
+    if spot.effort.pay(effort_of_width(&found)).is_none() {
         return Ok(RowCentre {
             misfit: true,
             ..found

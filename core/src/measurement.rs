@@ -4,6 +4,8 @@
 //! Words of a read-out -> [`Row`] -> [`Spot`] -> centre of the row -> [`Measured`], the centre of the frame.
 //! A [`Calibration`](crate::distance::Calibration) turns that into a distance: [`Measured::reading`].
 
+use core::ops::Range;
+
 use crate::black_level::{BlackLevel, BlackPixels};
 use crate::centre::{self, RowCentre};
 use crate::check;
@@ -149,7 +151,8 @@ impl Measurement {
             Some(map) => {
                 let black = black_level(&row).unwrap_or(spot.background.level);
                 let width = before.as_ref().map(|(_, centre)| centre.width);
-                correct(&self.geometry, words, map, &spot, width, black);
+                let window = map::window(&spot, width);
+                correct(&self.geometry, words, map, window, black);
                 let row = match before {
                     Some(_) => self.geometry.row_of_valid(words),
                     // The search for other spots takes the blocks.
@@ -186,20 +189,27 @@ impl Measurement {
         let Ok(row) = self.geometry.row_and_blocks(words, &mut self.blocks) else {
             return Err(Fault::SensorSilent);
         };
+        let mut found = self.comb.find(&row)?;
         let how = self.settings.black_level;
         let mut black = BlackPixels::default();
-        // The images leave no part of the row to `BlackLevel::Frame`: the background's level serves.
-        black.add(how, &row, None);
+        match how {
+            BlackLevel::Frame => black.add_outside(&row, found.span()),
+            BlackLevel::Fixed(_) | BlackLevel::Shielded => black.add(how, &row, None),
+        }
         self.black.merge(black);
-        let mut found = self.comb.find(&row)?;
         let level = found.background.level;
         let black_level = black.level(how).unwrap_or(level);
         let row = match map {
             None => row,
             Some(map) => {
                 let black = self::black_level(&row).unwrap_or(level);
+                // Windows overlap, and no pixel is corrected twice.
+                let mut done = 0;
                 for centre in found.images() {
-                    correct(&self.geometry, words, map, &found.spot(centre), None, black);
+                    let window = map::window(&found.spot(centre), None);
+                    let window = window.start.max(done)..window.end.max(done);
+                    done = window.end;
+                    correct(&self.geometry, words, map, window, black);
                 }
                 found.background = map.background_of(found.background);
                 (self.geometry.row_of_valid(words)).ok_or(Fault::SensorSilent)?
@@ -243,19 +253,18 @@ impl Measurement {
     }
 }
 
-/// Corrects the pixels around a spot, in place.
+/// Corrects some pixels of the light range, in place.
 // Not inlined: sensors without a map do not pay for it.
 #[inline(never)]
 fn correct(
     geometry: &Geometry,
     words: &mut [u16],
     map: &PixelMap,
-    spot: &Spot,
-    width: Option<Pixels>,
+    window: Range<usize>,
     black: Counts,
 ) {
     let words = words.get_mut(geometry.light.clone()).unwrap_or_default();
-    map.correct(words, map::window(spot, width), black, geometry);
+    map.correct(words, window, black, geometry);
 }
 
 /// The mean of a row's shielded pixels, if there are any.

@@ -13,7 +13,7 @@ pub mod flat;
 
 use core::fmt::{self, Write as _};
 
-use crate::comb::Comb;
+use crate::comb::{Comb, Slits};
 use crate::difference::Difference;
 use crate::fault::Fault;
 use crate::pixels::PixelErrors;
@@ -324,7 +324,7 @@ impl Session {
         let is_as_calibrated = reading.is_nominal
             || record.estimator == self.settings.estimator
                 && record.black_level == self.settings.black_level
-                && record.slits() == self.settings.slits;
+                && (record.slits() == Slits::Comb) == measured.comb.is_some();
         Ok(Reading {
             has_other_settings: !is_as_calibrated,
             ..reading

@@ -9,6 +9,7 @@ use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use simulator::comb::Comb as Mask;
 use simulator::scene::{LaserSpot, Scene, SecondReflection, Simulation, Speckle};
+use slitrange::centre::Estimator;
 use slitrange::comb::{Comb, MAX_SLITS, Peak, Slits, assign};
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
@@ -330,4 +331,34 @@ fn neighbours_share_as_much_speckle_as_the_core_says() {
         );
         assert!(factors.contains(&factor));
     }
+}
+
+/// Every estimator measures a comb. `gauss-newton` fits each image.
+#[test]
+fn every_estimator_measures_a_comb() {
+    let scene = quiet();
+    for estimator in Estimator::ALL {
+        let settings = Settings {
+            estimator,
+            ..settings(8)
+        };
+        let simulation = Simulation::new(scene.clone());
+        let measured = frames::measure(&simulation, settings, 0.8, 0, None).expect("a centre");
+        let off = measured.frame.centre.to_f64() - scene.optics.centre(0.8);
+        let r = measured.frame.uncertainty.to_f64();
+        println!("{}: off by {off:.5} px, r {r:.5}", estimator.name());
+        assert_eq!(measured.comb.expect("slits").used, 16);
+        assert!(off.abs() < 5.0 * r + 1e-3);
+    }
+}
+
+/// Bright images are not too few.
+#[test]
+fn saturated_images_are_a_fault_of_their_own() {
+    let mut scene = quiet();
+    if let Some(spot) = &mut scene.spot {
+        spot.counts_per_second *= 4.0;
+    }
+    let found = measure(&scene, 0.8, 2);
+    assert!(matches!(found, Err(Fault::Saturated { .. })), "{found:?}");
 }

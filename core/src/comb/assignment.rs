@@ -21,8 +21,8 @@ pub const FEWEST: usize = 4;
 /// The score of the best x0 must exceed that of any other by so much: one false peak adds at most 1.
 pub const LEAD: f32 = 1.5;
 
-/// An image may be so far from its place, in pixels: five times what speckle of a 1 mm spot on metal does
-/// (2.2 px RMS at 0.8 m).
+/// An image may be so far from its place, in pixels: 4.5 times what speckle of a 1 mm spot on metal does (2.7
+/// px RMS at 0.8 m).
 pub const TOLERANCE: f32 = 12.0;
 
 /// Pixels in a bin of x0, and bins that agree: twice the tolerance.
@@ -59,40 +59,40 @@ impl Assignment {
 /// lead by [`LEAD`].
 pub fn assign(peaks: &[Peak], comb: &Comb) -> Result<Assignment, Fault> {
     let candidates = Candidates::of(peaks, comb);
-    let votes = &candidates.votes;
-    let windows = || (0..BINS).zip(votes.windows(AGREEING).map(agreeing));
-    let most = windows().map(|(_, slits)| slits).max().unwrap_or(0);
+    let (mut first, mut most) = (0, 0);
+    for (place, votes) in (0..BINS).zip(candidates.votes.windows(AGREEING)) {
+        let slits = agreeing(votes);
+        if slits > most {
+            (first, most) = (place, slits);
+        }
+    }
     if (most as usize) < FEWEST {
         return Err(few(most as usize));
     }
-    let (mut best, mut other) = (Scored::NONE, Scored::NONE);
-    // Fewer slits than this cannot come near the best score: five slits fewer, each of which may add 1.
-    let least = most.saturating_sub(5).max(2);
-    for (first, _) in windows().filter(|(_, slits)| *slits >= least) {
-        // Each slit adds at most 1 to the score, and has a peak in reach. So most windows are left out without
-        // a score.
-        let reach = first.saturating_sub(REACH)..first.saturating_add(AGREEING + REACH).min(BINS);
-        let most = votes.get(reach).map_or(0, agreeing);
-        if most as f32 <= other.score {
-            continue;
-        }
-        let Some(x0) = candidates.median_in(first) else {
-            continue;
-        };
-        let this = Scored::of(peaks, comb, x0);
-        // Windows that overlap hold the same x0.
-        let is_same = |that: &Scored| (that.x0.to_f32() - x0.to_f32()).abs() <= 2.0 * TOLERANCE;
-        if this.score > best.score {
-            if !is_same(&best) {
-                other = best;
+    // The window with the most votes first: after it the bound skips most others.
+    let mut best = candidates.score(peaks, comb, first);
+    for place in 0..BINS {
+        if candidates.score_at_most(place) > best.score {
+            let this = candidates.score(peaks, comb, place);
+            if this.score > best.score {
+                best = this;
             }
-            best = this;
-        } else if this.score > other.score && !is_same(&best) {
-            other = this;
         }
     }
     if best.slits < FEWEST {
         return Err(few(best.slits));
+    }
+    // The best score elsewhere counts if it comes within the lead. Windows that overlap hold the same x0.
+    let mut other = Scored::NONE;
+    for place in 0..BINS {
+        let at_most = candidates.score_at_most(place);
+        if at_most > best.score - LEAD && at_most > other.score && !is_around(place, best.x0) {
+            let this = candidates.score(peaks, comb, place);
+            let is_same = (this.x0.to_f32() - best.x0.to_f32()).abs() <= 2.0 * TOLERANCE;
+            if this.score > other.score && !is_same {
+                other = this;
+            }
+        }
     }
     if best.score - other.score >= LEAD {
         return Ok(Assignment {
@@ -100,10 +100,23 @@ pub fn assign(peaks: &[Peak], comb: &Comb) -> Result<Assignment, Fault> {
             peaks: nearest(peaks, comb, best.x0).map(|near| near.map(|(peak, _)| peak)),
         });
     }
+    if other.slits == 0 {
+        // Nothing fits elsewhere, and hardly anything here.
+        return Err(few(best.slits));
+    }
     Err(Fault::SlitsUnclear {
         images: best.slits as u16,
         other: other.slits as u16,
     })
+}
+
+/// Whether a window of bins lies within twice the tolerance of an x0.
+fn is_around(first: usize, x0: Pixels) -> bool {
+    // Bins are few.
+    let start = first as f32 * BIN;
+    let end = start + AGREEING as f32 * BIN;
+    let x0 = x0.to_f32();
+    x0 - start <= 2.0 * TOLERANCE && end - x0 <= 2.0 * TOLERANCE
 }
 
 /// How well the peaks fit the slits for an x0.
@@ -188,6 +201,19 @@ impl Candidates {
         }
     }
 
+    /// The score that a window of bins can have at most: each slit adds at most 1, and has a peak in reach.
+    fn score_at_most(&self, first: usize) -> f32 {
+        let end = first.saturating_add(AGREEING + REACH).min(BINS);
+        let reach = self.votes.get(first.saturating_sub(REACH)..end);
+        reach.map_or(0.0, |votes| agreeing(votes) as f32)
+    }
+
+    /// The score of the median x0 in a window of bins.
+    fn score(&self, peaks: &[Peak], comb: &Comb, first: usize) -> Scored {
+        let x0 = self.median_in(first);
+        x0.map_or(Scored::NONE, |x0| Scored::of(peaks, comb, x0))
+    }
+
     /// The median of the x0 in a window of bins.
     fn median_in(&self, first: usize) -> Option<Pixels> {
         let mut keys: Vec<u32, { 2 * MAX_PEAKS }> = Vec::new();
@@ -211,17 +237,23 @@ fn numbered(all: &[(u32, u16)], number: u16) -> Option<&(u32, u16)> {
     all.get(usize::from(number).checked_sub(1)?)
 }
 
-/// The peak nearest to where each slit shows x0, and how far it is, if it is within [`TOLERANCE`].
+/// The peak nearest to where each slit shows x0, and how far it is, if it is within [`TOLERANCE`]. No two
+/// slits have the same peak.
 fn nearest(peaks: &[Peak], comb: &Comb, x0: Pixels) -> [Option<(usize, f32)>; MAX_SLITS] {
     let mut all = [None; MAX_SLITS];
+    // A bit for each peak that a slit has.
+    let mut taken = 0u32;
     for (place, slit) in all.iter_mut().zip(comb.slits()) {
         let expected = slit.from_axis(x0).to_f32();
         let mut least = TOLERANCE;
         for (number, peak) in (0..MAX_PEAKS).zip(peaks) {
             let off = (peak.place - expected).abs();
-            if off <= least {
+            if off <= least && taken & 1u32.wrapping_shl(number as u32) == 0 {
                 (least, *place) = (off, Some((number, off)));
             }
+        }
+        if let Some((number, _)) = *place {
+            taken |= 1u32.wrapping_shl(number as u32);
         }
     }
     all

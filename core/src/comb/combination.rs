@@ -14,8 +14,9 @@ use crate::fault::Fault;
 use crate::numeric;
 use crate::units::{Counts, Pixels};
 
-/// An image is left out if it is so many standard deviations from the mean of the others.
-const OUTLIER: f32 = 5.0;
+/// An image is left out if it is so many standard deviations from the mean of the others, times Student's
+/// factor for the number of the others.
+const OUTLIER: f32 = 4.5;
 
 /// How much the errors of the mean exceed what the scatter of independent images says, because neighbouring
 /// images share some of their speckle. Speckles of a 0.42 mm laser spot are wider than the gaps, and errors
@@ -31,7 +32,7 @@ pub struct Scatter {
 /// The images of one slit in a frame.
 #[derive(Clone, Copy, Debug, Default)]
 struct OfSlit {
-    /// How much the slit counts in the mean of a row: its height in the frame's first row.
+    /// How much the slit counts in the mean of a row: its height in the first row of the frame that has images.
     weight: f32,
     /// x0 less the row's mean, in pixels, in the latest row with an image.
     latest: f32,
@@ -105,6 +106,9 @@ impl Scatter {
     /// # Errors
     /// [`Fault::FewSlits`] if less than [`FEWEST`] of the first row's slits have an image.
     pub(super) fn add(&mut self, images: &[Image]) -> Result<(f32, f32), Fault> {
+        if images.len() < FEWEST {
+            return Err(assignment::few(images.len()));
+        }
         if self.slits.iter().all(|slit| slit.weight <= 0.0) {
             for image in images {
                 if let Some(slit) = self.slits.get_mut(image.slit) {
@@ -269,7 +273,9 @@ fn leave_outliers_out(members: &mut [Member; MAX_SLITS]) {
         if number(members) <= FEWEST {
             return;
         }
-        let (mut worst, mut most) = (None, OUTLIER);
+        // The scatter of few others may be small by chance.
+        let others = number(members).saturating_sub(1);
+        let (mut worst, mut most) = (None, OUTLIER * small_sample(others));
         for place in 0..MAX_SLITS {
             let mut others = *members;
             let Some(it) = others.get_mut(place).filter(|it| it.counts) else {
@@ -429,7 +435,7 @@ mod tests {
         let mut images = row(3.0, &[]);
         scatter.add(&images).expect("a mean");
         let good = scatter.combine().expect("slits");
-        images.push(image(12, 3.0 + 11.0, 0.01, 400));
+        images.push(image(12, 3.0 + 12.0, 0.01, 400));
         let mut scatter = Scatter::default();
         let (mean, _) = scatter.add(&images).expect("a mean");
         let combined = scatter.combine().expect("slits");

@@ -33,11 +33,18 @@ pub(crate) struct CombMeasurement {
 pub(crate) struct CombRow {
     peaks: Peaks,
     assignment: Assignment,
+    /// The pixels from the first slit's image to the last one's.
+    span: Range<usize>,
     /// Level and noise of the row away from the images.
     pub background: Background,
 }
 
 impl CombRow {
+    /// The pixels from the first slit's image to the last one's.
+    pub fn span(&self) -> Range<usize> {
+        self.span.clone()
+    }
+
     /// The rough places of the images, in pixels.
     pub fn images(&self) -> impl Iterator<Item = usize> + '_ {
         let peaks = self.assignment.peaks.iter().flatten();
@@ -92,10 +99,11 @@ impl CombMeasurement {
         }
         let assignment = assign(&found, &self.comb)?;
         let span = self.span(&assignment);
-        let background = background(light, row.blocks(), span).ok_or(nothing)?;
+        let background = background(light, row.blocks(), span.clone()).ok_or(nothing)?;
         Ok(CombRow {
             peaks: found,
             assignment,
+            span,
             background,
         })
     }
@@ -114,11 +122,12 @@ impl CombMeasurement {
 
     /// Measures a row's images, and combines them to the centre of a slit on the axis.
     ///
-    /// Images that fail the check are left out, unless more than half of them fail: then the row is flagged.
+    /// Images that fail the check are left out. If more than half of them fail, or fewer than [`FEWEST`] are
+    /// left, all of them count, and the row is flagged.
     ///
     /// # Errors
-    /// [`Fault::FewSlits`] if fewer than [`FEWEST`] images have a centre. If none has one, the fault of the
-    /// highest.
+    /// If fewer than [`FEWEST`] images have a centre: the fault of the highest image that has none, or
+    /// [`Fault::FewSlits`].
     #[inline(never)]
     pub fn measure(
         &mut self,
@@ -165,23 +174,22 @@ impl CombMeasurement {
                 Err(_) => {}
             }
         }
-        let all = images.len();
+        if images.len() < FEWEST
+            && let Some(fault) = fault.1
+        {
+            return Err(fault);
+        }
         let misfits = numeric::count(images.iter().map(|image| image.found.misfit));
-        let is_misfit = misfits.saturating_mul(2) > all;
-        let keeps_all = is_misfit || all.saturating_sub(misfits) < FEWEST;
+        let sound = images.len().saturating_sub(misfits);
+        let uses_misfits = sound < FEWEST || misfits > sound;
         let mut used: Vec<Image, MAX_SLITS> = Vec::new();
         for image in &images {
-            if keeps_all || !image.found.misfit {
+            if uses_misfits || !image.found.misfit {
                 // There is room for all of them.
                 let _ = used.push(*image);
             }
         }
         let images = used;
-        if images.is_empty()
-            && let Some(fault) = fault.1
-        {
-            return Err(fault);
-        }
         let (mean, noise) = self.scatter.add(&images)?;
         let count = images.len().max(1) as f32;
         let share = |value: fn(&RowCentre) -> f32| {
@@ -198,7 +206,7 @@ impl CombMeasurement {
             class: WidthClass::default(),
             // The scatter of the slits holds what the shape of an image does to its centre.
             shape: SpotShape::default(),
-            misfit: is_misfit,
+            misfit: uses_misfits && misfits > 0,
         })
     }
 

@@ -118,11 +118,12 @@ impl SlitMap {
         Pixels::from_bits(x0.saturating_add(Pixels::from_f32(correction).to_bits()))
     }
 
-    /// Where the slit shows a spot whose image through a slit on the axis is at `x0`: to a hundredth of the
-    /// correction.
+    /// Where the slit shows a spot whose image through a slit on the axis is at `x0`: to the correction times
+    /// the square of its slope.
     pub fn from_axis(&self, x0: Pixels) -> Pixels {
-        let from_axis = x0.to_f32() - DRAWING.axis_px;
-        let from_axis = from_axis - self.correction_at(from_axis);
+        let corrected = x0.to_f32() - DRAWING.axis_px;
+        let from_axis = corrected - self.correction_at(corrected);
+        let from_axis = corrected - self.correction_at(from_axis);
         Pixels::from_f32(self.shift().to_f32() + from_axis * self.growth())
     }
 

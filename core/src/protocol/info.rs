@@ -169,6 +169,10 @@ impl Info<'_> {
         let of_points = fitted.and_then(|fitted| fitted.surface);
         match (self.settings.surface, of_points) {
             (Surface::Off, _) => write!(f, "{PART} surface: off")?,
+            (Surface::Fixed(um), _) if self.settings.slits == Slits::Comb => write!(
+                f,
+                "{PART} surface: of each frame, from its slits, and {um} um that they share, set by hand"
+            )?,
             (Surface::Fixed(um), _) => write!(f, "{PART} surface: {um} um, set by hand")?,
             (Surface::Auto, Some(surface)) if self.settings.slits == Slits::Comb => write!(
                 f,
