@@ -1,6 +1,6 @@
 //! A comb: several slits side by side before one line sensor. Each slit shows the laser spot once.
 //!
-//! Speckle moves the image of a spot, and no estimator can tell. The images of a comb have different speckle,
+//! Speckle moves the image of a spot, and no estimator sees this in one image. The images of a comb have different speckle,
 //! because each slit sees the target from another direction. So their mean has a smaller error than one
 //! image, and their scatter tells how large that error is, in each single reading.
 //!

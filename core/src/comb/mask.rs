@@ -8,9 +8,10 @@ pub const SLIT_WIDTH_UM: i32 = 200;
 
 /// From each slit of the nominal mask to the next, in micrometres.
 ///
-/// The gaps are 0.86 mm or more, so that neighbours see different speckle and their images stay apart. They
-/// are near 0.86, 1.08 and 1.30 mm: these differ by more than speckle moves an image. So the pattern does not
-/// repeat: if it is shifted by a slit or more, at most half of the slits fall on others (docs/physics.md).
+/// The gaps are 0.86 mm or more, so that neighbours see nearly independent speckle and their images stay
+/// apart. They are near 0.86, 1.08 and 1.30 mm: these differ by more than speckle moves an image. So the
+/// pattern does not repeat: if it is shifted by a slit or more, at most half of the slits fall on others
+/// (docs/physics.md).
 pub const NOMINAL_GAPS_UM: [i32; MAX_SLITS - 1] = [
     860, 860, 880, 860, 1080, 1300, 1080, 1080, 1080, 860, 1080, 1080, 860, 880, 860,
 ];

@@ -16,8 +16,8 @@
 //! centre and its repeatability in pixels, to all their digits, then the black level in counts, the
 //! estimator's [`letter`](crate::centre::Estimator::letter), and the spot's shape
 //! ([`SpotShape`](crate::shape::SpotShape)). `w` is the width, `o` the five components of the antisymmetric
-//! light, all in pixels. All six are zero if the sensor's edge leaves the check too little of the spot. The
-//! flags of a reading may follow.
+//! light, all in pixels. All six are zero with a comb, and if the sensor's edge leaves the check too little of
+//! the spot. The flags of a reading may follow.
 //!
 //! With a comb, `x` is the centre that a slit on the optical axis would show. ` k 16` follows the shape: the
 //! slits used. A second line has the images, in the order of the slits: `slits 912.12345/1830 - ...`. Each is
@@ -28,7 +28,8 @@
 //! of its rows. The longest line of a frame of one row is 65 bytes with its end, for distances that are
 //! positive and below 10 m, u below 1 m and r below 10 mm. To fit, the centre has four decimals, which are
 //! 0.02 to 0.07 um of distance and so as fine as the distance's own, and u has two from 10 mm on. The flag
-//! `c` comes only with frames of eight rows or more, whose line has eight times the room.
+//! `c` comes only with frames of eight rows or more, whose line has eight times the room. A comb's line is
+//! five bytes longer. With frames of one row its longest lines do not fit, and the firmware drops some.
 
 use core::fmt;
 
