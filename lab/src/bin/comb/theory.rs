@@ -4,12 +4,12 @@
 //! `spot` is the 1/e^2 diameter of the laser's spot on the target, and s a quarter of it: the standard
 //! deviation of its light. `patterns` is M, the number of equal speckle patterns in an image.
 //!
-//! **One slit.** An image with the light I has a normal error of the variance s^2 b^-2 d^2 / (2 M) <I> / I
+//! **One slit.** An image with the light I has a normal error of the variance s^2 b^-2 d^2 / (2 M) `<I>` / I
 //! (see [`slitrange::uncertainty`]).
 //!
 //! **A comb.** If n images are independent and weighed by their light, their mean has the variance s^2 b^-2
-//! d^2 / (2 M) <I> / sum I. The sum of the light is a gamma variable of n M, whose inverse has the mean M /
-//! (n M - 1) / <I>. So the variance of the mean is s^2 b^-2 d^2 / (2 (n M - 1)).
+//! d^2 / (2 M) `<I>` / sum I. The sum of the light is a gamma variable of n M, whose inverse has the mean M /
+//! (n M - 1) / `<I>`. So the variance of the mean is s^2 b^-2 d^2 / (2 (n M - 1)).
 //!
 //! **A filled aperture** of the width A, as a lens has, finds the centroid of its image: the mean tilt of the
 //! wave over A, weighed by light. The tilts at two places are correlated as exp(-2 a x^2), a = 2 (pi s cos
