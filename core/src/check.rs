@@ -103,8 +103,8 @@ pub fn centre(
 }
 
 /// As [`centre`] for one of several images on a row: without a search of the rest of the row, and without a
-/// repair. An image that fails the check is flagged, and the others take its place. Wide light takes its effort
-/// from the spot's; fits are at most as many as there are images.
+/// repair. An image that fails the check is flagged, and the others take its place. Wide light takes its
+/// effort from the spot's; fits are at most as many as there are images.
 ///
 /// # Errors
 /// As [`centre`].

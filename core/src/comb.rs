@@ -1,8 +1,8 @@
 //! A comb: several slits side by side before one line sensor. Each slit shows the laser spot once.
 //!
-//! Speckle moves the image of a spot, and no estimator sees this in one image. The images of a comb have different speckle,
-//! because each slit sees the target from another direction. So their mean has a smaller error than one
-//! image, and their scatter tells how large that error is, in each single reading.
+//! Speckle moves the image of a spot, and no estimator sees this in one image. The images of a comb have
+//! different speckle, because each slit sees the target from another direction. So their mean has a smaller
+//! error than one image, and their scatter tells how large that error is, in each single reading.
 //!
 //! ```text
 //! row -> peaks -> assignment -> images -> row's mean -> frame -> combination -> centre and its u
@@ -82,8 +82,8 @@ impl Comb {
         Self { slits }
     }
 
-    /// A comb of these slits. `None` if there are none, more than [`MAX_SLITS`], or one is not to the right of
-    /// the one before.
+    /// A comb of these slits. `None` if there are none, more than [`MAX_SLITS`], or one is not to the right
+    /// of the one before.
     pub fn new(slits: &[SlitMap]) -> Option<Self> {
         let ascending = |pair: &[SlitMap]| match pair {
             [left, right] => left.place() < right.place(),
@@ -161,7 +161,7 @@ impl fmt::Display for CombError {
         match self {
             Self::Few { slits } => write!(
                 f,
-                "the record's comb has {slits} slits, and a measurement needs {FEWEST}: fit again with all slits"
+                "the record's comb has {slits} slits and needs {FEWEST}: fit again with all slits"
             ),
             Self::Order { number } => write!(
                 f,
@@ -175,8 +175,8 @@ impl fmt::Display for CombError {
             ),
             Self::Correction { number } => write!(
                 f,
-                "the correction of slit {number} of the record's comb is beyond {LARGEST_CORRECTION} px: check \
-                the mask's drawing, and fit again"
+                "the correction of slit {number} of the record's comb is beyond {LARGEST_CORRECTION} px: \
+                check the mask's drawing, and fit again"
             ),
         }
     }

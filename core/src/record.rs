@@ -76,8 +76,8 @@ const VERSION_1: u8 = 1;
 /// The second format: the same without [`Record::profile`].
 const VERSION_2: u8 = 2;
 
-/// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, the uncertainties of a fit, the sensor's
-/// own spot, and 16 slits, each number at its longest.
+/// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, the uncertainties of a fit, the
+/// sensor's own spot, and 16 slits, each number at its longest.
 pub const MAX_ENCODED: usize = 2110;
 
 /// Computed bit by bit, without a table: a record is read once at the start.
@@ -558,8 +558,8 @@ impl fmt::Display for RecordError {
             ),
             Self::Version { version } => write!(
                 f,
-                "the record has format {version}, and this firmware knows {VERSION_1} to {VERSION_OF_COMB}: write \
-                it with the tool of this firmware"
+                "the record has format {version}, and this firmware knows {VERSION_1} to {VERSION_OF_COMB}: \
+                write it with the tool of this firmware"
             ),
             Self::Shape => f.write_str(
                 "the CRC is right, but the bytes are not a record: write the calibration with the tool of \

@@ -219,9 +219,9 @@ impl Place {
         Micrometres::from_f32(dual_mac::square_root(variance))
     }
 
-    /// The surface's part of a comb's reading: the scatter of the slits, and what all slits share. The scatter
-    /// does not show that part, as when a texture makes one side of the laser spot brighter. A calibration
-    /// finds it on its own material, or a person sets it.
+    /// The surface's part of a comb's reading: the scatter of the slits, and what all slits share. The
+    /// scatter does not show that part, as when a texture makes one side of the laser spot brighter. A
+    /// calibration finds it on its own material, or a person sets it.
     fn surface_by_slits(
         &self,
         by_slits: Pixels,

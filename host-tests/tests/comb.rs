@@ -302,9 +302,9 @@ fn errors_of_slits(waist: f64, surfaces: u64) -> Vec<[Option<f64>; MAX_SLITS]> {
         .collect()
 }
 
-/// Neighbours share some speckle if the laser spot is small. With the correlation c of neighbours, the mean of
-/// n images has the variance (1 + 2 c (n - 1) / n) of independent ones, and their scatter shows (1 - 2 c / n)
-/// of it. The core's factor on u, 1.06, is that of the smallest spot.
+/// Neighbours share some speckle if the laser spot is small. With the correlation c of neighbours, the mean
+/// of n images has the variance (1 + 2 c (n - 1) / n) of independent ones, and their scatter shows (1 - 2 c /
+/// n) of it. The core's factor on u, 1.06, is that of the smallest spot.
 #[test]
 #[ignore = "speckle of 16 slits on 1200 surfaces takes 60 CPU s; run by .ci/run"]
 fn neighbours_share_as_much_speckle_as_the_core_says() {

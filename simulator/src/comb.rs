@@ -10,8 +10,9 @@
 //! the far field a slit twice as wide lets twice the light through, and puts the light on half the width: the
 //! irradiance at the geometric centre goes with the square of the width. The simulator takes Fresnel's
 //! integral where the scene's pattern is Fresnel's, and lowers the spot by the image of the laser's spot as
-//! for two gaussians. No height depends on the slit's distance from the target: across the nominal mask the
-//! square of that distance changes by 0.6 % at 0.55 m, and by 0.3 % at 1.10 m.
+//! for two gaussians. The slit's distance from the target does not
+//! change the height. From the first slit of the nominal mask to the last one, the square of this distance
+//! changes by 0.6 % if the target is at 0.55 m, and by 0.3 % at 1.10 m.
 //!
 //! # Interference between slits
 //!

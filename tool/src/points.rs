@@ -191,16 +191,16 @@ impl Points {
             read.points.iter().partition(|point| point.slits.is_some());
         if let (Some(with), Some(without)) = (with.first(), without.first()) {
             bail!(
-                "line {} has no image of any slit, and line {} has: remove the line without, or take the point \
-                 again",
+                "line {} has no image of any slit, and line {} has: remove the line without, or take the \
+                 point again",
                 without.line,
                 with.line
             );
         }
         if read.setup.slits == Slits::Comb && with.is_empty() && !read.points.is_empty() {
             bail!(
-                "the points are those of a comb, and have no columns slit_1_px, slit_1_counts and so on: take \
-                 them with `calibrate run`"
+                "the points are those of a comb, and have no columns slit_1_px, slit_1_counts and so on: \
+                 take them with `calibrate run`"
             );
         }
         if !with.is_empty() {

@@ -110,8 +110,8 @@ pub struct Shown {
 pub struct ShownSlit {
     /// From the optical axis along the row, in micrometres.
     pub place_um: f64,
-    /// The coefficients of the correction in pixels, of the lowest degree first. The argument is x0 from the axis
-    /// of the sensor, in units of 1024 pixels.
+    /// The coefficients of the correction in pixels, of the lowest degree first. The argument is x0 from the
+    /// axis of the sensor, in units of 1024 pixels.
     pub correction_px: [f64; CORRECTIONS],
 }
 

@@ -29,8 +29,8 @@ pub const TOLERANCE: f32 = 12.0;
 const BIN: f32 = 8.0;
 const AGREEING: usize = 3;
 
-/// A peak within [`TOLERANCE`] of its slit's place says an x0 that is at most so many bins off: images move by
-/// at least half as much as x0.
+/// A peak within [`TOLERANCE`] of its slit's place says an x0 that is at most so many bins off: images move
+/// by at least half as much as x0.
 const REACH: usize = 3;
 
 /// Bins for the x0 of a row.

@@ -32,7 +32,8 @@ pub struct Scatter {
 /// The images of one slit in a frame.
 #[derive(Clone, Copy, Debug, Default)]
 struct OfSlit {
-    /// How much the slit counts in the mean of a row: its height in the first row of the frame that has images.
+    /// How much the slit counts in the mean of a row: its height in the first row of the frame that has
+    /// images.
     weight: f32,
     /// x0 less the row's mean, in pixels, in the latest row with an image.
     latest: f32,

@@ -2,8 +2,8 @@
 //!
 //! A reading is `d 800.1234 mm u 0.4372 r 0.0035 x 1823.1234 a 1830 n 16/16`: distance, its combined standard
 //! uncertainty u and its repeatability r, all in millimetres; centre in pixels, amplitude in counts, rows
-//! used of the frame's. A difference from `zero` begins with `z` instead of `d`. A comb adds ` k 16`: the slits
-//! used. Flags may follow:
+//! used of the frame's. A difference from `zero` begins with `z` instead of `d`. A comb adds ` k 16`: the
+//! slits used. Flags may follow:
 //!
 //! * `m 3`: three of the rows used did not fit their spot.
 //! * `c 3`: neighbouring rows have similar errors, and all rows may be worth as few as three independent
@@ -16,8 +16,8 @@
 //! centre and its repeatability in pixels, to all their digits, then the black level in counts, the
 //! estimator's [`letter`](crate::centre::Estimator::letter), and the spot's shape
 //! ([`SpotShape`](crate::shape::SpotShape)). `w` is the width, `o` the five components of the antisymmetric
-//! light, all in pixels. All six are zero with a comb, and if the sensor's edge leaves the check too little of
-//! the spot. The flags of a reading may follow.
+//! light, all in pixels. All six are zero with a comb, and if the sensor's edge leaves the check too little
+//! of the spot. The flags of a reading may follow.
 //!
 //! With a comb, `x` is the centre that a slit on the optical axis would show. ` k 16` follows the shape: the
 //! slits used. A second line has the images, in the order of the slits: `slits 912.12345/1830 - ...`. Each is

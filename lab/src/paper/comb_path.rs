@@ -162,8 +162,8 @@ impl Target {
     }
 }
 
-/// Moves a material past the comb, at every `stride`-th of the paper's positions, and fits eq. (1) to the data
-/// set itself as the paper does. `done` is called after each position.
+/// Moves a material past the comb, at every `stride`-th of the paper's positions, and fits eq. (1) to the
+/// data set itself as the paper does. `done` is called after each position.
 ///
 /// # Errors
 /// The surface cannot be made, or eq. (1) does not fit.

@@ -14,12 +14,12 @@
 //! (x0 by the drawing + c - x0 of the point)^2 least. The points' x0 are weighted means, so only the
 //! polynomials are unknown: a linear system of at most 64.
 //!
-//! **What is free.** If the same polynomial is added to all corrections, nothing changes but x0, and the curve
-//! of distance over x0 takes that in. So the corrections' coefficients are made to add up to zero.
+//! **What is free.** If the same polynomial is added to all corrections, nothing changes but x0, and the
+//! curve of distance over x0 takes that in. So the corrections' coefficients are made to add up to zero.
 //!
 //! **Few points.** A slit with fewer than twelve points, or whose points lie on a part of the range, gets a
-//! polynomial of a lower degree, or none: then the mask's drawing is all that is known of the slit. The points'
-//! x0 are those of the other slits.
+//! polynomial of a lower degree, or none. A slit without a polynomial is where the mask's drawing says. The
+//! points' x0 are those of the other slits.
 
 use anyhow::Context as _;
 use nalgebra::{DMatrix, DVector};
@@ -40,7 +40,8 @@ pub struct FittedComb {
     pub slits: Vec<FittedSlit>,
     /// The points, with x0 for their centres. Their uncertainties hold the scatter of the slits.
     pub points: Vec<Point>,
-    /// Root mean square over the points of an x0's standard uncertainty by the scatter of the slits, in pixels.
+    /// Root mean square over the points of an x0's standard uncertainty by the scatter of the slits, in
+    /// pixels.
     pub scatter_px: f64,
     /// Images that count.
     pub images: usize,
@@ -72,11 +73,12 @@ const LEAST_SPAN: [f64; CORRECTIONS] = [0.0, 0.25, 0.5, 0.75];
 /// An image is left out if it is so many standard deviations from its point's x0, as on the sensor.
 const OUTLIER: f64 = 5.0;
 
-/// No image is left out that is nearer than this to its point's x0, in pixels: a correction of degree three may
-/// leave so much of a bent window.
+/// No image is left out that is nearer than this to its point's x0, in pixels: a correction of degree three
+/// may leave so much of a bent window.
 const LEAST_OFF: f64 = 0.25;
 
-/// The same for slits with few points, whose corrections leave more: five times what 5 um of a mask move an image.
+/// The same for slits with few points, whose corrections leave more: five times what 5 um of a mask move an
+/// image.
 const LEAST_OFF_OF_FEW: f64 = 3.0;
 
 /// In the first rounds, an image so many standard deviations off counts less, in proportion.
@@ -89,8 +91,8 @@ const ROUNDS: usize = 8;
 /// Points to both sides whose scatter is averaged with a point's own.
 const NEIGHBOURS: usize = 3;
 
-/// How much the error of x0 exceeds what the scatter says, because neighbouring slits share some speckle: as on
-/// the sensor.
+/// How much the error of x0 exceeds what the scatter says, because neighbouring slits share some speckle: as
+/// on the sensor.
 const SHARED: f64 = 1.06;
 
 /// An image of a slit in a point.
@@ -252,8 +254,8 @@ fn means(images: &[Image], corrections: &Corrections, points: usize) -> Vec<f64>
         .collect()
 }
 
-/// The degree of each slit's correction. The images of the slits with the highest degree that at least [`FEWEST`]
-/// slits have count in the x0 of their points.
+/// The degree of each slit's correction. The images of the slits with the highest degree that at least
+/// [`FEWEST`] slits have count in the x0 of their points.
 fn mark_common(images: &mut [Image]) -> [Option<usize>; MAX_SLITS] {
     let degrees = degrees(images);
     let most = common_degree(&degrees);
@@ -292,8 +294,8 @@ fn degrees(images: &[Image]) -> [Option<usize>; MAX_SLITS] {
 
 /// The corrections, for the trust that each image has.
 ///
-/// The slits with the most freedoms that at least [`FEWEST`] slits have are solved for at once, with the x0 of the
-/// points as their means. The others follow from these x0.
+/// The slits with the most freedoms that at least [`FEWEST`] slits have are solved for at once, with the x0
+/// of the points as their means. The others follow from these x0.
 fn solve(
     images: &[Image],
     degrees: &[Option<usize>; MAX_SLITS],
@@ -397,8 +399,8 @@ fn alone(images: &[&Image], freedoms: usize, reference: &[f64]) -> Option<[f64; 
     Some(terms)
 }
 
-/// Finds out which images are too far from their points' x0. An image's deviation is in proportion to one over
-/// the square root of its light.
+/// Finds out which images are too far from their points' x0. An image's deviation is in proportion to one
+/// over the square root of its light.
 fn trust(images: &mut [Image], corrections: &Corrections, x0s: &[f64], rejects: bool) {
     let off = |image: &Image| {
         (image.corrected(corrections) - x0s[image.point]).abs() * image.light.sqrt()

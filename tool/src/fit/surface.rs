@@ -1,9 +1,11 @@
 //! How far the target's surface moves distances: what the points scatter beyond their noise.
 //!
 //! Speckle moves each point by e sqrt(usual height / height), where e rises with the distance (core,
-//! `uncertainty`). A comb's slits scatter by their own speckle, which each point's uncertainty already holds:
-//! what is left is the part that all slits share, which does not follow the height. Here e = c (d - D), with D of eq. (1), so that the zero of a stage does not matter; and
-//! the usual height is H (d - D)^q, which follows the laser, the slit and the material.
+//! `uncertainty`): e = c (d - D), with D of eq. (1), so that the zero of a stage does not matter. The usual
+//! height is H (d - D)^q, which follows the laser, the slit and the material.
+//!
+//! With a comb, each point's uncertainty already holds the scatter of its slits. The points then scatter
+//! further by the part that all slits share. This part does not follow the height.
 
 use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;

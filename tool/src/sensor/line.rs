@@ -16,8 +16,8 @@ use crate::pc::{Pc, Port};
 /// How often a command is said before nobody answers.
 pub const TRIES: usize = 4;
 
-/// The longest line that is kept: three times as long as any that a sensor sends. Beyond it is noise. A comb's
-/// line of slits has up to 261 bytes.
+/// The longest line that is kept: three times as long as any that a sensor sends. Beyond it is noise. A
+/// comb's line of slits has up to 261 bytes.
 const LONGEST: usize = 800;
 
 // Waits are many times what a board takes: some 0.1 s for the longest answer, 0.4 s for a frame of 64 rows, 1

@@ -422,8 +422,8 @@ pub fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
     }
 }
 
-/// The mean images of a comb's slits, rounded as a file holds them. A slit without an image in at least half of
-/// the frames has none.
+/// The mean images of a comb's slits, rounded as a file holds them. A slit without an image in at least half
+/// of the frames has none.
 fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
     let frames: Vec<SlitImages> = centres.iter().filter_map(|centre| centre.slits).collect();
     if frames.is_empty() {

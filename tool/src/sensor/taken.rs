@@ -363,8 +363,8 @@ fn heading(setup: &Setup, found: Before, started: &str) -> Vec<String> {
         .map(str::to_owned),
     );
     if setup.slits == Slits::Comb {
-        let of_slits = "# slit_1_px, slit_1_counts and so on: the image of each slit of the comb, its centre and \
-                        its height.";
+        let of_slits = "# slit_1_px, slit_1_counts and so on: the image of each slit of the comb, its centre \
+                        and its height.";
         lines.push(of_slits.to_owned());
     }
     lines

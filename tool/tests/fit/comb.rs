@@ -35,7 +35,8 @@ enum Flaw {
     Lens,
 }
 
-/// A sensor that nobody has been told of: its geometry, the places of its slits, and what displaces the light.
+/// A sensor that nobody has been told of: its geometry, the places of its slits, and what displaces the
+/// light.
 struct Sensor {
     optics: DistortedOptics,
     places: [f64; MAX_SLITS],
@@ -154,8 +155,8 @@ fn x0(record: &Record, images: &SlitImages) -> Pixels {
     Pixels::from_bits((sum / weights * 65536.0).round() as i32)
 }
 
-/// Errors of a record's distances in micrometres at places between the points, where `images` gives those of a
-/// distance.
+/// Errors of a record's distances in micrometres at places between the points, where `images` gives those of
+/// a distance.
 fn errors_of(record: &Record, mut images: impl FnMut(f64) -> SlitImages) -> Vec<f64> {
     (0..400)
         .map(|i| NEAR + (FAR - NEAR) * (f64::from(i) + 0.37) / 400.0)
@@ -167,8 +168,8 @@ fn errors_of(record: &Record, mut images: impl FnMut(f64) -> SlitImages) -> Vec<
         .collect()
 }
 
-/// Noise of a slit's centre in pixels, in a point of 8 frames of 64 rows with a quarter of full scale. One frame
-/// has 0.004 px (see `whole_rows_are_calibrated`).
+/// Noise of a slit's centre in pixels, in a point of 8 frames of 64 rows with a quarter of full scale. One
+/// frame has 0.004 px (see `whole_rows_are_calibrated`).
 const NOISE: f64 = 0.001;
 
 /// 60 points without speckle, on combs of unknown geometry.
@@ -205,8 +206,8 @@ fn sixty_points_give_the_curve_of_a_comb_to_1_5_um() {
             }
             let error = rms(&all);
             println!(
-                "departure of {:.0} um by a {flaw:?}, noise {noise} px: RMS {error:.3} um, worst sensor {:.3}, \
-                 largest {largest:.2}, claimed {:.3}; corrections {:.2} px",
+                "departure of {:.0} um by a {flaw:?}, noise {noise} px: RMS {error:.3} um, worst sensor \
+                 {:.3}, largest {largest:.2}, claimed {:.3}; corrections {:.2} px",
                 1e6 * departure,
                 all.iter().copied().fold(0.0, f64::max),
                 rms(&claims),
@@ -277,8 +278,8 @@ fn few_points_get_corrections_of_a_lower_degree() {
             Some(2)
         ]
     );
-    // Whichever slits have an image, the distance is about the same: a slit without a correction is off by 5 um
-    // of the mask, which are 0.6 px or 0.2 mm.
+    // Whichever slits have an image, the distance is about the same: a slit without a correction is off by 5
+    // um of the mask, which are 0.6 px or 0.2 mm.
     for missing in [
         &[] as &[usize],
         &[2, 5],
@@ -373,16 +374,16 @@ fn the_scatter_of_the_slits_is_not_counted_twice() {
             );
         }
         println!(
-            "{shared_um} um shared: found {:.1} um in the middle, curve {:.1} um, scatter {:.4} px, residuals \
-             {:.4} px",
+            "{shared_um} um shared: found {:.1} um in the middle, curve {:.1} um, scatter {:.4} px, \
+             residuals {:.4} px",
             rms(&found),
             rms(&claims),
             rms(&sigmas),
             rms(&offs)
         );
         if shared_um == 0.0 {
-            // One pixel is 0.38 mm in the middle, and 16 slits bring it to 95 um. The square of these is known
-            // to sqrt(2 / 57), 19 %: what is left of it by chance is 40 um.
+            // One pixel is 0.38 mm in the middle, so 16 slits scatter by 95 um. 60 points know the square of
+            // this scatter to sqrt(2 / 57), 19 %. So chance alone may leave sqrt(0.19) of 95 um, 41 um.
             assert!(rms(&found) < 45.0);
             assert!((rms(&sigmas) / rms(&offs) - 1.0).abs() < 0.15);
         } else {

@@ -471,8 +471,8 @@ fn a_run_that_is_killed_goes_on_where_it_was() {
     assert_eq!(there, before);
 }
 
-/// A sensor with a comb: the file has the images of all slits, and the record that `fit` makes of them sets the
-/// comb again. The line is noisy, and the sensor loses its power and its settings meanwhile.
+/// A sensor with a comb: the file has the images of all slits, and the record that `fit` makes of them sets
+/// the comb again. The line is noisy, and the sensor loses its power and its settings meanwhile.
 #[test]
 fn a_comb_is_calibrated_from_the_images_of_its_slits() {
     let positions: Vec<f64> = (0..30).map(|i| 560.0 + 18.0 * f64::from(i)).collect();

@@ -81,8 +81,8 @@ fn readings_use_the_uploaded_calibration() {
     board.finish().expect("a clean run");
 }
 
-/// Uploads and saves the record of a comb, and cuts the power. Then readings use the record's slits, as the core
-/// does on this PC.
+/// Uploads and saves the record of a comb, and cuts the power. Then readings use the record's slits, as the
+/// core does on this PC.
 #[test]
 fn readings_use_the_slits_of_a_saved_comb() {
     let scene = Scene::load("comb").expect("a scene");

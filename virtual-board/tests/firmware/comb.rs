@@ -66,7 +66,7 @@ fn settings(rows: u16) -> Settings {
     }
 }
 
-/// A board that is told about the comb.
+/// Starts a board, and sends it `slits comb`.
 fn measuring(light: LightSource, rows: u16) -> VirtualBoard {
     let (mut board, _) = boot(light);
     set(&mut board, "slits comb");
@@ -92,8 +92,8 @@ fn assert_readings(lines: &[String], slits: Option<u32>) {
     }
 }
 
-/// Asserts that all results are the fault of that name, that `distance` gives its advice, and that `status`
-/// counts it.
+/// All results must be the fault of this name. `distance` must answer with advice, and `status` must count
+/// the fault.
 fn assert_fault(board: &mut VirtualBoard, name: &str) -> String {
     let line = fresh_results(board, 4);
     assert_all_are(&line, name);
@@ -243,8 +243,8 @@ fn a_comb_loses_no_row_in_an_hour() {
 }
 
 /// Rows of any comb: the nominal mask without some of its slits, with images off their places as speckle puts
-/// them, or even gaps; near and beyond the range; dim, saturated, narrow and wide. One row in four has a false
-/// image.
+/// them, or even gaps; near and beyond the range; dim, saturated, narrow and wide. One row in four has a
+/// false image.
 pub fn any_combs(seed: u64) -> LightSource {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut row = 0;
@@ -401,8 +401,8 @@ fn record() -> Record {
     }
 }
 
-/// RMS error in um, share of errors within 2u, and mean number of slits, of lines with their true distances in
-/// metres.
+/// RMS error in um, share of errors within 2u, and mean number of slits, of lines with their true distances
+/// in metres.
 fn errors<'a>(lines: impl Iterator<Item = (&'a str, f64)>) -> (f64, f64, f64) {
     let (mut count, mut squares, mut within, mut slits) = (0.0, 0.0, 0.0, 0.0);
     for (line, distance) in lines {

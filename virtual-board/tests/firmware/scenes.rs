@@ -41,8 +41,8 @@ fn result(board: &mut VirtualBoard) -> Line {
     board.run_until_line(is_result, PATIENCE).expect("a result")
 }
 
-/// A scene with a comb gives its fault to a sensor with one slit. A sensor that is told about the comb gives a
-/// reading.
+/// With `slits one`, the scene of a comb gives the fault that its file names. With `slits comb`, it must give
+/// readings.
 fn assert_comb_gives_readings(board: &mut VirtualBoard, name: &str, scene: &Scene) {
     set(board, "slits comb");
     let line = result(board);

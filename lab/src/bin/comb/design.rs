@@ -274,9 +274,9 @@ pub fn report(variants: &[Variant]) -> String {
     let own_error = 100.0 / (2.0 * surfaces as f64).sqrt();
     format!(
         "Simulated on a PC: metal at {DISTANCE} m, a laser of a single wavelength, {surfaces} surfaces, so \
-         that an RMS error is known to {own_error:.0} %. Errors and u in µm. Theory: independent images. Height: \
-         the mean of the images in counts. Random rows: {RANDOM_ROWS} rows with up to half of the images \
-         missing and one false.\n\n{}",
+         that an RMS error is known to {own_error:.0} %. Errors and u in µm. Theory: independent images. \
+         Height: the mean of the images in counts. Random rows: {RANDOM_ROWS} rows with up to half of the \
+         images missing and one false.\n\n{}",
         markdown(&rows)
     )
 }

@@ -207,7 +207,7 @@ fn um(metres: f64) -> String {
     }
 }
 
-/// An angle in degrees, and what it is over the mask's length.
+/// An angle in degrees, and the distance by which it moves an end of the mask against the other.
 fn angle(radians: f64) -> String {
     let over = radians * crate::drawing::OUTLINE_MM[0] * 1e-3;
     format!(

@@ -189,8 +189,8 @@ impl Report {
         let slits: f64 = self.combs.iter().map(|comb| comb.slits).sum();
         format!(
             "\nThe comb has 16 slits before one row of pixels of 8 µm x 200 µm (TCD1304DG). A reading is a \
-             frame of five rows, and uses {:.1} slits in the mean; {faults} positions have no reading. Eq. (1) \
-             is fitted to each data set itself, as for the others.\n",
+             frame of five rows, and uses {:.1} slits in the mean; {faults} positions have no reading. Eq. \
+             (1) is fitted to each data set itself, as for the others.\n",
             slits / self.combs.len() as f64
         )
     }
