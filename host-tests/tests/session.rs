@@ -5,7 +5,7 @@ use host_tests::frames::at_centre;
 use proptest::prelude::*;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
-use slitrange::comb::{Comb, SlitMap, Slits};
+use slitrange::comb::{Comb, Combined, MAX_SLITS, SlitMap, Slits};
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
@@ -606,12 +606,25 @@ fn the_measurement_learns_the_slits_of_a_comb_from_an_upload() {
             .contains("\r\ncalibration slits 5\r\n")
     );
 
-    // Another setting than the record's is flagged.
-    let frame = || Event::Frame(Ok(at_centre(1823.5)));
-    let flagged = |sensor: &mut Sensor| sensor.take(frame()).contains(" s");
-    assert!(!flagged(&mut sensor));
+    // Frames of one slit are flagged: the record is of a comb.
+    let combined = Combined {
+        shift: Pixels::default(),
+        surface: Pixels::from_f32(0.5),
+        used: 5,
+        centres: [None; MAX_SLITS],
+    };
+    let mut is_flagged = |comb| {
+        let frame = Measured {
+            comb,
+            ..at_centre(1823.5)
+        };
+        let line = sensor.take(Event::Frame(Ok(frame)));
+        assert!(line.starts_with("d "), "{line}");
+        line.contains(" s")
+    };
+    assert!(!is_flagged(Some(combined)));
+    assert!(is_flagged(None));
     sensor.set("slits one");
-    assert!(flagged(&mut sensor));
     sensor.set("slits comb");
 
     let saved = sensor.save();
