@@ -103,7 +103,7 @@ impl Fault {
         "out of range",
         "not calibrated",
         "too few slits",
-        "slits not told apart",
+        "slits unclear",
     ];
 
     /// The kind's name.

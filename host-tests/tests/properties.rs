@@ -347,7 +347,7 @@ fn every_fault_is_reachable() {
         ("out of range", vec![spot(100.3)], true),
         ("not calibrated", vec![spot(1800.3)], false),
         ("too few slits", vec![spot(1800.3)], true),
-        ("slits not told apart", vec![words_of(&even)], true),
+        ("slits unclear", vec![words_of(&even)], true),
     ];
     for estimator in Estimator::ALL {
         for (name, rows, calibrated) in &cases {

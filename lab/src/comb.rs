@@ -1,5 +1,6 @@
 //! What a comb of slits does to the error by speckle, and how true its u is.
 
+use anyhow::{Context as _, Result};
 use rayon::prelude::*;
 use simulator::comb::{Comb, Slit};
 use simulator::optics::Aperture;
@@ -14,7 +15,7 @@ use slitrange::uncertainty::{CalibrationErrors, Surface};
 
 use host_tests::frames;
 
-use crate::surfaces::Judged;
+use crate::surfaces::{Judged, POINTS, calibrate};
 
 /// Where targets are, in metres.
 #[derive(Clone, Copy, Debug)]
@@ -91,66 +92,104 @@ pub fn with_speckle(scene: &Scene, waist: f64, polarisations: u8) -> Scene {
     }
 }
 
-/// Readings of surfaces with numbers from `first` on, each of one frame of `rows` rows. The calibration is
-/// the nominal one, which is that of the simulated head, and its tolerances do not count.
-pub fn read(
-    scene: &Scene,
-    mask: Option<&Mask>,
-    at: At,
-    rows: u16,
-    first: u64,
-    count: u64,
-) -> Vec<Result<Judged, Fault>> {
-    let scene = Scene {
-        comb: mask.map(|mask| mask.comb.clone()),
-        ..scene.clone()
-    };
-    let calibration = Calibration::nominal();
-    (first..first + count)
-        .into_par_iter()
-        .map(|surface| {
-            let distance = at.distance(surface);
-            let reading = reading(&scene, mask, surface, distance, rows, calibration.as_ref())?;
-            Ok(Judged {
-                reading,
-                error: reading.distance.to_f64() - 1e6 * distance,
-            })
-        })
-        .collect()
+/// A sensor whose readings are judged.
+#[derive(Clone, Debug)]
+pub struct Sensor {
+    /// `None`: one slit.
+    mask: Option<Mask>,
+    calibration: Option<Calibration>,
+    errors: CalibrationErrors,
 }
 
-/// The reading of a surface.
-fn reading(
-    scene: &Scene,
-    mask: Option<&Mask>,
-    surface: u64,
-    distance: f64,
-    rows: u16,
-    calibration: Option<&Calibration>,
-) -> Result<Reading, Fault> {
-    let mut simulation = Simulation::new(scene.clone());
-    simulation.set_surface(surface);
-    let geometry = scene.geometry();
-    let settings = Settings {
-        rows,
-        slits: if mask.is_some() {
-            Slits::Comb
-        } else {
-            Slits::One
-        },
-        ..Settings::default()
-    };
-    let mut measurement = Measurement::new(geometry.clone(), settings);
-    if let Some(mask) = mask {
-        measurement.set_comb(mask.maps.clone());
+impl Sensor {
+    /// A sensor with the nominal calibration, which is that of the simulated head, so that its tolerances do
+    /// not count.
+    pub fn nominal(mask: Option<Mask>) -> Self {
+        Self {
+            mask,
+            calibration: Calibration::nominal(),
+            errors: CalibrationErrors::Unknown,
+        }
     }
-    let first = u64::from(rows) * surface;
-    let measured = (first..first + u64::from(rows)).find_map(|row| {
-        let light = simulation.row(row, distance, scene.exposure);
-        measurement.row(&mut frames::words(&light, &geometry))
-    });
-    let measured = measured.unwrap_or(Err(Fault::SensorSilent))?;
-    measured.reading(calibration, &CalibrationErrors::Unknown, Surface::Auto)
+
+    /// A sensor with the default mask that is calibrated on a scene's material. `first` is the number of the
+    /// first surface that it sees.
+    ///
+    /// # Errors
+    /// No calibration fits the points.
+    pub fn calibrated(scene: &Scene, first: u64) -> Result<Self> {
+        let comb = Comb::nominal();
+        let scene = Scene {
+            comb: Some(comb.clone()),
+            ..scene.clone()
+        };
+        let record = calibrate(&scene, POINTS, first)?;
+        let maps = record.comb.context("the calibration found no slits")?;
+        Ok(Self {
+            mask: Some(Mask { comb, maps }),
+            calibration: Some(record.calibration),
+            errors: record.errors,
+        })
+    }
+
+    /// Readings of surfaces with numbers from `first` on, each of one frame of `rows` rows.
+    pub fn read(
+        &self,
+        scene: &Scene,
+        at: At,
+        rows: u16,
+        first: u64,
+        count: u64,
+    ) -> Vec<Result<Judged, Fault>> {
+        let scene = Scene {
+            comb: self.mask.as_ref().map(|mask| mask.comb.clone()),
+            ..scene.clone()
+        };
+        (first..first + count)
+            .into_par_iter()
+            .map(|surface| {
+                let distance = at.distance(surface);
+                let reading = self.reading(&scene, surface, distance, rows)?;
+                Ok(Judged {
+                    reading,
+                    error: reading.distance.to_f64() - 1e6 * distance,
+                })
+            })
+            .collect()
+    }
+
+    /// The reading of a surface.
+    fn reading(
+        &self,
+        scene: &Scene,
+        surface: u64,
+        distance: f64,
+        rows: u16,
+    ) -> Result<Reading, Fault> {
+        let mut simulation = Simulation::new(scene.clone());
+        simulation.set_surface(surface);
+        let geometry = scene.geometry();
+        let slits = match self.mask {
+            Some(_) => Slits::Comb,
+            None => Slits::One,
+        };
+        let settings = Settings {
+            rows,
+            slits,
+            ..Settings::default()
+        };
+        let mut measurement = Measurement::new(geometry.clone(), settings);
+        if let Some(mask) = &self.mask {
+            measurement.set_comb(mask.maps.clone());
+        }
+        let first = u64::from(rows) * surface;
+        let measured = (first..first + u64::from(rows)).find_map(|row| {
+            let light = simulation.row(row, distance, scene.exposure);
+            measurement.row(&mut frames::words(&light, &geometry))
+        });
+        let measured = measured.unwrap_or(Err(Fault::SensorSilent))?;
+        measured.reading(self.calibration.as_ref(), &self.errors, Surface::Auto)
+    }
 }
 
 /// The same optics with another width of the slits: that of the scene's aperture, to which the spot's height

@@ -10,6 +10,7 @@ use simulator::scene::{Scene, Simulation};
 use simulator::statistics::median;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
+use slitrange::comb::Slits;
 use slitrange::difference::Difference;
 use slitrange::fault::Fault;
 use slitrange::reading::{Measured, Reading};
@@ -35,7 +36,7 @@ pub const MATERIALS: [(&str, &str); 6] = [
 ];
 
 /// Distances over which sensors are judged: the paper's position table, in metres.
-const TABLE: std::ops::Range<f64> = 0.60..1.02;
+pub const TABLE: std::ops::Range<f64> = 0.60..1.02;
 
 /// Distances of a calibration's points, in millimetres: a little more than the table.
 const POINTS_MM: [f64; 2] = [580.0, 1050.0];
@@ -48,8 +49,13 @@ const ROWS: u16 = 16;
 fn frame_from(scene: &Scene, surface: u64, distance: f64, first: u64) -> Result<Measured, Fault> {
     let mut simulation = Simulation::new(scene.clone());
     simulation.set_surface(surface);
+    let slits = match scene.comb {
+        Some(_) => Slits::Comb,
+        None => Slits::One,
+    };
     let settings = Settings {
         rows: ROWS,
+        slits,
         ..Settings::default()
     };
     frames::measure(&simulation, settings, distance, first, None)
@@ -222,7 +228,7 @@ pub struct Study {
 }
 
 /// Points of a calibration.
-const POINTS: usize = 60;
+pub const POINTS: usize = 60;
 
 impl Study {
     /// Calibrates sensors on a material, and lets each read surfaces of its own.

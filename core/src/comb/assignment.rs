@@ -5,6 +5,8 @@
 //! to slits brings fewer of them together, and those lie farther apart. Each slit with a peak near its place
 //! adds 1 - (off / tolerance)^2 to the score of an x0. The highest score wins, if it wins clearly.
 
+use core::cell::Cell;
+
 use heapless::Vec;
 
 use crate::comb::{Comb, MAX_PEAKS, MAX_SLITS, Peak};
@@ -58,22 +60,35 @@ impl Assignment {
 /// [`Fault::FewSlits`] if fewer than [`FEWEST`] slits agree. [`Fault::SlitsUnclear`] if this place does not
 /// lead by [`LEAD`].
 pub fn assign(peaks: &[Peak], comb: &Comb) -> Result<Assignment, Fault> {
-    let candidates = Candidates::of(peaks, comb);
+    let mut candidates = Candidates::NONE;
+    candidates.add_all(peaks, comb);
+    let bounds = candidates.bounds();
     let (mut first, mut most) = (0, 0);
-    for (place, votes) in (0..BINS).zip(candidates.votes.windows(AGREEING)) {
-        let slits = agreeing(votes);
-        if slits > most {
-            (first, most) = (place, slits);
+    for ((place, votes), &bound) in (0..BINS)
+        .zip(candidates.votes.windows(AGREEING))
+        .zip(&bounds)
+    {
+        if bound > most {
+            let slits = agreeing(votes);
+            if slits > most {
+                (first, most) = (place, slits);
+            }
         }
     }
-    if (most as usize) < FEWEST {
-        return Err(few(most as usize));
+    if usize::from(most) < FEWEST {
+        return Err(few(most.into()));
     }
     // The window with the most votes first: after it the bound skips most others.
-    let mut best = candidates.score(peaks, comb, first);
-    for place in 0..BINS {
-        if candidates.score_at_most(place) > best.score {
-            let this = candidates.score(peaks, comb, place);
+    let Some(x0) = candidates.median_in(first) else {
+        return Err(few(0));
+    };
+    let mut best = Scored::of(peaks, comb, x0);
+    for (place, &bound) in (0..BINS).zip(&bounds) {
+        if f32::from(bound) > best.score
+            && let Some(x0) = candidates.median_in(place)
+            && x0 != best.x0
+        {
+            let this = Scored::of(peaks, comb, x0);
             if this.score > best.score {
                 best = this;
             }
@@ -84,12 +99,16 @@ pub fn assign(peaks: &[Peak], comb: &Comb) -> Result<Assignment, Fault> {
     }
     // The best score elsewhere counts if it comes within the lead. Windows that overlap hold the same x0.
     let mut other = Scored::NONE;
-    for place in 0..BINS {
-        let at_most = candidates.score_at_most(place);
-        if at_most > best.score - LEAD && at_most > other.score && !is_around(place, best.x0) {
-            let this = candidates.score(peaks, comb, place);
-            let is_same = (this.x0.to_f32() - best.x0.to_f32()).abs() <= 2.0 * TOLERANCE;
-            if this.score > other.score && !is_same {
+    for (place, &bound) in (0..BINS).zip(&bounds) {
+        let bound = f32::from(bound);
+        if bound > best.score - LEAD
+            && bound > other.score
+            && !is_around(place, best.x0)
+            && let Some(x0) = candidates.median_in(place)
+            && (x0.to_f32() - best.x0.to_f32()).abs() > 2.0 * TOLERANCE
+        {
+            let this = Scored::of(peaks, comb, x0);
+            if this.score > other.score {
                 other = this;
             }
         }
@@ -153,8 +172,22 @@ pub(super) fn few(found: usize) -> Fault {
 }
 
 /// The number of slits that have a vote in some bins.
-fn agreeing(votes: &[u16]) -> u32 {
-    votes.iter().fold(0, |all, votes| all | votes).count_ones()
+fn agreeing(votes: &[u16]) -> u8 {
+    slits_in(votes.iter().fold(0, |all, votes| all | votes))
+}
+
+/// The number of slits whose bit is set.
+fn slits_in(votes: u16) -> u8 {
+    votes.count_ones() as u8
+}
+
+/// Adds to each bin the votes of the bin that is so many bins ahead.
+fn add_from(ahead: usize, votes: &mut [u16]) {
+    let votes = Cell::from_mut(votes).as_slice_of_cells();
+    let from = votes.get(ahead..).unwrap_or_default();
+    for (votes, from) in votes.iter().zip(from) {
+        votes.set(votes.get() | from.get());
+    }
 }
 
 /// What each peak says of x0 through each slit, by bins. Computed once, because it takes longer than all the
@@ -162,56 +195,60 @@ fn agreeing(votes: &[u16]) -> u32 {
 struct Candidates {
     /// The slits that may have their image in a bin, a bit for each.
     votes: [u16; BINS],
-    /// Each x0 as a key of [`rank`], and the number of the one before it in its bin.
+    /// The bits of each x0, and the number of the one before it in its bin. Bits of positive numbers are in
+    /// the order of the numbers.
     all: Vec<(u32, u16), { MAX_PEAKS * MAX_SLITS }>,
     /// The number of the last x0 in each bin. Numbers begin with 1; 0 is none.
     last: [u16; BINS],
 }
 
 impl Candidates {
-    fn of(peaks: &[Peak], comb: &Comb) -> Self {
-        let mut candidates = Self {
-            votes: [0; BINS],
-            all: Vec::new(),
-            last: [0; BINS],
-        };
+    const NONE: Self = Self {
+        votes: [0; BINS],
+        all: Vec::new(),
+        last: [0; BINS],
+    };
+
+    /// Adds what the peaks say through each slit.
+    fn add_all(&mut self, peaks: &[Peak], comb: &Comb) {
         for (slit, number) in comb.slits().iter().zip(0..MAX_SLITS as u32) {
+            let to_axis = slit.roughly_to_axis();
+            let bit = 1u16.wrapping_shl(number);
             for peak in peaks {
-                candidates.add(slit.to_axis(Pixels::from_f32(peak.place)), number);
+                self.add(to_axis(peak.place), bit);
             }
         }
-        candidates
     }
 
-    /// Adds what a peak says through the slit with this number.
-    fn add(&mut self, x0: Pixels, slit: u32) {
-        let pixels = x0.to_f32();
-        if pixels < 0.0 {
-            return;
-        }
-        let bin = (pixels * (1.0 / BIN)) as usize;
-        // Beyond the row there is no such bin.
-        let (Some(votes), Some(last)) = (self.votes.get_mut(bin), self.last.get_mut(bin)) else {
-            return;
-        };
-        // There is room for all peaks of all slits.
-        if self.all.push((rank::ordered(x0.to_bits()), *last)).is_ok() {
-            *votes |= 1u16.wrapping_shl(slit);
+    /// Adds what a peak says through the slit with this bit.
+    fn add(&mut self, x0: f32, slit: u16) {
+        let bin = (x0 * (1.0 / BIN)) as usize;
+        // Beyond the row there is no such bin. There is room for all peaks of all slits.
+        if x0 > 0.0
+            && let (Some(votes), Some(last)) = (self.votes.get_mut(bin), self.last.get_mut(bin))
+            && self.all.push((x0.to_bits(), *last)).is_ok()
+        {
+            *votes |= slit;
             *last = self.all.len() as u16;
         }
     }
 
-    /// The score that a window of bins can have at most: each slit adds at most 1, and has a peak in reach.
-    fn score_at_most(&self, first: usize) -> f32 {
-        let end = first.saturating_add(AGREEING + REACH).min(BINS);
-        let reach = self.votes.get(first.saturating_sub(REACH)..end);
-        reach.map_or(0.0, |votes| agreeing(votes) as f32)
-    }
-
-    /// The score of the median x0 in a window of bins.
-    fn score(&self, peaks: &[Peak], comb: &Comb, first: usize) -> Scored {
-        let x0 = self.median_in(first);
-        x0.map_or(Scored::NONE, |x0| Scored::of(peaks, comb, x0))
+    /// The score that each window of bins can have at most: each slit adds at most 1, and has a peak in the
+    /// window or within [`REACH`] bins of it.
+    fn bounds(&self) -> [u8; BINS] {
+        let mut votes = [0; REACH + BINS];
+        if let Some(own) = votes.get_mut(REACH..) {
+            own.copy_from_slice(&self.votes);
+        }
+        // A bin then holds the votes of 2, 4, 8 and 9 bins from it on: those of its window and in reach.
+        for ahead in [1, 2, 4, 1] {
+            add_from(ahead, &mut votes);
+        }
+        let mut bounds = [0; BINS];
+        for (bound, votes) in bounds.iter_mut().zip(votes) {
+            *bound = slits_in(votes);
+        }
+        bounds
     }
 
     /// The median of the x0 in a window of bins.
@@ -228,7 +265,7 @@ impl Candidates {
             }
         }
         let median = rank::ranked(keys.len() / 2, &keys)?;
-        Some(Pixels::from_bits(rank::from_ordered(median)))
+        Some(Pixels::from_f32(f32::from_bits(median)))
     }
 }
 

@@ -183,7 +183,7 @@ impl fmt::Display for Fault {
             } => write!(f, ": x {centre:.5} u {uncertainty:.5}"),
             Self::FewSlits { found, needed } => write!(f, ": {found}, needs {needed}"),
             Self::SlitsUnclear { images, other } => {
-                write!(f, ": {images} images fit, and {other} fit elsewhere")
+                write!(f, ": {images} images fit one place, {other} another")
             }
         }
     }
@@ -307,7 +307,7 @@ mod tests {
         };
         assert_eq!(
             unclear.to_string(),
-            "f slits not told apart: 6 images fit, and 5 fit elsewhere"
+            "f slits unclear: 6 images fit one place, 5 another"
         );
     }
 

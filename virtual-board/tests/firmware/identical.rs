@@ -201,7 +201,7 @@ fn every_row_gives_the_same_line_on_the_chip_and_on_a_pc() {
                 // A frame of one row cannot be unsteady.
                 "sensor silent" | "unsteady" => false,
                 // These are faults of a comb.
-                "too few slits" | "slits not told apart" => false,
+                "too few slits" | "slits unclear" => false,
                 "out of range" => command.ends_with("on"),
                 "not calibrated" => command.ends_with("off"),
                 _ => true,
