@@ -31,7 +31,7 @@ use crate::units::Micrometres;
 
 pub use assignment::{Assignment, FEWEST, LEAD, TOLERANCE, assign};
 pub(crate) use background::background;
-pub use combination::{Combined, Scatter, SlitCentre, SlitCentres};
+pub use combination::{Combined, NEIGHBOURS, Scatter, SlitCentre, SlitCentres};
 pub(crate) use images::CombMeasurement;
 pub use mask::{MAX_SLITS, NOMINAL_GAPS_UM, NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 pub use peaks::{MAX_PEAKS, Peak, Peaks};

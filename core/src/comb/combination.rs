@@ -19,9 +19,10 @@ use crate::units::{Counts, Pixels};
 const OUTLIER: f32 = 4.5;
 
 /// How much the errors of the mean exceed what the scatter of independent images says, because neighbouring
-/// images share some of their speckle. Speckles of a 0.42 mm laser spot are wider than the gaps, and errors
-/// of neighbours correlate by 0.065. With a spot of 1 mm they do not correlate (host-tests/tests/comb.rs).
-const NEIGHBOURS: f32 = 1.06;
+/// images share some of their speckle. For a laser spot of 0.42 mm, whose speckles are wider than the gaps, it
+/// is 1.05 in light of a single wavelength. A line of 1 nm, as cheap laser diodes have, draws speckles out
+/// along the mask, and it is 1.16. With a spot of 1 mm it is 1. (host-tests/tests/comb.rs)
+pub const NEIGHBOURS: f32 = 1.14;
 
 /// The images of a frame's rows, so far.
 #[derive(Clone, Debug, Default)]

@@ -24,7 +24,7 @@
 use anyhow::Context as _;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
-use slitrange::comb::{CORRECTIONS, Comb, FEWEST, MAX_SLITS, SlitMap, UNIT};
+use slitrange::comb::{CORRECTIONS, Comb, FEWEST, MAX_SLITS, NEIGHBOURS, SlitMap, UNIT};
 use slitrange::distance::eq1::DRAWING;
 
 use super::start::median;
@@ -70,7 +70,7 @@ const FEWEST_POINTS: [usize; CORRECTIONS] = [2, 4, 8, 12];
 /// The least part of the points' range that the slit's points must cover, for each degree.
 const LEAST_SPAN: [f64; CORRECTIONS] = [0.0, 0.25, 0.5, 0.75];
 
-/// An image is left out if it is so many standard deviations from its point's x0, as on the sensor.
+/// An image is left out if it is so many standard deviations from its point's x0.
 const OUTLIER: f64 = 5.0;
 
 /// No image is left out that is nearer than this to its point's x0, in pixels: a correction of degree three
@@ -89,11 +89,7 @@ const SOFT_ROUNDS: usize = 4;
 const ROUNDS: usize = 8;
 
 /// Points to both sides whose scatter is averaged with a point's own.
-const NEIGHBOURS: usize = 3;
-
-/// How much the error of x0 exceeds what the scatter says, because neighbouring slits share some speckle: as
-/// on the sensor.
-const SHARED: f64 = 1.06;
+const BESIDE: usize = 3;
 
 /// An image of a slit in a point.
 #[derive(Clone, Copy, Debug)]
@@ -461,14 +457,15 @@ fn sigmas(
     order.sort_by(|&a, &b| x0s[a].total_cmp(&x0s[b]));
     let mut sigmas = vec![0.0; x0s.len()];
     for (rank, &point) in order.iter().enumerate() {
-        let near = &order[rank.saturating_sub(NEIGHBOURS)..order.len().min(rank + NEIGHBOURS + 1)];
+        let near = &order[rank.saturating_sub(BESIDE)..order.len().min(rank + BESIDE + 1)];
         let squares: f64 = near.iter().map(|&it| of_points[it].squares).sum();
         let freedom: f64 = near
             .iter()
             .map(|&it| (of_points[it].images - 1.0).max(0.0))
             .sum();
         let of_one_count = by_fit * squares / freedom.max(1.0);
-        sigmas[point] = SHARED * (of_one_count / of_points[point].light.max(1.0)).sqrt();
+        sigmas[point] =
+            f64::from(NEIGHBOURS) * (of_one_count / of_points[point].light.max(1.0)).sqrt();
     }
     sigmas
 }

@@ -56,6 +56,9 @@ const BASE: &str = "speckle-at-rest";
 /// The first surface. No calibration sees these.
 const FIRST: u64 = 1_000_000;
 
+/// The material that is also read in the light of a single wavelength: it shows what the line of 1 nm does.
+const SINGLE_WAVELENGTH: &str = "brushed metal";
+
 /// Sensors that are calibrated on each material.
 const SENSORS: u64 = 5;
 
@@ -97,9 +100,19 @@ fn kinds(base: &Scene) -> Result<Vec<Kind>> {
             });
         };
         add(name.into(), scene.clone());
-        if scene.texture.is_some() {
-            let texture = None;
-            add(format!("{name}, no texture"), Scene { texture, ..scene });
+        if scene.texture.is_none() {
+            continue;
+        }
+        let mut scene = Scene {
+            texture: None,
+            ..scene
+        };
+        add(format!("{name}, no texture"), scene.clone());
+        if name == SINGLE_WAVELENGTH
+            && let Some(speckle) = &mut scene.speckle
+        {
+            speckle.linewidth = 0.0;
+            add(format!("{name}, no texture, single wavelength"), scene);
         }
     }
     Ok(kinds)
