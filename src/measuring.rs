@@ -17,8 +17,8 @@ use slitrange::settings::Settings;
 use static_cell::StaticCell;
 
 use super::shared::{
-    COUNTERS, FLAT_REQUESTS, FREE, FULL, Flat, FlatRequest, GIVEN, PAUSED, RESULTS, SETTINGS,
-    TAKEN, WORDS,
+    Buffer, COUNTERS, FLAT_REQUESTS, FREE, FULL, Flat, FlatRequest, GIVEN, LOOKED, PAUSED, RESULTS,
+    SETTINGS, TAKEN, WORDS,
 };
 use super::{board, tcd1304};
 
@@ -67,6 +67,13 @@ pub async fn measure() {
                 if let Some(flat) = flat.take() {
                     GIVEN.send(flat).await;
                 }
+            }
+            Ok(FlatRequest::Look) => {
+                let map = flat.as_deref().and_then(FlatField::map);
+                LOOKED
+                    .send(look(measurement, map.filter(|_| is_corrected)).await)
+                    .await;
+                silence = Silence::new();
             }
             Err(_) => {}
         }
@@ -143,13 +150,30 @@ impl Silence {
     }
 }
 
-/// Takes the rows of a map. Each row counts as a sign of life: no reading is due meanwhile.
-async fn take_rows(flat: &mut FlatField, kind: Kind) -> Result<Taken, TakeError> {
-    let geometry = tcd1304::geometry();
-    // The rows that wait may have been exposed before the command came.
+/// Measures the next row that is exposed, by itself.
+async fn look(
+    measurement: &mut Measurement,
+    map: Option<&PixelMap>,
+) -> (Option<Buffer>, Result<Measured, Fault>) {
+    free_waiting_rows().await;
+    let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {
+        return (None, Err(measurement.silence()));
+    };
+    let measured = measurement.look(row, map);
+    (Some(row), measured)
+}
+
+/// Frees the rows that wait: they may have been exposed before the command came.
+async fn free_waiting_rows() {
     while let Ok(row) = FULL.try_receive() {
         FREE.send(row).await;
     }
+}
+
+/// Takes the rows of a map. Each row counts as a sign of life: no reading is due meanwhile.
+async fn take_rows(flat: &mut FlatField, kind: Kind) -> Result<Taken, TakeError> {
+    let geometry = tcd1304::geometry();
+    free_waiting_rows().await;
     flat.begin(kind, &geometry)?;
     loop {
         let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {

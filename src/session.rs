@@ -1,12 +1,15 @@
 //! The shell around the core's session: brings events to it, and carries its actions to the serial line, the
 //! measurement and flash.
 
+use core::fmt::{Display, Write as _};
 use core::sync::atomic::Ordering;
 
 use embassy_time::Instant;
 use slitrange::pixels::flat_field::FlatField;
 use slitrange::protocol::info::Hardware;
+use slitrange::protocol::row::{ROW_END, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::StartCause;
+use slitrange::row::Light;
 use slitrange::sensor_heads;
 use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Event, Session};
@@ -14,7 +17,9 @@ use slitrange::store::{Store, pixel_map};
 use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
-use super::shared::{COUNTERS, FLAT_REQUESTS, Flat, FlatRequest, GIVEN, PAUSED, SETTINGS, TAKEN};
+use super::shared::{
+    COUNTERS, FLAT_REQUESTS, FREE, Flat, FlatRequest, GIVEN, LOOKED, PAUSED, SETTINGS, TAKEN,
+};
 use super::transmitter::Transmitter;
 use super::{acquisition, board, tcd1304};
 
@@ -85,6 +90,44 @@ impl Shell {
             return;
         }
         self.send().await;
+        if let Some(part) = self.actions.row.take() {
+            self.send_row(part).await;
+        }
+    }
+
+    /// Sends a row. The row keeps its buffer until its last line is sent; the other buffers take the next
+    /// rows.
+    async fn send_row(&mut self, part: RowPart) {
+        PAUSED.store(true, Ordering::Relaxed);
+        FLAT_REQUESTS.send(FlatRequest::Look).await;
+        let (buffer, measured) = LOOKED.receive().await;
+        let geometry = tcd1304::geometry();
+        let row = buffer.as_deref().and_then(|words| geometry.row(words).ok());
+        let light = row.map_or_else(Light::default, |row| row.light());
+        let sent = part.pixels(&measured, light.len());
+        let head = RowHead {
+            pixels: light.len(),
+            sent: (sent.start, sent.len()),
+            measured: &measured,
+        };
+        self.send_line(&head).await;
+        for line in RowPixels::lines(light, sent) {
+            self.send_line(&line).await;
+        }
+        self.send_line(&ROW_END).await;
+        if let Some(buffer) = buffer {
+            FREE.send(buffer).await;
+        }
+        PAUSED.store(false, Ordering::Relaxed);
+    }
+
+    /// Sends a line, and counts it as a sign of life.
+    async fn send_line(&mut self, line: &dyn Display) {
+        self.actions.text.clear();
+        // A test checks that the longest fits.
+        let _ = write!(self.actions.text, "{line}\r\n");
+        self.tx.send(self.actions.text.as_str()).await;
+        COUNTERS.results.add();
     }
 
     /// Does what the session asked for with the map of the pixels. No frame is due meanwhile.

@@ -53,6 +53,8 @@ pub enum FlatRequest {
     Take(Kind),
     /// Give the map away, by [`GIVEN`].
     Give,
+    /// Measure the next row by itself, and give it away by [`LOOKED`].
+    Look,
 }
 
 /// Requests to measuring. Holds one, because the serial line waits for the answer to each.
@@ -63,6 +65,10 @@ pub static TAKEN: Channel<CriticalSectionRawMutex, Result<Taken, TakeError>, 1> 
 
 /// The map that measuring gives away.
 pub static GIVEN: Channel<CriticalSectionRawMutex, Flat, 1> = Channel::new();
+
+/// A row for the serial line, and what measuring makes of it. No row if the sensor is silent.
+pub static LOOKED: Channel<CriticalSectionRawMutex, (Option<Buffer>, Result<Measured, Fault>), 1> =
+    Channel::new();
 
 /// What is counted since the start.
 pub static COUNTERS: Counters = Counters {

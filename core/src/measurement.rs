@@ -107,6 +107,16 @@ impl Measurement {
         Some(measured)
     }
 
+    /// Measures one row by itself, as a frame of one row. The frame under way starts again.
+    pub fn look(&mut self, words: &mut [u16], map: Option<&PixelMap>) -> Result<Measured, Fault> {
+        let rows = core::mem::replace(&mut self.settings.rows, 1);
+        self.start_frame();
+        let measured = self.row_with(words, map);
+        self.settings.rows = rows;
+        // A frame of one row is complete with it.
+        measured.unwrap_or(Err(Fault::SensorSilent))
+    }
+
     /// Drops the frame under way, because no row came in its time.
     pub fn silence(&mut self) -> Fault {
         self.start_frame();

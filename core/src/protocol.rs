@@ -9,6 +9,7 @@ pub mod input;
 pub mod line;
 pub mod piece;
 pub mod refusal;
+pub mod row;
 pub mod status;
 pub mod upload;
 

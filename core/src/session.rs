@@ -26,6 +26,7 @@ use crate::protocol::info::{Banner, Hardware, Info};
 use crate::protocol::line::PartsOf;
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
+use crate::protocol::row::RowPart;
 use crate::protocol::status::{StartCause, Status, Vitals};
 use crate::protocol::upload::{Step, Upload};
 use crate::reading::{Measured, Reading};
@@ -67,6 +68,8 @@ pub struct Actions {
     /// Write [`Session::configuration`] to flash, and then take the event [`Event::Saved`]. No frame is due
     /// before that.
     pub save: bool,
+    /// Send these pixels of the next row, in the lines of [`crate::protocol::row`]. No frame is due meanwhile.
+    pub row: Option<RowPart>,
     /// Do this with the map of the pixels, and then take the event [`Event::Flat`].
     pub flat: Option<flat::Job>,
 }
@@ -175,7 +178,7 @@ impl Session {
     pub fn take(&mut self, event: Event, vitals: &Vitals, actions: &mut Actions) {
         actions.text.clear();
         (actions.may_drop, actions.apply, actions.save) = (false, None, false);
-        actions.flat = None;
+        (actions.row, actions.flat) = (None, None);
         match event {
             Event::Started(stored) => {
                 self.load(stored);
@@ -360,6 +363,7 @@ impl Session {
             Command::Distance => self.distance_wanted = true,
             Command::Centre => self.centre_wanted = true,
             Command::Uncertainty => self.parts_wanted = true,
+            Command::Row(part) => actions.row = Some(part),
             Command::Zero(true) => self.zero_wanted = true,
             Command::Zero(false) => {
                 (self.zero, self.zero_wanted) = (None, false);

@@ -6,6 +6,7 @@ use core::fmt;
 
 use super::flat::Flat;
 use super::piece::{Piece, PieceError};
+use super::row::RowPart;
 use super::upload::Step;
 use crate::record::MAX_ENCODED;
 use crate::settings::{Form, Setting, Value, ValueError, read_number, split_words};
@@ -32,6 +33,8 @@ pub enum Command {
     Centre,
     /// One reading with the parts of its uncertainty.
     Uncertainty,
+    /// One row, as the sensor sees it.
+    Row(RowPart),
     /// Make the next reading the zero of distances, or give distances from the laser again.
     Zero(bool),
     /// Show a setting.
@@ -169,6 +172,10 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         "status" => expect_no_value(values, Command::Status, "status"),
         "distance" => expect_no_value(values, Command::Distance, "distance"),
         "centre" => expect_no_value(values, Command::Centre, "centre"),
+        "row" => match RowPart::parse(values) {
+            Some(part) => Ok(Command::Row(part)),
+            None => Err(Error::Form(RowPart::FORM)),
+        },
         "zero" => match values {
             [] => Ok(Command::Zero(true)),
             ["off"] => Ok(Command::Zero(false)),
@@ -243,6 +250,7 @@ impl fmt::Display for Command {
             Self::Distance => f.write_str("distance"),
             Self::Centre => f.write_str("centre"),
             Self::Uncertainty => f.write_str("uncertainty"),
+            Self::Row(part) => part.fmt(f),
             Self::Zero(true) => f.write_str("zero"),
             Self::Zero(false) => f.write_str("zero off"),
             Self::Show(setting) => f.write_str(setting.name()),
@@ -278,6 +286,8 @@ mod tests {
             Command::Distance,
             Command::Centre,
             Command::Uncertainty,
+            Command::Row(RowPart::Whole),
+            Command::Row(RowPart::Window),
             Command::Zero(true),
             Command::Zero(false),
             Command::Calibration(None),

@@ -10,7 +10,7 @@ use crate::text::Text;
 pub type Line = (&'static str, &'static str);
 
 /// The commands that `help` shows before the settings.
-pub const BEFORE_SETTINGS: [Line; 7] = [
+pub const BEFORE_SETTINGS: [Line; 8] = [
     (
         "help [estimator]",
         "this list, or what each estimator is for",
@@ -31,6 +31,10 @@ pub const BEFORE_SETTINGS: [Line; 7] = [
     (
         "uncertainty",
         "the next frame's reading with the parts of its uncertainty",
+    ),
+    (
+        "row [window]",
+        "the pixels of one row and its centre, or those around the spot; pauses",
     ),
     (
         "zero [off]",

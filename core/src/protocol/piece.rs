@@ -11,8 +11,8 @@ use crc::{CRC_16_IBM_3740, Crc};
 /// The most bytes in a piece: the line stays within [`MAX_LINE`](super::command::MAX_LINE).
 pub const PIECE: usize = 16;
 
-/// Computed without a table: a piece is a few bytes.
-const CRC: Crc<u16, crc::Table<0>> = Crc::<u16, crc::Table<0>>::new(&CRC_16_IBM_3740);
+/// The checksum of pieces, and of the lines of a row. Computed without a table: they are a few bytes.
+pub(super) const CRC: Crc<u16, crc::Table<0>> = Crc::<u16, crc::Table<0>>::new(&CRC_16_IBM_3740);
 
 /// Some bytes of a record, and where they belong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

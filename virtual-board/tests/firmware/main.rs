@@ -15,6 +15,7 @@ mod kept;
 #[cfg(unix)]
 mod pseudo_terminal;
 mod records;
+mod row;
 mod row_rate;
 mod saving;
 mod scenes;

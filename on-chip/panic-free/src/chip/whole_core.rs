@@ -16,9 +16,11 @@ use slitrange::protocol::command::Command;
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::Input;
 use slitrange::protocol::line::PartsOf;
+use slitrange::protocol::row::{RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
 use slitrange::record;
+use slitrange::row::Light;
 use slitrange::row::Row;
 use slitrange::session::flat::Outcome;
 use slitrange::session::{Actions, Event, Session};
@@ -264,6 +266,7 @@ pub fn talk() {
         }
     }
     say(&any(Command::Nothing));
+    send_row();
     say(&any::reading());
     say(&any::measured());
     let fault = any::fault();
@@ -271,6 +274,29 @@ pub fn talk() {
     say(&fault.advice());
     say(&AsMillimetres(any(Micrometres::MIN)));
     say(&any(Pixels::MIN));
+}
+
+/// A row for the serial line, and the lines that the other end reads.
+fn send_row() {
+    let mut words = [0; 4096];
+    let mut measurement = Measurement::new(any::geometry(), any::settings());
+    let measured = measurement.look(any::words(&mut words), None);
+    let geometry = any::geometry();
+    let row = geometry.row(any::words(&mut words));
+    let light = row.map_or_else(|_| Light::default(), |row| row.light());
+    let pixels = any(RowPart::Whole).pixels(&measured, light.len());
+    say(&RowHead {
+        pixels: light.len(),
+        sent: (pixels.start, pixels.len()),
+        measured: &measured,
+    });
+    for line in RowPixels::lines(light, pixels) {
+        say(&line);
+    }
+    let bytes = any([0; 64]);
+    if let Some(line) = core::str::from_utf8(&bytes).ok().and_then(RowPixels::parse) {
+        say(&line);
+    }
 }
 
 fn outcome() -> Outcome {

@@ -1,0 +1,186 @@
+//! Tests of `row`: the pixels that come out of the serial line are those that the sensor head saw, and the
+//! core on the PC makes the same of the row.
+
+use std::time::Duration;
+
+use slitrange::comb::Slits;
+use slitrange::measurement::Measurement;
+use slitrange::protocol::row::{ROW_END, RowHead, RowPixels};
+use slitrange::sensor_heads;
+use slitrange::settings::Settings;
+use virtual_board::{Exposure, LightSource, PIXELS, VirtualBoard};
+
+use crate::comb::paper_behind_a_comb;
+use crate::common::{Status, boot, fresh_results, is_reading, is_result, number, paper, set};
+
+/// 114 lines of some 110 characters at 115,200 baud take 1.1 s.
+const SENDING: Duration = Duration::from_secs(3);
+
+/// Pixels that see light.
+fn light_pixels() -> usize {
+    sensor_heads::tcd1304dg().light.len()
+}
+
+/// What `row` answers.
+struct Answer {
+    /// The lines before the pixels.
+    head: Vec<String>,
+    first: usize,
+    counts: Vec<u16>,
+}
+
+impl Answer {
+    fn ask(board: &mut VirtualBoard, command: &str) -> Self {
+        board.take_lines();
+        board.send(&format!("{command}\r\n"));
+        let line = board.run_until_line(|line| line == ROW_END, SENDING);
+        line.expect("the row's end");
+        let mut answer = Self {
+            head: vec![],
+            first: 0,
+            counts: vec![],
+        };
+        // What was under way comes before the answer, and nothing comes in between.
+        let lines = board.take_lines().into_iter().map(|line| line.text);
+        let lines = lines.skip_while(|line| is_result(line));
+        for line in lines.take_while(|line| line != ROW_END) {
+            match RowPixels::parse(&line) {
+                Some(pixels) => {
+                    if answer.counts.is_empty() {
+                        answer.first = pixels.first.into();
+                    }
+                    let next = answer.first + answer.counts.len();
+                    assert_eq!(usize::from(pixels.first), next);
+                    answer.counts.extend(pixels.counts);
+                }
+                None => answer.head.push(line),
+            }
+        }
+        answer
+    }
+
+    /// Finds the row among those that the sensor head gave, and what the core on this PC makes of its words.
+    fn on_this_pc(&self, board: &mut VirtualBoard, settings: Settings) -> Vec<String> {
+        let pixels = self.first..self.first + self.counts.len();
+        let geometry = sensor_heads::tcd1304dg();
+        let is_this = |words: &[u16]| {
+            let light = geometry.row(words).expect("a row").light();
+            let sent = light.slice(pixels.clone()).expect("pixels");
+            sent.iter().eq(self.counts.iter().copied())
+        };
+        let words = board.head(|head| {
+            let mut rows = head.rows().map(|row| &row.words);
+            rows.find(|words| is_this(words)).cloned()
+        });
+        let mut words = words.expect("a row with these pixels");
+        let measured = Measurement::new(geometry, settings).look(&mut words, None);
+        let head = RowHead {
+            pixels: light_pixels(),
+            sent: (self.first, self.counts.len()),
+            measured: &measured,
+        };
+        head.to_string().split("\r\n").map(String::from).collect()
+    }
+}
+
+/// Boots a board that keeps all rows.
+fn boot_keeping(light: LightSource) -> VirtualBoard {
+    let (mut board, _) = boot(light);
+    board.head(|head| head.keep_all_rows(true));
+    board
+}
+
+/// No row was lost while a row was sent, and readings stream again.
+fn assert_streaming(mut board: VirtualBoard) {
+    let lines = fresh_results(&mut board, 2);
+    assert!(lines.iter().all(|line| is_reading(line)), "{lines:#?}");
+    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn a_whole_row_is_sent_with_what_the_core_makes_of_it() {
+    let mut board = boot_keeping(paper());
+    let answer = Answer::ask(&mut board, "row");
+    println!("{:#?}", answer.head);
+    assert_eq!((answer.first, answer.counts.len()), (0, light_pixels()));
+    assert_eq!(
+        answer.head,
+        answer.on_this_pc(&mut board, Settings::default())
+    );
+    assert!(answer.head[1].starts_with("x "));
+    assert_streaming(board);
+}
+
+#[test]
+fn a_window_holds_the_spot_and_nothing_else() {
+    let mut board = boot_keeping(paper());
+    let answer = Answer::ask(&mut board, "row window");
+    assert_eq!(
+        answer.head,
+        answer.on_this_pc(&mut board, Settings::default())
+    );
+    let (centre, width) = (
+        number(&answer.head[1], "x ", " u"),
+        number(&answer.head[1], " w ", " o"),
+    );
+    let ends = (
+        answer.first as f64,
+        (answer.first + answer.counts.len()) as f64,
+    );
+    println!("window {ends:?} of a spot at {centre}, {width} wide");
+    assert!((ends.0 - (centre - 6.0 * width)).abs() <= 1.0);
+    assert!((ends.1 - (centre + 6.0 * width)).abs() <= 1.0);
+    assert_streaming(board);
+}
+
+#[test]
+fn the_window_of_a_comb_holds_all_its_images() {
+    let mut board = boot_keeping(paper_behind_a_comb());
+    set(&mut board, "slits comb");
+    let answer = Answer::ask(&mut board, "row window");
+    let settings = Settings {
+        slits: Slits::Comb,
+        ..Settings::default()
+    };
+    assert_eq!(answer.head, answer.on_this_pc(&mut board, settings));
+    let slits = answer.head[2].strip_prefix("slits ").expect("slits");
+    let places: Vec<f64> = slits
+        .split(' ')
+        .filter_map(|slit| slit.split('/').next()?.parse().ok())
+        .collect();
+    println!(
+        "{} pixels from {}: {places:?}",
+        answer.counts.len(),
+        answer.first
+    );
+    assert!(places.len() >= 12);
+    let window = answer.first as f64..(answer.first + answer.counts.len()) as f64;
+    assert!(places.iter().all(|place| window.contains(place)));
+    assert_streaming(board);
+}
+
+/// A row without a spot can be looked at, which is when one wants to. Its window is empty.
+#[test]
+fn rows_without_a_spot_and_without_a_sensor_are_answered() {
+    let dark = |_: &Exposure| vec![300.0; PIXELS];
+    let mut board = boot_keeping(Box::new(dark));
+    let answer = Answer::ask(&mut board, "row");
+    assert!(answer.counts.iter().all(|&count| count == 300));
+    assert_eq!(answer.counts.len(), light_pixels());
+    assert!(answer.head[1].starts_with("f "), "{:?}", answer.head);
+    let window = Answer::ask(&mut board, "row window");
+    assert_eq!(window.head[0], "row pixels 3648 first 0 count 0");
+    assert!(window.counts.is_empty());
+
+    board.set_light(paper());
+    board.silence_sensor(true).expect("a silent sensor");
+    let silent = Answer::ask(&mut board, "row");
+    assert_eq!(silent.head[1], "f sensor silent");
+    let level = silent.counts[0];
+    println!("without a sensor all pixels have {level} counts");
+    assert!(silent.counts.iter().all(|&count| count == level));
+    board.silence_sensor(false).expect("a sensor");
+    fresh_results(&mut board, 2);
+    board.finish().expect("a clean run");
+}
