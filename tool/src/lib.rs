@@ -1,4 +1,4 @@
-//! What the owner of a sensor does on a PC: calibrate it, and prepare its sensor head.
+//! What the owner of a sensor does on a PC: look at its rows, prepare its sensor head, and calibrate it.
 //!
 //! ```text
 //! stage, sensor -> points -> fit -> record -> sensor
@@ -28,6 +28,9 @@ pub enum Command {
     /// What belongs to the sensor head
     #[command(subcommand)]
     Head(Head),
+    // Its help is that of its options.
+    #[expect(missing_docs)]
+    Row(sensor::RowOptions),
 }
 
 /// The commands of `slitrange head`.
@@ -64,6 +67,10 @@ impl Command {
     ) -> anyhow::Result<ExitCode> {
         let command = match self {
             Self::Calibrate(command) => command,
+            Self::Row(options) => {
+                sensor::row(options, pc, output)?;
+                return Ok(ExitCode::SUCCESS);
+            }
             Self::Head(Head::Flat(options)) => {
                 sensor::flat(options, pc, input, output)?;
                 return Ok(ExitCode::SUCCESS);

@@ -4,6 +4,7 @@
 
 mod flat;
 mod line;
+mod row;
 mod run;
 mod stand_in;
 mod transfer;

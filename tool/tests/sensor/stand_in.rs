@@ -21,12 +21,14 @@ use slitrange::comb::{Comb, Combined, SlitCentre, SlitCentres, Slits};
 use slitrange::distance::eq1::NOMINAL;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
+use slitrange::measurement::Measurement;
 use slitrange::pixels::PixelErrors;
 use slitrange::pixels::flat_field::{Kind, TakeError, Taken};
 use slitrange::pixels::map::MapSummary;
 use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::Input;
+use slitrange::protocol::row::{ROW_END, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
 use slitrange::reading::Measured;
@@ -73,6 +75,9 @@ const STEP: Duration = Duration::from_millis(1);
 
 /// How long the sensor starts after power came.
 const START: Duration = Duration::from_millis(50);
+
+/// Bytes that wait to be read, as a PC keeps them. A sensor sends a row in a second, and the stand-in at once.
+const KEPT: usize = 4096 * 4;
 
 /// What goes wrong, each with its probability a line.
 #[derive(Clone, Copy, Debug, Default)]
@@ -183,6 +188,9 @@ impl State {
             }
             return text;
         }
+        if let Some(part) = actions.row.take() {
+            return text + &self.row(part);
+        }
         if !actions.save {
             return text;
         }
@@ -203,7 +211,35 @@ impl State {
     }
 }
 
+/// The row that the stand-in shows: a spot of 2000 counts and sigma 8, at pixel 1800.25, above 300 counts.
+fn words() -> Vec<u16> {
+    let geometry = tcd1304dg();
+    let mut words = vec![4095 - 300; geometry.words];
+    for (pixel, word) in words[geometry.light].iter_mut().enumerate() {
+        let off = (pixel as f64 - 1800.25) / 8.0;
+        // A little of everything, because pixels that are all the same are no sensor's.
+        let noise = f64::from((pixel as u32 * 7919) % 7) - 3.0;
+        *word = 4095 - (300.0 + 2000.0 * (-0.5 * off * off).exp() + noise).round() as u16;
+    }
+    words
+}
+
 impl State {
+    /// Sends a row.
+    fn row(&mut self, part: RowPart) -> String {
+        let (geometry, mut words) = (tcd1304dg(), words());
+        let measured = Measurement::new(geometry.clone(), self.settings()).look(&mut words, None);
+        let light = geometry.row(&words).expect("a row").light();
+        let sent = part.pixels(&measured, light.len());
+        let head = RowHead {
+            pixels: light.len(),
+            sent: (sent.start, sent.len()),
+            measured: &measured,
+        };
+        let lines = RowPixels::lines(light, sent).map(|line| format!("{line}\r\n"));
+        format!("{head}\r\n{}{ROW_END}\r\n", lines.collect::<String>())
+    }
+
     /// Does a job with the map of the pixels.
     fn do_flat(&mut self, job: Job) -> Option<Outcome> {
         let result = if self.flash_works {
@@ -647,7 +683,7 @@ impl Sensor {
             }
         }
         // What nobody reads is lost, as on a real line.
-        let unread = self.sent.len().saturating_sub(4096);
+        let unread = self.sent.len().saturating_sub(KEPT);
         self.sent.drain(..unread);
     }
 

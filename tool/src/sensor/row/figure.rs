@@ -1,0 +1,157 @@
+//! The picture of a row: all pixels that came, the window with the fit, and what the fit leaves.
+
+use std::ops::Range;
+use std::path::Path;
+
+use anyhow::{Context as _, Result};
+use plotters::prelude::*;
+use slitrange::row::LARGEST_COUNT;
+
+use super::{Image, REACH, SeenRow};
+use crate::axes::{self, Area, Axis, Panel, TEXT, text};
+
+/// Pixels.
+const PIXELS: RGBColor = RGBColor(0x15, 0x55, 0xd0);
+/// The fit.
+const FIT: RGBColor = RGBColor(0xc6, 0x20, 0x20);
+/// Levels: beside the spot, and full scale.
+const LEVEL: RGBColor = RGBColor(0x77, 0x77, 0x77);
+/// The pixels of an image.
+const WINDOW: RGBColor = RGBColor(0xf2, 0xec, 0xd8);
+
+/// Heights of the panels.
+const HEIGHTS: [u32; 3] = [380, 380, 260];
+
+/// Draws a row.
+///
+/// # Errors
+/// The file cannot be written, or no pixel came.
+pub fn draw(seen: &SeenRow, path: &Path) -> Result<()> {
+    let images = seen.images();
+    let level = seen
+        .level(&images)
+        .context("there is no pixel beside a spot to draw: ask for the whole row")?;
+    let fit = seen.fit();
+    let height = HEIGHTS[0]
+        + if fit.is_some() {
+            HEIGHTS[1] + HEIGHTS[2]
+        } else {
+            0
+        };
+    let root = SVGBackend::new(path, (1000, height)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let (above, below) = root.split_vertically(HEIGHTS[0]);
+    let full = f64::from(LARGEST_COUNT);
+    let all = seen.first..seen.first + seen.counts.len();
+    let title = match &seen.centre {
+        Ok(centre) => format!("the row: centre {:.3} px", centre.x_px),
+        Err(no_centre) => format!("the row: {}", no_centre.fault),
+    };
+    let mut panel = panel(&above, &title, &all, (0.0, 1.06 * full), "counts")?;
+    let windows = images.iter().map(|image| {
+        let reach = REACH * image.width_px;
+        let corners = [(image.x_px - reach, 0.0), (image.x_px + reach, full)];
+        Rectangle::new(corners, WINDOW.filled())
+    });
+    panel.draw_series(windows)?;
+    draw_level(&mut panel, &all, full)?;
+    draw_level(&mut panel, &all, level)?;
+    draw_pixels(&mut panel, seen, &all, |_, count| count)?;
+    for (words, at, below) in [
+        ("full scale", full, 2),
+        ("level beside the spot", level, -22),
+    ] {
+        let (x, y) = panel.backend_coord(&(all.start as f64, at));
+        above.draw(&Text::new(words, (x + 8, y + below), text(TEXT - 3, LEVEL)))?;
+    }
+    if let Some(fit) = &fit {
+        let (middle, lowest) = below.split_vertically(HEIGHTS[1]);
+        draw_fit(&middle, &lowest, seen, &images, level, fit)?;
+    }
+    root.present()
+        .with_context(|| format!("{} cannot be written", path.display()))?;
+    Ok(())
+}
+
+/// The pixels around the spot with the fit, and what the fit leaves.
+fn draw_fit(
+    middle: &Area<'_>,
+    lowest: &Area<'_>,
+    seen: &SeenRow,
+    images: &[Image],
+    level: f64,
+    fit: impl Fn(f64) -> f64,
+) -> Result<()> {
+    let ends = images.iter().map(|image| {
+        let reach = REACH * image.width_px;
+        (image.x_px - reach, image.x_px + reach)
+    });
+    let (first, last) = ends.fold((f64::MAX, f64::MIN), |(first, last), (from, to)| {
+        (first.min(from), last.max(to))
+    });
+    let came = seen.first..seen.first + seen.counts.len();
+    let window = (first.max(0.0) as usize).max(came.start)..(last as usize + 1).min(came.end);
+    let highest = images.iter().map(|image| image.height).fold(0.0, f64::max);
+    let range = (level - 0.08 * highest, level + 1.25 * highest);
+    let mut panel = panel(
+        middle,
+        "pixels (blue) and fit (red)",
+        &window,
+        range,
+        "counts",
+    )?;
+    draw_level(&mut panel, &window, level)?;
+    let places = (window.start * 4..window.end * 4).map(|quarter| f64::from(quarter as u32) / 4.0);
+    let line: Vec<(f64, f64)> = places.map(|pixel| (pixel, fit(pixel))).collect();
+    panel.draw_series([PathElement::new(line, FIT.stroke_width(2))])?;
+    draw_pixels(&mut panel, seen, &window, |_, count| count)?;
+    let left = |pixel: usize, count: f64| count - fit(pixel as f64);
+    let most = (came.start..)
+        .zip(&seen.counts)
+        .filter(|(pixel, _)| window.contains(pixel))
+        .map(|(pixel, &count)| left(pixel, count.into()).abs())
+        .fold(1.0, f64::max);
+    let title = "what the fit leaves";
+    let mut panel = self::panel(lowest, title, &window, (-1.1 * most, 1.1 * most), "counts")?;
+    draw_pixels(&mut panel, seen, &window, left)
+}
+
+fn panel<'a, 'b>(
+    area: &'b Area<'a>,
+    title: &str,
+    pixels: &Range<usize>,
+    counts: (f64, f64),
+    name: &str,
+) -> Result<Panel<'a, 'b>> {
+    let ends = (pixels.start as f64, pixels.end as f64);
+    let x = Axis::linear(ends, "pixel", 10, 0);
+    let y = Axis::linear(counts, name, 6, 0);
+    axes::panel(area, title, 30, &x, &y)
+}
+
+fn draw_level(panel: &mut Panel<'_, '_>, pixels: &Range<usize>, level: f64) -> Result<()> {
+    let line = vec![(pixels.start as f64, level), (pixels.end as f64, level)];
+    panel.draw_series([PathElement::new(line, LEVEL.stroke_width(1))])?;
+    Ok(())
+}
+
+/// Draws something of each pixel: a line if there are many, otherwise dots.
+fn draw_pixels(
+    panel: &mut Panel<'_, '_>,
+    seen: &SeenRow,
+    pixels: &Range<usize>,
+    of: impl Fn(usize, f64) -> f64,
+) -> Result<()> {
+    let points: Vec<(f64, f64)> = (seen.first..)
+        .zip(&seen.counts)
+        .filter(|(pixel, _)| pixels.contains(pixel))
+        .map(|(pixel, &count)| (pixel as f64, of(pixel, count.into())))
+        .collect();
+    if points.len() > 300 {
+        panel.draw_series([PathElement::new(points, PIXELS.stroke_width(1))])?;
+    } else {
+        let dot = |point| Circle::new(point, 3, PIXELS.filled());
+        panel.draw_series(points.into_iter().map(dot))?;
+    }
+    Ok(())
+}
