@@ -147,19 +147,25 @@ impl SeenRow {
         let Ok(centre) = &self.centre else {
             return vec![];
         };
-        // A comb, and a spot of too few pixels, come without a shape.
-        let shape = centre.shape.map(|shape| shape.width_px);
         let found: Vec<(f64, f64)> = match &centre.slits {
             None => vec![(centre.x_px, centre.height_counts)],
             Some(slits) => (slits.iter().flatten())
                 .map(|slit| (slit.x_px, slit.height_counts))
                 .collect(),
         };
+        // A comb, and a spot of too few pixels, come without a shape. All images of a comb are as wide.
+        let width_px = centre.shape.map_or_else(
+            || {
+                let widths = found.iter().map(|&(x_px, _)| self.width_at_half(x_px));
+                median(&mut widths.collect::<Vec<f64>>())
+            },
+            |shape| shape.width_px,
+        );
         let rough: Vec<Image> = (found.iter())
             .map(|&(x_px, height)| Image {
                 x_px,
                 height,
-                width_px: shape.unwrap_or_else(|| self.width_at_half(x_px)),
+                width_px,
             })
             .collect();
         let level = self.level(&rough).unwrap_or_default();
@@ -229,14 +235,11 @@ impl SeenRow {
         let mut text = String::new();
         match &self.centre {
             Ok(centre) => {
-                let mut widths: Vec<f64> = self.images().iter().map(|it| it.width_px).collect();
+                let width_px = self.images().first().map_or(0.0, |image| image.width_px);
                 let _ = writeln!(
                     text,
-                    "centre {:.3} px with u {:.3} px, height {:.0} counts, width {:.2} px",
-                    centre.x_px,
-                    centre.claimed_px,
-                    centre.height_counts,
-                    median(&mut widths)
+                    "centre {:.3} px with u {:.3} px, height {:.0} counts, width {width_px:.2} px",
+                    centre.x_px, centre.claimed_px, centre.height_counts
                 );
                 let slits = centre.slits.iter().flatten().flatten().count();
                 if slits > 0 {
