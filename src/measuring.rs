@@ -17,7 +17,7 @@ use slitrange::settings::Settings;
 use static_cell::StaticCell;
 
 use super::shared::{
-    Buffer, COUNTERS, FLAT_REQUESTS, FREE, FULL, Flat, FlatRequest, GIVEN, LOOKED, PAUSED, RESULTS,
+    Buffer, COUNTERS, FREE, FULL, Flat, GIVEN, PAUSED, REQUESTS, RESULTS, ROW_TO_SEND, Request,
     SETTINGS, TAKEN, WORDS,
 };
 use super::{board, tcd1304};
@@ -47,15 +47,15 @@ pub async fn measure() {
             // faster than frames end would make the watchdog take the lack of results for a fault.
             COUNTERS.results.add();
         }
-        match FLAT_REQUESTS.try_receive() {
-            Ok(FlatRequest::Use(given, on)) => {
+        match REQUESTS.try_receive() {
+            Ok(Request::Use(given, on)) => {
                 flat = Some(given);
                 is_corrected = on;
                 // All rows of a frame need the same map.
                 measurement.start_frame();
                 COUNTERS.results.add();
             }
-            Ok(FlatRequest::Take(kind)) => {
+            Ok(Request::Take(kind)) => {
                 let taken = match &mut flat {
                     Some(flat) => take_rows(flat, kind).await,
                     None => Err(TakeError::Silent),
@@ -63,15 +63,15 @@ pub async fn measure() {
                 TAKEN.send(taken).await;
                 silence = Silence::new();
             }
-            Ok(FlatRequest::Give) => {
+            Ok(Request::Give) => {
                 if let Some(flat) = flat.take() {
                     GIVEN.send(flat).await;
                 }
             }
-            Ok(FlatRequest::Look) => {
+            Ok(Request::MeasureAlone) => {
                 let map = flat.as_deref().and_then(FlatField::map);
-                LOOKED
-                    .send(look(measurement, map.filter(|_| is_corrected)).await)
+                ROW_TO_SEND
+                    .send(next_row_alone(measurement, map.filter(|_| is_corrected)).await)
                     .await;
                 silence = Silence::new();
             }
@@ -131,7 +131,7 @@ impl Silence {
     async fn comes_before_event(&mut self) -> bool {
         poll_fn(|context| {
             if FULL.poll_ready_to_receive(context).is_ready()
-                || FLAT_REQUESTS.poll_ready_to_receive(context).is_ready()
+                || REQUESTS.poll_ready_to_receive(context).is_ready()
             {
                 return Poll::Ready(false);
             }
@@ -150,8 +150,8 @@ impl Silence {
     }
 }
 
-/// Measures the next row that is exposed, by itself.
-async fn look(
+/// Measures the next row that arrives, by itself. Its exposure may have begun two rows before the command.
+async fn next_row_alone(
     measurement: &mut Measurement,
     map: Option<&PixelMap>,
 ) -> (Option<Buffer>, Result<Measured, Fault>) {
@@ -159,7 +159,7 @@ async fn look(
     let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {
         return (None, Err(measurement.silence()));
     };
-    let measured = measurement.look(row, map);
+    let measured = measurement.measure_alone(row, map);
     (Some(row), measured)
 }
 

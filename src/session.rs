@@ -4,7 +4,7 @@
 use core::fmt::{Display, Write as _};
 use core::sync::atomic::Ordering;
 
-use embassy_time::Instant;
+use embassy_time::{Instant, Timer};
 use slitrange::pixels::flat_field::FlatField;
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::row::{ROW_END, RowHead, RowPart, RowPixels};
@@ -18,7 +18,7 @@ use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
 use super::shared::{
-    COUNTERS, FLAT_REQUESTS, FREE, Flat, FlatRequest, GIVEN, LOOKED, PAUSED, SETTINGS, TAKEN,
+    COUNTERS, FREE, Flat, GIVEN, PAUSED, REQUESTS, ROW_TO_SEND, Request, SETTINGS, TAKEN,
 };
 use super::transmitter::Transmitter;
 use super::{acquisition, board, tcd1304};
@@ -99,24 +99,24 @@ impl Shell {
     /// rows.
     async fn send_row(&mut self, part: RowPart) {
         PAUSED.store(true, Ordering::Relaxed);
-        FLAT_REQUESTS.send(FlatRequest::Look).await;
-        let (buffer, measured) = LOOKED.receive().await;
+        REQUESTS.send(Request::MeasureAlone).await;
+        let (buffer, measured) = ROW_TO_SEND.receive().await;
         let geometry = tcd1304::geometry();
         let row = buffer.as_deref().and_then(|words| geometry.row(words).ok());
         let light = row.map_or_else(Light::default, |row| row.light());
-        let sent = part.pixels(&measured, light.len());
-        let head = RowHead {
-            pixels: light.len(),
-            sent: (sent.start, sent.len()),
-            measured: &measured,
-        };
+        let head = RowHead::new(part, light.len(), &measured);
         self.send_line(&head).await;
-        for line in RowPixels::lines(light, sent) {
+        for line in RowPixels::lines(light, head.sent()) {
             self.send_line(&line).await;
         }
         self.send_line(&ROW_END).await;
         if let Some(buffer) = buffer {
             FREE.send(buffer).await;
+        }
+        // The last lines wait in the transmitter's buffer. A reading behind them would be late.
+        while !self.tx.is_empty() {
+            Timer::after_millis(10).await;
+            COUNTERS.results.add();
         }
         PAUSED.store(false, Ordering::Relaxed);
     }
@@ -137,18 +137,18 @@ impl Shell {
         COUNTERS.results.add();
         match job {
             Job::Take(kind) => {
-                FLAT_REQUESTS.send(FlatRequest::Take(kind)).await;
+                REQUESTS.send(Request::Take(kind)).await;
                 let taken = TAKEN.receive().await;
                 if taken.is_ok() {
                     // Lit rows make a map, which is in use from now on.
                     let flat = self.take_map().await;
-                    FLAT_REQUESTS.send(FlatRequest::Use(flat, true)).await;
+                    REQUESTS.send(Request::Use(flat, true)).await;
                 }
                 self.report_flat(Outcome::Taken(kind, taken)).await;
             }
             Job::Use(on) => {
                 let flat = self.take_map().await;
-                FLAT_REQUESTS.send(FlatRequest::Use(flat, on)).await;
+                REQUESTS.send(Request::Use(flat, on)).await;
             }
             Job::Load => {
                 let flat = self.take_map().await;
@@ -165,7 +165,7 @@ impl Shell {
                 self.report_flat(Outcome::Saved(saved)).await;
                 // Whether the map is in use does not change.
                 let is_on = self.session.is_map_on();
-                FLAT_REQUESTS.send(FlatRequest::Use(flat, is_on)).await;
+                REQUESTS.send(Request::Use(flat, is_on)).await;
             }
             Job::Erase => {
                 let flat = self.take_map().await;
@@ -173,7 +173,7 @@ impl Shell {
                 let erased = pixel_map::erase(self.store.flash(), PIXELS).await;
                 COUNTERS.results.add();
                 self.report_flat(Outcome::Erased(erased)).await;
-                FLAT_REQUESTS.send(FlatRequest::Use(flat, false)).await;
+                REQUESTS.send(Request::Use(flat, false)).await;
             }
         }
         COUNTERS.results.add();
@@ -184,13 +184,13 @@ impl Shell {
     async fn load_map(&mut self, flat: Flat) {
         let stored = pixel_map::load(self.store.flash(), PIXELS, flat.place()).await;
         let map = flat.map().map(|map| *map.summary());
-        FLAT_REQUESTS.send(FlatRequest::Use(flat, true)).await;
+        REQUESTS.send(Request::Use(flat, true)).await;
         self.report_flat(Outcome::Loaded(stored, map)).await;
     }
 
     /// Takes the map from measuring, which holds it between two jobs.
     async fn take_map(&mut self) -> Flat {
-        FLAT_REQUESTS.send(FlatRequest::Give).await;
+        REQUESTS.send(Request::Give).await;
         GIVEN.receive().await
     }
 

@@ -39,26 +39,26 @@ pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Measured, Fault>, 16
 pub static SETTINGS: Signal<CriticalSectionRawMutex, Applied> = Signal::new();
 
 /// While this is set, no reading is due: rows are taken and dropped. It is set from the start until the flash
-/// has been read, and during each save.
+/// has been read, and during each save, each job with the map of the pixels, and while a row is sent.
 pub static PAUSED: AtomicBool = AtomicBool::new(true);
 
 /// The map of the pixels, with the sums of rows for another one. The task that has the reference owns them.
 pub type Flat = &'static mut FlatField;
 
-/// What measuring does with the map of the pixels.
-pub enum FlatRequest {
+/// What measuring does between two rows.
+pub enum Request {
     /// Use this map, or only hold it.
     Use(Flat, bool),
     /// Take rows for a map. The answer comes by [`TAKEN`].
     Take(Kind),
     /// Give the map away, by [`GIVEN`].
     Give,
-    /// Measure the next row by itself, and give it away by [`LOOKED`].
-    Look,
+    /// Measure the next row by itself, and give it away by [`ROW_TO_SEND`].
+    MeasureAlone,
 }
 
 /// Requests to measuring. Holds one, because the serial line waits for the answer to each.
-pub static FLAT_REQUESTS: Channel<CriticalSectionRawMutex, FlatRequest, 1> = Channel::new();
+pub static REQUESTS: Channel<CriticalSectionRawMutex, Request, 1> = Channel::new();
 
 /// How the rows of a map were taken.
 pub static TAKEN: Channel<CriticalSectionRawMutex, Result<Taken, TakeError>, 1> = Channel::new();
@@ -67,8 +67,11 @@ pub static TAKEN: Channel<CriticalSectionRawMutex, Result<Taken, TakeError>, 1> 
 pub static GIVEN: Channel<CriticalSectionRawMutex, Flat, 1> = Channel::new();
 
 /// A row for the serial line, and what measuring makes of it. No row if the sensor is silent.
-pub static LOOKED: Channel<CriticalSectionRawMutex, (Option<Buffer>, Result<Measured, Fault>), 1> =
-    Channel::new();
+pub static ROW_TO_SEND: Channel<
+    CriticalSectionRawMutex,
+    (Option<Buffer>, Result<Measured, Fault>),
+    1,
+> = Channel::new();
 
 /// What is counted since the start.
 pub static COUNTERS: Counters = Counters {
@@ -96,7 +99,7 @@ pub struct Counters {
     /// Read-outs that failed.
     pub rows_failed: Counter,
     /// Signs of life of measuring and the serial line: readings and faults that the serial line took, changes
-    /// of settings that measuring took, and operations of a save on the flash.
+    /// of settings that measuring took, lines of a row, and operations of a save on the flash.
     pub results: Counter,
     /// Core cycles that the latest row took to compute, interrupts included.
     pub row_cycles: Counter,

@@ -46,6 +46,11 @@ impl Transmitter {
             .add_if(!self.try_hand_over(line.as_bytes()));
     }
 
+    /// Whether all bytes have left the driver's buffer.
+    pub fn is_empty(&mut self) -> bool {
+        poll_once(self.0.flush()).is_ready()
+    }
+
     /// Hands over all of the bytes or, without room for them, none. On an error the bytes count as handed
     /// over, because a second try would give the same error.
     fn try_hand_over(&mut self, bytes: &[u8]) -> bool {

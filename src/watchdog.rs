@@ -4,8 +4,8 @@
 //! acquisition lives. A sensor that brings no rows is no reason to start again, because a start would not
 //! bring it back. It becomes a fault, every 100 ms, and a fault shows life as well as a reading does. The
 //! second counts the results that the serial line took. It shows that measuring and serial line live, and
-//! that what one sends reaches the other. While a save pauses results, each operation of the save on the
-//! flash counts instead. A panic stops the pulses with the rest.
+//! that what one sends reaches the other. While a save or `row` pauses results, each operation
+//! of the save on the flash, or each line of the row, counts instead. A panic stops the pulses with the rest.
 
 use embassy_stm32::peripherals;
 use embassy_stm32::wdg::IndependentWatchdog;

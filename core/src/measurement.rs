@@ -108,7 +108,11 @@ impl Measurement {
     }
 
     /// Measures one row by itself, as a frame of one row. The frame under way starts again.
-    pub fn look(&mut self, words: &mut [u16], map: Option<&PixelMap>) -> Result<Measured, Fault> {
+    pub fn measure_alone(
+        &mut self,
+        words: &mut [u16],
+        map: Option<&PixelMap>,
+    ) -> Result<Measured, Fault> {
         let rows = core::mem::replace(&mut self.settings.rows, 1);
         self.start_frame();
         let measured = self.row_with(words, map);

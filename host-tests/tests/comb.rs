@@ -304,7 +304,7 @@ fn errors_of_slits(waist: f64, linewidth: f64, surfaces: u64) -> Vec<[Option<f64
 
 /// Neighbours share some speckle if the laser spot is small. With the correlation c of neighbours, the mean
 /// of n images has the variance (1 + 2 c (n - 1) / n) of independent ones, and their scatter shows (1 - 2 c /
-/// n) of it. The core's factor on u is nearly that of the smallest spot in the light of a cheap diode.
+/// n) of it. The core's factor on u is midway between those of the 0.42 mm spot.
 #[test]
 #[ignore = "speckle of 16 slits on 1600 surfaces takes 150 CPU s; run by .ci/run"]
 fn neighbours_share_as_much_speckle_as_the_core_says() {

@@ -169,6 +169,8 @@ mod tests {
                 let centre = slit.from_axis(x0);
                 let back = slit.to_axis(centre);
                 worst = worst.max((back.to_f64() - x0.to_f64()).abs());
+                let roughly = slit.roughly_to_axis()(centre.to_f32());
+                assert!((f64::from(roughly) - back.to_f64()).abs() < 1e-3);
                 let (here, on_axis) = (
                     distance(place.into(), centre.to_f64()),
                     distance(0.0, back.to_f64()),

@@ -1,16 +1,16 @@
 //! The command `row`, which sends one row as the sensor sees it, and its answer.
 //!
 //! ```text
-//! row pixels 3648 first 1729 count 84
-//! x 1770.98771 u 0.00780 a 1993 n 1/1 b 300 e a w 7.62131 o ...
-//! row 1729 12c12d12a12f12c12b... 7f3a
-//! row 1761 ...
+//! row pixels 3648 first 1719 count 104
+//! x 1770.97691 u 0.01601 a 1947 n 1/1 b 301 e a w 8.60011 o ...
+//! row 1719 12c12d12a12f12c12b... 7f3a
+//! row 1751 ...
 //! row end
 //! ```
 //!
 //! The second line is the answer to `centre` for a frame of this row alone: a comb has a line more, and so has
 //! a fault. Each of the lines that follow has the place of its first pixel, up to [`PIXELS_A_LINE`] counts of
-//! three hexadecimal digits, and a CRC-16 (IBM-3740) of all characters before the blank before it.
+//! three hexadecimal digits, and a CRC-16 (IBM-3740) of all characters before the line's last blank.
 
 use core::fmt::{self, Write as _};
 use core::ops::Range;
@@ -28,15 +28,15 @@ use crate::units::Pixels;
 /// The most pixels in a line.
 pub const PIXELS_A_LINE: usize = 32;
 
-/// A window reaches so many widths to both sides of a spot's centre: as far as the check compares pixels.
-const REACH: i32 = 6;
+/// A window reaches so many widths to both sides of a spot's centre: as far as the check's pairs of pixels.
+pub const REACH: u8 = 6;
 
 /// Which pixels of a row are sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowPart {
     /// All that see light.
     Whole,
-    /// Those around the spot, or from the first image of a comb to the last one. None if there is no spot.
+    /// Those around the spot, or from the first image of a comb to the last one. None if the row has a fault.
     Window,
 }
 
@@ -52,18 +52,6 @@ impl RowPart {
             _ => None,
         }
     }
-
-    /// The pixels to send of a row with so many.
-    pub fn pixels(self, measured: &Result<Measured, Fault>, pixels: usize) -> Range<usize> {
-        match (self, measured) {
-            (Self::Whole, _) => 0..pixels,
-            (Self::Window, Ok(measured)) => {
-                let window = window(measured);
-                window.start.min(pixels)..window.end.min(pixels)
-            }
-            (Self::Window, Err(_)) => 0..0,
-        }
-    }
 }
 
 impl fmt::Display for RowPart {
@@ -77,7 +65,7 @@ impl fmt::Display for RowPart {
 }
 
 /// The pixels around a spot, or around all images of a comb.
-pub fn window(measured: &Measured) -> Range<usize> {
+fn window(measured: &Measured) -> Range<usize> {
     let frame = &measured.frame;
     let mut ends = (frame.centre, frame.centre);
     if let Some(comb) = &measured.comb {
@@ -86,7 +74,7 @@ pub fn window(measured: &Measured) -> Range<usize> {
         let most = centres().max().unwrap_or(frame.centre);
         ends = (least, most);
     }
-    let reach = frame.width.to_bits().max(0).saturating_mul(REACH);
+    let reach = frame.width.to_bits().max(0).saturating_mul(REACH.into());
     let pixel = |bits: i32| (bits.max(0) >> Pixels::FRACTION) as usize;
     let first = pixel(ends.0.to_bits().saturating_sub(reach));
     let last = pixel(ends.1.to_bits().saturating_add(reach));
@@ -95,19 +83,37 @@ pub fn window(measured: &Measured) -> Range<usize> {
 
 /// The first lines of the answer: how many pixels the row has, which of them follow, and what the firmware
 /// makes of the row.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct RowHead<'a> {
-    /// Pixels that see light.
-    pub pixels: usize,
-    /// The first pixel that is sent, and how many there are.
-    pub sent: (usize, usize),
-    /// A frame of this row alone.
-    pub measured: &'a Result<Measured, Fault>,
+    pixels: usize,
+    sent: Range<usize>,
+    measured: &'a Result<Measured, Fault>,
+}
+
+impl<'a> RowHead<'a> {
+    /// The head of a part of a row with so many pixels. `measured` is a frame of this row alone.
+    pub fn new(part: RowPart, pixels: usize, measured: &'a Result<Measured, Fault>) -> Self {
+        let sent = match (part, measured) {
+            (RowPart::Whole, _) => 0..pixels,
+            (RowPart::Window, Ok(measured)) => window(measured),
+            (RowPart::Window, Err(_)) => 0..0,
+        };
+        Self {
+            pixels,
+            sent: sent.start.min(pixels)..sent.end.min(pixels),
+            measured,
+        }
+    }
+
+    /// The pixels that are sent.
+    pub fn sent(&self) -> Range<usize> {
+        self.sent.clone()
+    }
 }
 
 impl fmt::Display for RowHead<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (first, count) = self.sent;
+        let (first, count) = (self.sent.start, self.sent.len());
         write!(
             f,
             "row pixels {} first {first} count {count}\r\n",

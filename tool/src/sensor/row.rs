@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use slitrange::protocol::row::{ROW_END, RowPart, RowPixels};
+use slitrange::protocol::row::{REACH, ROW_END, RowPart, RowPixels};
 use slitrange::row::LARGEST_COUNT;
 
 use super::answers::{self, Centre, NoCentre};
@@ -45,7 +45,7 @@ pub struct RowOptions {
 
 /// What a sensor sent of a row.
 #[derive(Clone, Debug)]
-pub struct SeenRow {
+pub struct RowAnswer {
     /// Pixels of the whole row.
     pub pixels: usize,
     /// The first pixel that was sent.
@@ -71,6 +71,11 @@ struct Image {
 const BESIDE: f64 = 5.0;
 
 impl Image {
+    /// Half of its window, as on the sensor.
+    fn reach_px(&self) -> f64 {
+        f64::from(REACH) * self.width_px
+    }
+
     /// The gaussian of height 1 at a pixel.
     fn gaussian(&self, pixel: f64) -> f64 {
         let off = (pixel - self.x_px) / self.width_px;
@@ -78,9 +83,9 @@ impl Image {
     }
 
     /// The same with the height that fits the pixels best: the sensor's own is that of few pixels.
-    fn fitted(&self, row: &SeenRow, level: f64) -> Self {
+    fn fitted(&self, row: &RowAnswer, level: f64) -> Self {
         let near = row.pixels().map(|(pixel, count)| (pixel as f64, count));
-        let near = near.filter(|(pixel, _)| (pixel - self.x_px).abs() <= REACH * self.width_px);
+        let near = near.filter(|(pixel, _)| (pixel - self.x_px).abs() <= self.reach_px());
         let (light, squares) = near.fold((0.0, 0.0), |(light, squares), (pixel, count)| {
             let weight = self.gaussian(pixel);
             (light + weight * (count - level), squares + weight * weight)
@@ -95,18 +100,18 @@ impl Image {
     }
 }
 
-/// Widths to both sides of a centre that belong to an image: as far as the sensor's window.
-const REACH: f64 = 6.0;
-
-impl SeenRow {
-    /// Reads the answer to `row`, once its last line has come. `Some(None)`: a line was lost or spoilt.
+impl RowAnswer {
+    /// Reads the answer to `row`, once its last line or all of its pixels have come. `Some(None)`: a line was
+    /// lost or spoilt.
     fn read(lines: &[String]) -> Option<Option<Self>> {
-        if lines.last()? != ROW_END {
-            return None;
+        let (last, before) = lines.split_last()?;
+        if last == ROW_END {
+            return Some(Self::of(before));
         }
-        Some(Self::of(lines))
+        Self::of(lines).map(Some)
     }
 
+    /// The answer without its last line.
     fn of(lines: &[String]) -> Option<Self> {
         let begin = lines
             .iter()
@@ -120,7 +125,7 @@ impl SeenRow {
             first.parse().ok()?,
             count.parse().ok()?,
         );
-        let after = &lines[begin + 1..lines.len() - 1];
+        let after = &lines[begin + 1..];
         let is_pixels = |line: &String| line.starts_with("row ");
         let found = after.iter().position(is_pixels).unwrap_or(after.len());
         let (found, of_pixels) = after.split_at(found);
@@ -134,29 +139,44 @@ impl SeenRow {
             }
             counts.extend(line.counts);
         }
-        (counts.len() == count && first + count <= pixels).then_some(Self {
+        let answer = Self {
             pixels,
             first,
             counts,
             centre,
-        })
+        };
+        // The line of the centre has no checksum. A centre off the pixels was spoilt on its way.
+        let came = first as f64..(first + count) as f64;
+        let images = answer.found();
+        let is_whole = answer.counts.len() == count
+            && first + count <= pixels
+            && images.iter().all(|(x_px, _)| came.contains(x_px));
+        is_whole.then_some(answer)
     }
 
-    /// The images at the centres that the sensor found: one for each slit.
-    fn images(&self) -> Vec<Image> {
-        let Ok(centre) = &self.centre else {
-            return vec![];
-        };
-        let found: Vec<(f64, f64)> = match &centre.slits {
-            None => vec![(centre.x_px, centre.height_counts)],
-            Some(slits) => (slits.iter().flatten())
+    /// The centre and the height of each image that the sensor found: one for each slit.
+    fn found(&self) -> Vec<(f64, f64)> {
+        match &self.centre {
+            Err(_) => vec![],
+            Ok(Centre {
+                slits: Some(slits), ..
+            }) => (slits.iter().flatten())
                 .map(|slit| (slit.x_px, slit.height_counts))
                 .collect(),
-        };
+            Ok(centre) => vec![(centre.x_px, centre.height_counts)],
+        }
+    }
+
+    /// The images as gaussians.
+    fn images(&self) -> Vec<Image> {
+        let found = self.found();
+        let shape = self.centre.as_ref().ok().and_then(|centre| centre.shape);
         // A comb, and a spot of too few pixels, come without a shape. All images of a comb are as wide.
-        let width_px = centre.shape.map_or_else(
+        let width_px = shape.map_or_else(
             || {
-                let widths = found.iter().map(|&(x_px, _)| self.width_at_half(x_px));
+                let widths = found
+                    .iter()
+                    .map(|&(x_px, height)| self.width_at_half(x_px, height));
                 median(&mut widths.collect::<Vec<f64>>())
             },
             |shape| shape.width_px,
@@ -179,14 +199,13 @@ impl SeenRow {
     }
 
     /// Sigma of an image by the pixels above half of its height, in pixels. At least half a pixel.
-    fn width_at_half(&self, x_px: f64) -> f64 {
-        let least = self.counts.iter().min().copied().unwrap_or_default();
+    fn width_at_half(&self, x_px: f64, height: f64) -> f64 {
         let at = |pixel: usize| {
             let count = self.counts.get(pixel.checked_sub(self.first)?)?;
-            Some(f64::from(count - least))
+            Some(f64::from(*count))
         };
         let peak = x_px.round().max(0.0) as usize;
-        let half = 0.5 * at(peak).unwrap_or_default();
+        let half = at(peak).unwrap_or_default() - 0.5 * height;
         let is_above = |pixel: &usize| at(*pixel).is_some_and(|count| count > half);
         let right = (peak..).take_while(is_above).count();
         let left = (0..peak).rev().take_while(is_above).count();
@@ -257,7 +276,7 @@ impl SeenRow {
         if let Some((level, highest)) = self.level(&self.images()).zip(self.counts.iter().max()) {
             let _ = writeln!(
                 text,
-                "pixels {} to {} of {}: {level:.0} counts beside the spot, {highest} at most",
+                "pixels {} to {} of {}: median {level:.0} counts beside the spot, {highest} at most",
                 self.first,
                 last - 1,
                 self.pixels
@@ -266,7 +285,10 @@ impl SeenRow {
         let full = self.counts.iter().filter(|&&count| count >= LARGEST_COUNT);
         let full = full.count();
         if full > 0 {
-            let _ = writeln!(text, "{full} pixels are at full scale: dim the laser");
+            let _ = writeln!(
+                text,
+                "{full} pixels are at full scale: dim the laser, or cover other lights"
+            );
         }
         text
     }
@@ -284,23 +306,23 @@ pub fn row(options: &RowOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<
     let mut session = Session::open(pc, &options.port)?;
     writeln!(output, "sensor {} at {}", session.head(), options.port)?;
     let command = part.to_string();
-    let mut seen = None;
+    let mut answer = None;
     for _ in 0..TRIES {
-        seen = session.line().ask(&command, ROW, SeenRow::read)?;
-        if seen.is_some() {
+        answer = session.line().ask(&command, ROW, RowAnswer::read)?;
+        if answer.is_some() {
             break;
         }
     }
-    let seen = seen.with_context(|| {
+    let answer = answer.with_context(|| {
         format!("no row arrived whole in {TRIES} tries: check the cable, or ask for --window, which is shorter")
     })?;
-    write!(output, "{}", seen.summary())?;
+    write!(output, "{}", answer.summary())?;
     if let Some(path) = &options.csv {
-        whole_file::write(path, seen.csv().as_bytes())?;
+        whole_file::write(path, answer.csv().as_bytes())?;
         writeln!(output, "written: {}", path.display())?;
     }
     if let Some(path) = &options.figure {
-        figure::draw(&seen, path)?;
+        figure::draw(&answer, path)?;
         writeln!(output, "drawn: {}", path.display())?;
     }
     Ok(())

@@ -15,7 +15,7 @@ fn row(sensor: &StandIn, options: &[&str]) -> (Result<(), String>, String) {
 }
 
 #[test]
-fn a_row_is_told_tabulated_and_drawn() {
+fn a_row_is_summarised_tabulated_and_drawn() {
     let sensor = StandIn::new(1, Trouble::default());
     let (csv, figure) = (sensor.path("row.csv"), sensor.path("row.svg"));
     let path = |path: &std::path::Path| path.to_str().expect("text").to_owned();
@@ -26,7 +26,7 @@ fn a_row_is_told_tabulated_and_drawn() {
     for part in [
         "sensor TCD1304DG at ",
         "centre 1800.2",
-        "pixels 0 to 3647 of 3648: 300 counts",
+        "pixels 0 to 3647 of 3648: median 300 counts",
     ] {
         assert!(output.contains(part), "{part}");
     }

@@ -228,15 +228,11 @@ impl State {
     /// Sends a row.
     fn row(&mut self, part: RowPart) -> String {
         let (geometry, mut words) = (tcd1304dg(), words());
-        let measured = Measurement::new(geometry.clone(), self.settings()).look(&mut words, None);
+        let measured =
+            Measurement::new(geometry.clone(), self.settings()).measure_alone(&mut words, None);
         let light = geometry.row(&words).expect("a row").light();
-        let sent = part.pixels(&measured, light.len());
-        let head = RowHead {
-            pixels: light.len(),
-            sent: (sent.start, sent.len()),
-            measured: &measured,
-        };
-        let lines = RowPixels::lines(light, sent).map(|line| format!("{line}\r\n"));
+        let head = RowHead::new(part, light.len(), &measured);
+        let lines = RowPixels::lines(light, head.sent()).map(|line| format!("{line}\r\n"));
         format!("{head}\r\n{}{ROW_END}\r\n", lines.collect::<String>())
     }
 

@@ -237,7 +237,7 @@ fn a_row_of_a_comb_costs_less_than_half_of_its_time() {
 }
 
 #[test]
-#[ignore = "an hour of virtual time takes about two hours; .ci/run leaves it out"]
+#[ignore = "an hour of virtual time takes half an hour; .ci/run leaves it out"]
 fn a_comb_loses_no_row_in_an_hour() {
     assert_rate(16, 3600);
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use slitrange::comb::Slits;
 use slitrange::measurement::Measurement;
-use slitrange::protocol::row::{ROW_END, RowHead, RowPixels};
+use slitrange::protocol::row::{ROW_END, RowHead, RowPart, RowPixels};
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use virtual_board::{Exposure, LightSource, PIXELS, VirtualBoard};
@@ -23,6 +23,7 @@ fn light_pixels() -> usize {
 
 /// What `row` answers.
 struct Answer {
+    part: RowPart,
     /// The lines before the pixels.
     head: Vec<String>,
     first: usize,
@@ -30,12 +31,13 @@ struct Answer {
 }
 
 impl Answer {
-    fn ask(board: &mut VirtualBoard, command: &str) -> Self {
+    fn ask(board: &mut VirtualBoard, part: RowPart) -> Self {
         board.take_lines();
-        board.send(&format!("{command}\r\n"));
+        board.send(&format!("{part}\r\n"));
         let line = board.run_until_line(|line| line == ROW_END, SENDING);
         line.expect("the row's end");
         let mut answer = Self {
+            part,
             head: vec![],
             first: 0,
             counts: vec![],
@@ -73,12 +75,8 @@ impl Answer {
             rows.find(|words| is_this(words)).cloned()
         });
         let mut words = words.expect("a row with these pixels");
-        let measured = Measurement::new(geometry, settings).look(&mut words, None);
-        let head = RowHead {
-            pixels: light_pixels(),
-            sent: (self.first, self.counts.len()),
-            measured: &measured,
-        };
+        let measured = Measurement::new(geometry.clone(), settings).measure_alone(&mut words, None);
+        let head = RowHead::new(self.part, geometry.light.len(), &measured);
         head.to_string().split("\r\n").map(String::from).collect()
     }
 }
@@ -101,7 +99,7 @@ fn assert_streaming(mut board: VirtualBoard) {
 #[test]
 fn a_whole_row_is_sent_with_what_the_core_makes_of_it() {
     let mut board = boot_keeping(paper());
-    let answer = Answer::ask(&mut board, "row");
+    let answer = Answer::ask(&mut board, RowPart::Whole);
     println!("{:#?}", answer.head);
     assert_eq!((answer.first, answer.counts.len()), (0, light_pixels()));
     assert_eq!(
@@ -115,7 +113,7 @@ fn a_whole_row_is_sent_with_what_the_core_makes_of_it() {
 #[test]
 fn a_window_holds_the_spot_and_nothing_else() {
     let mut board = boot_keeping(paper());
-    let answer = Answer::ask(&mut board, "row window");
+    let answer = Answer::ask(&mut board, RowPart::Window);
     assert_eq!(
         answer.head,
         answer.on_this_pc(&mut board, Settings::default())
@@ -138,7 +136,7 @@ fn a_window_holds_the_spot_and_nothing_else() {
 fn the_window_of_a_comb_holds_all_its_images() {
     let mut board = boot_keeping(paper_behind_a_comb());
     set(&mut board, "slits comb");
-    let answer = Answer::ask(&mut board, "row window");
+    let answer = Answer::ask(&mut board, RowPart::Window);
     let settings = Settings {
         slits: Slits::Comb,
         ..Settings::default()
@@ -160,22 +158,40 @@ fn the_window_of_a_comb_holds_all_its_images() {
     assert_streaming(board);
 }
 
+/// Readings of single rows nearly fill the line. None of them waits behind the pixels, and none is dropped.
+#[test]
+fn readings_of_single_rows_go_on_at_once() {
+    let mut board = boot_keeping(paper());
+    set(&mut board, "rows 1");
+    Answer::ask(&mut board, RowPart::Whole);
+    let (sent, rows) = (board.now(), board.head(|head| head.row_count()));
+    let next = board
+        .run_until_line(is_reading, SENDING)
+        .expect("a reading");
+    let waited = Duration::from_nanos(next.at - sent);
+    println!("the next reading came after {waited:?}");
+    assert!(waited < Duration::from_millis(50));
+    fresh_results(&mut board, 50);
+    assert!(board.head(|head| head.row_count()) - rows <= 65);
+    assert_streaming(board);
+}
+
 /// A row without a spot can be looked at, which is when one wants to. Its window is empty.
 #[test]
 fn rows_without_a_spot_and_without_a_sensor_are_answered() {
     let dark = |_: &Exposure| vec![300.0; PIXELS];
     let mut board = boot_keeping(Box::new(dark));
-    let answer = Answer::ask(&mut board, "row");
+    let answer = Answer::ask(&mut board, RowPart::Whole);
     assert!(answer.counts.iter().all(|&count| count == 300));
     assert_eq!(answer.counts.len(), light_pixels());
     assert!(answer.head[1].starts_with("f "), "{:?}", answer.head);
-    let window = Answer::ask(&mut board, "row window");
+    let window = Answer::ask(&mut board, RowPart::Window);
     assert_eq!(window.head[0], "row pixels 3648 first 0 count 0");
     assert!(window.counts.is_empty());
 
     board.set_light(paper());
     board.silence_sensor(true).expect("a silent sensor");
-    let silent = Answer::ask(&mut board, "row");
+    let silent = Answer::ask(&mut board, RowPart::Whole);
     assert_eq!(silent.head[1], "f sensor silent");
     let level = silent.counts[0];
     println!("without a sensor all pixels have {level} counts");

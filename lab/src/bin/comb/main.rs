@@ -27,7 +27,7 @@ use crate::tolerances::Tolerances;
 #[command(name = "cargo comb", bin_name = "cargo comb")]
 struct Options {
     /// Surfaces of each kind
-    #[arg(long, default_value_t = 1000)]
+    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=SURFACES_OF_A_SENSOR))]
     surfaces: u64,
     /// Rows of a frame
     #[arg(long, default_value_t = 4)]
@@ -53,7 +53,7 @@ const FIGURE: &str = "docs/figures/comb.svg";
 /// The scene whose optics and noise all kinds at one distance share.
 const BASE: &str = "speckle-at-rest";
 
-/// The first surface. No calibration sees these.
+/// The first surface. Those from [`SURFACES_OF_A_SENSOR`] further on belong to sensors that are calibrated.
 const FIRST: u64 = 1_000_000;
 
 /// The material that is also read in the light of a single wavelength: it shows what the line of 1 nm does.

@@ -280,17 +280,13 @@ pub fn talk() {
 fn send_row() {
     let mut words = [0; 4096];
     let mut measurement = Measurement::new(any::geometry(), any::settings());
-    let measured = measurement.look(any::words(&mut words), None);
+    let measured = measurement.measure_alone(any::words(&mut words), None);
     let geometry = any::geometry();
     let row = geometry.row(any::words(&mut words));
     let light = row.map_or_else(|_| Light::default(), |row| row.light());
-    let pixels = any(RowPart::Whole).pixels(&measured, light.len());
-    say(&RowHead {
-        pixels: light.len(),
-        sent: (pixels.start, pixels.len()),
-        measured: &measured,
-    });
-    for line in RowPixels::lines(light, pixels) {
+    let head = RowHead::new(any(RowPart::Whole), light.len(), &measured);
+    say(&head);
+    for line in RowPixels::lines(light, head.sent()) {
         say(&line);
     }
     let bytes = any([0; 64]);

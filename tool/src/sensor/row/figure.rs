@@ -7,7 +7,7 @@ use anyhow::{Context as _, Result};
 use plotters::prelude::*;
 use slitrange::row::LARGEST_COUNT;
 
-use super::{Image, REACH, SeenRow};
+use super::{Image, RowAnswer};
 use crate::axes::{self, Area, Axis, Panel, TEXT, text};
 
 /// Pixels.
@@ -26,12 +26,12 @@ const HEIGHTS: [u32; 3] = [380, 380, 260];
 ///
 /// # Errors
 /// The file cannot be written, or no pixel came.
-pub fn draw(seen: &SeenRow, path: &Path) -> Result<()> {
-    let images = seen.images();
-    let level = seen
+pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
+    let images = answer.images();
+    let level = answer
         .level(&images)
-        .context("there is no pixel beside a spot to draw: ask for the whole row")?;
-    let fit = seen.fit();
+        .context("no pixels beside a spot came: ask for the whole row, without --window")?;
+    let fit = answer.fit();
     let height = HEIGHTS[0]
         + if fit.is_some() {
             HEIGHTS[1] + HEIGHTS[2]
@@ -42,21 +42,21 @@ pub fn draw(seen: &SeenRow, path: &Path) -> Result<()> {
     root.fill(&WHITE)?;
     let (above, below) = root.split_vertically(HEIGHTS[0]);
     let full = f64::from(LARGEST_COUNT);
-    let all = seen.first..seen.first + seen.counts.len();
-    let title = match &seen.centre {
+    let all = answer.first..answer.first + answer.counts.len();
+    let title = match &answer.centre {
         Ok(centre) => format!("the row: centre {:.3} px", centre.x_px),
         Err(no_centre) => format!("the row: {}", no_centre.fault),
     };
     let mut panel = panel(&above, &title, &all, (0.0, 1.06 * full), "counts")?;
     let windows = images.iter().map(|image| {
-        let reach = REACH * image.width_px;
+        let reach = image.reach_px();
         let corners = [(image.x_px - reach, 0.0), (image.x_px + reach, full)];
         Rectangle::new(corners, WINDOW.filled())
     });
     panel.draw_series(windows)?;
     draw_level(&mut panel, &all, full)?;
     draw_level(&mut panel, &all, level)?;
-    draw_pixels(&mut panel, seen, &all, |_, count| count)?;
+    draw_pixels(&mut panel, answer, &all, |_, count| count)?;
     for (words, at, below) in [
         ("full scale", full, 2),
         ("level beside the spot", level, -22),
@@ -66,7 +66,7 @@ pub fn draw(seen: &SeenRow, path: &Path) -> Result<()> {
     }
     if let Some(fit) = &fit {
         let (middle, lowest) = below.split_vertically(HEIGHTS[1]);
-        draw_fit(&middle, &lowest, seen, &images, level, fit)?;
+        draw_fit(&middle, &lowest, answer, &images, level, fit)?;
     }
     root.present()
         .with_context(|| format!("{} cannot be written", path.display()))?;
@@ -77,19 +77,19 @@ pub fn draw(seen: &SeenRow, path: &Path) -> Result<()> {
 fn draw_fit(
     middle: &Area<'_>,
     lowest: &Area<'_>,
-    seen: &SeenRow,
+    answer: &RowAnswer,
     images: &[Image],
     level: f64,
     fit: impl Fn(f64) -> f64,
 ) -> Result<()> {
     let ends = images.iter().map(|image| {
-        let reach = REACH * image.width_px;
+        let reach = image.reach_px();
         (image.x_px - reach, image.x_px + reach)
     });
     let (first, last) = ends.fold((f64::MAX, f64::MIN), |(first, last), (from, to)| {
         (first.min(from), last.max(to))
     });
-    let came = seen.first..seen.first + seen.counts.len();
+    let came = answer.first..answer.first + answer.counts.len();
     let window = (first.max(0.0) as usize).max(came.start)..(last as usize + 1).min(came.end);
     let highest = images.iter().map(|image| image.height).fold(0.0, f64::max);
     let range = (level - 0.08 * highest, level + 1.25 * highest);
@@ -104,16 +104,16 @@ fn draw_fit(
     let places = (window.start * 4..window.end * 4).map(|quarter| f64::from(quarter as u32) / 4.0);
     let line: Vec<(f64, f64)> = places.map(|pixel| (pixel, fit(pixel))).collect();
     panel.draw_series([PathElement::new(line, FIT.stroke_width(2))])?;
-    draw_pixels(&mut panel, seen, &window, |_, count| count)?;
+    draw_pixels(&mut panel, answer, &window, |_, count| count)?;
     let left = |pixel: usize, count: f64| count - fit(pixel as f64);
     let most = (came.start..)
-        .zip(&seen.counts)
+        .zip(&answer.counts)
         .filter(|(pixel, _)| window.contains(pixel))
         .map(|(pixel, &count)| left(pixel, count.into()).abs())
         .fold(1.0, f64::max);
     let title = "what the fit leaves";
     let mut panel = self::panel(lowest, title, &window, (-1.1 * most, 1.1 * most), "counts")?;
-    draw_pixels(&mut panel, seen, &window, left)
+    draw_pixels(&mut panel, answer, &window, left)
 }
 
 fn panel<'a, 'b>(
@@ -138,12 +138,12 @@ fn draw_level(panel: &mut Panel<'_, '_>, pixels: &Range<usize>, level: f64) -> R
 /// Draws something of each pixel: a line if there are many, otherwise dots.
 fn draw_pixels(
     panel: &mut Panel<'_, '_>,
-    seen: &SeenRow,
+    answer: &RowAnswer,
     pixels: &Range<usize>,
     of: impl Fn(usize, f64) -> f64,
 ) -> Result<()> {
-    let points: Vec<(f64, f64)> = (seen.first..)
-        .zip(&seen.counts)
+    let points: Vec<(f64, f64)> = (answer.first..)
+        .zip(&answer.counts)
         .filter(|(pixel, _)| pixels.contains(pixel))
         .map(|(pixel, &count)| (pixel as f64, of(pixel, count.into())))
         .collect();
