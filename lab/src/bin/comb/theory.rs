@@ -24,7 +24,7 @@ use core::f64::consts::PI;
 
 use lab::table::{cells, markdown};
 use simulator::optics::Optics;
-use slitrange::comb::{NEIGHBOURS, NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
+use slitrange::comb::{NOMINAL_PLACES_UM, SLIT_WIDTH_UM};
 
 /// Standard deviation of a distance by speckle through one slit, for an image of the mean light.
 pub fn one_slit(distance: f64, spot: f64, patterns: f64) -> f64 {
@@ -216,7 +216,8 @@ mod tests {
                 let field = random_field(distance, spot, surface, &slits());
                 let (mean, light) = mean(&field);
                 let scatter: f64 = field.iter().map(|it| it[0] * (it[1] - mean).powi(2)).sum();
-                let u = 1.09 * f64::from(NEIGHBOURS) * (scatter / 15.0 / light).sqrt();
+                let u =
+                    1.09 * f64::from(slitrange::comb::NEIGHBOURS) * (scatter / 15.0 / light).sqrt();
                 within += u64::from(mean.abs() <= 2.0 * u);
                 let weighed: Vec<f64> = field.iter().map(|it| it[0].sqrt() * it[1]).collect();
                 shared += weighed.windows(2).map(|two| two[0] * two[1]).sum::<f64>() / 15.0;
