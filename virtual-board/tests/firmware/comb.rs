@@ -397,6 +397,7 @@ fn record() -> Record {
         estimator: Settings::default().estimator,
         black_level: Settings::default().black_level,
         profile: None,
+        comb: Some(slitrange::comb::Comb::nominal()),
         ..records::record(Calibration::nominal().expect("a curve"))
     }
 }
@@ -433,8 +434,8 @@ fn speckle_moves_readings_on_the_chip_as_on_a_pc() {
     board.head(|head| head.keep_all_rows(true));
     let record = record();
     let encoded = EncodedRecord::new(record.clone()).expect("a record");
+    // Sets `slits comb`.
     upload(&mut board, encoded.bytes(), PATIENCE).expect("an upload");
-    set(&mut board, "slits comb");
     set(&mut board, &format!("rows {ROWS}"));
     board.take_lines();
     // The true distance, and the number of the line that is compared with it.
