@@ -124,7 +124,7 @@ impl Shell {
     /// Sends a line, and counts it as a sign of life.
     async fn send_line(&mut self, line: &dyn Display) {
         self.actions.text.clear();
-        // A test checks that the longest fits.
+        // An answer has room for several of the longest lines.
         let _ = write!(self.actions.text, "{line}\r\n");
         self.tx.send(self.actions.text.as_str()).await;
         COUNTERS.results.add();

@@ -68,7 +68,8 @@ pub struct Actions {
     /// Write [`Session::configuration`] to flash, and then take the event [`Event::Saved`]. No frame is due
     /// before that.
     pub save: bool,
-    /// Send these pixels of the next row, in the lines of [`crate::protocol::row`]. No frame is due meanwhile.
+    /// Send these pixels of the next row, in the lines of [`crate::protocol::row`]. No frame is due
+    /// meanwhile.
     pub row: Option<RowPart>,
     /// Do this with the map of the pixels, and then take the event [`Event::Flat`].
     pub flat: Option<flat::Job>,

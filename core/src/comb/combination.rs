@@ -19,10 +19,11 @@ use crate::units::{Counts, Pixels};
 const OUTLIER: f32 = 4.5;
 
 /// How much the errors of the mean exceed what the scatter of independent images says, because neighbouring
-/// images share some of their speckle. For a laser spot of 0.42 mm, whose speckles are wider than the gaps, it
-/// is 1.05 in light of a single wavelength. A line of 1 nm, as cheap laser diodes have, draws speckles out
-/// along the mask, and it is 1.16. With a spot of 1 mm it is 1 (host-tests/tests/comb.rs). Rows tell neither the
-/// spot nor the line, so this is midway between 1.05 and 1.16.
+/// images share some of their speckle. Speckles of a 0.42 mm laser spot are wider than the gaps. For that
+/// spot the factor is 1.05 in light of a single wavelength. A line of 1 nm, as cheap laser diodes have, draws
+/// speckles out along the mask, and the factor is 1.16. With a spot of 1 mm it is 1
+/// (host-tests/tests/comb.rs). Rows tell neither the spot nor the line, so this is midway between 1.05 and
+/// 1.16.
 pub const NEIGHBOURS: f32 = 1.10;
 
 /// The images of a frame's rows, so far.

@@ -22,7 +22,7 @@ use crate::whole_file;
 /// clock on the wall.
 const ROW: Duration = Duration::from_secs(20);
 
-/// Look at one row: its pixels, the fit and what is left
+/// Show one row: its pixels, the fitted gaussian and the residuals
 ///
 /// The sensor measures one row by itself, and sends its pixels and what it found. The stream pauses for about
 /// a second. By this picture one aligns the optics: where the spot is, how high and how wide, and what light
@@ -38,7 +38,7 @@ pub struct RowOptions {
     /// Write a table: pixel, count, and the fit's count
     #[arg(long)]
     pub csv: Option<PathBuf>,
-    /// Draw the row, the fit and what is left, as an SVG
+    /// Draw the row, the fitted gaussian and the residuals, as an SVG
     #[arg(long)]
     pub figure: Option<PathBuf>,
 }
@@ -314,7 +314,10 @@ pub fn row(options: &RowOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<
         }
     }
     let answer = answer.with_context(|| {
-        format!("no row arrived whole in {TRIES} tries: check the cable, or ask for --window, which is shorter")
+        format!(
+            "no row arrived whole in {TRIES} tries: check the cable, or ask for --window, which is \
+             shorter"
+        )
     })?;
     write!(output, "{}", answer.summary())?;
     if let Some(path) = &options.csv {

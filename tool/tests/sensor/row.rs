@@ -44,7 +44,7 @@ fn a_row_is_summarised_tabulated_and_drawn() {
         worst = worst.max((fields[1] - fields[2]).abs());
         count += 1;
     }
-    // The stand-in's pixels are off by 3 counts, and rounded. The sensor's width is known to 0.01 px, which is
+    // The stand-in's pixels are off by 3 counts, and rounded. The sensor knows the width to 0.01 px, that is
     // 2 counts on the flank.
     println!("the fit leaves at most {worst:.1} counts");
     assert_eq!(count, 3648);
@@ -68,8 +68,8 @@ fn a_window_is_a_hundred_pixels() {
     assert!(output.contains("pixels 1752 to 1848 of 3648"), "{output}");
 }
 
-/// A line of pixels has a checksum, so that no wrong pixel is shown. If none of [`TRIES`] rows comes whole,
-/// the tool says so.
+/// Each line of pixels has a checksum, so the tool shows no wrong pixel. If a line is missing in all
+/// [`TRIES`] answers, the tool says so.
 #[test]
 fn spoilt_lines_are_never_shown() {
     let trouble = Trouble {

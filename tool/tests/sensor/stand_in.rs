@@ -76,7 +76,7 @@ const STEP: Duration = Duration::from_millis(1);
 /// How long the sensor starts after power came.
 const START: Duration = Duration::from_millis(50);
 
-/// Bytes that wait to be read, as a PC keeps them. A sensor sends a row in a second, and the stand-in at once.
+/// The most bytes that wait to be read. A sensor sends a row in a second, and the stand-in sends it at once.
 const KEPT: usize = 4096 * 4;
 
 /// What goes wrong, each with its probability a line.

@@ -1,5 +1,5 @@
-//! Tests of `row`: the pixels that come out of the serial line are those that the sensor head saw, and the
-//! core on the PC makes the same of the row.
+//! Tests of `row`: the pixels that come out of the serial line are those that the sensor head saw. For the
+//! words of this row, the core on the PC gives the same centre or fault.
 
 use std::time::Duration;
 

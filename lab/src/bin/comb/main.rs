@@ -27,7 +27,11 @@ use crate::tolerances::Tolerances;
 #[command(name = "cargo comb", bin_name = "cargo comb")]
 struct Options {
     /// Surfaces of each kind
-    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=SURFACES_OF_A_SENSOR))]
+    #[arg(
+        long,
+        default_value_t = 1000,
+        value_parser = clap::value_parser!(u64).range(1..=SURFACES_OF_A_SENSOR)
+    )]
     surfaces: u64,
     /// Rows of a frame
     #[arg(long, default_value_t = 4)]
