@@ -9,8 +9,9 @@
 //! ```
 //!
 //! The second line is the answer to `centre` for a frame of this row alone. A comb has a line more, and so
-//! has a fault. Each of the lines that follow has the place of its first pixel, up to [`PIXELS_A_LINE`] counts of
-//! three hexadecimal digits, and a CRC-16 (IBM-3740) of all characters before the line's last blank.
+//! has a fault. Each of the lines that follow has the place of its first pixel, and up to [`PIXELS_A_LINE`]
+//! counts of three hexadecimal digits. Last comes a CRC-16 (IBM-3740) of all characters before the line's
+//! last blank.
 
 use core::fmt::{self, Write as _};
 use core::ops::Range;
