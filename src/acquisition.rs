@@ -7,10 +7,10 @@ use core::task::Poll;
 use embassy_time::{Duration, Instant, Timer};
 use static_cell::ConstStaticCell;
 
-use super::shared::{BUFFERS, Buffer, COUNTERS, FREE, FULL, WORDS};
+use super::shared::{BUFFERS, Buffer, COUNTERS, ExposedRow, FREE, FULL, LASER, WORDS};
 use super::tcd1304::Tcd1304;
 
-/// Time from one row to the next, and so the exposure: a read-out (5.63 ms), the pulses and some slack. 175
+/// Time from one row to the next, and so the exposure to all light but the laser's: a read-out (5.63 ms), the pulses and some slack. 175
 /// rows a second.
 pub const ROW_PERIOD: Duration = Duration::from_micros(5700);
 
@@ -45,13 +45,13 @@ pub async fn acquire(mut sensor: Tcd1304) {
         COUNTERS.pulses.add();
         if clearing > 0 {
             clearing -= 1;
-            sensor.pulse();
+            sensor.pulse(LASER.exposure());
             set_alarm(due).await;
             continue;
         }
         let Ok(row) = FREE.try_receive() else {
             COUNTERS.rows_lost.add();
-            sensor.pulse();
+            sensor.pulse(LASER.exposure());
             set_alarm(due).await;
             continue;
         };
@@ -90,10 +90,14 @@ async fn wait_for_alarm(at: Instant) {
 
 /// Reads a row and hands it on. Sets the alarm at `next`. Returns whether the row was read.
 async fn read(sensor: &mut Tcd1304, row: Buffer, next: Instant) -> bool {
-    match sensor.read_out(row, next).await {
-        Ok(()) => {
+    match sensor.read_out(row, next, LASER.exposure()).await {
+        Ok(exposure) => {
             COUNTERS.rows.add();
-            FULL.send(row).await;
+            FULL.send(ExposedRow {
+                words: row,
+                exposure,
+            })
+            .await;
             true
         }
         Err(error) => {

@@ -7,6 +7,7 @@
 //! | PF12 | output | sensor, ICG |
 //! | PF13 | output | sensor, SH |
 //! | PD14 | output | converter, chip select |
+//! | PD15 | TIM4 channel 4 | laser |
 //! | PA5, PA6, PA7 | SPI1 | converter, SCLK, DOUT, DIN |
 //! | PD8, PD9 | USART3 | ST-LINK's serial port, TX, RX |
 //! | PA12 | output, low | nothing (see `keep_pa12_low`) |
@@ -44,6 +45,7 @@ use slitrange::protocol::status::StartCause;
 use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
+use super::laser::Laser;
 use super::shared::COUNTERS;
 use super::tcd1304::{Pins, Tcd1304};
 
@@ -180,6 +182,7 @@ pub fn init() -> Board {
             icg: Output::new(p.PF12, Level::High, Speed::VeryHigh),
             sh: Output::new(p.PF13, Level::Low, Speed::VeryHigh),
             chip_select: Output::new(p.PD14, Level::High, Speed::VeryHigh),
+            laser: Laser::new(p.TIM4, p.PD15),
         },
         master_clock,
     );

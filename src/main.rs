@@ -18,6 +18,8 @@ mod board;
 #[cfg(target_os = "none")]
 mod flash;
 #[cfg(target_os = "none")]
+mod laser;
+#[cfg(target_os = "none")]
 mod measuring;
 #[cfg(target_os = "none")]
 mod serial_line;

@@ -8,6 +8,7 @@ use core::task::Poll;
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use slitrange::comb::Comb;
+use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
@@ -17,8 +18,8 @@ use slitrange::settings::Settings;
 use static_cell::StaticCell;
 
 use super::shared::{
-    Buffer, COUNTERS, FREE, FULL, Flat, GIVEN, PAUSED, REQUESTS, RESULTS, ROW_TO_SEND, Request,
-    SETTINGS, TAKEN, WORDS,
+    Buffer, COUNTERS, ExposedRow, FREE, FULL, Flat, GIVEN, LASER, PAUSED, REQUESTS, RESULTS,
+    ROW_TO_SEND, Request, SETTINGS, TAKEN, WORDS,
 };
 use super::{board, tcd1304};
 
@@ -43,6 +44,7 @@ pub async fn measure() {
         if let Some(applied) = SETTINGS.try_take() {
             measurement.set(applied.settings, applied.profile);
             measurement.set_comb(applied.comb.unwrap_or_else(Comb::nominal));
+            LASER.set(next_exposure(measurement));
             // The frame starts again, so this counts as a result. Otherwise a user who changes settings
             // faster than frames end would make the watchdog take the lack of results for a fault.
             COUNTERS.results.add();
@@ -85,7 +87,7 @@ pub async fn measure() {
         };
         silence.row_came();
         if paused() {
-            FREE.send(row).await;
+            FREE.send(row.words).await;
             // The frame starts again after the pause.
             measurement.start_frame();
             continue;
@@ -93,11 +95,12 @@ pub async fn measure() {
         let start = board::cycles();
         let map = flat.as_deref().and_then(FlatField::map);
         let map = map.filter(|_| is_corrected);
-        let result = measure_row(measurement, row, map);
+        let result = measure_row(measurement, row.words, row.exposure, map);
+        LASER.set(next_exposure(measurement));
         let cycles = board::cycles().wrapping_sub(start);
         COUNTERS.row_cycles.set(cycles);
         COUNTERS.slowest_row_cycles.set_if_larger(cycles);
-        FREE.send(row).await;
+        FREE.send(row.words).await;
         if let Some(result) = result {
             publish(result);
             // If rows come faster than they are computed, one always waits here, and the serial line would
@@ -159,14 +162,20 @@ async fn next_row_alone(
     let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {
         return (None, Err(measurement.silence()));
     };
-    let measured = measurement.measure_alone(row, map);
-    (Some(row), measured)
+    let ExposedRow { words, exposure } = row;
+    let measured = measurement.measure_alone(words, exposure, map);
+    (Some(words), measured)
+}
+
+/// For how long the laser is to be on in the rows to come; `None` if it is to be off.
+fn next_exposure(measurement: &Measurement) -> Option<Exposure> {
+    (measurement.settings().laser).then(|| measurement.next_exposure())
 }
 
 /// Frees the rows that wait: they may have been exposed before the command came.
 async fn free_waiting_rows() {
     while let Ok(row) = FULL.try_receive() {
-        FREE.send(row).await;
+        FREE.send(row.words).await;
     }
 }
 
@@ -179,8 +188,8 @@ async fn take_rows(flat: &mut FlatField, kind: Kind) -> Result<Taken, TakeError>
         let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {
             return Err(TakeError::Silent);
         };
-        let taken = flat.add(row, &geometry);
-        FREE.send(row).await;
+        let taken = flat.add(row.words, &geometry);
+        FREE.send(row.words).await;
         COUNTERS.results.add();
         if let Some(taken) = taken {
             return taken;
@@ -202,9 +211,10 @@ fn paused() -> bool {
 fn measure_row(
     measurement: &mut Measurement,
     words: &mut [u16; WORDS],
+    exposure: Option<Exposure>,
     map: Option<&PixelMap>,
 ) -> Option<Result<Measured, Fault>> {
-    measurement.row_with(words, map)
+    measurement.row_with(words, exposure, map)
 }
 
 /// Never waits: a serial line that is behind must not keep rows from being measured.

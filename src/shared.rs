@@ -5,6 +5,7 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
+use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::protocol::status::{SerialErrors, Vitals};
@@ -26,8 +27,37 @@ pub const BUFFERS: usize = 6;
 /// Buffers to read into. Holds all there are, so that sending never waits.
 pub static FREE: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::new();
 
+/// A row that was read.
+pub struct ExposedRow {
+    /// Its words.
+    pub words: Buffer,
+    /// For how long the laser was on; `None` if it was off.
+    pub exposure: Option<Exposure>,
+}
+
 /// Rows to compute on. Holds all there are, so that sending never waits.
-pub static FULL: Channel<CriticalSectionRawMutex, Buffer, BUFFERS> = Channel::new();
+pub static FULL: Channel<CriticalSectionRawMutex, ExposedRow, BUFFERS> = Channel::new();
+
+/// For how long the laser is to be on in the rows to come. It is off until the settings are known.
+pub static LASER: LaserOrder = LaserOrder(AtomicU32::new(0));
+
+/// See [`LASER`]. Microseconds, or 0 if the laser is off.
+pub struct LaserOrder(AtomicU32);
+
+impl LaserOrder {
+    /// Sets the exposure of the rows to come.
+    pub fn set(&self, exposure: Option<Exposure>) {
+        let us = exposure.map_or(0, Exposure::us);
+        // Relaxed: this orders nothing.
+        self.0.store(us.into(), Ordering::Relaxed);
+    }
+
+    /// The exposure of the next row.
+    pub fn exposure(&self) -> Option<Exposure> {
+        let us = self.0.load(Ordering::Relaxed);
+        u16::try_from(us).ok().and_then(Exposure::from_us)
+    }
+}
 
 /// Results for the serial line. Holds 91 ms of results at the highest rate, a row a frame, so that the answer
 /// to `status` (about 45 ms) loses none. All its bytes are zero at first, as `.ccm` wants it: no DMA reaches

@@ -1,7 +1,8 @@
 //! Driver of the sensor Toshiba TCD1304DG behind a converter ADC122S101.
 //!
 //! The sensor integrates light all the time. A pulse on SH moves the gathered light into its shift register,
-//! so the time from one pulse to the next is the exposure. ICG, low around SH, makes the register take it.
+//! so the time from one pulse to the next is the exposure to all light but the laser's, which is on for a part
+//! of that time ([`Laser`]). ICG, low around SH, makes the register take it.
 //! When ICG rises the register puts out a pixel every four periods of fM, 3694 of them. fM never stops.
 //!
 //! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods
@@ -49,11 +50,13 @@ use core::task::Poll;
 use embassy_stm32::gpio::Output;
 use embassy_stm32::spi;
 use embassy_time::{Duration, Instant, with_timeout};
+use slitrange::exposure::Exposure;
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
 
 use super::acquisition::set_alarm;
 use super::board::{self, CORE_HZ, CYCLES_A_MASTER_CLOCK, Converter, MasterClock};
+use super::laser::Laser;
 use super::shared::WORDS;
 
 /// The sensor head's name.
@@ -114,6 +117,8 @@ pub struct Pins {
     pub sh: Output<'static>,
     /// The converter's chip select, idle high.
     pub chip_select: Output<'static>,
+    /// The laser's switch.
+    pub laser: Laser,
 }
 
 /// Why a read-out brought no row.
@@ -129,6 +134,8 @@ pub enum ReadOutError {
 pub struct Tcd1304 {
     converter: Converter,
     pins: Pins,
+    /// For how long the laser is on in the row that is being exposed; `None` if it is off.
+    exposing: Option<Exposure>,
     /// Periods of fM from the fall of ICG to its rise in the last read-out.
     icg_periods: u32,
     /// The clock runs as long as this is kept.
@@ -141,13 +148,17 @@ impl Tcd1304 {
         Self {
             converter,
             pins,
+            exposing: None,
             icg_periods: 0,
             _master_clock: master_clock,
         }
     }
 
-    /// Ends an exposure without reading its row. The next exposure begins as if the row had been read.
-    pub fn pulse(&mut self) {
+    /// Ends an exposure without reading its row. The next exposure begins as if the row had been read: the
+    /// laser is on in it for `laser`, or off.
+    pub fn pulse(&mut self, laser: Option<Exposure>) {
+        self.exposing = laser;
+        self.pins.laser.set_exposure(laser);
         cortex_m::interrupt::free(|_| {
             let icg_fell = self.pins.pulse_sh();
             wait_until(icg_fell, ICG_LOW);
@@ -155,18 +166,24 @@ impl Tcd1304 {
         });
     }
 
-    /// Ends an exposure and reads its row. Sets the alarm at `next`, when the next exposure should end.
+    /// Ends an exposure and reads its row. Sets the alarm at `next`, when the next exposure should end: the
+    /// laser is on in that one for `laser`, or off. Returns for how long the laser was on in the row that was
+    /// read; `None` if it was off.
     pub async fn read_out(
         &mut self,
         row: &mut [u16; WORDS],
         next: Instant,
-    ) -> Result<(), ReadOutError> {
+        laser: Option<Exposure>,
+    ) -> Result<Option<Exposure>, ReadOutError> {
         let Self {
             converter,
             pins,
+            exposing,
             icg_periods,
             ..
         } = self;
+        let exposed = core::mem::replace(exposing, laser);
+        pins.laser.set_exposure(laser);
         let result = {
             let mut transfer = pin!(converter.read(&mut row[..]));
             let started = poll_fn(|context| {
@@ -198,12 +215,12 @@ impl Tcd1304 {
             }
         };
         self.pins.chip_select.set_high();
-        result
+        result.map(|()| exposed)
     }
 }
 
 impl Pins {
-    /// Ends the exposure: pulses SH while ICG is low. Returns when ICG fell, just after a rise of fM.
+    /// Ends the exposure: pulses SH while ICG is low, and then starts the laser. Returns when ICG fell, just after a rise of fM.
     fn pulse_sh(&mut self) -> u32 {
         // A rise of fM that is far enough ahead not to be missed.
         let icg_falls = board::cycles()
@@ -215,6 +232,7 @@ impl Pins {
         self.sh.set_high();
         wait_until(icg_falls, ICG_TO_SH + SH_HIGH);
         self.sh.set_low();
+        self.laser.start();
         icg_falls
     }
 

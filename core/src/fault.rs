@@ -1,5 +1,6 @@
 //! Why a frame gives no distance.
 
+use crate::exposure::Exposure;
 use crate::units::{Counts, Pixels};
 
 /// Why there is no distance.
@@ -68,11 +69,25 @@ pub enum Fault {
         /// How many fit the other.
         other: u16,
     },
+    /// The spot is too dim at the longest exposure that auto exposure may choose.
+    DimAtLongest {
+        /// The spot's height.
+        amplitude: Counts,
+        /// The exposure.
+        exposure: Exposure,
+    },
+    /// The spot is saturated at the shortest exposure.
+    SaturatedAtShortest {
+        /// How many pixels are at full scale.
+        pixels: u16,
+        /// The exposure.
+        exposure: Exposure,
+    },
 }
 
 impl Fault {
     /// Number of kinds of fault.
-    pub const KINDS: usize = 11;
+    pub const KINDS: usize = 13;
 
     /// The kind as a number from 0 to [`Fault::KINDS`] - 1, to count by.
     pub const fn kind(&self) -> usize {
@@ -88,6 +103,8 @@ impl Fault {
             Self::NotCalibrated { .. } => 8,
             Self::FewSlits { .. } => 9,
             Self::SlitsUnclear { .. } => 10,
+            Self::DimAtLongest { .. } => 11,
+            Self::SaturatedAtShortest { .. } => 12,
         }
     }
 
@@ -104,6 +121,8 @@ impl Fault {
         "not calibrated",
         "too few slits",
         "slits unclear",
+        "too dim at the longest exposure",
+        "saturated at the shortest exposure",
     ];
 
     /// The kind's name.
@@ -116,8 +135,16 @@ impl Fault {
         match self {
             Self::SensorSilent => "check the sensor head's supply and wires",
             Self::NoSpot { .. } => "check that the laser is on and hits a target",
-            Self::TooDim { .. } => "more laser power, a brighter target or less ambient light",
-            Self::Saturated { .. } => "less laser power or a darker target",
+            Self::TooDim { .. } => {
+                "a longer exposure, more laser power, a brighter target or less ambient light"
+            }
+            Self::Saturated { .. } => "a shorter exposure, less laser power or a darker target",
+            Self::DimAtLongest { .. } => {
+                "a longer `exposure limit`, more laser power, a brighter target or less ambient light"
+            }
+            Self::SaturatedAtShortest { .. } => {
+                "less laser power or a darker target, or cover other lights"
+            }
             Self::SpotAtEdge { .. } | Self::OutOfRange { .. } => {
                 "move the target into the range that `info` names"
             }

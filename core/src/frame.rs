@@ -21,6 +21,7 @@ mod motion;
 use heapless::Vec;
 
 use crate::centre::RowCentre;
+use crate::exposure::Exposure;
 use crate::fault::Fault;
 use crate::numeric;
 use crate::rank::{self, from_ordered, ordered};
@@ -73,6 +74,8 @@ pub struct Frame {
     centres: Vec<(u16, RowCentre), { MAX_ROWS as usize }>,
     /// How often each kind of fault came, and the latest one.
     faults: [(u16, Option<Fault>); Fault::KINDS],
+    /// The exposure of each row, where it is known.
+    exposures: Vec<Option<Exposure>, { MAX_ROWS as usize }>,
     rows: u16,
 }
 
@@ -94,6 +97,8 @@ pub struct FrameCentre {
     pub uncertainty: Pixels,
     /// The mean height of the spot.
     pub amplitude: Counts,
+    /// The mean exposure of the rows used. `None` if the exposure of one of them is not known.
+    pub exposure: Option<Exposure>,
     /// The mean width of the spot.
     pub width: Pixels,
     /// Rows in the mean: those with a centre, less those that disagree with the others.
@@ -148,9 +153,16 @@ pub struct FrameCentre {
 impl Frame {
     /// Adds a row's centre or fault. Rows beyond [`MAX_ROWS`] do not count.
     pub fn add(&mut self, row: Result<RowCentre, Fault>) {
+        self.add_exposed(row, None);
+    }
+
+    /// As [`Frame::add`], with the row's exposure.
+    pub fn add_exposed(&mut self, row: Result<RowCentre, Fault>, exposure: Option<Exposure>) {
         if u32::from(self.rows) >= MAX_ROWS {
             return;
         }
+        // There is room for MAX_ROWS.
+        let _ = self.exposures.push(exposure);
         match row {
             // There is room for MAX_ROWS.
             Ok(centre) => {
@@ -171,6 +183,7 @@ impl Frame {
     pub fn clear(&mut self) {
         // The places of the centres need not be written.
         self.centres.clear();
+        self.exposures.clear();
         self.faults = Default::default();
         self.rows = 0;
     }
@@ -231,6 +244,7 @@ impl Frame {
             // Never an uncertainty below one step.
             uncertainty: Pixels::from_f32(uncertainty).max(RESOLUTION),
             amplitude: Counts::from_bits(mean(members.iter().map(|it| it.row.amplitude.to_bits()))),
+            exposure: self.mean_exposure(&members),
             width,
             // At most the 64 rows there are.
             rows_used: members.len() as u16,
@@ -241,6 +255,20 @@ impl Frame {
             spread: Pixels::from_f32(spread),
             motion: Pixels::from_f32(fluctuation.shift),
         })
+    }
+
+    /// The mean exposure of some rows. `None` if that of one row is not known.
+    fn mean_exposure(&self, members: &[Member<'_>]) -> Option<Exposure> {
+        let middle = 0.5 * (f32::from(self.rows) - 1.0);
+        let (mut sum, mut count) = (0u32, 0u32);
+        for member in members {
+            // The number of the row, a whole number from 0 to 63.
+            let number = (member.rows_from_middle + middle) as usize;
+            let exposure = self.exposures.get(number).copied().flatten()?;
+            sum = sum.saturating_add(exposure.us().into());
+            count = count.saturating_add(1);
+        }
+        sum.checked_div(count).map(Exposure::nearest_to_us)
     }
 
     /// The fault of rows that do not agree: how far all of them scatter.

@@ -87,6 +87,8 @@ pub mod pixels;
 
 pub mod measurement;
 
+pub mod exposure;
+
 pub mod uncertainty;
 
 pub mod reading;

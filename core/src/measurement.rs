@@ -10,13 +10,14 @@ use crate::black_level::{BlackLevel, BlackPixels};
 use crate::centre::{self, RowCentre};
 use crate::check;
 use crate::comb::{Comb, CombMeasurement, Combined, Slits};
+use crate::exposure::{AutoExposure, Brightness, Exposure, ExposureMode};
 use crate::fault::Fault;
 use crate::frame::{Frame, FrameCentre};
 use crate::pixels::PixelErrors;
 use crate::pixels::map::{self, PixelMap};
 use crate::profile::Profile;
 use crate::reading::Measured;
-use crate::row::{Blocks, Geometry, Row};
+use crate::row::{BLOCK, Blocks, Geometry, Row};
 use crate::settings::Settings;
 use crate::spot::{self, Coarse, Spot};
 use crate::units::{Counts, Pixels};
@@ -37,8 +38,13 @@ pub struct Measurement {
     comb: CombMeasurement,
     /// The result of the row before, if it is of the same frame and had a centre.
     before: Option<(Spot, RowCentre)>,
+    auto_exposure: AutoExposure,
+    /// The exposure of the latest row, if it is known.
+    exposure: Option<Exposure>,
     /// The background above the black level, of the latest row of the frame with a spot.
     ambient: Counts,
+    /// The background with the black level, of the latest row with a spot.
+    background: Counts,
 }
 
 impl Measurement {
@@ -54,7 +60,10 @@ impl Measurement {
             black: BlackPixels::default(),
             comb: CombMeasurement::new(Comb::nominal()),
             before: None,
+            auto_exposure: AutoExposure::new(),
+            exposure: None,
             ambient: Counts::default(),
+            background: Counts::default(),
         }
     }
 
@@ -77,24 +86,44 @@ impl Measurement {
         self.start_frame();
     }
 
-    /// Takes the words of a read-out. Returns the measurement, or a fault, when the frame is complete.
-    pub fn row(&mut self, words: &mut [u16]) -> Option<Result<Measured, Fault>> {
-        self.row_with(words, None)
+    /// The exposure to use from now on: that of the setting, or the one that auto exposure chooses by the rows
+    /// so far.
+    pub fn next_exposure(&self) -> Exposure {
+        let limit = self.settings.exposure_limit;
+        match self.settings.exposure {
+            ExposureMode::Auto => self.auto_exposure.next(limit),
+            ExposureMode::Fixed(exposure) => exposure.min(limit),
+        }
     }
 
-    /// As [`Measurement::row`], and corrects the pixels around the spot with a map, in place. Ignores the map
-    /// of a sensor with another number of pixels. All rows of a frame need the same map.
+    /// Takes the words of a read-out. Returns the measurement, or a fault, when the frame is complete.
+    pub fn row(&mut self, words: &mut [u16]) -> Option<Result<Measured, Fault>> {
+        self.row_with(words, None, None)
+    }
+
+    /// As [`Measurement::row`]. Corrects the pixels around the spot with a map, in place. Ignores the map of a
+    /// sensor with another number of pixels. All rows of a frame need the same map.
+    ///
+    /// `exposure` is the row's own, `None` if it is not known. By it, auto exposure chooses
+    /// [`Measurement::next_exposure`]. The rows of a frame may have different exposures.
     pub fn row_with(
         &mut self,
         words: &mut [u16],
+        exposure: Option<Exposure>,
         map: Option<&PixelMap>,
     ) -> Option<Result<Measured, Fault>> {
         let map = map.filter(|map| map.fits(&self.geometry));
+        if exposure != self.exposure {
+            // The spot has another height now, so the row is searched in full.
+            self.before = None;
+            self.exposure = exposure;
+        }
         match self.settings.slits {
             // The two kinds of result do not meet: they would be copied.
             Slits::One => {
                 let centre = self.centre(words, map);
-                self.frame.add(centre);
+                self.follow_light(&centre);
+                self.frame.add_exposed(centre, exposure);
             }
             Slits::Comb => self.add_row_of_comb(words, map),
         }
@@ -111,11 +140,12 @@ impl Measurement {
     pub fn measure_alone(
         &mut self,
         words: &mut [u16],
+        exposure: Option<Exposure>,
         map: Option<&PixelMap>,
     ) -> Result<Measured, Fault> {
         let rows = core::mem::replace(&mut self.settings.rows, 1);
         self.start_frame();
-        let measured = self.row_with(words, map);
+        let measured = self.row_with(words, exposure, map);
         self.settings.rows = rows;
         // A frame of one row is complete with it.
         measured.unwrap_or(Err(Fault::SensorSilent))
@@ -180,6 +210,7 @@ impl Measurement {
                 (row.ok_or(Fault::SensorSilent)?, spot)
             }
         };
+        self.background = spot.background.level;
         let above_black = spot.above_black(Counts::default()).to_bits();
         self.ambient = Counts::from_bits(above_black.max(0));
         let centre = check::centre(
@@ -229,6 +260,7 @@ impl Measurement {
                 (self.geometry.row_of_valid(words)).ok_or(Fault::SensorSilent)?
             }
         };
+        self.background = level;
         let above_black = level.to_bits().saturating_sub(black_level.to_bits());
         self.ambient = Counts::from_bits(above_black.max(0));
         let estimator = self.settings.estimator;
@@ -239,11 +271,75 @@ impl Measurement {
     #[inline(never)]
     fn add_row_of_comb(&mut self, words: &mut [u16], map: Option<&PixelMap>) {
         let centre = self.centre_of_comb(words, map);
-        self.frame.add(centre);
+        self.follow_light(&centre);
+        self.frame.add_exposed(centre, self.exposure);
+    }
+
+    /// Tells auto exposure about a row.
+    #[inline]
+    fn follow_light(&mut self, centre: &Result<RowCentre, Fault>) {
+        if let (ExposureMode::Auto, Some(exposure)) = (self.settings.exposure, self.exposure) {
+            let brightness = self.brightness(centre);
+            let limit = self.settings.exposure_limit;
+            self.auto_exposure.take(exposure, brightness, limit);
+        }
+    }
+
+    fn brightness(&self, centre: &Result<RowCentre, Fault>) -> Brightness {
+        let room = self.geometry.height_limit(self.background);
+        match centre {
+            Ok(centre) => {
+                let height = match self.settings.slits {
+                    Slits::One => centre.amplitude,
+                    // The centre's height is the mean of all images.
+                    Slits::Comb => self.highest_block(),
+                };
+                Brightness::of_spot(height, room)
+            }
+            Err(fault) => Brightness::of_fault(fault, self.saturated_pixels(), room),
+        }
+    }
+
+    /// The height of the brightest block above the background: that of a comb's brightest image, less 4 % for
+    /// a sigma of 8 pixels.
+    fn highest_block(&self) -> Counts {
+        let most = self.blocks.sums().iter().max().copied().unwrap_or_default();
+        // At most 2^16 * 2^8 / 8.
+        let mean = i32::from(most) * (1 << Counts::FRACTION) / BLOCK as i32;
+        Counts::from_bits(mean.saturating_sub(self.background.to_bits()))
+    }
+
+    /// The pixels in blocks that are saturated as a whole.
+    #[inline(never)]
+    fn saturated_pixels(&self) -> u16 {
+        let full = u32::from(self.geometry.full_scale()) * BLOCK as u32;
+        let is_full = |sum: &&u16| u32::from(**sum) >= full;
+        // At most 512 blocks.
+        let blocks = self.blocks.sums().iter().filter(is_full).count() as u16;
+        blocks.saturating_mul(BLOCK as u16)
+    }
+
+    /// The fault of a frame, with what auto exposure knows of it.
+    fn with_exposure(&self, fault: Fault) -> Fault {
+        let (ExposureMode::Auto, Some(exposure)) = (self.settings.exposure, self.exposure) else {
+            return fault;
+        };
+        let is_longest = exposure >= self.settings.exposure_limit;
+        match fault {
+            Fault::TooDim { amplitude, .. } if is_longest => Fault::DimAtLongest {
+                amplitude,
+                exposure,
+            },
+            Fault::Saturated { pixels } if exposure == Exposure::SHORTEST => {
+                Fault::SaturatedAtShortest { pixels, exposure }
+            }
+            fault => fault,
+        }
     }
 
     fn measured(&self, map: Option<&PixelMap>) -> Result<Measured, Fault> {
-        let frame = self.frame.centre(self.settings.mean)?;
+        let frame = self.frame.centre(self.settings.mean);
+        let frame = frame.map_err(|fault| self.with_exposure(fault))?;
         let comb = match self.settings.slits {
             Slits::One => None,
             Slits::Comb => Some(self.comb.combine()?),

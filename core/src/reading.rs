@@ -3,6 +3,7 @@
 use crate::centre::Estimator;
 use crate::comb::Combined;
 use crate::distance::Calibration;
+use crate::exposure::Exposure;
 use crate::fault::Fault;
 use crate::frame::FrameCentre;
 use crate::pixels::PixelErrors;
@@ -76,6 +77,7 @@ impl Measured {
             centre: frame.centre,
             centre_uncertainty: frame.uncertainty,
             amplitude: frame.amplitude,
+            exposure: frame.exposure,
             width: frame.width,
             rows_used: frame.rows_used,
             rows: frame.rows,
@@ -105,6 +107,8 @@ pub struct Reading {
     pub centre_uncertainty: Pixels,
     /// The spot's height above the background, mean over the rows used.
     pub amplitude: Counts,
+    /// The mean exposure of the rows used. `None` if it is not known.
+    pub exposure: Option<Exposure>,
     /// The spot's width (a gaussian's sigma), mean over the rows used.
     pub width: Pixels,
     /// Rows whose centre went into the reading.

@@ -14,6 +14,7 @@ use heapless::Vec;
 use crate::black_level::BlackLevel;
 use crate::centre::Estimator;
 use crate::comb::Slits;
+use crate::exposure::{Exposure, ExposureMode};
 use crate::frame::{MAX_ROWS, Mean};
 use crate::uncertainty::Surface;
 use crate::units::{Counts, Micrometres};
@@ -34,6 +35,22 @@ macro_rules! list {
 
             /// how the rows' centres are averaged
             Mean "mean" mean: Mean = Mean::Weighted, Form::Words("plain|weighted"), Affects::Measurement;
+
+            /// for how long the laser is on in a row, in us
+            Exposure "exposure" exposure: ExposureMode = ExposureMode::Auto,
+                Form::Words("auto|10..5600"), Affects::Measurement;
+
+            /// the longest exposure that may be chosen
+            ExposureLimit "exposure limit" exposure_limit: Exposure = Exposure::LONGEST,
+                Form::Number {
+                    least: Exposure::SHORTEST.us() as u32,
+                    most: Exposure::LONGEST.us() as u32,
+                    unit: "us",
+                },
+                Affects::Measurement;
+
+            /// whether the laser may be on
+            Laser "laser" laser: bool = true, Form::Words("on|off"), Affects::Measurement;
 
             /// how the black level is found
             Black "black" black_level: BlackLevel = BlackLevel::Shielded,
@@ -221,9 +238,16 @@ macro_rules! declare {
 list!(declare);
 
 impl Setting {
-    /// Finds a setting by its [`name`](Self::name).
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.iter().copied().find(|it| it.name() == name)
+    /// Finds a setting by the words of its [`name`](Self::name), at the front of a line. Returns it with the
+    /// words that follow. A longer name goes first: `exposure limit` is not `exposure` with the value `limit`.
+    pub fn of_words<'a, 'b>(words: &'a [&'b str]) -> Option<(Self, &'a [&'b str])> {
+        let named = |length: usize| {
+            let (name, values) = words.split_at_checked(length)?;
+            let is_name = |it: &Self| it.name().split(' ').eq(name.iter().copied());
+            let setting = Self::ALL.iter().copied().find(is_name)?;
+            Some((setting, values))
+        };
+        named(2).or_else(|| named(1))
     }
 }
 
@@ -296,6 +320,43 @@ impl ValueText for bool {
     fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(if self { "on" } else { "off" })
     }
+}
+
+impl ValueText for ExposureMode {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["auto"] => Ok(Self::Auto),
+            [us] => read_exposure(us).map(Self::Fixed),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Fixed(exposure) => exposure.write(f),
+        }
+    }
+}
+
+impl ValueText for Exposure {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [us] => read_exposure(us),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self.us(), f)
+    }
+}
+
+/// Reads an exposure in microseconds.
+fn read_exposure(word: &str) -> Result<Exposure, ValueError> {
+    let us = read_number(word, 0, u16::MAX.into())?;
+    let exposure = u16::try_from(us).ok().and_then(Exposure::from_us);
+    exposure.ok_or(ValueError::Range)
 }
 
 impl ValueText for Mean {
@@ -398,10 +459,15 @@ pub(crate) mod tests {
         let black = black
             .into_iter()
             .chain([BlackLevel::Shielded, BlackLevel::Frame]);
+        let exposures = [10, 187, 5600].map(|us| Exposure::from_us(us).expect("an exposure"));
         [1, 16, 64]
             .map(Value::Rows)
             .into_iter()
             .chain([true, false].map(Value::Stream))
+            .chain([true, false].map(Value::Laser))
+            .chain(exposures.map(Value::ExposureLimit))
+            .chain([Value::Exposure(ExposureMode::Auto)])
+            .chain(exposures.map(|it| Value::Exposure(ExposureMode::Fixed(it))))
             .chain(Mean::ALL.map(Value::Mean))
             .chain(Slits::ALL.map(Value::Slits))
             .chain(Estimator::ALL.map(Value::Estimator))
@@ -419,9 +485,9 @@ pub(crate) mod tests {
         for value in values() {
             let line = value.to_string();
             let words: std::vec::Vec<&str> = line.split(' ').collect();
-            let setting = Setting::named(words[0]).expect("a setting");
+            let (setting, values) = Setting::of_words(&words).expect("a setting");
             assert_eq!(setting, value.setting());
-            assert_eq!(setting.read(&words[1..]), Ok(value), "{line}");
+            assert_eq!(setting.read(values), Ok(value), "{line}");
             let mut settings = Settings::default();
             settings.set(value);
             assert_eq!(settings.get(setting), value);

@@ -14,8 +14,9 @@
 //! with a random tilt, and the tilt moves the spot. For a spot that is made of M equal speckle patterns, the
 //! displacement given the spot's light I is normal, with the variance s^2 / (2 M) times the mean light over
 //! I: s is the standard deviation of the laser spot, converted to a distance. So the surface's part is
-//! e sqrt(usual height / height). e depends on the surface, and is proportional to the distance. A comb
-//! measures it in each reading, as the scatter of its slits ([`crate::comb`]).
+//! e sqrt(usual height / height). e depends on the surface, and is proportional to the distance. Both heights
+//! are those at the longest exposure. A comb measures the part in each reading, as the scatter of its slits
+//! ([`crate::comb`]).
 //!
 //! **Ranges.** In fixed point, lengths are below 2^23 um, centres below 2^15 px and heights below 2^23
 //! counts. A curve's slope is below 2^28 um a pixel: knots are at least 1/16 px and less than 2^22 um apart,
@@ -26,6 +27,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::distance::eq1;
+use crate::exposure::Exposure;
 use crate::frame::FrameCentre;
 use crate::units::{Counts, Micrometres, Pixels};
 
@@ -86,6 +88,15 @@ pub const SPECKLE: f32 = 0.25 / 300.0 * core::f32::consts::FRAC_1_SQRT_2;
 
 /// The usual height of a spot in counts if no calibration tells it: a quarter of full scale, as in the paper.
 pub const USUAL_HEIGHT: f32 = 1000.0;
+
+/// A spot that is brighter than this many usual ones belongs to another target. Speckle makes 2 % of the
+/// readings of metal (one polarisation, light with an exponential distribution) so bright, and 0.3 % of paper.
+pub const MOST_USUAL: f32 = 4.0;
+
+/// The surface's variance over that at the usual height, for a target whose usual brightness is not known: two
+/// polarisations. The displacement then has Student's t distribution with four degrees of freedom, whose
+/// variance is 4 / (4 - 2).
+const ANY_BRIGHTNESS: f32 = 2.0;
 
 /// The memory of speckle in micrometres at the range [`MEMORY_RANGE_UM`]: the step along the beam after which
 /// the errors of two readings by the surface have the correlation 1/e. It is that of a laser spot of 1 mm
@@ -210,9 +221,14 @@ impl Place {
         let Some((deviation, height)) = errors.surface(self, surface) else {
             return Micrometres::default();
         };
-        let seen = frame.amplitude.to_f32();
-        let seen = if seen > 1.0 { seen } else { 1.0 };
-        let variance = square(deviation) * height / seen;
+        let seen = brightness(frame);
+        // A spot so bright is not a bright speckle of the usual target: it is a brighter target.
+        let factor = if seen < MOST_USUAL * height {
+            height / seen
+        } else {
+            ANY_BRIGHTNESS
+        };
+        let variance = square(deviation) * factor;
         let rest = variance - square(frame.spread.to_f32() * self.slope);
         let least = variance / f32::from(frame.rows_used.max(1));
         let variance = if rest > least { rest } else { least };
@@ -308,6 +324,15 @@ impl CalibrationErrors {
             Surface::Off => None,
         }
     }
+}
+
+/// The height that the spot would have at the longest exposure, in counts: 1 to 2^32.
+fn brightness(frame: &FrameCentre) -> f32 {
+    let factor = frame.exposure.map_or(1.0, |exposure| {
+        f32::from(Exposure::LONGEST.us()) / f32::from(exposure.us())
+    });
+    let seen = frame.amplitude.to_f32() * factor;
+    if seen > 1.0 { seen } else { 1.0 }
 }
 
 /// Linear interpolation. `along` is limited to 0 to 1; not-a-number counts as 0.

@@ -342,6 +342,10 @@ impl Bench {
             | Fault::NoSpot { .. }
             | Fault::TooDim { .. }
             | Fault::SpotAtEdge { .. } => {}
+            // Rows come here without their exposure.
+            Fault::DimAtLongest { .. } | Fault::SaturatedAtShortest { .. } => {
+                panic!("{fault}: nothing chose an exposure")
+            }
         }
     }
 }

@@ -42,7 +42,7 @@ pub fn measure(
     (first..first + u64::from(settings.rows))
         .find_map(|row| {
             let light = simulation.row(row, distance, scene.exposure);
-            measurement.row_with(&mut words(&light, &geometry), map)
+            measurement.row_with(&mut words(&light, &geometry), None, map)
         })
         .unwrap_or(Err(Fault::SensorSilent))
 }
@@ -54,6 +54,7 @@ pub fn at_centre(centre: f64) -> Measured {
             centre: Pixels::from_bits((centre * 65536.0).round() as i32),
             uncertainty: Pixels::from_bits(1),
             amplitude: Counts::from_int(1000),
+            exposure: None,
             width: Pixels::from_int(9),
             rows_used: 16,
             rows: 16,

@@ -339,7 +339,7 @@ fn a_map_corrects_each_pixel_of_a_comb_once() {
             ..Settings::default()
         };
         let mut measurement = Measurement::new(geometry.clone(), settings);
-        let measured = measurement.row_with(&mut frames::words(row, &geometry), map);
+        let measured = measurement.row_with(&mut frames::words(row, &geometry), None, map);
         let measured = measured.expect("a frame of one row").expect("a centre");
         measured.frame.centre.to_f64()
     };
@@ -428,8 +428,8 @@ proptest! {
                 let spot = f64::from(height) * (-0.5 * u * u).exp();
                 *word = 3800u16.saturating_sub(spot as u16).saturating_sub(*word % 16);
             }
-            measurement.row_with(&mut words, Some(&map));
-            measurement.row_with(&mut row.clone(), Some(&map));
+            measurement.row_with(&mut words, None, Some(&map));
+            measurement.row_with(&mut row.clone(), None, Some(&map));
         }
     }
 }

@@ -153,6 +153,7 @@ fn frame(centre: f64) -> Measured {
         frame: FrameCentre {
             uncertainty: Pixels::from_f32(0.002),
             amplitude: Counts::from_int(1993),
+            exposure: None,
             ..exact.frame
         },
         pixels: PixelErrors::TCD1304DG,
@@ -190,11 +191,16 @@ fn every_setting_is_shown_set_and_applied() {
         "mean plain",
         "black fixed 300",
         "black frame",
+        "exposure 200",
+        "exposure limit 300",
+        "exposure auto",
+        "laser off",
         "estimator gauss-newton",
     ] {
         sensor.set(line);
-        let name = line.split(' ').next().expect("a name");
-        let setting = Setting::named(name).expect("a setting");
+        let words: Vec<&str> = line.split(' ').collect();
+        let (setting, _) = Setting::of_words(&words).expect("a setting");
+        let name = setting.name();
         let expected = (setting.affects() == Affects::Measurement)
             .then(|| applied(*sensor.session.settings(), None));
         assert_eq!(sensor.actions.apply, expected);

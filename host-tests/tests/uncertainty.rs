@@ -235,6 +235,7 @@ fn any_measured() -> impl Strategy<Value = Measured> {
             frame: FrameCentre {
                 uncertainty: Pixels::from_bits(uncertainty),
                 amplitude: Counts::from_bits(amplitude),
+                exposure: None,
                 width: Pixels::from_bits(width),
                 spread: Pixels::from_bits(spread),
                 motion: Pixels::from_bits(motion),

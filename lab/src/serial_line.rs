@@ -3,6 +3,7 @@
 
 use anyhow::Context as _;
 use slitrange::centre::Estimator;
+use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::protocol::help::{AFTER_SETTINGS, BEFORE_SETTINGS, purpose};
 use slitrange::settings::{Affects, Setting, Settings};
@@ -167,6 +168,14 @@ fn faults() -> [Fault; Fault::KINDS] {
         Fault::SlitsUnclear {
             images: 6,
             other: 5,
+        },
+        Fault::DimAtLongest {
+            amplitude: Counts::from_f32(35.2),
+            exposure: Exposure::LONGEST,
+        },
+        Fault::SaturatedAtShortest {
+            pixels: 12,
+            exposure: Exposure::SHORTEST,
         },
     ]
 }

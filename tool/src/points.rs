@@ -26,11 +26,17 @@ use anyhow::{Context as _, bail, ensure};
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::comb::{MAX_SLITS, SlitCentres, Slits};
+use slitrange::exposure::Exposure;
 use slitrange::row::LARGEST_COUNT;
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::settings::{Setting, Value};
 use slitrange::shape::COMPONENTS;
 use slitrange::units::{Micrometres, Pixels};
+
+/// The largest height of a spot in counts: that of a spot at full scale in the shortest exposure, if it had
+/// the longest.
+const LARGEST_HEIGHT: u32 =
+    LARGEST_COUNT as u32 * Exposure::LONGEST.us() as u32 / Exposure::SHORTEST.us() as u32;
 
 /// A centre at a known distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +49,7 @@ pub struct Point {
     pub d_mm: f64,
     /// The centre's standard uncertainty in pixels, where it is known.
     pub sigma_px: Option<f64>,
-    /// The spot's height in counts, where it is known.
+    /// The spot's height at the longest exposure in counts, where it is known.
     pub height_counts: Option<f64>,
     /// The spot's shape, where it is known.
     pub shape: Option<KnownShape>,
@@ -309,8 +315,8 @@ impl Columns {
         }
         if let Some(height) = height_counts {
             ensure!(
-                height > 0.0 && height <= LARGEST_COUNT.into(),
-                "line {line}: height_counts is {height}, and must be above 0 and at most {LARGEST_COUNT}: \
+                height > 0.0 && height <= LARGEST_HEIGHT.into(),
+                "line {line}: height_counts is {height}, and must be above 0 and at most {LARGEST_HEIGHT}: \
                  correct it, or leave the column out"
             );
         }
@@ -350,7 +356,7 @@ fn read_slits(
             (Some(x_px), Some(height_counts))
                 if (-0.5..=4096.0).contains(&x_px)
                     && height_counts > 0.0
-                    && height_counts <= LARGEST_COUNT.into() =>
+                    && height_counts <= LARGEST_HEIGHT.into() =>
             {
                 Some(SlitImage {
                     x_px,
@@ -359,7 +365,7 @@ fn read_slits(
             }
             _ => bail!(
                 "line {line}: slit {slit} has no usable image: its centre must be on the row, and its height \
-                 above 0 and at most {LARGEST_COUNT}: correct them, or leave both empty"
+                 above 0 and at most {LARGEST_HEIGHT}: correct them, or leave both empty"
             ),
         };
     }

@@ -33,6 +33,7 @@ mod burst;
 pub mod firmware;
 pub mod flash;
 pub mod hang;
+mod laser;
 pub mod light;
 mod loads;
 #[cfg(unix)]

@@ -8,6 +8,7 @@
 //! | PF13 | SH, high while the photodiodes hand over their charge |
 //! | PD14 | the converter's chip select, active low |
 //! | PA5, PA6, PA7 (SPI1) | the converter's serial interface |
+//! | PD15 (TIM4 channel 4) | the laser, on while high |
 //!
 //! [`SensorHead`] is the state machine. It does not know the emulator: it takes edges and words with their
 //! instants, and gives words. `pins` connects it to the emulated processor.
@@ -28,6 +29,7 @@
 
 use std::collections::VecDeque;
 use std::fmt;
+use std::ops::Range;
 
 use crate::Nanos;
 
@@ -46,12 +48,14 @@ pub const ROWS_KEPT: usize = 64;
 const VIOLATIONS_KEPT: usize = 200;
 
 /// The time in which the light of a row was gathered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Exposure {
     /// The end of the SH pulse before; 0 for the first exposure.
     pub start: Nanos,
     /// The end of the SH pulse that handed the charge over.
     pub end: Nanos,
+    /// For how long the laser was on meanwhile, ns.
+    pub laser: Nanos,
 }
 
 impl Exposure {
@@ -209,6 +213,10 @@ pub struct SensorHead {
     handed_over: Option<Exposure>,
     read_out: Option<ReadOut>,
     burst: Option<Burst>,
+    /// When the laser is on: pulses that no exposure has taken as a whole.
+    laser: Vec<Range<Nanos>>,
+    /// Whether the laser's pin is the timer's output. Otherwise the laser is off.
+    laser_pin: bool,
     /// What the output shows outside a read-out, counts of light: the last row's shielded pixels.
     unlit: u16,
     rows: VecDeque<Row>,
@@ -242,6 +250,8 @@ impl SensorHead {
             handed_over: None,
             read_out: None,
             burst: None,
+            laser: Vec::new(),
+            laser_pin: false,
             unlit: 0,
             rows: VecDeque::new(),
             row_count: 0,
@@ -412,9 +422,11 @@ impl SensorHead {
                         ),
                     );
                 }
+                let start = last_fall.unwrap_or(0);
                 let exposure = Exposure {
-                    start: last_fall.unwrap_or(0),
+                    start,
                     end: now,
+                    laser: self.laser_within(start..now),
                 };
                 if last_fall.is_some() && exposure.duration() < limits::EXPOSURE {
                     let (lasted, least) = (exposure.duration(), limits::EXPOSURE);
@@ -428,6 +440,41 @@ impl SensorHead {
                 }
             }
         }
+    }
+
+    /// The laser is to be on in this time.
+    pub fn laser_pulse(&mut self, rise: Nanos, fall: Nanos) {
+        if self.laser_pin {
+            self.laser.push(rise..fall);
+        }
+    }
+
+    /// The laser goes off, if it is on.
+    pub fn laser_off(&mut self, now: Nanos) {
+        for pulse in &mut self.laser {
+            pulse.end = pulse.end.min(now);
+        }
+    }
+
+    /// Whether the laser's pin is the timer's output.
+    pub(crate) fn laser_pin(&mut self, is_connected: bool) {
+        self.laser_pin = is_connected;
+    }
+
+    /// Reports a violation of the laser's.
+    pub(crate) fn laser_violated(&mut self, now: Nanos, what: &str) {
+        self.violated(now, what.to_owned());
+    }
+
+    /// For how long the laser was on in this time. Forgets the pulses that have ended.
+    fn laser_within(&mut self, time: Range<Nanos>) -> Nanos {
+        let of_pulse = |pulse: &Range<Nanos>| {
+            let (start, end) = (pulse.start.max(time.start), pulse.end.min(time.end));
+            end.saturating_sub(start)
+        };
+        let on = self.laser.iter().map(of_pulse).sum();
+        self.laser.retain(|pulse| pulse.end > time.end);
+        on
     }
 
     /// Sets the converter's chip select to `level`.
@@ -535,7 +582,10 @@ impl SensorHead {
     }
 
     /// The processor restarted and no longer drives its pins. The head's resistors pull them to rest.
-    pub fn restarted(&mut self) {
+    pub fn restarted(&mut self, now: Nanos) {
+        self.laser_off(now);
+        // A resistor at the laser's driver keeps the laser off.
+        self.laser_pin = false;
         self.icg = Pin::resting(Level::High);
         self.chip_select = Pin::resting(Level::High);
         // The photodiodes still gather light, so the end of the last pulse stays.

@@ -1,6 +1,6 @@
-//! The processor: rigless's STM32F427 with faster models of TIM1, SPI1 and DMA2, and a TIM5 whose speed can
-//! be chosen. SPI1 and DMA2 move a
-//! read-out's words in batches (module `burst`).
+//! The processor: rigless's STM32F427 with faster models of TIM1, SPI1 and DMA2, a TIM4 that switches the
+//! laser (module `laser`), and a TIM5 whose speed can be chosen. SPI1 and DMA2 move a read-out's words in
+//! batches (module `burst`).
 //!
 //! TIM1 makes the sensor's master clock. rigless wakes a timer at each event of its counter: here five
 //! million times a virtual second, which took eight times as long as all else together. No pin of the model
@@ -32,6 +32,7 @@ use rigless::soc::{Bus, Error, RegisterSpec};
 use rigless::time::{EventId, VirtualNanos};
 
 use crate::burst::{self, BurstDma, BurstSpi};
+use crate::laser::LaserTimer;
 use crate::sensor_head::pins::{DMA2, SharedHead};
 
 /// The board's processor.
@@ -47,6 +48,8 @@ pub struct Stm32f429 {
     word_by_word: bool,
     tim1: LazyTimer,
     tim1_slot: usize,
+    laser: LaserTimer,
+    laser_slot: usize,
     tim5: RowTimer,
     tim5_slot: usize,
     flash_slot: usize,
@@ -57,10 +60,18 @@ impl Stm32f429 {
     pub(crate) fn new(head: &Arc<SharedHead>, row_timer_speed: f64) -> Result<Self, Error> {
         let mut part = Stm32f427::new()?;
         let bus = part.bus();
-        let [spi1_slot, dma2_slot, tim1_slot, tim5_slot, flash_slot] = [
+        let [
+            spi1_slot,
+            dma2_slot,
+            tim1_slot,
+            laser_slot,
+            tim5_slot,
+            flash_slot,
+        ] = [
             bus.slot("SPI1")?,
             bus.slot("DMA2")?,
             bus.slot("TIM1")?,
+            bus.slot("TIM4")?,
             bus.slot("TIM5")?,
             bus.slot("FLASH")?,
         ];
@@ -75,6 +86,8 @@ impl Stm32f429 {
             word_by_word: false,
             tim1: LazyTimer::new(),
             tim1_slot,
+            laser: LaserTimer::new(head),
+            laser_slot,
             tim5: RowTimer::new(row_timer_speed),
             tim5_slot,
             flash_slot,
@@ -144,6 +157,8 @@ impl Mcu for Stm32f429 {
             &mut self.dma2
         } else if slot == self.tim1_slot {
             &mut self.tim1
+        } else if slot == self.laser_slot {
+            &mut self.laser
         } else if slot == self.tim5_slot {
             &mut self.tim5
         } else {
@@ -155,6 +170,7 @@ impl Mcu for Stm32f429 {
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
         self.tim1 = LazyTimer::new();
+        self.laser = LaserTimer::new(&self.head);
         self.tim5 = RowTimer::new(self.tim5.speed);
         let (mut spi1, dma2) = burst::pair(take_dma2(&mut self.part), &self.head);
         spi1.inherit(&mut self.spi1);

@@ -153,7 +153,7 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
     let Some((&name, values)) = words.split_first() else {
         return Ok(Command::Nothing);
     };
-    if let Some(setting) = Setting::named(name) {
+    if let Some((setting, values)) = Setting::of_words(&words) {
         return match values {
             [] => Ok(Command::Show(setting)),
             _ => match setting.read(values) {

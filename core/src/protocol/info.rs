@@ -8,6 +8,7 @@ use crate::comb::Slits;
 use crate::distance::Calibration;
 use crate::distance::eq1::Eq1;
 use crate::distance::knots::Knots;
+use crate::exposure::Exposure;
 use crate::pixels::PixelErrors;
 use crate::record::Record;
 use crate::row::{Geometry, Polarity};
@@ -25,7 +26,7 @@ pub struct Hardware {
     pub board: &'static str,
     /// The sensor head.
     pub head: &'static str,
-    /// Microseconds from one row to the next, which is also the exposure.
+    /// Microseconds from one row to the next: the exposure to all light but the laser's.
     pub row_us: u32,
 }
 
@@ -90,7 +91,12 @@ impl fmt::Display for Info<'_> {
             "shielded {}..{}; 0 to {full_scale} counts that {polarity} with light",
             shielded.start, shielded.end
         )?;
-        write!(f, "\r\ninfo rate a row every {row_us} us, exposed as long")?;
+        write!(
+            f,
+            "\r\ninfo rate a row every {row_us} us, in which the laser is on for {} to {} us",
+            Exposure::SHORTEST.us(),
+            Exposure::LONGEST.us()
+        )?;
         write!(f, "\r\ninfo mean {}", self.settings.mean.name())?;
         write!(f, "\r\ninfo estimator {}", self.settings.estimator.name())?;
         if self.settings.slits == Slits::Comb {

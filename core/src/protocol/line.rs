@@ -2,8 +2,9 @@
 //!
 //! A reading is `d 800.1234 mm u 0.4372 r 0.0035 x 1823.1234 a 1830 n 16/16`: distance, its combined standard
 //! uncertainty u and its repeatability r, all in millimetres; centre in pixels, amplitude in counts, rows
-//! used of the frame's. A difference from `zero` begins with `z` instead of `d`. A comb adds ` k 16`: the
-//! slits used. Flags may follow:
+//! used of the frame's. A difference from `zero` begins with `z` instead of `d`. ` t 187` is the mean
+//! exposure of the rows used, in microseconds; without it they had the longest exposure, 5600 us. A comb adds
+//! ` k 16`: the slits used. Flags may follow:
 //!
 //! * `m 3`: three of the rows used did not fit their spot.
 //! * `c 3`: neighbouring rows have similar errors, and all rows may be worth as few as three independent
@@ -17,7 +18,7 @@
 //! estimator's [`letter`](crate::centre::Estimator::letter), and the spot's shape
 //! ([`SpotShape`](crate::shape::SpotShape)). `w` is the width, `o` the five components of the antisymmetric
 //! light, all in pixels. All six are zero with a comb, and if the sensor's edge leaves the check too little
-//! of the spot. The flags of a reading may follow.
+//! of the spot. The exposure and the flags of a reading may follow.
 //!
 //! With a comb, `x` is the centre that a slit on the optical axis would show. ` k 16` follows the shape: the
 //! slits used. A second line has the images, in the order of the slits: `slits 912.12345/1830 - ...`. Each is
@@ -29,11 +30,13 @@
 //! positive and below 10 m, u below 1 m and r below 10 mm. To fit, the centre has four decimals, which are
 //! 0.02 to 0.07 um of distance and so as fine as the distance's own, and u has two from 10 mm on. The flag
 //! `c` comes only with frames of eight rows or more, whose line has eight times the room. A comb's line is
-//! five bytes longer. With frames of one row its longest lines do not fit, and the firmware drops some.
+//! five bytes longer, and so is a line with an exposure, by up to seven bytes. With frames of one row the
+//! longest of these lines do not fit, and the firmware drops some.
 
 use core::fmt;
 
 use crate::difference::Difference;
+use crate::exposure::Exposure;
 use crate::fault::Fault;
 use crate::reading::{Measured, Reading};
 use crate::uncertainty::Parts;
@@ -66,6 +69,7 @@ impl Reading {
             self.rows_used,
             self.rows,
         )?;
+        write_exposure(f, self.exposure)?;
         if self.slits_used > 1 {
             write!(f, " k {}", self.slits_used)?;
         }
@@ -132,6 +136,7 @@ impl fmt::Display for Measured {
         for component in frame.shape.components {
             write!(f, " {component:.5}")?;
         }
+        write_exposure(f, frame.exposure)?;
         if let Some(comb) = comb {
             write!(f, " k {}", comb.used)?;
         }
@@ -149,6 +154,14 @@ impl fmt::Display for Measured {
             }
         }
         Ok(())
+    }
+}
+
+/// Writes the exposure, unless it is the longest or not known.
+fn write_exposure(f: &mut fmt::Formatter<'_>, exposure: Option<Exposure>) -> fmt::Result {
+    match exposure {
+        Some(exposure) if exposure != Exposure::LONGEST => write!(f, " t {}", exposure.us()),
+        _ => Ok(()),
     }
 }
 
@@ -185,6 +198,13 @@ impl fmt::Display for Fault {
             Self::SlitsUnclear { images, other } => {
                 write!(f, ": {images} images fit one place, {other} another")
             }
+            Self::DimAtLongest {
+                amplitude,
+                exposure,
+            } => write!(f, ": {amplitude:.1} counts in {} us", exposure.us()),
+            Self::SaturatedAtShortest { pixels, exposure } => {
+                write!(f, ": {pixels} pixels in {} us", exposure.us())
+            }
         }
     }
 }
@@ -217,6 +237,7 @@ mod tests {
             centre: Pixels::from_f32(1823.125),
             centre_uncertainty: Pixels::from_f32(0.001),
             amplitude: Counts::from_f32(1830.25),
+            exposure: None,
             width: Pixels::from_int(9),
             rows_used: 16,
             rows: 16,
@@ -318,6 +339,7 @@ mod tests {
                 centre: Pixels::from_f32(1770.9877),
                 uncertainty: Pixels::from_f32(0.00195),
                 amplitude: Counts::from_f32(1993.25),
+                exposure: None,
                 width: Pixels::from_int(9),
                 rows_used: 16,
                 rows: 16,
@@ -404,6 +426,7 @@ mod tests {
             centre: Pixels::from_f32(3646.9),
             centre_uncertainty: Pixels::from_int(16),
             amplitude: Counts::from_int(4095),
+            exposure: None,
             width: Pixels::from_int(130),
             rows_used: rows,
             rows,

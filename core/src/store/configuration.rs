@@ -120,13 +120,10 @@ fn read_lines(lines: &[u8]) -> Result<Settings, ConfigurationError> {
     let mut settings = Settings::default();
     for line in lines.lines() {
         let words = split_words(line);
-        let Some((&name, words)) = words.split_first() else {
+        let Some((setting, values)) = Setting::of_words(&words) else {
             continue;
         };
-        let Some(setting) = Setting::named(name) else {
-            continue;
-        };
-        match setting.read(words) {
+        match setting.read(values) {
             Ok(value) => settings.set(value),
             Err(_) => return Err(ConfigurationError::Setting(setting)),
         }
@@ -161,7 +158,10 @@ fn read_version_1(bytes: [u8; SETTINGS_1]) -> Result<Settings, ConfigurationErro
         let mut line = Text::<32>::default();
         let _ = write!(line, "{value}");
         let words = split_words(line.as_str());
-        match value.setting().read(words.get(1..).unwrap_or_default()) {
+        let Some((setting, values)) = Setting::of_words(&words) else {
+            continue;
+        };
+        match setting.read(values) {
             // A black level between two counts is rounded.
             Ok(value) => settings.set(value),
             Err(_) => return Err(ConfigurationError::Setting(value.setting())),

@@ -91,14 +91,17 @@ fn settings() -> impl Strategy<Value = Settings> {
         "rows ([1-9]|[1-5][0-9]|6[0-4])",
         "mean (plain|weighted)",
         "black (shielded|frame|fixed [1-3]?[0-9]{1,3})",
+        "exposure (auto|[1-4][0-9]{1,3}|5600)",
+        "exposure limit ([1-4][0-9]{1,3}|5600)",
+        "laser (on|off)",
         "estimator (centroid|phase-table|adaptive|gauss-newton|fraunhofer)",
     ];
     prop::collection::vec(lines, 0..8).prop_map(|lines| {
         let mut settings = Settings::default();
         for line in &lines {
             let words: Vec<&str> = line.split(' ').collect();
-            let setting = Setting::named(words[0]).expect("a setting");
-            settings.set(setting.read(&words[1..]).expect("a value"));
+            let (setting, values) = Setting::of_words(&words).expect("a setting");
+            settings.set(setting.read(values).expect("a value"));
         }
         settings
     })

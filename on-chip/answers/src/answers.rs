@@ -171,6 +171,7 @@ fn say_reading(answer: Result<Reading, Fault>, say: &mut impl FnMut(u32)) {
             centre,
             centre_uncertainty,
             amplitude,
+            exposure: _,
             width,
             rows_used,
             rows,
@@ -223,6 +224,11 @@ fn say_fault(fault: Fault, say: &mut impl FnMut(u32)) {
         } => [centre.to_bits(), uncertainty.to_bits()],
         Fault::FewSlits { found, needed } => [found.into(), needed.into()],
         Fault::SlitsUnclear { images, other } => [images.into(), other.into()],
+        Fault::DimAtLongest {
+            amplitude,
+            exposure,
+        } => [amplitude.to_bits(), exposure.us().into()],
+        Fault::SaturatedAtShortest { pixels, exposure } => [pixels.into(), exposure.us().into()],
     };
     for bits in bits {
         say(bits as u32);

@@ -1,12 +1,13 @@
 //! What a sensor's answers say, where they are more than the command that they answer.
 
 use slitrange::comb::MAX_SLITS;
+use slitrange::exposure::Exposure;
 
 use crate::points::{Shape, SlitImage, SlitImages};
 
 /// The centre of a frame, as `centre` answers it: `x 1770.98771 u 0.00195 a 1993 n 16/16 b 300 e t w 7.62131
-/// o 0.00012 -0.00310 0.01203 0.00010 -0.00020`, and ` m 3` and ` c 3` as in a reading. Earlier firmware
-/// sends neither `w` nor `o`.
+/// o 0.00012 -0.00310 0.01203 0.00010 -0.00020`, and ` t 187`, ` m 3` and ` c 3` as in a reading. Earlier
+/// firmware sends neither `w` nor `o`.
 ///
 /// A comb has ` k 16` after the shape, and a second line with the image of each slit: `slits 912.12345/1830 -
 /// ...`.
@@ -18,6 +19,8 @@ pub struct Centre {
     pub claimed_px: f64,
     /// The spot's height in counts.
     pub height_counts: f64,
+    /// For how long the laser was on in a row, in microseconds.
+    pub exposure_us: u16,
     /// Rows in the frame.
     pub rows: u16,
     /// The estimator's letter.
@@ -121,6 +124,10 @@ fn reading(line: &str) -> Option<(Centre, bool)> {
         }
         _ => (None, flags),
     };
+    let (exposure_us, flags) = match *flags {
+        ["t", us, ref flags @ ..] => (Exposure::from_us(us.parse().ok()?)?, flags),
+        _ => (Exposure::LONGEST, flags),
+    };
     let (has_comb, flags) = match *flags {
         ["k", used, ref flags @ ..] => {
             let _: u8 = used.parse().ok()?;
@@ -146,6 +153,7 @@ fn reading(line: &str) -> Option<(Centre, bool)> {
         x_px: five_decimals(x)?,
         claimed_px: five_decimals(u)?,
         height_counts: height.into(),
+        exposure_us: exposure_us.us(),
         rows: Some(rows).filter(|&rows| used <= rows)?,
         estimator: letters.next().filter(|_| letters.next().is_none())?,
         shape,
@@ -259,6 +267,7 @@ mod tests {
             x_px: 1770.98771,
             claimed_px: 0.00195,
             height_counts: 1993.0,
+            exposure_us: 5600,
             rows: 16,
             estimator: 't',
             shape: Some(Shape {
@@ -290,6 +299,14 @@ mod tests {
             let is_of_centre = read.x_px < 1000.0 && read.claimed_px == 0.00195;
             read.rows != 16 || is_of_height || is_of_centre || is_of_shape
         }));
+        // A shorter exposure is a word and a number more.
+        let exposed = |us: &str| centre(&lines(&format!("{plain} t {us} m 3 c 2")));
+        let short = Centre {
+            exposure_us: 187,
+            ..read
+        };
+        assert_eq!(exposed("187"), Some(Ok(short)));
+        assert_eq!((exposed("9"), exposed("5601")), (None, None));
         // Earlier firmware sends no shape, and a shape of zeros is none.
         let (before, _) = plain.split_once(" w ").expect("a shape");
         let without = Centre {

@@ -7,6 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, ensure};
 use slitrange::centre::Estimator;
 use slitrange::comb::Slits;
+use slitrange::exposure::Exposure;
 use slitrange::frame::MAX_ROWS;
 use slitrange::protocol::command::Command;
 use slitrange::settings::{Setting, Value};
@@ -415,17 +416,36 @@ pub fn taken(d_mm: f64, centres: &[Centre]) -> Taken {
         misfits: centres.iter().map(|centre| centre.misfits).sum(),
         correlated: centres.iter().filter_map(|centre| centre.correlated).min(),
         // The median: a line that lost a digit does not count.
-        height_counts: Some(median(centres.iter().map(|it| it.height_counts).collect()))
+        height_counts: Some(median(centres.iter().map(height_at_longest).collect()))
             .filter(|height| *height > 0.0),
         shape: mean_shape(centres),
         slits: mean_images(centres),
     }
 }
 
+/// The factor from a height in counts to that at the longest exposure.
+fn to_longest(centre: &Centre) -> f64 {
+    f64::from(Exposure::LONGEST.us()) / f64::from(centre.exposure_us)
+}
+
+/// The height that the spot would have at the longest exposure, in counts.
+fn height_at_longest(centre: &Centre) -> f64 {
+    centre.height_counts * to_longest(centre)
+}
+
 /// The mean images of a comb's slits, rounded as a file holds them. A slit without an image in at least half
 /// of the frames has none.
 fn mean_images(centres: &[Centre]) -> Option<SlitImages> {
-    let frames: Vec<SlitImages> = centres.iter().filter_map(|centre| centre.slits).collect();
+    let with_images = centres.iter().filter_map(|centre| {
+        let factor = to_longest(centre);
+        let scaled = |image: SlitImage| SlitImage {
+            height_counts: image.height_counts * factor,
+            ..image
+        };
+        let images = centre.slits?;
+        Some(images.map(|image| image.map(scaled)))
+    });
+    let frames: Vec<SlitImages> = with_images.collect();
     if frames.is_empty() {
         return None;
     }
@@ -484,6 +504,7 @@ mod tests {
             x_px,
             claimed_px: 0.002,
             height_counts: 1000.0,
+            exposure_us: 5600,
             rows: 64,
             estimator: 't',
             shape: None,
@@ -502,6 +523,12 @@ mod tests {
         assert_eq!(point.scatter_px, Some(0.02582));
         assert_eq!(point.sigma_px, 0.01291);
         assert_eq!(point.height_counts, Some(1000.0));
+        // A height is that at the longest exposure.
+        let short = Centre {
+            exposure_us: 560,
+            ..centre(1800.0)
+        };
+        assert_eq!(taken(700.0, &[short]).height_counts, Some(10_000.0));
         // Frames that agree better than chance: what the sensor claims counts.
         let point = taken(700.0, &[centre(1800.0); 4]);
         assert_eq!((point.scatter_px, point.sigma_px), (Some(0.0), 0.001));

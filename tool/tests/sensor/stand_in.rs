@@ -228,8 +228,8 @@ impl State {
     /// Sends a row.
     fn row(&mut self, part: RowPart) -> String {
         let (geometry, mut words) = (tcd1304dg(), words());
-        let measured =
-            Measurement::new(geometry.clone(), self.settings()).measure_alone(&mut words, None);
+        let measured = Measurement::new(geometry.clone(), self.settings())
+            .measure_alone(&mut words, None, None);
         let light = geometry.row(&words).expect("a row").light();
         let head = RowHead::new(part, light.len(), &measured);
         let lines = RowPixels::lines(light, head.sent()).map(|line| format!("{line}\r\n"));
@@ -639,6 +639,7 @@ impl Sensor {
             frame: FrameCentre {
                 uncertainty: Pixels::from_f32(NOISE_PX as f32),
                 amplitude: Counts::from_int(1993),
+                exposure: None,
                 rows_used: settings.rows,
                 rows: settings.rows,
                 shape: SHAPE,

@@ -18,6 +18,7 @@ use rigless::soc::stm32f427::peripherals::spi::Select;
 
 use super::{Clocks, Level, SensorHead};
 use crate::Nanos;
+use crate::laser;
 use crate::stm32f429::Stm32f429;
 
 /// SPI1, which serves the converter, in rigless's order.
@@ -59,8 +60,10 @@ impl SharedHead {
         if self.look.swap(false, Ordering::Relaxed) {
             let clocks = clocks(processor);
             let buffers = dma_addresses(&mut processor.part);
+            let laser_pin = laser::is_pin_connected(&mut processor.part);
             let mut head = self.lock();
             head.clocks(clocks, now);
+            head.laser_pin(laser_pin);
             for address in buffers {
                 head.dma_address(address, now);
             }
@@ -142,8 +145,8 @@ impl spi::Peer for HeadPin {
         self.edge(false, context.now().0);
     }
 
-    fn restarted(&mut self, _context: &mut Timeline<'_, '_>) {
-        self.head.lock().restarted();
+    fn restarted(&mut self, context: &mut Timeline<'_, '_>) {
+        self.head.lock().restarted(context.now().0);
     }
 }
 

@@ -104,7 +104,8 @@ fn a_row_has_its_counts_by_pixel_and_its_words_as_sent() {
         row.exposure,
         Exposure {
             start: 0,
-            end: 1_002_000
+            end: 1_002_000,
+            laser: 0,
         }
     );
     assert_eq!(row.read_out, 1_003_500);
@@ -137,7 +138,8 @@ fn an_exposure_lasts_from_pulse_to_pulse() {
         head.last_row().unwrap().exposure,
         Exposure {
             start: 8_002_000,
-            end: 9_002_000
+            end: 9_002_000,
+            laser: 0,
         }
     );
     assert_eq!(head.last_row().unwrap().exposure.duration(), 1_000_000);
@@ -483,7 +485,7 @@ fn a_restart_violates_nothing() {
     GOOD.pulses(&mut head);
     head.chip_select(Level::Low, 1_004_000);
     head.word(16, 1_006_000);
-    head.restarted();
+    head.restarted(1_500_000);
     // The firmware configures its pins again.
     head.icg(Level::High, 2_000_000);
     head.sh(Level::Low, 2_000_000);
@@ -498,7 +500,8 @@ fn a_restart_violates_nothing() {
         head.last_row().unwrap().exposure,
         Exposure {
             start: 1_002_000,
-            end: 3_002_000
+            end: 3_002_000,
+            laser: 0,
         }
     );
 }

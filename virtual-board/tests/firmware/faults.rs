@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use simulator::optics::Optics;
 use simulator::scene::{Scene, Spot};
+use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{FULL_SCALE, LightSource, VirtualBoard};
@@ -97,6 +98,14 @@ fn advice_for(name: &str) -> &'static str {
         Fault::SlitsUnclear {
             images: 0,
             other: 0,
+        },
+        Fault::DimAtLongest {
+            amplitude: zero,
+            exposure: Exposure::LONGEST,
+        },
+        Fault::SaturatedAtShortest {
+            pixels: 0,
+            exposure: Exposure::SHORTEST,
         },
     ]
     .iter()

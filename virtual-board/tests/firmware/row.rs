@@ -75,7 +75,8 @@ impl Answer {
             rows.find(|words| is_this(words)).cloned()
         });
         let mut words = words.expect("a row with these pixels");
-        let measured = Measurement::new(geometry.clone(), settings).measure_alone(&mut words, None);
+        let measured =
+            Measurement::new(geometry.clone(), settings).measure_alone(&mut words, None, None);
         let head = RowHead::new(self.part, geometry.light.len(), &measured);
         head.to_string().split("\r\n").map(String::from).collect()
     }

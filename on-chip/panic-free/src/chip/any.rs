@@ -8,6 +8,7 @@ use slitrange::distance::eq1::{Eq1, Eq1Error};
 use slitrange::distance::knots::Knot;
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
+use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::frame::{FrameCentre, Mean};
 use slitrange::pixels::PixelErrors;
@@ -165,12 +166,17 @@ pub fn row_centre() -> RowCentre {
     })
 }
 
+pub fn exposure() -> Option<Exposure> {
+    any(Some(Exposure::LONGEST))
+}
+
 pub fn measured() -> Measured {
     any(Measured {
         frame: FrameCentre {
             centre: Pixels::MIN,
             uncertainty: Pixels::MIN,
             amplitude: Counts::MIN,
+            exposure: exposure(),
             width: Pixels::MIN,
             rows_used: 0,
             rows: 0,
@@ -196,6 +202,7 @@ pub fn reading() -> Reading {
         centre: Pixels::MIN,
         centre_uncertainty: Pixels::MIN,
         amplitude: Counts::MIN,
+        exposure: exposure(),
         width: Pixels::MIN,
         rows_used: 0,
         slits_used: any(0),

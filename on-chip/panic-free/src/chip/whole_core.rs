@@ -148,7 +148,9 @@ pub fn correct_pixels() {
             }
         }
         reached(reader.pixels() as i32);
-        if let Some(result) = measurement.row_with(any::words(&mut words), field.map()) {
+        if let Some(result) =
+            measurement.row_with(any::words(&mut words), any::exposure(), field.map())
+        {
             reached(result.map_or(0, |measured| measured.frame.centre.to_bits()));
         }
         if let Some(map) = field.map() {
@@ -280,7 +282,7 @@ pub fn talk() {
 fn send_row() {
     let mut words = [0; 4096];
     let mut measurement = Measurement::new(any::geometry(), any::settings());
-    let measured = measurement.measure_alone(any::words(&mut words), None);
+    let measured = measurement.measure_alone(any::words(&mut words), any::exposure(), None);
     let geometry = any::geometry();
     let row = geometry.row(any::words(&mut words));
     let light = row.map_or_else(|_| Light::default(), |row| row.light());

@@ -18,6 +18,8 @@ pub struct Reading {
     pub amplitude: f64,
     /// The rows used.
     pub rows: u16,
+    /// For how long the laser was on in a row, in microseconds.
+    pub exposure: u16,
     /// The slits used: 1 for a sensor with one slit.
     pub slits: u8,
     /// The flags, as the line has them.
@@ -70,6 +72,10 @@ impl Report {
             word.parse::<f64>()
                 .with_context(|| format!("{word:?} in {line:?} is no number"))
         };
+        let (exposure, rest) = match rest {
+            ["t", exposure, rest @ ..] => (*exposure, rest),
+            rest => ("5600", rest),
+        };
         let (slits, flags) = match rest {
             ["k", slits, flags @ ..] => (*slits, flags),
             flags => ("1", flags),
@@ -84,6 +90,9 @@ impl Report {
             rows: used
                 .parse()
                 .with_context(|| format!("{rows:?} in {line:?} is no count of rows"))?,
+            exposure: exposure
+                .parse()
+                .with_context(|| format!("{exposure:?} in {line:?} is no exposure"))?,
             slits: slits
                 .parse()
                 .with_context(|| format!("{slits:?} in {line:?} is no count of slits"))?,

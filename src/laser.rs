@@ -1,0 +1,73 @@
+//! The laser: a timer switches it on for the exposure, once in each row.
+//!
+//! TIM4 runs in one-pulse mode at 1 MHz. The program starts it at the end of SH's pulse, which begins a row's
+//! light. The output rises a microsecond later, and falls after the exposure, by the timer alone: neither
+//! interrupts nor a program that hangs can make the pulse longer. At reset the pin is an input. A resistor at
+//! the laser's driver then keeps the laser off (docs/hardware.md).
+
+use embassy_stm32::gpio::OutputType;
+use embassy_stm32::pac::timer::vals::Ocm;
+use embassy_stm32::timer::Ch4;
+use embassy_stm32::timer::low_level::Timer;
+use embassy_stm32::timer::simple_pwm::PwmPin;
+use embassy_stm32::{Peri, pac, peripherals};
+use slitrange::exposure::Exposure;
+
+/// TIM4 counts at twice the speed of APB1: 84 MHz.
+const TIMER_HZ: u32 = 84_000_000;
+
+/// The counter's step is a microsecond.
+const PRESCALER: u16 = (TIMER_HZ / 1_000_000 - 1) as u16;
+
+/// Channel 4 of TIM4.
+const CHANNEL: usize = 3;
+
+/// The laser's switch.
+pub struct Laser {
+    /// The timer has its clock, and the pin its output, as long as these are kept.
+    _timer: Timer<'static, peripherals::TIM4>,
+    _pin: PwmPin<'static, peripherals::TIM4, Ch4>,
+}
+
+impl Laser {
+    /// Sets the timer up. The laser stays off.
+    pub fn new(
+        timer: Peri<'static, peripherals::TIM4>,
+        pin: Peri<'static, peripherals::PD15>,
+    ) -> Self {
+        let timer = Timer::new(timer);
+        let registers = pac::TIM4;
+        registers.psc().write_value(PRESCALER);
+        // Low while the counter is 0, which is where it stops, and high from 1 on.
+        registers
+            .ccmr_output(CHANNEL / 2)
+            .modify(|mode| mode.set_ocm(CHANNEL % 2, Ocm::PWM_MODE2));
+        registers.ccr(CHANNEL).write(|compare| compare.set_ccr(1));
+        registers.cr1().modify(|control| control.set_opm(true));
+        registers
+            .ccer()
+            .modify(|enable| enable.set_cce(CHANNEL, true));
+        Self {
+            _timer: timer,
+            // Last, when the timer's output is low.
+            _pin: PwmPin::new(pin, OutputType::PushPull),
+        }
+    }
+
+    /// Sets the length of the next pulse. `None`: no pulse. Call it while no pulse is under way.
+    pub fn set_exposure(&mut self, exposure: Option<Exposure>) {
+        // The counter goes from 0 to this number, and the output is high for all but 0.
+        let us = exposure.map_or(0, Exposure::us);
+        pac::TIM4.arr().write(|reload| reload.set_arr(us));
+        // Restarts the prescaler too, so that each pulse begins as long after its start.
+        pac::TIM4.egr().write(|event| event.set_ug(true));
+    }
+
+    /// Starts the pulse.
+    #[inline]
+    pub fn start(&mut self) {
+        if pac::TIM4.arr().read().arr() != 0 {
+            pac::TIM4.cr1().modify(|control| control.set_cen(true));
+        }
+    }
+}

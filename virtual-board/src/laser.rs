@@ -1,0 +1,159 @@
+//! The laser, on channel 4 of TIM4 and the pin PD15, as the sensor head sees it.
+//!
+//! rigless models the timer and shows no pin. So this module computes the laser's pulse when the firmware
+//! starts the timer, from the timer's registers: one-pulse mode, PWM mode 2, no inversion. If the timer is not
+//! in this mode, the head reports a violation, because nothing then ends the pulse.
+
+use std::sync::Arc;
+
+use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
+use rigless::soc::RegisterSpec;
+use rigless::soc::stm32f427::Stm32f427;
+use rigless::soc::stm32f427::generated::tim2::{Register, ccer, ccmr2_output, cr1};
+use rigless::soc::stm32f427::peripherals::rcc;
+use rigless::soc::stm32f427::peripherals::tim::{Counter, General, Tim};
+use rigless::time::{EventId, VirtualNanos};
+
+use crate::sensor_head::pins::SharedHead;
+
+/// PWM mode 2: the output is low while the counter is below the compare value (RM0090 section 18.4.8).
+const PWM_MODE_2: u64 = 0b111;
+
+/// The function of PD15 that connects it to TIM4 (STM32F429 data sheet, table 12).
+const TIMER_FUNCTION: u64 = 2;
+
+/// The mode of a pin that a peripheral drives (RM0090 section 8.4.1).
+const ALTERNATE: u64 = 0b10;
+
+/// TIM4.
+#[derive(Debug)]
+pub struct LaserTimer {
+    timer: Tim<General>,
+    head: Arc<SharedHead>,
+    hz: u64,
+    runs: bool,
+}
+
+impl LaserTimer {
+    /// A timer that was just reset.
+    pub fn new(head: &Arc<SharedHead>) -> Self {
+        Self {
+            // As rigless makes it.
+            timer: Tim::with_clock(rcc::HSI_HZ, Counter::Narrow),
+            head: Arc::clone(head),
+            hz: rcc::HSI_HZ,
+            runs: false,
+        }
+    }
+
+    /// Finds out whether a pulse begins or is broken off.
+    fn watch(&mut self, written: Register, registers: &RegisterFile, now: VirtualNanos) {
+        let control = registers.get(Register::Cr1);
+        let runs = cr1::CEN.is_set(control);
+        let began = runs && (!self.runs || written == Register::Egr);
+        let ended = self.runs && !runs;
+        self.runs = runs;
+        let mode = ccmr2_output::OC4M.get(registers.get(Register::Ccmr2Output));
+        let enable = registers.get(Register::Ccer);
+        let is_on = ccer::CC4E.is_set(enable);
+        if began || ended || !is_on {
+            self.head.lock().laser_off(now.0);
+        }
+        if !(began && is_on) {
+            return;
+        }
+        if !cr1::OPM.is_set(control) || mode != PWM_MODE_2 || ccer::CC4P.is_set(enable) {
+            let what = "the laser's timer started without one-pulse mode: nothing ends the pulse";
+            self.head.lock().laser_violated(now.0, what);
+            return;
+        }
+        let tick = (registers.get(Register::Psc) + 1) as f64 * 1e9 / self.hz as f64;
+        let after = |ticks: u64| now.0 + (ticks as f64 * tick).round() as u64;
+        let (rise, fall) = (
+            registers.get(Register::Ccr4),
+            registers.get(Register::Arr) + 1,
+        );
+        if rise < fall {
+            self.head.lock().laser_pulse(after(rise), after(fall));
+        }
+    }
+}
+
+/// Whether PD15 is the output of TIM4.
+pub fn is_pin_connected(processor: &mut Stm32f427) -> bool {
+    use rigless::soc::stm32f427::generated::gpioa::Register::{Afrh, Moder};
+    let Ok(slot) = processor.bus().slot("GPIOD") else {
+        return false;
+    };
+    let registers = processor.bus().slots()[slot].registers();
+    let mode = registers.get(Moder) >> 30 & 0b11;
+    let function = registers.get(Afrh) >> 28 & 0b1111;
+    mode == ALTERNATE && function == TIMER_FUNCTION
+}
+
+impl Device for LaserTimer {
+    type Register = Register;
+
+    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.hz = hz;
+        Device::on_clock(&mut self.timer, hz, registers, context);
+    }
+
+    fn on_event(
+        &mut self,
+        event: EventId,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        Device::on_event(&mut self.timer, event, registers, context);
+        // The timer stops by itself at the end of a pulse.
+        self.runs = cr1::CEN.is_set(registers.get(Register::Cr1));
+    }
+
+    fn write(
+        &mut self,
+        register: Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        Device::write(&mut self.timer, register, value, registers, context);
+        self.watch(register, registers, context.now());
+    }
+
+    // All that follows only calls the timer.
+
+    fn read(
+        &mut self,
+        register: Register,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> Option<u64> {
+        Device::read(&mut self.timer, register, registers, context)
+    }
+
+    fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64> {
+        Device::peek(&self.timer, register, registers, now)
+    }
+
+    fn layout(&self) -> &'static [RegisterSpec] {
+        Device::layout(&self.timer)
+    }
+
+    fn on_request(
+        &mut self,
+        change: RequestChange,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        Device::on_request(&mut self.timer, change, registers, context);
+    }
+
+    fn reset(&mut self) {
+        Device::reset(&mut self.timer);
+    }
+
+    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        Device::reset_line(&mut self.timer, registers, context);
+    }
+}
