@@ -4,8 +4,9 @@
 use rayon::prelude::*;
 use simulator::optics::Aperture;
 use simulator::scene::{
-    Ambient, BlackLevel, Effect, FixedPattern, HotPixels, Motion, Quantisation, ReadNoise,
-    Response, Saturation, Scene, Sensor, ShotNoise, Simulation, Spot, file, quantise, random,
+    Ambient, BlackLevel, Effect, Exposure, FixedPattern, HotPixels, Motion, Quantisation,
+    ReadNoise, Response, Saturation, Scene, Sensor, ShotNoise, Simulation, Spot, file, quantise,
+    random,
 };
 use slitrange::centre::{self, Estimator, RowCentre};
 use slitrange::fault::Fault;
@@ -566,6 +567,41 @@ fn a_row_takes_as_long_as_its_exposure() {
     }
 }
 
+/// The laser shines for 2 ms of a row of 5 ms. The row has the laser's light of 2 ms, and ambient light and
+/// dark current of 5 ms. A row without a pulse is that of a scene without a laser, bit for bit, noise included.
+#[test]
+fn ambient_light_and_dark_current_do_not_depend_on_the_laser() {
+    let [ambient, hot] = [Effect::Ambient, Effect::HotPixels].map(|it| listing(plain_spot(), it));
+    let scene = ambient.with(Effect::HotPixels, &hot);
+    let dark = Scene {
+        spot: None,
+        ..scene.clone()
+    };
+    let pulsed = Exposure {
+        row: 0.005,
+        laser: 0.002,
+        laser_before: 0.0,
+    };
+    let of = |scene: &Scene, exposure: Exposure| scene.row(3, 0.8, exposure);
+    let (spot, rest) = (plain_spot().row(3, 0.8, 0.002), dark.row(3, 0.8, 0.005));
+    let sum = spot.iter().zip(&rest).map(|(a, b)| a + b);
+    let worst = (sum.zip(of(&scene, pulsed))).map(|(a, b)| (a - b).abs());
+    let worst = worst.fold(0.0, f32::max);
+    println!("off by {worst:.1e} counts at most");
+    // The last bit of numbers up to 1024.
+    assert!(worst <= 1.3e-4);
+
+    let off = Exposure {
+        laser: 0.0,
+        ..pulsed
+    };
+    let noisy = |scene: Scene| {
+        let noises = [Effect::ShotNoise, Effect::ReadNoise];
+        noises.into_iter().fold(scene, listing)
+    };
+    assert_eq!(of(&noisy(scene), off), of(&noisy(dark), pulsed));
+}
+
 // ---- Random numbers ----
 
 /// Every effect, as a scene's file lists it.
@@ -640,12 +676,17 @@ fn all_random_streams_differ() {
     }
 }
 
-/// A spot behind a lens, on which every effect can act.
-fn spot_behind_a_lens() -> Scene {
-    let mut scene = Scene {
+/// White paper's spot, and nothing else.
+fn plain_spot() -> Scene {
+    Scene {
         spot: Scene::white_paper().spot,
         ..Scene::dark(Sensor::Tcd1304dg)
-    };
+    }
+}
+
+/// A spot behind a lens, on which every effect can act.
+fn spot_behind_a_lens() -> Scene {
+    let mut scene = plain_spot();
     scene.optics.aperture = Aperture::PAPER_LENS;
     scene
 }

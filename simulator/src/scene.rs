@@ -13,6 +13,7 @@
 pub mod ambient;
 pub mod black_level;
 pub mod diffraction;
+pub mod exposure;
 pub mod file;
 pub mod fixed_pattern;
 pub mod flare;
@@ -47,6 +48,7 @@ use crate::optics::Optics;
 pub use ambient::Ambient;
 pub use black_level::BlackLevel;
 pub use diffraction::Diffraction;
+pub use exposure::Exposure;
 pub use fixed_pattern::FixedPattern;
 pub use flare::Flare;
 pub use hot_pixels::HotPixels;
@@ -260,22 +262,28 @@ impl Scene {
     }
 
     /// The pixels' outputs, light positive, in counts before rounding, for a target at `distance` metres,
-    /// after `exposure` seconds: `geometry().words` values, in the order in which the words of the geometry
-    /// are read. `row` counts the rows and selects the random numbers.
+    /// after an exposure: `geometry().words` values, in the order in which the words of the geometry are read.
+    /// `row` counts the rows and selects the random numbers. The exposure is in seconds, or an [`Exposure`]
+    /// for a laser that is not always on.
     ///
     /// A scene of which many rows are wanted is prepared once: [`Simulation`].
-    pub fn row(&self, row: u64, distance: f64, exposure: f64) -> Vec<f32> {
+    pub fn row(&self, row: u64, distance: f64, exposure: impl Into<Exposure>) -> Vec<f32> {
         simulation::row(
             self,
             &simulation::Prepared::new(self),
             row,
             distance,
-            exposure,
+            exposure.into(),
         )
     }
 
     /// The same for a spot whose centre is given, in pixels of the light range.
-    pub fn row_with_centre(&self, row: u64, centre: f64, exposure: f64) -> Vec<f32> {
+    pub fn row_with_centre(
+        &self,
+        row: u64,
+        centre: f64,
+        exposure: impl Into<Exposure>,
+    ) -> Vec<f32> {
         self.row(row, self.optics.distance(centre), exposure)
     }
 }

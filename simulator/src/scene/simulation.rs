@@ -5,7 +5,7 @@
 
 use crate::least_squares;
 use crate::scene::laser_light::LaserLight;
-use crate::scene::{Effect, Scene, random};
+use crate::scene::{Effect, Exposure, Scene, random};
 
 /// A scene, and what it draws and computes once for all of its rows.
 #[derive(Clone, Debug)]
@@ -37,7 +37,8 @@ impl Simulation {
     }
 
     /// As [`Scene::row`].
-    pub fn row(&self, row: u64, distance: f64, exposure: f64) -> Vec<f32> {
+    pub fn row(&self, row: u64, distance: f64, exposure: impl Into<Exposure>) -> Vec<f32> {
+        let exposure = exposure.into();
         self::row(&self.scene, &self.prepared, row, distance, exposure)
     }
 
@@ -133,7 +134,7 @@ pub(crate) fn row(
     prepared: &Prepared,
     row: u64,
     distance: f64,
-    exposure: f64,
+    exposure: Exposure,
 ) -> Vec<f32> {
     let geometry = scene.sensor.geometry();
     let time = time(scene, row);
@@ -142,9 +143,9 @@ pub(crate) fn row(
     let mut counts = vec![0.0; geometry.words];
 
     let light = &mut counts[geometry.light.clone()];
-    (prepared.laser_light).add(light, row, time, distance, exposure);
+    (prepared.laser_light).add(light, row, time, distance, exposure.laser);
     if let Some(ambient) = &scene.ambient {
-        ambient.add(light, exposure);
+        ambient.add(light, exposure.row);
     }
     if let Some(factors) = &prepared.response {
         for (light, factor) in light.iter_mut().zip(&factors[line]) {
@@ -152,7 +153,7 @@ pub(crate) fn row(
         }
     }
     if let (Some(hot), Some(places)) = (&scene.hot_pixels, &prepared.hot_pixels) {
-        hot.add(light, &places[line], exposure);
+        hot.add(light, &places[line], exposure.row);
     }
     if let Some(noise) = &scene.shot_noise {
         noise.apply(
