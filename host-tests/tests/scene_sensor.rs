@@ -4,9 +4,9 @@
 use rayon::prelude::*;
 use simulator::optics::Aperture;
 use simulator::scene::{
-    Ambient, BlackLevel, Effect, Exposure, FixedPattern, HotPixels, Motion, Quantisation,
-    ReadNoise, Response, Saturation, Scene, Sensor, ShotNoise, Simulation, Spot, file, quantise,
-    random,
+    Ambient, BlackLevel, Effect, Exposure, FixedPattern, FrontEnd, HotPixels, Lag, MainsLight,
+    Motion, Quantisation, ReadNoise, Response, Saturation, Scene, Sensor, Settling, ShotNoise,
+    Simulation, Spot, file, quantise, random,
 };
 use slitrange::centre::{self, Estimator, RowCentre};
 use slitrange::fault::Fault;
@@ -618,14 +618,18 @@ distortion = { share = 0.01, field = 5e-3 }
 flare = { magnification = 1.0, width = 20.0, strength = 0.01, veil = 0.001 }
 second_reflection = { offset = 50.0, width = 8.0, strength = 0.1 }
 ambient = { counts_per_second = 20_000.0, slope = 3.0 }
+mains_light = { counts_per_second = 10_000.0, modulation = 0.5, frequency = 100.0 }
 motion = { speed = 0.5 }
 temperature = { kelvin_per_second = 100.0, expansion = 23e-6 }
 response = { deviation = 0.02 }
+lag = { counts = 100.0, share = 0.5 }
 shot_noise = { electrons_per_count = 10.0 }
 saturation = { full_well = 1000.0, blooming = 0.5 }
 black_level = { counts = 300.0, drift = 10.0 }
 fixed_pattern = { counts = 3.0 }
 hot_pixels = { share = 0.01, counts_per_second = 30_000.0 }
+settling = { time_constant = 0.4e-6 }
+front_end = { gain = 0.8, offset = 20.0, saturation = 900.0 }
 read_noise = { counts = 4.0 }
 quantisation = { step = 4.0 }
 "#;
@@ -691,6 +695,14 @@ fn spot_behind_a_lens() -> Scene {
     scene
 }
 
+/// A scene's exposure after a row without the laser: with the laser in both, lag would show nothing.
+fn after_darkness(scene: &Scene) -> Exposure {
+    Exposure {
+        laser_before: 0.0,
+        ..scene.exposure.into()
+    }
+}
+
 /// A row, put together by hand: light that is free of noise, and then what the sensor's effects make of it,
 /// each with the random numbers that are its own by its name, the seed and the row - and by nothing else that
 /// the scene lists.
@@ -698,27 +710,44 @@ fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
     let of_the_sensor = [
         Effect::Response,
         Effect::HotPixels,
+        Effect::Lag,
         Effect::ShotNoise,
         Effect::Saturation,
         Effect::BlackLevel,
         Effect::FixedPattern,
+        Effect::Settling,
+        Effect::FrontEnd,
         Effect::ReadNoise,
         Effect::Quantisation,
     ];
     let light_alone = of_the_sensor
         .into_iter()
         .fold(scene.clone(), Scene::without);
-    let mut counts = light_alone.row(row, scene.distance, scene.exposure);
     let geometry = scene.sensor.geometry();
-    let light = &mut counts[geometry.light];
-    if let Some(response) = scene.response {
-        let factors = response.factors(scene.seed, 0, light.len());
-        light.iter_mut().zip(factors).for_each(|(x, f)| *x *= f);
-    }
-    if let Some(hot) = scene.hot_pixels {
-        for place in hot.places(scene.seed, 0, light.len()) {
-            light[place] += (hot.counts_per_second * scene.exposure) as f32;
+    let collected = |row, exposure| {
+        let mut counts = light_alone.row(row, scene.distance, exposure);
+        let light = &mut counts[geometry.light.clone()];
+        if let Some(response) = scene.response {
+            let factors = response.factors(scene.seed, 0, light.len());
+            light.iter_mut().zip(factors).for_each(|(x, f)| *x *= f);
         }
+        if let Some(hot) = scene.hot_pixels {
+            for place in hot.places(scene.seed, 0, light.len()) {
+                light[place] += (hot.counts_per_second * scene.exposure) as f32;
+            }
+        }
+        counts
+    };
+    let mut counts = collected(row, after_darkness(scene));
+    let light = &mut counts[geometry.light.clone()];
+    if let Some(lag) = scene.lag {
+        let off = Exposure {
+            laser: 0.0,
+            ..after_darkness(scene)
+        };
+        let before = collected(row, off);
+        let full_well = scene.saturation.map_or(f64::INFINITY, |it| it.full_well);
+        lag.apply(light, &before[geometry.light.clone()], full_well);
     }
     if let Some(noise) = scene.shot_noise {
         let mut random = random::of_row(scene.seed, Effect::ShotNoise, row);
@@ -727,6 +756,9 @@ fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
     if let Some(saturation) = scene.saturation {
         saturation.apply(light);
     }
+    if let Some(front_end) = scene.front_end {
+        front_end.amplify(light);
+    }
     if let Some(black) = scene.black_level {
         let level = black.after(row as f64 * scene.sensor.period()) as f32;
         counts.iter_mut().for_each(|x| *x += level);
@@ -734,6 +766,12 @@ fn put_together(scene: &Scene, row: u64) -> Vec<f32> {
     if let Some(pattern) = scene.fixed_pattern {
         let offsets = pattern.offsets(scene.seed, 0, counts.len());
         counts.iter_mut().zip(offsets).for_each(|(x, o)| *x += o);
+    }
+    if let Some(settling) = scene.settling {
+        settling.apply(&mut counts);
+    }
+    if let Some(front_end) = scene.front_end {
+        front_end.shift_and_clip(&mut counts);
     }
     if let Some(noise) = scene.read_noise {
         let mut random = random::of_row(scene.seed, Effect::ReadNoise, row);
@@ -765,7 +803,7 @@ fn no_effect_changes_the_random_numbers_of_another() {
         assert!(with.lists(effect) && !without.lists(effect));
         let mut changed = false;
         for row in [0, 5] {
-            let of = |scene: &Scene| scene.row(row, scene.distance, scene.exposure);
+            let of = |scene: &Scene| scene.row(row, scene.distance, after_darkness(scene));
             assert_eq!(of(&without), put_together(&without, row), "no {effect:?}");
             assert_eq!(of(&with), put_together(&with, row), "{effect:?}");
             changed |= of(&with) != of(&without);
@@ -796,13 +834,25 @@ fn listing_in_vain(scene: Scene, effect: Effect) -> Option<Scene> {
         }
         Effect::SecondReflection => scene.second_reflection.as_mut()?.strength = 0.0,
         Effect::Ambient => scene.ambient = evenly_lit(0.0).ambient,
+        Effect::MainsLight => scene.mains_light.as_mut()?.counts_per_second = 0.0,
         Effect::Motion => scene.motion = Some(Motion { speed: 0.0 }),
         Effect::Temperature => scene.temperature.as_mut()?.expansion = 0.0,
         Effect::Response => scene.response = Some(Response { deviation: 0.0 }),
+        Effect::Lag => scene.lag.as_mut()?.share = 0.0,
         Effect::Saturation => scene.saturation.as_mut()?.full_well = 1e9,
         Effect::BlackLevel => scene.black_level = Some(BlackLevel::steady(0.0)),
         Effect::FixedPattern => scene.fixed_pattern = Some(FixedPattern { counts: 0.0 }),
         Effect::HotPixels => scene.hot_pixels.as_mut()?.share = 0.0,
+        // So short that nothing of a step is left.
+        Effect::Settling => scene.settling.as_mut()?.time_constant = 1e-9,
+        Effect::FrontEnd => {
+            let (gain, offset, saturation) = (1.0, 0.0, None);
+            scene.front_end = Some(FrontEnd {
+                gain,
+                offset,
+                saturation,
+            });
+        }
         Effect::ReadNoise => scene.read_noise = Some(ReadNoise { counts: 0.0 }),
     }
     Some(scene)
@@ -817,13 +867,13 @@ fn an_effect_that_does_nothing_changes_nothing() {
         let others = Effect::ALL.into_iter().filter(|&other| other != effect);
         let without = others.fold(spot_behind_a_lens(), listing).without(effect);
         if let Some(with) = listing_in_vain(without.clone(), effect) {
-            let of = |scene: &Scene| scene.row(3, scene.distance, scene.exposure);
+            let of = |scene: &Scene| scene.row(3, scene.distance, after_darkness(scene));
             assert_eq!(of(&with), of(&without), "{effect:?}");
             effects += 1;
         }
     }
     println!("{effects} effects");
-    assert_eq!(effects, 15);
+    assert_eq!(effects, 19);
 }
 
 /// Counts of some rows, as the converter gives them.
@@ -878,7 +928,7 @@ fn rows_do_not_depend_on_threads_or_order() {
 #[test]
 fn rows_of_scenes_never_change() {
     let mut table = String::new();
-    // Among them they list every effect that draws random numbers.
+    // Among them they list every effect that draws random numbers, but for the one phase of mains_light.
     for name in [
         "quiet-paper",
         "sunlit",
@@ -1038,6 +1088,46 @@ fn meaningless_scenes_are_refused() {
             "{ share = 0.01, c",
             "{ share = -0.1, c",
             "hot_pixels.share is -0.1: it is a share",
+        ),
+        (
+            "modulation = 0.5",
+            "modulation = 1.5",
+            "mains_light.modulation is 1.5: it is a share",
+        ),
+        (
+            "frequency = 100.0",
+            "frequency = 0.0",
+            "mains_light.frequency is 0 Hz: it must be above 0",
+        ),
+        (
+            "frequency = 100.0",
+            "phase = nan, frequency = 100.0",
+            "mains_light.phase is NaN radians",
+        ),
+        (
+            "{ counts = 100.0, share = 0.5",
+            "{ counts = 0.0, share = 0.5",
+            "lag.counts is 0 counts: it must be above 0",
+        ),
+        (
+            "100.0, share = 0.5",
+            "100.0, share = 1.1",
+            "lag.share is 1.1: it is a share",
+        ),
+        (
+            "time_constant = 0.4e-6",
+            "time_constant = 0.0",
+            "settling.time_constant is 0 s: it must be above 0",
+        ),
+        (
+            "gain = 0.8",
+            "gain = 0.0",
+            "front_end.gain is 0 times: it must be above 0",
+        ),
+        (
+            "offset = 20.0, saturation = 900.0",
+            "saturation = -1.0",
+            "front_end.saturation is -1 counts: it must be above 0",
         ),
         ("step = 4.0", "step = 0.0", "quantisation.step is 0 counts"),
         (laser_spot, "", "add [laser_spot]"),

@@ -103,6 +103,8 @@ pub(crate) struct Prepared {
     fixed_pattern: Option<Vec<Vec<f32>>>,
     /// [`crate::scene::HotPixels`]: numbers of light pixels of each line.
     hot_pixels: Option<Vec<Vec<usize>>>,
+    /// [`crate::scene::MainsLight`]: its phase in radians.
+    mains_phase: Option<f64>,
 }
 
 impl Prepared {
@@ -118,6 +120,7 @@ impl Prepared {
                 .map(|it| lines().map(|line| it.offsets(seed, line, words)).collect()),
             hot_pixels: (scene.hot_pixels)
                 .map(|it| lines().map(|line| it.places(seed, line, pixels)).collect()),
+            mains_phase: scene.mains_light.map(|it| it.phase(seed)),
         }
     }
 }
@@ -143,17 +146,25 @@ pub(crate) fn row(
     let mut counts = vec![0.0; geometry.words];
 
     let light = &mut counts[geometry.light.clone()];
-    (prepared.laser_light).add(light, row, time, distance, exposure.laser);
-    if let Some(ambient) = &scene.ambient {
-        ambient.add(light, exposure.row);
-    }
-    if let Some(factors) = &prepared.response {
-        for (light, factor) in light.iter_mut().zip(&factors[line]) {
-            *light *= factor;
-        }
-    }
-    if let (Some(hot), Some(places)) = (&scene.hot_pixels, &prepared.hot_pixels) {
-        hot.add(light, &places[line], exposure.row);
+    add_light(scene, prepared, light, row, time, distance, exposure);
+    if let Some(lag) = &scene.lag {
+        let mut before = vec![0.0; light.len()];
+        let pulsed = Exposure {
+            laser: exposure.laser_before,
+            ..exposure
+        };
+        let time_before = time - scene.period();
+        add_light(
+            scene,
+            prepared,
+            &mut before,
+            row,
+            time_before,
+            distance,
+            pulsed,
+        );
+        let full_well = scene.saturation.map_or(f64::INFINITY, |it| it.full_well);
+        lag.apply(light, &before, full_well);
     }
     if let Some(noise) = &scene.shot_noise {
         noise.apply(
@@ -163,6 +174,9 @@ pub(crate) fn row(
     }
     if let Some(saturation) = &scene.saturation {
         saturation.apply(light);
+    }
+    if let Some(front_end) = &scene.front_end {
+        front_end.amplify(light);
     }
 
     if let Some(black_level) = &scene.black_level {
@@ -174,6 +188,12 @@ pub(crate) fn row(
             *count += offset;
         }
     }
+    if let Some(settling) = &scene.settling {
+        settling.apply(&mut counts);
+    }
+    if let Some(front_end) = &scene.front_end {
+        front_end.shift_and_clip(&mut counts);
+    }
     if let Some(noise) = &scene.read_noise {
         noise.apply(
             &mut counts,
@@ -184,4 +204,33 @@ pub(crate) fn row(
         quantisation.apply(&mut counts, geometry.full_scale());
     }
     counts
+}
+
+/// Adds to an empty row what its pixels collect, without noise: light, and dark current. `time` is the middle
+/// of its exposure.
+fn add_light(
+    scene: &Scene,
+    prepared: &Prepared,
+    light: &mut [f32],
+    row: u64,
+    time: f64,
+    distance: f64,
+    exposure: Exposure,
+) {
+    let line = (row % scene.sensor.rows()) as usize;
+    (prepared.laser_light).add(light, row, time, distance, exposure.laser);
+    if let Some(ambient) = &scene.ambient {
+        ambient.add(light, exposure.row);
+    }
+    if let (Some(lamps), Some(phase)) = (&scene.mains_light, prepared.mains_phase) {
+        lamps.add(light, phase, time, exposure.row);
+    }
+    if let Some(factors) = &prepared.response {
+        for (light, factor) in light.iter_mut().zip(&factors[line]) {
+            *light *= factor;
+        }
+    }
+    if let (Some(hot), Some(places)) = (&scene.hot_pixels, &prepared.hot_pixels) {
+        hot.add(light, &places[line], exposure.row);
+    }
 }
