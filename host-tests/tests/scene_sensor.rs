@@ -699,13 +699,15 @@ fn lag_hardly_depends_on_bright_light() {
     let left = (0..20).fold(4000.0, |charge, _| LAG.stays(charge)) * 10.0;
     println!("{left:.1} electrons after 20 pulses");
     assert!((left - 1.0 / (1.0 / 40e3 + 20.0 / 1e3)).abs() < 1e-6 && left < 60.0);
-    // Little charge stays by its share.
-    let faint = Lag { share: 0.3, ..LAG }.stays(0.01);
-    assert!((faint / 0.003 - 1.0).abs() < 1e-4);
+    // Of 0.01 counts the share stays; of 1000, whose share is 300, 300 x 100 / 400.
+    let lag = Lag { share: 0.3, ..LAG };
+    let (faint, bright) = (lag.stays(0.01), lag.stays(1000.0));
+    println!("{faint:.6} of 0.01 counts stay, {bright:.3} of 1000");
+    assert!((faint / 0.003 - 1.0).abs() < 1e-4 && (bright - 75.0).abs() < 1e-9);
 }
 
-/// The laser is on in one row, and off before and after. The two rows together have the pulse's light, and the
-/// second row has what the closed form says. A row after a row like it shows nothing of lag.
+/// The laser is on in one row, and off before and after. The two rows together have the pulse's light, and
+/// the second row has what the closed form says. A row after a row like it shows nothing of lag.
 #[test]
 fn lag_moves_charge_to_the_next_row() {
     let lit = Scene {
@@ -867,8 +869,8 @@ fn the_light_of_lamps_has_shot_noise() {
 /// dark current of 5 ms. A row without a pulse is that of a scene without a laser, bit for bit, with noise.
 #[test]
 fn ambient_light_and_dark_current_do_not_depend_on_the_laser() {
-    let [ambient, hot] = [Effect::Ambient, Effect::HotPixels].map(|it| listing(plain_spot(), it));
-    let scene = ambient.with(Effect::HotPixels, &hot);
+    let collected = [Effect::Ambient, Effect::MainsLight, Effect::HotPixels];
+    let scene = collected.into_iter().fold(plain_spot(), listing);
     let dark = Scene {
         spot: None,
         ..scene.clone()
