@@ -283,9 +283,9 @@ impl Scene {
     }
 
     /// The pixels' outputs, light positive, in counts before rounding, for a target at `distance` metres,
-    /// after an exposure: `geometry().words` values, in the order in which the words of the geometry are read.
-    /// `row` counts the rows and selects the random numbers. The exposure is in seconds, or an [`Exposure`]
-    /// for a laser that is not always on.
+    /// after an exposure: `geometry().words` values, in the order in which the words of the geometry are
+    /// read. `row` counts the rows and selects the random numbers. The exposure is in seconds, or an
+    /// [`Exposure`] for a laser that is not always on.
     ///
     /// A scene of which many rows are wanted is prepared once: [`Simulation`].
     pub fn row(&self, row: u64, distance: f64, exposure: impl Into<Exposure>) -> Vec<f32> {
