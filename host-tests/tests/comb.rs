@@ -284,8 +284,7 @@ fn errors_of_slits(waist: f64, linewidth: f64, surfaces: u64) -> Vec<[Option<f64
     (0..surfaces)
         .into_par_iter()
         .filter_map(|surface| {
-            let mut simulation = Simulation::new(scene.clone());
-            simulation.set_surface(surface);
+            let simulation = Simulation::on_surface(scene.clone(), surface);
             let distance = 0.6 + 0.42 * (surface as f64 * 0.618_033_988_749_895).fract();
             let found = frames::measure(&simulation, settings(1), distance, surface, None).ok()?;
             let truth = scene.optics.centre(distance);

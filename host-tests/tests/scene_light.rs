@@ -1106,6 +1106,13 @@ fn speckle_changes_only_with_the_surface() {
         scene(6, 0.0).row(300, 0.8, 1.0),
         "but not every surface"
     );
+    // A surface by its number is that of the seed as much further on.
+    let mut replaced = simulation.clone();
+    replaced.set_surface(2);
+    let other = scene(7, 0.0).row(300, 0.8, 1.0);
+    assert_eq!(replaced.row(300, 0.8, 1.0), other);
+    let numbered = Simulation::on_surface(scene(5, 0.0), 2);
+    assert_eq!(numbered.row(300, 0.8, 1.0), other);
     let from_truth = |row: &[f32], distance: f64| {
         let centre = simulation.scene().optics.centre(distance);
         moments(row).1 - centre

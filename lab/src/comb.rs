@@ -166,8 +166,7 @@ impl Sensor {
         distance: f64,
         rows: u16,
     ) -> Result<Reading, Fault> {
-        let mut simulation = Simulation::new(scene.clone());
-        simulation.set_surface(surface);
+        let simulation = Simulation::on_surface(scene.clone(), surface);
         let geometry = scene.geometry();
         let slits = match self.mask {
             Some(_) => Slits::Comb,

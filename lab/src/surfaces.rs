@@ -47,8 +47,7 @@ const ROWS: u16 = 16;
 /// Measures a frame of a target at rest on a surface, at a distance in metres. The rows have numbers from
 /// `first` on.
 fn frame_from(scene: &Scene, surface: u64, distance: f64, first: u64) -> Result<Measured, Fault> {
-    let mut simulation = Simulation::new(scene.clone());
-    simulation.set_surface(surface);
+    let simulation = Simulation::on_surface(scene.clone(), surface);
     let slits = match scene.comb {
         Some(_) => Slits::Comb,
         None => Slits::One,

@@ -17,10 +17,13 @@ pub mod exposure;
 pub mod file;
 pub mod fixed_pattern;
 pub mod flare;
+pub mod front_end;
 pub mod hot_pixels;
+pub mod lag;
 mod laser_light;
 pub mod laser_spot;
 pub mod lens;
+pub mod mains_light;
 pub mod motion;
 pub mod obliquity;
 pub mod pattern;
@@ -31,6 +34,7 @@ pub mod response;
 pub mod saturation;
 pub mod second_reflection;
 pub mod sensor;
+pub mod settling;
 pub(crate) mod shape;
 pub mod shot_noise;
 pub mod simulation;
@@ -51,9 +55,12 @@ pub use diffraction::Diffraction;
 pub use exposure::Exposure;
 pub use fixed_pattern::FixedPattern;
 pub use flare::Flare;
+pub use front_end::FrontEnd;
 pub use hot_pixels::HotPixels;
+pub use lag::Lag;
 pub use laser_spot::LaserSpot;
 pub use lens::{Coma, Defocus, Distortion};
+pub use mains_light::MainsLight;
 pub use motion::Motion;
 pub use obliquity::Obliquity;
 pub use quantisation::{Quantisation, quantise};
@@ -62,6 +69,7 @@ pub use response::Response;
 pub use saturation::Saturation;
 pub use second_reflection::SecondReflection;
 pub use sensor::{Sensor, sensor_outputs};
+pub use settling::Settling;
 pub use shot_noise::ShotNoise;
 pub use simulation::Simulation;
 pub use speckle::Speckle;
@@ -117,12 +125,16 @@ pub struct Scene {
     pub second_reflection: Option<SecondReflection>,
     /// Light that is not the laser's.
     pub ambient: Option<Ambient>,
+    /// Lamps that flicker with the mains.
+    pub mains_light: Option<MainsLight>,
     /// The target moves.
     pub motion: Option<Motion>,
     /// The sensor warms up, and its geometry with it.
     pub temperature: Option<Temperature>,
     /// Pixels differ in what they make of light.
     pub response: Option<Response>,
+    /// Charge stays in a pixel for the next row.
+    pub lag: Option<Lag>,
     /// Noise of the light.
     pub shot_noise: Option<ShotNoise>,
     /// A pixel holds so much and no more.
@@ -133,6 +145,10 @@ pub struct Scene {
     pub fixed_pattern: Option<FixedPattern>,
     /// A few pixels leak.
     pub hot_pixels: Option<HotPixels>,
+    /// The output has not settled when the converter samples it.
+    pub settling: Option<Settling>,
+    /// The amplifier's gain and offset are not the nominal ones, and it clips.
+    pub front_end: Option<FrontEnd>,
     /// Noise of the sensor.
     pub read_noise: Option<ReadNoise>,
     /// The converter has coarse steps.
@@ -209,14 +225,18 @@ effects! {
     Flare = 10 in flare,
     SecondReflection = 11 in second_reflection,
     Ambient = 12 in ambient,
+    MainsLight = 26 in mains_light,
     Motion = 13 in motion,
     Temperature = 14 in temperature,
     Response = 15 in response,
+    Lag = 25 in lag,
     ShotNoise = 16 in shot_noise,
     Saturation = 17 in saturation,
     BlackLevel = 18 in black_level,
     FixedPattern = 19 in fixed_pattern,
     HotPixels = 20 in hot_pixels,
+    Settling = 24 in settling,
+    FrontEnd = 23 in front_end,
     ReadNoise = 21 in read_noise,
     Quantisation = 22 in quantisation,
 }
@@ -248,7 +268,8 @@ impl Scene {
         }
     }
 
-    /// What the words of a row are, as the core wants to know it.
+    /// What the words of a row are, as the core wants to know it. The core does not know the gain of
+    /// [`Scene::front_end`].
     pub fn geometry(&self) -> Geometry {
         let geometry = self.sensor.geometry();
         match self.shot_noise {
@@ -262,9 +283,9 @@ impl Scene {
     }
 
     /// The pixels' outputs, light positive, in counts before rounding, for a target at `distance` metres,
-    /// after an exposure: `geometry().words` values, in the order in which the words of the geometry are read.
-    /// `row` counts the rows and selects the random numbers. The exposure is in seconds, or an [`Exposure`]
-    /// for a laser that is not always on.
+    /// after an exposure: `geometry().words` values, in the order in which the words of the geometry are
+    /// read. `row` counts the rows and selects the random numbers. The exposure is in seconds, or an
+    /// [`Exposure`] for a laser that is not always on.
     ///
     /// A scene of which many rows are wanted is prepared once: [`Simulation`].
     pub fn row(&self, row: u64, distance: f64, exposure: impl Into<Exposure>) -> Vec<f32> {

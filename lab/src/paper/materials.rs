@@ -37,7 +37,7 @@ impl Material {
         };
         let texture = self.texture.surface(seed);
         let surface = Surface::new(laser, &scattering, seed)?;
-        Ok(surface.with_reflectance(|x, _| texture.reflectance(x)))
+        Ok(surface.with_reflectance_along(|x| texture.reflectance(x)))
     }
 
     /// Brightness at an angle between laser and camera, in radians: Lambert's law, and the lobe.

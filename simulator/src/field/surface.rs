@@ -143,14 +143,9 @@ impl Surface {
     #[must_use]
     pub fn with_reflectance(mut self, reflectance: impl Fn(f64, f64) -> f64) -> Self {
         let [columns, rows] = self.scatterers;
-        let place = |index: usize, axis: usize| {
-            // Indices in the second half stand for negative places.
-            let count = self.scatterers[axis];
-            let signed = (index + count / 2) % count;
-            (signed as f64 - (count / 2) as f64 + 0.5) * self.scattering.pitch[axis]
-        };
         let amplitudes: Vec<f32> = (0..columns * rows)
-            .map(|i| reflectance(place(i % columns, 0), place(i / columns, 1)).sqrt() as f32)
+            .map(|i| [self.place(i % columns, 0), self.place(i / columns, 1)])
+            .map(|[x, y]| reflectance(x, y).sqrt() as f32)
             .collect();
         for term in &mut self.terms {
             for (i, amplitude) in amplitudes.iter().enumerate() {
@@ -159,6 +154,33 @@ impl Surface {
             }
         }
         self
+    }
+
+    /// The same with a texture that varies along x only: the reflectance at each place x in metres. It is
+    /// asked for once for a column of scatterers, which takes a hundredth of the time.
+    #[must_use]
+    pub fn with_reflectance_along(mut self, reflectance: impl Fn(f64) -> f64) -> Self {
+        let [columns, _] = self.scatterers;
+        let amplitudes: Vec<f32> = (0..columns)
+            .map(|column| reflectance(self.place(column, 0)).sqrt() as f32)
+            .collect();
+        for term in &mut self.terms {
+            for part in [&mut term.re, &mut term.im] {
+                for row in part.chunks_exact_mut(columns) {
+                    let pairs = row.iter_mut().zip(&amplitudes);
+                    pairs.for_each(|(value, amplitude)| *value *= amplitude);
+                }
+            }
+        }
+        self
+    }
+
+    /// Place in metres of a scatterer from the surface's middle, along an axis. Indices in the second half
+    /// stand for negative places.
+    fn place(&self, index: usize, axis: usize) -> f64 {
+        let count = self.scatterers[axis];
+        let signed = (index + count / 2) % count;
+        (signed as f64 - (count / 2) as f64 + 0.5) * self.scattering.pitch[axis]
     }
 }
 
@@ -191,6 +213,22 @@ mod tests {
         let error = 5.0 / n.sqrt();
         assert!((power - 1.0).abs() < error && (fourth - 2.0).abs() < 4.5 * error);
         assert!(offset.abs() < error && square.abs() < error && product.abs() < error);
+    }
+
+    #[test]
+    fn a_reflectance_along_x_is_one_that_ignores_y() {
+        let laser = Laser::focused(1e-3, 0.8);
+        let scattering = Scattering {
+            size: [1e-3, 1e-3],
+            ..Scattering::surface()
+        };
+        let surface = || Surface::new(&laser, &scattering, 5).unwrap();
+        let reflectance = |x: f64| 1.0 + 1e3 * x;
+        let along = surface().with_reflectance_along(reflectance);
+        let plane = surface().with_reflectance(|x, _| reflectance(x));
+        assert_eq!(along.terms[0].re, plane.terms[0].re);
+        assert_eq!(along.terms[0].im, plane.terms[0].im);
+        assert_ne!(along.terms[0].re, surface().terms[0].re);
     }
 
     #[test]

@@ -11,7 +11,7 @@ pub struct Exposure {
     pub row: f64,
     /// While the laser was on within the row. 0 for a row without the laser's light.
     pub laser: f64,
-    /// While the laser was on in the row before. A sensor with lag keeps some of that light.
+    /// While the laser was on in the row before: [`crate::scene::Lag`] keeps some of that light.
     pub laser_before: f64,
 }
 

@@ -240,8 +240,22 @@ impl Scene {
             )?;
             finite("ambient.slope", ambient.slope, "counts/s a pixel")?;
         }
+        if let Some(lamps) = &self.mains_light {
+            not_negative(
+                "mains_light.counts_per_second",
+                lamps.counts_per_second,
+                "counts/s",
+            )?;
+            share("mains_light.modulation", lamps.modulation)?;
+            above_zero("mains_light.frequency", lamps.frequency, "Hz")?;
+            finite("mains_light.phase", lamps.phase.unwrap_or(0.0), "radians")?;
+        }
         if let Some(response) = &self.response {
             not_negative("response.deviation", response.deviation, "of the mean")?;
+        }
+        if let Some(lag) = &self.lag {
+            above_zero("lag.counts", lag.counts, "counts")?;
+            share("lag.share", lag.share)?;
         }
         if let Some(hot) = &self.hot_pixels {
             share("hot_pixels.share", hot.share)?;
@@ -269,6 +283,15 @@ impl Scene {
         }
         if let Some(pattern) = &self.fixed_pattern {
             not_negative("fixed_pattern.counts", pattern.counts, "counts")?;
+        }
+        if let Some(settling) = &self.settling {
+            above_zero("settling.time_constant", settling.time_constant, "s")?;
+        }
+        if let Some(front_end) = &self.front_end {
+            above_zero("front_end.gain", front_end.gain, "times")?;
+            finite("front_end.offset", front_end.offset, "counts")?;
+            let saturation = front_end.saturation.unwrap_or(1.0);
+            above_zero("front_end.saturation", saturation, "counts")?;
         }
         if let Some(noise) = &self.read_noise {
             not_negative("read_noise.counts", noise.counts, "counts")?;

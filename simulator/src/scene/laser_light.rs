@@ -77,8 +77,8 @@ impl LaserLight {
         }
     }
 
-    /// Adds it to a row of light. `distance` is that of [`Scene::row`], `time` that of the row, `exposure` the
-    /// seconds that the laser is on.
+    /// Adds it to a row of light. `distance` is that of [`Scene::row`], `time` that of the row. The laser is
+    /// on for `exposure` seconds.
     pub fn add(&self, light: &mut [f32], row: u64, time: f64, distance: f64, exposure: f64) {
         if exposure == 0.0 {
             return;

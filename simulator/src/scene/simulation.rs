@@ -21,14 +21,17 @@ impl Simulation {
         Self { scene, prepared }
     }
 
+    /// Prepares a scene with the surface of a number ([`Simulation::set_surface`]). It takes half the time of
+    /// preparing the scene and then replacing its surface.
+    pub fn on_surface(scene: Scene, number: u64) -> Self {
+        let prepared = Prepared::on_surface(&scene, number);
+        Self { scene, prepared }
+    }
+
     /// Replaces the target's surface: its speckle and its texture are new, the sensor stays. Each number is
     /// another surface, and 0 is the scene's own.
     pub fn set_surface(&mut self, number: u64) {
-        let seed = self.scene.seed.wrapping_add(number);
-        self.prepared.laser_light = LaserLight::new(&Scene {
-            seed,
-            ..self.scene.clone()
-        });
+        self.prepared.laser_light = laser_light(&self.scene, number);
     }
 
     /// The scene.
@@ -103,23 +106,38 @@ pub(crate) struct Prepared {
     fixed_pattern: Option<Vec<Vec<f32>>>,
     /// [`crate::scene::HotPixels`]: numbers of light pixels of each line.
     hot_pixels: Option<Vec<Vec<usize>>>,
+    /// [`crate::scene::MainsLight`]: its phase in radians.
+    mains_phase: Option<f64>,
 }
 
 impl Prepared {
     pub(crate) fn new(scene: &Scene) -> Self {
+        Self::on_surface(scene, 0)
+    }
+
+    fn on_surface(scene: &Scene, number: u64) -> Self {
         let (seed, geometry) = (scene.seed, scene.sensor.geometry());
         let (pixels, words) = (geometry.light.len(), geometry.words);
         let lines = || 0..scene.sensor.rows();
         Self {
-            laser_light: LaserLight::new(scene),
+            laser_light: laser_light(scene, number),
             response: (scene.response)
                 .map(|it| lines().map(|line| it.factors(seed, line, pixels)).collect()),
             fixed_pattern: (scene.fixed_pattern)
                 .map(|it| lines().map(|line| it.offsets(seed, line, words)).collect()),
             hot_pixels: (scene.hot_pixels)
                 .map(|it| lines().map(|line| it.places(seed, line, pixels)).collect()),
+            mains_phase: scene.mains_light.map(|it| it.phase(seed)),
         }
     }
+}
+
+/// The laser's light on the surface of a number, of which 0 is the scene's own.
+fn laser_light(scene: &Scene, number: u64) -> LaserLight {
+    LaserLight::new(&Scene {
+        seed: scene.seed.wrapping_add(number),
+        ..scene.clone()
+    })
 }
 
 /// Seconds from the middle of the first row's exposure to that of another. Rows of one frame are exposed at
@@ -143,17 +161,25 @@ pub(crate) fn row(
     let mut counts = vec![0.0; geometry.words];
 
     let light = &mut counts[geometry.light.clone()];
-    (prepared.laser_light).add(light, row, time, distance, exposure.laser);
-    if let Some(ambient) = &scene.ambient {
-        ambient.add(light, exposure.row);
-    }
-    if let Some(factors) = &prepared.response {
-        for (light, factor) in light.iter_mut().zip(&factors[line]) {
-            *light *= factor;
-        }
-    }
-    if let (Some(hot), Some(places)) = (&scene.hot_pixels, &prepared.hot_pixels) {
-        hot.add(light, &places[line], exposure.row);
+    add_light(scene, prepared, light, row, time, distance, exposure);
+    if let Some(lag) = &scene.lag {
+        let mut before = vec![0.0; light.len()];
+        let pulsed = Exposure {
+            laser: exposure.laser_before,
+            ..exposure
+        };
+        let time_before = time - scene.period();
+        add_light(
+            scene,
+            prepared,
+            &mut before,
+            row,
+            time_before,
+            distance,
+            pulsed,
+        );
+        let full_well = scene.saturation.map_or(f64::INFINITY, |it| it.full_well);
+        lag.apply(light, &before, full_well);
     }
     if let Some(noise) = &scene.shot_noise {
         noise.apply(
@@ -163,6 +189,9 @@ pub(crate) fn row(
     }
     if let Some(saturation) = &scene.saturation {
         saturation.apply(light);
+    }
+    if let Some(front_end) = &scene.front_end {
+        front_end.amplify(light);
     }
 
     if let Some(black_level) = &scene.black_level {
@@ -174,6 +203,12 @@ pub(crate) fn row(
             *count += offset;
         }
     }
+    if let Some(settling) = &scene.settling {
+        settling.apply(&mut counts);
+    }
+    if let Some(front_end) = &scene.front_end {
+        front_end.shift_and_clip(&mut counts);
+    }
     if let Some(noise) = &scene.read_noise {
         noise.apply(
             &mut counts,
@@ -184,4 +219,33 @@ pub(crate) fn row(
         quantisation.apply(&mut counts, geometry.full_scale());
     }
     counts
+}
+
+/// Adds to an empty row what its pixels collect, without noise: light, and dark current. `time` is the middle
+/// of its exposure.
+fn add_light(
+    scene: &Scene,
+    prepared: &Prepared,
+    light: &mut [f32],
+    row: u64,
+    time: f64,
+    distance: f64,
+    exposure: Exposure,
+) {
+    let line = (row % scene.sensor.rows()) as usize;
+    (prepared.laser_light).add(light, row, time, distance, exposure.laser);
+    if let Some(ambient) = &scene.ambient {
+        ambient.add(light, exposure.row);
+    }
+    if let (Some(lamps), Some(phase)) = (&scene.mains_light, prepared.mains_phase) {
+        lamps.add(light, phase, time, exposure.row);
+    }
+    if let Some(factors) = &prepared.response {
+        for (light, factor) in light.iter_mut().zip(&factors[line]) {
+            *light *= factor;
+        }
+    }
+    if let (Some(hot), Some(places)) = (&scene.hot_pixels, &prepared.hot_pixels) {
+        hot.add(light, &places[line], exposure.row);
+    }
 }

@@ -110,7 +110,7 @@ impl Speckle {
         let mut surface = field::Surface::new(&laser, &scattering, seed)
             .expect("a scene's speckle has 1 or 2 polarisations and lengths above zero");
         if let Some(texture) = texture {
-            surface = surface.with_reflectance(|x, _| texture.reflectance(x));
+            surface = surface.with_reflectance_along(|x| texture.reflectance(x));
         }
         RoughSurface {
             surface,

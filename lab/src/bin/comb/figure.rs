@@ -23,8 +23,7 @@ impl RowOfMetal {
             comb: Some(Comb::nominal()),
             ..with_speckle(base, 1e-3, 1)
         };
-        let mut simulation = Simulation::new(scene.clone());
-        simulation.set_surface(8);
+        let simulation = Simulation::on_surface(scene.clone(), 8);
         let row = simulation.row(0, 0.8, scene.exposure);
         Self {
             counts: row[scene.geometry().light].to_vec(),
