@@ -1,9 +1,12 @@
 //! The laser: a timer switches it on for the exposure, once in each row.
 //!
 //! TIM4 runs in one-pulse mode at 1 MHz. The program starts it at the end of SH's pulse, which begins a row's
-//! light. The output rises a microsecond later, and falls after the exposure, by the timer alone: neither
-//! interrupts nor a program that hangs can make the pulse longer. At reset the pin is an input. A resistor at
-//! the laser's driver then keeps the laser off (docs/hardware.md).
+//! light. The timer alone raises and lowers the output: neither interrupts nor a program that hangs can make
+//! the pulse longer. At reset the pin is an input. A resistor at the laser's driver then keeps the laser off
+//! (docs/hardware.md).
+//!
+//! The middle of the pulse is the same for all exposures, so that a target that moves is seen at the same time
+//! of each row.
 
 use embassy_stm32::gpio::OutputType;
 use embassy_stm32::pac::timer::vals::Ocm;
@@ -38,11 +41,10 @@ impl Laser {
         let timer = Timer::new(timer);
         let registers = pac::TIM4;
         registers.psc().write_value(PRESCALER);
-        // Low while the counter is 0, which is where it stops, and high from 1 on.
+        // Low while the counter is below the compare value, so also where it stops, at 0.
         registers
             .ccmr_output(CHANNEL / 2)
             .modify(|mode| mode.set_ocm(CHANNEL % 2, Ocm::PWM_MODE2));
-        registers.ccr(CHANNEL).write(|compare| compare.set_ccr(1));
         registers.cr1().modify(|control| control.set_opm(true));
         registers
             .ccer()
@@ -56,9 +58,14 @@ impl Laser {
 
     /// Sets the length of the next pulse. `None`: no pulse. Call it while no pulse is under way.
     pub fn set_exposure(&mut self, exposure: Option<Exposure>) {
-        // The counter goes from 0 to this number, and the output is high for all but 0.
         let us = exposure.map_or(0, Exposure::us);
-        pac::TIM4.arr().write(|reload| reload.set_arr(us));
+        // The output is high from `rise` up to the counter's last value.
+        let rise = 1 + (Exposure::LONGEST.us() - us) / 2;
+        let last = if us == 0 { 0 } else { rise + us - 1 };
+        pac::TIM4
+            .ccr(CHANNEL)
+            .write(|compare| compare.set_ccr(rise));
+        pac::TIM4.arr().write(|reload| reload.set_arr(last));
         // Restarts the prescaler too, so that each pulse begins as long after its start.
         pac::TIM4.egr().write(|event| event.set_ug(true));
     }

@@ -2,6 +2,7 @@
 //! hard cases.
 
 pub mod accuracy;
+pub mod changing_light;
 pub mod core_tables;
 pub mod float_functions;
 pub mod frames;

@@ -161,7 +161,7 @@ fn errors(bench: &Bench, steps: u32, count: usize) -> Vec<Compared> {
         let distance = NEAREST + share * (FARTHEST - NEAREST);
         bench.target.move_to(distance);
         let found = readings(&mut board, count);
-        let exposure = board.head(|head| head.last_row().map(|row| row.exposure.duration()));
+        let exposure = board.head(|head| head.last_row().map(|row| row.exposure.laser));
         let centre = bench.optics.centre(distance);
         let seen_at = simulation.scene().optics.distance(centre);
         let of_row = bound::of_row(&simulation, seen_at, exposure.expect("a row") as f64 * 1e-9);

@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
+use rigless::mcu::Mcu as _;
 use rigless::soc::RegisterSpec;
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::tim2::{Register, ccer, ccmr2_output, cr1};

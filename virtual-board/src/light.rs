@@ -116,6 +116,7 @@ fn seen(
 ) -> LightSource {
     let mut simulation = Simulation::new(scene);
     let (mut row, mut surface) = (0, 0);
+    let mut laser_before = 0.0;
     Box::new(move |exposure: &Exposure| {
         row += 1;
         let (shown, waits) = {
@@ -128,7 +129,13 @@ fn seen(
             simulation.set_surface(surface);
         }
         let distance = target.expose(exposure, row, &simulation);
-        simulation.row(row, seen_at(distance), exposure.duration() as f64 * 1e-9)
+        let laser = exposure.laser as f64 * 1e-9;
+        let times = simulator::scene::Exposure {
+            row: exposure.duration() as f64 * 1e-9,
+            laser,
+            laser_before: std::mem::replace(&mut laser_before, laser),
+        };
+        simulation.row(row, seen_at(distance), times)
     })
 }
 
@@ -174,7 +181,8 @@ mod tests {
             target.move_to(distance);
             let start = row as Nanos * 5_700_000;
             let end = start + 5_700_000;
-            let outputs = light(&Exposure { start, end });
+            let laser = end - start;
+            let outputs = light(&Exposure { start, end, laser });
             let counts: Vec<f64> = outputs[LIGHT].iter().map(|&count| count.into()).collect();
             let expected = optics.centre(distance);
             let found = least_squares::fit_near(&counts, expected).expect("a spot");
@@ -199,6 +207,7 @@ mod tests {
         let exposure = Exposure {
             start: 0,
             end: 5_700_000,
+            laser: 5_700_000,
         };
         let [own, other, own_again] = [0, 1, 0].map(|surface| {
             target.show_surface(surface);
@@ -231,6 +240,7 @@ mod tests {
         let exposure = |row: Nanos| Exposure {
             start: row * 5_700_000,
             end: (row + 1) * 5_700_000,
+            laser: 0,
         };
         for row in 1..=20 {
             light(&exposure(row));

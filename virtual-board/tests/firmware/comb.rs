@@ -27,7 +27,9 @@ use crate::common::{
     set,
 };
 use crate::faults::{assert_all_are, assert_distance_gives_advice};
-use crate::identical::{aligned, assert_same, calibrated_on_this_pc, logarithmic, on_this_pc, run};
+use crate::identical::{
+    aligned, assert_same, calibrated_on_this_pc, logarithmic, on_this_pc, run, with_fixed_exposure,
+};
 use crate::records;
 
 /// The sensor's rows in a second: one in 5.7 ms.
@@ -62,7 +64,7 @@ fn settings(rows: u16) -> Settings {
     Settings {
         rows,
         slits: Slits::Comb,
-        ..Settings::default()
+        ..with_fixed_exposure()
     }
 }
 

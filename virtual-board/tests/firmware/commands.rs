@@ -240,7 +240,7 @@ fn spot_that_moves(mut centre: impl FnMut(u64) -> f64 + Send + 'static) -> Light
     let scene = Scene::white_paper();
     Box::new(move |exposure: &Exposure| {
         row += 1;
-        scene.row_with_centre(row, centre(row), exposure.duration() as f64 * 1e-9)
+        scene.row_with_centre(row, centre(row), exposure.laser as f64 * 1e-9)
     })
 }
 

@@ -20,10 +20,20 @@ const BRIGHT: f64 = 2000.0;
 /// Shows the firmware only `light` from its first row on. Asserts that every line is the fault of that name,
 /// streamed or as the answer to `distance`. Gives one line.
 fn only_fault(name: &str, light: LightSource) -> String {
+    only_fault_with(&[], name, light)
+}
+
+/// The same, after these settings.
+fn only_fault_with(settings: &[&str], name: &str, light: LightSource) -> String {
     let (mut board, _) = boot(light);
+    for setting in settings {
+        set(&mut board, setting);
+        results(&mut board, 4);
+        board.take_lines();
+    }
     set(&mut board, "rows 4");
     results(&mut board, 8);
-    // All lines since the start, with any settings.
+    // All lines since the start or the last setting.
     let lines: Vec<String> = board
         .take_lines()
         .into_iter()
@@ -128,10 +138,13 @@ fn without_a_laser_there_is_no_spot() {
 #[test]
 fn a_spot_in_the_noise_is_too_dim() {
     // With noise of 4 counts, a spot is found from 6 counts on and gives a centre from 12 counts on.
-    let line = only_fault("too dim", spot_at(1800.0, 9.0));
+    let line = only_fault_with(&["exposure 5600"], "too dim", spot_at(1800.0, 9.0));
     let (height, needed) = (number(&line, ": ", " counts"), number(&line, "needs ", ""));
     assert!((4.0..needed).contains(&height), "{line}");
     assert!((9.0..16.0).contains(&needed), "{line}");
+    // Auto exposure can do no more.
+    let line = only_fault("too dim at the longest exposure", spot_at(1800.0, 9.0));
+    assert!(line.ends_with(" in 5600 us"), "{line}");
 }
 
 #[test]
@@ -181,10 +194,15 @@ fn rows_that_disagree_are_unsteady() {
 
 #[test]
 fn a_spot_with_its_top_cut_off_is_saturated() {
-    let line = only_fault("saturated", spot_at(1800.0, 3.0 * f64::from(FULL_SCALE)));
+    let light = || spot_at(1800.0, 3.0 * f64::from(FULL_SCALE));
+    let line = only_fault_with(&["exposure 5600"], "saturated", light());
     // A gaussian of sigma 8.6 that is three times as high is cut off over 26 pixels.
     let pixels = number(&line, ": ", " pixels");
     assert!((20.0..=30.0).contains(&pixels), "{line}");
+    // This light does not depend on the laser, so auto exposure ends at the shortest.
+    let settings = ["exposure auto"];
+    let line = only_fault_with(&settings, "saturated at the shortest exposure", light());
+    assert!(line.ends_with(" pixels in 10 us"), "{line}");
 }
 
 #[test]

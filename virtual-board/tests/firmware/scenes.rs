@@ -57,6 +57,7 @@ fn assert_comb_gives_readings(board: &mut VirtualBoard, name: &str, scene: &Scen
 fn every_scene_gives_readings_or_its_own_fault() {
     let (mut board, _) = boot(paper());
     set(&mut board, "rows 1");
+    set(&mut board, "exposure 5600");
     let (mut readings, mut faults, mut combs) = (0, 0, 0);
     for name in file::names().expect("the folder of scenes") {
         let scene = Scene::load(&name).expect("a scene");

@@ -247,7 +247,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                 Report::Reading(reading) => {
                     let found = compare(
                         &simulation,
-                        board.head(|head| head.last_row().map(|row| row.exposure.duration())),
+                        board.head(|head| head.last_row().map(|row| row.exposure.laser)),
                         distance,
                         &reading,
                     )?;

@@ -1,0 +1,105 @@
+//! A target whose brightness changes, seen by a sensor with auto exposure: rows go in, exposures come out, with
+//! the firmware's delay between them.
+
+use std::collections::VecDeque;
+
+use simulator::scene::{Exposure as Times, Scene, Simulation, Spot};
+use slitrange::exposure::Exposure;
+use slitrange::fault::Fault;
+use slitrange::measurement::Measurement;
+use slitrange::reading::Measured;
+use slitrange::settings::Settings;
+
+use crate::frames::words;
+
+/// Counts a second at the peak of the spot on the brightest target, with a reflectivity of 1: bright metal that
+/// shines towards the slit. The shortest exposure then gives 3000 counts. White paper has a thousandth of it
+/// (`scenes/quiet-paper.toml`), and black tape a ten thousandth.
+pub const BRIGHTEST: f64 = 3e8;
+
+/// Rows from the one that a new exposure follows from to the first one that has it. A row is computed while
+/// the next one is read and the one after is exposed, and the laser's pulse for the next is started before the
+/// computation ends.
+pub const DELAY: usize = 3;
+
+/// Seconds from row to row.
+const ROW_PERIOD: f64 = 5.7e-3;
+
+/// A sensor before a target of some reflectivity.
+pub struct Sensor {
+    simulation: Simulation,
+    measurement: Measurement,
+    /// The exposures of the next rows, in their order.
+    chosen: VecDeque<Exposure>,
+    row: u64,
+}
+
+impl Sensor {
+    /// A sensor that sees this scene, in which the spot has [`BRIGHTEST`] for a reflectivity of 1.
+    pub fn new(scene: Scene, settings: Settings) -> Self {
+        let spot = scene.spot.map(|spot| Spot {
+            counts_per_second: BRIGHTEST,
+            ..spot
+        });
+        let scene = Scene { spot, ..scene };
+        let measurement = Measurement::new(scene.geometry(), settings);
+        let first = measurement.next_exposure();
+        Self {
+            simulation: Simulation::new(scene),
+            measurement,
+            chosen: [first; DELAY].into(),
+            row: 0,
+        }
+    }
+
+    /// Shows a row of a target of this reflectivity, 0 to 1. Gives the exposure, and the frame's result if the
+    /// row ends a frame.
+    pub fn row(&mut self, reflectivity: f64) -> (Exposure, Option<Result<Measured, Fault>>) {
+        self.row += 1;
+        let exposure = self.chosen.pop_front().expect("as many as the delay");
+        // The light is proportional to both.
+        let laser = f64::from(exposure.us()) * 1e-6 * reflectivity;
+        let times = Times {
+            row: ROW_PERIOD,
+            laser,
+            laser_before: laser,
+        };
+        let scene = self.simulation.scene();
+        let geometry = scene.geometry();
+        let light = self.simulation.row(self.row, scene.distance, times);
+        let mut words = words(&light, &geometry);
+        let result = self.measurement.row_with(&mut words, Some(exposure), None);
+        self.chosen.push_back(self.measurement.next_exposure());
+        (exposure, result)
+    }
+
+    /// Drops the frame under way.
+    pub fn start_frame(&mut self) {
+        self.measurement.start_frame();
+    }
+
+    /// Shows whole frames, and gives the results.
+    pub fn frames(&mut self, reflectivity: f64, frames: usize) -> Vec<Result<Measured, Fault>> {
+        let mut results = vec![];
+        while results.len() < frames {
+            results.extend(self.row(reflectivity).1);
+        }
+        results
+    }
+
+    /// The true centre in pixels.
+    pub fn true_centre(&self) -> f64 {
+        let scene = self.simulation.scene();
+        scene.optics.centre(scene.distance)
+    }
+}
+
+/// White paper's scene with a sensor that saturates: a well of 4000 counts, of which a tenth of the charge
+/// beyond flows over (`scenes/saturated.toml`).
+pub fn scene() -> Scene {
+    let saturation = Scene::load("saturated").expect("a scene").saturation;
+    Scene {
+        saturation,
+        ..Scene::white_paper()
+    }
+}
