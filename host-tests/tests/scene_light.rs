@@ -10,8 +10,9 @@ use simulator::scene::diffraction::Gap;
 use simulator::scene::lens::{Across, Pupil};
 use simulator::scene::pattern::Pattern;
 use simulator::scene::{
-    Coma, Defocus, Diffraction, Distortion, Flare, LaserSpot, Motion, Obliquity, Scene,
-    SecondReflection, Sensor, Simulation, Speckle, SpecularLobe, Spot, Temperature, Texture,
+    Ambient, Coma, Defocus, Diffraction, Distortion, Effect, Flare, LaserSpot, Motion, Obliquity,
+    Reflectivity, Scene, SecondReflection, Sensor, Simulation, Speckle, SpecularLobe, Spot,
+    Temperature, Texture,
 };
 
 /// A gaussian spot of 8.6 pixels, 1000 counts high after a second, on 3648 pixels of 8 um, without noise.
@@ -1135,4 +1136,51 @@ fn speckle_changes_only_with_the_surface() {
         ..point.clone()
     };
     assert_eq!(point.row(300, 0.8, 1.0), without.row(300, 0.8, 1.0));
+}
+
+/// From the darkest to the brightest in equal steps of the logarithm, and back. Lamps are as bright as before.
+#[test]
+fn targets_of_different_reflectivity_follow_one_another() {
+    let scene = Scene {
+        spot: Some(Spot {
+            width: 8.0,
+            counts_per_second: 1e6,
+        }),
+        ambient: Some(Ambient {
+            counts_per_second: 2e4,
+            slope: 0.0,
+        }),
+        reflectivity: Some(Reflectivity {
+            darkest: 1e-4,
+            steps: 2,
+            seconds: 0.5,
+        }),
+        ..Scene::dark(Sensor::Tcd1304dg)
+    };
+    let exposure = 0.005;
+    let rows_a_second = 1.0 / scene.period();
+    let centre = scene.optics.centre(scene.distance).round() as usize;
+    let lamps = 2e4 * exposure;
+    let brightest = scene.clone().without(Effect::Reflectivity);
+    let brightest = brightest.row(0, scene.distance, exposure);
+    let brightest = f64::from(brightest[scene.geometry().light.start + centre]) - lamps;
+    for (time, factor) in [
+        (0.0, 1e-4),
+        (0.49, 1e-4),
+        (0.51, 1e-2),
+        (1.25, 1.0),
+        (1.75, 1e-2),
+        (2.25, 1e-4),
+        (2.75, 1e-2),
+        (3.25, 1.0),
+    ] {
+        let row = (time * rows_a_second).round() as u64;
+        let counts = scene.row(row, scene.distance, exposure);
+        let light = &counts[scene.geometry().light.clone()];
+        let expected = factor * brightest + lamps;
+        let (found, dark) = (f64::from(light[centre]), f64::from(light[100]));
+        println!("{time} s: {found:.3} counts, expected {expected:.3}; beside the spot {dark:.3}");
+        assert!((found / expected - 1.0).abs() < 1e-4);
+        assert!((dark / lamps - 1.0).abs() < 1e-4);
+    }
 }

@@ -910,6 +910,7 @@ obliquity = {}
 speckle = { polarisations = 2, linewidth = 1e-9, path_spread = 0.0 }
 texture = { contrast = 0.2, length = 0.5e-3 }
 specular_lobe = { strength = 1.0, width = 0.3, tilt = 0.0 }
+reflectivity = { darkest = 0.1, steps = 2, seconds = 0.02 }
 defocus = { focus_distance = 0.7 }
 coma = { waves = 1.0, field = 5e-3 }
 distortion = { share = 0.01, field = 5e-3 }
@@ -1124,6 +1125,7 @@ fn listing_in_vain(scene: Scene, effect: Effect) -> Option<Scene> {
         | Effect::Quantisation => return None,
         Effect::Texture => scene.texture.as_mut()?.contrast = 0.0,
         Effect::SpecularLobe => scene.specular_lobe.as_mut()?.strength = 0.0,
+        Effect::Reflectivity => scene.reflectivity.as_mut()?.darkest = 1.0,
         Effect::Coma => scene.coma.as_mut()?.waves = 0.0,
         Effect::Distortion => scene.distortion.as_mut()?.share = 0.0,
         Effect::Flare => {
@@ -1171,7 +1173,7 @@ fn an_effect_that_does_nothing_changes_nothing() {
         }
     }
     println!("{effects} effects");
-    assert_eq!(effects, 19);
+    assert_eq!(effects, 20);
 }
 
 /// Counts of some rows, as the converter gives them.

@@ -30,6 +30,7 @@ pub mod pattern;
 pub mod quantisation;
 pub mod random;
 pub mod read_noise;
+pub mod reflectivity;
 pub mod response;
 pub mod saturation;
 pub mod second_reflection;
@@ -65,6 +66,7 @@ pub use motion::Motion;
 pub use obliquity::Obliquity;
 pub use quantisation::{Quantisation, quantise};
 pub use read_noise::ReadNoise;
+pub use reflectivity::Reflectivity;
 pub use response::Response;
 pub use saturation::Saturation;
 pub use second_reflection::SecondReflection;
@@ -113,6 +115,8 @@ pub struct Scene {
     pub texture: Option<Texture>,
     /// The target shines towards its mirror direction.
     pub specular_lobe: Option<SpecularLobe>,
+    /// Targets of different reflectivity, one after the other.
+    pub reflectivity: Option<Reflectivity>,
     /// The lens is not focused on the target.
     pub defocus: Option<Defocus>,
     /// The lens draws points off its axis with a tail.
@@ -219,6 +223,7 @@ effects! {
     Speckle = 4 in speckle,
     Texture = 5 in texture,
     SpecularLobe = 6 in specular_lobe,
+    Reflectivity = 27 in reflectivity,
     Defocus = 7 in defocus,
     Coma = 8 in coma,
     Distortion = 9 in distortion,

@@ -22,8 +22,19 @@ struct Place {
     waits: f64,
     /// The first row after `move_to`; `None` until there is one.
     put: Option<u64>,
-    /// The ends of the last exposures, and the distances at their middles in metres.
-    seen: VecDeque<(Nanos, f64)>,
+    /// The last exposures.
+    seen: VecDeque<Seen>,
+}
+
+/// The target as an exposure saw it.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    /// The end of the exposure.
+    end: Nanos,
+    /// The distance at its middle, in metres.
+    distance: f64,
+    /// The factor of [`simulator::scene::Reflectivity`].
+    reflectivity: f64,
 }
 
 /// The number of exposures in `seen`: those of four of the longest frames.
@@ -67,13 +78,25 @@ impl Target {
     /// The mean distance in metres over `exposures` exposures, of which `last` is the last one. `None` if one
     /// of them is not among the last 256.
     pub fn mean_distance(&self, last: &Exposure, exposures: usize) -> Option<f64> {
-        let place = self.place();
-        let until = (place.seen.iter()).position(|(end, _)| *end == last.end)?;
-        let from = (until + 1).checked_sub(exposures)?;
-        let sum: f64 = (place.seen.range(from..=until))
-            .map(|(_, distance)| distance)
-            .sum();
+        let seen = self.seen(last, exposures)?;
+        let sum: f64 = seen.iter().map(|it| it.distance).sum();
         Some(sum / exposures as f64)
+    }
+
+    /// Whether all of `exposures` exposures, of which `last` is the last one, saw the same reflectivity. `None`
+    /// if one of them is not among the last 256.
+    pub fn stayed_as_bright(&self, last: &Exposure, exposures: usize) -> Option<bool> {
+        let seen = self.seen(last, exposures)?;
+        let now = seen.last()?.reflectivity;
+        Some(seen.iter().all(|it| it.reflectivity == now))
+    }
+
+    /// The last of some exposures is `last`.
+    fn seen(&self, last: &Exposure, exposures: usize) -> Option<Vec<Seen>> {
+        let place = self.place();
+        let until = (place.seen.iter()).position(|it| it.end == last.end)?;
+        let from = (until + 1).checked_sub(exposures)?;
+        Some(place.seen.range(from..=until).copied().collect())
     }
 
     /// Records an exposure. Gives the distance that the simulation's motion must start from so that this row
@@ -87,7 +110,11 @@ impl Target {
         if place.seen.len() == REMEMBERED {
             place.seen.pop_front();
         }
-        place.seen.push_back((exposure.end, truth));
+        place.seen.push_back(Seen {
+            end: exposure.end,
+            distance: truth,
+            reflectivity: simulation.reflectivity(row),
+        });
         distance - gone
     }
 }

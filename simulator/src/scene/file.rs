@@ -173,6 +173,19 @@ impl Scene {
             above_zero("specular_lobe.width", lobe.width, "radians")?;
             finite("specular_lobe.tilt", lobe.tilt, "radians")?;
         }
+        if let Some(reflectivity) = &self.reflectivity {
+            ensure!(
+                reflectivity.darkest > 0.0 && reflectivity.darkest <= 1.0,
+                "reflectivity.darkest is {}: it is the darkest target's light over the brightest's, above 0 and \
+                 at most 1",
+                reflectivity.darkest
+            );
+            ensure!(
+                reflectivity.steps > 0,
+                "reflectivity.steps is 0: from the darkest to the brightest there is at least one step"
+            );
+            above_zero("reflectivity.seconds", reflectivity.seconds, "s")?;
+        }
         if let Some(reflection) = &self.second_reflection {
             finite("second_reflection.offset", reflection.offset, "pixels")?;
             above_zero("second_reflection.width", reflection.width, "pixels")?;

@@ -54,6 +54,12 @@ impl Simulation {
         }
     }
 
+    /// The factor of [`crate::scene::Reflectivity`] for a row; 1 for a scene that does not list it.
+    pub fn reflectivity(&self, row: u64) -> f64 {
+        let time = time(&self.scene, row);
+        (self.scene.reflectivity).map_or(1.0, |it| it.factor(time))
+    }
+
     /// The centre in pixels that a perfect sensor has for that distance, by eq. (1) as it was calibrated:
     /// what moves the spot besides the target - temperature, distortion, obliquity, aberrations, texture,
     /// speckle - is an error. With a comb this is the centre of a slit on the axis, which the mask need not
@@ -234,6 +240,9 @@ fn add_light(
 ) {
     let line = (row % scene.sensor.rows()) as usize;
     (prepared.laser_light).add(light, row, time, distance, exposure.laser);
+    if let Some(reflectivity) = &scene.reflectivity {
+        reflectivity.apply(light, time);
+    }
     if let Some(ambient) = &scene.ambient {
         ambient.add(light, exposure.row);
     }

@@ -32,6 +32,9 @@ struct Options {
     /// .toml file. The firmware's exposure replaces the scene's.
     #[arg(long, value_name = "NAME")]
     scene: Option<String>,
+    /// Send the firmware `exposure VALUE`: auto, or microseconds.
+    #[arg(long, value_name = "VALUE", conflicts_with = "pgm")]
+    exposure: Option<String>,
     /// Put a comb of 16 slits before the sensor, instead of one slit, and tell the firmware `slits comb`. A
     /// scene that has a comb keeps its own, with or without this option.
     #[arg(long)]

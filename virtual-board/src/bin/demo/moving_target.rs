@@ -22,7 +22,7 @@ use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLA
 use slitrange::units::Micrometres;
 use virtual_board::light::{Target, of_scene};
 use virtual_board::upload::upload;
-use virtual_board::{Firmware, Line, VirtualBoard};
+use virtual_board::{Exposure, Firmware, Line, VirtualBoard};
 
 use crate::lines::Report;
 use crate::{Options, say};
@@ -44,6 +44,11 @@ const RESULTS_A_STEP: usize = 4;
 /// step of the table, or at rest.
 const SURFACES_A_STEP: u32 = 4;
 const SURFACES_AT_REST: u32 = 32;
+
+/// Steps and results at each step if the targets have different reflectivity: each target is seen some ten
+/// times.
+const STEPS_OF_TARGETS: u32 = 4;
+const RESULTS_OF_TARGETS: usize = 58;
 
 /// How long a sensor warms up, in seconds of the scene. The board does not run meanwhile.
 const WARM_UP: f64 = 600.0;
@@ -72,6 +77,8 @@ pub struct Summary {
     /// Share of time in which the core sleeps.
     sleep_share: f64,
     faults: usize,
+    /// Faults in frames that began a frame or more after the target's last change of reflectivity.
+    late_faults: usize,
 }
 
 /// The error, claimed uncertainty, repeatability and bound of a reading, in micrometres.
@@ -183,7 +190,9 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let has_surface = scene.speckle.is_some() || scene.texture.is_some();
     // Where the target stays, if it does not move over the whole table.
     let stays = options.distance.is_some() || options.scene.is_some() && options.steps.is_none();
+    let has_targets = scene.reflectivity.is_some() && options.steps.is_none();
     let (steps, results) = match (options.steps, has_surface) {
+        _ if has_targets => (STEPS_OF_TARGETS, RESULTS_OF_TARGETS),
         (Some(steps), true) => (steps, 1),
         (Some(steps), false) => (steps, RESULTS_A_STEP),
         (None, true) if stays => (SURFACES_AT_REST, 1),
@@ -202,16 +211,22 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
     let mut board = VirtualBoard::power_on(firmware, of_scene(scene, target.clone()))?;
     let patience = patience(options.rows);
     upload(&mut board, record.bytes(), patience)?;
-    for command in [command, format!("rows {}", options.rows)] {
-        tell(&mut board, &command, patience)?;
+    tell(&mut board, &command, patience)?;
+    if !has_surface && has_targets {
+        // The scene has no speckle.
+        tell(&mut board, "surface off", patience)?;
     }
+    if let Some(exposure) = &options.exposure {
+        tell(&mut board, &format!("exposure {exposure}"), patience)?;
+    }
+    tell(&mut board, &format!("rows {}", options.rows), patience)?;
 
     say(
         options.json,
-        "   true mm  reported mm  error um      u um     r um  rows  slits  virtual s  flags",
+        "   true mm  reported mm  error um      u um     r um  rows  slits  exposure us  virtual s  flags",
     );
     let (started, first_row) = (board.now(), board.head(|head| head.row_count()));
-    let (mut readings, mut faults, mut compared) = (0, 0, vec![]);
+    let (mut readings, mut faults, mut late_faults, mut compared) = (0, 0, 0, vec![]);
     for step in 0..steps {
         let share = f64::from(step) / f64::from(steps.max(2) - 1);
         match stays {
@@ -240,9 +255,12 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
             if result < 2 {
                 continue;
             }
-            let shown = result == 2;
-            let distance = true_distance(&mut board, &target, &line, options.rows)
-                .context("a result came before its rows")?;
+            let shown = result == 2 || has_targets && result % 3 == 2;
+            let last = last_exposure(&mut board, &line).context("a result came before its rows")?;
+            let rows = usize::from(options.rows);
+            let distance = target
+                .mean_distance(&last, rows)
+                .context("too many rows ago")?;
             match report {
                 Report::Reading(reading) => {
                     let found = compare(
@@ -255,7 +273,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                         say(
                             options.json,
                             &format!(
-                                "{:>10.3} {:>12.4} {:>+9.2} {:>9.2} {:>8.2} {:>5} {:>6} {:>10.3}  {}",
+                                "{:>10.3} {:>12.4} {:>+9.2} {:>9.2} {:>8.2} {:>5} {:>6} {:>12} {:>10.3}  {}",
                                 distance * 1e3,
                                 reading.distance,
                                 found.error,
@@ -263,6 +281,7 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                                 found.repeatability,
                                 reading.rows,
                                 reading.slits,
+                                reading.exposure,
                                 line.at as f64 * 1e-9,
                                 reading.flags
                             ),
@@ -272,6 +291,9 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
                 }
                 Report::Fault(fault) => {
                     faults += 1;
+                    // The frame before is as long ago as the target.
+                    let has_settled = target.stayed_as_bright(&last, 2 * rows).unwrap_or(true);
+                    late_faults += usize::from(has_settled);
                     if shown {
                         say(options.json, &format!("{:>10.3} {fault}", distance * 1e3));
                     }
@@ -308,22 +330,22 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
         rows_lost,
         sleep_share: statistics.asleep(),
         faults,
+        late_faults,
     };
     say(options.json, &summary.in_words(compared.len()));
     Ok(summary)
 }
 
-/// The target's mean distance over the rows of the frame of a line, in metres.
-fn true_distance(board: &mut VirtualBoard, target: &Target, line: &Line, rows: u16) -> Option<f64> {
+/// The exposure of the last row of the frame of a line.
+fn last_exposure(board: &mut VirtualBoard, line: &Line) -> Option<Exposure> {
     /// The time of a byte on the serial line: ten bits at 115200 a second, in nanoseconds.
     const BYTE: u64 = 86_806;
     // The line begins when the frame's last row has been computed, before the next row is read.
     let begin = line.at.saturating_sub((line.text.len() as u64 + 2) * BYTE);
-    let last = board.head(|head| {
+    board.head(|head| {
         let read = head.rows().rev().find(|row| row.last_word < begin);
         read.map(|row| row.exposure)
-    })?;
-    target.mean_distance(&last, usize::from(rows))
+    })
 }
 
 /// Compares a reading with the truth and with the bound for the scene.
