@@ -219,7 +219,7 @@ struct Checked {
     may_be_repaired: bool,
 }
 
-/// Compares a row with its mirror image about a centre. A fit's own flag stays if full scale or the sensor's
+/// Compares a row with its mirror image about a centre. A fit's own flag stays if saturation or the sensor's
 /// edge cuts the spot; for a whole spot the fit would flag every profile that is no gaussian.
 fn check_symmetry(
     row: &Row<'_>,
@@ -264,14 +264,14 @@ fn is_certain_cut(row: &Row<'_>, found: &RowCentre) -> bool {
     32.0 * found.uncertainty.to_f32() <= width && row.light().len() as f32 >= 8.0 * width
 }
 
-/// Whether all of the spot within five widths is on the row, and no pixel of it at full scale.
+/// Whether all of the spot within five widths is on the row, and no pixel of it saturated.
 fn is_whole(row: &Row<'_>, found: &RowCentre) -> bool {
     let reach = 5.0 * found.width.to_f32();
     // A row has at most 2^12 pixels.
     let (centre, end) = (found.centre.to_f32(), row.light().len() as f32 - 1.0);
     // `as` saturates.
     let near = (centre - reach) as usize..((centre + reach) as usize).saturating_add(1);
-    centre >= reach && end - centre >= reach && !row.reaches_full_scale(near)
+    centre >= reach && end - centre >= reach && !row.reaches_saturation(near)
 }
 
 #[cfg(test)]

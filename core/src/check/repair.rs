@@ -111,7 +111,7 @@ const PIXELS_IN_A_UNIT: usize = 10;
 /// Finds the centre of a spot.
 ///
 /// # Errors
-/// See [`crate::centre::centre`]; [`Fault::Saturated`] only where the pixels below full scale are too few.
+/// See [`crate::centre::centre`]; [`Fault::Saturated`] only where the pixels that are not saturated are too few.
 pub fn centre(
     row: &Row<'_>,
     spot: &Spot,
@@ -234,7 +234,7 @@ impl Scene<'_> {
         }
         let of_width = self.spot.block().saturating_mul(EFFORT_OF_STARTING_PIXEL);
         self.pay(EFFORT_OF_START.saturating_add(of_width))?;
-        let start = Start::find(self.row.light(), self.spot, self.geometry).ok()?;
+        let start = Start::find(self.row, self.spot).ok()?;
         self.fill_for_light(&start, &mut window)?;
         let start = window.parameters(&start);
         self.fit_without_light(&mut window, start)
@@ -270,8 +270,7 @@ impl Scene<'_> {
         let samples = half.saturating_mul(2);
         let pixels = samples.saturating_mul(block);
         self.pay((samples / 2).saturating_add(pixels / PIXELS_IN_A_UNIT))?;
-        let light = self.row.light();
-        window.fill_around((half, block), light, self.spot, start, self.geometry);
+        window.fill_around((half, block), self.row, self.spot, start, self.geometry);
         Some(())
     }
 
