@@ -30,17 +30,23 @@
 //! boxes and clusters of bad pixels have a centre too. So the check also compares the sums of the pairs with
 //! a gaussian, loosely.
 //!
+//! A spot whose top is cut off at a level that nobody stated is recognised by its flat top (`flat_top`). From
+//! then on the pixels of the top count as saturated: [`gauss_newton`] measures by the flanks, and the other
+//! estimators have the fault [`Fault::Saturated`].
+//!
 //! If a row fails the check, [`repair`] masks samples and fits the rest. Its centre replaces the first one
 //! if the row, without those samples, passes the check about it. Otherwise the first centre stays, because
 //! in speckle the robust fit is worse than a plain one. The spot's shape then makes u larger
 //! ([`crate::shape`]), and the row is flagged only where u cannot express the error. `other_spot` searches
 //! the rest of the row for a second spot.
 
+mod flat_top;
 mod other_spot;
 pub mod repair;
 mod symmetry;
 
 use crate::centre::gauss_newton::MaskedPixels;
+use crate::centre::plausible::count_saturated_pixels;
 use crate::centre::{self, Estimator, RowCentre, gauss_newton, half_width};
 use crate::fault::Fault;
 use crate::profile::Profile;
@@ -84,7 +90,8 @@ fn widest(spot: &Spot) -> usize {
 /// a cut window.
 ///
 /// # Errors
-/// See [`centre::centre`]; [`Fault::SpotAtEdge`] where the fit has no centre either.
+/// See [`centre::centre`]; [`Fault::SpotAtEdge`] where the fit has no centre either;
+/// [`Fault::Saturated`] also where the spot's top is flat.
 pub fn centre(
     estimator: Estimator,
     row: &Row<'_>,
@@ -116,7 +123,13 @@ pub(crate) fn centre_of_one(
     before: Option<&RowCentre>,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
-    let found = centre::centre(estimator, row, spot, before, geometry)?;
+    let mut found = centre::centre(estimator, row, spot, before, geometry)?;
+    let cut = flat_top::find(row, spot, &found, geometry);
+    let cut = cut.map(|saturation| row.with_saturation(saturation));
+    if let Some(row) = &cut {
+        found = measure_flanks(estimator, row, spot, &found, geometry)?;
+    }
+    let row = cut.as_ref().unwrap_or(row);
     if spot.effort.pay(effort_of_width(&found)).is_none() {
         return Ok(RowCentre {
             misfit: true,
@@ -128,6 +141,29 @@ pub(crate) fn centre_of_one(
         misfit: found.misfit || found.width.to_f32() < NARROWEST_SURE,
         ..found
     })
+}
+
+/// Measures a spot whose top [`flat_top`] found to be flat, on a row with the saturation of that top. Does
+/// what the estimator does at a saturation that is known: only [`gauss_newton`] measures by the flanks alone.
+///
+/// # Errors
+/// [`Fault::Saturated`] from every other estimator, and if too little effort is left.
+#[cold]
+#[inline(never)]
+fn measure_flanks(
+    estimator: Estimator,
+    row: &Row<'_>,
+    spot: &mut Spot,
+    found: &RowCentre,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    let pixels = count_saturated_pixels(row, found.centre, found.width.to_f32());
+    let saturated = Fault::Saturated { pixels };
+    if estimator != Estimator::GaussNewton {
+        return Err(saturated);
+    }
+    spot.effort.pay(effort_of_fit(spot)).ok_or(saturated)?;
+    gauss_newton::centre(row, spot, None, geometry)
 }
 
 /// The effort of the estimator and the check for a spot of this width.
@@ -151,10 +187,17 @@ fn find_and_check(
     if estimator == Estimator::GaussNewton {
         spot.effort.pay(effort_of_fit(spot)).ok_or(spot.no_spot())?;
     }
-    let found = match centre::centre(estimator, row, spot, before, geometry) {
+    let mut found = match centre::centre(estimator, row, spot, before, geometry) {
         Err(at_edge @ Fault::SpotAtEdge { .. }) if estimator != Estimator::GaussNewton => {
             spot.effort.pay(effort_of_fit(spot)).ok_or(at_edge)?;
-            let found = gauss_newton::centre(row, spot, before, geometry)?;
+            let fit = Estimator::GaussNewton;
+            let mut found = gauss_newton::centre(row, spot, before, geometry)?;
+            let cut = flat_top::find(row, spot, &found, geometry);
+            let cut = cut.map(|saturation| row.with_saturation(saturation));
+            if let Some(row) = &cut {
+                found = measure_flanks(fit, row, spot, &found, geometry)?;
+            }
+            let row = cut.as_ref().unwrap_or(row);
             let checked = check_symmetry(row, spot, found, geometry, profile);
             return Ok(RowCentre {
                 misfit: !checked.is_clean || !is_certain_cut(row, &found),
@@ -163,6 +206,12 @@ fn find_and_check(
         }
         found => found?,
     };
+    let cut = flat_top::find(row, spot, &found, geometry);
+    let cut = cut.map(|saturation| row.with_saturation(saturation));
+    if let Some(row) = &cut {
+        found = measure_flanks(estimator, row, spot, &found, geometry)?;
+    }
+    let row = cut.as_ref().unwrap_or(row);
     // The estimator's part is paid only now, when the width is known.
     if spot.effort.pay(effort_of_width(&found)).is_none() {
         return Ok(RowCentre {

@@ -35,7 +35,8 @@ pub struct Geometry {
     /// the electrons that make a count. 0 ignores shot noise.
     pub shot_variance_per_count_q16: u16,
     /// The count from which a pixel counts as saturated: light positive, black level included. A sensor whose
-    /// well is full below the converter's largest word has a lower one. Above full scale it means full scale.
+    /// well is full below the converter's largest word has a lower one. The read noise comes after the well,
+    /// so state four of its standard deviations less than the level. Above full scale it means full scale.
     pub saturation: u16,
 }
 
@@ -57,8 +58,8 @@ pub struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// Makes a row from its parts, light positive. A pixel of the count `saturation` or more is saturated: see
-    /// [`Geometry::saturated_from`]. [`Geometry::row`] makes a row from a sensor's words.
+    /// Makes a row from its parts, light positive. A pixel of the count `saturation` or more is saturated:
+    /// see [`Geometry::saturated_from`]. [`Geometry::row`] makes a row from a sensor's words.
     ///
     /// # Errors
     /// A count is above [`LARGEST_COUNT`], or there are more than [`MAX_PIXELS`].
