@@ -19,6 +19,7 @@ fn s11639() -> Geometry {
         bits: 12,
         // 80 ke- at saturation over 4096 counts: 20 electrons make a count.
         shot_variance_per_count_q16: u16::MAX / 20,
+        saturation: 4095,
     }
 }
 

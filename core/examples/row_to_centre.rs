@@ -26,9 +26,10 @@ pub fn main() {
         bits: 12,
         // 20 electrons make a count.
         shot_variance_per_count_q16: u16::MAX / 20,
+        saturation: 4095,
     };
     let light = counts(412.3);
-    let row = Row::new(&light, &[], geometry.full_scale()).expect("a row of 12-bit counts");
+    let row = Row::new(&light, &[], geometry.saturated_from()).expect("a row of 12-bit counts");
     let spot = spot::find(&row).expect("a spot");
     let found =
         check::centre(Estimator::default(), &row, &spot, None, &geometry, None).expect("a centre");

@@ -138,7 +138,7 @@ pub struct WidthClass {
 ///
 /// # Errors
 /// [`Fault::SpotAtEdge`] where the pixels that the estimator needs reach over the sensor's edge.
-/// [`Fault::Saturated`] where a pixel within two widths of the centre is at full scale. [`Fault::TooDim`]
+/// [`Fault::Saturated`] where a pixel within two widths of the centre is saturated. [`Fault::TooDim`]
 /// where the noise leaves the centre uncertain by more than an eighth of the width. [`Fault::NoSpot`] where
 /// the light there does not have the shape of a spot.
 // Inlined, so that a program whose estimator is fixed at compile time does not contain the others.

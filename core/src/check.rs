@@ -30,17 +30,23 @@
 //! boxes and clusters of bad pixels have a centre too. So the check also compares the sums of the pairs with
 //! a gaussian, loosely.
 //!
+//! A spot whose top is cut off at a level that nobody stated is recognised by its flat top (`flat_top`). From
+//! then on the pixels of the top count as saturated: [`gauss_newton`] measures by the flanks, and the other
+//! estimators have the fault [`Fault::Saturated`].
+//!
 //! If a row fails the check, [`repair`] masks samples and fits the rest. Its centre replaces the first one
 //! if the row, without those samples, passes the check about it. Otherwise the first centre stays, because
 //! in speckle the robust fit is worse than a plain one. The spot's shape then makes u larger
 //! ([`crate::shape`]), and the row is flagged only where u cannot express the error. `other_spot` searches
 //! the rest of the row for a second spot.
 
+mod flat_top;
 mod other_spot;
 pub mod repair;
 mod symmetry;
 
 use crate::centre::gauss_newton::MaskedPixels;
+use crate::centre::plausible::count_saturated_pixels;
 use crate::centre::{self, Estimator, RowCentre, gauss_newton, half_width};
 use crate::fault::Fault;
 use crate::profile::Profile;
@@ -84,7 +90,8 @@ fn widest(spot: &Spot) -> usize {
 /// a cut window.
 ///
 /// # Errors
-/// See [`centre::centre`]; [`Fault::SpotAtEdge`] where the fit has no centre either.
+/// See [`centre::centre`]; [`Fault::SpotAtEdge`] where the fit has no centre either;
+/// [`Fault::Saturated`] also where the spot's top is flat.
 pub fn centre(
     estimator: Estimator,
     row: &Row<'_>,
@@ -116,7 +123,13 @@ pub(crate) fn centre_of_one(
     before: Option<&RowCentre>,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
-    let found = centre::centre(estimator, row, spot, before, geometry)?;
+    let mut found = centre::centre(estimator, row, spot, before, geometry)?;
+    let cut = flat_top::find(row, spot, &found, geometry);
+    let cut = cut.map(|saturation| row.with_saturation(saturation));
+    if let Some(row) = &cut {
+        found = measure_flanks(estimator, row, spot, &found, geometry)?;
+    }
+    let row = cut.as_ref().unwrap_or(row);
     if spot.effort.pay(effort_of_width(&found)).is_none() {
         return Ok(RowCentre {
             misfit: true,
@@ -128,6 +141,29 @@ pub(crate) fn centre_of_one(
         misfit: found.misfit || found.width.to_f32() < NARROWEST_SURE,
         ..found
     })
+}
+
+/// Measures a spot whose top [`flat_top`] found to be flat, on a row with the saturation of that top. Does
+/// what the estimator does at a saturation that is known: only [`gauss_newton`] measures by the flanks alone.
+///
+/// # Errors
+/// [`Fault::Saturated`] from every other estimator, and if too little effort is left.
+#[cold]
+#[inline(never)]
+fn measure_flanks(
+    estimator: Estimator,
+    row: &Row<'_>,
+    spot: &mut Spot,
+    found: &RowCentre,
+    geometry: &Geometry,
+) -> Result<RowCentre, Fault> {
+    let pixels = count_saturated_pixels(row, found.centre, found.width.to_f32());
+    let saturated = Fault::Saturated { pixels };
+    if estimator != Estimator::GaussNewton {
+        return Err(saturated);
+    }
+    spot.effort.pay(effort_of_fit(spot)).ok_or(saturated)?;
+    gauss_newton::centre(row, spot, None, geometry)
 }
 
 /// The effort of the estimator and the check for a spot of this width.
@@ -151,10 +187,17 @@ fn find_and_check(
     if estimator == Estimator::GaussNewton {
         spot.effort.pay(effort_of_fit(spot)).ok_or(spot.no_spot())?;
     }
-    let found = match centre::centre(estimator, row, spot, before, geometry) {
+    let mut found = match centre::centre(estimator, row, spot, before, geometry) {
         Err(at_edge @ Fault::SpotAtEdge { .. }) if estimator != Estimator::GaussNewton => {
             spot.effort.pay(effort_of_fit(spot)).ok_or(at_edge)?;
-            let found = gauss_newton::centre(row, spot, before, geometry)?;
+            let fit = Estimator::GaussNewton;
+            let mut found = gauss_newton::centre(row, spot, before, geometry)?;
+            let cut = flat_top::find(row, spot, &found, geometry);
+            let cut = cut.map(|saturation| row.with_saturation(saturation));
+            if let Some(row) = &cut {
+                found = measure_flanks(fit, row, spot, &found, geometry)?;
+            }
+            let row = cut.as_ref().unwrap_or(row);
             let checked = check_symmetry(row, spot, found, geometry, profile);
             return Ok(RowCentre {
                 misfit: !checked.is_clean || !is_certain_cut(row, &found),
@@ -163,6 +206,12 @@ fn find_and_check(
         }
         found => found?,
     };
+    let cut = flat_top::find(row, spot, &found, geometry);
+    let cut = cut.map(|saturation| row.with_saturation(saturation));
+    if let Some(row) = &cut {
+        found = measure_flanks(estimator, row, spot, &found, geometry)?;
+    }
+    let row = cut.as_ref().unwrap_or(row);
     // The estimator's part is paid only now, when the width is known.
     if spot.effort.pay(effort_of_width(&found)).is_none() {
         return Ok(RowCentre {
@@ -219,7 +268,7 @@ struct Checked {
     may_be_repaired: bool,
 }
 
-/// Compares a row with its mirror image about a centre. A fit's own flag stays if full scale or the sensor's
+/// Compares a row with its mirror image about a centre. A fit's own flag stays if saturation or the sensor's
 /// edge cuts the spot; for a whole spot the fit would flag every profile that is no gaussian.
 fn check_symmetry(
     row: &Row<'_>,
@@ -264,14 +313,14 @@ fn is_certain_cut(row: &Row<'_>, found: &RowCentre) -> bool {
     32.0 * found.uncertainty.to_f32() <= width && row.light().len() as f32 >= 8.0 * width
 }
 
-/// Whether all of the spot within five widths is on the row, and no pixel of it at full scale.
+/// Whether all of the spot within five widths is on the row, and no pixel of it saturated.
 fn is_whole(row: &Row<'_>, found: &RowCentre) -> bool {
     let reach = 5.0 * found.width.to_f32();
     // A row has at most 2^12 pixels.
     let (centre, end) = (found.centre.to_f32(), row.light().len() as f32 - 1.0);
     // `as` saturates.
     let near = (centre - reach) as usize..((centre + reach) as usize).saturating_add(1);
-    centre >= reach && end - centre >= reach && !row.reaches_full_scale(near)
+    centre >= reach && end - centre >= reach && !row.reaches_saturation(near)
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ pub enum Fault {
         /// The height that this spot would need.
         needed: Counts,
     },
-    /// Pixels of the spot are at full scale: its top is cut off.
+    /// Pixels of the spot are saturated: its top is cut off.
     Saturated {
         /// How many.
         pixels: u16,

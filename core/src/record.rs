@@ -391,6 +391,8 @@ impl Fields {
                 },
                 bits: self.bits,
                 shot_variance_per_count_q16: self.shot_variance_per_count_q16,
+                // The record does not hold the saturation. This means full scale.
+                saturation: LARGEST_COUNT,
             },
             estimator,
             black_level: match self.black_level {

@@ -34,6 +34,10 @@ pub struct Geometry {
     /// Variance of the light's shot noise for each count of light, in counts squared, Q0.16. It is one over
     /// the electrons that make a count. 0 ignores shot noise.
     pub shot_variance_per_count_q16: u16,
+    /// The count from which a pixel counts as saturated: light positive, black level included. A sensor whose
+    /// well is full below the converter's largest word has a lower one. The read noise comes after the well,
+    /// so state four of its standard deviations less than the level. Above full scale it means full scale.
+    pub saturation: u16,
 }
 
 /// The largest count of a row: that of a 12-bit converter. The arithmetic of the core is proven for counts up
@@ -50,16 +54,16 @@ pub struct Row<'a> {
     /// The sums over the light pixels' blocks. Empty where nobody summed them.
     blocks: &'a [u16],
     shielded: Light<'a>,
-    full_scale: u16,
+    saturation: u16,
 }
 
 impl<'a> Row<'a> {
-    /// Makes a row from its parts, light positive. `full_scale` is the converter's largest word.
-    /// [`Geometry::row`] makes a row from a sensor's words.
+    /// Makes a row from its parts, light positive. A pixel of the count `saturation` or more is saturated:
+    /// see [`Geometry::saturated_from`]. [`Geometry::row`] makes a row from a sensor's words.
     ///
     /// # Errors
     /// A count is above [`LARGEST_COUNT`], or there are more than [`MAX_PIXELS`].
-    pub fn new(light: &'a [u16], shielded: &'a [u16], full_scale: u16) -> Result<Self, RowError> {
+    pub fn new(light: &'a [u16], shielded: &'a [u16], saturation: u16) -> Result<Self, RowError> {
         if light.len() > MAX_PIXELS || shielded.len() > MAX_PIXELS {
             return Err(RowError::Length {
                 words: light.len().max(shielded.len()),
@@ -76,16 +80,27 @@ impl<'a> Row<'a> {
             light: light.into(),
             blocks: &[],
             shielded: shielded.into(),
-            full_scale,
+            saturation,
         })
     }
 
-    /// Whether any of these pixels is at full scale. Pixels off the row do not count.
+    /// As this row, with another count from which a pixel is saturated.
+    pub const fn with_saturation(self, saturation: u16) -> Self {
+        Self { saturation, ..self }
+    }
+
+    /// The least count of a saturated pixel.
     #[inline]
-    pub fn reaches_full_scale(&self, pixels: Range<usize>) -> bool {
+    pub const fn saturated_from(&self) -> u16 {
+        self.saturation
+    }
+
+    /// Whether any of these pixels is saturated. Pixels off the row do not count.
+    #[inline]
+    pub fn reaches_saturation(&self, pixels: Range<usize>) -> bool {
         let end = pixels.end.min(self.light.len());
         let near = self.light.slice(pixels.start.min(end)..end);
-        near.is_some_and(|near| near.extremes(self.full_scale).full_scale)
+        near.is_some_and(|near| near.extremes(self.saturation).saturated)
     }
 
     /// The pixels that see light.
@@ -124,7 +139,7 @@ pub enum RowError {
 
 impl Geometry {
     /// Whether a calibration that was made with one geometry may be used with the other. All fields but the
-    /// noise figure must agree: the noise figure changes a centre's uncertainty and not its meaning.
+    /// noise figure and the saturation must agree: these two change no count's meaning.
     pub fn is_compatible_with(&self, other: &Self) -> bool {
         // All fields by name: a new one does not compile until someone decides here whether it counts.
         let Self {
@@ -134,6 +149,7 @@ impl Geometry {
             polarity,
             bits,
             shot_variance_per_count_q16: _,
+            saturation: _,
         } = self;
         *words == other.words
             && *shielded == other.shielded
@@ -152,11 +168,22 @@ impl Geometry {
         }
     }
 
-    /// The largest height above the black level that can be measured: full scale less the black level. A
-    /// pixel of this height is saturated.
+    /// The least count of a saturated pixel: [`Self::saturation`], at most full scale.
+    #[inline]
+    pub const fn saturated_from(&self) -> u16 {
+        let full_scale = self.full_scale();
+        if self.saturation < full_scale {
+            self.saturation
+        } else {
+            full_scale
+        }
+    }
+
+    /// The largest height above the black level that can be measured: the least saturated count less the
+    /// black level. A pixel of this height is saturated.
     pub fn height_limit(&self, black_level: Counts) -> Counts {
-        let full_scale = Counts::from_int(self.full_scale().into());
-        Counts::from_bits(full_scale.to_bits().saturating_sub(black_level.to_bits()))
+        let saturation = Counts::from_int(self.saturated_from().into());
+        Counts::from_bits(saturation.to_bits().saturating_sub(black_level.to_bits()))
     }
 
     /// Makes a row from the words of a read-out.
@@ -212,7 +239,7 @@ impl Geometry {
             light: part(&self.light)?,
             blocks: &[],
             shielded: part(&self.shielded)?,
-            full_scale: self.full_scale(),
+            saturation: self.saturated_from(),
         })
     }
 
@@ -242,6 +269,7 @@ mod tests {
             polarity: Polarity::Falling,
             bits: 12,
             shot_variance_per_count_q16: 6554,
+            saturation: LARGEST_COUNT,
         }
     }
 
@@ -255,7 +283,7 @@ mod tests {
                 let words = [word; 8];
                 let row = geometry.row(&words).expect("a row");
                 assert_eq!(row.light().get(0), Some(full_scale - word));
-                assert_eq!(row.reaches_full_scale(0..9), word == 0);
+                assert_eq!(row.reaches_saturation(0..9), word == 0);
                 for beyond in [full_scale + 1, full_scale + 2, 0x7FFF, 0x8000, u16::MAX] {
                     for place in 0..8 {
                         let mut words = words;
@@ -281,7 +309,43 @@ mod tests {
             (2..9, false),
             (7..9, false),
         ] {
-            assert_eq!(row.reaches_full_scale(pixels.clone()), is_so, "{pixels:?}");
+            assert_eq!(row.reaches_saturation(pixels.clone()), is_so, "{pixels:?}");
+        }
+    }
+
+    /// For words that rise and words that fall, of 8 and 12 bits.
+    #[test]
+    fn a_saturation_above_full_scale_means_full_scale() {
+        for (bits, saturation, from) in [
+            (12, 2500, 2500),
+            (12, 4095, 4095),
+            (12, u16::MAX, 4095),
+            (8, 4095, 255),
+            (8, 256, 255),
+            (8, 200, 200),
+            (8, 0, 0),
+        ] {
+            for polarity in [Polarity::Rising, Polarity::Falling] {
+                let geometry = Geometry {
+                    polarity,
+                    bits,
+                    saturation,
+                    ..geometry()
+                };
+                assert_eq!(geometry.saturated_from(), from);
+                let limit = geometry.height_limit(Counts::from_int(100));
+                assert_eq!(limit, Counts::from_int(i32::from(from) - 100));
+                for count in [0, 199, 200, 254, 255, 2499, 2500, 4094, 4095] {
+                    if count > geometry.full_scale() {
+                        continue;
+                    }
+                    let words = [count ^ geometry.inverted(); 8];
+                    let row = geometry.row(&words).expect("a row");
+                    assert_eq!(row.saturated_from(), from);
+                    assert_eq!(row.reaches_saturation(0..9), count >= from, "{count}");
+                    assert!(row.with_saturation(count).reaches_saturation(0..9));
+                }
+            }
         }
     }
 
@@ -310,13 +374,18 @@ mod tests {
     }
 
     #[test]
-    fn noise_figures_do_not_change_what_words_mean() {
+    fn noise_and_saturation_do_not_change_what_words_mean() {
         let here = geometry();
         let noisier = Geometry {
             shot_variance_per_count_q16: 1,
             ..geometry()
         };
+        let smaller_well = Geometry {
+            saturation: 2500,
+            ..geometry()
+        };
         assert!(here.is_compatible_with(&here) && here.is_compatible_with(&noisier));
+        assert!(here.is_compatible_with(&smaller_well));
         for other in [
             Geometry {
                 words: 9,

@@ -1,7 +1,7 @@
 //! The layout of the rows of each sensor head that has a driver. The simulation and the tests on a PC need
 //! the same numbers as the driver.
 
-use crate::row::{Geometry, Polarity};
+use crate::row::{Geometry, LARGEST_COUNT, Polarity};
 
 /// Words of a TCD1304DG's read-out before the one that samples the sensor's first output, D0. The converter
 /// runs before the sensor puts out D0, so that the phase between their clocks does not depend on the
@@ -16,6 +16,11 @@ pub const TCD1304DG_LEAD_IN: usize = 2;
 ///
 /// Electrons a count: 40 ke- at the saturation of 0.6 V (as measured by drmcnelson's TCD1304 project), spread
 /// over the converter's 4096 counts.
+///
+/// Saturation: full scale. The data sheet's least saturation voltage is 0.45 V, which is 3072 counts if the
+/// typical 0.6 V are 4096. A sensor that saturates between the two still gives no wrong distance: the
+/// automatic exposure aims at 70 % of full scale (2866 counts), and the check recognises a flat top below
+/// full scale.
 pub const fn tcd1304dg() -> Geometry {
     const D16: usize = TCD1304DG_LEAD_IN + 16;
     const S1: usize = TCD1304DG_LEAD_IN + 32;
@@ -27,6 +32,7 @@ pub const fn tcd1304dg() -> Geometry {
         bits: 12,
         // One over ten electrons.
         shot_variance_per_count_q16: 6554,
+        saturation: LARGEST_COUNT,
     }
 }
 

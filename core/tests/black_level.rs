@@ -133,7 +133,7 @@ fn the_centroid_and_its_height_follow_the_black_level() {
         let (true_centre, width, height) = (1800.0 + 0.05 * f64::from(step), 1.3, 1500.0);
         let counts = counts(true_centre, width, height);
         let light = &counts[head.light.clone()];
-        let row = Row::new(light, &[], head.full_scale()).expect("12 bits");
+        let row = Row::new(light, &[], head.saturated_from()).expect("12 bits");
         let spot = spot::find(&row).expect("a spot");
         let width = f64::from(half_width::width(light.into(), &spot, None).expect("a width"));
         let background = spot.background.level.to_f64();

@@ -41,6 +41,7 @@ fn geometry(first: u8) -> Geometry {
         polarity,
         bits,
         shot_variance_per_count_q16: 6554,
+        saturation: slitrange::row::LARGEST_COUNT,
     };
     match first & 0xF {
         0 => sensor_heads::tcd1304dg(),
@@ -64,6 +65,7 @@ fn geometry(first: u8) -> Geometry {
         },
         10 => Geometry {
             shot_variance_per_count_q16: 0,
+            saturation: 700,
             ..short(400, 10, Polarity::Rising)
         },
         _ => short(512, 12, Polarity::Falling),

@@ -35,7 +35,7 @@ pub fn centre_after(
     light: &[u16],
     estimator: Estimator,
 ) -> Answer {
-    let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
+    let row = Row::new(light, &[], geometry.saturated_from()).expect("quantised to 12 bits");
     centre::centre(estimator, &row, &spot::find(&row)?, before, geometry)
 }
 
@@ -46,14 +46,14 @@ pub fn centre_with(
     geometry: &Geometry,
     light: &[u16],
 ) -> Answer {
-    let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
+    let row = Row::new(light, &[], geometry.saturated_from()).expect("quantised to 12 bits");
     let spot = spot::find(&row)?;
     phase_table::centre(&row, &spot, before, geometry, tables, Sampling::Fine)
 }
 
 /// What an estimator alone finds in a row, and what the measurement finds with it.
 pub fn answers(geometry: &Geometry, light: &[u16], estimator: Estimator) -> [Answer; 2] {
-    let row = Row::new(light, &[], 4095).expect("quantised to 12 bits");
+    let row = Row::new(light, &[], geometry.saturated_from()).expect("quantised to 12 bits");
     let spot = spot::find(&row);
     [
         spot.and_then(|spot| centre::centre(estimator, &row, &spot, None, geometry)),

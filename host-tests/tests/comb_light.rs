@@ -193,7 +193,7 @@ fn core_finds(light: &[f64], scale: f64, seed: u64) -> Result<RowCentre, Fault> 
             count.round() as u16
         })
         .collect();
-    let row = Row::new(&counts, &[], geometry.full_scale()).expect("12 bits");
+    let row = Row::new(&counts, &[], geometry.saturated_from()).expect("12 bits");
     let spot = spot::find(&row)?;
     check::centre(Estimator::default(), &row, &spot, None, &geometry, None)
 }

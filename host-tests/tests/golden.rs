@@ -19,7 +19,8 @@ use slitrange::units::{Counts, Pixels};
 
 /// The checked centre of a row.
 fn answer(row: &HardRow, before: Option<&RowCentre>) -> Result<RowCentre, Fault> {
-    let light = Row::new(&row.light, &[], 4095).expect("quantised to 12 bits");
+    let light =
+        Row::new(&row.light, &[], row.geometry.saturated_from()).expect("quantised to 12 bits");
     let spot = spot::find(&light)?;
     check::centre(
         Estimator::default(),

@@ -385,26 +385,28 @@ proptest! {
     })]
 
     #[test]
-    fn no_map_makes_or_hides_full_scale(
+    fn no_map_makes_or_hides_saturation(
         entries in entries(),
         row in prop::collection::vec(0u16..=4095, 3648),
         black in any::<i32>(),
         bits in prop_oneof![Just(12u8), 0u8..=16],
         begin in 0usize..4000,
         length in 0usize..4000,
+        saturation in prop_oneof![Just(4095), any::<u16>()],
     ) {
         let map = map_with(&entries);
         let geometry = Geometry {
             polarity: Polarity::Rising,
             bits,
+            saturation,
             ..tcd1304dg()
         };
         let mut corrected = row.clone();
         map.correct(&mut corrected, begin..begin + length, Counts::from_bits(black), &geometry);
-        let full_scale = geometry.full_scale();
+        let saturation = geometry.saturated_from();
         for (at, (before, after)) in row.iter().zip(&corrected).enumerate() {
-            prop_assert_eq!(*before >= full_scale, *after >= full_scale);
-            if *before >= full_scale || !(begin..begin + length).contains(&at) {
+            prop_assert_eq!(*before >= saturation, *after >= saturation);
+            if *before >= saturation || !(begin..begin + length).contains(&at) {
                 prop_assert_eq!(before, after);
             }
         }

@@ -94,6 +94,7 @@ fn bias_over_the_phase_is_small_on_every_symmetric_profile() {
                             polarity: Polarity::Rising,
                             bits: 12,
                             shot_variance_per_count_q16,
+                            saturation: slitrange::row::LARGEST_COUNT,
                         };
                         let errors = bias(&curve, width, |light, before| {
                             centre_after(before, &geometry, light, estimator)

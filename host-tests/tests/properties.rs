@@ -150,6 +150,7 @@ proptest! {
         before in befores(),
         bits in 0..20u8,
         shot in any::<u16>(),
+        saturation in prop_oneof![Just(4095), any::<u16>()],
     ) {
         let geometry = Geometry {
             words: light.len(),
@@ -158,8 +159,9 @@ proptest! {
             polarity: Polarity::Rising,
             bits,
             shot_variance_per_count_q16: shot,
+            saturation,
         };
-        let row = Row::new(&light, &[], 4095).expect("12 bits");
+        let row = Row::new(&light, &[], saturation).expect("12 bits");
         let (spot, found) = match slitrange::spot::find(&row) {
             Ok(spot) if found => (spot, true),
             _ => (spot, false),
@@ -191,6 +193,7 @@ proptest! {
             polarity: if falling { Polarity::Falling } else { Polarity::Rising },
             bits,
             shot_variance_per_count_q16: a,
+            saturation: b,
         };
         let mut row: Vec<u16> =
             (0..length as u32).map(|i| (i.wrapping_mul(seed | 1) >> 20) as u16).collect();
@@ -228,6 +231,7 @@ proptest! {
             polarity: Polarity::Rising,
             bits: 12,
             shot_variance_per_count_q16: 6554,
+            saturation: slitrange::row::LARGEST_COUNT,
         };
         for estimator in Estimator::ALL {
             let settings = Settings { estimator, rows: 2, slits: Slits::Comb, ..Settings::default() };

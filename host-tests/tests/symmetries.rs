@@ -185,7 +185,7 @@ fn centre_at(
     spot: &Spot,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
-    let row = Row::new(light, &[], geometry.full_scale()).expect("12 bits");
+    let row = Row::new(light, &[], geometry.saturated_from()).expect("12 bits");
     match way {
         Way::Alone => centre::centre(estimator, &row, spot, None, geometry),
         Way::Pipeline => check::centre(estimator, &row, spot, None, geometry, None),

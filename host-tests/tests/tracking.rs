@@ -44,6 +44,7 @@ fn geometry() -> Geometry {
         polarity: Polarity::Rising,
         bits: 12,
         shot_variance_per_count_q16: (65536.0 / ELECTRONS_PER_COUNT).round() as u16,
+        saturation: slitrange::row::LARGEST_COUNT,
     }
 }
 

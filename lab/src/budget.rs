@@ -304,7 +304,8 @@ pub fn row_centre(
 ) -> Result<RowCentre, Fault> {
     let light = &counts[geometry.light.clone()];
     let shielded = &counts[geometry.shielded.clone()];
-    let row = Row::new(light, shielded, geometry.full_scale()).map_err(|_| Fault::SensorSilent)?;
+    let row =
+        Row::new(light, shielded, geometry.saturated_from()).map_err(|_| Fault::SensorSilent)?;
     centre::centre(estimator, &row, &spot::find(&row)?, None, geometry)
 }
 

@@ -72,7 +72,7 @@ pub fn centre(
     let light = row.light();
     let mut at = position_on_row(light, spot)?;
     let width = half_width::width(light, spot, before)?;
-    check_saturation(row, at, width, geometry)?;
+    check_saturation(row, at, width)?;
     let level = spot.black_level_bits();
     // At most 510 pixels, because a width is at most 170.
     let half_window = Pixels::from_f32(HALF_WINDOW * width);
@@ -107,7 +107,7 @@ pub fn centre(
             break;
         }
     }
-    check_saturation(row, at, width, geometry)?;
+    check_saturation(row, at, width)?;
     let (noise, shot) = spot.background.variances(geometry);
     let h = HALF_WINDOW * width;
     let slope = WINDOW_FACTOR * gathered;

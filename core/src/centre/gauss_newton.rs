@@ -1,7 +1,7 @@
 //! Fits eq. (5) on a level by weighted least squares: centre, width, height and level by the Gauss-Newton
 //! method, in f32.
 //!
-//! This estimator also fits a spot that the sensor's edge cuts, or whose top is at full scale: it uses the
+//! This estimator also fits a spot that the sensor's edge cuts, or whose top is saturated: it uses the
 //! pixels that are left. Its uncertainty is that of the four parameters together, so it grows where those
 //! pixels cannot tell the parameters apart.
 //!
@@ -9,7 +9,7 @@
 //! sigma^2 + 1/12, which leaves an error of at most 0.0003 pixel for a width of 0.8, and none from 1.2.
 //!
 //! **Weights.** 1 / (noise^2 + g A e), from the model and not from the pixel: pixels that noise makes low
-//! must not weigh more. `noise` is measured on the row, rounding to counts included. Pixels at full scale
+//! must not weigh more. `noise` is measured on the row, rounding to counts included. Saturated pixels
 //! weigh nothing. In white noise this is the least-squares fit, in shot noise nearly the maximum-likelihood
 //! one.
 //!
@@ -47,7 +47,7 @@ use crate::centre::{RowCentre, WidthClass};
 use crate::fault::Fault;
 use crate::numeric;
 use crate::numeric::limited;
-use crate::row::{Geometry, LARGEST_COUNT, Light, Row};
+use crate::row::{Geometry, LARGEST_COUNT, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
@@ -96,7 +96,7 @@ const LEAST_MIX: f32 = 0.23;
 /// is what the weights say: the sum of u^2 e^3 / (e + m)^2 over that of u^2 e^2 / (e + m), m = 0.23.
 const OTHER_MIX_VARIANCE: f32 = 0.611;
 
-/// A spot that is cut off at full scale needs this many other samples within three widths: one more than the
+/// A spot with saturated pixels needs this many other samples within three widths: one more than the
 /// unknowns that only the spot's own pixels tell.
 const FEWEST_SAMPLES: usize = 4;
 
@@ -109,7 +109,7 @@ const MISFIT: f32 = 5.0;
 /// that of the noise.
 const NOISE_VARIANCE_UNCERTAINTY: f32 = 0.06;
 
-/// The variance of a sample at full scale, in counts squared. It masks the sample: the sample weighs nothing
+/// The variance of a saturated sample, in counts squared. It masks the sample: the sample weighs nothing
 /// beside any other.
 const SATURATED: f32 = 1e30;
 
@@ -139,7 +139,7 @@ impl Sample {
         self.variance >= MASKED_BY_CHECK
     }
 
-    /// Whether the sample weighs nothing: it is at full scale, or the check masked it.
+    /// Whether the sample weighs nothing: it is saturated, or the check masked it.
     pub(crate) fn is_masked(&self) -> bool {
         self.variance >= SATURATED
     }
@@ -185,7 +185,7 @@ pub struct NormalEquations {
 /// Ignores the row before: the fit starts from the half maximum, which costs only a twentieth of a step.
 ///
 /// # Errors
-/// [`Fault::SpotAtEdge`] where the centre is not on the sensor. [`Fault::Saturated`] where full scale leaves
+/// [`Fault::SpotAtEdge`] where the centre is not on the sensor. [`Fault::Saturated`] where saturation leaves
 /// too few pixels of the spot. [`Fault::TooDim`] where the centre is uncertain by more than an eighth of the
 /// width. [`Fault::NoSpot`] where the fit does not arrive.
 pub fn centre(
@@ -195,10 +195,10 @@ pub fn centre(
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
     let light = row.light();
-    let start = Start::find(light, spot, geometry)?;
-    let window = Window::around(light, spot, &start, geometry);
+    let start = Start::find(row, spot)?;
+    let window = Window::around(row, spot, &start, geometry);
     let (_, shot) = spot.background.variances(geometry);
-    let saturated = count_saturated_pixels(light, start.centre, start.width, geometry);
+    let saturated = count_saturated_pixels(row, start.centre, start.width);
     let unfit = match saturated {
         0 => spot.no_spot(),
         pixels => Fault::Saturated { pixels },
@@ -251,7 +251,8 @@ pub(crate) struct Start {
 impl Start {
     /// Finds the start values from the half maximum. If the sensor's edge cuts off one side of the spot, uses
     /// the other.
-    pub(crate) fn find(light: Light<'_>, spot: &Spot, geometry: &Geometry) -> Result<Self, Fault> {
+    pub(crate) fn find(row: &Row<'_>, spot: &Spot) -> Result<Self, Fault> {
+        let light = row.light();
         let half = half_width::find(light, spot)?;
         let (offset, half_maximum) = match (half.left, half.right) {
             (Some(left), Some(right)) => (0.5 * (right - left), 0.5 * (left + right)),
@@ -263,9 +264,9 @@ impl Start {
             half.top.to_bits(),
             Pixels::from_f32(offset).to_bits(),
         ));
-        let flat = flat_top(light, half.top, geometry) as f32 * 0.5;
+        let flat = flat_top(row, half.top) as f32 * 0.5;
         let (width, amplitude) = if flat > 0.5 && flat < half_maximum {
-            // The counts are full scale F at `flat` and F / 2 at the half maximum.
+            // The counts are the saturation F at `flat` and F / 2 at the half maximum.
             let squared =
                 (half_maximum * half_maximum - flat * flat) / (2.0 * core::f32::consts::LN_2);
             let above = limited(flat * flat / (2.0 * squared), 0.0, 3.0);
@@ -296,12 +297,12 @@ pub(crate) fn pixels_a_sample(width: f32, samples_a_width: f32) -> usize {
     ((width / samples_a_width) as usize).min(LARGEST_SAMPLE - 1) + 1
 }
 
-/// How many pixels about a place are at full scale without a gap.
-fn flat_top(light: Light<'_>, place: Pixels, geometry: &Geometry) -> usize {
-    let full_scale = geometry.full_scale();
+/// How many pixels about a place are saturated without a gap.
+fn flat_top(row: &Row<'_>, place: Pixels) -> usize {
+    let saturation = row.saturated_from();
     let place = usize::try_from(place.to_bits() >> Pixels::FRACTION).unwrap_or_default();
-    let (left, right) = light.split(place);
-    let is_full = |count: &u16| *count >= full_scale;
+    let (left, right) = row.light().split(place);
+    let is_full = |count: &u16| *count >= saturation;
     let left = left.iter().rev().take_while(is_full).count();
     left.saturating_add(right.iter().take_while(is_full).count())
 }
@@ -315,7 +316,7 @@ pub(crate) struct Window {
     pub(crate) samples: [Sample; SAMPLES],
     /// How many there are: fewer than [`SAMPLES`] at the sensor's edge.
     length: usize,
-    /// How many of them are at full scale.
+    /// How many of them are saturated.
     saturated: usize,
     /// The variance of a sample that is not masked.
     variance: f32,
@@ -334,15 +335,10 @@ impl Window {
         }
     }
 
-    pub(crate) fn around(
-        light: Light<'_>,
-        spot: &Spot,
-        start: &Start,
-        geometry: &Geometry,
-    ) -> Self {
+    pub(crate) fn around(row: &Row<'_>, spot: &Spot, start: &Start, geometry: &Geometry) -> Self {
         let block = pixels_a_sample(start.width, SAMPLES_A_WIDTH);
         let mut window = Self::empty();
-        window.fill_around((SAMPLES / 2, block), light, spot, start, geometry);
+        window.fill_around((SAMPLES / 2, block), row, spot, start, geometry);
         window
     }
 
@@ -351,11 +347,12 @@ impl Window {
     pub(crate) fn fill_around(
         &mut self,
         (half, block): (usize, usize),
-        light: Light<'_>,
+        row: &Row<'_>,
         spot: &Spot,
         start: &Start,
         geometry: &Geometry,
     ) {
+        let light = row.light();
         let half = half.min(SAMPLES / 2);
         let block = block.clamp(1, LARGEST_SAMPLE);
         let middle =
@@ -369,20 +366,20 @@ impl Window {
         (self.first, self.block) = (first, block);
         (self.length, self.saturated) = (0, 0);
         self.variance = noise * block as f32;
-        let full_scale = geometry.full_scale();
+        let saturation = row.saturated_from();
         if block == 1 {
             let counts = pixels.iter();
             self.fill(
                 level,
-                counts.map(|count| (count.into(), count >= full_scale)),
+                counts.map(|count| (count.into(), count >= saturation)),
             );
         } else {
             let groups = pixels.groups(block);
-            self.fill(level, groups.map(|pixels| pixels.sum_of_few(full_scale)));
+            self.fill(level, groups.map(|pixels| pixels.sum_of_few(saturation)));
         }
     }
 
-    /// Makes samples of sums of counts, each with whether a pixel of it is at full scale. `level` is under
+    /// Makes samples of sums of counts, each with whether a pixel of it is saturated. `level` is under
     /// each sample, in Q8.
     #[inline(always)]
     fn fill(&mut self, level: i32, sums: impl Iterator<Item = (u32, bool)>) {
@@ -403,7 +400,7 @@ impl Window {
         (-0.5..self.length as f32 - 0.5).contains(&at.centre)
     }
 
-    /// Unmasks the samples that [`Sample::mask`] masked. Samples at full scale stay masked.
+    /// Unmasks the samples that [`Sample::mask`] masked. Saturated samples stay masked.
     pub(crate) fn unmask(&mut self) {
         for sample in &mut self.samples {
             if sample.is_masked_by_check() {
@@ -481,7 +478,7 @@ impl Window {
         }
     }
 
-    /// How much of the spot is at full scale.
+    /// How much of the spot is saturated.
     fn cut_off(&self, fit: &Parameters) -> CutOff {
         if self.saturated == 0 {
             return CutOff::No;
@@ -565,7 +562,7 @@ pub(crate) fn exponentials(at: &Parameters, light: &mut [f32; SAMPLES]) {
     }
 }
 
-/// How much of a spot full scale leaves.
+/// How much of a spot saturation leaves.
 #[derive(Clone, Copy, PartialEq)]
 enum CutOff {
     /// All of it.

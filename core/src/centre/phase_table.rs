@@ -114,7 +114,7 @@ fn finish(
     fit: &Fit<'_>,
     geometry: &Geometry,
 ) -> Result<RowCentre, Fault> {
-    check_saturation(row, fit.centre, fit.width, geometry)?;
+    check_saturation(row, fit.centre, fit.width)?;
     let centre = fit.with_uncertainty(spot.background.noise, geometry)?;
     Ok(RowCentre {
         width: before.width,
@@ -153,7 +153,7 @@ pub(super) fn fit<'a>(
         })
         && let Some(fit) = track_once(row, spot, before, class, tables, source)
     {
-        check_saturation(row, fit.centre, fit.width, geometry)?;
+        check_saturation(row, fit.centre, fit.width)?;
         return Ok(fit);
     }
     fit_in_full(row, spot, before, geometry, tables, source, sampling)
@@ -176,7 +176,7 @@ fn fit_in_full<'a>(
         Some(fit) => fit,
         None => fit_afresh(row, spot, geometry, tables, sampling)?,
     };
-    check_saturation(row, fit.centre, fit.width, geometry)?;
+    check_saturation(row, fit.centre, fit.width)?;
     Ok(fit)
 }
 
@@ -338,7 +338,7 @@ fn fit_afresh<'a>(
     let start = position_on_row(light, spot)?;
     // The coarse kernel fits a width of 0.9 of its block best.
     let start_width = 0.9 * (1u32 << spot.block_log2.min(7)) as f32;
-    check_saturation(row, start, start_width, geometry)?;
+    check_saturation(row, start, start_width)?;
     settle(light, start, start_width, tables, sampling).map_err(|error| match error {
         Unsettled::Edge(centre) => Fault::SpotAtEdge { centre },
         Unsettled::NotASpot => spot.no_spot(),

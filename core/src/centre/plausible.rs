@@ -1,52 +1,42 @@
-//! Tests that every estimator makes before it returns a centre: no pixel at full scale, and a small enough
+//! Tests that every estimator makes before it returns a centre: no saturated pixel, and a small enough
 //! uncertainty.
 
 use core::ops::Range;
 
 use crate::fault::Fault;
-use crate::row::{Geometry, Light, Row};
+use crate::row::{Light, Row};
 use crate::spot::Spot;
 use crate::units::{Counts, Pixels};
 
 /// The uncertainty of a centre must be at most the width over this. Noise alone may look like a dimmer spot.
 const DIMMEST: f32 = 8.0;
 
-/// Rejects a spot with a pixel at full scale within two widths of the centre: its top is lost.
+/// Rejects a spot with a saturated pixel within two widths of the centre: its top is lost.
 ///
 /// # Errors
 /// [`Fault::Saturated`] with the number of such pixels.
 #[inline]
-pub fn check_saturation(
-    row: &Row<'_>,
-    centre: Pixels,
-    width: f32,
-    geometry: &Geometry,
-) -> Result<(), Fault> {
-    // Most rows reach full scale nowhere near.
-    if !row.reaches_full_scale(two_widths(centre, width)) {
+pub fn check_saturation(row: &Row<'_>, centre: Pixels, width: f32) -> Result<(), Fault> {
+    // Most rows are saturated nowhere near.
+    if !row.reaches_saturation(two_widths(centre, width)) {
         return Ok(());
     }
-    match count_saturated_pixels(row.light(), centre, width, geometry) {
+    match count_saturated_pixels(row, centre, width) {
         0 => Ok(()),
         pixels => Err(Fault::Saturated { pixels }),
     }
 }
 
-/// Counts the pixels at full scale within two widths of the centre.
+/// Counts the saturated pixels within two widths of the centre.
 #[inline(never)]
-pub fn count_saturated_pixels(
-    light: Light<'_>,
-    centre: Pixels,
-    width: f32,
-    geometry: &Geometry,
-) -> u16 {
-    let full_scale = geometry.full_scale();
+pub fn count_saturated_pixels(row: &Row<'_>, centre: Pixels, width: f32) -> u16 {
+    let (light, saturation) = (row.light(), row.saturated_from());
     let Range { start, end } = two_widths(centre, width);
     let near = light
         .slice(start.min(light.len())..end.min(light.len()))
         .map(Light::iter);
     near.into_iter().flatten().fold(0, |pixels, count| {
-        u16::saturating_add(pixels, (count >= full_scale).into())
+        u16::saturating_add(pixels, (count >= saturation).into())
     })
 }
 
@@ -102,30 +92,21 @@ mod tests {
     #[test]
     fn pixels_within_two_widths_count_as_saturated() {
         let mut light = [100u16; 64];
-        let geometry = crate::sensor_heads::tcd1304dg();
+        let count = |light: &[u16], saturation, centre, width| {
+            let row = Row::new(light, &[], saturation).expect("12 bits");
+            count_saturated_pixels(&row, centre, width)
+        };
         let centre = Pixels::from_f32(32.5);
-        assert_eq!(
-            count_saturated_pixels((&light).into(), centre, 2.0, &geometry),
-            0
-        );
+        assert_eq!(count(&light, 4095, centre, 2.0), 0);
         light[27] = 4095;
         light[37] = 4095;
-        assert_eq!(
-            count_saturated_pixels((&light).into(), centre, 2.0, &geometry),
-            2
-        );
-        assert_eq!(
-            count_saturated_pixels((&light).into(), centre, 1.4, &geometry),
-            0
-        );
-        assert_eq!(
-            count_saturated_pixels((&light).into(), Pixels::MAX, f32::MAX, &geometry),
-            2
-        );
-        assert_eq!(
-            count_saturated_pixels(Light::default(), Pixels::MIN, f32::NAN, &geometry),
-            0
-        );
+        light[32] = 2500;
+        assert_eq!(count(&light, 4095, centre, 2.0), 2);
+        assert_eq!(count(&light, 2501, centre, 2.0), 2);
+        assert_eq!(count(&light, 2500, centre, 2.0), 3);
+        assert_eq!(count(&light, 4095, centre, 1.4), 0);
+        assert_eq!(count(&light, 4095, Pixels::MAX, f32::MAX), 2);
+        assert_eq!(count(&[], 4095, Pixels::MIN, f32::NAN), 0);
     }
 
     #[test]

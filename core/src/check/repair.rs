@@ -24,8 +24,8 @@ use crate::centre::gauss_newton::{self, Fit, Parameters, SAMPLES, Sample, Start,
 use crate::centre::half_width::WIDTHS;
 use crate::centre::plausible::check_uncertainty;
 use crate::centre::tables::TILTED;
-use crate::centre::{RowCentre, adaptive};
-use crate::check::{check_symmetry, effort_of_fit, symmetry, widest};
+use crate::centre::{Estimator, RowCentre, adaptive};
+use crate::check::{check_symmetry, effort_of_fit, flat_top, measure_flanks, symmetry, widest};
 use crate::fault::Fault;
 use crate::profile::Profile;
 use crate::row::{Geometry, Row};
@@ -111,7 +111,8 @@ const PIXELS_IN_A_UNIT: usize = 10;
 /// Finds the centre of a spot.
 ///
 /// # Errors
-/// See [`crate::centre::centre`]; [`Fault::Saturated`] only where the pixels below full scale are too few.
+/// See [`crate::centre::centre`]; [`Fault::Saturated`] only where the pixels that are not saturated are too
+/// few, or too little effort is left for a fit.
 pub fn centre(
     row: &Row<'_>,
     spot: &Spot,
@@ -135,7 +136,7 @@ pub(super) fn centre_within(
     if spot.effort.pay(effort).is_none() {
         return Err(spot.no_spot());
     }
-    let found = match adaptive::centre(row, spot, before, geometry) {
+    let mut found = match adaptive::centre(row, spot, before, geometry) {
         Err(Fault::Saturated { .. }) => {
             if spot.effort.pay(effort_of_fit(spot)).is_none() {
                 return Err(spot.no_spot());
@@ -145,6 +146,12 @@ pub(super) fn centre_within(
         // If `adaptive` finds no spot there is none: a fit to a hot pixel is not to be trusted.
         found => found?,
     };
+    let cut = flat_top::find(row, spot, &found, geometry);
+    let cut = cut.map(|saturation| row.with_saturation(saturation));
+    if let Some(row) = &cut {
+        found = measure_flanks(Estimator::GaussNewton, row, spot, &found, geometry)?;
+    }
+    let row = cut.as_ref().unwrap_or(row);
     let checked = check_symmetry(row, spot, found, geometry, profile);
     let sure = RowCentre {
         misfit: !checked.is_clean,
@@ -234,7 +241,7 @@ impl Scene<'_> {
         }
         let of_width = self.spot.block().saturating_mul(EFFORT_OF_STARTING_PIXEL);
         self.pay(EFFORT_OF_START.saturating_add(of_width))?;
-        let start = Start::find(self.row.light(), self.spot, self.geometry).ok()?;
+        let start = Start::find(self.row, self.spot).ok()?;
         self.fill_for_light(&start, &mut window)?;
         let start = window.parameters(&start);
         self.fit_without_light(&mut window, start)
@@ -270,8 +277,7 @@ impl Scene<'_> {
         let samples = half.saturating_mul(2);
         let pixels = samples.saturating_mul(block);
         self.pay((samples / 2).saturating_add(pixels / PIXELS_IN_A_UNIT))?;
-        let light = self.row.light();
-        window.fill_around((half, block), light, self.spot, start, self.geometry);
+        window.fill_around((half, block), self.row, self.spot, start, self.geometry);
         Some(())
     }
 

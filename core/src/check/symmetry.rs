@@ -143,7 +143,7 @@ pub(super) fn check(
     own: Option<&OwnSpot>,
     masked: &MaskedPixels,
 ) -> Option<Verdict> {
-    let extremes = extremes_near(row.light(), found, geometry.full_scale());
+    let extremes = extremes_near(row, found);
     // A repair begins only if the first centre has passed these tests.
     let is_first = masked.samples == 0;
     if is_first
@@ -156,7 +156,7 @@ pub(super) fn check(
             ..Verdict::default()
         });
     }
-    let mut symmetry = Symmetry::of(row, spot, found, geometry, masked, extremes.full_scale);
+    let mut symmetry = Symmetry::of(row, spot, found, geometry, masked, extremes.saturated);
     let fewest = if is_first {
         FEWEST_PAIRS
     } else {
@@ -232,11 +232,12 @@ fn is_cut_at_zero(light: Light<'_>, found: &RowCentre) -> bool {
     left.abs_diff(right) > left.min(right).saturating_add(2)
 }
 
-/// Whether any count near a spot is at an end of the converter's range. Takes the pixels as far as the pairs
+/// Whether any count near a spot is zero or saturated. Takes the pixels as far as the pairs
 /// reach, and a few more. A sample has at most a sixth of the width and a pixel, which makes the distances in
 /// widths larger by half a hundredth and a third of a pixel. A pair more than [`REACH`] ends a sample further
 /// out.
-fn extremes_near(light: Light<'_>, found: &RowCentre, full_scale: u16) -> Extremes {
+fn extremes_near(row: &Row<'_>, found: &RowCentre) -> Extremes {
+    let light = row.light();
     let (centre, width) = (found.centre.to_f32(), found.width.to_f32());
     let reach = (REACH + 0.2) * width + 7.0;
     // `as` saturates.
@@ -245,7 +246,9 @@ fn extremes_near(light: Light<'_>, found: &RowCentre, full_scale: u16) -> Extrem
     // Whole eights are quicker.
     let pixels = end.saturating_sub(start).saturating_add(7) & !7;
     let (_, near) = light.split(start);
-    near.slice(..pixels).unwrap_or(near).extremes(full_scale)
+    near.slice(..pixels)
+        .unwrap_or(near)
+        .extremes(row.saturated_from())
 }
 
 /// Whether the light changes from one pixel to the next by more than optics can: bad pixels side by side look
@@ -380,7 +383,7 @@ impl Symmetry {
         found: &RowCentre,
         geometry: &Geometry,
         masked: &MaskedPixels,
-        reaches_full_scale: bool,
+        is_saturated: bool,
     ) -> Self {
         let width = found.width.to_f32();
         let pixels = ((width / SAMPLES_A_WIDTH) as usize).saturating_add(1);
@@ -398,7 +401,7 @@ impl Symmetry {
             pitch,
             level: spot.background.level_bits(),
             gaps: Gaps {
-                full_scale: reaches_full_scale.then(|| geometry.full_scale()),
+                saturation: is_saturated.then(|| row.saturated_from()),
                 masked,
             },
         };
@@ -506,7 +509,7 @@ mod tests {
             (200.0 + 2000.0 * libm::expf(-0.5 * u * u) + 0.5) as u16 + noise as u16
         });
         let geometry = crate::sensor_heads::tcd1304dg();
-        let row = Row::new(&light, &[], geometry.full_scale()).expect("12 bits");
+        let row = Row::new(&light, &[], geometry.saturated_from()).expect("12 bits");
         let level = Counts::from_f32(201.5);
         let spot = Spot {
             centre: centre as usize,
@@ -575,7 +578,7 @@ mod tests {
                     let noise = libm::sqrtf(read_noise * read_noise + shot * spot);
                     (level + spot + noise * normal(&mut state) + 0.5) as u16
                 });
-                let row = Row::new(&light, &[], geometry.full_scale()).expect("12 bits");
+                let row = Row::new(&light, &[], geometry.saturated_from()).expect("12 bits");
                 let spot = Spot {
                     centre: centre as usize,
                     block_log2: 0,
@@ -638,7 +641,7 @@ mod tests {
     fn counts_at_the_ends_of_the_range_are_found_at_every_place() {
         for length in [1, 7, 8, 9, 23] {
             for place in 0..length {
-                for (count, zero, full_scale) in [
+                for (count, zero, saturated) in [
                     (0, true, false),
                     (1, false, false),
                     (1022, false, false),
@@ -657,7 +660,7 @@ mod tests {
                         };
                         let row = geometry.row(&words).expect("a row");
                         let ends = row.light().extremes(1023);
-                        assert_eq!((ends.zero, ends.full_scale), (zero, full_scale));
+                        assert_eq!((ends.zero, ends.saturated), (zero, saturated));
                     }
                 }
             }
@@ -705,7 +708,7 @@ mod tests {
             effort: crate::spot::Effort::WHOLE,
         };
         let is_coarse = |light: &[u16], noise| {
-            let row = Row::new(light, &[], geometry.full_scale()).expect("12 bits");
+            let row = Row::new(light, &[], geometry.saturated_from()).expect("12 bits");
             is_coarse(row.light(), &spot(noise), &found_at(50.0, 4.0))
         };
         assert!(is_coarse(&light, 2.2) && !is_coarse(&light, 2.4));
@@ -813,7 +816,7 @@ mod tests {
         });
         light[(centre + 2.0 * width) as usize] += flaw;
         let geometry = crate::sensor_heads::tcd1304dg();
-        let row = Row::new(&light, &[], geometry.full_scale()).expect("12 bits");
+        let row = Row::new(&light, &[], geometry.saturated_from()).expect("12 bits");
         let spot = Spot {
             centre: centre as usize,
             block_log2: 0,

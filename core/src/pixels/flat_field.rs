@@ -63,7 +63,7 @@ const LARGEST_SPOT: i32 = 32;
 /// spot.
 const LARGEST_HOT: i32 = 100;
 
-/// The most pixels that may be at full scale in a row of even light.
+/// The most pixels that may be saturated in a row of even light.
 const MOST_SATURATED: usize = 16;
 
 /// Which rows are taken: dark or lit.
@@ -110,7 +110,7 @@ pub enum TakeError {
         /// By how many counts.
         above: i16,
     },
-    /// Pixels are at full scale in the lit rows.
+    /// Pixels are saturated in the lit rows.
     Saturated {
         /// How many in one row.
         pixels: u16,
@@ -170,7 +170,7 @@ impl fmt::Display for TakeError {
                  laser off"
             ),
             Self::Saturated { pixels } => {
-                write!(f, "{pixels} pixels are at full scale: use less light")
+                write!(f, "{pixels} pixels are saturated: use less light")
             }
             Self::DarkIsBrighter { lit, dark } => write!(
                 f,
@@ -291,7 +291,7 @@ impl FlatField {
         let Ok(row) = geometry.row(words) else {
             return Some(Err(TakeError::Silent));
         };
-        if let Err(error) = self.add_row(&row, geometry.full_scale()) {
+        if let Err(error) = self.add_row(&row) {
             return Some(Err(error));
         }
         if self.rows < ROWS {
@@ -303,13 +303,14 @@ impl FlatField {
         })
     }
 
-    fn add_row(&mut self, row: &Row<'_>, full_scale: u16) -> Result<(), TakeError> {
+    fn add_row(&mut self, row: &Row<'_>) -> Result<(), TakeError> {
         let light = row.light();
         if light.len() != self.pixels || self.rows >= ROWS {
             return Err(TakeError::Silent);
         }
         if self.kind == Kind::Lit {
-            let pixels = numeric::count(light.iter().map(|count| count >= full_scale));
+            let saturation = row.saturated_from();
+            let pixels = numeric::count(light.iter().map(|count| count >= saturation));
             if pixels > MOST_SATURATED {
                 // A row has at most 2^12 pixels.
                 let pixels = pixels as u16;

@@ -144,7 +144,7 @@ impl PixelMap {
     /// Corrects the light pixels of `window` in place: subtracts the offset, and multiplies the light above
     /// `black` by the gain. Rounds to whole counts. `words` are those of the light pixels.
     ///
-    /// A pixel at full scale stays there, and no other pixel gets there. Results below zero become zero. Does
+    /// A saturated pixel stays as it is, and no other pixel becomes one. Results below zero become zero. Does
     /// nothing if the map is of another number of pixels.
     pub fn correct(
         &self,
@@ -156,8 +156,8 @@ impl PixelMap {
         if words.len() != usize::from(self.pixels) {
             return;
         }
-        let (full_scale, inverted) = (geometry.full_scale(), geometry.inverted());
-        let highest = i32::from(full_scale.saturating_sub(1));
+        let (saturation, inverted) = (geometry.saturated_from(), geometry.inverted());
+        let highest = i32::from(saturation.saturating_sub(1));
         const LARGEST: i32 = (LARGEST_COUNT as i32) << OFFSET_FRACTION;
         const HALF: i32 = 1 << (OFFSET_FRACTION - 1);
         let black = (black.to_bits() >> (Counts::FRACTION - OFFSET_FRACTION)).clamp(0, LARGEST);
@@ -170,7 +170,7 @@ impl PixelMap {
         };
         for (word, entry) in words.iter_mut().zip(entries) {
             let count = *word ^ inverted;
-            if count >= full_scale {
+            if count >= saturation {
                 continue;
             }
             // A count is below 2^12, the black level at most 2^12, an offset at most 2^10: together below
@@ -251,11 +251,18 @@ mod tests {
     }
 
     #[test]
-    fn full_scale_stays_and_nothing_else_gets_there() {
+    fn saturated_pixels_stay_and_no_other_becomes_one() {
         let map = map(&[(0, 1 << 14), (0, 1 << 14), (1 << 14, 0), (0, -(1 << 14))]);
         let mut light = [4095, 4094, 5, 4095];
         map.correct(&mut light, 0..4, Counts::from_int(300), &rising());
         assert_eq!(light, [4095, 4094, 0, 4095]);
+        let geometry = Geometry {
+            saturation: 2500,
+            ..rising()
+        };
+        let mut light = [2500, 2400, 5, 4095];
+        map.correct(&mut light, 0..4, Counts::from_int(300), &geometry);
+        assert_eq!(light, [2500, 2499, 0, 4095]);
     }
 
     #[test]

@@ -117,15 +117,15 @@ impl<'a> Light<'a> {
         numeric::add_u32(sum, few(rest))
     }
 
-    /// The sum of at most 32 counts, and whether any of them is at full scale.
-    // Takes two words at a time: 16 counts of 12 bits fit 16 bits. The highest of 16 bits is set in full
-    // scale plus the rest to 2^15.
+    /// The sum of at most 32 counts, and whether any of them is saturated.
+    // Takes two words at a time: 16 counts of 12 bits fit 16 bits. The highest of 16 bits is set in each
+    // saturated count plus the rest from the least of them to 2^15.
     #[inline(always)]
-    pub(crate) fn sum_of_few(self, full_scale: u16) -> (u32, bool) {
+    pub(crate) fn sum_of_few(self, saturation: u16) -> (u32, bool) {
         const ONES: u32 = 0x0001_0001;
         const HIGHEST: u32 = 0x8000_8000;
         let inverted = u32::from(self.inverted).wrapping_mul(ONES);
-        let rest = HIGHEST.wrapping_sub(u32::from(full_scale) * ONES);
+        let rest = HIGHEST.wrapping_sub(u32::from(saturation) * ONES);
         let (mut both, mut full) = (0u32, 0);
         let (pairs, last) = self.words.as_chunks::<2>();
         for &[low, high] in pairs {
@@ -204,23 +204,29 @@ impl<'a> Light<'a> {
         (self.words.len() as u32).saturating_sub(others.saturating_add(last as u32))
     }
 
-    /// Whether any count is at an end of the converter's range.
-    // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in zero less one, and in
-    // the largest word plus the rest to 2^15.
+    /// Whether any count is zero or saturated.
+    // Takes two words at a time, of at most 15 bits. The highest of 16 bits is set in each word below
+    // `few` less `few`, and in each word from `many` on plus the rest to 2^15. A borrow from the left word
+    // comes only from a right word that is below `few` itself. Words that fall with light: a count of
+    // `saturation` is full scale less it, and zero is full scale.
     #[inline(never)]
-    pub fn extremes(self, full_scale: u16) -> Extremes {
+    pub fn extremes(self, saturation: u16) -> Extremes {
         const ONES: u32 = 0x0001_0001;
         const HIGHEST: u32 = 0x8000_8000;
-        let largest = match self.inverted {
-            0 => full_scale,
-            inverted => inverted,
+        let (few, many) = match self.inverted {
+            0 => (1, saturation),
+            inverted => (
+                inverted.saturating_sub(saturation).saturating_add(1),
+                inverted,
+            ),
         };
-        let rest = HIGHEST.wrapping_sub(u32::from(largest) * ONES);
+        let few = u32::from(few).wrapping_mul(ONES);
+        let rest = HIGHEST.wrapping_sub(u32::from(many) * ONES);
         let (eights, last) = self.words.as_chunks::<8>();
         let (mut less, mut more) = (0, 0);
         let mut take = |low: u16, high: u16| {
             let words = u32::from(low) | (u32::from(high) * 0x1_0000);
-            less |= words.wrapping_sub(ONES);
+            less |= words.wrapping_sub(few);
             more |= words.wrapping_add(rest);
         };
         for &[a, b, c, d, e, f, g, h] in eights {
@@ -236,25 +242,25 @@ impl<'a> Light<'a> {
         if self.inverted == 0 {
             Extremes {
                 zero: least,
-                full_scale: largest,
+                saturated: largest,
             }
         } else {
             // The words fall with light, from full scale down.
             Extremes {
                 zero: largest,
-                full_scale: least,
+                saturated: least,
             }
         }
     }
 }
 
-/// Whether counts are at an end of the converter's range.
+/// Whether counts are at an end of what the sensor can deliver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extremes {
     /// A count is zero.
     pub zero: bool,
-    /// A count is at full scale or above.
-    pub full_scale: bool,
+    /// A count is saturated.
+    pub saturated: bool,
 }
 
 #[cfg(test)]
@@ -277,10 +283,11 @@ mod tests {
                 let zeros = light.iter().filter(|count| *count == 0).count();
                 assert_eq!(light.zeros() as usize, zeros);
                 let few = light.slice(..length.min(32)).expect("so many");
-                for full_scale in [LARGEST_COUNT, 1000] {
-                    let is_full = few.iter().any(|count| count >= full_scale);
-                    assert_eq!(few.sum_of_few(full_scale), (few.sum(), is_full));
+                for saturation in [LARGEST_COUNT, 1000] {
+                    let is_full = few.iter().any(|count| count >= saturation);
+                    assert_eq!(few.sum_of_few(saturation), (few.sum(), is_full));
                 }
+                assert_extremes(light);
                 assert_exceeds(light);
             }
         }
@@ -308,6 +315,36 @@ mod tests {
         for limit in ends.into_iter().chain(about) {
             let is_so = light.iter().any(|count| u32::from(count) > limit);
             assert_eq!(light.exceeds(limit), is_so, "{limit}");
+        }
+    }
+
+    /// Compares [`Light::extremes`] with the counts, for saturations about each count and at all ends.
+    fn assert_extremes(light: Light<'_>) {
+        let about = light.iter().flat_map(|count| {
+            let most = count.saturating_add(1).min(LARGEST_COUNT);
+            [count.saturating_sub(1), count, most]
+        });
+        for saturation in [0, 1, 2048, LARGEST_COUNT].into_iter().chain(about) {
+            let of_counts = Extremes {
+                zero: light.iter().any(|count| count == 0),
+                saturated: light.iter().any(|count| count >= saturation),
+            };
+            assert_eq!(light.extremes(saturation), of_counts, "{saturation}");
+        }
+    }
+
+    /// The lowest and the highest count in each place, with no other near them. No other count may borrow a
+    /// hit from its neighbour.
+    #[test]
+    fn extremes_are_seen_in_any_place() {
+        for inverted in [0, LARGEST_COUNT] {
+            for place in 0..27 {
+                for count in [0, 1, 2499, 2500, LARGEST_COUNT] {
+                    let mut words = [1000 ^ inverted; 27];
+                    words[place] = count ^ inverted;
+                    assert_extremes(Light::new(&words, inverted));
+                }
+            }
         }
     }
 

@@ -8,6 +8,9 @@ use simulator::bound;
 /// The spot for which accuracy is quoted: that of the nominal slit on the paper's sensor.
 const WIDTH: f64 = 10.5;
 
+/// A full well below the converter's largest word, in counts of a row.
+const WELL: u16 = 2500;
+
 /// A spot that a few pixels make.
 const NARROW: f64 = 1.5;
 
@@ -213,6 +216,21 @@ fn saturation() -> Vec<RowCase> {
                 Recipe::clean(width).spot(|spot| spot.amplitude = times * 4095.0),
             );
             case.repair_within = Some(within);
+        }
+    }
+    for (width, within) in [(WIDTH, 0.08), (NARROW, 0.15)] {
+        for times in [1.05, 1.5, 4.0] {
+            for is_known in [true, false] {
+                let knowledge = if is_known { "known" } else { "unknown" };
+                let recipe = Recipe::clean(width).with_well(WELL, is_known);
+                let height = times * (f64::from(WELL) - recipe.black_level);
+                let case = cases.honest(
+                    format!("{times} times a full well, {knowledge}, sigma {width}"),
+                    "the top is cut off below the converter's largest word",
+                    recipe.spot(|spot| spot.amplitude = height),
+                );
+                case.repair_within = Some(within);
+            }
         }
     }
     for top in [2.0f64, 5.0, 10.0, 30.0, 60.0] {

@@ -29,7 +29,7 @@ pub struct Answers {
 /// # Panics
 /// The row has a word of more than 12 bits.
 pub fn answers(row: &HardRow) -> [Answers; Estimator::ALL.len()] {
-    let parts = Row::new(&row.light, &[], row.geometry.full_scale()).expect("12 bits");
+    let parts = Row::new(&row.light, &[], row.geometry.saturated_from()).expect("12 bits");
     let spot = spot::find(&parts);
     Estimator::ALL.map(|estimator| Answers {
         alone: spot.and_then(|spot| centre::centre(estimator, &parts, &spot, None, &row.geometry)),
@@ -207,7 +207,7 @@ impl RowCase {
         let within = self.repair_within?;
         let repaired = |number| {
             let row = self.row(number);
-            let parts = Row::new(&row.light, &[], row.geometry.full_scale()).expect("12 bits");
+            let parts = Row::new(&row.light, &[], row.geometry.saturated_from()).expect("12 bits");
             let found = spot::find(&parts)
                 .and_then(|spot| repair::centre(&parts, &spot, None, &row.geometry, None));
             Said::of_row(row.truth, &found)

@@ -191,6 +191,7 @@ fn clean_recipe(random: &mut ChaCha8Rng) -> Recipe {
         black_level,
         read_noise,
         electrons_per_count,
+        saturation: slitrange::row::LARGEST_COUNT,
         flaws: vec![],
     }
 }

@@ -33,6 +33,8 @@ pub struct Recipe {
     pub read_noise: f64,
     /// Electrons a count, where light has shot noise.
     pub electrons_per_count: Option<f64>,
+    /// The count from which the sensor's geometry says that a pixel is saturated.
+    pub saturation: u16,
     /// What is wrong. Each is done at its [`Stage`], and within a stage in this order.
     pub flaws: Vec<Flaw>,
 }
@@ -80,6 +82,7 @@ impl Recipe {
             black_level: 300.0,
             read_noise: 2.0,
             electrons_per_count: Some(5.0),
+            saturation: slitrange::row::LARGEST_COUNT,
             flaws: vec![],
         }
     }
@@ -98,6 +101,25 @@ impl Recipe {
         self
     }
 
+    /// With pixels that are full at this count of a row, black level included. `is_known` says whether the
+    /// geometry states it. It then states four standard deviations of the read noise less: the noise comes
+    /// after the well.
+    pub fn with_well(self, count: u16, is_known: bool) -> Self {
+        let noise = (4.0 * self.read_noise).ceil() as u16;
+        let well = Flaw::FullWell {
+            counts: f64::from(count) - self.black_level,
+            blooming: 0.0,
+        };
+        Self {
+            saturation: if is_known {
+                count.saturating_sub(noise)
+            } else {
+                self.saturation
+            },
+            ..self.with(well)
+        }
+    }
+
     /// With the spot changed.
     ///
     /// # Panics
@@ -114,6 +136,7 @@ impl Recipe {
             shot_variance_per_count_q16: self
                 .electrons_per_count
                 .map_or(0, |electrons| (65536.0 / electrons).round() as u16),
+            saturation: self.saturation,
             ..Sensor::Row(self.pixels).geometry()
         }
     }

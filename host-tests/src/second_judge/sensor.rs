@@ -58,6 +58,7 @@ impl Sensor {
             },
             bits: 12,
             shot_variance_per_count_q16: (65536.0 / self.electrons).round() as u16,
+            saturation: slitrange::row::LARGEST_COUNT,
         }
     }
 

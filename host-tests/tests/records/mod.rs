@@ -96,6 +96,7 @@ pub fn longest() -> Record {
             polarity: Polarity::Rising,
             bits: 12,
             shot_variance_per_count_q16: u16::MAX,
+            saturation: slitrange::row::LARGEST_COUNT,
         },
         estimator: Estimator::GaussNewton,
         black_level: BlackLevel::Fixed(Counts::from_int(4095)),
@@ -147,6 +148,7 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
                 },
                 bits,
                 shot_variance_per_count_q16: shot,
+                saturation: slitrange::row::LARGEST_COUNT,
             }
         });
     let days = (any::<u16>(), any::<u8>(), any::<u8>())

@@ -46,6 +46,7 @@ pub fn geometry(pixels: usize, shot_noise: ShotNoise) -> Geometry {
             ShotNoise::Known => (65536.0 / ELECTRONS_PER_COUNT) as u16,
             ShotNoise::Ignored => 0,
         },
+        saturation: slitrange::row::LARGEST_COUNT,
     }
 }
 

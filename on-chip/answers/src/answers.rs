@@ -44,6 +44,7 @@ impl Estimators {
             polarity,
             bits,
             shot_variance_per_count_q16,
+            saturation: slitrange::row::LARGEST_COUNT,
         };
         let measurements = Estimator::ALL.map(|estimator| {
             let settings = Settings {

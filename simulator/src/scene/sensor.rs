@@ -60,6 +60,7 @@ impl Sensor {
             polarity: Polarity::Rising,
             bits: 12,
             shot_variance_per_count_q16: 0,
+            saturation: slitrange::row::LARGEST_COUNT,
         };
         match self {
             Self::Tcd1304dg => sensor_outputs(),

@@ -59,13 +59,13 @@ pub(super) struct Noise {
 /// Which samples do not count.
 pub(super) struct Gaps<'a> {
     /// If any pixel of the row is saturated: from which count on.
-    pub(super) full_scale: Option<u16>,
+    pub(super) saturation: Option<u16>,
     pub(super) masked: &'a MaskedPixels,
 }
 
 impl Gaps<'_> {
     fn exist(&self) -> bool {
-        self.full_scale.is_some() || self.masked.samples != 0
+        self.saturation.is_some() || self.masked.samples != 0
     }
 
     /// Whether no pixel of a range is saturated or masked. `false` off the row.
@@ -73,9 +73,9 @@ impl Gaps<'_> {
         let Some(counts) = light.slice(pixels.clone()) else {
             return false;
         };
-        let is_cut = |full_scale| counts.iter().any(|count| count >= full_scale);
+        let is_cut = |saturation| counts.iter().any(|count| count >= saturation);
         let has_masked = || pixels.clone().any(|pixel| self.masked.has(pixel));
-        !(self.full_scale.is_some_and(is_cut) || self.masked.samples != 0 && has_masked())
+        !(self.saturation.is_some_and(is_cut) || self.masked.samples != 0 && has_masked())
     }
 }
 
@@ -286,8 +286,8 @@ impl Pairs<'_> {
             }
         };
         self.gaps.masked.runs().for_each(mark);
-        if let Some(full_scale) = self.gaps.full_scale {
-            let below = u32::from(full_scale.saturating_sub(1));
+        if let Some(saturation) = self.gaps.saturation {
+            let below = u32::from(saturation.saturating_sub(1));
             let is_cut = |pixels: Range<usize>| {
                 let end = pixels.end.min(self.light.len());
                 let near = self.light.slice(pixels.start..end);
@@ -604,7 +604,7 @@ mod tests {
         for (pixels, centre) in
             (1..=7).flat_map(|pixels| [150.2, 150.7, 20.0].map(|at| (pixels, at)))
         {
-            for (full_scale, samples) in [
+            for (saturation, samples) in [
                 (Some(252), 0),
                 (None, 1 << 40 | 3),
                 (Some(252), 1 << 90 | 1 << 5),
@@ -622,7 +622,7 @@ mod tests {
                     pitch: 0.2,
                     level: 0,
                     gaps: Gaps {
-                        full_scale,
+                        saturation,
                         masked: &masked,
                     },
                 };
@@ -684,10 +684,10 @@ mod tests {
             light(pixel) + offset * rise - level
         };
         let counts = |pixels: Range<usize>| {
-            let full_scale = pairs.gaps.full_scale.unwrap_or(u16::MAX);
+            let saturation = pairs.gaps.saturation.unwrap_or(u16::MAX);
             pixels
                 .clone()
-                .all(|pixel| pairs.light.get(pixel) < Some(full_scale))
+                .all(|pixel| pairs.light.get(pixel) < Some(saturation))
                 && !pixels.clone().any(|pixel| pairs.gaps.masked.has(pixel))
         };
         let mut sums = [(0.0, 0.0); 33];
@@ -816,7 +816,7 @@ mod tests {
                 pitch: block * per_s,
                 level: 200 * 256 + 77,
                 gaps: Gaps {
-                    full_scale: has_saturated.then_some(4095),
+                    saturation: has_saturated.then_some(4095),
                     masked: &masked,
                 },
             };

@@ -62,7 +62,7 @@ pub fn centre(
     let light = row.light();
     let start = position_on_row(light, spot)?;
     let width = half_width::width(light, spot, before)?;
-    check_saturation(row, start, width, geometry)?;
+    check_saturation(row, start, width)?;
     let level = Counts::from_bits(spot.background.level_bits()).to_f32();
     let (highest, counts) = highest(light, spot).ok_or(Fault::SpotAtEdge { centre: start })?;
     let heights = counts.map(|count| f32::from(count) - level);
@@ -92,7 +92,7 @@ pub fn centre(
     if at.to_f32() < width || to_the_end < width {
         return Err(Fault::SpotAtEdge { centre: at });
     }
-    check_saturation(row, at, width, geometry)?;
+    check_saturation(row, at, width)?;
     let amplitude = if logarithms {
         libm::expf(vertex.value)
     } else {

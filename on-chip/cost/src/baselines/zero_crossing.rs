@@ -44,7 +44,7 @@ pub fn centre(
     let light = row.light();
     let start = position_on_row(light, spot)?;
     let width = half_width::width(light, spot, before)?;
-    check_saturation(row, start, width, geometry)?;
+    check_saturation(row, start, width)?;
     // From 1 to 368, because a width is from 0.5 to 170: `as` cuts off after a half was added.
     let half_box = (HALF_BOX * width + 0.5) as usize;
     let edge = Fault::SpotAtEdge { centre: start };
@@ -73,7 +73,7 @@ pub fn centre(
     let at = Pixels::from_bits(
         crossing.pixel as i32 * (1 << Pixels::FRACTION) + Pixels::from_f32(part).to_bits(),
     );
-    check_saturation(row, at, width, geometry)?;
+    check_saturation(row, at, width)?;
     let (noise, shot) = spot.background.variances(geometry);
     // Pixels i and i + 1 + L weigh f, i + 1 and i - L weigh 1 - f; the middle ones hold nearly all the light.
     let missing = 1.0 - part * part + 1.0 - (1.0 - part) * (1.0 - part);

@@ -29,7 +29,7 @@ pub fn measure() {
         turning[row] = counter::count(step_geometry_row, &geometry, &mut read_out);
         defmt::assert!(read_out.is_row);
 
-        let light = defmt::unwrap!(Row::new(&pixels, &[], geometry.full_scale()).ok());
+        let light = defmt::unwrap!(Row::new(&pixels, &[], geometry.saturated_from()).ok());
         let mut spot = None;
         search[row] = counter::count(step_spot_find, &light, &mut spot);
         let first = defmt::unwrap!(spot.take().and_then(Result::ok));

@@ -52,6 +52,7 @@ pub fn geometry() -> Geometry {
         polarity: any(sensor_heads::tcd1304dg().polarity),
         bits: any(0),
         shot_variance_per_count_q16: any(0),
+        saturation: any(0),
     }
 }
 

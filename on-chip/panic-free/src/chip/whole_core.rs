@@ -122,6 +122,10 @@ pub fn find_centres() {
     black.merge(any(black));
     any(black.level(any::settings().black_level));
     any(geometry.height_limit(any(Counts::MIN)));
+    any(row
+        .with_saturation(any(0))
+        .reaches_saturation(any(0)..any(0)));
+    any(geometry.saturated_from().max(row.saturated_from()));
     any(black_level::centroid(row.light(), spot.background));
 }
 

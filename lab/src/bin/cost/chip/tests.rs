@@ -218,6 +218,11 @@ fn the_steps_of_whole_rows_add_up() {
             );
         }
         let [first, following] = [at.first, at.following].map(|row| row.steps.total());
+        let name = at.estimator.name();
+        println!(
+            "{name}, sigma {}: first row {first}, following {following}",
+            at.width
+        );
         assert!(first > following, "{at:?}");
     }
     for (estimator, once) in Estimator::ALL.into_iter().zip(&rows.once_a_frame) {
