@@ -312,7 +312,7 @@ impl Measurement {
     /// The pixels in blocks that are saturated as a whole.
     #[inline(never)]
     fn saturated_pixels(&self) -> u16 {
-        let full = u32::from(self.geometry.full_scale()) * BLOCK as u32;
+        let full = u32::from(self.geometry.saturated_from()) * BLOCK as u32;
         let is_full = |sum: &&u16| u32::from(**sum) >= full;
         // At most 512 blocks.
         let blocks = self.blocks.sums().iter().filter(is_full).count() as u16;

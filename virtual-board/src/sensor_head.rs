@@ -44,6 +44,9 @@ pub const FULL_SCALE: u16 = 4095;
 /// How many of the last rows are kept, unless `keep_all_rows` keeps all.
 pub const ROWS_KEPT: usize = 64;
 
+/// How many pulses of the laser are kept. No exposure has more.
+const PULSES_KEPT: usize = 64;
+
 /// How many violations are kept. The first ones show what is wrong.
 const VIOLATIONS_KEPT: usize = 200;
 
@@ -213,8 +216,10 @@ pub struct SensorHead {
     handed_over: Option<Exposure>,
     read_out: Option<ReadOut>,
     burst: Option<Burst>,
-    /// When the laser is on: pulses that no exposure has taken as a whole.
-    laser: Vec<Range<Nanos>>,
+    /// When the laser is on: the last pulses, [`PULSES_KEPT`] of them.
+    laser: VecDeque<Range<Nanos>>,
+    /// For how long the laser was on in the pulses before these.
+    laser_before: Nanos,
     /// Whether the laser's pin is the timer's output. Otherwise the laser is off.
     laser_pin: bool,
     /// What the output shows outside a read-out, counts of light: the last row's shielded pixels.
@@ -250,7 +255,8 @@ impl SensorHead {
             handed_over: None,
             read_out: None,
             burst: None,
-            laser: Vec::new(),
+            laser: VecDeque::new(),
+            laser_before: 0,
             laser_pin: false,
             unlit: 0,
             rows: VecDeque::new(),
@@ -444,15 +450,32 @@ impl SensorHead {
 
     /// The laser is to be on in this time.
     pub fn laser_pulse(&mut self, rise: Nanos, fall: Nanos) {
-        if self.laser_pin {
-            self.laser.push(rise..fall);
+        if !self.laser_pin {
+            return;
         }
+        if self.laser.len() == PULSES_KEPT
+            && let Some(pulse) = self.laser.pop_front()
+        {
+            self.laser_before += pulse.end - pulse.start;
+        }
+        self.laser.push_back(rise..fall);
+    }
+
+    /// The last pulses of the laser, oldest first.
+    pub fn laser_pulses(&self) -> impl DoubleEndedIterator<Item = &Range<Nanos>> {
+        self.laser.iter()
+    }
+
+    /// For how long the laser was on from power-on until now.
+    #[must_use]
+    pub fn laser_time(&self, now: Nanos) -> Nanos {
+        self.laser_before + self.laser_within(0..now)
     }
 
     /// The laser goes off, if it is on.
     pub fn laser_off(&mut self, now: Nanos) {
         for pulse in &mut self.laser {
-            pulse.end = pulse.end.min(now);
+            pulse.end = pulse.end.min(now).max(pulse.start);
         }
     }
 
@@ -466,15 +489,13 @@ impl SensorHead {
         self.violated(now, what.to_owned());
     }
 
-    /// For how long the laser was on in this time. Forgets the pulses that have ended.
-    fn laser_within(&mut self, time: Range<Nanos>) -> Nanos {
+    /// For how long the laser was on in this time, by the last pulses.
+    fn laser_within(&self, time: Range<Nanos>) -> Nanos {
         let of_pulse = |pulse: &Range<Nanos>| {
             let (start, end) = (pulse.start.max(time.start), pulse.end.min(time.end));
             end.saturating_sub(start)
         };
-        let on = self.laser.iter().map(of_pulse).sum();
-        self.laser.retain(|pulse| pulse.end > time.end);
-        on
+        self.laser.iter().map(of_pulse).sum()
     }
 
     /// Sets the converter's chip select to `level`.

@@ -348,7 +348,6 @@ fn a_centre_needs_no_calibration() {
             );
         }
         // Each command gives one frame's answer.
-        set(&mut board, "exposure 5600");
         set(&mut board, "stream off");
         board.run_for(PATIENCE / 20).expect("a run");
         board.take_lines();
@@ -370,6 +369,7 @@ fn a_centre_needs_no_calibration() {
 fn a_frame_without_a_centre_gives_its_fault_with_advice() {
     for (height, fault) in [(0.0, "f no spot: "), (12_000.0, "f saturated: ")] {
         let (mut board, _) = boot(spot_at(1800.3, height));
+        set(&mut board, "exposure 5600");
         set(&mut board, "stream off");
         board.run_for(PATIENCE / 20).expect("a run");
         board.take_lines();

@@ -12,6 +12,7 @@ mod flash;
 mod flat;
 mod identical;
 mod kept;
+mod laser;
 #[cfg(unix)]
 mod pseudo_terminal;
 mod records;

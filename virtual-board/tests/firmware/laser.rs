@@ -1,0 +1,180 @@
+//! Tests of the laser: when it is on, for how long, and when it must be off.
+
+use std::time::Duration;
+
+use host_tests::changing_light::{self, BRIGHTEST};
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+use simulator::scene::{Exposure as Times, Scene, Simulation, Spot};
+use slitrange::Calibration;
+use slitrange::settings::Settings;
+use virtual_board::{Exposure, LightSource, Nanos, VirtualBoard};
+
+use crate::common::{DISTANCE, PATIENCE, is_reading, measuring, number, results, set};
+use crate::identical::{aligned, assert_same, logarithmic, on_this_pc, run};
+
+/// For how long the laser was on since power-on.
+fn laser_time(board: &mut VirtualBoard) -> Nanos {
+    let now = board.now();
+    board.head(move |head| head.laser_time(now))
+}
+
+/// Each row has its exposure to the nanosecond, and the pulse lies in the row's middle, without jitter.
+#[test]
+fn the_laser_is_on_for_the_exposure_in_the_middle_of_each_row() {
+    let mut board = measuring(4);
+    for us in [10, 11, 187, 5599, 5600] {
+        set(&mut board, &format!("exposure {us}"));
+        results(&mut board, 3);
+        let (rows, pulses) = board.head(|head| {
+            let exposures: Vec<_> = head.rows().rev().take(8).map(|row| row.exposure).collect();
+            let pulses: Vec<_> = head.laser_pulses().cloned().collect();
+            (exposures, pulses)
+        });
+        let mut middles = vec![];
+        for exposure in rows {
+            assert_eq!(exposure.laser, us * 1000, "{us} us");
+            let during = exposure.start..exposure.end;
+            let pulse = pulses.iter().find(|pulse| during.contains(&pulse.start));
+            let pulse = pulse.expect("a pulse in each row");
+            assert!(pulse.end < exposure.end, "{pulse:?} in {exposure:?}");
+            middles.push(pulse.start.midpoint(pulse.end) - exposure.start);
+        }
+        let (least, most) = (middles.iter().min(), middles.iter().max());
+        println!("{us} us: middle of the pulse {least:?} to {most:?} ns after the row's begin");
+        let (least, most) = (*least.expect("rows"), *most.expect("rows"));
+        // The timer starts at once. The longest exposure ends 5.6 ms later.
+        assert!((2_800_000..2_803_000).contains(&least), "{least}");
+        assert!(most - least < 100, "a jitter of {} ns", most - least);
+    }
+    board.finish().expect("a clean run");
+}
+
+#[test]
+fn a_laser_that_is_set_off_stays_off_and_the_answer_says_so() {
+    let mut board = measuring(4);
+    set(&mut board, "laser off");
+    results(&mut board, 3);
+    let before = laser_time(&mut board);
+    results(&mut board, 3);
+    assert_eq!(laser_time(&mut board), before);
+    board.send("distance\r\n");
+    let advice = "(the laser is off: send `laser on`)";
+    board
+        .run_until_line(|line| line == advice, PATIENCE)
+        .expect("advice");
+    // It is off after a start, if that is what was saved.
+    board.send("save\r\n");
+    board
+        .run_until_line(|line| line == "save", 3 * PATIENCE)
+        .expect("saved");
+    board.reset_pin().expect("the emulator");
+    board
+        .run_until_line(|line| line.starts_with("slitrange "), PATIENCE)
+        .expect("a banner");
+    results(&mut board, 2);
+    assert_eq!(laser_time(&mut board), before);
+    set(&mut board, "laser on");
+    results(&mut board, 2);
+    assert!(laser_time(&mut board) > before);
+    board.finish().expect("a clean run");
+}
+
+/// A panic stops everything. The pulse under way ends by itself, and the reset brings no other before the
+/// settings are known.
+#[test]
+fn the_laser_goes_off_when_the_firmware_stops() {
+    let mut board = measuring(4);
+    results(&mut board, 3);
+    board.panic_at("measure_row").expect("the function");
+    // The panic comes within a row, and the pulse under way ends in another.
+    board.run_for(Duration::from_millis(20)).expect("a run");
+    let stopped = laser_time(&mut board);
+    while board.resets().expect("resets").is_empty() {
+        board.run_for(Duration::from_millis(10)).expect("a run");
+        assert!(board.now() < 5_000_000_000, "no reset");
+        assert_eq!(laser_time(&mut board), stopped);
+    }
+    board.unhang("measure_row").expect("the function");
+    results(&mut board, 2);
+    assert!(laser_time(&mut board) > stopped);
+    // In a reset the pin has no output.
+    let during = board.head(|head| head.laser_pulses().next_back().cloned());
+    let during = during.expect("a pulse");
+    let until = Duration::from_nanos(during.end.saturating_sub(board.now()) / 2);
+    board.run_for(until).expect("a run");
+    board.reset_pin().expect("the emulator");
+    let at_reset = laser_time(&mut board);
+    board.run_for(Duration::from_millis(6)).expect("a run");
+    assert_eq!(laser_time(&mut board), at_reset);
+    results(&mut board, 1);
+    board.finish().expect("a clean run");
+}
+
+/// White paper's spot on targets whose brightness jumps to any value within 10,000 to 1, every `rows` rows.
+fn jumping(rows: u64) -> LightSource {
+    let scene = changing_light::scene();
+    let spot = scene.spot.map(|spot| Spot {
+        counts_per_second: BRIGHTEST,
+        ..spot
+    });
+    let simulation = Simulation::new(Scene { spot, ..scene });
+    let mut random = ChaCha8Rng::seed_from_u64(19);
+    let (mut row, mut reflectivity) = (0, 1.0);
+    Box::new(move |exposure: &Exposure| {
+        if row % rows == 0 {
+            reflectivity = logarithmic(&mut random, 1e-4, 1.0);
+        }
+        row += 1;
+        let laser = exposure.laser as f64 * 1e-9 * reflectivity;
+        let times = Times {
+            row: exposure.duration() as f64 * 1e-9,
+            laser,
+            laser_before: laser,
+        };
+        simulation.row(row, DISTANCE, times)
+    })
+}
+
+/// Asserts that the lines of frames of 16 rows are those of the PC, that a frame without a reading holds a
+/// jump, and that no reading is off by more than five times the noise that it claims.
+fn assert_jumps_are_followed(jumps: u64) {
+    // A frame and a half, and some: jumps come anywhere in a frame.
+    const ROWS: u64 = 39;
+    let (shown, chip) = run(jumping(ROWS), &["exposure auto"], jumps * ROWS);
+    let chip = &chip[1..];
+    let calibration = Calibration::nominal();
+    let pc: Vec<Vec<String>> = (0..16)
+        .map(|first| on_this_pc(&shown[first..], Settings::default(), calibration.as_ref()))
+        .collect();
+    let pc = pc.iter().find(|pc| pc.contains(&chip[0]));
+    let pc = aligned(pc.expect("the PC has the first line too"), chip);
+    let kinds = assert_same(chip, pc);
+    let optics = Scene::white_paper().optics;
+    let truth = optics.centre(DISTANCE);
+    let mm_per_pixel = 1e3 * optics.metres_per_pixel(truth).abs();
+    let mut worst = 0.0f64;
+    for line in chip.iter().filter(|line| is_reading(line)) {
+        let error = (number(line, " x ", " a") - truth).abs() * mm_per_pixel;
+        worst = worst.max(error / number(line, " r ", " x"));
+    }
+    println!("{jumps} jumps: {kinds:?}; largest error {worst:.2} r");
+    assert!(worst < 5.0);
+    let faults = chip.len() - kinds["reading"];
+    assert!(faults as u64 <= jumps, "{kinds:?}");
+    assert!(
+        chip.windows(2)
+            .all(|pair| is_reading(&pair[0]) || is_reading(&pair[1]))
+    );
+}
+
+#[test]
+fn a_jump_of_the_brightness_costs_at_most_a_frame() {
+    assert_jumps_are_followed(12);
+}
+
+#[test]
+#[ignore = "22 s of virtual time, half a minute; .ci/run runs it"]
+fn a_hundred_jumps_of_the_brightness_cost_at_most_a_frame_each() {
+    assert_jumps_are_followed(100);
+}
