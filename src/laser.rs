@@ -16,11 +16,14 @@ use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::{Peri, pac, peripherals};
 use slitrange::exposure::Exposure;
 
-/// TIM4 counts at twice the speed of APB1: 84 MHz.
-const TIMER_HZ: u32 = 84_000_000;
+/// The counter's speed: a step is a microsecond.
+const COUNTER_HZ: u32 = 1_000_000;
 
-/// The counter's step is a microsecond.
-const PRESCALER: u16 = (TIMER_HZ / 1_000_000 - 1) as u16;
+/// The longest pulse ends before the next row begins, with 100 us of room for a tick that is late.
+const _: () = {
+    let row_us = super::acquisition::ROW_PERIOD.as_micros();
+    assert!(Exposure::LONGEST.us() as u64 + 100 <= row_us);
+};
 
 /// Channel 4 of TIM4.
 const CHANNEL: usize = 3;
@@ -40,8 +43,12 @@ impl Laser {
     ) -> Self {
         let timer = Timer::new(timer);
         let registers = pac::TIM4;
-        registers.psc().write_value(PRESCALER);
-        // Low while the counter is below the compare value, so also where it stops, at 0.
+        let prescaler = timer.get_clock_frequency().0 / COUNTER_HZ - 1;
+        registers.psc().write_value(prescaler as u16);
+        // The output is low while the counter, which stands at 0, is below the compare value. So that value is
+        // set before the output's mode, and the pin is connected last.
+        registers.ccr(CHANNEL).write(|compare| compare.set_ccr(1));
+        registers.egr().write(|event| event.set_ug(true));
         registers
             .ccmr_output(CHANNEL / 2)
             .modify(|mode| mode.set_ocm(CHANNEL % 2, Ocm::PWM_MODE2));
@@ -51,7 +58,6 @@ impl Laser {
             .modify(|enable| enable.set_cce(CHANNEL, true));
         Self {
             _timer: timer,
-            // Last, when the timer's output is low.
             _pin: PwmPin::new(pin, OutputType::PushPull),
         }
     }

@@ -69,7 +69,7 @@ pub enum Fault {
         /// How many fit the other.
         other: u16,
     },
-    /// The spot is too dim at the longest exposure that auto exposure may choose.
+    /// The spot is too dim at the longest exposure that `exposure limit` allows.
     DimAtLongest {
         /// The spot's height.
         amplitude: Counts,
@@ -78,16 +78,18 @@ pub enum Fault {
     },
     /// The spot is saturated at the shortest exposure.
     SaturatedAtShortest {
-        /// How many pixels are at full scale.
+        /// How many pixels are saturated.
         pixels: u16,
         /// The exposure.
         exposure: Exposure,
     },
+    /// The setting `laser off` holds.
+    LaserOff,
 }
 
 impl Fault {
     /// Number of kinds of fault.
-    pub const KINDS: usize = 13;
+    pub const KINDS: usize = 14;
 
     /// The kind as a number from 0 to [`Fault::KINDS`] - 1, to count by.
     pub const fn kind(&self) -> usize {
@@ -105,6 +107,7 @@ impl Fault {
             Self::SlitsUnclear { .. } => 10,
             Self::DimAtLongest { .. } => 11,
             Self::SaturatedAtShortest { .. } => 12,
+            Self::LaserOff => 13,
         }
     }
 
@@ -123,6 +126,7 @@ impl Fault {
         "slits unclear",
         "too dim at the longest exposure",
         "saturated at the shortest exposure",
+        "laser off",
     ];
 
     /// The kind's name.
@@ -134,7 +138,10 @@ impl Fault {
     pub const fn advice(&self) -> &'static str {
         match self {
             Self::SensorSilent => "check the sensor head's supply and wires",
-            Self::NoSpot { .. } => "check that the laser is on and hits a target",
+            Self::NoSpot { .. } => {
+                "check that the laser is on and hits a target, and that the exposure is long enough"
+            }
+            Self::LaserOff => "send `laser on`",
             Self::TooDim { .. } => {
                 "a longer exposure, more laser power, a brighter target or less ambient light"
             }

@@ -45,6 +45,8 @@ pub struct Measurement {
     ambient: Counts,
     /// The background with the black level, of the latest row with a spot.
     background: Counts,
+    /// The spot's height above the background, of the latest row with a centre.
+    height: Counts,
 }
 
 impl Measurement {
@@ -64,6 +66,7 @@ impl Measurement {
             exposure: None,
             ambient: Counts::default(),
             background: Counts::default(),
+            height: Counts::default(),
         }
     }
 
@@ -120,9 +123,11 @@ impl Measurement {
         }
         match self.settings.slits {
             // The two kinds of result do not meet: they would be copied.
+            _ if !self.settings.laser => self.frame.add(Err(Fault::LaserOff)),
             Slits::One => {
                 let centre = self.centre(words, map);
                 self.follow_light(&centre);
+                let centre = centre.map_err(|fault| self.with_exposure(fault));
                 self.frame.add_exposed(centre, exposure);
             }
             Slits::Comb => self.add_row_of_comb(words, map),
@@ -171,6 +176,7 @@ impl Measurement {
     fn centre(&mut self, words: &mut [u16], map: Option<&PixelMap>) -> Result<RowCentre, Fault> {
         let before = self.before.take();
         let Ok(row) = self.geometry.row_and_blocks(words, &mut self.blocks) else {
+            self.blocks.clear();
             return Err(Fault::SensorSilent);
         };
         let spot = match &before {
@@ -222,6 +228,7 @@ impl Measurement {
             self.profile.as_ref(),
         )?;
         self.before = Some((found, centre));
+        self.height = centre.amplitude;
         centre::above_black(self.settings.estimator, &spot, centre)
     }
 
@@ -232,6 +239,7 @@ impl Measurement {
         map: Option<&PixelMap>,
     ) -> Result<RowCentre, Fault> {
         let Ok(row) = self.geometry.row_and_blocks(words, &mut self.blocks) else {
+            self.blocks.clear();
             return Err(Fault::SensorSilent);
         };
         let mut found = self.comb.find(&row)?;
@@ -272,6 +280,7 @@ impl Measurement {
     fn add_row_of_comb(&mut self, words: &mut [u16], map: Option<&PixelMap>) {
         let centre = self.centre_of_comb(words, map);
         self.follow_light(&centre);
+        let centre = centre.map_err(|fault| self.with_exposure(fault));
         self.frame.add_exposed(centre, self.exposure);
     }
 
@@ -281,27 +290,31 @@ impl Measurement {
         if let (ExposureMode::Auto, Some(exposure)) = (self.settings.exposure, self.exposure) {
             let brightness = self.brightness(centre);
             let limit = self.settings.exposure_limit;
-            self.auto_exposure.take(exposure, brightness, limit);
+            self.auto_exposure.follow_row(exposure, brightness, limit);
         }
     }
 
     fn brightness(&self, centre: &Result<RowCentre, Fault>) -> Brightness {
         let room = self.geometry.height_limit(self.background);
         match centre {
-            Ok(centre) => {
+            Ok(_) => {
                 let height = match self.settings.slits {
-                    Slits::One => centre.amplitude,
+                    Slits::One => self.height,
                     // The centre's height is the mean of all images.
                     Slits::Comb => self.highest_block(),
                 };
                 Brightness::of_spot(height, room)
             }
-            Err(fault) => Brightness::of_fault(fault, self.saturated_pixels(), room),
+            Err(fault) => {
+                let highest = self.highest_block();
+                Brightness::of_fault(fault, self.saturated_pixels(), highest, room)
+            }
         }
     }
 
     /// The height of the brightest block above the background: that of a comb's brightest image, less 4 % for
     /// a sigma of 8 pixels.
+    #[inline(never)]
     fn highest_block(&self) -> Counts {
         let most = self.blocks.sums().iter().max().copied().unwrap_or_default();
         // At most 2^16 * 2^8 / 8.
@@ -319,7 +332,7 @@ impl Measurement {
         blocks.saturating_mul(BLOCK as u16)
     }
 
-    /// The fault of a frame, with what auto exposure knows of it.
+    /// The fault of a row, with what auto exposure knows of it.
     fn with_exposure(&self, fault: Fault) -> Fault {
         let (ExposureMode::Auto, Some(exposure)) = (self.settings.exposure, self.exposure) else {
             return fault;
@@ -338,8 +351,7 @@ impl Measurement {
     }
 
     fn measured(&self, map: Option<&PixelMap>) -> Result<Measured, Fault> {
-        let frame = self.frame.centre(self.settings.mean);
-        let frame = frame.map_err(|fault| self.with_exposure(fault))?;
+        let frame = self.frame.centre(self.settings.mean)?;
         let comb = match self.settings.slits {
             Slits::One => None,
             Slits::Comb => Some(self.comb.combine()?),

@@ -291,13 +291,13 @@ impl Session {
         if take(&mut self.distance_wanted) || is_zero {
             match &reading {
                 Ok(reading) => add(actions, reading),
-                Err(fault) => self.advise(fault, actions),
+                Err(fault) => advise(fault, actions),
             }
         }
         if take(&mut self.centre_wanted) {
             match &measured {
                 Ok(measured) => actions.add_line(measured),
-                Err(fault) => self.advise(fault, actions),
+                Err(fault) => advise(fault, actions),
             }
         }
         if take(&mut self.parts_wanted) {
@@ -306,7 +306,7 @@ impl Session {
                     add(actions, reading);
                     actions.add_line(&PartsOf(&reading.parts));
                 }
-                Err(fault) => self.advise(fault, actions),
+                Err(fault) => advise(fault, actions),
             }
         }
         if actions.text.as_str().is_empty() && self.settings.stream {
@@ -424,15 +424,6 @@ impl Session {
         Ok(())
     }
 
-    /// Answers with a fault and what to do about it.
-    fn advise(&self, fault: &Fault, actions: &mut Actions) {
-        let advice = match fault {
-            Fault::NoSpot { .. } if !self.settings.laser => "the laser is off: send `laser on`",
-            _ => fault.advice(),
-        };
-        actions.add_line(&format_args!("{fault}\r\n({advice})"));
-    }
-
     /// What the measurement must use.
     fn applied(&self) -> Applied {
         let record = self.record().filter(|_| self.calibration_on);
@@ -477,4 +468,10 @@ impl Session {
         self.calibration_on = true;
         self.zero = None;
     }
+}
+
+/// Answers with a fault and what to do about it.
+fn advise(fault: &Fault, actions: &mut Actions) {
+    let advice = fault.advice();
+    actions.add_line(&format_args!("{fault}\r\n({advice})"));
 }

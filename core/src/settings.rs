@@ -40,7 +40,7 @@ macro_rules! list {
             Exposure "exposure" exposure: ExposureMode = ExposureMode::Auto,
                 Form::Words("auto|10..5600"), Affects::Measurement;
 
-            /// the longest exposure that may be chosen
+            /// the longest exposure, whatever `exposure` says
             ExposureLimit "exposure limit" exposure_limit: Exposure = Exposure::LONGEST,
                 Form::Number {
                     least: Exposure::SHORTEST.us() as u32,

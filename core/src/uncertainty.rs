@@ -89,9 +89,10 @@ pub const SPECKLE: f32 = 0.25 / 300.0 * core::f32::consts::FRAC_1_SQRT_2;
 /// The usual height of a spot in counts if no calibration tells it: a quarter of full scale, as in the paper.
 pub const USUAL_HEIGHT: f32 = 1000.0;
 
-/// A spot that is brighter than this many usual ones belongs to another target. Speckle makes 2 % of the
-/// readings of metal (one polarisation, light with an exponential distribution) so bright, and 0.3 % of paper.
-pub const MOST_USUAL: f32 = 4.0;
+/// Up to this many times the usual brightness, a spot is a bright speckle of the usual target. From twice as
+/// much on, it belongs to a brighter target: speckle makes 2 % of the readings of metal so bright (one
+/// polarisation, light with an exponential distribution), and 0.3 % of paper.
+const BRIGHT_SPECKLE: f32 = 2.0;
 
 /// The surface's variance over that at the usual height, for a target whose usual brightness is not known: two
 /// polarisations. The displacement then has Student's t distribution with four degrees of freedom, whose
@@ -222,13 +223,7 @@ impl Place {
             return Micrometres::default();
         };
         let seen = brightness(frame);
-        // A spot so bright is not a bright speckle of the usual target: it is a brighter target.
-        let factor = if seen < MOST_USUAL * height {
-            height / seen
-        } else {
-            ANY_BRIGHTNESS
-        };
-        let variance = square(deviation) * factor;
+        let variance = square(deviation) * by_brightness(seen / height);
         let rest = variance - square(frame.spread.to_f32() * self.slope);
         let least = variance / f32::from(frame.rows_used.max(1));
         let variance = if rest > least { rest } else { least };
@@ -326,7 +321,22 @@ impl CalibrationErrors {
     }
 }
 
-/// The height that the spot would have at the longest exposure, in counts: 1 to 2^32.
+/// The surface's variance over that at the usual brightness, for a spot that is `times` as bright: 1 / times
+/// for the usual target, [`ANY_BRIGHTNESS`] for a brighter one, and a parabola that joins the two.
+fn by_brightness(times: f32) -> f32 {
+    if times <= BRIGHT_SPECKLE {
+        return 1.0 / times;
+    }
+    // 1/2 at twice the usual brightness, 2 at four times.
+    let joined = times * times / 8.0;
+    if joined < ANY_BRIGHTNESS {
+        joined
+    } else {
+        ANY_BRIGHTNESS
+    }
+}
+
+/// The height that the spot would have at the longest exposure, in counts: 1 to 2^33.
 fn brightness(frame: &FrameCentre) -> f32 {
     let factor = frame.exposure.map_or(1.0, |exposure| {
         f32::from(Exposure::LONGEST.us()) / f32::from(exposure.us())

@@ -344,6 +344,7 @@ impl Bench {
             | Fault::NoSpot { .. }
             | Fault::TooDim { .. }
             | Fault::SpotAtEdge { .. } => {}
+            Fault::LaserOff => assert!(!self.settings.laser),
             // Rows come here without their exposure.
             Fault::DimAtLongest { .. } | Fault::SaturatedAtShortest { .. } => {
                 panic!("{fault}: nothing chose an exposure")

@@ -7,6 +7,7 @@ use slitrange::centre::{self, Estimator, RowCentre, WidthClass};
 use slitrange::check;
 use slitrange::comb::{Comb, FEWEST, Slits};
 use slitrange::distance::Calibration;
+use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
@@ -335,16 +336,16 @@ fn every_fault_is_reachable() {
     let even: Vec<_> = (0..14)
         .map(|i| (900.3 + 132.0 * f64::from(i), 8.0, 2000.0))
         .collect();
-    let cases: [(&str, Vec<Vec<u16>>, bool); 12] = [
+    let dim = || words_of(&[(1800.3, 8.0, 3.5)]);
+    let cut = || words_of(&[(1800.3, 1.0, 60_000.0)]);
+    let cases: [(&str, Vec<Vec<u16>>, bool); 15] = [
         ("reading", vec![spot(1800.3)], true),
         ("sensor silent", vec![vec![0xffff; 3694]], true),
         ("no spot", vec![words_of(&[])], true),
-        ("too dim", vec![words_of(&[(1800.3, 8.0, 3.5)])], true),
-        (
-            "saturated",
-            vec![words_of(&[(1800.3, 1.0, 60_000.0)])],
-            true,
-        ),
+        ("too dim", vec![dim()], true),
+        ("saturated", vec![cut()], true),
+        ("too dim at the longest exposure", vec![dim()], true),
+        ("saturated at the shortest exposure", vec![cut()], true),
         ("spot at the edge", vec![spot(-6.0)], true),
         ("two spots", vec![words_of(&twins)], true),
         ("unsteady", vec![spot(1800.3), spot(1900.3)], true),
@@ -352,6 +353,7 @@ fn every_fault_is_reachable() {
         ("not calibrated", vec![spot(1800.3)], false),
         ("too few slits", vec![spot(1800.3)], true),
         ("slits unclear", vec![words_of(&even)], true),
+        ("laser off", vec![spot(1800.3)], true),
     ];
     for estimator in Estimator::ALL {
         for (name, rows, calibrated) in &cases {
@@ -365,12 +367,18 @@ fn every_fault_is_reachable() {
                 } else {
                     Slits::One
                 },
+                laser: *name != "laser off",
                 ..Settings::default()
             };
             let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
+            let exposure = match *name {
+                "too dim at the longest exposure" => Some(Exposure::LONGEST),
+                "saturated at the shortest exposure" => Some(Exposure::SHORTEST),
+                _ => None,
+            };
             let results = rows
                 .iter()
-                .filter_map(|row| measurement.row(&mut row.clone()));
+                .filter_map(|row| measurement.row_with(&mut row.clone(), exposure, None));
             let result = results.last().expect("the frame is complete");
             let calibration = Calibration::nominal().filter(|_| *calibrated);
             let result = result.and_then(|measured| {

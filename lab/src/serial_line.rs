@@ -177,6 +177,7 @@ fn faults() -> [Fault; Fault::KINDS] {
             pixels: 12,
             exposure: Exposure::SHORTEST,
         },
+        Fault::LaserOff,
     ]
 }
 

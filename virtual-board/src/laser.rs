@@ -56,11 +56,16 @@ impl LaserTimer {
         self.runs = runs;
         let mode = ccmr2_output::OC4M.get(registers.get(Register::Ccmr2Output));
         let enable = registers.get(Register::Ccer);
-        let is_on = ccer::CC4E.is_set(enable);
-        if began || ended || !is_on {
+        let is_enabled = ccer::CC4E.is_set(enable);
+        let rise = registers.get(Register::Ccr4);
+        if !runs && is_enabled && mode == PWM_MODE_2 && rise == 0 {
+            let what = "the laser is on while its timer stands still: set the compare value first";
+            self.head.lock().laser_violated(now.0, what);
+        }
+        if began || ended || !is_enabled {
             self.head.lock().laser_off(now.0);
         }
-        if !(began && is_on) {
+        if !(began && is_enabled) {
             return;
         }
         if !cr1::OPM.is_set(control) || mode != PWM_MODE_2 || ccer::CC4P.is_set(enable) {
@@ -70,10 +75,7 @@ impl LaserTimer {
         }
         let tick = (registers.get(Register::Psc) + 1) as f64 * 1e9 / self.hz as f64;
         let after = |ticks: u64| now.0 + (ticks as f64 * tick).round() as u64;
-        let (rise, fall) = (
-            registers.get(Register::Ccr4),
-            registers.get(Register::Arr) + 1,
-        );
+        let fall = registers.get(Register::Arr) + 1;
         if rise < fall {
             self.head.lock().laser_pulse(after(rise), after(fall));
         }

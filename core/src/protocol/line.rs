@@ -180,7 +180,7 @@ impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "f {}", self.name())?;
         match self {
-            Self::SensorSilent => Ok(()),
+            Self::SensorSilent | Self::LaserOff => Ok(()),
             Self::NoSpot { amplitude } => write!(f, ": {amplitude:.1} counts at most"),
             Self::TooDim { amplitude, needed } => {
                 write!(f, ": {amplitude:.1} counts, needs {needed:.1}")

@@ -52,6 +52,11 @@ impl Blocks {
         dual_mac::sum_blocks(blocks, sign, of_eight, &mut self.sums)
     }
 
+    /// Forgets the sums.
+    pub(crate) fn clear(&mut self) {
+        self.length = 0;
+    }
+
     /// The sums.
     #[inline]
     pub(crate) fn sums(&self) -> &[u16] {

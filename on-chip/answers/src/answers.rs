@@ -230,6 +230,7 @@ fn say_fault(fault: Fault, say: &mut impl FnMut(u32)) {
             exposure,
         } => [amplitude.to_bits(), exposure.us().into()],
         Fault::SaturatedAtShortest { pixels, exposure } => [pixels.into(), exposure.us().into()],
+        Fault::LaserOff => [0, 0],
     };
     for bits in bits {
         say(bits as u32);

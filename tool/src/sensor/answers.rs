@@ -19,7 +19,7 @@ pub struct Centre {
     pub claimed_px: f64,
     /// The spot's height in counts.
     pub height_counts: f64,
-    /// For how long the laser was on in a row, in microseconds.
+    /// The mean exposure of the rows used, in microseconds.
     pub exposure_us: u16,
     /// Rows in the frame.
     pub rows: u16,
@@ -124,7 +124,7 @@ fn reading(line: &str) -> Option<(Centre, bool)> {
         }
         _ => (None, flags),
     };
-    let (exposure_us, flags) = match *flags {
+    let (exposure, flags) = match *flags {
         ["t", us, ref flags @ ..] => (Exposure::from_us(us.parse().ok()?)?, flags),
         _ => (Exposure::LONGEST, flags),
     };
@@ -153,7 +153,7 @@ fn reading(line: &str) -> Option<(Centre, bool)> {
         x_px: five_decimals(x)?,
         claimed_px: five_decimals(u)?,
         height_counts: height.into(),
-        exposure_us: exposure_us.us(),
+        exposure_us: exposure.us(),
         rows: Some(rows).filter(|&rows| used <= rows)?,
         estimator: letters.next().filter(|_| letters.next().is_none())?,
         shape,

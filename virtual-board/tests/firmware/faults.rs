@@ -117,6 +117,7 @@ fn advice_for(name: &str) -> &'static str {
             pixels: 0,
             exposure: Exposure::SHORTEST,
         },
+        Fault::LaserOff,
     ]
     .iter()
     .find(|fault| fault.name() == name)
