@@ -114,8 +114,8 @@ fn no_jump_of_a_million_gives_a_wrong_reading() {
 }
 
 /// One setting over 10,000:1. `least_within` is the least share of the readings of one target that must be
-/// within twice their claim.
-fn assert_range(targets: usize, frames: usize, least_within: f64) {
+/// within twice their claim. `most_lowest` is the largest ratio for a spot at the lower end of its band.
+fn assert_range(targets: usize, frames: usize, least_within: f64, most_lowest: f64) {
     let targets = range::targets(targets, frames, &|| ());
     let (mut readings, mut beyond) = (0, 0);
     for target in &targets {
@@ -136,7 +136,7 @@ fn assert_range(targets: usize, frames: usize, least_within: f64) {
         }
         if is_in_middle(target.reflectivity) {
             assert!(target.ratio() <= 1.5, "{target:?}");
-            assert!(target.ratio_of_lowest() <= 1.5, "{target:?}");
+            assert!(target.ratio_of_lowest() <= most_lowest, "{target:?}");
         }
     }
     let within = 1.0 - beyond as f64 / readings as f64;
@@ -146,14 +146,14 @@ fn assert_range(targets: usize, frames: usize, least_within: f64) {
 
 #[test]
 fn one_setting_measures_black_tape_and_bright_metal() {
-    // Of 50 readings, chance puts up to 7 beyond twice their claim.
-    assert_range(9, 50, 0.84);
+    // Of 50 readings, chance puts up to 8 beyond twice their claim. The ratio's own error is about 0.1.
+    assert_range(9, 50, 0.84, 1.6);
 }
 
 #[test]
 #[ignore = "takes minutes; `cargo exposure` measures the same"]
 fn one_setting_measures_all_of_the_range() {
-    assert_range(33, 1000, 0.93);
+    assert_range(33, 1000, 0.93, 1.5);
 }
 
 /// Short exposures make the same spot of a brighter target.

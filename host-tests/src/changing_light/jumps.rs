@@ -64,8 +64,9 @@ impl Worst {
 }
 
 impl Jumps {
-    /// This many random jumps, by sensors on all cores. Jumps run from `OF_A_SENSOR` of one sensor to the next
-    /// one, so the number of cores does not change the results.
+    /// This many random jumps, by sensors on all cores. Each sensor has a thousand of them and its own random
+    /// numbers, so the number of cores does not change the results. Calls `done` with the jumps of each
+    /// sensor.
     pub fn run(jumps: u64, done: &(dyn Fn(u64) + Sync)) -> Self {
         (0..jumps.div_ceil(OF_A_SENSOR))
             .into_par_iter()
@@ -79,7 +80,7 @@ impl Jumps {
     }
 
     /// The jumps of one sensor between any two reflectivities, evenly in the logarithm. The target changes
-    /// anywhere in a frame, and stays for that frame and the next one at least.
+    /// anywhere in a frame, and stays for the rest of that frame and for the next one.
     pub fn of_sensor(number: u64, jumps: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(number);
         let scene = Scene {
@@ -106,11 +107,9 @@ impl Jumps {
                     take(&sensor, result, is_first);
                 }
             }
-            // The next jump comes anywhere in a frame.
-            for _ in 0..random.random_range(0..16) {
-                if let (_, Some(result)) = sensor.row(reflectivity) {
-                    take(&sensor, result, false);
-                }
+            // The next jump comes anywhere in a frame: these rows do not end it.
+            for _ in 0..random.random_range(0..Settings::default().rows) {
+                sensor.row(reflectivity);
             }
             before = reflectivity;
         }
