@@ -1,14 +1,19 @@
 //! A target whose brightness changes, seen by a sensor with auto exposure: rows go in, exposures come out, with
 //! the firmware's delay between them.
 
+pub mod jumps;
+pub mod range;
+
 use std::collections::VecDeque;
 
 use simulator::scene::{Exposure as Times, Scene, Simulation, Spot};
+use slitrange::Calibration;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
 use slitrange::reading::Measured;
 use slitrange::settings::Settings;
+use slitrange::uncertainty::{CalibrationErrors, Surface};
 
 use crate::frames::words;
 
@@ -91,6 +96,58 @@ impl Sensor {
     pub fn true_centre(&self) -> f64 {
         let scene = self.simulation.scene();
         scene.optics.centre(scene.distance)
+    }
+
+    /// Compares a frame with the truth.
+    ///
+    /// # Panics
+    /// The centre is outside of the range of the nominal calibration.
+    pub fn compare(&self, measured: &Measured) -> Comparison {
+        let calibration = Calibration::nominal().expect("a curve");
+        let errors = CalibrationErrors::Unknown;
+        let reading = measured
+            .reading(Some(&calibration), &errors, Surface::Off)
+            .expect("a place in the middle of the range");
+        let (_, um_per_pixel) = calibration.distance_at(reading.centre).expect("in range");
+        let parts = reading.parts;
+        let squares = [parts.noise, parts.shape, parts.motion].map(|it| it.to_f64().powi(2));
+        Comparison {
+            error_um: (measured.frame.centre.to_f64() - self.true_centre())
+                * f64::from(um_per_pixel),
+            r_um: parts.noise.to_f64(),
+            claim_um: squares.iter().sum::<f64>().sqrt(),
+            u_um: reading.uncertainty.to_f64(),
+            is_flagged: 2 * reading.misfits > reading.rows_used || reading.correlated.is_some(),
+        }
+    }
+}
+
+/// A frame compared with the truth, as distances in micrometres. The simulated target has no speckle, and the
+/// simulated pixels are all alike.
+#[derive(Clone, Copy, Debug)]
+pub struct Comparison {
+    /// The error.
+    pub error_um: f64,
+    /// The repeatability r.
+    pub r_um: f64,
+    /// What the rows claim: noise, shape and motion. The parts of u that have no counterpart here are left
+    /// out, so this claim is stricter than u.
+    pub claim_um: f64,
+    /// u without the surface's part and without the calibration's. Its largest part is that of the pixels.
+    pub u_um: f64,
+    /// Whether the reading has the flag `m` for most of its rows, or the flag `c`.
+    pub is_flagged: bool,
+}
+
+impl Comparison {
+    /// The size of the error over the claim of the rows.
+    pub fn error_over_claim(&self) -> f64 {
+        (self.error_um / self.claim_um).abs()
+    }
+
+    /// The size of the error over u.
+    pub fn error_over_u(&self) -> f64 {
+        (self.error_um / self.u_um).abs()
     }
 }
 
