@@ -34,7 +34,7 @@ fn u_of_a_difference_is_true_on_white_paper() {
 
 /// Ten sensors on each material, a hundred surfaces each.
 #[test]
-#[ignore = "takes five minutes; run by .ci/run"]
+#[ignore = "10,000 frames with speckle; takes 210 CPU s; run by .ci/run"]
 fn u_is_true_on_six_materials() {
     let studies = MATERIALS.map(|(name, scene)| Study::run(name, scene, 10, 105).expect("a study"));
     println!("{}", report(&studies));

@@ -22,8 +22,9 @@ use serde::{Deserialize, Serialize};
 /// A row has its own light, more what stayed of the row before, less what stays for the next one. So a steady
 /// target shows nothing of it; a target that moves, or a laser that is off in every second row, does. Only
 /// the light of one row before counts, not that of earlier rows. It is computed again for each row, without
-/// its noise, with the target where it was then: a row takes up to twice the time. Before row 0 the laser
-/// shone too ([`crate::scene::Exposure::laser_before`]).
+/// its noise, with the target where it was then: a row takes up to twice the time. The row before one of a
+/// camera is the same row of the frame before. There was a row before row 0 too.
+/// [`crate::scene::Exposure::laser_before`] says how long the laser was on in it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lag {
