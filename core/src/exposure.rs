@@ -235,6 +235,8 @@ impl AutoExposure {
                 let target = room.saturating_mul(TARGET_PERCENT) / 100;
                 row.saturating_mul(target) / height.max(1)
             }
+            // No exposure is shorter. A row with the longest one may show more: see [`LOST_ROWS`].
+            Brightness::Saturated { .. } if row <= Exposure::SHORTEST.us().into() => return,
             // Rows that were exposed before the last change say nothing new.
             Brightness::Saturated { pixels, .. } if pixels > FEW_PIXELS => {
                 next.min(row / AFTER_SATURATED)

@@ -367,3 +367,25 @@ pub(crate) fn place_at(along: f32) -> (usize, f32) {
 fn square(value: f32) -> f32 {
     value * value
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Continuous, as the usual target up to twice its brightness, and never less than half.
+    #[test]
+    fn a_brighter_target_has_the_variance_of_any_brightness() {
+        for (times, expected) in [
+            (0.1, 10.0),
+            (1.0, 1.0),
+            (2.0, 0.5),
+            (2.0001, 0.5),
+            (4.0, 2.0),
+            (560.0, 2.0),
+        ] {
+            let found = by_brightness(times);
+            assert!((found / expected - 1.0).abs() < 1e-3, "{times}: {found}");
+        }
+        assert_eq!(by_brightness(f32::NAN), ANY_BRIGHTNESS);
+    }
+}

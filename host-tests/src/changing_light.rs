@@ -37,6 +37,8 @@ pub struct Sensor {
     /// The exposures of the next rows, in their order.
     chosen: VecDeque<Exposure>,
     row: u64,
+    /// Light that is not the laser's, added to the pixels that see light.
+    lamp: fn(&mut [f32]),
 }
 
 impl Sensor {
@@ -54,7 +56,13 @@ impl Sensor {
             measurement,
             chosen: [first; DELAY].into(),
             row: 0,
+            lamp: |_| (),
         }
+    }
+
+    /// The same sensor in the light of a lamp.
+    pub fn with_lamp(self, lamp: fn(&mut [f32])) -> Self {
+        Self { lamp, ..self }
     }
 
     /// Shows a row of a target of this reflectivity, 0 to 1. Gives the exposure, and the frame's result if the
@@ -71,7 +79,8 @@ impl Sensor {
         };
         let scene = self.simulation.scene();
         let geometry = scene.geometry();
-        let light = self.simulation.row(self.row, scene.distance, times);
+        let mut light = self.simulation.row(self.row, scene.distance, times);
+        (self.lamp)(&mut light[geometry.light.clone()]);
         let mut words = words(&light, &geometry);
         let result = self.measurement.row_with(&mut words, Some(exposure), None);
         self.chosen.push_back(self.measurement.next_exposure());

@@ -1,31 +1,25 @@
 //! Auto exposure: how it follows a target whose brightness changes.
 
+use std::collections::BTreeSet;
+
 use host_tests::changing_light::jumps::{Jumps, named};
 use host_tests::changing_light::range::{self, is_in_middle};
 use host_tests::changing_light::{DELAY, Sensor, scene};
-use slitrange::Counts;
+use simulator::scene::{Ambient, Saturation, Scene};
 use slitrange::exposure::{
     AutoExposure, Brightness, Exposure, ExposureMode, LEAST_PERCENT, MOST_PERCENT,
 };
 use slitrange::fault::Fault;
 use slitrange::settings::Settings;
+use slitrange::{Counts, Estimator};
 
 fn us(us: u16) -> Exposure {
     Exposure::from_us(us).expect("an exposure")
 }
 
-/// The next exposure after one row.
-fn after(row: u16, brightness: Brightness) -> u16 {
-    let mut auto = AutoExposure::new();
-    // The exposure in use is the row's.
-    let here = Brightness::Height {
-        height: 700,
-        room: 1000,
-    };
-    auto.take(us(row), Brightness::Saturated { pixels: 100 }, us(row));
-    auto.take(us(row), here, us(row));
-    auto.take(us(row), brightness, Exposure::LONGEST);
-    auto.next(Exposure::LONGEST).us()
+/// A row in which so many pixels are saturated.
+fn saturated(pixels: u16) -> Brightness {
+    Brightness::Saturated { pixels, room: 3500 }
 }
 
 /// 70 % of the room over the height, times the row's exposure.
@@ -42,28 +36,151 @@ fn a_row_tells_the_exposure_that_fits() {
         (of(1700, 3500), 1000),
         (of(0, 3500), 1000),
         (of(65_535, 1), 10),
-        (Brightness::Unknown, 1000),
-        (Brightness::Nothing, 1000),
-        (Brightness::Saturated { pixels: 33 }, 31),
-        (Brightness::Saturated { pixels: 32 }, 250),
+        (Brightness::NotTheLight, 1000),
+        (Brightness::NoSpot, 1000),
+        (saturated(33), 31),
+        (saturated(32), 250),
     ] {
         let mut auto = AutoExposure::new();
-        auto.take(
-            Exposure::LONGEST,
-            Brightness::Saturated { pixels: 3 },
-            limit,
-        );
+        auto.follow_row(Exposure::LONGEST, saturated(3), limit);
         assert_eq!(auto.next(limit), limit);
-        auto.take(limit, brightness, limit);
+        auto.follow_row(limit, brightness, limit);
         assert_eq!(auto.next(limit).us(), expected, "{brightness:?}");
     }
-    assert_eq!(after(10, Brightness::Nothing), 1000);
-    assert_eq!(after(56, of(7, 3500)), 5600);
+    // From a short exposure to a longer one.
+    for (row, brightness, expected) in [
+        (10, Brightness::NoSpot, 1000),
+        (56, of(7, 3500), 5600),
+        (10, of(100, 3500), 245),
+    ] {
+        let mut auto = AutoExposure::new();
+        auto.follow_row(us(row), of(3500, 3500), us(row));
+        auto.follow_row(us(row), brightness, Exposure::LONGEST);
+        assert_eq!(
+            auto.next(Exposure::LONGEST).us(),
+            expected,
+            "{brightness:?}"
+        );
+    }
     // Rows that were exposed before the last change bring nothing new.
     let mut auto = AutoExposure::new();
     for _ in 0..DELAY {
-        auto.take(us(5600), Brightness::Saturated { pixels: 100 }, us(5600));
+        auto.follow_row(us(5600), saturated(100), us(5600));
         assert_eq!(auto.next(Exposure::LONGEST), us(175));
+    }
+}
+
+/// A sensor that saturates below the level that its geometry states, by a flat top of a whole block: the room
+/// ends there, and grows again by a count in 64 rows.
+#[test]
+fn a_flat_top_tells_where_the_room_ends() {
+    let mut auto = AutoExposure::new();
+    let cut = Brightness::Saturated {
+        pixels: 12,
+        room: 2000,
+    };
+    auto.follow_row(us(1000), cut, Exposure::LONGEST);
+    assert_eq!(auto.next(Exposure::LONGEST), us(250));
+    let of = |height| Brightness::Height { height, room: 3500 };
+    auto.follow_row(us(250), of(700), Exposure::LONGEST);
+    // 70 % of 2000 counts, and not of 3500.
+    assert_eq!(auto.next(Exposure::LONGEST), us(500));
+    for _ in 0..64 * 1500 {
+        auto.follow_row(us(500), of(1500), Exposure::LONGEST);
+    }
+    // When the room has grown to 3001 counts, 1500 are less than half. 70 % of it are 2100 counts.
+    assert_eq!(auto.next(Exposure::LONGEST), us(700));
+}
+
+/// Something saturates the sensor without the laser, or hides the spot: one row of 32 has the longest exposure.
+#[test]
+fn a_spot_that_is_lost_is_looked_for_in_the_longest_exposure() {
+    for brightness in [saturated(3), Brightness::NotTheLight] {
+        let mut auto = AutoExposure::new();
+        let limit = us(2000);
+        auto.follow_row(us(320), saturated(100), limit);
+        let of_exposures: Vec<u16> = (0..64)
+            .map(|_| {
+                auto.follow_row(us(10), brightness, limit);
+                auto.next(limit).us()
+            })
+            .collect();
+        let longest = of_exposures.iter().filter(|&&us| us == 2000).count();
+        println!("{brightness:?}: {longest} of 64 rows");
+        assert_eq!(longest, 2);
+        assert!(of_exposures.iter().all(|us| matches!(us, 10 | 2000)));
+    }
+}
+
+/// A lamp saturates three pixels far from the spot, which sends the exposure to the shortest while the target
+/// is away. When the target is back, a reading comes.
+#[test]
+fn a_lamp_does_not_hide_the_target_for_ever() {
+    let lamp = |light: &mut [f32]| light[300..303].fill(1e5);
+    let mut sensor = Sensor::new(scene(), Settings::default()).with_lamp(lamp);
+    assert!(sensor.frames(0.0, 6).iter().all(Result::is_err));
+    let found = sensor.frames(2e-3, 4);
+    println!("{found:?}");
+    let back = found.last().expect("four frames");
+    assert!(matches!(back, Ok(measured) if sensor.compare(measured).error_over_u() < 5.0));
+}
+
+/// A fault names the exposure of its own rows, also where the frame's last row has another.
+#[test]
+fn a_fault_names_the_exposure_of_its_rows() {
+    for rows in [2, 4, 8] {
+        let settings = Settings {
+            rows,
+            ..Settings::default()
+        };
+        let mut sensor = Sensor::new(scene(), settings);
+        for reflectivity in [1.0, 1e-3, 1.0, 1e-4, 3e-2, 1.0] {
+            for result in sensor.frames(reflectivity, 24 / usize::from(rows)) {
+                let is_at_the_end = matches!(
+                    result,
+                    Err(Fault::DimAtLongest { .. } | Fault::SaturatedAtShortest { .. })
+                );
+                assert!(!is_at_the_end, "{rows} rows, {reflectivity}: {result:?}");
+            }
+        }
+    }
+}
+
+/// In ambient light, whatever the estimator, and with a well below the level that is stated.
+#[test]
+fn the_exposure_settles_in_ambient_light_and_below_the_stated_saturation() {
+    let lit = Scene {
+        ambient: Some(Ambient {
+            counts_per_second: 3.5e5,
+            slope: 0.0,
+        }),
+        ..scene()
+    };
+    let shallow = Scene {
+        saturation: Some(Saturation {
+            full_well: 2200.0,
+            blooming: 0.1,
+        }),
+        ..scene()
+    };
+    for (scene, name) in [
+        (lit, "2000 counts of ambient light"),
+        (shallow, "a well of 2200"),
+    ] {
+        for estimator in Estimator::ALL {
+            let settings = Settings {
+                estimator,
+                ..Settings::default()
+            };
+            let mut sensor = Sensor::new(scene.clone(), settings);
+            sensor.frames(0.03, 3);
+            let exposures: BTreeSet<u16> = (0..320).map(|_| sensor.row(0.03).0.us()).collect();
+            let results = sensor.frames(0.03, 10);
+            let valid = results.iter().filter(|result| result.is_ok()).count();
+            println!("{name}, {estimator:?}: exposures {exposures:?}, {valid} of 10 frames");
+            assert_eq!(valid, 10, "{name}, {estimator:?}: {results:?}");
+            assert!(exposures.len() <= 2, "{name}, {estimator:?}: {exposures:?}");
+        }
     }
 }
 
