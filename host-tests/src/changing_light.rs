@@ -1,5 +1,5 @@
-//! A target whose brightness changes, seen by a sensor with auto exposure: rows go in, exposures come out, with
-//! the firmware's delay between them.
+//! A target whose brightness changes, seen by a sensor with auto exposure: rows go in, exposures come out,
+//! with the firmware's delay between them.
 
 pub mod jumps;
 pub mod range;
@@ -17,14 +17,14 @@ use slitrange::uncertainty::{CalibrationErrors, Surface};
 
 use crate::frames::words;
 
-/// Counts a second at the peak of the spot on the brightest target, with a reflectivity of 1: bright metal that
-/// shines towards the slit. The shortest exposure then gives 3000 counts. White paper has a thousandth of it
-/// (`scenes/quiet-paper.toml`), and black tape a ten thousandth.
+/// Counts a second at the peak of the spot on the brightest target, with a reflectivity of 1: bright metal
+/// that shines towards the slit. The shortest exposure then gives 3000 counts. White paper has a thousandth of
+/// it (`scenes/quiet-paper.toml`), and black tape a ten thousandth.
 pub const BRIGHTEST: f64 = 3e8;
 
 /// Rows from the one that a new exposure follows from to the first one that has it. A row is computed while
-/// the next one is read and the one after is exposed, and the laser's pulse for the next is started before the
-/// computation ends.
+/// the next one is read and the one after is exposed, and the laser's pulse for the next is started before
+/// the computation ends.
 pub const DELAY: usize = 3;
 
 /// Seconds from row to row.

@@ -64,7 +64,7 @@ fn draw_errors(targets: &[Target], root: &Area<'_>, area: &Area<'_>) -> Result<(
     draw_with_dots(&mut chart, &auto)?;
     let lines = [
         ("auto exposure", AUTO),
-        ("broken: spot at 50 %", AUTO),
+        ("broken: low spot", AUTO),
         ("best fixed exposure", BEST),
         ("wide: fixed 5600 µs,", LONGEST),
         ("faults beyond its end", LONGEST),
@@ -89,7 +89,7 @@ fn draw_exposures(targets: &[Target], root: &Area<'_>, area: &Area<'_>) -> Resul
     draw_with_dots(&mut chart, &auto)?;
     let lines = [
         ("auto exposure", AUTO),
-        ("broken: spot at 50 %", AUTO),
+        ("broken: low spot", AUTO),
         ("best fixed exposure", BEST),
     ];
     name_lines(root, &chart, &lines)

@@ -88,7 +88,7 @@ fn range_in_words(targets: &[Target]) -> String {
         "best fixed, us",
         "its RMS error, um",
         "ratio",
-        "ratio, spot at 50 %",
+        "ratio, low spot",
     ])];
     rows.extend(targets.iter().map(|target| {
         let auto = &target.auto;
