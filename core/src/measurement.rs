@@ -13,6 +13,7 @@ use crate::comb::{Comb, CombMeasurement, Combined, Slits};
 use crate::exposure::{AutoExposure, Brightness, Exposure, ExposureMode};
 use crate::fault::Fault;
 use crate::frame::{Frame, FrameCentre};
+use crate::numeric;
 use crate::pixels::PixelErrors;
 use crate::pixels::map::{self, PixelMap};
 use crate::profile::Profile;
@@ -326,10 +327,10 @@ impl Measurement {
     #[inline(never)]
     fn saturated_pixels(&self) -> u16 {
         let full = u32::from(self.geometry.saturated_from()) * BLOCK as u32;
-        let is_full = |sum: &&u16| u32::from(**sum) >= full;
+        let sums = self.blocks.sums().iter();
+        let blocks = numeric::count(sums.map(|&sum| u32::from(sum) >= full));
         // At most 512 blocks.
-        let blocks = self.blocks.sums().iter().filter(is_full).count() as u16;
-        blocks.saturating_mul(BLOCK as u16)
+        (blocks as u16).saturating_mul(BLOCK as u16)
     }
 
     /// The fault of a row, with what auto exposure knows of it.

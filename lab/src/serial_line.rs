@@ -101,7 +101,10 @@ pub fn reference() -> String {
     );
     for &setting in Setting::ALL {
         let default = Settings::default().get(setting).to_string();
-        let default = default.split_once(' ').map_or("", |(_, value)| value);
+        let default = default
+            .strip_prefix(setting.name())
+            .unwrap_or_default()
+            .trim();
         let saved = match setting.affects() {
             Affects::Measurement => "yes",
             Affects::Session => "no",
