@@ -268,7 +268,7 @@ fn one_setting_measures_black_tape_and_bright_metal() {
 }
 
 #[test]
-#[ignore = "takes minutes; `cargo exposure` measures the same"]
+#[ignore = "takes eight minutes; `cargo exposure` measures the same"]
 fn one_setting_measures_all_of_the_range() {
     assert_range(33, 1000, 0.93, 1.5);
 }
