@@ -47,7 +47,7 @@
 //!
 //! | | bytes |
 //! |---|---|
-//! | [`Measurement`], with the frame under way and the sums over a row's blocks | 8576 |
+//! | [`Measurement`], with the frame under way and the sums over a row's blocks | 8816 |
 //! | [`Calibration`] | 2144 |
 //! | [`record::Record`], a calibration with the sensor that it belongs to | 2864 |
 //! | [`pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |
@@ -88,6 +88,8 @@ pub mod pixels;
 pub mod measurement;
 
 pub mod exposure;
+
+pub mod auto_exposure;
 
 pub mod uncertainty;
 

@@ -6,11 +6,12 @@
 
 use core::ops::Range;
 
+use crate::auto_exposure::{AutoExposure, Brightness};
 use crate::black_level::{BlackLevel, BlackPixels};
 use crate::centre::{self, RowCentre};
 use crate::check;
 use crate::comb::{Comb, CombMeasurement, Combined, Slits};
-use crate::exposure::{AutoExposure, Brightness, Exposure, ExposureMode};
+use crate::exposure::{Exposure, ExposureMode};
 use crate::fault::Fault;
 use crate::frame::{Frame, FrameCentre};
 use crate::numeric;

@@ -6,9 +6,8 @@ use host_tests::changing_light::jumps::{Jumps, named};
 use host_tests::changing_light::range::{self, is_in_middle};
 use host_tests::changing_light::{DELAY, Sensor, scene};
 use simulator::scene::{Ambient, Saturation, Scene};
-use slitrange::exposure::{
-    AutoExposure, Brightness, Exposure, ExposureMode, LEAST_PERCENT, MOST_PERCENT,
-};
+use slitrange::auto_exposure::{AutoExposure, Brightness, LEAST_PERCENT, MOST_PERCENT};
+use slitrange::exposure::{Exposure, ExposureMode};
 use slitrange::fault::Fault;
 use slitrange::settings::Settings;
 use slitrange::{Counts, Estimator};

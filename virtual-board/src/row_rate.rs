@@ -38,7 +38,8 @@ pub fn light() -> LightSource {
     Box::new(move |_: &Exposure| next.next().unwrap_or_default())
 }
 
-/// Starts the firmware with its default settings, except for the rows of a frame.
+/// Starts the firmware with its default settings, except for the rows of a frame and a fixed exposure: this
+/// light does not depend on the laser, whose pulse takes longer than such a row.
 ///
 /// # Errors
 ///
@@ -47,9 +48,10 @@ pub fn start(firmware: &Firmware, rows_per_second: f64, rows: u16) -> Result<Vir
     let mut board = VirtualBoard::power_on_without_rate_limit(firmware, light(), rows_per_second)?;
     let starts = |line: &str| line.starts_with("slitrange ");
     board.run_until_line(starts, PATIENCE)?;
-    let command = format!("rows {rows}");
-    board.send(&format!("{command}\r\n"));
-    board.run_until_line(|line| line == command, PATIENCE)?;
+    for command in ["exposure 5600", &format!("rows {rows}")] {
+        board.send(&format!("{command}\r\n"));
+        board.run_until_line(|line| line == command, PATIENCE)?;
+    }
     board.run_for(SETTLING)?;
     Ok(board)
 }

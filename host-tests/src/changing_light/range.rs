@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 use serde::Serialize;
 use simulator::scene::Scene;
-use slitrange::exposure::{Exposure, ExposureMode, LEAST_PERCENT, TARGET_PERCENT};
+use slitrange::auto_exposure::{LEAST_PERCENT, TARGET_PERCENT};
+use slitrange::exposure::{Exposure, ExposureMode};
 use slitrange::settings::Settings;
 
 use super::jumps::LEAST_POWER;

@@ -87,7 +87,9 @@ pub fn run(light: LightSource, commands: &[&str], rows: u64) -> (Vec<Row>, Vec<S
         set(&mut board, command);
     }
     board.take_lines();
-    board.run_until_rows(rows, 10 * PATIENCE).expect("rows");
+    // A row takes 5.7 ms.
+    let longest = PATIENCE + Duration::from_millis(6) * rows as u32;
+    board.run_until_rows(rows, longest).expect("rows");
     // Wait until the last row has its line.
     board.run_for(Duration::from_millis(5)).expect("a run");
     let lines = board.take_lines().into_iter().map(|line| line.text);
@@ -107,8 +109,11 @@ pub fn with_fixed_exposure() -> Settings {
     }
 }
 
-/// For how long the laser was on in a row.
-pub fn exposure(row: &Row) -> Option<exposure::Exposure> {
+/// For how long the laser was on in a row, if the setting does not say so.
+fn exposure(row: &Row, settings: &Settings) -> Option<exposure::Exposure> {
+    if let ExposureMode::Fixed(exposure) = settings.exposure {
+        return Some(exposure);
+    }
     let us = u16::try_from(row.exposure.laser / 1000).expect("shorter than a row");
     exposure::Exposure::from_us(us)
 }
@@ -131,7 +136,9 @@ pub fn calibrated_on_this_pc(
 ) -> Vec<String> {
     let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
     rows.iter()
-        .filter_map(|row| measurement.row_with(&mut row.words.clone(), exposure(row), None))
+        .filter_map(|row| {
+            measurement.row_with(&mut row.words.clone(), exposure(row, &settings), None)
+        })
         .map(|result| {
             match result.and_then(|measured| measured.reading(calibration, errors, Surface::Auto)) {
                 Ok(reading) => reading.to_string(),

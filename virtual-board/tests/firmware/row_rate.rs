@@ -7,7 +7,7 @@ use virtual_board::Row;
 use virtual_board::row_rate::{lost_rows, start};
 
 use crate::common::{Status, firmware, is_result};
-use crate::identical::on_this_pc;
+use crate::identical::{on_this_pc, with_fixed_exposure};
 
 /// Runs the firmware with the default estimator for `count` rows. Every row must be read, and every line must
 /// be that of the core on a PC.
@@ -42,7 +42,7 @@ fn assert_sustained(rows_per_second: f64, rows: u16, count: u64) {
 fn assert_same_lines(shown: &[Row], rows: u16, chip: &[String]) {
     let settings = Settings {
         rows,
-        ..Settings::default()
+        ..with_fixed_exposure()
     };
     let calibration = Calibration::nominal();
     let frames = shown.len() / usize::from(rows);
