@@ -10,8 +10,8 @@ use static_cell::ConstStaticCell;
 use super::shared::{BUFFERS, Buffer, COUNTERS, ExposedRow, FREE, FULL, LASER, WORDS};
 use super::tcd1304::Tcd1304;
 
-/// Time from one row to the next, and so the exposure to all light but the laser's: a read-out (5.63 ms), the pulses and some slack. 175
-/// rows a second.
+/// Time from one row to the next, and so the exposure to all light but the laser's: a read-out (5.63 ms), the
+/// pulses and some slack. 175 rows a second.
 pub const ROW_PERIOD: Duration = Duration::from_micros(5700);
 
 /// Pulses before the first row. The pixels have gathered light since the power came on, and one pulse does

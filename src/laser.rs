@@ -5,8 +5,8 @@
 //! the pulse longer. At reset the pin is an input. A resistor at the laser's driver then keeps the laser off
 //! (docs/hardware.md).
 //!
-//! The middle of the pulse is the same for all exposures, so that a target that moves is seen at the same time
-//! of each row.
+//! The middle of the pulse is the same for all exposures, so that a target that moves is seen at the same
+//! time of each row.
 
 use embassy_stm32::gpio::OutputType;
 use embassy_stm32::pac::timer::vals::Ocm;
@@ -45,8 +45,8 @@ impl Laser {
         let registers = pac::TIM4;
         let prescaler = timer.get_clock_frequency().0 / COUNTER_HZ - 1;
         registers.psc().write_value(prescaler as u16);
-        // The output is low while the counter, which stands at 0, is below the compare value. So that value is
-        // set before the output's mode, and the pin is connected last.
+        // The output is low while the counter, which stands at 0, is below the compare value. So that value
+        // is set before the output's mode, and the pin is connected last.
         registers.ccr(CHANNEL).write(|compare| compare.set_ccr(1));
         registers.egr().write(|event| event.set_ug(true));
         registers

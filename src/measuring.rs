@@ -153,7 +153,8 @@ impl Silence {
     }
 }
 
-/// Measures the next row that arrives, by itself. Its exposure may have begun before the command, by up to two rows.
+/// Measures the next row that arrives, by itself. Its exposure may have begun before the command, by up to
+/// two rows.
 async fn next_row_alone(
     measurement: &mut Measurement,
     map: Option<&PixelMap>,

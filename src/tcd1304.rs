@@ -1,9 +1,9 @@
 //! Driver of the sensor Toshiba TCD1304DG behind a converter ADC122S101.
 //!
 //! The sensor integrates light all the time. A pulse on SH moves the gathered light into its shift register,
-//! so the time from one pulse to the next is the exposure to all light but the laser's, which is on for a part
-//! of that time ([`Laser`]). ICG, low around SH, makes the register take it.
-//! When ICG rises the register puts out a pixel every four periods of fM, 3694 of them. fM never stops.
+//! so the time from one pulse to the next is the exposure to all light but the laser's, which is on for a
+//! part of that time ([`Laser`]). ICG, low around SH, makes the register take it. When ICG rises the register
+//! puts out a pixel every four periods of fM, 3694 of them. fM never stops.
 //!
 //! The converter samples its input in the fourth period of SCLK after chip select falls, and every 16 periods
 //! from there on while chip select stays low. With fM = SCLK / 4, both from one PLL, a word is a pixel, and a
@@ -220,7 +220,8 @@ impl Tcd1304 {
 }
 
 impl Pins {
-    /// Ends the exposure: pulses SH while ICG is low, and then starts the laser. Returns when ICG fell, just after a rise of fM.
+    /// Ends the exposure: pulses SH while ICG is low, and then starts the laser. Returns when ICG fell, just
+    /// after a rise of fM.
     fn pulse_sh(&mut self) -> u32 {
         // A rise of fM that is far enough ahead not to be missed.
         let icg_falls = board::cycles()

@@ -6,8 +6,8 @@
 //! compared with its own exposure, and not with the latest one. The exposure stays while the spot is between
 //! [`LEAST_PERCENT`] and [`MOST_PERCENT`], so noise and speckle do not change it from row to row.
 //!
-//! A flat top tells where the sensor saturates, if that is below the level that its geometry states. From then
-//! on the room ends there.
+//! A flat top tells where the sensor saturates, if that is below the level that its geometry states. From
+//! then on the room ends there.
 
 use crate::exposure::Exposure;
 use crate::fault::Fault;
@@ -23,13 +23,13 @@ pub const LEAST_PERCENT: u32 = 50;
 /// A spot that is higher than this, in percent of the room, gets a shorter exposure.
 pub const MOST_PERCENT: u32 = 85;
 
-/// How much longer the exposure becomes after a row that shows no spot. A spot that is not found is below some
-/// 25 counts in a dark room, so after this step the spot is below 2500 counts.
+/// How much longer the exposure becomes after a row that shows no spot. A spot that is not found is below
+/// some 25 counts in a dark room, so after this step the spot is below 2500 counts.
 const AFTER_NO_SPOT: u32 = 100;
 
-/// How much shorter the exposure becomes after a row that is saturated. Two steps go from the longest exposure
-/// nearly to the shortest, and a spot that was only just saturated is still found after one step: it then has
-/// a 32nd of the range, 120 counts.
+/// How much shorter the exposure becomes after a row that is saturated. Two steps go from the longest
+/// exposure nearly to the shortest, and a spot that was only just saturated is still found after one step: it
+/// then has a 32nd of the range, 120 counts.
 const AFTER_SATURATED: u32 = 32;
 
 /// How much shorter the exposure becomes if at most [`FEW_PIXELS`] pixels are saturated. The spot is then not
@@ -173,8 +173,8 @@ impl AutoExposure {
     }
 
     /// Chooses the next exposure.
-    // A height is below 2^16, an exposure below 2^13. The next exposure over the row's is at most 560, and 2^16
-    // times 560 times 100 is below 2^32.
+    // A height is below 2^16, an exposure below 2^13. The next exposure over the row's is at most 560, and
+    // 2^16 times 560 times 100 is below 2^32.
     fn choose(&mut self, row: Exposure, brightness: Brightness, limit: Exposure) {
         let (row, next) = (u32::from(row.us()), u32::from(self.next.us()));
         let wanted = match brightness {

@@ -91,8 +91,8 @@ impl Measurement {
         self.start_frame();
     }
 
-    /// The exposure to use from now on: that of the setting, or the one that auto exposure chooses by the rows
-    /// so far.
+    /// The exposure to use from now on: that of the setting, or the one that auto exposure chooses by the
+    /// rows so far.
     pub fn next_exposure(&self) -> Exposure {
         let limit = self.settings.exposure_limit;
         match self.settings.exposure {
@@ -106,8 +106,8 @@ impl Measurement {
         self.row_with(words, None, None)
     }
 
-    /// As [`Measurement::row`]. Corrects the pixels around the spot with a map, in place. Ignores the map of a
-    /// sensor with another number of pixels. All rows of a frame need the same map.
+    /// As [`Measurement::row`]. Corrects the pixels around the spot with a map, in place. Ignores the map of
+    /// a sensor with another number of pixels. All rows of a frame need the same map.
     ///
     /// `exposure` is the row's own, `None` if it is not known. By it, auto exposure chooses
     /// [`Measurement::next_exposure`]. The rows of a frame may have different exposures.

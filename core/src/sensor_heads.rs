@@ -18,9 +18,9 @@ pub const TCD1304DG_LEAD_IN: usize = 2;
 /// over the converter's 4096 counts.
 ///
 /// Saturation: full scale. The data sheet's least saturation voltage is 0.45 V, which is 3072 counts if the
-/// typical 0.6 V are 4096. A sensor that saturates between the two still gives no wrong distance: auto exposure
-/// aims at 70 % of the room above the background (2956 counts if the background has 300), and the check
-/// recognises a flat top below full scale.
+/// typical 0.6 V are 4096. A sensor that saturates between the two still gives no wrong distance: auto
+/// exposure aims at 70 % of the room above the background (2956 counts if the background has 300), and the
+/// check recognises a flat top below full scale.
 pub const fn tcd1304dg() -> Geometry {
     const D16: usize = TCD1304DG_LEAD_IN + 16;
     const S1: usize = TCD1304DG_LEAD_IN + 32;

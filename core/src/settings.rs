@@ -239,7 +239,8 @@ list!(declare);
 
 impl Setting {
     /// Finds a setting by the words of its [`name`](Self::name), at the front of a line. Returns it with the
-    /// words that follow. A longer name goes first: `exposure limit` is not `exposure` with the value `limit`.
+    /// words that follow. A longer name goes first: `exposure limit` is not `exposure` with the value
+    /// `limit`.
     pub fn of_words<'a, 'b>(words: &'a [&'b str]) -> Option<(Self, &'a [&'b str])> {
         let named = |length: usize| {
             let (name, values) = words.split_at_checked(length)?;

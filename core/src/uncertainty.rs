@@ -94,8 +94,8 @@ pub const USUAL_HEIGHT: f32 = 1000.0;
 /// polarisation, light with an exponential distribution), and 0.3 % of paper.
 const BRIGHT_SPECKLE: f32 = 2.0;
 
-/// The surface's variance over that at the usual height, for a target whose usual brightness is not known: two
-/// polarisations. The displacement then has Student's t distribution with four degrees of freedom, whose
+/// The surface's variance over that at the usual height, for a target whose usual brightness is not known:
+/// two polarisations. The displacement then has Student's t distribution with four degrees of freedom, whose
 /// variance is 4 / (4 - 2).
 const ANY_BRIGHTNESS: f32 = 2.0;
 

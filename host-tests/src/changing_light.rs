@@ -18,8 +18,8 @@ use slitrange::uncertainty::{CalibrationErrors, Surface};
 use crate::frames::words;
 
 /// Counts a second at the peak of the spot on the brightest target, with a reflectivity of 1: bright metal
-/// that shines towards the slit. The shortest exposure then gives 3000 counts. White paper has a thousandth of
-/// it (`scenes/quiet-paper.toml`), and black tape a ten thousandth.
+/// that shines towards the slit. The shortest exposure then gives 3000 counts. White paper has a thousandth
+/// of it (`scenes/quiet-paper.toml`), and black tape a ten thousandth.
 pub const BRIGHTEST: f64 = 3e8;
 
 /// Rows from the one that a new exposure follows from to the first one that has it. A row is computed while
@@ -65,8 +65,8 @@ impl Sensor {
         Self { lamp, ..self }
     }
 
-    /// Shows a row of a target of this reflectivity, 0 to 1. Gives the exposure, and the frame's result if the
-    /// row ends a frame.
+    /// Shows a row of a target of this reflectivity, 0 to 1. Gives the exposure, and the frame's result if
+    /// the row ends a frame.
     pub fn row(&mut self, reflectivity: f64) -> (Exposure, Option<Result<Measured, Fault>>) {
         self.row += 1;
         let exposure = self.chosen.pop_front().expect("as many as the delay");

@@ -91,7 +91,8 @@ fn a_flat_top_tells_where_the_room_ends() {
     assert_eq!(auto.next(Exposure::LONGEST), us(700));
 }
 
-/// Something saturates the sensor without the laser, or hides the spot: one row of 32 has the longest exposure.
+/// Something saturates the sensor without the laser, or hides the spot: one row of 32 has the longest
+/// exposure.
 #[test]
 fn a_spot_that_is_lost_is_looked_for_in_the_longest_exposure() {
     for brightness in [saturated(3), Brightness::NotTheLight] {

@@ -1138,7 +1138,8 @@ fn speckle_changes_only_with_the_surface() {
     assert_eq!(point.row(300, 0.8, 1.0), without.row(300, 0.8, 1.0));
 }
 
-/// From the darkest to the brightest in equal steps of the logarithm, and back. Lamps are as bright as before.
+/// From the darkest to the brightest in equal steps of the logarithm, and back. Lamps are as bright as
+/// before.
 #[test]
 fn targets_of_different_reflectivity_follow_one_another() {
     let scene = Scene {

@@ -1,8 +1,8 @@
 //! The laser, on channel 4 of TIM4 and the pin PD15, as the sensor head sees it.
 //!
 //! rigless models the timer and shows no pin. So this module computes the laser's pulse when the firmware
-//! starts the timer, from the timer's registers: one-pulse mode, PWM mode 2, no inversion. If the timer is not
-//! in this mode, the head reports a violation, because nothing then ends the pulse.
+//! starts the timer, from the timer's registers: one-pulse mode, PWM mode 2, no inversion. If the timer is
+//! not in this mode, the head reports a violation, because nothing then ends the pulse.
 
 use std::sync::Arc;
 

@@ -83,8 +83,8 @@ impl Target {
         Some(sum / exposures as f64)
     }
 
-    /// Whether all of `exposures` exposures, of which `last` is the last one, saw the same reflectivity. `None`
-    /// if one of them is not among the last 256.
+    /// Whether all of `exposures` exposures, of which `last` is the last one, saw the same reflectivity.
+    /// `None` if one of them is not among the last 256.
     pub fn stayed_as_bright(&self, last: &Exposure, exposures: usize) -> Option<bool> {
         let seen = self.seen(last, exposures)?;
         let now = seen.last()?.reflectivity;

@@ -92,7 +92,7 @@ pub struct Target {
     pub reflectivity: f64,
     /// Auto exposure, that begins with the longest exposure. The spot then has 70 % of its room.
     pub auto: Frames,
-    /// Auto exposure after a target that is brighter by 70 % over [`LOWEST_PERCENT`]. The exposure stays, and
+    /// Auto exposure after a target that is brighter by 70 % over `LOWEST_PERCENT`. The exposure stays, and
     /// the spot is about as low as auto exposure lets it be.
     pub auto_lowest: Frames,
     /// The fixed exposure with the smallest RMS error and without faults.

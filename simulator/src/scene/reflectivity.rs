@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Targets of different reflectivity, one after the other: from the darkest to the brightest and back, in equal
-/// steps of the logarithm. Each stays for the same time, and the next one comes at once, between two rows.
+/// Targets of different reflectivity, one after the other: from the darkest to the brightest and back, in
+/// equal steps of the logarithm. Each stays for the same time, and the next one comes at once, between two
+/// rows.
 ///
 /// The laser's light is that of the brightest target times the factor. All other light stays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -205,8 +205,8 @@ mod tests {
         }
     }
 
-    /// Only the middle of the range counts for the ratio. `cargo test --bin exposure` keeps the figure, so that
-    /// you can look at it.
+    /// Only the middle of the range counts for the ratio. `cargo test --bin exposure` keeps the figure, so
+    /// that you can look at it.
     #[test]
     fn the_summary_and_the_figure_show_the_targets() {
         let targets = [(1.0, 9.0), (0.1, 2.4), (5e-4, 2.2)].map(|(at, rms)| made_up(at, rms));
