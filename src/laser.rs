@@ -3,7 +3,7 @@
 //! TIM4 runs in one-pulse mode at 1 MHz. The program starts it at the end of SH's pulse, which begins a row's
 //! light. The timer alone raises and lowers the output: neither interrupts nor a program that hangs can make
 //! the pulse longer. At reset the pin is an input. A resistor at the laser's driver then keeps the laser off
-//! (docs/hardware.md).
+//! (docs/exposure.md).
 //!
 //! The middle of the pulse is the same for all exposures, so that a target that moves is seen at the same
 //! time of each row.
