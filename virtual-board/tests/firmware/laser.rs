@@ -1,5 +1,6 @@
 //! Tests of the laser: when it is on, for how long, and when it must be off.
 
+use std::process::Command;
 use std::time::Duration;
 
 use host_tests::changing_light::{self, BRIGHTEST};
@@ -180,4 +181,29 @@ fn a_jump_of_the_brightness_costs_at_most_a_frame() {
 #[ignore = "22 s of virtual time, half a minute; .ci/run runs it"]
 fn a_hundred_jumps_of_the_brightness_cost_at_most_a_frame_each() {
     assert_jumps_are_followed(100);
+}
+
+/// What `cargo demo --scene reflectivity --json` prints.
+fn demo_of_reflectivity(options: &[&str]) -> serde_json::Value {
+    let output = Command::new(env!("CARGO_BIN_EXE_demo"))
+        .args(["--scene", "reflectivity", "--json"])
+        .args(options)
+        .output()
+        .expect("the demo starts");
+    assert!(output.status.success(), "{output:?}");
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+/// Black tape, white paper and bright metal: a fault is allowed in the first frame after a change only.
+#[test]
+#[ignore = "44 s of virtual time, a minute; .ci/run runs it"]
+fn the_demo_measures_black_tape_and_bright_metal_on_one_setting() {
+    let auto = demo_of_reflectivity(&[]);
+    let fixed = demo_of_reflectivity(&["--exposure", "5600"]);
+    println!("auto {auto}\nfixed {fixed}");
+    assert_eq!(auto["late_faults"], 0);
+    assert!(auto["within_2u"].as_f64() >= Some(0.93), "{auto}");
+    assert!(auto["faults"].as_u64() <= Some(16), "{auto}");
+    // Three of four targets are too bright for the longest exposure.
+    assert!(fixed["late_faults"].as_u64() > Some(100), "{fixed}");
 }
