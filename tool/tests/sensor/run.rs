@@ -209,8 +209,8 @@ fn a_person_is_asked_and_asked_again() {
     );
     result.expect("the input's end");
     assert!(output.contains("2 of 3 positions to go"), "{output}");
-    let fault = "600.000 mm  too dim: 35.0 counts, needs 60.0 (more laser power, a brighter target or less \
-                 ambient light)";
+    let fault = "600.000 mm  too dim: 35.0 counts, needs 60.0 (a longer exposure, more laser power, a \
+                 brighter target or less ambient light)";
     assert_eq!(output.matches(fault).count(), 2, "{output}");
     assert!(
         output.contains("there is a point at 799.500 mm already\n"),
