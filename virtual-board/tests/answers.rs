@@ -98,7 +98,7 @@ impl Chip {
             Firmware::build_package("answers-on-chip").expect("the chip's program builds");
         let mut board =
             VirtualBoard::power_on(&program, Box::new(|_| vec![0.0; PIXELS])).expect("a board");
-        // The program clears 80 KB of memory before it waits, one word in a few instructions.
+        // The program clears 64 KB of memory before it waits, one word in a few instructions.
         board.run_for(Duration::from_millis(2)).expect("a run");
         let address = |name| program.address_of(name).expect("the program has it");
         Self {
