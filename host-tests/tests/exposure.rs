@@ -268,9 +268,11 @@ fn one_setting_measures_black_tape_and_bright_metal() {
 }
 
 #[test]
-#[ignore = "takes eight minutes; `cargo exposure` measures the same"]
+#[ignore = "a minute of two cores; .ci/run runs it, and `cargo exposure` takes more targets and frames"]
 fn one_setting_measures_all_of_the_range() {
-    assert_range(33, 1000, 0.93, 1.5);
+    // Of 300 readings, 95.3 % are within on average, with a standard deviation of 1.2 %. The ratio's own error
+    // is 0.05.
+    assert_range(17, 300, 0.91, 1.5);
 }
 
 /// Short exposures make the same spot of a brighter target.
