@@ -337,8 +337,10 @@ mod tests {
     /// hit from its neighbour.
     #[test]
     fn extremes_are_seen_in_any_place() {
+        // Miri takes its time.
+        let step = if cfg!(miri) { 13 } else { 1 };
         for inverted in [0, LARGEST_COUNT] {
-            for place in 0..27 {
+            for place in (0..27).step_by(step) {
                 for count in [0, 1, 2499, 2500, LARGEST_COUNT] {
                     let mut words = [1000 ^ inverted; 27];
                     words[place] = count ^ inverted;
