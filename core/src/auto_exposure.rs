@@ -1,8 +1,7 @@
 //! Auto exposure: rows go in, and the next exposure comes out.
 //!
-//! Each row tells how bright the spot was, and how long the laser was on in this row. The
-//! next exposure brings the spot to [`TARGET_PERCENT`] of its room: from the background to saturation. A row
-//! arrives some rows after its exposure was chosen. This delay causes no swinging, because each row is
+//! Each row tells how bright the spot was, and how long the laser was on in this row. The next exposure
+//! brings the spot to [`TARGET_PERCENT`] of its room: from the background to saturation. A row arrives some rows after its exposure was chosen. This delay causes no swinging, because each row is
 //! compared with its own exposure, and not with the latest one. The exposure stays while the spot is between
 //! [`LEAST_PERCENT`] and [`MOST_PERCENT`], so noise and speckle do not change it from row to row.
 //!
@@ -173,8 +172,8 @@ impl AutoExposure {
     }
 
     /// Chooses the next exposure.
-    // A height is below 2^16, an exposure below 2^13. The next exposure over the row's is at most 560, and
-    // 2^16 times 560 times 100 is below 2^32.
+    // A height is below 2^16, an exposure at most 5600, and the next exposure at most 560 times the row's. So
+    // height * next and row * target are below 2^29, and expected * 100 is below 2^32.
     fn choose(&mut self, row: Exposure, brightness: Brightness, limit: Exposure) {
         let (row, next) = (u32::from(row.us()), u32::from(self.next.us()));
         let wanted = match brightness {

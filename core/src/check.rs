@@ -143,7 +143,7 @@ pub(crate) fn centre_of_one(
     })
 }
 
-/// Measures a spot whose top [`flat_top`] found to be flat, on a row with the saturation of that top. Does
+/// Measures a spot with a flat top, on a row that counts the pixels of this top as saturated. Does
 /// what the estimator does at a saturation that is known: only [`gauss_newton`] measures by the flanks alone.
 ///
 /// # Errors

@@ -1,7 +1,7 @@
 //! The exposure: for how long the laser is on in a row.
 //!
-//! The sensor gathers light from row to row, always for the same time. The laser is on for a part of that
-//! time. So a shorter exposure takes less of the laser's light and as much of all other light.
+//! Each row gathers light for the same time, the row period. The laser is on for a part of the row period.
+//! So a shorter exposure takes less of the laser's light and as much of all other light.
 
 use core::num::NonZeroU16;
 

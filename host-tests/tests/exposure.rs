@@ -270,8 +270,8 @@ fn one_setting_measures_black_tape_and_bright_metal() {
 #[test]
 #[ignore = "a minute of two cores; .ci/run runs it, and `cargo exposure` takes more targets and frames"]
 fn one_setting_measures_all_of_the_range() {
-    // Of 300 readings, 95.3 % are within on average, with a standard deviation of 1.2 %. The ratio's own error
-    // is 0.05.
+    // Of 300 readings, 95.3 % are within on average, with a standard deviation of 1.2 %. The ratio has an
+    // error of 0.05.
     assert_range(17, 300, 0.91, 1.5);
 }
 

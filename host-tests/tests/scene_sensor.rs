@@ -654,7 +654,7 @@ fn the_front_end_amplifies_light_shifts_it_and_clips() {
 }
 
 /// A count of the converter stands for `electrons_per_count` / gain electrons: the variance of shot noise is
-/// that share of the counts. The core is told the nominal one.
+/// that share of the counts. The core gets the nominal gain.
 #[test]
 fn the_gain_amplifies_shot_noise_and_the_core_does_not_know_it() {
     for gain in [0.5, 1.0, 1.6] {
@@ -707,7 +707,7 @@ fn lag_hardly_depends_on_bright_light() {
 }
 
 /// The laser is on in one row, and off before and after. The two rows together have the pulse's light, and
-/// the second row has what the closed form says. A row after a row like it shows nothing of lag.
+/// the second row has what the closed form says. Lag does not show if both rows have the same light.
 #[test]
 fn lag_moves_charge_to_the_next_row() {
     let lit = Scene {

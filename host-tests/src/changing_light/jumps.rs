@@ -80,7 +80,7 @@ impl Jumps {
     }
 
     /// The jumps of one sensor between any two reflectivities, evenly in the logarithm. The target changes
-    /// anywhere in a frame, and stays for the rest of that frame and for the next one.
+    /// anywhere in a frame. The next change comes after one more whole frame.
     pub fn of_sensor(number: u64, jumps: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(number);
         let scene = Scene {

@@ -176,7 +176,7 @@ impl Scene {
         if let Some(reflectivity) = &self.reflectivity {
             ensure!(
                 reflectivity.darkest > 0.0 && reflectivity.darkest <= 1.0,
-                "reflectivity.darkest is {}: it is the darkest target's light over the brightest's, above 0 and \
+                "reflectivity.darkest is {}: the darkest target's light over the brightest's is above 0 and \
                  at most 1",
                 reflectivity.darkest
             );

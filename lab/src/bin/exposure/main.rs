@@ -124,12 +124,12 @@ fn summary(targets: &[Target]) -> String {
     let dark = targets.iter().filter(|it| it.longest.is_some());
     let brightest_at_longest = dark.map(|it| it.reflectivity).fold(0.0, f64::max);
     format!(
-        "{} targets, {} frames of 16 rows for each target and exposure. Auto exposure gave {readings} readings \
-         without a flag, {} with a flag and {} faults. Of the readings without a flag, {:.1} % are within twice \
-         what their rows claim, and {} are beyond five times. In the middle 1000:1 of the range the RMS error \
-         is at most {:.2} times the error with the best fixed exposure, and {:.2} times if the spot is at the \
-         lower end of the band. The fixed exposure of 5600 us gives no faults up to a reflectivity of \
-         {brightest_at_longest:.1e}.\n",
+        "{} targets, {} frames of 16 rows for each target and exposure. Auto exposure gave {readings} \
+         readings without a flag, {} with a flag and {} faults. Of the readings without a flag, {:.1} % \
+         are within twice what their rows claim, and {} are beyond five times. In the middle 1000:1 of the \
+         range the RMS error is at most {:.2} times the error with the best fixed exposure, and {:.2} \
+         times if the spot is at the lower end of the band. The fixed exposure of 5600 us gives no faults \
+         up to a reflectivity of {brightest_at_longest:.1e}.\n",
         targets.len(),
         targets.first().map_or(0, |it| it.auto.frames),
         sum(|it| it.flagged),
