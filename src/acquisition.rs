@@ -5,6 +5,7 @@ use core::pin::pin;
 use core::task::Poll;
 
 use embassy_time::{Duration, Instant, Timer};
+use slitrange::exposure::Exposure;
 use static_cell::ConstStaticCell;
 
 use super::shared::{BUFFERS, Buffer, COUNTERS, ExposedRow, FREE, FULL, LASER, WORDS};
@@ -45,13 +46,13 @@ pub async fn acquire(mut sensor: Tcd1304) {
         COUNTERS.pulses.add();
         if clearing > 0 {
             clearing -= 1;
-            sensor.pulse(LASER.exposure());
+            sensor.pulse(next_exposure(&sensor));
             set_alarm(due).await;
             continue;
         }
         let Ok(row) = FREE.try_receive() else {
             COUNTERS.rows_lost.add();
-            sensor.pulse(LASER.exposure());
+            sensor.pulse(next_exposure(&sensor));
             set_alarm(due).await;
             continue;
         };
@@ -88,9 +89,15 @@ async fn wait_for_alarm(at: Instant) {
     .await;
 }
 
+/// For how long the laser is to be on in the row that begins now; `None` if it is to be off.
+fn next_exposure(sensor: &Tcd1304) -> Option<Exposure> {
+    LASER.exposure_after(sensor.exposing())
+}
+
 /// Reads a row and hands it on. Sets the alarm at `next`. Returns whether the row was read.
 async fn read(sensor: &mut Tcd1304, row: Buffer, next: Instant) -> bool {
-    match sensor.read_out(row, next, LASER.exposure()).await {
+    let exposure = next_exposure(sensor);
+    match sensor.read_out(row, next, exposure).await {
         Ok(exposure) => {
             COUNTERS.rows.add();
             FULL.send(ExposedRow {

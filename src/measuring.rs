@@ -7,6 +7,7 @@ use core::task::Poll;
 
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
+use slitrange::ambient::AmbientMode;
 use slitrange::comb::Comb;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
@@ -44,7 +45,7 @@ pub async fn measure() {
         if let Some(applied) = SETTINGS.try_take() {
             measurement.set(applied.settings, applied.profile);
             measurement.set_comb(applied.comb.unwrap_or_else(Comb::nominal));
-            LASER.set(next_exposure(measurement));
+            order_light(measurement);
             // The frame starts again, so this counts as a result. Otherwise a user who changes settings
             // faster than frames end would make the watchdog take the lack of results for a fault.
             COUNTERS.results.add();
@@ -96,7 +97,7 @@ pub async fn measure() {
         let map = flat.as_deref().and_then(FlatField::map);
         let map = map.filter(|_| is_corrected);
         let result = measure_row(measurement, row.words, row.exposure, map);
-        LASER.set(next_exposure(measurement));
+        order_light(measurement);
         let cycles = board::cycles().wrapping_sub(start);
         COUNTERS.row_cycles.set(cycles);
         COUNTERS.slowest_row_cycles.set_if_larger(cycles);
@@ -154,23 +155,37 @@ impl Silence {
 }
 
 /// Measures the next row that arrives, by itself. Its exposure may have begun before the command, by up to
-/// two rows.
+/// two rows. Rows of the ambient light alone do not count.
 async fn next_row_alone(
     measurement: &mut Measurement,
     map: Option<&PixelMap>,
 ) -> (Option<Buffer>, Result<Measured, Fault>) {
     free_waiting_rows().await;
-    let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {
-        return (None, Err(measurement.silence()));
+    let ExposedRow { words, exposure } = loop {
+        let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {
+            return (None, Err(measurement.silence()));
+        };
+        if !is_ambient(measurement, row.exposure) {
+            break row;
+        }
+        measurement.ambient_row(row.words);
+        FREE.send(row.words).await;
     };
-    let ExposedRow { words, exposure } = row;
     let measured = measurement.measure_alone(words, exposure, map);
     (Some(words), measured)
 }
 
-/// For how long the laser is to be on in the rows to come; `None` if it is to be off.
-fn next_exposure(measurement: &Measurement) -> Option<Exposure> {
-    (measurement.settings().laser).then(|| measurement.next_exposure())
+/// Orders the laser's light for the rows to come.
+fn order_light(measurement: &Measurement) {
+    let settings = measurement.settings();
+    let exposure = settings.laser.then(|| measurement.next_exposure());
+    LASER.set(exposure, settings.ambient);
+}
+
+/// Whether a row is one of the ambient light alone, to be subtracted from others.
+fn is_ambient(measurement: &Measurement, exposure: Option<Exposure>) -> bool {
+    let settings = measurement.settings();
+    settings.laser && settings.ambient == AmbientMode::Subtract && exposure.is_none()
 }
 
 /// Frees the rows that wait: they may have been exposed before the command came.
@@ -215,6 +230,10 @@ fn measure_row(
     exposure: Option<Exposure>,
     map: Option<&PixelMap>,
 ) -> Option<Result<Measured, Fault>> {
+    if is_ambient(measurement, exposure) {
+        measurement.ambient_row(words);
+        return None;
+    }
     measurement.row_with(words, exposure, map)
 }
 

@@ -154,6 +154,11 @@ impl Tcd1304 {
         }
     }
 
+    /// For how long the laser is on in the row that is being exposed; `None` if it is off.
+    pub const fn exposing(&self) -> Option<Exposure> {
+        self.exposing
+    }
+
     /// Ends an exposure without reading its row. The next exposure begins as if the row had been read: the
     /// laser is on in it for `laser`, or off.
     pub fn pulse(&mut self, laser: Option<Exposure>) {

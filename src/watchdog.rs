@@ -20,10 +20,10 @@ pub const TIMEOUT_US: u32 = 1_000_000;
 /// Time between two checks of the counters.
 const CHECK_PERIOD: Duration = Duration::from_millis(100);
 
-/// A counter that has not changed in this many checks counts as stopped. The longest frame, 64 rows, lasts
-/// 365 ms, and the serial line may be up to 100 ms into an answer when it ends: 800 ms leave room for lost
-/// rows.
-const MAX_CHECKS_WITHOUT_CHANGE: u32 = 8;
+/// A counter that has not changed in this many checks counts as stopped. The longest frame, 64 rows of which
+/// each follows a row of ambient light, lasts 730 ms. The serial line may be up to 100 ms into an answer when
+/// it ends. 1200 ms leave room for lost rows.
+const MAX_CHECKS_WITHOUT_CHANGE: u32 = 12;
 
 /// Watches for ever.
 #[embassy_executor::task]

@@ -6,6 +6,7 @@
 
 use core::ops::Range;
 
+use crate::ambient::{AmbientMean, AmbientMode};
 use crate::auto_exposure::{AutoExposure, Brightness};
 use crate::black_level::{BlackLevel, BlackPixels};
 use crate::centre::{self, RowCentre};
@@ -21,7 +22,7 @@ use crate::profile::Profile;
 use crate::reading::Measured;
 use crate::row::{BLOCK, Blocks, Geometry, Row};
 use crate::settings::Settings;
-use crate::spot::{self, Coarse, Spot};
+use crate::spot::{self, Background, Coarse, Spot};
 use crate::units::{Counts, Pixels};
 
 /// The pipeline with the state of the frame that is under way.
@@ -41,6 +42,10 @@ pub struct Measurement {
     /// The result of the row before, if it is of the same frame and had a centre.
     before: Option<(Spot, RowCentre)>,
     auto_exposure: AutoExposure,
+    ambient_mean: AmbientMean,
+    /// By how much the background of the row became lower by subtracting the ambient light. `None` if it was
+    /// not subtracted.
+    subtracted: Option<Counts>,
     /// The exposure of the latest row, if it is known.
     exposure: Option<Exposure>,
     /// The background above the black level, of the latest row of the frame with a spot.
@@ -65,6 +70,8 @@ impl Measurement {
             comb: CombMeasurement::new(Comb::nominal()),
             before: None,
             auto_exposure: AutoExposure::new(),
+            ambient_mean: AmbientMean::EMPTY,
+            subtracted: None,
             exposure: None,
             ambient: Counts::default(),
             background: Counts::default(),
@@ -88,6 +95,7 @@ impl Measurement {
     pub fn set(&mut self, settings: Settings, profile: Option<Profile>) {
         self.settings = settings;
         self.profile = profile;
+        self.ambient_mean.clear();
         self.start_frame();
     }
 
@@ -101,12 +109,22 @@ impl Measurement {
         }
     }
 
+    /// Takes the words of a read-out that was exposed with the laser off. Their mean is subtracted from the
+    /// rows with the laser on if the setting is [`AmbientMode::Subtract`]. Until the first of these rows
+    /// comes, nothing is subtracted. Words that are no row are left out.
+    pub fn ambient_row(&mut self, words: &[u16]) {
+        if let Ok(row) = self.geometry.row_and_blocks(words, &mut self.blocks) {
+            self.ambient_mean.take(&row);
+        }
+    }
+
     /// Takes the words of a read-out. Returns the measurement, or a fault, when the frame is complete.
     pub fn row(&mut self, words: &mut [u16]) -> Option<Result<Measured, Fault>> {
         self.row_with(words, None, None)
     }
 
-    /// As [`Measurement::row`]. Corrects the pixels around the spot with a map, in place. Ignores the map of
+    /// As [`Measurement::row`]. Subtracts the ambient light, and corrects the pixels around the spot with a
+    /// map, both in place. Ignores the map of
     /// a sensor with another number of pixels. All rows of a frame need the same map.
     ///
     /// `exposure` is the row's own, `None` if it is not known. By it, auto exposure chooses
@@ -123,6 +141,10 @@ impl Measurement {
             self.before = None;
             self.exposure = exposure;
         }
+        self.subtracted = match self.settings.ambient {
+            AmbientMode::Off => None,
+            AmbientMode::Subtract => self.ambient_mean.subtract(words, &self.geometry),
+        };
         match self.settings.slits {
             // The two kinds of result do not meet: they would be copied.
             _ if !self.settings.laser => self.frame.add(Err(Fault::LaserOff)),
@@ -204,16 +226,14 @@ impl Measurement {
                 let black = black_level(&row).unwrap_or(spot.background.level);
                 let width = before.as_ref().map(|(_, centre)| centre.width);
                 let window = map::window(&spot, width);
-                correct(&self.geometry, words, map, window, black);
+                self.correct(words, map, window, black);
+                let background = self.background_with(map, spot.background);
                 let row = match before {
                     Some(_) => self.geometry.row_of_valid(words),
                     // The search for other spots takes the blocks.
                     None => (self.geometry.row_and_blocks(words, &mut self.blocks)).ok(),
                 };
-                let spot = Spot {
-                    background: map.background_of(spot.background),
-                    ..spot
-                };
+                let spot = Spot { background, ..spot };
                 // The words were a row before the correction.
                 (row.ok_or(Fault::SensorSilent)?, spot)
             }
@@ -264,9 +284,9 @@ impl Measurement {
                     let window = map::window(&found.spot(centre), None);
                     let window = window.start.max(done)..window.end.max(done);
                     done = window.end;
-                    correct(&self.geometry, words, map, window, black);
+                    self.correct(words, map, window, black);
                 }
-                found.background = map.background_of(found.background);
+                found.background = self.background_with(map, found.background);
                 (self.geometry.row_of_valid(words)).ok_or(Fault::SensorSilent)?
             }
         };
@@ -297,7 +317,10 @@ impl Measurement {
     }
 
     fn brightness(&self, centre: &Result<RowCentre, Fault>) -> Brightness {
-        let room = self.geometry.height_limit(self.background);
+        // The sensor saturates by the light that it saw.
+        let subtracted = self.subtracted.unwrap_or_default().to_bits();
+        let background = self.background.to_bits().saturating_add(subtracted);
+        let room = (self.geometry).height_limit(Counts::from_bits(background));
         match centre {
             Ok(_) => {
                 let height = match self.settings.slits {
@@ -352,6 +375,40 @@ impl Measurement {
         }
     }
 
+    /// Corrects some pixels of the light range, in place.
+    // Not inlined: sensors without a map do not pay for it.
+    #[inline(never)]
+    fn correct(&self, words: &mut [u16], map: &PixelMap, window: Range<usize>, black: Counts) {
+        let geometry = &self.geometry;
+        let words = words.get_mut(geometry.light.clone()).unwrap_or_default();
+        match self.subtracted {
+            None => map.correct(words, window, black, geometry),
+            // The pixels' offsets went with the ambient light.
+            Some(_) => map.correct_gain(words, window, black, geometry),
+        }
+    }
+
+    /// The background of a row that a map has corrected.
+    fn background_with(&self, map: &PixelMap, background: Background) -> Background {
+        match self.subtracted {
+            None => map.background_of(background),
+            Some(_) => background,
+        }
+    }
+
+    /// The uncertainty of a frame's centre, with the noise of the mean ambient light: one noise for all rows,
+    /// so the mean of the rows does not lower it. It is the background's alone, and the rows' uncertainty is
+    /// that of the spot's noise too. So this is too large rather than too small.
+    fn with_noise_of_mean(&self, uncertainty: Pixels, rows: u16) -> Pixels {
+        match (self.subtracted, self.ambient_mean.share()) {
+            (Some(_), Some(share)) => {
+                let growth = dual_mac::square_root(1.0 + share * f32::from(rows));
+                Pixels::from_f32(uncertainty.to_f32() * growth)
+            }
+            _ => uncertainty,
+        }
+    }
+
     fn measured(&self, map: Option<&PixelMap>) -> Result<Measured, Fault> {
         let frame = self.frame.centre(self.settings.mean)?;
         let comb = match self.settings.slits {
@@ -360,7 +417,12 @@ impl Measurement {
         };
         let shift = comb.map_or(0, |comb: Combined| comb.shift.to_bits());
         let centre = Pixels::from_bits(frame.centre.to_bits().saturating_add(shift));
-        let frame = FrameCentre { centre, ..frame };
+        let uncertainty = self.with_noise_of_mean(frame.uncertainty, frame.rows_used);
+        let frame = FrameCentre {
+            centre,
+            uncertainty,
+            ..frame
+        };
         let own = (self.profile.as_ref()).map(|profile| profile.at(frame.centre));
         Ok(Measured {
             frame,
@@ -375,20 +437,6 @@ impl Measurement {
             comb,
         })
     }
-}
-
-/// Corrects some pixels of the light range, in place.
-// Not inlined: sensors without a map do not pay for it.
-#[inline(never)]
-fn correct(
-    geometry: &Geometry,
-    words: &mut [u16],
-    map: &PixelMap,
-    window: Range<usize>,
-    black: Counts,
-) {
-    let words = words.get_mut(geometry.light.clone()).unwrap_or_default();
-    map.correct(words, window, black, geometry);
 }
 
 /// The mean of a row's shielded pixels, if there are any.

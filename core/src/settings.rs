@@ -11,6 +11,7 @@ use core::fmt;
 
 use heapless::Vec;
 
+use crate::ambient::AmbientMode;
 use crate::black_level::BlackLevel;
 use crate::centre::Estimator;
 use crate::comb::Slits;
@@ -51,6 +52,10 @@ macro_rules! list {
 
             /// whether the laser may be on
             Laser "laser" laser: bool = true, Form::Words("on|off"), Affects::Measurement;
+
+            /// what is done about ambient light
+            Ambient "ambient" ambient: AmbientMode = AmbientMode::Off,
+                Form::Words("subtract|off"), Affects::Measurement;
 
             /// how the black level is found
             Black "black" black_level: BlackLevel = BlackLevel::Shielded,
@@ -373,6 +378,19 @@ impl ValueText for Mean {
     }
 }
 
+impl ValueText for AmbientMode {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [name] => Self::named(name).ok_or(ValueError::Form),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 impl ValueText for Slits {
     fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
         match words {
@@ -466,6 +484,7 @@ pub(crate) mod tests {
             .into_iter()
             .chain([true, false].map(Value::Stream))
             .chain([true, false].map(Value::Laser))
+            .chain(AmbientMode::ALL.map(Value::Ambient))
             .chain(exposures.map(Value::ExposureLimit))
             .chain([Value::Exposure(ExposureMode::Auto)])
             .chain(exposures.map(|it| Value::Exposure(ExposureMode::Fixed(it))))

@@ -1,6 +1,7 @@
 //! A target whose brightness changes, seen by a sensor with auto exposure: rows go in, exposures come out,
 //! with the firmware's delay between them.
 
+pub mod ambient;
 pub mod jumps;
 pub mod range;
 
@@ -8,6 +9,7 @@ use std::collections::VecDeque;
 
 use simulator::scene::{Exposure as Times, Scene, Simulation, Spot};
 use slitrange::Calibration;
+use slitrange::ambient::AmbientMode;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::measurement::Measurement;
@@ -65,13 +67,24 @@ impl Sensor {
         Self { lamp, ..self }
     }
 
-    /// Shows a row of a target of this reflectivity, 0 to 1. Gives the exposure, and the frame's result if
-    /// the row ends a frame.
+    /// Shows a row of a target of this reflectivity, 0 to 1, after a row with the laser off if the ambient
+    /// light is subtracted. Gives the exposure, and the frame's result if the row ends a frame.
     pub fn row(&mut self, reflectivity: f64) -> (Exposure, Option<Result<Measured, Fault>>) {
-        self.row += 1;
+        if self.measurement.settings().ambient == AmbientMode::Subtract {
+            let words = self.words(0.0);
+            self.measurement.ambient_row(&words);
+        }
         let exposure = self.chosen.pop_front().expect("as many as the delay");
         // The light is proportional to both.
-        let laser = f64::from(exposure.us()) * 1e-6 * reflectivity;
+        let mut words = self.words(f64::from(exposure.us()) * 1e-6 * reflectivity);
+        let result = self.measurement.row_with(&mut words, Some(exposure), None);
+        self.chosen.push_back(self.measurement.next_exposure());
+        (exposure, result)
+    }
+
+    /// The words of the next row, in which the laser shone for so many seconds on a target of reflectivity 1.
+    fn words(&mut self, laser: f64) -> Vec<u16> {
+        self.row += 1;
         let times = Times {
             row: ROW_PERIOD,
             laser,
@@ -81,10 +94,7 @@ impl Sensor {
         let geometry = scene.geometry();
         let mut light = self.simulation.row(self.row, scene.distance, times);
         (self.lamp)(&mut light[geometry.light.clone()]);
-        let mut words = words(&light, &geometry);
-        let result = self.measurement.row_with(&mut words, Some(exposure), None);
-        self.chosen.push_back(self.measurement.next_exposure());
-        (exposure, result)
+        words(&light, &geometry)
     }
 
     /// Drops the frame under way.

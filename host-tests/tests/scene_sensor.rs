@@ -791,6 +791,7 @@ fn lag_draws_a_ghost_behind_a_moving_target() {
 fn lamps_flicker_from_row_to_row() {
     let lamps = |frequency, phase| MainsLight {
         counts_per_second: 40_000.0,
+        slope: 0.0,
         modulation: 0.6,
         frequency,
         phase,
@@ -830,6 +831,18 @@ fn lamps_flicker_from_row_to_row() {
         }
     }
 
+    // Lamps to one side: a row of 16 whose pixels differ by a hundredth of the middle's light.
+    let sloped = MainsLight {
+        slope: 400.0,
+        ..lamps(100.0, None)
+    };
+    let light = Simulation::new(scene(sloped)).row(3, 0.8, 4e-3);
+    let even = Simulation::new(scene(lamps(100.0, None))).row(3, 0.8, 4e-3);
+    for (pixel, (&light, &even)) in light.iter().zip(&even).enumerate() {
+        let expected = 1.0 + 0.01 * (pixel as f64 - 7.5);
+        assert!((f64::from(light) / f64::from(even) - expected).abs() < 1e-6);
+    }
+
     // A drawn phase is even over a turn: of 4000, mean cosine and sine have a variance of 1/2 over 4000.
     let phases = || (0..4000).map(|seed| lamps(100.0, None).phase(seed));
     let means = [f64::cos, f64::sin].map(|it| phases().map(it).sum::<f64>() / 4000.0);
@@ -847,6 +860,7 @@ fn the_light_of_lamps_has_shot_noise() {
     let lamps = Scene {
         mains_light: Some(MainsLight {
             counts_per_second: 500.0,
+            slope: 0.0,
             modulation: 1.0,
             frequency: 100.0,
             phase: None,

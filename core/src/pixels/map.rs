@@ -153,6 +153,28 @@ impl PixelMap {
         black: Counts,
         geometry: &Geometry,
     ) {
+        self.correct_with(words, window, black, geometry, |entry| entry.offset_q4());
+    }
+
+    /// As [`PixelMap::correct`] for a row from which the pixels' offsets were subtracted already.
+    pub fn correct_gain(
+        &self,
+        words: &mut [u16],
+        window: Range<usize>,
+        black: Counts,
+        geometry: &Geometry,
+    ) {
+        self.correct_with(words, window, black, geometry, |_| 0);
+    }
+
+    fn correct_with(
+        &self,
+        words: &mut [u16],
+        window: Range<usize>,
+        black: Counts,
+        geometry: &Geometry,
+        offset_q4: impl Fn(&Entry) -> i16,
+    ) {
         if words.len() != usize::from(self.pixels) {
             return;
         }
@@ -176,7 +198,7 @@ impl PixelMap {
             // A count is below 2^12, the black level at most 2^12, an offset at most 2^10: together below
             // 2^17 in Q4. Times a gain of at most 2^14 that is below 2^31, because 65520 + 16384 = 81904.
             let above =
-                i32::from(count) * (1 << OFFSET_FRACTION) - black - i32::from(entry.offset_q4);
+                i32::from(count) * (1 << OFFSET_FRACTION) - black - i32::from(offset_q4(entry));
             let change = numeric::mul_i32(above, i32::from(entry.gain_q15)) >> GAIN_FRACTION;
             let corrected = numeric::add_i32(above, change);
             let rounded = numeric::add_i32(corrected, black + HALF) >> OFFSET_FRACTION;
@@ -248,6 +270,10 @@ mod tests {
         let falling = crate::sensor_heads::tcd1304dg();
         map.correct(&mut words, 0..4, Counts::from_int(300), &falling);
         assert_eq!(words, light.map(|count| 4095 - count));
+        // A row from which the offsets were subtracted already.
+        let mut light = [300, 700, 700, 123];
+        map.correct_gain(&mut light, 0..4, Counts::from_int(300), &rising());
+        assert_eq!(light, [300, 800, 600, 123]);
     }
 
     #[test]

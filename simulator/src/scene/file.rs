@@ -259,6 +259,7 @@ impl Scene {
                 lamps.counts_per_second,
                 "counts/s",
             )?;
+            finite("mains_light.slope", lamps.slope, "counts/s a pixel")?;
             share("mains_light.modulation", lamps.modulation)?;
             above_zero("mains_light.frequency", lamps.frequency, "Hz")?;
             finite("mains_light.phase", lamps.phase.unwrap_or(0.0), "radians")?;

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::{Effect, random};
 
-/// Light of lamps at twice the mains frequency, evenly over the row:
+/// Light of lamps at twice the mains frequency, evenly over the row or brighter to one side. In the middle of
+/// the row it is
 ///
 /// ```text
 /// counts_per_second (1 + modulation cos(2 pi frequency t + phase))
@@ -27,6 +28,9 @@ use crate::scene::{Effect, random};
 pub struct MainsLight {
     /// Mean counts a second of exposure.
     pub counts_per_second: f64,
+    /// Counts a second by which a pixel is brighter than the one before, in the mean over time.
+    #[serde(default)]
+    pub slope: f64,
     /// Depth of the modulation, from 0 to 1.
     pub modulation: f64,
     /// Of the light, in Hz: 100 where the mains have 50 Hz, 120 where they have 60 Hz.
@@ -43,16 +47,26 @@ impl MainsLight {
         self.phase.unwrap_or_else(draw)
     }
 
-    /// Counts of a row whose exposure has its middle at a time in seconds.
+    /// Counts in the middle of a row whose exposure has its middle at a time in seconds.
     pub fn counts(&self, phase: f64, time: f64, exposure: f64) -> f64 {
+        self.counts_per_second * self.seconds(phase, time, exposure)
+    }
+
+    /// For how long the lamps would shine with their mean brightness to give the same light.
+    fn seconds(&self, phase: f64, time: f64, exposure: f64) -> f64 {
         let swing = libm::sin(PI * self.frequency * exposure) / (PI * self.frequency);
         let cosine = libm::cos(TAU * self.frequency * time + phase);
-        self.counts_per_second * (exposure + self.modulation * swing * cosine)
+        exposure + self.modulation * swing * cosine
     }
 
     /// Adds it to a row of light.
     pub fn add(&self, light: &mut [f32], phase: f64, time: f64, exposure: f64) {
-        let counts = self.counts(phase, time, exposure) as f32;
-        light.iter_mut().for_each(|light| *light += counts);
+        let seconds = self.seconds(phase, time, exposure);
+        let middle = (light.len() as f64 - 1.0) / 2.0;
+        for (light, pixel) in light.iter_mut().zip(0..) {
+            let brightness = self.counts_per_second + self.slope * (f64::from(pixel) - middle);
+            // Light is not negative, however steep the slope.
+            *light += (seconds * brightness).max(0.0) as f32;
+        }
     }
 }

@@ -1,0 +1,58 @@
+//! Ambient light: what `ambient subtract` takes away, and the noise that it costs.
+
+use host_tests::changing_light::ambient::{DARK_ROOM, LIGHTS, Light, noise_of_mean};
+use slitrange::ambient::AmbientMode::{Off, Subtract};
+
+const FRAMES: usize = 400;
+
+fn named(name: &str) -> Light {
+    LIGHTS
+        .into_iter()
+        .find(|it| it.name == name)
+        .expect("a light")
+}
+
+/// Beside a window the error is at most 1.5 times that of the dark room, and in each light it is the one that
+/// the Cramér-Rao bound gives for the light's shot noise and the noise of the mean.
+#[test]
+fn subtracted_light_costs_the_noise_that_is_computed() {
+    let dark = DARK_ROOM.measure(Off, 16, FRAMES);
+    println!("dark room: {dark:.3?}");
+    for light in LIGHTS {
+        let found = light.measure(Subtract, 16, FRAMES);
+        let off = light.measure(Off, 16, FRAMES);
+        let price = found.rms_um / dark.rms_um;
+        let computed = light.computed_price(Subtract, 16);
+        println!(
+            "{}: {price:.2} times the dark room's error, computed {computed:.2}, with ambient off {:.2}\n\
+             {found:.3?}\n{off:.3?}",
+            light.name,
+            off.rms_um / dark.rms_um
+        );
+        assert_eq!((found.faults, found.flagged > FRAMES / 50), (0, false));
+        // The ratio of two standard deviations of 400 readings each is known to 5 %.
+        assert!((price / computed - 1.0).abs() < 0.15, "{}", light.name);
+        // 95.4 % are expected within 2. Of 400, the standard deviation is 1 %.
+        assert!(found.beyond_2 < FRAMES * 8 / 100, "{}", light.name);
+        assert_eq!(found.beyond_5, 0, "{}", light.name);
+    }
+    let window = named("beside a window").measure(Subtract, 16, FRAMES);
+    assert!(window.rms_um < 1.5 * dark.rms_um);
+}
+
+/// A long frame averages more rows and has the same mean to subtract.
+#[test]
+fn a_long_frame_has_more_of_the_means_noise() {
+    let window = named("beside a window");
+    for (rows, least, most) in [(1, 0.0, 0.01), (16, 0.05, 0.07), (64, 0.18, 0.25)] {
+        let share = noise_of_mean(rows);
+        let (price, off) = (
+            window.computed_price(Subtract, rows),
+            window.computed_price(Off, rows),
+        );
+        println!(
+            "{rows} rows: the mean adds {share:.4} of the rows' variance; {price:.3}, off {off:.3}"
+        );
+        assert!((least..most).contains(&share));
+    }
+}
