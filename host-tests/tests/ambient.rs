@@ -1,6 +1,6 @@
 //! Ambient light: what `ambient subtract` takes away, and the noise that it costs.
 
-use host_tests::changing_light::ambient::{DARK_ROOM, LIGHTS, Light, noise_of_mean};
+use host_tests::changing_light::ambient::{DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean};
 use slitrange::ambient::AmbientMode::{Off, Subtract};
 
 const FRAMES: usize = 400;
@@ -54,5 +54,59 @@ fn a_long_frame_has_more_of_the_means_noise() {
             "{rows} rows: the mean adds {share:.4} of the rows' variance; {price:.3}, off {off:.3}"
         );
         assert!((least..most).contains(&share));
+    }
+}
+
+/// Lamps that are switched on and off: strong daylight from one side, and a sharp image on the spot's flank.
+/// Until the mean has followed, there is too much light or too little, and no reading may claim to be better
+/// than it is.
+#[test]
+fn light_that_changes_gives_no_wrong_distance_without_a_flag() {
+    let from_one_side = |light: &mut [f32]| {
+        for (light, pixel) in light.iter_mut().zip(0u16..) {
+            *light += 300.0 + 0.25 * f32::from(pixel);
+        }
+    };
+    let on_the_flank = |light: &mut [f32]| {
+        for (light, pixel) in light.iter_mut().zip(0u16..) {
+            let u = (f32::from(pixel) - 1790.0) / 9.0;
+            *light += 400.0 * (-0.5 * u * u).exp();
+        }
+    };
+    let lamps: [(&str, fn(&mut [f32]), usize); 2] = [
+        ("from one side", from_one_side, 390),
+        // Most frames after a change are flagged: the mean's rest lies beside the spot.
+        ("on the flank", on_the_flank, 100),
+    ];
+    for (name, lamp, fewest) in lamps {
+        let mut sensor = DARK_ROOM.sensor(Subtract, 16);
+        let (mut readings, mut flagged, mut faults, mut worst) = (0, 0, 0, 0.0f64);
+        for turn in 0..40 {
+            sensor = sensor.with_lamp(if turn % 2 == 0 { lamp } else { |_| () });
+            // Frames of 183 ms. A turn ends within a frame.
+            for _ in 0..10 {
+                for result in sensor.frames(WHITE_PAPER, 1) {
+                    let Ok(measured) = result else {
+                        faults += 1;
+                        continue;
+                    };
+                    let compared = sensor.compare(&measured);
+                    if compared.is_flagged {
+                        flagged += 1;
+                        continue;
+                    }
+                    readings += 1;
+                    worst = worst.max(compared.error_over_claim());
+                }
+            }
+            for _ in 0..turn % 16 {
+                sensor.row(WHITE_PAPER);
+            }
+        }
+        println!(
+            "{name}: {readings} readings, {flagged} flagged, {faults} faults, {worst:.2} claims"
+        );
+        assert!(readings > fewest, "{name}");
+        assert!(worst < 5.0, "{name}");
     }
 }

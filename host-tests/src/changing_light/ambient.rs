@@ -1,19 +1,19 @@
 //! White paper in ambient light: the errors with and without `ambient subtract`, beside those in a dark room.
 
-use serde::Serialize;
 use simulator::bound::Spot;
 use simulator::scene::{Ambient, FixedPattern, MainsLight, Scene};
 use slitrange::ambient::{AmbientMode, LONGEST_LOG2};
 use slitrange::exposure::{Exposure, ExposureMode};
 use slitrange::settings::Settings;
 
+use super::range::Frames;
 use super::{BRIGHTEST, ROW_PERIOD, Sensor, scene};
 
-/// Frames before frames count, so that the mean of the ambient light is at its longest.
+/// Rows with the laser on before frames count, so that the mean of the ambient light is at its longest.
 const ROWS_TO_SETTLE: usize = 600;
 
 /// White paper's spot (`scenes/quiet-paper.toml`) over the one of a reflectivity of 1.
-const WHITE_PAPER: f64 = 350e3 / BRIGHTEST;
+pub const WHITE_PAPER: f64 = 350e3 / BRIGHTEST;
 
 /// The laser is on for 5 ms, as in `scenes/sunlit.toml`: 1750 counts.
 const EXPOSURE_US: u16 = 5000;
@@ -94,25 +94,6 @@ fn image_beside_the_spot(light: &mut [f32]) {
     }
 }
 
-/// What frames in a light came out as.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Frames {
-    /// Frames.
-    pub frames: usize,
-    /// Frames with a fault.
-    pub faults: usize,
-    /// Readings with a flag.
-    pub flagged: usize,
-    /// Root mean square error in micrometres, of the readings without a flag.
-    pub rms_um: f64,
-    /// The mean repeatability r that they claim, in micrometres.
-    pub r_um: f64,
-    /// How many of them have an error beyond twice what the rows claim.
-    pub beyond_2: usize,
-    /// How many of them have an error beyond five times what the rows claim.
-    pub beyond_5: usize,
-}
-
 impl Light {
     /// The scene in this light.
     fn scene(&self) -> Scene {
@@ -125,7 +106,7 @@ impl Light {
     }
 
     /// A sensor with the fixed exposure, whose mean of the ambient light is at its longest.
-    fn sensor(&self, ambient: AmbientMode, rows: u16) -> Sensor {
+    pub fn sensor(&self, ambient: AmbientMode, rows: u16) -> Sensor {
         let exposure = Exposure::from_us(EXPOSURE_US).expect("an exposure");
         let settings = Settings {
             ambient,
@@ -143,25 +124,7 @@ impl Light {
 
     /// Measures so many frames of so many rows with the laser on.
     pub fn measure(&self, ambient: AmbientMode, rows: u16, frames: usize) -> Frames {
-        let mut sensor = self.sensor(ambient, rows);
-        let results = sensor.frames(WHITE_PAPER, frames);
-        let (flagged, good): (Vec<_>, Vec<_>) = (results.iter().flatten())
-            .map(|measured| sensor.compare(measured))
-            .partition(|it| it.is_flagged);
-        let mean = |sum: f64| sum / good.len() as f64;
-        let beyond = |claims| {
-            let far = good.iter().filter(|it| it.error_over_claim() > claims);
-            far.count()
-        };
-        Frames {
-            frames,
-            faults: frames - good.len() - flagged.len(),
-            flagged: flagged.len(),
-            rms_um: mean(good.iter().map(|it| it.error_um.powi(2)).sum()).sqrt(),
-            r_um: mean(good.iter().map(|it| it.r_um).sum()),
-            beyond_2: beyond(2.0),
-            beyond_5: beyond(5.0),
-        }
+        Frames::measure(&mut self.sensor(ambient, rows), WHITE_PAPER, frames)
     }
 
     /// By how much the Cramér-Rao bound of a frame's centre is larger in this light than in the dark room, by

@@ -52,7 +52,7 @@ pub struct Frames {
 
 impl Frames {
     /// Lets the sensor settle, and measures frames.
-    fn measure(sensor: &mut Sensor, reflectivity: f64, frames: usize) -> Self {
+    pub(super) fn measure(sensor: &mut Sensor, reflectivity: f64, frames: usize) -> Self {
         sensor.frames(reflectivity, TO_SETTLE);
         let results = sensor.frames(reflectivity, frames);
         let readings = results.iter().flatten();

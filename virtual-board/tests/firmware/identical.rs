@@ -7,6 +7,7 @@ use std::time::Duration;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{self, Scene, SecondReflection, Spot};
+use slitrange::ambient::AmbientMode;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::{self, Estimator};
 use slitrange::distance::Calibration;
@@ -135,8 +136,15 @@ pub fn calibrated_on_this_pc(
     errors: &CalibrationErrors,
 ) -> Vec<String> {
     let mut measurement = Measurement::new(sensor_heads::tcd1304dg(), settings);
+    let subtracts = settings.ambient == AmbientMode::Subtract;
     rows.iter()
+        // The laser is off until the firmware knows its settings.
+        .skip_while(|row| subtracts && row.exposure.laser == 0)
         .filter_map(|row| {
+            if subtracts && row.exposure.laser == 0 {
+                measurement.ambient_row(&row.words);
+                return None;
+            }
             measurement.row_with(&mut row.words.clone(), exposure(row, &settings), None)
         })
         .map(|result| {

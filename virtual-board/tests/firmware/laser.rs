@@ -199,7 +199,7 @@ fn demo_of_reflectivity(options: &[&str]) -> serde_json::Value {
 #[ignore = "44 s of virtual time, a minute; .ci/run runs it"]
 fn the_demo_measures_black_tape_and_bright_metal_on_one_setting() {
     let auto = demo_of_reflectivity(&[]);
-    let fixed = demo_of_reflectivity(&["--exposure", "5600"]);
+    let fixed = demo_of_reflectivity(&["--set", "exposure 5600"]);
     println!("auto {auto}\nfixed {fixed}");
     assert_eq!(auto["late_faults"], 0);
     assert!(auto["within_2u"].as_f64() >= Some(0.93), "{auto}");

@@ -3,6 +3,7 @@
 //!
 //! All topics are one test program, so that the firmware is built and loaded only once.
 
+mod ambient;
 mod calibration;
 mod comb;
 mod commands;

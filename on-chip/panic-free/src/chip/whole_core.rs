@@ -152,6 +152,7 @@ pub fn correct_pixels() {
             }
         }
         reached(reader.pixels() as i32);
+        measurement.ambient_row(any::words(&mut words));
         if let Some(result) =
             measurement.row_with(any::words(&mut words), any::exposure(), field.map())
         {
@@ -160,6 +161,7 @@ pub fn correct_pixels() {
         if let Some(map) = field.map() {
             let light = any::words(&mut words);
             map.correct(light, any(0)..any(0), any(Counts::MIN), &any::geometry());
+            map.correct_gain(light, any(0)..any(0), any(Counts::MIN), &any::geometry());
             reached(i32::from(light.first().copied().unwrap_or_default()));
             reached(map.background_of(any::spot().background).noise.to_bits());
             for word in Words::new(map, any(0)) {

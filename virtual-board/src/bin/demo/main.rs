@@ -32,9 +32,10 @@ struct Options {
     /// .toml file. The firmware's exposure replaces the scene's.
     #[arg(long, value_name = "NAME")]
     scene: Option<String>,
-    /// Send the firmware `exposure VALUE`: auto, or microseconds.
-    #[arg(long, value_name = "VALUE", conflicts_with = "pgm")]
-    exposure: Option<String>,
+    /// Send the firmware this line before it measures, as "exposure 5600" or "ambient subtract". May be
+    /// given several times.
+    #[arg(long, value_name = "LINE", conflicts_with = "pgm")]
+    set: Vec<String>,
     /// Put a comb of 16 slits before the sensor, instead of one slit, and tell the firmware `slits comb`. A
     /// scene that has a comb keeps its own, with or without this option.
     #[arg(long)]

@@ -216,8 +216,8 @@ pub fn measure(firmware: &Firmware, options: &Options) -> Result<Summary> {
         // The scene has no speckle.
         tell(&mut board, "surface off", patience)?;
     }
-    if let Some(exposure) = &options.exposure {
-        tell(&mut board, &format!("exposure {exposure}"), patience)?;
+    for line in &options.set {
+        tell(&mut board, line, patience)?;
     }
     tell(&mut board, &format!("rows {}", options.rows), patience)?;
 

@@ -1,0 +1,104 @@
+//! Tests of `ambient subtract`: every second row is taken with the laser off, and subtracted from the others.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use simulator::scene::Scene;
+use slitrange::Calibration;
+use slitrange::ambient::AmbientMode;
+use slitrange::protocol::row::{ROW_END, RowPixels};
+use slitrange::settings::Settings;
+use virtual_board::LightSource;
+use virtual_board::light::{Target, of_scene};
+
+use crate::common::{PATIENCE, Status, boot, is_reading, is_result, number, results, set};
+use crate::identical::{aligned, assert_same, on_this_pc, run, with_fixed_exposure};
+
+fn beside_a_window() -> LightSource {
+    let scene = Scene::load("sunlit").expect("a scene");
+    let target = Target::at(scene.distance);
+    of_scene(scene, target)
+}
+
+/// The lines are those of the core on a PC, which gets the same rows.
+#[test]
+fn the_laser_is_on_in_every_second_row_and_the_lines_are_those_of_the_pc() {
+    let (shown, chip) = run(beside_a_window(), &["ambient subtract"], 320);
+    let on: Vec<bool> = shown.iter().map(|row| row.exposure.laser > 0).collect();
+    let alternate = on.iter().rev().take(200).collect::<Vec<_>>();
+    assert!(alternate.windows(2).all(|pair| pair[0] != pair[1]));
+    let settings = Settings {
+        ambient: AmbientMode::Subtract,
+        ..with_fixed_exposure()
+    };
+    let calibration = Calibration::nominal();
+    // The first frame may begin at any row.
+    let chip = &chip[1..];
+    let pc: Vec<Vec<String>> = (0..32)
+        .map(|first| on_this_pc(&shown[first..], settings, calibration.as_ref()))
+        .collect();
+    let pc = pc.iter().find(|pc| pc.contains(&chip[0]));
+    let pc = aligned(pc.expect("the PC has the first line too"), chip);
+    let kinds = assert_same(chip, pc);
+    println!("{kinds:?}\n{}", chip[0]);
+    assert!(kinds["reading"] >= 6 && kinds.len() == 1, "{kinds:?}");
+    let optics = Scene::white_paper().optics;
+    for line in chip {
+        let distance = number(line, "d ", " mm");
+        let r = number(line, " r ", " x");
+        let truth = 1e3 * optics.distance(optics.centre(0.8));
+        assert!((distance - truth).abs() < 5.0 * r, "{line}");
+    }
+}
+
+/// The longest frame takes 730 ms, in which the watchdog sees no reading.
+#[test]
+fn the_longest_frame_with_ambient_rows_is_no_reason_to_start_again() {
+    let (mut board, _) = boot(beside_a_window());
+    set(&mut board, "ambient subtract");
+    set(&mut board, "rows 64");
+    board.take_lines();
+    board.run_for(Duration::from_secs(4)).expect("a run");
+    let lines = results(&mut board, 1);
+    assert!(lines.iter().all(|line| is_reading(line)), "{lines:?}");
+    assert!(board.resets().expect("resets").is_empty());
+    let mut cycles = BTreeSet::new();
+    for _ in 0..6 {
+        let status = Status::ask(&mut board);
+        status.assert_none(&["rows lost", "rows failed", "lines dropped"]);
+        cycles.insert(status.count("row cycles"));
+    }
+    println!("cycles of rows with the laser off and on: {cycles:?}");
+    board.finish().expect("a clean run");
+}
+
+/// `row` sends a row with the laser on, as it is measured: without the ambient light.
+#[test]
+fn a_raw_row_has_the_laser_on_and_no_ambient_light() {
+    let (mut board, _) = boot(beside_a_window());
+    set(&mut board, "ambient subtract");
+    results(&mut board, 4);
+    for _ in 0..3 {
+        board.take_lines();
+        board.send("row window\r\n");
+        let end = board.run_until_line(|line| line == ROW_END, PATIENCE);
+        end.expect("the row's end");
+        let lines = board.take_lines().into_iter().map(|line| line.text);
+        let lines: Vec<_> = lines.skip_while(|line| is_result(line)).collect();
+        assert!(
+            lines.iter().any(|line| line.starts_with("x ")),
+            "{lines:#?}"
+        );
+        let pixels = lines.iter().filter_map(|line| RowPixels::parse(line));
+        let counts: Vec<_> = pixels.flat_map(|it| it.counts.to_vec()).collect();
+        let (least, most) = (counts.iter().min(), counts.iter().max());
+        println!("{least:?} to {most:?} counts");
+        // The black level is 300 counts, and daylight adds some 570 to it.
+        assert!(least < Some(&320) && most > Some(&2000));
+    }
+    set(&mut board, "laser off");
+    board
+        .run_until_line(|line| line.starts_with("f laser off"), PATIENCE)
+        .expect("a fault");
+    board.finish().expect("a clean run");
+}
