@@ -277,7 +277,7 @@ mod tests {
                 words(&geometry, ambient),
                 "no row with the laser off yet"
             );
-            for _ in 0..300 {
+            for _ in 0..10 {
                 take(&mut mean, &geometry, ambient);
             }
             let spot = |pixel: usize| if pixel.abs_diff(30) < 5 { 2000 } else { 0 };
@@ -334,6 +334,7 @@ mod tests {
 
     /// Rows of other light in succession begin the mean again; light that flickers does not.
     #[test]
+    #[cfg_attr(miri, ignore = "takes a minute; the other tests run the same code")]
     fn the_mean_begins_again_in_other_light() {
         let geometry = geometry(Polarity::Rising);
         let mut mean = AmbientMean::EMPTY;
@@ -424,6 +425,7 @@ mod tests {
 
     /// Light without noise that changes by a count: no pixel's step is a whole one, and yet all follow.
     #[test]
+    #[cfg_attr(miri, ignore = "takes a minute; the other tests run the same code")]
     fn the_mean_follows_a_small_change() {
         let geometry = geometry(Polarity::Rising);
         let mut mean = AmbientMean::EMPTY;

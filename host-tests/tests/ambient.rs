@@ -2,6 +2,7 @@
 
 use host_tests::changing_light::ambient::{DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean};
 use slitrange::ambient::AmbientMode::{Off, Subtract};
+use slitrange::settings::Settings;
 
 const FRAMES: usize = 400;
 
@@ -79,7 +80,7 @@ fn light_that_changes_gives_no_wrong_distance_without_a_flag() {
         ("on the flank", on_the_flank, 100),
     ];
     for (name, lamp, fewest) in lamps {
-        let mut sensor = DARK_ROOM.sensor(Subtract, 16);
+        let mut sensor = DARK_ROOM.settled(Subtract, 16);
         let (mut readings, mut flagged, mut faults, mut worst) = (0, 0, 0, 0.0f64);
         for turn in 0..40 {
             sensor = sensor.with_lamp(if turn % 2 == 0 { lamp } else { |_| () });
@@ -108,5 +109,32 @@ fn light_that_changes_gives_no_wrong_distance_without_a_flag() {
         );
         assert!(readings > fewest, "{name}");
         assert!(worst < 5.0, "{name}");
+    }
+}
+
+/// The well is full by the light that the pixels saw: the spot has 50 to 85 % of the room above the daylight,
+/// although the daylight is subtracted.
+#[test]
+fn auto_exposure_leaves_room_for_the_light_that_is_subtracted() {
+    // The well holds 4000 counts, of which 300 are no charge. Daylight takes 1710 in the middle of the row.
+    const ROOM: f64 = 3795.0 - 1710.0;
+    let settings = Settings {
+        ambient: Subtract,
+        ..Settings::default()
+    };
+    for reflectivity in [0.3, 0.1, 1e-2, 3e-3] {
+        let mut sensor = named("beside a window, three times as bright").sensor(settings);
+        sensor.frames(reflectivity, 3);
+        for result in sensor.frames(reflectivity, 10) {
+            let measured = result.expect("a reading");
+            let height = measured.frame.amplitude.to_f64();
+            let percent = 100.0 * height / ROOM;
+            println!(
+                "{reflectivity}: {:?}, {height:.0} counts, {percent:.0} %",
+                measured.frame.exposure
+            );
+            assert!((49.0..86.0).contains(&percent));
+            assert!(!sensor.compare(&measured).is_flagged);
+        }
     }
 }

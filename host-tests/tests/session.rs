@@ -195,6 +195,7 @@ fn every_setting_is_shown_set_and_applied() {
         "exposure limit 300",
         "exposure auto",
         "laser off",
+        "ambient subtract",
         "estimator gauss-newton",
     ] {
         sensor.set(line);

@@ -105,8 +105,13 @@ impl Light {
         }
     }
 
+    /// A sensor in this light.
+    pub fn sensor(&self, settings: Settings) -> Sensor {
+        Sensor::new(self.scene(), settings).with_lamp(self.lamp)
+    }
+
     /// A sensor with the fixed exposure, whose mean of the ambient light is at its longest.
-    pub fn sensor(&self, ambient: AmbientMode, rows: u16) -> Sensor {
+    pub fn settled(&self, ambient: AmbientMode, rows: u16) -> Sensor {
         let exposure = Exposure::from_us(EXPOSURE_US).expect("an exposure");
         let settings = Settings {
             ambient,
@@ -114,7 +119,7 @@ impl Light {
             exposure: ExposureMode::Fixed(exposure),
             ..Settings::default()
         };
-        let mut sensor = Sensor::new(self.scene(), settings).with_lamp(self.lamp);
+        let mut sensor = self.sensor(settings);
         for _ in 0..ROWS_TO_SETTLE {
             sensor.row(WHITE_PAPER);
         }
@@ -124,7 +129,7 @@ impl Light {
 
     /// Measures so many frames of so many rows with the laser on.
     pub fn measure(&self, ambient: AmbientMode, rows: u16, frames: usize) -> Frames {
-        Frames::measure(&mut self.sensor(ambient, rows), WHITE_PAPER, frames)
+        Frames::measure(&mut self.settled(ambient, rows), WHITE_PAPER, frames)
     }
 
     /// By how much the Cramér-Rao bound of a frame's centre is larger in this light than in the dark room, by

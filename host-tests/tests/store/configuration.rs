@@ -94,6 +94,7 @@ fn settings() -> impl Strategy<Value = Settings> {
         "exposure (auto|[1-4][0-9]{1,3}|5600)",
         "exposure limit ([1-4][0-9]{1,3}|5600)",
         "laser (on|off)",
+        "ambient (subtract|off)",
         "estimator (centroid|phase-table|adaptive|gauss-newton|fraunhofer)",
     ];
     prop::collection::vec(lines, 0..8).prop_map(|lines| {

@@ -1,5 +1,6 @@
 //! Values that the optimiser knows nothing about.
 
+use slitrange::ambient::AmbientMode;
 use slitrange::black_level::BlackLevel;
 use slitrange::centre::{Estimator, RowCentre, WidthClass};
 use slitrange::comb::{CORRECTIONS, Comb, Combined, MAX_SLITS, SlitMap, Slits};
@@ -63,6 +64,7 @@ pub fn settings() -> Settings {
         estimator: any(Estimator::Centroid),
         black_level: any(BlackLevel::Shielded),
         slits: any(Slits::Comb),
+        ambient: any(AmbientMode::Subtract),
         ..Settings::default()
     }
 }
