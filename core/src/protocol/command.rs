@@ -1,10 +1,13 @@
 //! Reads commands from lines that a person or a program typed, and writes them as such lines.
 //!
-//! `NAME` shows a setting, `NAME VALUE` sets it. Names are lower case; words are separated by blanks.
+//! `NAME` shows a setting, `NAME VALUE` sets it. Upper case counts as lower case; words are separated by blanks
+//! or tabs.
 
 use core::fmt;
 
 use super::flat::Flat;
+use super::help;
+use super::nearest::nearest;
 use super::piece::{Piece, PieceError};
 use super::row::RowPart;
 use super::upload::Step;
@@ -60,8 +63,8 @@ pub enum Command {
 /// Why a line is not a command. `Display` is the answer, without its line end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {
-    /// The first word is no command.
-    Unknown,
+    /// The first word is no command. Holds the command or the setting whose name is nearest, if one is near.
+    Unknown(Option<&'static str>),
     /// A value is missing, is not understood, or is one too many. Holds the expected form.
     Form(&'static str),
     /// The value of a setting is not understood, out of range, or not in its list.
@@ -102,7 +105,10 @@ impl fmt::Display for RecordForm {
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Unknown => f.write_str("E1 unknown command, try help"),
+            Self::Unknown(None) => f.write_str("E1 unknown command, try help"),
+            Self::Unknown(Some(nearest)) => {
+                write!(f, "E1 unknown command, try {nearest} or help")
+            }
             Self::Form(form) => write!(f, "E2 expected {form}"),
             Self::Value(setting, error) => {
                 let (name, form) = (setting.name(), setting.form());
@@ -148,8 +154,13 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
     if !line.iter().all(|byte| matches!(byte, b' '..=b'~' | b'\t')) {
         return Err(Error::NotText);
     }
-    let line = core::str::from_utf8(line).map_err(|_| Error::NotText)?;
-    let words = split_words(line);
+    // All names and words are lower case.
+    let mut lower = [0; MAX_LINE];
+    for (place, byte) in lower.iter_mut().zip(line) {
+        *place = byte.to_ascii_lowercase();
+    }
+    let line = lower.get(..line.len()).unwrap_or_default();
+    let words = split_words(core::str::from_utf8(line).unwrap_or_default());
     let Some((&name, values)) = words.split_first() else {
         return Ok(Command::Nothing);
     };
@@ -163,7 +174,7 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         };
     }
     match name {
-        "help" => match values {
+        "help" | "?" => match values {
             [] => Ok(Command::Help),
             ["estimator"] => Ok(Command::HelpEstimator),
             _ => Err(Error::Form(HELP)),
@@ -193,7 +204,7 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
             Some(flat) => Ok(Command::Flat(flat)),
             None => Err(Error::Form(Flat::FORM)),
         },
-        _ => Err(Error::Unknown),
+        name => Err(Error::Unknown(nearest(name, help::names()))),
     }
 }
 
@@ -320,8 +331,10 @@ mod tests {
     }
 
     #[test]
-    fn blanks_do_not_matter() {
+    fn blanks_and_upper_case_do_not_matter() {
         assert_eq!(parse(b"  help "), Ok(Command::Help));
+        assert_eq!(parse(b"?"), Ok(Command::Help));
+        assert_eq!(parse(b"STREAM Off"), Ok(Command::Set(Value::Stream(false))));
         let fixed = Value::Black(BlackLevel::Fixed(Counts::from_int(300)));
         assert_eq!(parse(b"black\tfixed  300"), Ok(Command::Set(fixed)));
         let commit = Command::Upload(Step::Commit);
@@ -340,13 +353,15 @@ mod tests {
         let beyond = format!("calibration data {MAX_ENCODED}");
         let too_many = format!("calibration begin {}", MAX_ENCODED + 1);
         for (line, error) in [
-            ("Help", "E1 unknown command, try help"),
+            ("frobnicate", "E1 unknown command, try help"),
+            ("distanse", "E1 unknown command, try distance or help"),
+            ("straem on", "E1 unknown command, try stream or help"),
             ("help me", "E2 expected help [estimator]"),
             ("help estimator adaptive", "E2 expected help [estimator]"),
             ("rows 0", "E3 out of range, expected rows 1..64"),
             ("rows many", "E2 expected rows 1..64"),
             ("rows 1 1 1 1 1 1 1", "E2 expected rows 1..64"),
-            ("mean Plain", "E2 expected mean plain|weighted"),
+            ("mean simple", "E2 expected mean plain|weighted"),
             (
                 "black fixed",
                 "E2 expected black fixed 0..4095|shielded|frame",

@@ -3,7 +3,7 @@
 use core::fmt::{self, Write as _};
 
 use crate::centre::Estimator;
-use crate::settings::Setting;
+use crate::settings::{Setting, split_words};
 use crate::text::Text;
 
 /// A command as `help` shows it: what is typed, and what it does.
@@ -92,6 +92,14 @@ const LAST: [&str; 3] = [
     "u uncertainty, r repeatability, x centre, a height, n rows used; and flags:",
     "m rows misfit, c rows correlated, g never calibrated, s not as calibrated",
 ];
+
+/// The first words of all commands and settings.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    let before = BEFORE_SETTINGS.iter().map(|&(typed, _)| typed);
+    let after = AFTER_SETTINGS.iter().map(|&(typed, _)| typed);
+    let settings = Setting::ALL.iter().map(|it| it.name());
+    (before.chain(settings).chain(after)).filter_map(|typed| split_words(typed).first().copied())
+}
 
 /// The answer to `help`: a line for each command, parted by CR LF.
 #[derive(Clone, Copy, Debug)]

@@ -216,7 +216,7 @@ mod tests {
                     garbled[at] = character;
                     match parse(&garbled) {
                         Err(
-                            Error::Unknown | Error::NotText | Error::Form(_) | Error::Record(..),
+                            Error::Unknown(_) | Error::NotText | Error::Form(_) | Error::Record(..),
                         )
                         | Err(Error::Checksum { .. }) => refused += 1,
                         other => assert_eq!(other, same, "{}", garbled.escape_ascii()),
