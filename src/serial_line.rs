@@ -3,7 +3,7 @@
 use embassy_futures::select::{Either, select};
 use embassy_stm32::usart::BufferedUart;
 use embedded_io_async::Read as _;
-use slitrange::protocol::input::Input;
+use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::status::StartCause;
 use slitrange::session::Event;
 
@@ -24,7 +24,7 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
     let (tx, mut rx) = uart.split();
     let mut shell = Shell::new(Transmitter::new(tx), started_by, flash);
     shell.start().await;
-    let mut input = Input::new();
+    let (mut input, mut echo) = (Input::new(), Echo::default());
     let mut bytes = [0; PIECE];
     loop {
         match select(RESULTS.receive(), rx.read(&mut bytes)).await {
@@ -32,10 +32,17 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
             Either::Second(received) => {
                 // This driver never returns an error: it drops them, and `board` counts them.
                 let received = received.unwrap_or(0);
-                for command in bytes[..received]
-                    .iter()
-                    .filter_map(|&byte| input.take(byte))
-                {
+                for &byte in &bytes[..received] {
+                    let command = if shell.echoes() {
+                        let command = input.type_in(byte, &mut echo);
+                        shell.show_typed(echo.as_str(), input.is_empty()).await;
+                        command
+                    } else {
+                        input.take(byte)
+                    };
+                    let Some(command) = command else {
+                        continue;
+                    };
                     shell.take(Event::Line(command)).await;
                     // A line full of commands takes seconds to answer: results have their turn in between.
                     while let Ok(result) = RESULTS.try_receive() {

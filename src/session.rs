@@ -4,7 +4,7 @@
 use core::fmt::{Display, Write as _};
 use core::sync::atomic::Ordering;
 
-use embassy_time::{Instant, Timer};
+use embassy_time::{Duration, Instant, Timer};
 use slitrange::pixels::flat_field::FlatField;
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::row::{ROW_END, RowHead, RowPart, RowPixels};
@@ -46,7 +46,12 @@ pub struct Shell {
     store: Store<CalibrationFlash>,
     session: Session,
     actions: Actions,
+    /// Until then a person types a line, and readings are left out.
+    typing_until: Instant,
 }
+
+/// How long readings are left out after a key, unless the line ends before.
+const TYPING: Duration = Duration::from_secs(10);
 
 impl Shell {
     /// Starts a session. Not inlined, so that it uses the stack only while it runs.
@@ -58,7 +63,23 @@ impl Shell {
             store: Store::new(flash),
             session: Session::new(HARDWARE, tcd1304::geometry(), started_by),
             actions: Actions::default(),
+            typing_until: Instant::MIN,
         }
+    }
+
+    /// Whether a person sees what she types.
+    pub const fn echoes(&self) -> bool {
+        self.session.settings().echo
+    }
+
+    /// Shows what a person types. Readings are left out until the line ends, so that they do not tear it.
+    pub async fn show_typed(&mut self, echo: &str, is_empty: bool) {
+        self.typing_until = if is_empty {
+            Instant::MIN
+        } else {
+            Instant::now() + TYPING
+        };
+        self.tx.send(echo).await;
     }
 
     /// Loads what flash holds, sends the banner, and lets measuring begin.
@@ -214,6 +235,9 @@ impl Shell {
 
     async fn send(&mut self) {
         if self.actions.may_drop {
+            if Instant::now() < self.typing_until {
+                return;
+            }
             self.tx.send_or_drop(self.actions.text.as_str());
         } else {
             self.tx.send(self.actions.text.as_str()).await;

@@ -30,6 +30,9 @@ macro_rules! list {
             /// a line for every frame
             Stream "stream" stream: bool = true, Form::Words("on|off"), Affects::Session;
 
+            /// show what is typed, and let it be corrected; readings wait
+            Echo "echo" echo: bool = false, Form::Words("on|off"), Affects::Session;
+
             /// rows in a frame
             Rows "rows" rows: u16 = 16,
                 Form::Number { least: 1, most: MAX_ROWS, unit: "" }, Affects::Measurement;
@@ -483,6 +486,7 @@ pub(crate) mod tests {
             .map(Value::Rows)
             .into_iter()
             .chain([true, false].map(Value::Stream))
+            .chain([true, false].map(Value::Echo))
             .chain([true, false].map(Value::Laser))
             .chain(AmbientMode::ALL.map(Value::Ambient))
             .chain(exposures.map(Value::ExposureLimit))

@@ -5,7 +5,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use slitrange::protocol::command::{Command, Error, MAX_LINE, parse};
-use slitrange::protocol::input::Input;
+use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::piece::{PIECE, Piece};
 use slitrange::protocol::upload::{Step, Upload};
 use slitrange::record::encoded::EncodedRecord;
@@ -22,6 +22,13 @@ fuzz_target!(|bytes: &[u8]| {
                 line.take(step);
             }
         }
+    }
+    let (mut typed, mut echo) = (Input::new(), Echo::default());
+    for &byte in bytes {
+        if let Some(taken) = typed.type_in(byte, &mut echo) {
+            check(taken);
+        }
+        assert!(echo.as_str().len() == echo.as_bytes().len());
     }
     let whole = parse(bytes);
     assert_eq!(whole == Err(Error::TooLong), bytes.len() > MAX_LINE);

@@ -12,7 +12,7 @@ use slitrange::fault::Fault;
 use slitrange::frame::Mean;
 use slitrange::measurement::Measurement;
 use slitrange::protocol::command::{self, MAX_LINE};
-use slitrange::protocol::input::Input;
+use slitrange::protocol::input::{Echo, Input};
 use slitrange::reading::{Measured, Reading};
 use slitrange::row::{Geometry, Polarity, Row};
 use slitrange::sensor_heads;
@@ -303,10 +303,33 @@ proptest! {
     /// Bytes in any order give at most one answer for each line end, or one for a line that is too long.
     #[test]
     fn bytes_give_no_more_answers_than_lines(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
+        let ends = bytes.iter().filter(|&&byte| byte == b'\r' || byte == b'\n').count();
+        let most = ends + bytes.len() / MAX_LINE;
         let mut input = Input::new();
         let answers = bytes.iter().filter_map(|&byte| input.take(byte)).count();
-        let ends = bytes.iter().filter(|&&byte| byte == b'\r' || byte == b'\n').count();
-        prop_assert!(answers <= ends + bytes.len() / MAX_LINE, "{answers} answers to {ends} ends");
+        prop_assert!(answers <= most, "{answers} answers to {ends} ends");
+        let (mut typed, mut echo) = (Input::new(), Echo::default());
+        let answers = bytes.iter().filter_map(|&byte| typed.type_in(byte, &mut echo)).count();
+        prop_assert!(answers <= most, "{answers} answers to {ends} typed ends");
+    }
+
+    /// A terminal shows the line that is read: what it shows, less what was taken back, is the command.
+    #[test]
+    fn a_typed_line_is_the_one_that_is_shown(bytes in prop::collection::vec(
+        prop_oneof![8 => b' '..=b'~', 1 => Just(8u8), 1 => Just(127u8), 1 => Just(3u8)], 0..MAX_LINE,
+    )) {
+        let (mut typed, mut echo) = (Input::new(), Echo::default());
+        let mut shown = Vec::new();
+        for &byte in &bytes {
+            prop_assert_eq!(typed.type_in(byte, &mut echo), None);
+            match echo.as_str() {
+                "\u{8} \u{8}" => drop(shown.pop()),
+                "\r\n" => shown.clear(),
+                character => shown.extend(character.bytes()),
+            }
+        }
+        prop_assert_eq!(typed.is_empty(), shown.is_empty());
+        prop_assert_eq!(typed.type_in(b'\r', &mut echo), Some(command::parse(&shown)));
     }
 }
 

@@ -1,8 +1,14 @@
 //! Gathers the bytes that come over the serial line into commands.
+//!
+//! Programs send whole lines ([`Input::take`]). A person types them, wants to see them, and corrects them
+//! ([`Input::type_in`]).
+
+use core::fmt::Write as _;
 
 use heapless::Vec;
 
 use super::command::{Command, Error, MAX_LINE, parse};
+use crate::text::Text;
 
 /// The line that is under way.
 #[derive(Debug, Default)]
@@ -10,7 +16,32 @@ pub struct Input {
     line: Vec<u8, MAX_LINE>,
     /// The line was too long: the rest of it is skipped.
     skipping: bool,
+    /// The keys of a terminal.
+    keys: Keys,
 }
+
+/// Where in the bytes of a key a terminal is: arrows and their like send an escape, a bracket, some
+/// parameters, and a letter (ECMA-48, 5.4).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Keys {
+    #[default]
+    Between,
+    /// After an escape.
+    Escape,
+    /// After the bracket.
+    Sequence,
+    /// After a CR, whose LF is no second line.
+    Return,
+}
+
+/// What a terminal shows for a byte: at most three characters.
+pub type Echo = Text<3>;
+
+const BACKSPACE: u8 = 0x08;
+const DELETE: u8 = 0x7F;
+const ESCAPE: u8 = 0x1B;
+/// Ctrl-C and Ctrl-U.
+const CANCEL: [u8; 2] = [0x03, 0x15];
 
 impl Input {
     /// An empty line.
@@ -18,7 +49,56 @@ impl Input {
         Self {
             line: Vec::new(),
             skipping: false,
+            keys: Keys::Between,
         }
+    }
+
+    /// Whether no line is under way.
+    pub fn is_empty(&self) -> bool {
+        self.line.is_empty() && !self.skipping
+    }
+
+    /// As [`Input::take`], for a person: `echo` becomes what the terminal shows. Backspace takes the last
+    /// character back, Ctrl-C and Ctrl-U take the line back. Arrows and other keys without a character do
+    /// nothing.
+    pub fn type_in(&mut self, byte: u8, echo: &mut Echo) -> Option<Result<Command, Error>> {
+        echo.clear();
+        let keys = core::mem::take(&mut self.keys);
+        match (keys, byte) {
+            (Keys::Escape, b'[' | b'O') => self.keys = Keys::Sequence,
+            // Parameters, up to the last byte of the sequence.
+            (Keys::Sequence, b' '..=b'?') => self.keys = Keys::Sequence,
+            (Keys::Sequence, b'@'..=b'~') => {}
+            (Keys::Return, b'\n') => {}
+            (_, ESCAPE) => self.keys = Keys::Escape,
+            (_, BACKSPACE | DELETE) => {
+                if self.line.pop().is_some() {
+                    // Room for three.
+                    let _ = echo.write_str("\u{8} \u{8}");
+                }
+            }
+            (_, b'\r' | b'\n') => {
+                let _ = echo.write_str("\r\n");
+                let command = self.take(byte);
+                if byte == b'\r' {
+                    self.keys = Keys::Return;
+                }
+                return command;
+            }
+            (_, b' '..=b'~' | b'\t') => {
+                let character = if byte == b'\t' { b' ' } else { byte };
+                if !self.skipping {
+                    let _ = echo.write_char(char::from(character));
+                }
+                return self.take(character);
+            }
+            (_, other) if CANCEL.contains(&other) => {
+                *self = Self::new();
+                let _ = echo.write_str("\r\n");
+            }
+            _ => {}
+        }
+        None
     }
 
     /// Takes a byte. Returns the command, or the error, that the byte completes.
@@ -60,6 +140,54 @@ mod tests {
         assert_eq!(all(b"help\ninfo\n"), two);
         assert_eq!(all(b"help\r\ninfo\r\n\r\n"), two);
         assert_eq!(all(b"help\r\ninf"), [Ok(Command::Help)]);
+    }
+
+    /// What a person typed, what the terminal showed, and the commands.
+    fn typed(bytes: &[u8]) -> (std::string::String, std::vec::Vec<Result<Command, Error>>) {
+        let (mut input, mut echo) = (Input::new(), Echo::default());
+        let (mut shown, mut commands) = (std::string::String::new(), std::vec![]);
+        for &byte in bytes {
+            commands.extend(input.type_in(byte, &mut echo));
+            shown += echo.as_str();
+        }
+        (shown, commands)
+    }
+
+    #[test]
+    fn what_a_person_types_is_shown_and_can_be_corrected() {
+        let help = std::vec![Ok(Command::Help)];
+        for (bytes, shown) in [
+            (&b"help\r"[..], "help\r\n"),
+            (b"help\r\n", "help\r\n"),
+            (b"help\n", "help\r\n"),
+            (b"hex\x7flp\r", "hex\u{8} \u{8}lp\r\n"),
+            (b"x\x08\x08\x08help\r", "x\u{8} \u{8}help\r\n"),
+            // Arrows, Home, Delete, F5, and a lone escape.
+            (b"he\x1b[A\x1b[1;5Dl\x1b[3~\x1bOHp\x1b[15~\r", "help\r\n"),
+            (b"\x1bhelp\r", "help\r\n"),
+            (b"save\x03help\r", "save\r\nhelp\r\n"),
+            (b"save\x15help\r", "save\r\nhelp\r\n"),
+            (b"\x01\x02\xffhelp\0\r", "help\r\n"),
+        ] {
+            let (echo, commands) = typed(bytes);
+            assert_eq!(
+                (echo.as_str(), &commands),
+                (shown, &help),
+                "{}",
+                bytes.escape_ascii()
+            );
+        }
+        assert_eq!(typed(b"rows\t64\r").0, "rows 64\r\n");
+        assert_eq!(typed(b"\r\n\r\n").1, [Ok(Command::Nothing); 2]);
+    }
+
+    #[test]
+    fn a_long_typed_line_is_one_error_and_can_be_taken_back() {
+        let mut bytes = std::vec![b'x'; MAX_LINE + 9];
+        bytes.extend_from_slice(b"\x03help\r");
+        let (shown, commands) = typed(&bytes);
+        assert_eq!(commands, [Err(Error::TooLong), Ok(Command::Help)]);
+        assert_eq!(shown.matches('x').count(), MAX_LINE + 1);
     }
 
     #[test]

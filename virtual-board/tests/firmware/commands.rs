@@ -428,3 +428,37 @@ fn unknown_commands_are_answered_by_numbered_errors() {
     assert_eq!(ask(&mut board, "rows"), "rows 16", "nothing was set");
     board.finish().expect("a clean run");
 }
+
+/// A person types beside the stream: each key comes back, and no reading tears the line. Readings go on after
+/// the line, and ten seconds after the last key of a line that nobody ends.
+#[test]
+fn typed_keys_are_shown_and_readings_wait_for_the_end_of_the_line() {
+    let mut board = measuring(1);
+    set(&mut board, "echo on");
+    fresh_results(&mut board, 3);
+    board.take_lines();
+    for key in ["r", "o", "x", "\u{7f}", "w", "s"] {
+        board.send(key);
+        board.run_for(Duration::from_millis(200)).expect("a run");
+    }
+    board.send("\r");
+    let shown = "rox\u{8} \u{8}ws";
+    let line = board.run_until_line(|line| line.ends_with(shown), PATIENCE);
+    let line = line.expect("the line with what was typed").text;
+    println!("{}", line.escape_debug());
+    let answer = board.run_until_line(|line| line == "rows 1", PATIENCE);
+    answer.expect("the answer");
+    fresh_results(&mut board, 3);
+    board.send("ro");
+    board.run_for(Duration::from_secs(1)).expect("a run");
+    taken_results(&mut board);
+    board.run_for(Duration::from_secs(8)).expect("a run");
+    assert_eq!(taken_results(&mut board), [""; 0]);
+    board.run_for(Duration::from_secs(2)).expect("a run");
+    assert!(taken_results(&mut board).len() > 50);
+    board.send("\u{3}echo off\r");
+    let answer = board.run_until_line(|line| line == "echo off", PATIENCE);
+    answer.expect("the answer");
+    Status::ask(&mut board).assert_none(&["rows lost", "rows failed", "lines dropped"]);
+    board.finish().expect("a clean run");
+}

@@ -14,7 +14,7 @@ use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::pixels::map::{Entry, PixelMap, window};
 use slitrange::protocol::command::Command;
 use slitrange::protocol::info::Hardware;
-use slitrange::protocol::input::Input;
+use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::line::PartsOf;
 use slitrange::protocol::row::{RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
@@ -240,7 +240,7 @@ pub fn talk() {
         head: "",
         row_us: 0,
     });
-    let mut input = Input::new();
+    let (mut input, mut echo) = (Input::new(), Echo::default());
     let mut session = Session::new(hardware, any::geometry(), any(StartCause::PowerOn));
     let mut actions = Actions::default();
     let vitals = any(Vitals::default());
@@ -251,6 +251,13 @@ pub fn talk() {
             2 => Event::Saved(any(Ok(()))),
             4 => Event::Flat(outcome()),
             3 => Event::Line(Ok(any(Command::Upload(any(Step::Commit))))),
+            5 => match input.type_in(any(0), &mut echo) {
+                Some(command) => Event::Line(command),
+                None => {
+                    say(&echo.as_str());
+                    continue;
+                }
+            },
             _ => match input.take(any(0)) {
                 Some(command) => Event::Line(command),
                 None => continue,
