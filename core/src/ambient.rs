@@ -17,7 +17,7 @@ pub enum AmbientMode {
     /// Nothing: the estimators find the background around the spot.
     #[default]
     Off,
-    /// Every second row is taken with the laser off, and the mean of these rows is subtracted from the others.
+    /// Every second row has the laser off, and the mean of these rows is subtracted from the others.
     Subtract,
 }
 
@@ -361,8 +361,8 @@ mod tests {
         assert!(mean.share().expect("rows") < 0.005);
     }
 
-    /// The share is the variance of the mean. The mean over all pixels is right to a tenth of a count: rounding
-    /// has no direction.
+    /// The share is the variance of the mean. The mean over all pixels is right to a tenth of a count, because
+    /// rounding has no direction.
     #[test]
     #[cfg_attr(miri, ignore = "takes minutes; the other tests run the same code")]
     fn the_mean_has_the_noise_that_it_states() {

@@ -47,7 +47,7 @@
 //!
 //! | | bytes |
 //! |---|---|
-//! | [`Measurement`], with the frame under way, the sums over a row's blocks, and the mean of the ambient light | 17,030 |
+//! | [`Measurement`], with the frame under way, the sums over blocks, and the mean ambient light | 17,030 |
 //! | [`Calibration`] | 2144 |
 //! | [`record::Record`], a calibration with the sensor that it belongs to | 2864 |
 //! | [`pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |

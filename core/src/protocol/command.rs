@@ -1,7 +1,7 @@
 //! Reads commands from lines that a person or a program typed, and writes them as such lines.
 //!
-//! `NAME` shows a setting, `NAME VALUE` sets it. Upper case counts as lower case; words are separated by blanks
-//! or tabs.
+//! `NAME` shows a setting, `NAME VALUE` sets it. Upper case counts as lower case. Words are separated by
+//! blanks or tabs.
 
 use core::fmt;
 

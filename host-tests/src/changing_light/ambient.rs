@@ -132,7 +132,7 @@ impl Light {
         Frames::measure(&mut self.settled(ambient, rows), WHITE_PAPER, frames)
     }
 
-    /// By how much the Cramér-Rao bound of a frame's centre is larger in this light than in the dark room, by
+    /// By how much the Cramér-Rao bound of a frame's centre is larger in this light than in a dark room, by
     /// the light's shot noise and the noise of the mean.
     pub fn computed_price(&self, ambient: AmbientMode, rows: u16) -> f64 {
         let scene = self.scene();
