@@ -58,6 +58,9 @@ fn a_long_frame_has_more_of_the_means_noise() {
     }
 }
 
+/// Adds a lamp's light to the pixels.
+type Lamp = fn(&mut [f32]);
+
 /// Lamps that are switched on and off: strong daylight from one side, and a sharp image on the spot's flank.
 /// Until the mean has followed, there is too much light or too little, and no reading may claim to be better
 /// than it is.
@@ -74,7 +77,7 @@ fn light_that_changes_gives_no_wrong_distance_without_a_flag() {
             *light += 400.0 * (-0.5 * u * u).exp();
         }
     };
-    let lamps: [(&str, fn(&mut [f32]), usize); 2] = [
+    let lamps: [(&str, Lamp, usize); 2] = [
         ("from one side", from_one_side, 390),
         // Most frames after a change are flagged: the mean's rest lies beside the spot.
         ("on the flank", on_the_flank, 100),
