@@ -15,6 +15,7 @@ use slitrange::measurement::Measurement;
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
 use slitrange::pixels::map::PixelMap;
 use slitrange::reading::Measured;
+use slitrange::row::Geometry;
 use slitrange::settings::Settings;
 use static_cell::StaticCell;
 
@@ -43,6 +44,7 @@ pub async fn measure() {
     loop {
         // Settings and requests first, so that they hold for every row that comes after them.
         if let Some(applied) = SETTINGS.try_take() {
+            measurement.set_geometry(applied.geometry);
             measurement.set(applied.settings, applied.profile);
             measurement.set_comb(applied.comb.unwrap_or_else(Comb::nominal));
             order_light(measurement);
@@ -60,7 +62,7 @@ pub async fn measure() {
             }
             Ok(Request::Take(kind)) => {
                 let taken = match &mut flat {
-                    Some(flat) => take_rows(flat, kind).await,
+                    Some(flat) => take_rows(flat, kind, measurement.geometry()).await,
                     None => Err(TakeError::Silent),
                 };
                 TAKEN.send(taken).await;
@@ -196,15 +198,18 @@ async fn free_waiting_rows() {
 }
 
 /// Takes the rows of a map. Each row counts as a sign of life: no reading is due meanwhile.
-async fn take_rows(flat: &mut FlatField, kind: Kind) -> Result<Taken, TakeError> {
-    let geometry = tcd1304::geometry();
+async fn take_rows(
+    flat: &mut FlatField,
+    kind: Kind,
+    geometry: &Geometry,
+) -> Result<Taken, TakeError> {
     free_waiting_rows().await;
-    flat.begin(kind, &geometry)?;
+    flat.begin(kind, geometry)?;
     loop {
         let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {
             return Err(TakeError::Silent);
         };
-        let taken = flat.add(row.words, &geometry);
+        let taken = flat.add(row.words, geometry);
         FREE.send(row.words).await;
         COUNTERS.results.add();
         if let Some(taken) = taken {

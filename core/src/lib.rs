@@ -65,6 +65,8 @@
 
 pub mod row;
 
+pub mod front_end;
+
 pub mod ambient;
 
 pub mod black_level;

@@ -86,6 +86,18 @@ impl Measurement {
         self.start_frame();
     }
 
+    /// The geometry in use.
+    pub const fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// Changes the geometry, as when the front end was measured, and starts the frame under way again.
+    pub fn set_geometry(&mut self, geometry: Geometry) {
+        self.geometry = geometry;
+        self.ambient_mean.clear();
+        self.start_frame();
+    }
+
     /// The settings in use.
     pub fn settings(&self) -> &Settings {
         &self.settings

@@ -2,11 +2,12 @@
 //!
 //! ```text
 //! format version | the record, by postcard | CRC-32 of all before it, little endian
-//! 1 byte: 3 or 4 | up to 2105 bytes        | 4 bytes
+//! 1 byte: 3 to 5 | up to 2134 bytes        | 4 bytes
 //! ```
 //!
-//! The record of a sensor with a comb of slits has version 4: its slits follow the rest. Any other record has
-//! version 3, which firmware from before the comb reads.
+//! A record has the oldest version that can hold it, so that earlier firmware reads it. Version 3 holds a
+//! sensor with one slit, and version 4 one with a comb: its slits follow the rest. Version 5 also holds the
+//! front end: the slits follow the rest or not, and then the front end.
 //!
 //! The CRC-32 is ISO-HDLC, as in zip and PNG.
 //!
@@ -33,6 +34,7 @@ use crate::distance::eq1::{Eq1, Eq1Error};
 use crate::distance::knots::{Knot, Knots, MAX_KNOTS};
 use crate::distance::residuals::{Corrected, CorrectedError};
 use crate::distance::table::{Table, TableError};
+use crate::front_end::FrontEnd;
 use crate::profile::Profile;
 use crate::row::{Geometry, LARGEST_COUNT, MAX_PIXELS, Polarity};
 use crate::sensor_heads;
@@ -62,6 +64,8 @@ pub struct Record {
     pub profile: Option<Profile>,
     /// The slits, if the sensor has a comb.
     pub comb: Option<Comb>,
+    /// The front end, if it was measured.
+    pub front_end: Option<FrontEnd>,
 }
 
 /// The format that this firmware writes for a sensor with one slit.
@@ -70,6 +74,10 @@ pub const VERSION: u8 = 3;
 /// The format that this firmware writes for a sensor with a comb: the same, and [`Record::comb`].
 pub const VERSION_OF_COMB: u8 = 4;
 
+/// The format that this firmware writes for a sensor whose front end was measured: [`Record::comb`] as one
+/// that may be there, and [`Record::front_end`].
+pub const VERSION_OF_FRONT_END: u8 = 5;
+
 /// The first format: the same without [`Record::errors`] and [`Record::profile`].
 const VERSION_1: u8 = 1;
 
@@ -77,8 +85,8 @@ const VERSION_1: u8 = 1;
 const VERSION_2: u8 = 2;
 
 /// The longest record in bytes: eq. (1) with [`MAX_KNOTS`] residuals, the uncertainties of a fit, the
-/// sensor's own spot, and 16 slits, each number at its longest.
-pub const MAX_ENCODED: usize = 2110;
+/// sensor's own spot, 16 slits and the front end, each number at its longest.
+pub const MAX_ENCODED: usize = 2139;
 
 /// Computed bit by bit, without a table: a record is read once at the start.
 const CRC: Crc<u32, crc::Table<0>> = Crc::<u32, crc::Table<0>>::new(&CRC_32_ISO_HDLC);
@@ -95,9 +103,10 @@ pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], Rec
         bytes: buffer.len(),
     };
     let (version, rest) = buffer.split_first_mut().ok_or(no_room)?;
-    *version = match record.comb {
-        None => VERSION,
-        Some(_) => VERSION_OF_COMB,
+    *version = match (&record.comb, &record.front_end) {
+        (_, Some(_)) => VERSION_OF_FRONT_END,
+        (Some(_), None) => VERSION_OF_COMB,
+        (None, None) => VERSION,
     };
     let fields = postcard::to_slice(&fields, rest)
         .map_err(|_| no_room)?
@@ -105,16 +114,16 @@ pub fn encode<'a>(record: &Record, buffer: &'a mut [u8]) -> Result<&'a [u8], Rec
     let rest = rest.get_mut(fields..).ok_or(no_room)?;
     let after = (&record.errors, &record.profile);
     let errors = postcard::to_slice(&after, rest).map_err(|_| no_room)?.len();
-    let slits = match &record.comb {
-        None => 0,
-        Some(comb) => {
-            let rest = rest.get_mut(errors..).ok_or(no_room)?;
-            postcard::to_slice(comb, rest).map_err(|_| no_room)?.len()
-        }
+    let rest = rest.get_mut(errors..).ok_or(no_room)?;
+    let head = match (&record.comb, &record.front_end) {
+        (comb, Some(front_end)) => postcard::to_slice(&(comb, front_end), rest),
+        (Some(comb), None) => postcard::to_slice(comb, rest),
+        (None, None) => Ok(Default::default()),
     };
+    let head = head.map_err(|_| no_room)?.len();
     let summed = fields
         .saturating_add(errors)
-        .saturating_add(slits)
+        .saturating_add(head)
         .saturating_add(1);
     let (before, after) = buffer.split_at_mut_checked(summed).ok_or(no_room)?;
     let sum = after.first_chunk_mut().ok_or(no_room)?;
@@ -140,14 +149,14 @@ pub fn decode(bytes: &[u8]) -> Result<Record, RecordError> {
     let (&version, body) = before
         .split_first()
         .ok_or(RecordError::Short { bytes: bytes.len() })?;
-    if !(VERSION_1..=VERSION_OF_COMB).contains(&version) {
+    if !(VERSION_1..=VERSION_OF_FRONT_END).contains(&version) {
         return Err(RecordError::Version { version });
     }
     match &Fields::read(body) {
         Ok((fields, rest)) => {
             let (errors, profile, rest) = read_errors(version, rest)?;
-            let comb = read_comb(version, rest)?;
-            fields.record(errors, profile, comb)
+            let (comb, front_end) = read_head(version, rest)?;
+            fields.record(errors, profile, comb, front_end)
         }
         Err(error) => Err(*error),
     }
@@ -170,17 +179,19 @@ fn read_errors(
     }
 }
 
-/// Reads the slits, which are the last bytes of a record of a comb.
+/// Reads the slits and the front end, which are the last bytes of a record.
 #[inline(never)]
-fn read_comb(version: u8, rest: &[u8]) -> Result<Option<Comb>, RecordError> {
-    if version == VERSION_OF_COMB {
-        return match postcard::take_from_bytes(rest) {
-            Ok((comb, [])) => Ok(Some(comb)),
-            _ => Err(RecordError::Shape),
-        };
-    }
-    match rest {
-        [] => Ok(None),
+fn read_head(version: u8, rest: &[u8]) -> Result<(Option<Comb>, Option<FrontEnd>), RecordError> {
+    let read = match version {
+        VERSION_OF_FRONT_END => postcard::take_from_bytes(rest)
+            .map(|((comb, front_end), rest)| ((comb, Some(front_end)), rest)),
+        VERSION_OF_COMB => {
+            postcard::take_from_bytes(rest).map(|(comb, rest)| ((Some(comb), None), rest))
+        }
+        _ => Ok(((None, None), rest)),
+    };
+    match read {
+        Ok((head, [])) => Ok(head),
         _ => Err(RecordError::Shape),
     }
 }
@@ -199,6 +210,7 @@ impl Record {
             errors: CalibrationErrors::Nominal,
             profile: None,
             comb: None,
+            front_end: None,
         })
     }
 
@@ -210,9 +222,18 @@ impl Record {
         }
     }
 
-    /// Whether this is the record of the nominal calibration.
+    /// Whether this is the record of the nominal calibration, whatever is known of the front end.
     pub fn is_nominal(&self) -> bool {
-        Self::nominal().as_ref() == Some(self)
+        let nominal = Self::nominal().map(|nominal| Self {
+            front_end: self.front_end,
+            ..nominal
+        });
+        nominal.as_ref() == Some(self)
+    }
+
+    /// Whether this is the record that a sensor has from the factory: nothing of it was measured.
+    pub fn is_of_factory(&self) -> bool {
+        self.front_end.is_none() && self.is_nominal()
     }
 
     /// Checks what the types of the parts do not ensure.
@@ -247,6 +268,9 @@ impl Record {
         let is_sensible = self.profile.as_ref().is_none_or(Profile::is_sensible);
         if !self.errors.are_sensible() || !is_sensible {
             return Err(RecordError::Errors);
+        }
+        if (self.front_end.as_ref()).is_some_and(|front_end| !front_end.is_sensible()) {
+            return Err(RecordError::FrontEnd);
         }
         match &self.comb {
             None => Ok(()),
@@ -370,6 +394,7 @@ impl Fields {
         errors: CalibrationErrors,
         profile: Option<Profile>,
         comb: Option<Comb>,
+        front_end: Option<FrontEnd>,
     ) -> Result<Record, RecordError> {
         let estimator = Estimator::from_stored_letter(char::from(self.estimator)).ok_or(
             RecordError::Estimator {
@@ -404,6 +429,7 @@ impl Fields {
             errors,
             profile,
             comb,
+            front_end,
         };
         record.check()?;
         Ok(record)
@@ -534,6 +560,8 @@ pub enum RecordError {
     Errors,
     /// The comb cannot be used.
     Comb(CombError),
+    /// A number of the front end is outside its range.
+    FrontEnd,
     /// The range of centres reaches beyond the sensor's pixels.
     OffTheSensor {
         /// The first centre.
@@ -560,8 +588,8 @@ impl fmt::Display for RecordError {
             ),
             Self::Version { version } => write!(
                 f,
-                "the record has format {version}, and this firmware knows {VERSION_1} to {VERSION_OF_COMB}: \
-                write it with the tool of this firmware"
+                "the record has format {version}, and this firmware knows {VERSION_1} to \
+                {VERSION_OF_FRONT_END}: write it with the tool of this firmware"
             ),
             Self::Shape => f.write_str(
                 "the CRC is right, but the bytes are not a record: write the calibration with the tool of \
@@ -593,6 +621,9 @@ impl fmt::Display for RecordError {
                 "the record's uncertainties are impossible: fit again from the points file",
             ),
             Self::Comb(error) => error.fmt(f),
+            Self::FrontEnd => f.write_str(
+                "the record's front end is impossible: measure it again (slitrange head measure)",
+            ),
             Self::OffTheSensor { first, last } => write!(
                 f,
                 "the record's centres, {first:.1} to {last:.1} px, reach beyond the sensor: take a smaller \

@@ -5,12 +5,14 @@ mod light;
 
 use core::ops::Range;
 
+use serde::{Deserialize, Serialize};
+
 pub(crate) use crate::row::blocks::{BLOCK, BLOCK_LOG2, Blocks};
 pub use crate::row::light::{Extremes, Light};
-use crate::units::Counts;
+use crate::units::{Counts, Electrons};
 
 /// Whether more light makes a converter word larger or smaller.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Polarity {
     /// A word rises with light.
     Rising,
@@ -156,6 +158,13 @@ impl Geometry {
             && *light == other.light
             && *polarity == other.polarity
             && *bits == other.bits
+    }
+
+    /// Electrons that make a count, by the shot noise. The largest that there can be without shot noise.
+    pub fn electrons_per_count(&self) -> Electrons {
+        // Electrons have 12 bits after the point: 2^12 * 2^16 / variance.
+        let bits = (1i32 << 28).checked_div(self.shot_variance_per_count_q16.into());
+        bits.map_or(Electrons::MAX, Electrons::from_bits)
     }
 
     /// The largest word the converter makes, in counts.

@@ -16,6 +16,7 @@ use core::fmt::{self, Write as _};
 use crate::comb::{Comb, Slits};
 use crate::difference::Difference;
 use crate::fault::Fault;
+use crate::front_end::FrontEnd;
 use crate::pixels::PixelErrors;
 use crate::profile::Profile;
 use crate::protocol::MAX_ANSWER;
@@ -80,6 +81,8 @@ pub struct Actions {
 pub struct Applied {
     /// The settings.
     pub settings: Settings,
+    /// The geometry of the rows, with what was measured of the front end.
+    pub geometry: Geometry,
     /// The sensor's own spot, if the calibration knows it.
     pub profile: Option<Profile>,
     /// The slits of the comb, if the calibration knows them. Otherwise they are those of [`Comb::nominal`].
@@ -158,19 +161,32 @@ impl Session {
         self.record.as_ref().map(EncodedRecord::record)
     }
 
+    /// The geometry of the rows: the driver's, with what was measured of the front end.
+    pub fn geometry(&self) -> Geometry {
+        match self.front_end() {
+            Some(front_end) => front_end.geometry(&self.geometry),
+            None => self.geometry.clone(),
+        }
+    }
+
+    /// The front end as it was measured. It holds also while the calibration is off.
+    fn front_end(&self) -> Option<&FrontEnd> {
+        self.record()?.front_end.as_ref()
+    }
+
     /// Whether rows are to be corrected with the map of the pixels.
     pub const fn is_map_on(&self) -> bool {
         self.flat.is_on()
     }
 
-    /// What `save` writes to flash. `None` without a calibration, because the next start would then take the
-    /// nominal one.
+    /// What `save` writes to flash: without a record if it is that of the factory. `None` without a
+    /// calibration, because the next start would then take the nominal one.
     #[inline(never)]
     pub fn configuration(&self) -> Option<Configuration> {
         let record = self.record()?;
         Some(Configuration {
             settings: self.settings,
-            record: (!record.is_nominal()).then(|| record.clone()),
+            record: (!record.is_of_factory()).then(|| record.clone()),
         })
     }
 
@@ -348,7 +364,7 @@ impl Session {
             Command::HelpEstimator => actions.add_line(&Estimators),
             Command::Info => actions.add_line(&Info {
                 hardware: &self.hardware,
-                geometry: &self.geometry,
+                geometry: &self.geometry(),
                 settings: &self.settings,
                 record: self.record(),
                 is_calibration_on: self.calibration_on,
@@ -409,8 +425,12 @@ impl Session {
             }
             Command::Save | Command::SaveNominal => {
                 let record = self.record.as_ref().ok_or(Refusal::NoCalibration)?;
-                let is_nominal = record.record().is_nominal();
-                if command == Command::Save && is_nominal && self.flash.holds_other(record.sum()) {
+                let (is_nominal, is_of_factory) = (
+                    record.record().is_nominal(),
+                    record.record().is_of_factory(),
+                );
+                if command == Command::Save && is_of_factory && self.flash.holds_other(record.sum())
+                {
                     return Err(Refusal::WouldReplace);
                 }
                 if command == Command::SaveNominal && !is_nominal {
@@ -429,6 +449,7 @@ impl Session {
         let record = self.record().filter(|_| self.calibration_on);
         Applied {
             settings: self.settings,
+            geometry: self.geometry(),
             profile: record.and_then(|record| record.profile),
             comb: record.and_then(|record| record.comb.clone()),
         }

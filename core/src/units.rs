@@ -102,6 +102,11 @@ quantity! {
     Micrometres, 8, 0
 }
 
+quantity! {
+    /// Electrons, Q20.12: ±524,288 electrons in steps of 0.00024.
+    Electrons, 12, 2
+}
+
 /// A distance as millimetres with four decimals, to a tenth of a micrometre: what a person reads.
 pub struct AsMillimetres(pub Micrometres);
 

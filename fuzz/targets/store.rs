@@ -188,6 +188,7 @@ fn sample(what: u8, i: u16) -> Configuration {
             errors: CalibrationErrors::Unknown,
             profile: None,
             comb: None,
+            front_end: None,
         }),
     }
 }

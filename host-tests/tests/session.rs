@@ -45,6 +45,7 @@ const HARDWARE: Hardware = Hardware {
 fn applied(settings: Settings, profile: Option<Profile>) -> Applied {
     Applied {
         settings,
+        geometry: tcd1304dg(),
         profile,
         comb: None,
     }
@@ -603,6 +604,7 @@ fn the_measurement_learns_the_slits_of_a_comb_from_an_upload() {
     assert_eq!(settings.slits, Slits::Comb);
     let expected = Applied {
         settings,
+        geometry: tcd1304dg(),
         profile: None,
         comb: Some(comb),
     };

@@ -109,6 +109,7 @@ pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
         profile: profile::of(&solved, &made.calibration),
         calibration: made.calibration,
         comb: comb.map(|comb| comb.comb),
+        front_end: None,
     })
 }
 

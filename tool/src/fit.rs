@@ -172,6 +172,8 @@ impl Options {
             errors,
             profile,
             comb,
+            // `calibrate write` takes over the front end that the sensor has.
+            front_end: None,
         })?)
     }
 

@@ -9,6 +9,7 @@ use slitrange::comb::{CORRECTIONS, SlitMap};
 use slitrange::distance::Calibration;
 use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::{Knot, Knots};
+use slitrange::front_end::{Estimate, FrontEnd};
 use slitrange::profile::Profile;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::record::{MAX_ENCODED, decode};
@@ -100,9 +101,74 @@ pub struct Shown {
     pub spot: Option<ShownSpot>,
     /// Distances at some centres.
     pub examples: Vec<Example>,
+    /// The front end. None if it was not measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub front_end: Option<ShownFrontEnd>,
     /// The slits of a comb. None for a sensor with one slit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slits: Option<Vec<ShownSlit>>,
+}
+
+/// A measured front end: values with their standard uncertainties.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ShownFrontEnd {
+    /// What light does to a word: `rise` or `fall`.
+    pub polarity: &'static str,
+    /// Electrons a count.
+    pub gain_electrons: [f64; 2],
+    /// The noise of a pixel in the dark, in counts.
+    pub read_noise_counts: [f64; 2],
+    /// The count that light does not exceed. None if the target was too dim to show it.
+    pub saturation_counts: Option<[f64; 2]>,
+    /// The counts of an unlit pixel.
+    pub black_level_counts: [f64; 2],
+}
+
+impl ShownFrontEnd {
+    /// What a record says of a front end.
+    pub fn of(front_end: &FrontEnd) -> Self {
+        let counts = |it: &Estimate<Counts>| [it.value.to_f64(), it.u.to_f64()];
+        let FrontEnd {
+            polarity,
+            gain,
+            read_noise,
+            saturation,
+            black_level,
+        } = front_end;
+        Self {
+            polarity: polarity_word(*polarity),
+            gain_electrons: [gain.value.to_f64(), gain.u.to_f64()],
+            read_noise_counts: counts(read_noise),
+            saturation_counts: saturation.as_ref().map(counts),
+            black_level_counts: counts(black_level),
+        }
+    }
+}
+
+impl fmt::Display for ShownFrontEnd {
+    /// `10.02 electrons a count (u 0.08), ...`
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [gain, gain_u] = self.gain_electrons;
+        let [noise, noise_u] = self.read_noise_counts;
+        let [black, black_u] = self.black_level_counts;
+        write!(
+            f,
+            "{gain:.2} electrons a count (u {gain_u:.2}), read noise {noise:.2} (u {noise_u:.2}), black \
+             {black:.1} (u {black_u:.1}), "
+        )?;
+        match self.saturation_counts {
+            Some([level, u]) => write!(f, "saturated at {level:.1} (u {u:.1})")?,
+            None => f.write_str("saturation not measured")?,
+        }
+        write!(f, "; words {} with light", self.polarity)
+    }
+}
+
+const fn polarity_word(polarity: Polarity) -> &'static str {
+    match polarity {
+        Polarity::Rising => "rise",
+        Polarity::Falling => "fall",
+    }
 }
 
 /// A slit of a comb.
@@ -254,10 +320,7 @@ impl Shown {
                 light: [record.geometry.light.start, record.geometry.light.end],
                 shielded: [record.geometry.shielded.start, record.geometry.shielded.end],
                 bits: record.geometry.bits,
-                polarity: match record.geometry.polarity {
-                    Polarity::Rising => "rise",
-                    Polarity::Falling => "fall",
-                },
+                polarity: polarity_word(record.geometry.polarity),
                 shot_variance_per_count: f64::from(record.geometry.shot_variance_per_count_q16)
                     / 65536.0,
             },
@@ -283,6 +346,7 @@ impl Shown {
             examples: (0..EXAMPLES)
                 .filter_map(|index| at(between(first, last, index)))
                 .collect(),
+            front_end: record.front_end.as_ref().map(ShownFrontEnd::of),
             slits: (record.comb.as_ref())
                 .map(|comb| comb.slits().iter().map(ShownSlit::of).collect()),
         }
@@ -316,6 +380,13 @@ impl Shown {
                     "{bits} bits that {polarity} with light, shot noise {shot_variance_per_count:.5} \
                      counts^2 a count"
                 ),
+            ),
+            (
+                "front end",
+                match self.front_end {
+                    Some(front_end) => front_end.to_string(),
+                    None => "not measured: the sensor assumes a usual one".to_owned(),
+                },
             ),
             ("estimator", self.estimator.clone()),
             ("black level", self.black.clone()),

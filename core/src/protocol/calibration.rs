@@ -81,6 +81,11 @@ impl CalibrationAnswer<'_> {
         if let Some(comb) = &record.comb {
             write!(f, "\r\ncalibration slits {}", comb.slits().len())?;
         }
+        let front_end = match record.front_end {
+            Some(_) => "measured",
+            None => "assumed",
+        };
+        write!(f, "\r\ncalibration front-end {front_end}")?;
         let (first, last) = record.calibration.valid();
         write!(f, "\r\ncalibration centres {first} {last} px")?;
         if let Ok(distances) = record.calibration.distances() {
@@ -165,6 +170,7 @@ mod tests {
              calibration date 0001-01-01\r\n\
              calibration estimator adaptive\r\n\
              calibration black shielded\r\n\
+             calibration front-end assumed\r\n\
              calibration centres 1191.00000 2654.00000 px\r\n\
              calibration distances 550.0874 1099.7177 mm\r\n\
              calibration stored none";
@@ -260,8 +266,7 @@ mod tests {
             is_on: true,
             stored: FlashStatus::Nothing,
         };
-        let lines =
-            "\r\ncalibration black shielded\r\ncalibration slits 16\r\ncalibration centres ";
+        let lines = "\r\ncalibration black shielded\r\ncalibration slits 16\r\ncalibration front-end assumed\r\n";
         assert!(shown.to_string().contains(lines), "{shown}");
     }
 

@@ -9,6 +9,7 @@ use crate::distance::Calibration;
 use crate::distance::eq1::Eq1;
 use crate::distance::knots::Knots;
 use crate::exposure::Exposure;
+use crate::front_end::FrontEnd;
 use crate::pixels::PixelErrors;
 use crate::record::Record;
 use crate::row::{Geometry, Polarity};
@@ -46,7 +47,7 @@ impl fmt::Display for Banner<'_> {
 pub struct Info<'a> {
     /// What the firmware runs on.
     pub hardware: &'a Hardware,
-    /// The geometry of its rows.
+    /// The geometry of its rows, with what was measured of the front end.
     pub geometry: &'a Geometry,
     /// The settings in use.
     pub settings: &'a Settings,
@@ -91,6 +92,16 @@ impl fmt::Display for Info<'_> {
             "shielded {}..{}; 0 to {full_scale} counts that {polarity} with light",
             shielded.start, shielded.end
         )?;
+        let front_end = self.record.and_then(|record| record.front_end.as_ref());
+        match front_end {
+            Some(front_end) => write!(f, "{}", Measured(front_end))?,
+            None => write!(
+                f,
+                "\r\ninfo front end assumed, not measured: {:.2} electrons a count, saturated from {} counts",
+                self.geometry.electrons_per_count(),
+                self.geometry.saturated_from()
+            )?,
+        }
         write!(
             f,
             "\r\ninfo rate a row every {row_us} us, in which the laser is on for {} to {} us",
@@ -209,6 +220,40 @@ impl Info<'_> {
     }
 }
 
+/// The front end as it was measured, in three lines.
+struct Measured<'a>(&'a FrontEnd);
+
+impl fmt::Display for Measured<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const PART: &str = "\r\ninfo front end";
+        let FrontEnd {
+            gain,
+            read_noise,
+            saturation,
+            black_level,
+            polarity: _,
+        } = self.0;
+        write!(
+            f,
+            "{PART} gain {} electrons a count, u {}",
+            gain.value, gain.u
+        )?;
+        write!(
+            f,
+            "{PART} read noise {:.2} counts, u {:.2}; black level {:.2} counts, u {:.2}",
+            read_noise.value, read_noise.u, black_level.value, black_level.u
+        )?;
+        match saturation {
+            Some(saturation) => write!(
+                f,
+                "{PART} saturation {:.1} counts, u {:.1}",
+                saturation.value, saturation.u
+            ),
+            None => write!(f, "{PART} saturation not measured: the target was too dim"),
+        }
+    }
+}
+
 /// The least and the largest of some uncertainties.
 struct Range<'a>(&'a [Micrometres]);
 
@@ -255,10 +300,11 @@ mod tests {
     use crate::distance::knots::Knot;
     use crate::distance::residuals::Corrected;
     use crate::distance::table::Table;
+    use crate::front_end::Estimate;
     use crate::record::date::Date;
     use crate::sensor_heads;
     use crate::uncertainty::{FittedErrors, FittedSurface, PLACES};
-    use crate::units::{Counts, Micrometres, Pixels};
+    use crate::units::{Counts, Electrons, Micrometres, Pixels};
 
     const HARDWARE: Hardware = Hardware {
         board: "NUCLEO-F429ZI",
@@ -371,6 +417,51 @@ mod tests {
             let line = format!("\r\ninfo uncertainty surface: of each frame, {surface}");
             assert!(of_comb.contains(&line), "{of_comb}");
         }
+    }
+
+    #[test]
+    fn info_says_whether_the_front_end_was_measured() {
+        let assumed = "\r\ninfo front end assumed, not measured: 10.00 electrons a count, saturated from 4095 \
+                       counts\r\n";
+        for record in [None, Some(Record::nominal().expect("a record"))] {
+            let text = info(record.as_ref(), true);
+            assert!(text.contains(assumed), "{text}");
+        }
+        let counts = |value, u| Estimate {
+            value: Counts::from_f32(value),
+            u: Counts::from_f32(u),
+        };
+        let front_end = FrontEnd {
+            polarity: Polarity::Falling,
+            gain: Estimate {
+                value: Electrons::from_f32(8.125),
+                u: Electrons::from_f32(0.06),
+            },
+            read_noise: counts(5.25, 0.0625),
+            saturation: Some(counts(2700.5, 0.25)),
+            black_level: counts(320.0, 0.125),
+        };
+        let measured = |front_end| Record {
+            front_end: Some(front_end),
+            ..Record::nominal().expect("a record")
+        };
+        for is_on in [true, false] {
+            let text = info(Some(&measured(front_end)), is_on);
+            let lines = "\r\ninfo front end gain 8.13 electrons a count, u 0.06\
+                 \r\ninfo front end read noise 5.25 counts, u 0.06; black level 320.00 counts, u 0.13\
+                 \r\ninfo front end saturation 2700.5 counts, u 0.3\r\n";
+            assert!(text.contains(lines), "{text}");
+            assert!(!text.contains("assumed"));
+        }
+        let dim = FrontEnd {
+            saturation: None,
+            ..front_end
+        };
+        let text = info(Some(&measured(dim)), true);
+        assert!(
+            text.contains("saturation not measured: the target was too dim"),
+            "{text}"
+        );
     }
 
     #[test]

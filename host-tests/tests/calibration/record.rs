@@ -10,7 +10,8 @@ use slitrange::distance::Calibration;
 use slitrange::distance::knots::{Knot, Knots};
 use slitrange::distance::table::Table;
 use slitrange::record::{
-    MAX_ENCODED, Record, RecordError, VERSION, VERSION_OF_COMB, decode, encode,
+    MAX_ENCODED, Record, RecordError, VERSION, VERSION_OF_COMB, VERSION_OF_FRONT_END, decode,
+    encode,
 };
 use slitrange::row::Geometry;
 use slitrange::sensor_heads;
@@ -156,6 +157,7 @@ fn records_of_format_2_decode_without_a_profile() {
     let without = Record {
         profile: None,
         comb: None,
+        front_end: None,
         ..longest()
     };
     let mut bytes = encoded(&without);
@@ -197,6 +199,42 @@ fn only_a_comb_changes_the_format() {
     refused(&slits[..slits.len() - 1], RecordError::Shape);
     refused(&[slits, &[0]].concat(), RecordError::Shape);
     refused(&[&[17], &slits[1..], &[0; 5]].concat(), RecordError::Shape);
+}
+
+/// Firmware from before `head measure` reads the records of sensors whose front end nobody measured.
+#[test]
+fn only_a_measured_front_end_gives_format_5() {
+    let bytes = encoded(&nominal());
+    let front_end = longest().front_end;
+    for comb in [None, Some(Comb::nominal())] {
+        let with = Record {
+            comb,
+            front_end,
+            ..nominal()
+        };
+        let of_both = encoded(&with);
+        assert_eq!(of_both[0], VERSION_OF_FRONT_END);
+        let end = bytes.len() - 4;
+        assert_eq!(of_both[1..end], bytes[1..end]);
+        let head = &of_both[end..of_both.len() - 4];
+        println!(
+            "{} bytes for {:?} and the front end",
+            head.len(),
+            with.comb.is_some()
+        );
+        assert_eq!(decode(&of_both), Ok(with));
+
+        let refused = |head: &[u8], error| {
+            let body = [&of_both[..end], head].concat();
+            assert_eq!(decode(&sealed(body)), Err(error));
+        };
+        refused(&[], RecordError::Shape);
+        refused(&head[..head.len() - 1], RecordError::Shape);
+        refused(&[head, &[0]].concat(), RecordError::Shape);
+    }
+    // A gain of zero: zigzag and varint of 0.
+    let impossible = [&[5], &bytes[1..bytes.len() - 4], &[0, 0], &[0; 7]].concat();
+    assert_eq!(decode(&sealed(impossible)), Err(RecordError::FrontEnd));
 }
 
 #[test]
@@ -262,11 +300,11 @@ fn damaged_and_cut_off_records_are_refused() {
         Err(RecordError::Short { bytes: 4 })
     );
     let mut newer = body;
-    newer[0] = VERSION_OF_COMB + 1;
+    newer[0] = VERSION_OF_FRONT_END + 1;
     assert_eq!(
         decode(&sealed(newer)),
         Err(RecordError::Version {
-            version: VERSION_OF_COMB + 1
+            version: VERSION_OF_FRONT_END + 1
         })
     );
 }

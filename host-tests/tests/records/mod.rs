@@ -10,6 +10,7 @@ use slitrange::distance::eq1::Eq1;
 use slitrange::distance::knots::{CLOSEST, Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
+use slitrange::front_end::{Estimate, FrontEnd, LARGEST_GAIN, LEAST_GAIN};
 use slitrange::profile::Profile;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
@@ -17,7 +18,7 @@ use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads;
 use slitrange::shape::COMPONENTS;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
-use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange::units::{Counts, Electrons, Micrometres, Pixels};
 
 /// Thousands of cases, the same in every run.
 pub fn cases(cases: u32) -> ProptestConfig {
@@ -40,6 +41,7 @@ pub fn nominal() -> Record {
         profile: None,
         errors: CalibrationErrors::Unknown,
         comb: None,
+        front_end: None,
     }
 }
 
@@ -52,6 +54,53 @@ fn widest_comb() -> Comb {
         .map(|place| SlitMap::nominal(place).corrected([most; CORRECTIONS]))
         .collect();
     Comb::new(&slits).expect("ascending")
+}
+
+/// A front end whose numbers take all bytes that they can.
+fn widest_front_end() -> FrontEnd {
+    let counts = |value| Estimate {
+        value: Counts::from_int(value),
+        u: Counts::from_int(4095),
+    };
+    FrontEnd {
+        polarity: Polarity::Rising,
+        gain: Estimate {
+            value: LARGEST_GAIN,
+            u: LARGEST_GAIN,
+        },
+        read_noise: counts(4095),
+        saturation: Some(counts(4095)),
+        black_level: counts(4094),
+    }
+}
+
+/// Front ends with any numbers that are within their ranges.
+pub fn front_ends() -> impl Strategy<Value = FrontEnd> {
+    let bits = |most: i32| (0..=most, 0..=most);
+    let counts = move || {
+        bits(4095 << Counts::FRACTION).prop_map(|(value, u)| Estimate {
+            value: Counts::from_bits(value),
+            u: Counts::from_bits(u),
+        })
+    };
+    let gain = bits(LARGEST_GAIN.to_bits()).prop_map(|(value, u)| Estimate {
+        value: Electrons::from_bits(value).max(LEAST_GAIN),
+        u: Electrons::from_bits(u),
+    });
+    let levels = (counts(), prop::option::of(counts())).prop_map(|(black_level, saturation)| {
+        let saturation = saturation.filter(|saturation| saturation.value > black_level.value);
+        (black_level, saturation)
+    });
+    let polarity = prop::sample::select(vec![Polarity::Rising, Polarity::Falling]);
+    (polarity, gain, counts(), levels).prop_map(
+        |(polarity, gain, read_noise, (black_level, saturation))| FrontEnd {
+            polarity,
+            gain,
+            read_noise,
+            saturation,
+            black_level,
+        },
+    )
 }
 
 /// Combs of 4 to 16 slits.
@@ -117,6 +166,7 @@ pub fn longest() -> Record {
             deviation: Pixels::MAX,
         }),
         comb: Some(widest_comb()),
+        front_end: Some(widest_front_end()),
     }
 }
 
@@ -162,7 +212,7 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
         calibrations(),
         errors(),
         prop::option::of(profiles()),
-        prop::option::of(combs()),
+        (prop::option::of(combs()), prop::option::of(front_ends())),
     )
         .prop_map(
             |(
@@ -174,7 +224,7 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
                 calibration,
                 errors,
                 profile,
-                comb,
+                (comb, front_end),
             )| {
                 Some(Record {
                     serial_number,
@@ -186,6 +236,7 @@ pub fn records() -> impl Strategy<Value = Option<Record>> {
                     profile,
                     errors,
                     comb,
+                    front_end,
                 })
             },
         )

@@ -194,6 +194,9 @@ pub struct RecordInUse {
     pub crc: u32,
     /// The sensor's serial number.
     pub serial_number: u32,
+    /// Whether the record may hold a measured front end. Earlier firmware, and a line that was lost, do not
+    /// say that it holds none.
+    pub may_have_front_end: bool,
 }
 
 /// What the lines that came since `calibration` was asked say, once they say it.
@@ -218,6 +221,7 @@ pub fn in_use(lines: &[String]) -> Option<InUse> {
             bytes: bytes.parse().ok()?,
             crc: u32::from_str_radix(crc, 16).ok()?,
             serial_number: of("serial")?.parse().ok()?,
+            may_have_front_end: of("front-end") != Some("assumed"),
         }),
         stored,
     })
@@ -385,6 +389,7 @@ mod tests {
                 bytes: written.bytes().len(),
                 crc: written.sum(),
                 serial_number: 0,
+                may_have_front_end: false,
             }),
             stored: "other".to_owned(),
         };

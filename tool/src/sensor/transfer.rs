@@ -9,8 +9,8 @@ use slitrange::comb::Slits;
 use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::piece::{PIECE, Piece};
 use slitrange::protocol::upload::Step;
-use slitrange::record::decode;
 use slitrange::record::encoded::EncodedRecord;
+use slitrange::record::{Record, decode};
 use slitrange::settings::Value;
 
 use super::answers::{InUse, RecordInUse};
@@ -27,7 +27,8 @@ const TRIES: usize = 3;
 /// FILE is what `calibrate fit` or `calibrate read` wrote. The sensor uses the record when all of it has come
 /// and is sound, or goes on with the one it had. Its estimator and black level are set as when it was
 /// calibrated. `save` keeps them over a power cycle, and with them the rows in a frame and their mean, as
-/// they are set.
+/// they are set. If FILE has no front end and `head measure` measured that of the sensor, the sensor keeps
+/// what was measured.
 #[derive(Clone, Debug, clap::Args)]
 pub struct WriteOptions {
     /// The record
@@ -82,10 +83,23 @@ pub struct ShowOptions {
 /// # Errors
 /// In sentences: the sensor uses the record that it had, or the new one, as is said.
 pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
-    let written = record_file::read(&options.file)?;
-    let record = written.record();
+    let from_file = record_file::read(&options.file)?;
     let mut session = Session::open(pc, &options.port)?;
     let before = session.calibration()?.record;
+    let front_end = match (from_file.record().front_end, &before) {
+        (None, Some(in_use)) if in_use.may_have_front_end => {
+            record_in_use(&mut session)?.record().front_end
+        }
+        _ => None,
+    };
+    let written = match front_end {
+        None => from_file,
+        Some(_) => EncodedRecord::new(Record {
+            front_end,
+            ..from_file.record().clone()
+        })?,
+    };
+    let record = written.record();
     writeln!(
         output,
         "record of sensor {}, {}, {} bytes, CRC-32 {:08x}, for the sensor {} at {}",
@@ -103,6 +117,12 @@ pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
         writeln!(
             output,
             "mind: the sensor's calibration until now was that of sensor {serial_number}"
+        )?;
+    }
+    if front_end.is_some() {
+        writeln!(
+            output,
+            "with the front end that was measured on this sensor"
         )?;
     }
     transfer(session, &written, !options.no_save)?;
@@ -127,7 +147,11 @@ pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
 
 /// Uploads a record, checks it and has it saved, if it is to be; again from the beginning if the sensor goes
 /// away meanwhile.
-fn transfer(mut session: Session<'_>, written: &EncodedRecord, and_save: bool) -> Result<()> {
+pub(super) fn transfer(
+    mut session: Session<'_>,
+    written: &EncodedRecord,
+    and_save: bool,
+) -> Result<()> {
     let mut tries = 1;
     loop {
         // A try before this one may have got as far as the flash.
@@ -266,7 +290,7 @@ pub fn read(options: &ReadOptions, pc: &dyn Pc, output: &mut dyn Write) -> Resul
 }
 
 /// The record that a sensor uses.
-fn record_in_use(session: &mut Session<'_>) -> Result<EncodedRecord> {
+pub(super) fn record_in_use(session: &mut Session<'_>) -> Result<EncodedRecord> {
     let in_use = session.calibration()?;
     let Some(RecordInUse {
         bytes: length, crc, ..

@@ -129,6 +129,7 @@ fn calibrated(points: &[Point]) -> (FittedComb, Solved, Record) {
         profile: None,
         calibration: made.calibration,
         comb: Some(comb.comb.clone()),
+        front_end: None,
     };
     let mut buffer = [0; MAX_ENCODED];
     let bytes = encode(&record, &mut buffer).expect("a record");

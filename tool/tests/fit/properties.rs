@@ -49,6 +49,7 @@ fn accepted(text: &str, position: Option<f64>) -> Result<bool, TestCaseError> {
             calibration: made.calibration.clone(),
             profile: None,
             comb: None,
+            front_end: None,
             errors: CalibrationErrors::Unknown,
         };
         let written = EncodedRecord::new(record.clone()).expect("a record");

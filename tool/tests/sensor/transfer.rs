@@ -51,6 +51,7 @@ fn record(serial_number: u32, calibration: Calibration) -> EncodedRecord {
         // The tables have a spot of their own.
         profile: (!matches!(calibration, Calibration::Eq1(_))).then_some(PROFILE),
         comb: None,
+        front_end: None,
         calibration,
         errors: CalibrationErrors::Unknown,
     })

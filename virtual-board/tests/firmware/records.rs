@@ -42,6 +42,7 @@ pub fn record(calibration: Calibration) -> Record {
             }),
         }),
         comb: None,
+        front_end: None,
         // The board's spot is symmetric.
         profile: Some(Profile {
             first: Pixels::from_int(1200),

@@ -112,6 +112,7 @@ fn record_bytes(calibration: Calibration) -> anyhow::Result<usize> {
         calibration,
         profile: None,
         comb: None,
+        front_end: None,
         errors: CalibrationErrors::Unknown,
     };
     Ok(encode(&record, &mut [0; MAX_ENCODED])?.len())

@@ -12,18 +12,19 @@ use slitrange::distance::table::Table;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::frame::{FrameCentre, Mean};
+use slitrange::front_end::{Estimate, FrontEnd};
 use slitrange::pixels::PixelErrors;
 use slitrange::profile::Profile;
 use slitrange::reading::{Measured, Reading};
 use slitrange::record::Record;
 use slitrange::record::date::Date;
-use slitrange::row::Geometry;
+use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
 use slitrange::shape::COMPONENTS;
 use slitrange::spot::{Background, Effort, Spot};
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES, Parts};
-use slitrange::units::{Counts, Micrometres, Pixels};
+use slitrange::units::{Counts, Electrons, Micrometres, Pixels};
 
 /// What might be any value of its type, though it is the one given.
 pub fn any<T: Copy>(value: T) -> T {
@@ -111,7 +112,25 @@ pub fn record(calibration: Calibration) -> Option<Record> {
         errors: errors(),
         profile: any(true).then(profile),
         comb: comb(),
+        front_end: any(true).then(front_end),
     })
+}
+
+pub fn front_end() -> FrontEnd {
+    let counts = || Estimate {
+        value: any(Counts::MIN),
+        u: any(Counts::MIN),
+    };
+    FrontEnd {
+        polarity: any(Polarity::Rising),
+        gain: Estimate {
+            value: any(Electrons::MIN),
+            u: any(Electrons::MIN),
+        },
+        read_noise: counts(),
+        saturation: any(true).then(counts),
+        black_level: counts(),
+    }
 }
 
 pub fn profile() -> Profile {

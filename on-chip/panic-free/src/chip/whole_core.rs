@@ -43,6 +43,9 @@ pub fn measure_rows() {
         if any(true) {
             say(&measurement.silence());
         }
+        if any(true) {
+            measurement.set_geometry(any::front_end().geometry(&any::geometry()));
+        }
         if let Some(comb) = any::comb() {
             measurement.set_comb(comb);
         }
