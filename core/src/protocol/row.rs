@@ -22,7 +22,7 @@
 use core::fmt::{self, Write as _};
 use core::ops::Range;
 
-use crc::{Digest, Table};
+use crc::CRC_16_IBM_3740;
 use heapless::Vec;
 
 use crate::exposure::Exposure;
@@ -232,21 +232,9 @@ impl<'a> RowHead<'a> {
 impl fmt::Display for RowHead<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.write_lines(f)?;
-        let mut checker = Checker(CRC.digest());
-        self.write_lines(&mut checker)?;
-        write!(f, "\r\n{}", HeadCheck(checker.0.finalize()))
-    }
-}
-
-/// Computes the checksum of the head's lines while they are written.
-struct Checker(Digest<'static, u16, Table<0>>);
-
-impl fmt::Write for Checker {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        for byte in text.bytes().filter(|&byte| byte != b'\r') {
-            self.0.update(&[byte]);
-        }
-        Ok(())
+        let mut check = HeadCheck::EMPTY;
+        self.write_lines(&mut check)?;
+        write!(f, "\r\n{check}")
     }
 }
 
@@ -256,25 +244,46 @@ impl fmt::Write for Checker {
 pub struct HeadCheck(u16);
 
 impl HeadCheck {
+    /// What the line begins with.
+    pub const START: &str = "row check ";
+
+    /// The check of no line.
+    const EMPTY: Self = Self(CRC_16_IBM_3740.init);
+
     /// The check of lines without their ends.
     pub fn of<'a>(lines: impl IntoIterator<Item = &'a str>) -> Self {
-        let mut digest = CRC.digest();
-        let mut join: &[u8] = b"";
+        let (mut check, mut join) = (Self::EMPTY, &b""[..]);
         for line in lines {
-            digest.update(join);
-            digest.update(line.as_bytes());
+            check.add(join);
+            check.add(line.as_bytes());
             join = b"\n";
         }
-        Self(digest.finalize())
+        check
+    }
+
+    /// Adds bytes behind those so far.
+    fn add(&mut self, bytes: &[u8]) {
+        // The state of this CRC is its result. A digest that is kept from call to call hides the CRC's width
+        // from the compiler, which then cannot exclude an overflow.
+        let mut digest = CRC.digest_with_initial(self.0);
+        digest.update(bytes);
+        self.0 = digest.finalize();
     }
 
     /// Reads the line. `None` for any other line.
     pub fn parse(line: &str) -> Option<Self> {
         checksum(line.strip_prefix(Self::START)?).map(Self)
     }
+}
 
-    /// What the line begins with.
-    pub const START: &str = "row check ";
+impl fmt::Write for HeadCheck {
+    /// Adds text. Its lines are joined by CR LF, and CR does not count.
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for byte in text.bytes().filter(|&byte| byte != b'\r') {
+            self.add(&[byte]);
+        }
+        Ok(())
+    }
 }
 
 impl fmt::Display for HeadCheck {

@@ -313,7 +313,8 @@ fn send_row() {
         say(&line);
     }
     if let Some(check) = HeadCheck::parse(line) {
-        reached(i32::from(check == HeadCheck::of([line])));
+        say(&check);
+        say(&HeadCheck::of([line]));
     }
     if let Some(exposure) = RowExposure::parse(line) {
         say(&exposure);

@@ -61,9 +61,9 @@ pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
     panel.draw_series(windows)?;
     // The words of the level lie above its line, those of the black level below.
     let levels = [
-        ("saturated", Some(saturated), 2),
+        ("saturated", Some(saturated), 5),
         ("level beside the spot", Some(level), -22),
-        ("black level", answer.black, 2),
+        ("black level", answer.black, 5),
     ];
     for at in levels.iter().filter_map(|(_, at, _)| *at) {
         draw_level(&mut panel, &all, at)?;
@@ -72,7 +72,10 @@ pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
     for (words, at, below) in levels {
         let Some(at) = at else { continue };
         let (x, y) = panel.backend_coord(&(all.start as f64, at));
-        above.draw(&Text::new(words, (x + 8, y + below), text(TEXT - 3, LEVEL)))?;
+        let (_, axis) = panel.backend_coord(&(all.start as f64, 0.0));
+        // The words of a low level stay above the axis.
+        let y = (y + below).min(axis - 16);
+        above.draw(&Text::new(words, (x + 8, y), text(TEXT - 3, LEVEL)))?;
     }
     if let Some(fit) = &fit {
         let (middle, lowest) = below.split_vertically(HEIGHTS[1]);
