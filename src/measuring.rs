@@ -20,8 +20,8 @@ use slitrange::settings::Settings;
 use static_cell::StaticCell;
 
 use super::shared::{
-    Buffer, COUNTERS, ExposedRow, FREE, FULL, Flat, GIVEN, LASER, PAUSED, REQUESTS, RESULTS,
-    ROW_TO_SEND, Request, SETTINGS, TAKEN, WORDS,
+    COUNTERS, ExposedRow, FREE, FULL, Flat, GIVEN, LASER, PAUSED, REQUESTS, RESULTS, ROW_TO_SEND,
+    Request, SETTINGS, TAKEN, WORDS,
 };
 use super::{board, tcd1304};
 
@@ -161,9 +161,9 @@ impl Silence {
 async fn next_row_alone(
     measurement: &mut Measurement,
     map: Option<&PixelMap>,
-) -> (Option<Buffer>, Result<Measured, Fault>) {
+) -> (Option<ExposedRow>, Result<Measured, Fault>) {
     free_waiting_rows().await;
-    let ExposedRow { words, exposure } = loop {
+    let row = loop {
         let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {
             return (None, Err(measurement.silence()));
         };
@@ -173,8 +173,8 @@ async fn next_row_alone(
         measurement.ambient_row(row.words);
         FREE.send(row.words).await;
     };
-    let measured = measurement.measure_alone(words, exposure, map);
-    (Some(words), measured)
+    let measured = measurement.measure_alone(row.words, row.exposure, map);
+    (Some(row), measured)
 }
 
 /// Orders the laser's light for the rows to come.

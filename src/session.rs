@@ -7,9 +7,8 @@ use core::sync::atomic::Ordering;
 use embassy_time::{Duration, Instant, Timer};
 use slitrange::pixels::flat_field::FlatField;
 use slitrange::protocol::info::Hardware;
-use slitrange::protocol::row::{ROW_END, RowHead, RowPart, RowPixels};
+use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::StartCause;
-use slitrange::row::Light;
 use slitrange::sensor_heads;
 use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Event, Session};
@@ -121,18 +120,24 @@ impl Shell {
     async fn send_row(&mut self, part: RowPart) {
         PAUSED.store(true, Ordering::Relaxed);
         REQUESTS.send(Request::MeasureAlone).await;
-        let (buffer, measured) = ROW_TO_SEND.receive().await;
+        let (exposed, measured) = ROW_TO_SEND.receive().await;
         let geometry = tcd1304::geometry();
-        let row = buffer.as_deref().and_then(|words| geometry.row(words).ok());
-        let light = row.map_or_else(Light::default, |row| row.light());
-        let head = RowHead::new(part, light.len(), &measured);
+        let (row, exposure) = match &exposed {
+            Some(row) => (
+                geometry.row(row.words.as_slice()).ok(),
+                RowExposure::of_laser(row.exposure),
+            ),
+            None => (None, RowExposure::Unknown),
+        };
+        let row = row.unwrap_or_else(|| geometry.empty_row());
+        let head = RowHead::new(part, &row, exposure, &measured);
         self.send_line(&head).await;
-        for line in RowPixels::lines(light, head.sent()) {
+        for line in RowPixels::lines(row.light(), head.sent()) {
             self.send_line(&line).await;
         }
         self.send_line(&ROW_END).await;
-        if let Some(buffer) = buffer {
-            FREE.send(buffer).await;
+        if let Some(exposed) = exposed {
+            FREE.send(exposed.words).await;
         }
         // The last lines wait in the transmitter's buffer. A reading behind them would be late.
         while !self.tx.is_empty() {

@@ -111,7 +111,7 @@ pub static GIVEN: Channel<CriticalSectionRawMutex, Flat, 1> = Channel::new();
 /// A row for the serial line, and what measuring makes of it. No row if the sensor is silent.
 pub static ROW_TO_SEND: Channel<
     CriticalSectionRawMutex,
-    (Option<Buffer>, Result<Measured, Fault>),
+    (Option<ExposedRow>, Result<Measured, Fault>),
     1,
 > = Channel::new();
 

@@ -453,7 +453,7 @@ impl Measurement {
 
 /// The mean of a row's shielded pixels, if there are any.
 #[inline(never)]
-fn black_level(row: &Row<'_>) -> Option<Counts> {
+pub(crate) fn black_level(row: &Row<'_>) -> Option<Counts> {
     let mut black = BlackPixels::default();
     black.add(BlackLevel::Shielded, row, None);
     black.level(BlackLevel::Shielded)

@@ -204,6 +204,16 @@ impl Geometry {
         self.tested_row(words, &mut blocks)
     }
 
+    /// A row without any pixel, in place of one that did not come.
+    pub fn empty_row(&self) -> Row<'static> {
+        Row {
+            light: Light::default(),
+            blocks: &[],
+            shielded: Light::default(),
+            saturation: self.saturated_from(),
+        }
+    }
+
     /// As [`Geometry::row`], with the row's blocks.
     pub(crate) fn row_and_blocks<'a>(
         &self,

@@ -69,6 +69,8 @@ pub enum Error {
     Form(&'static str),
     /// The value of a setting is not understood, out of range, or not in its list.
     Value(Setting, ValueError),
+    /// The pixels of a row that are asked for are not understood, or are no pixels of a row.
+    Row(ValueError),
     /// An offset or a length that no record has.
     Record(RecordForm, ValueError),
     /// The line is longer than [`MAX_LINE`].
@@ -122,6 +124,10 @@ impl fmt::Display for Error {
                     Form::Number { .. } | Form::Words(_) => Ok(()),
                 }
             }
+            Self::Row(ValueError::Range) => {
+                write!(f, "E3 out of range, expected {}", RowPart::FORM)
+            }
+            Self::Row(_) => write!(f, "E2 expected {}", RowPart::FORM),
             Self::Record(form, ValueError::Range) => write!(f, "E3 out of range, expected {form}"),
             Self::Record(form, _) => write!(f, "E2 expected {form}"),
             Self::TooLong => write!(f, "E4 line longer than {MAX_LINE} characters"),
@@ -184,8 +190,8 @@ pub fn parse(line: &[u8]) -> Result<Command, Error> {
         "distance" => expect_no_value(values, Command::Distance, "distance"),
         "centre" => expect_no_value(values, Command::Centre, "centre"),
         "row" => match RowPart::parse(values) {
-            Some(part) => Ok(Command::Row(part)),
-            None => Err(Error::Form(RowPart::FORM)),
+            Ok(part) => Ok(Command::Row(part)),
+            Err(error) => Err(Error::Row(error)),
         },
         "zero" => match values {
             [] => Ok(Command::Zero(true)),
@@ -299,6 +305,11 @@ mod tests {
             Command::Uncertainty,
             Command::Row(RowPart::Whole),
             Command::Row(RowPart::Window),
+            Command::Row(RowPart::Range {
+                first: 1700,
+                last: 1839,
+            }),
+            Command::Row(RowPart::Range { first: 0, last: 0 }),
             Command::Zero(true),
             Command::Zero(false),
             Command::Calibration(None),
@@ -390,6 +401,20 @@ mod tests {
             ("calibration abort 1", calibration),
             ("calibration on off", calibration),
             ("calibration start", calibration),
+            ("row windows", "E2 expected row [window|FIRST LAST]"),
+            ("row 1700", "E2 expected row [window|FIRST LAST]"),
+            ("row 1700 end", "E2 expected row [window|FIRST LAST]"),
+            ("row -1 70000", "E2 expected row [window|FIRST LAST]"),
+            ("row 70000 -1", "E2 expected row [window|FIRST LAST]"),
+            ("row 1 2 3", "E2 expected row [window|FIRST LAST]"),
+            (
+                "row 1840 1839",
+                "E3 out of range, expected row [window|FIRST LAST]",
+            ),
+            (
+                "row 0 65536",
+                "E3 out of range, expected row [window|FIRST LAST]",
+            ),
             ("zero 100", "E2 expected zero [off]"),
             ("save it", "E2 expected save [nominal]"),
             ("defaults on", "E2 expected defaults"),

@@ -33,8 +33,8 @@ pub const BEFORE_SETTINGS: [Line; 8] = [
         "the next frame's reading with the parts of its uncertainty",
     ),
     (
-        "row [window]",
-        "the pixels of one row and its centre, or those around the spot; pauses",
+        "row [window|FIRST LAST]",
+        "one row's pixels and centre: all, the spot's, or FIRST to LAST; pauses",
     ),
     (
         "zero [off]",

@@ -7,9 +7,8 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::{Context as _, Result};
-use slitrange::protocol::row::{REACH, ROW_END, RowPart, RowPixels};
-use slitrange::row::LARGEST_COUNT;
+use anyhow::{Result, bail, ensure};
+use slitrange::protocol::row::{HeadCheck, REACH, ROW_END, RowExposure, RowPart, RowPixels};
 
 use super::answers::{self, Centre, NoCentre};
 use super::line::TRIES;
@@ -35,6 +34,9 @@ pub struct RowOptions {
     /// Only the pixels around the spot, or those of all images of a comb
     #[arg(long)]
     pub window: bool,
+    /// Only the pixels from FIRST to LAST, whatever the row shows
+    #[arg(long, num_args = 2, value_names = ["FIRST", "LAST"], conflicts_with = "window")]
+    pub pixels: Option<Vec<u16>>,
     /// Write a table: pixel, count, and the fit's count
     #[arg(long)]
     pub csv: Option<PathBuf>,
@@ -43,8 +45,25 @@ pub struct RowOptions {
     pub figure: Option<PathBuf>,
 }
 
+impl RowOptions {
+    /// The pixels to ask for.
+    fn part(&self) -> Result<RowPart> {
+        match self.pixels.as_deref() {
+            Some(&[first, last]) => {
+                ensure!(
+                    first <= last,
+                    "--pixels {first} {last}: the first pixel lies beyond the last one"
+                );
+                Ok(RowPart::Range { first, last })
+            }
+            _ if self.window => Ok(RowPart::Window),
+            _ => Ok(RowPart::Whole),
+        }
+    }
+}
+
 /// What a sensor sent of a row.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct RowAnswer {
     /// Pixels of the whole row.
     pub pixels: usize,
@@ -52,7 +71,13 @@ pub struct RowAnswer {
     pub first: usize,
     /// The counts from there on.
     pub counts: Vec<u16>,
-    /// What the sensor found on the row.
+    /// For how long the laser was on.
+    pub exposure: RowExposure,
+    /// The mean of the shielded pixels in counts. `None` if the sensor has none.
+    pub black: Option<f64>,
+    /// The count from which a pixel is saturated.
+    pub saturated: u16,
+    /// What the sensor found on the row. The pixels are those of the row if it found none, too.
     pub centre: Result<Centre, NoCentre>,
 }
 
@@ -70,6 +95,9 @@ struct Image {
 /// Pixels so many widths from all centres show the level: an image has 4e-6 of its height there.
 const BESIDE: f64 = 5.0;
 
+/// The least sigma of an image in pixels.
+const LEAST_WIDTH: f64 = 0.5;
+
 impl Image {
     /// Half of its window, as on the sensor.
     fn reach_px(&self) -> f64 {
@@ -82,8 +110,12 @@ impl Image {
         (-0.5 * off * off).exp()
     }
 
-    /// The same with the height that fits the pixels best: the sensor's own is that of few pixels.
+    /// The same with the height that fits the pixels best: the sensor's own is that of few pixels. An image
+    /// whose centre is off the pixels that came keeps the sensor's height.
     fn fitted(&self, row: &RowAnswer, level: f64) -> Self {
+        if !row.has(self.x_px) {
+            return *self;
+        }
         let near = row.pixels().map(|(pixel, count)| (pixel as f64, count));
         let near = near.filter(|(pixel, _)| (pixel - self.x_px).abs() <= self.reach_px());
         let (light, squares) = near.fold((0.0, 0.0), |(light, squares), (pixel, count)| {
@@ -101,9 +133,10 @@ impl Image {
 }
 
 impl RowAnswer {
-    /// Reads the answer to `row`, once its last line or all of its pixels have come. `Some(None)`: a line was
-    /// lost or spoilt.
-    fn read(lines: &[String]) -> Option<Option<Self>> {
+    /// Reads the lines that came since `row` was asked. `None`: more must come. `Some(None)`: a line was lost
+    /// or spoilt. The answer is complete with its last pixel, or with `row check` if no pixel follows, so a
+    /// lost last line costs no time.
+    pub fn read(lines: &[String]) -> Option<Option<Self>> {
         let (last, before) = lines.split_last()?;
         if last == ROW_END {
             return Some(Self::of(before));
@@ -111,13 +144,38 @@ impl RowAnswer {
         Self::of(lines).map(Some)
     }
 
-    /// The answer without its last line.
+    /// Reads the answer without its last line. `None` if a line is missing, or if its checksum is wrong.
     fn of(lines: &[String]) -> Option<Self> {
         let begin = lines
             .iter()
             .position(|line| line.starts_with("row pixels "))?;
-        let words: Vec<&str> = lines[begin].split(' ').collect();
-        let &["row", "pixels", pixels, "first", first, "count", count] = words.as_slice() else {
+        let lines = lines.get(begin..)?;
+        let check = lines
+            .iter()
+            .position(|line| line.starts_with(HeadCheck::START))?;
+        let (head, rest) = lines.split_at(check);
+        let (check, of_pixels) = rest.split_first()?;
+        if HeadCheck::parse(check)? != HeadCheck::of(head.iter().map(String::as_str)) {
+            return None;
+        }
+        let (first_line, found) = head.split_first()?;
+        let words: Vec<&str> = first_line.split(' ').collect();
+        let &[
+            "row",
+            "pixels",
+            pixels,
+            "first",
+            first,
+            "count",
+            count,
+            "exposure",
+            exposure,
+            "black",
+            black,
+            "saturated",
+            saturated,
+        ] = words.as_slice()
+        else {
             return None;
         };
         let (pixels, first, count): (usize, usize, usize) = (
@@ -125,11 +183,6 @@ impl RowAnswer {
             first.parse().ok()?,
             count.parse().ok()?,
         );
-        let after = &lines[begin + 1..];
-        let is_pixels = |line: &String| line.starts_with("row ");
-        let found = after.iter().position(is_pixels).unwrap_or(after.len());
-        let (found, of_pixels) = after.split_at(found);
-        let centre = answers::centre(found)?;
         let mut counts = Vec::new();
         for line in of_pixels {
             let line = RowPixels::parse(line)?;
@@ -139,19 +192,20 @@ impl RowAnswer {
             }
             counts.extend(line.counts);
         }
-        let answer = Self {
+        let black = match black {
+            "-" => None,
+            black => Some(black.parse().ok()?),
+        };
+        let is_whole = counts.len() == count && first + count <= pixels;
+        is_whole.then_some(Self {
             pixels,
             first,
             counts,
-            centre,
-        };
-        // The line of the centre has no checksum. A centre off the pixels was spoilt on its way.
-        let came = first as f64..(first + count) as f64;
-        let images = answer.found();
-        let is_whole = answer.counts.len() == count
-            && first + count <= pixels
-            && images.iter().all(|(x_px, _)| came.contains(x_px));
-        is_whole.then_some(answer)
+            exposure: RowExposure::parse(exposure)?,
+            black,
+            saturated: saturated.parse().ok()?,
+            centre: answers::centre(found)?,
+        })
     }
 
     /// The centre and the height of each image that the sensor found: one for each slit.
@@ -174,10 +228,14 @@ impl RowAnswer {
         // A comb, and a spot of too few pixels, come without a shape. All images of a comb are as wide.
         let width_px = shape.map_or_else(
             || {
-                let widths = found
-                    .iter()
-                    .map(|&(x_px, height)| self.width_at_half(x_px, height));
-                median(&mut widths.collect::<Vec<f64>>())
+                // Without the pixels of an image, the width of none is known.
+                let images = found.iter().filter(|(x_px, _)| self.has(*x_px));
+                let widths = images.map(|&(x_px, height)| self.width_at_half(x_px, height));
+                let mut widths: Vec<f64> = widths.collect();
+                match widths.is_empty() {
+                    true => LEAST_WIDTH,
+                    false => median(&mut widths),
+                }
             },
             |shape| shape.width_px,
         );
@@ -193,12 +251,18 @@ impl RowAnswer {
         fitted.collect()
     }
 
+    /// Whether the pixel at a place came.
+    fn has(&self, x_px: f64) -> bool {
+        let came = self.first as f64..(self.first + self.counts.len()) as f64;
+        came.contains(&x_px)
+    }
+
     /// The pixels and their counts.
     fn pixels(&self) -> impl Iterator<Item = (usize, f64)> {
         (self.first..).zip(self.counts.iter().map(|&count| count.into()))
     }
 
-    /// Sigma of an image by the pixels above half of its height, in pixels. At least half a pixel.
+    /// Sigma of an image by the pixels above half of its height, in pixels. At least [`LEAST_WIDTH`].
     fn width_at_half(&self, x_px: f64, height: f64) -> f64 {
         let at = |pixel: usize| {
             let count = self.counts.get(pixel.checked_sub(self.first)?)?;
@@ -210,7 +274,7 @@ impl RowAnswer {
         let right = (peak..).take_while(is_above).count();
         let left = (0..peak).rev().take_while(is_above).count();
         // The full width at half of the height is 2.355 sigma.
-        ((left + right) as f64 / 2.355).max(0.5)
+        ((left + right) as f64 / 2.355).max(LEAST_WIDTH)
     }
 
     /// The level beside the images: the median of the pixels there. `None` if there are none.
@@ -272,26 +336,59 @@ impl RowAnswer {
                 let _ = writeln!(text, "no centre: {fault}\n{advice}");
             }
         }
-        let last = self.first + self.counts.len();
-        if let Some((level, highest)) = self.level(&self.images()).zip(self.counts.iter().max()) {
-            let _ = writeln!(
-                text,
-                "pixels {} to {} of {}: median {level:.0} counts beside the spot, {highest} at most",
-                self.first,
-                last - 1,
-                self.pixels
-            );
+        match self.exposure {
+            RowExposure::On(exposure) => {
+                let _ = write!(text, "exposure {} us", exposure.us());
+            }
+            RowExposure::Off => text.push_str("laser off"),
+            RowExposure::Unknown => text.push_str("exposure unknown"),
         }
-        let full = self.counts.iter().filter(|&&count| count >= LARGEST_COUNT);
+        let _ = match self.black {
+            Some(black) => writeln!(text, ", black level {black:.2} counts"),
+            None => writeln!(text, ", no shielded pixels"),
+        };
+        if let Some(highest) = self.counts.iter().max() {
+            let last = self.first + self.counts.len() - 1;
+            let _ = write!(text, "pixels {} to {last} of {}: ", self.first, self.pixels);
+            if let Some(level) = self.level(&self.images()) {
+                let beside = if self.centre.is_ok() {
+                    " beside the spot"
+                } else {
+                    ""
+                };
+                let _ = write!(text, "median {level:.0} counts{beside}, ");
+            }
+            let _ = writeln!(text, "{highest} at most");
+        }
+        let full = self.counts.iter().filter(|&&count| count >= self.saturated);
         let full = full.count();
         if full > 0 {
             let _ = writeln!(
                 text,
-                "{full} pixels are at full scale: dim the laser, or cover other lights"
+                "{full} pixels are saturated, with {} counts or more: dim the laser, or cover other lights",
+                self.saturated
             );
         }
         text
     }
+}
+
+/// Asks a sensor for a row, again if the answer does not arrive as it was sent.
+///
+/// # Errors
+/// In sentences: nobody answers, or the row does not arrive whole.
+pub(super) fn ask_row(session: &mut Session<'_>, part: RowPart) -> Result<RowAnswer> {
+    let command = part.to_string();
+    for _ in 0..TRIES {
+        let answer = session.line().ask(&command, ROW, RowAnswer::read)?;
+        if let Some(answer) = answer {
+            return Ok(answer);
+        }
+    }
+    bail!(
+        "no row arrived whole in {TRIES} tries: check the cable, ask for --window, which is shorter, and \
+         check that the firmware is as new as this program (`info`)"
+    )
 }
 
 /// `row`.
@@ -299,26 +396,10 @@ impl RowAnswer {
 /// # Errors
 /// In sentences: nobody answers, the row does not arrive whole, or a file cannot be written.
 pub fn row(options: &RowOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
-    let part = match options.window {
-        true => RowPart::Window,
-        false => RowPart::Whole,
-    };
+    let part = options.part()?;
     let mut session = Session::open(pc, &options.port)?;
     writeln!(output, "sensor {} at {}", session.head(), options.port)?;
-    let command = part.to_string();
-    let mut answer = None;
-    for _ in 0..TRIES {
-        answer = session.line().ask(&command, ROW, RowAnswer::read)?;
-        if answer.is_some() {
-            break;
-        }
-    }
-    let answer = answer.with_context(|| {
-        format!(
-            "no row arrived whole in {TRIES} tries: check the cable, or ask for --window, which is \
-             shorter"
-        )
-    })?;
+    let answer = ask_row(&mut session, part)?;
     write!(output, "{}", answer.summary())?;
     if let Some(path) = &options.csv {
         whole_file::write(path, answer.csv().as_bytes())?;

@@ -2,7 +2,10 @@
 
 use std::fs;
 
+use slitrange::exposure::Exposure;
+use slitrange::protocol::row::{ROW_END, RowExposure, RowPart};
 use slitrange_tool::sensor::line::TRIES;
+use slitrange_tool::sensor::row::RowAnswer;
 
 use crate::stand_in::{StandIn, Trouble};
 
@@ -26,6 +29,7 @@ fn a_row_is_summarised_tabulated_and_drawn() {
     for part in [
         "sensor TCD1304DG at ",
         "centre 1800.2",
+        "exposure 5600 us, black level 300.00 counts",
         "pixels 0 to 3647 of 3648: median 300 counts",
     ] {
         assert!(output.contains(part), "{part}");
@@ -54,6 +58,9 @@ fn a_row_is_summarised_tabulated_and_drawn() {
         "the row: centre 1800.2",
         "pixels (blue) and fit (red)",
         "what the fit leaves",
+        "saturated",
+        "level beside the spot",
+        "black level",
     ] {
         assert!(drawn.contains(title), "{title}");
     }
@@ -68,7 +75,152 @@ fn a_window_is_a_hundred_pixels() {
     assert!(output.contains("pixels 1752 to 1848 of 3648"), "{output}");
 }
 
-/// Each line of pixels has a checksum, so the tool shows no wrong pixel. If a line is missing in all
+#[test]
+fn a_range_comes_whole_with_a_dark_row_and_with_a_fault() {
+    let sensor = StandIn::new(4, Trouble::default());
+    let figure = sensor.path("row.svg");
+    let options = ["--pixels", "1700", "1839", "--figure"];
+    let options = [&options[..], &[figure.to_str().expect("text")]].concat();
+    let (result, output) = row(&sensor, &options);
+    result.expect("a row");
+    println!("{output}");
+    assert!(output.contains("centre 1800.2"));
+    assert!(output.contains("pixels 1700 to 1839 of 3648: median 300 counts"));
+
+    // The spot's flank, without the centre.
+    let (result, output) = row(&sensor, &["--pixels", "1804", "1860"]);
+    result.expect("a row");
+    assert!(output.contains("pixels 1804 to 1860 of 3648: median 300 counts"));
+    let (result, _) = row(
+        &sensor,
+        &[&["--pixels", "1804", "1860"], &options[3..]].concat(),
+    );
+    result.expect("a figure");
+
+    sensor.state().type_line("laser off");
+    let (result, output) = row(&sensor, &options);
+    result.expect("a row");
+    println!("{output}");
+    assert!(output.contains("no centre: laser off\n"));
+    assert!(output.contains("laser off, black level 300.00 counts"));
+    assert!(output.contains("pixels 1700 to 1839 of 3648: median 300 counts"));
+
+    sensor.state().type_line("laser on");
+    sensor.state().type_line("exposure 187");
+    sensor.state().spot_height = 9000.0;
+    let (result, output) = row(&sensor, &options);
+    result.expect("a row");
+    println!("{output}");
+    assert!(output.contains("no centre: saturated"));
+    assert!(output.contains("exposure 187 us"));
+    assert!(output.contains("pixels 1700 to 1839 of 3648"));
+    assert!(output.contains(" pixels are saturated, with 4095 counts or more"));
+}
+
+#[test]
+fn a_range_off_the_row_is_cut_and_a_reversed_one_is_refused() {
+    let sensor = StandIn::new(5, Trouble::default());
+    let (result, output) = row(&sensor, &["--pixels", "3600", "9999"]);
+    result.expect("a row");
+    assert!(output.contains("pixels 3600 to 3647 of 3648"), "{output}");
+    let error = row(&sensor, &["--pixels", "1839", "1700"]).0;
+    let error = error.expect_err("no range");
+    assert!(error.contains("the first pixel lies beyond the last one"));
+}
+
+/// The first thing that the tool's reader makes of lines which arrive one after the other. `None` if it waits
+/// for more.
+fn read(bytes: &[u8]) -> Option<Option<RowAnswer>> {
+    // As the line does: CR or LF ends a line, and empty lines do not count.
+    let lines = bytes.split(|byte| b"\r\n".contains(byte));
+    let lines = lines.filter(|line| !line.is_empty());
+    let lines: Vec<String> = lines
+        .map(|line| String::from_utf8_lossy(line).into_owned())
+        .collect();
+    (1..=lines.len()).find_map(|count| RowAnswer::read(&lines[..count]))
+}
+
+/// Each character of the answer becomes another one, or is lost. The reader either reads the same values, or
+/// none. It reads the same values only if a line end or the last line is hit.
+#[test]
+fn any_changed_character_of_an_answer_is_noticed() {
+    let sensor = StandIn::new(6, Trouble::default());
+    let range = RowPart::Range {
+        first: 1780,
+        last: 1829,
+    };
+    let beyond = RowPart::Range {
+        first: 4000,
+        last: 4000,
+    };
+    for (settings, part) in [
+        (&["exposure 187"][..], range),
+        (&["slits comb"], range),
+        (&["slits one", "laser off"], range),
+        (&[], RowPart::Window),
+        (&["laser on"], beyond),
+    ] {
+        for line in settings {
+            sensor.state().type_line(line);
+        }
+        let answer = sensor.state().row(part).into_bytes();
+        println!("{}", String::from_utf8_lossy(&answer));
+        let whole = read(&answer).expect("an answer").expect("whole");
+        let last_line = answer.len() - ROW_END.len() - 2;
+        let mut same = 0;
+        for place in 0..answer.len() {
+            let was = answer[place];
+            let flipped = (0..8).map(|bit| was ^ (1 << bit));
+            let mut changed: Vec<Vec<u8>> = flipped
+                .chain(*b"\r\n\t 0179afExz-.()")
+                .filter(|&byte| byte != was)
+                .map(|byte| {
+                    let mut changed = answer.clone();
+                    changed[place] = byte;
+                    changed
+                })
+                .collect();
+            changed.push([&answer[..place], &answer[place + 1..]].concat());
+            for changed in changed {
+                let Some(Some(found)) = read(&changed) else {
+                    continue;
+                };
+                let text = String::from_utf8_lossy(&changed);
+                assert!(place >= last_line || b"\r\n".contains(&was), "{text}");
+                assert_eq!(found, whole, "{text}");
+                same += 1;
+            }
+        }
+        println!("{same} changes left the values as they were");
+        // A lost or spoilt last line costs nothing.
+        assert_eq!(read(&answer[..last_line]), Some(Some(whole)));
+    }
+}
+
+#[test]
+fn the_answer_states_exposure_black_level_and_saturation() {
+    let sensor = StandIn::new(7, Trouble::default());
+    sensor.state().type_line("exposure 187");
+    let ask = |part| {
+        let answer = sensor.state().row(part).into_bytes();
+        read(&answer).expect("an answer").expect("whole")
+    };
+    let lit = ask(RowPart::Window);
+    let exposure = Exposure::from_us(187).expect("an exposure");
+    assert_eq!(lit.exposure, RowExposure::On(exposure));
+    assert_eq!((lit.black, lit.saturated), (Some(300.0), 4095));
+    assert!(lit.centre.is_ok_and(|centre| centre.exposure_us == 187));
+    sensor.state().type_line("laser off");
+    let dark = ask(RowPart::Whole);
+    assert_eq!(dark.exposure, RowExposure::Off);
+    assert_eq!(dark.counts.len(), 3648);
+    assert!(
+        dark.centre
+            .is_err_and(|no_centre| no_centre.fault == "laser off")
+    );
+}
+
+/// Each line has a checksum, so the tool shows no wrong pixel. If a line is missing in all
 /// [`TRIES`] answers, the tool says so.
 #[test]
 fn spoilt_lines_are_never_shown() {

@@ -28,7 +28,7 @@ use slitrange::pixels::map::MapSummary;
 use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::Input;
-use slitrange::protocol::row::{ROW_END, RowHead, RowPart, RowPixels};
+use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
 use slitrange::reading::Measured;
@@ -118,6 +118,8 @@ pub struct State {
     pub wrong_light: usize,
     /// The flash holds a map of the pixels.
     pub has_saved_map: bool,
+    /// The height of the spot in a row, in counts.
+    pub spot_height: f64,
     /// Power fails so many times while the flash is written, which then holds what it held.
     pub restarts_on_save: usize,
     /// The tool is killed after so many uses of its port.
@@ -211,28 +213,44 @@ impl State {
     }
 }
 
-/// The row that the stand-in shows: a spot of 2000 counts and sigma 8, at pixel 1800.25, above 300 counts.
-fn words() -> Vec<u16> {
+/// The row that the stand-in shows: spots of sigma 8 and some height, above 300 counts.
+fn words(centres_px: &[f64], height: f64) -> Vec<u16> {
     let geometry = tcd1304dg();
     let mut words = vec![4095 - 300; geometry.words];
     for (pixel, word) in words[geometry.light].iter_mut().enumerate() {
-        let off = (pixel as f64 - 1800.25) / 8.0;
+        let spots = centres_px.iter().map(|centre_px| {
+            let off = (pixel as f64 - centre_px) / 8.0;
+            height * (-0.5 * off * off).exp()
+        });
         // A little of everything, because pixels that are all the same are no sensor's.
         let noise = f64::from((pixel as u32 * 7919) % 7) - 3.0;
-        *word = 4095 - (300.0 + 2000.0 * (-0.5 * off * off).exp() + noise).round() as u16;
+        let count = 300.0 + spots.sum::<f64>() + noise;
+        *word = 4095 - count.round().min(4095.0) as u16;
     }
     words
 }
 
 impl State {
-    /// Sends a row.
-    fn row(&mut self, part: RowPart) -> String {
-        let (geometry, mut words) = (tcd1304dg(), words());
-        let measured = Measurement::new(geometry.clone(), self.settings())
-            .measure_alone(&mut words, None, None);
-        let light = geometry.row(&words).expect("a row").light();
-        let head = RowHead::new(part, light.len(), &measured);
-        let lines = RowPixels::lines(light, head.sent()).map(|line| format!("{line}\r\n"));
+    /// Sends a row: dark with the laser off, otherwise a spot of [`Self::spot_height`] at pixel 1800.25 or the
+    /// images of a comb around it.
+    pub fn row(&mut self, part: RowPart) -> String {
+        let (geometry, settings) = (tcd1304dg(), self.settings());
+        let mut measurement = Measurement::new(geometry.clone(), settings);
+        let exposure = settings.laser.then(|| measurement.next_exposure());
+        let centre_px = Pixels::from_f32(1800.25);
+        let comb = Comb::nominal();
+        let centres_px: Vec<f64> = match settings.slits {
+            _ if !settings.laser => vec![],
+            Slits::One => vec![centre_px.to_f64()],
+            Slits::Comb => (comb.slits().iter())
+                .map(|slit| slit.from_axis(centre_px).to_f64())
+                .collect(),
+        };
+        let mut words = words(&centres_px, self.spot_height);
+        let measured = measurement.measure_alone(&mut words, exposure, None);
+        let row = geometry.row(&words).expect("a row");
+        let head = RowHead::new(part, &row, RowExposure::of_laser(exposure), &measured);
+        let lines = RowPixels::lines(row.light(), head.sent()).map(|line| format!("{line}\r\n"));
         format!("{head}\r\n{}{ROW_END}\r\n", lines.collect::<String>())
     }
 
@@ -315,6 +333,7 @@ impl StandIn {
             deaf_after_piece: false,
             wrong_light: 0,
             has_saved_map: false,
+            spot_height: 2000.0,
             restarts_on_save: 0,
             kill_after: None,
             killed: false,

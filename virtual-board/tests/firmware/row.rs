@@ -4,11 +4,12 @@
 use std::time::Duration;
 
 use slitrange::comb::Slits;
+use slitrange::exposure::{Exposure, ExposureMode};
 use slitrange::measurement::Measurement;
-use slitrange::protocol::row::{ROW_END, RowHead, RowPart, RowPixels};
+use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::sensor_heads;
 use slitrange::settings::Settings;
-use virtual_board::{Exposure, LightSource, PIXELS, VirtualBoard};
+use virtual_board::{Exposure as Light, LightSource, PIXELS, VirtualBoard};
 
 use crate::comb::paper_behind_a_comb;
 use crate::common::{Status, boot, fresh_results, is_reading, is_result, number, paper, set};
@@ -61,6 +62,13 @@ impl Answer {
         answer
     }
 
+    /// For how long the laser was on, as the answer says.
+    fn exposure(&self) -> RowExposure {
+        let words = self.head[0].split_once(" exposure ").expect("an exposure");
+        let word = words.1.split(' ').next().expect("a word");
+        RowExposure::parse(word).expect("an exposure")
+    }
+
     /// Finds the row among those that the sensor head gave, and what the core on this PC makes of its words.
     fn on_this_pc(&self, board: &mut VirtualBoard, settings: Settings) -> Vec<String> {
         let pixels = self.first..self.first + self.counts.len();
@@ -70,14 +78,22 @@ impl Answer {
             let sent = light.slice(pixels.clone()).expect("pixels");
             sent.iter().eq(self.counts.iter().copied())
         };
-        let words = board.head(|head| {
-            let mut rows = head.rows().map(|row| &row.words);
-            rows.find(|words| is_this(words)).cloned()
-        });
-        let mut words = words.expect("a row with these pixels");
+        let row = board.head(|head| head.rows().find(|row| is_this(&row.words)).cloned());
+        let row = row.expect("a row with these pixels");
+        // The time for which the laser's pin was high is within the clock's microsecond.
+        let exposure = match self.exposure() {
+            RowExposure::On(exposure) => Some(exposure),
+            RowExposure::Off => None,
+            RowExposure::Unknown => panic!("the firmware knows its light"),
+        };
+        let on_us = row.exposure.laser as f64 / 1e3;
+        println!("{exposure:?}, the laser was on for {on_us} us");
+        assert!((f64::from(exposure.map_or(0, Exposure::us)) - on_us).abs() < 2.0);
+        let mut words = row.words;
         let measured =
-            Measurement::new(geometry.clone(), settings).measure_alone(&mut words, None, None);
-        let head = RowHead::new(self.part, geometry.light.len(), &measured);
+            Measurement::new(geometry.clone(), settings).measure_alone(&mut words, exposure, None);
+        let row = geometry.row(&words).expect("a row");
+        let head = RowHead::new(self.part, &row, self.exposure(), &measured);
         head.to_string().split("\r\n").map(String::from).collect()
     }
 }
@@ -177,22 +193,82 @@ fn readings_of_single_rows_go_on_at_once() {
     assert_streaming(board);
 }
 
+/// A range is sent with a spot, with a fault and without light. Each head states the row's own exposure.
+#[test]
+fn a_range_has_the_exposure_of_its_row() {
+    let mut board = boot_keeping(paper());
+    let range = RowPart::Range {
+        first: 1700,
+        last: 1839,
+    };
+    let short = Exposure::from_us(187).expect("an exposure");
+    let fixed = Settings {
+        exposure: ExposureMode::Fixed(short),
+        ..Settings::default()
+    };
+    let off = Settings {
+        laser: false,
+        ..fixed
+    };
+    let full = ExposureMode::Fixed(Exposure::LONGEST);
+    let full = Settings {
+        exposure: full,
+        ..Settings::default()
+    };
+    for (lines, settings, exposure) in [
+        (
+            &["exposure 5600"][..],
+            full,
+            RowExposure::On(Exposure::LONGEST),
+        ),
+        (&["exposure 187"], fixed, RowExposure::On(short)),
+        (&["laser off"], off, RowExposure::Off),
+    ] {
+        for line in lines {
+            set(&mut board, line);
+        }
+        // The row before was exposed when the setting changed.
+        board.run_for(Duration::from_millis(100)).expect("a run");
+        let answer = Answer::ask(&mut board, range);
+        println!("{:#?}", answer.head);
+        assert_eq!(answer.exposure(), exposure);
+        assert_eq!((answer.first, answer.counts.len()), (1700, 140));
+        assert_eq!(answer.head, answer.on_this_pc(&mut board, settings));
+    }
+    set(&mut board, "laser on");
+    let beyond = RowPart::Range {
+        first: 3640,
+        last: u16::MAX,
+    };
+    let answer = Answer::ask(&mut board, beyond);
+    assert_eq!((answer.first, answer.counts.len()), (3640, 8));
+    board.send("row 1839 1700\r\n");
+    board
+        .run_until_line(
+            |line| line == "E3 out of range, expected row [window|FIRST LAST]",
+            SENDING,
+        )
+        .expect("an error");
+    board.finish().expect("a clean run");
+}
+
 /// A row without a spot can be looked at, which is when one wants to. Its window is empty.
 #[test]
 fn rows_without_a_spot_and_without_a_sensor_are_answered() {
-    let dark = |_: &Exposure| vec![300.0; PIXELS];
+    let dark = |_: &Light| vec![300.0; PIXELS];
     let mut board = boot_keeping(Box::new(dark));
     let answer = Answer::ask(&mut board, RowPart::Whole);
     assert!(answer.counts.iter().all(|&count| count == 300));
     assert_eq!(answer.counts.len(), light_pixels());
     assert!(answer.head[1].starts_with("f "), "{:?}", answer.head);
     let window = Answer::ask(&mut board, RowPart::Window);
-    assert_eq!(window.head[0], "row pixels 3648 first 0 count 0");
+    assert!(window.head[0].starts_with("row pixels 3648 first 0 count 0 "));
     assert!(window.counts.is_empty());
 
     board.set_light(paper());
     board.silence_sensor(true).expect("a silent sensor");
     let silent = Answer::ask(&mut board, RowPart::Whole);
+    println!("{:#?}", silent.head);
     assert_eq!(silent.head[1], "f sensor silent");
     let level = silent.counts[0];
     println!("without a sensor all pixels have {level} counts");

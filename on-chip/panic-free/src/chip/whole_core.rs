@@ -16,11 +16,10 @@ use slitrange::protocol::command::Command;
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::line::PartsOf;
-use slitrange::protocol::row::{RowHead, RowPart, RowPixels};
+use slitrange::protocol::row::{HeadCheck, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
 use slitrange::record;
-use slitrange::row::Light;
 use slitrange::row::Row;
 use slitrange::session::flat::Outcome;
 use slitrange::session::{Actions, Event, Session};
@@ -301,15 +300,27 @@ fn send_row() {
     let measured = measurement.measure_alone(any::words(&mut words), any::exposure(), None);
     let geometry = any::geometry();
     let row = geometry.row(any::words(&mut words));
-    let light = row.map_or_else(|_| Light::default(), |row| row.light());
-    let head = RowHead::new(any(RowPart::Whole), light.len(), &measured);
+    let row = row.unwrap_or_else(|_| geometry.empty_row());
+    let exposure = match any(true) {
+        true => RowExposure::of_laser(any::exposure()),
+        false => RowExposure::Unknown,
+    };
+    let head = RowHead::new(any(RowPart::Whole), &row, exposure, &measured);
     say(&head);
-    for line in RowPixels::lines(light, head.sent()) {
+    for line in RowPixels::lines(row.light(), head.sent()) {
         say(&line);
     }
     let bytes = any([0; 64]);
-    if let Some(line) = core::str::from_utf8(&bytes).ok().and_then(RowPixels::parse) {
+    let line = core::str::from_utf8(&bytes).unwrap_or_default();
+    if let Some(line) = RowPixels::parse(line) {
         say(&line);
+    }
+    if let Some(check) = HeadCheck::parse(line) {
+        say(&check);
+        say(&HeadCheck::of([line]));
+    }
+    if let Some(exposure) = RowExposure::parse(line) {
+        say(&exposure);
     }
 }
 

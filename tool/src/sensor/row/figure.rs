@@ -5,7 +5,6 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result};
 use plotters::prelude::*;
-use slitrange::row::LARGEST_COUNT;
 
 use super::{Image, RowAnswer};
 use crate::axes::{self, Area, Axis, Panel, TEXT, text};
@@ -14,7 +13,7 @@ use crate::axes::{self, Area, Axis, Panel, TEXT, text};
 const PIXELS: RGBColor = RGBColor(0x15, 0x55, 0xd0);
 /// The fit.
 const FIT: RGBColor = RGBColor(0xc6, 0x20, 0x20);
-/// Levels: beside the spot, and full scale.
+/// Levels: black, beside the spot, and saturation.
 const LEVEL: RGBColor = RGBColor(0x77, 0x77, 0x77);
 /// The pixels of an image.
 const WINDOW: RGBColor = RGBColor(0xf2, 0xec, 0xd8);
@@ -30,8 +29,9 @@ pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
     let images = answer.images();
     let level = answer
         .level(&images)
-        .context("no pixels beside a spot came: ask for the whole row, without --window")?;
-    let fit = answer.fit();
+        .context("no pixels beside a spot came: ask for the whole row, or for more pixels")?;
+    let window = window(answer, &images);
+    let fit = answer.fit().filter(|_| !window.is_empty());
     let height = HEIGHTS[0]
         + if fit.is_some() {
             HEIGHTS[1] + HEIGHTS[2]
@@ -41,47 +41,53 @@ pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
     let root = SVGBackend::new(path, (1000, height)).into_drawing_area();
     root.fill(&WHITE)?;
     let (above, below) = root.split_vertically(HEIGHTS[0]);
-    let full = f64::from(LARGEST_COUNT);
+    let saturated = f64::from(answer.saturated);
+    let highest = answer.counts.iter().max().copied().unwrap_or_default();
     let all = answer.first..answer.first + answer.counts.len();
     let title = match &answer.centre {
         Ok(centre) => format!("the row: centre {:.3} px", centre.x_px),
         Err(no_centre) => format!("the row: {}", no_centre.fault),
     };
-    let mut panel = panel(&above, &title, &all, (0.0, 1.06 * full), "counts")?;
-    let windows = images.iter().map(|image| {
+    // The saturation is always in view: the room up to it is what one sets the exposure by.
+    let top = 1.06 * saturated.max(highest.into());
+    let mut panel = panel(&above, &title, &all, (0.0, top), "counts")?;
+    let windows = images.iter().filter(|image| answer.has(image.x_px));
+    let windows = windows.map(|image| {
         let reach = image.reach_px();
-        let corners = [(image.x_px - reach, 0.0), (image.x_px + reach, full)];
-        Rectangle::new(corners, WINDOW.filled())
+        let least = (image.x_px - reach).max(all.start as f64);
+        let most = (image.x_px + reach).min(all.end as f64);
+        Rectangle::new([(least, 0.0), (most, top)], WINDOW.filled())
     });
     panel.draw_series(windows)?;
-    draw_level(&mut panel, &all, full)?;
-    draw_level(&mut panel, &all, level)?;
+    // The words of the level lie above its line, those of the black level below.
+    let levels = [
+        ("saturated", Some(saturated), 5),
+        ("level beside the spot", Some(level), -22),
+        ("black level", answer.black, 5),
+    ];
+    for at in levels.iter().filter_map(|(_, at, _)| *at) {
+        draw_level(&mut panel, &all, at)?;
+    }
     draw_pixels(&mut panel, answer, &all, |_, count| count)?;
-    for (words, at, below) in [
-        ("full scale", full, 2),
-        ("level beside the spot", level, -22),
-    ] {
+    for (words, at, below) in levels {
+        let Some(at) = at else { continue };
         let (x, y) = panel.backend_coord(&(all.start as f64, at));
-        above.draw(&Text::new(words, (x + 8, y + below), text(TEXT - 3, LEVEL)))?;
+        let (_, axis) = panel.backend_coord(&(all.start as f64, 0.0));
+        // The words of a low level stay above the axis.
+        let y = (y + below).min(axis - 16);
+        above.draw(&Text::new(words, (x + 8, y), text(TEXT - 3, LEVEL)))?;
     }
     if let Some(fit) = &fit {
         let (middle, lowest) = below.split_vertically(HEIGHTS[1]);
-        draw_fit(&middle, &lowest, answer, &images, level, fit)?;
+        draw_fit(&middle, &lowest, answer, &images, &window, level, fit)?;
     }
     root.present()
         .with_context(|| format!("{} cannot be written", path.display()))?;
     Ok(())
 }
 
-/// The pixels around the spot with the fit, and what the fit leaves.
-fn draw_fit(
-    middle: &Area<'_>,
-    lowest: &Area<'_>,
-    answer: &RowAnswer,
-    images: &[Image],
-    level: f64,
-    fit: impl Fn(f64) -> f64,
-) -> Result<()> {
+/// The pixels that came from the first image's window to the last one's. Empty if there are none.
+fn window(answer: &RowAnswer, images: &[Image]) -> Range<usize> {
     let ends = images.iter().map(|image| {
         let reach = image.reach_px();
         (image.x_px - reach, image.x_px + reach)
@@ -90,30 +96,46 @@ fn draw_fit(
         (first.min(from), last.max(to))
     });
     let came = answer.first..answer.first + answer.counts.len();
-    let window = (first.max(0.0) as usize).max(came.start)..(last as usize + 1).min(came.end);
+    (first.max(0.0) as usize).max(came.start)..(last as usize + 1).min(came.end)
+}
+
+/// The pixels around the spot with the fit, and what the fit leaves.
+fn draw_fit(
+    middle: &Area<'_>,
+    lowest: &Area<'_>,
+    answer: &RowAnswer,
+    images: &[Image],
+    window: &Range<usize>,
+    level: f64,
+    fit: impl Fn(f64) -> f64,
+) -> Result<()> {
     let highest = images.iter().map(|image| image.height).fold(0.0, f64::max);
     let range = (level - 0.08 * highest, level + 1.25 * highest);
     let mut panel = panel(
         middle,
         "pixels (blue) and fit (red)",
-        &window,
+        window,
         range,
         "counts",
     )?;
-    draw_level(&mut panel, &window, level)?;
+    for at in [Some(level), answer.black, Some(answer.saturated.into())] {
+        if let Some(at) = at.filter(|at| (range.0..range.1).contains(at)) {
+            draw_level(&mut panel, window, at)?;
+        }
+    }
     let places = (window.start * 4..window.end * 4).map(|quarter| f64::from(quarter as u32) / 4.0);
     let line: Vec<(f64, f64)> = places.map(|pixel| (pixel, fit(pixel))).collect();
     panel.draw_series([PathElement::new(line, FIT.stroke_width(2))])?;
-    draw_pixels(&mut panel, answer, &window, |_, count| count)?;
+    draw_pixels(&mut panel, answer, window, |_, count| count)?;
     let left = |pixel: usize, count: f64| count - fit(pixel as f64);
-    let most = (came.start..)
+    let most = (answer.first..)
         .zip(&answer.counts)
         .filter(|(pixel, _)| window.contains(pixel))
         .map(|(pixel, &count)| left(pixel, count.into()).abs())
         .fold(1.0, f64::max);
     let title = "what the fit leaves";
-    let mut panel = self::panel(lowest, title, &window, (-1.1 * most, 1.1 * most), "counts")?;
-    draw_pixels(&mut panel, answer, &window, left)
+    let mut panel = self::panel(lowest, title, window, (-1.1 * most, 1.1 * most), "counts")?;
+    draw_pixels(&mut panel, answer, window, left)
 }
 
 fn panel<'a, 'b>(
