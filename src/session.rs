@@ -121,7 +121,7 @@ impl Shell {
         PAUSED.store(true, Ordering::Relaxed);
         REQUESTS.send(Request::MeasureAlone).await;
         let (exposed, measured) = ROW_TO_SEND.receive().await;
-        let geometry = tcd1304::geometry();
+        let geometry = self.session.geometry();
         let (row, exposure) = match &exposed {
             Some(row) => (
                 geometry.row(row.words.as_slice()).ok(),
