@@ -10,6 +10,7 @@
 pub mod axes;
 pub mod fit;
 pub mod pc;
+pub mod photon_transfer;
 pub mod points;
 pub mod record_file;
 pub mod sensor;
@@ -39,6 +40,7 @@ pub enum Command {
 #[derive(clap::Subcommand)]
 pub enum Head {
     Flat(sensor::FlatOptions),
+    Measure(sensor::MeasureOptions),
 }
 
 /// The commands of `slitrange calibrate`.
@@ -73,6 +75,10 @@ impl Command {
             }
             Self::Head(Head::Flat(options)) => {
                 sensor::flat(options, pc, input, output)?;
+                return Ok(ExitCode::SUCCESS);
+            }
+            Self::Head(Head::Measure(options)) => {
+                sensor::measure(options, pc, output)?;
                 return Ok(ExitCode::SUCCESS);
             }
         };

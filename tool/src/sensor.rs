@@ -7,6 +7,7 @@
 
 pub mod answers;
 pub mod flat;
+pub mod front_end;
 pub mod line;
 pub mod positions;
 pub mod row;
@@ -16,6 +17,7 @@ pub mod taken;
 pub mod transfer;
 
 pub use flat::{FlatOptions, flat};
+pub use front_end::{MeasureOptions, measure};
 pub use row::{RowOptions, row};
 pub use run::{RunOptions, run};
 pub use transfer::{ReadOptions, ShowOptions, WriteOptions, read, show, write};

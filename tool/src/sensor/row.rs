@@ -133,6 +133,19 @@ impl Image {
 }
 
 impl RowAnswer {
+    /// Whether it has the pixels that were asked for.
+    fn is_of(&self, part: RowPart) -> bool {
+        let came = self.first..self.first + self.counts.len();
+        match part {
+            RowPart::Whole => came == (0..self.pixels),
+            RowPart::Window => true,
+            RowPart::Range { first, last } => {
+                let end = |place: usize| place.min(self.pixels);
+                came == (end(first.into())..end(usize::from(last) + 1))
+            }
+        }
+    }
+
     /// Reads the lines that came since `row` was asked. `None`: more must come. `Some(None)`: a line was lost
     /// or spoilt. The answer is complete with its last pixel, or with `row check` if no pixel follows, so a
     /// lost last line costs no time.
@@ -381,7 +394,8 @@ pub(super) fn ask_row(session: &mut Session<'_>, part: RowPart) -> Result<RowAns
     let command = part.to_string();
     for _ in 0..TRIES {
         let answer = session.line().ask(&command, ROW, RowAnswer::read)?;
-        if let Some(answer) = answer {
+        // A command that was spoilt on its way may be another valid one.
+        if let Some(answer) = answer.filter(|answer| answer.is_of(part)) {
             return Ok(answer);
         }
     }

@@ -125,7 +125,7 @@ pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
             "with the front end that was measured on this sensor"
         )?;
     }
-    transfer(session, &written, !options.no_save)?;
+    transfer(session, &written, &[], !options.no_save)?;
     let slits = match record.slits() {
         Slits::One => String::new(),
         comb => format!(", {}", Value::Slits(comb)),
@@ -145,11 +145,12 @@ pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
     Ok(())
 }
 
-/// Uploads a record, checks it and has it saved, if it is to be; again from the beginning if the sensor goes
-/// away meanwhile.
+/// Uploads a record, checks it, sets some settings that an upload changes, and has all of it saved, if it is
+/// to be; again from the beginning if the sensor goes away meanwhile.
 pub(super) fn transfer(
     mut session: Session<'_>,
     written: &EncodedRecord,
+    settings: &[Value],
     and_save: bool,
 ) -> Result<()> {
     let mut tries = 1;
@@ -160,7 +161,7 @@ pub(super) fn transfer(
         } else {
             "`calibrate show`, with FILE and --port, tells which calibration the sensor uses"
         };
-        let result = transfer_once(&mut session, written, and_save, if_not_uploaded);
+        let result = transfer_once(&mut session, written, settings, and_save, if_not_uploaded);
         let Err(error) = result else {
             return Ok(());
         };
@@ -180,6 +181,7 @@ pub(super) fn transfer(
 fn transfer_once(
     session: &mut Session<'_>,
     written: &EncodedRecord,
+    settings: &[Value],
     and_save: bool,
     if_not_uploaded: &'static str,
 ) -> Result<()> {
@@ -196,6 +198,9 @@ fn transfer_once(
         "what the sensor uses now is another record, CRC-32 {:08x}: write it again",
         back.sum()
     );
+    for &value in settings {
+        session.set(Command::Set(value))?;
+    }
     if and_save {
         save(session, written)?;
     }

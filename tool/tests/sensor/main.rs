@@ -3,6 +3,7 @@
 #![cfg(unix)]
 
 mod flat;
+mod front_end;
 mod line;
 mod row;
 mod run;

@@ -13,12 +13,14 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
-use host_tests::frames::at_centre;
+use host_tests::frames::{self, at_centre};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use simulator::scene::{Exposure as Times, Scene, Simulation};
 use slitrange::comb::{Comb, Combined, SlitCentre, SlitCentres, Slits};
 use slitrange::distance::eq1::NOMINAL;
+use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
 use slitrange::measurement::Measurement;
@@ -34,7 +36,8 @@ use slitrange::protocol::upload::Step;
 use slitrange::reading::Measured;
 use slitrange::record::Record;
 use slitrange::record::encoded::EncodedRecord;
-use slitrange::sensor_heads::tcd1304dg;
+use slitrange::row::{Geometry, Polarity};
+use slitrange::sensor_heads::{TCD1304DG_LEAD_IN, tcd1304dg};
 use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Event, Session};
 use slitrange::settings::Settings;
@@ -120,6 +123,8 @@ pub struct State {
     pub has_saved_map: bool,
     /// The height of the spot in a row, in counts.
     pub spot_height: f64,
+    /// What the rows show in place of a spot of that height.
+    pub light: Option<SimulatedHead>,
     /// Power fails so many times while the flash is written, which then holds what it held.
     pub restarts_on_save: usize,
     /// The tool is killed after so many uses of its port.
@@ -230,11 +235,52 @@ fn words(centres_px: &[f64], height: f64) -> Vec<u16> {
     words
 }
 
+/// A sensor head that is simulated, before a target at rest.
+pub struct SimulatedHead {
+    simulation: Simulation,
+    /// What light does to a word.
+    polarity: Polarity,
+    row: u64,
+    laser_before: f64,
+}
+
+impl SimulatedHead {
+    /// A head that sees this scene.
+    pub fn new(scene: Scene, polarity: Polarity) -> Self {
+        Self {
+            simulation: Simulation::new(scene),
+            polarity,
+            row: 0,
+            laser_before: 0.0,
+        }
+    }
+
+    /// The words of the next row, in which the laser shone for so long.
+    pub fn words(&mut self, exposure: Option<Exposure>) -> Vec<u16> {
+        self.row += 1;
+        let laser = exposure.map_or(0.0, |exposure| f64::from(exposure.us()) * 1e-6);
+        let times = Times {
+            row: 5.7e-3,
+            laser,
+            laser_before: std::mem::replace(&mut self.laser_before, laser),
+        };
+        let distance = self.simulation.scene().distance;
+        let outputs = self.simulation.row(self.row, distance, times);
+        let geometry = Geometry {
+            polarity: self.polarity,
+            ..tcd1304dg()
+        };
+        let mut words = frames::words(&outputs, &geometry);
+        words.rotate_right(TCD1304DG_LEAD_IN);
+        words
+    }
+}
+
 impl State {
     /// Sends a row: dark with the laser off, otherwise a spot of [`Self::spot_height`] at pixel 1800.25 or the
     /// images of a comb around it.
     pub fn row(&mut self, part: RowPart) -> String {
-        let (geometry, settings) = (tcd1304dg(), self.settings());
+        let (geometry, settings) = (self.session.geometry(), self.settings());
         let mut measurement = Measurement::new(geometry.clone(), settings);
         let exposure = settings.laser.then(|| measurement.next_exposure());
         let centre_px = Pixels::from_f32(1800.25);
@@ -246,7 +292,10 @@ impl State {
                 .map(|slit| slit.from_axis(centre_px).to_f64())
                 .collect(),
         };
-        let mut words = words(&centres_px, self.spot_height);
+        let mut words = match &mut self.light {
+            None => words(&centres_px, self.spot_height),
+            Some(head) => head.words(exposure),
+        };
         let measured = measurement.measure_alone(&mut words, exposure, None);
         let row = geometry.row(&words).expect("a row");
         let head = RowHead::new(part, &row, RowExposure::of_laser(exposure), &measured);
@@ -334,6 +383,7 @@ impl StandIn {
             wrong_light: 0,
             has_saved_map: false,
             spot_height: 2000.0,
+            light: None,
             restarts_on_save: 0,
             kill_after: None,
             killed: false,

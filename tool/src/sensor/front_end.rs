@@ -1,0 +1,221 @@
+//! Measures the front end of a sensor, and writes what it measured into the sensor's record.
+
+mod bench;
+mod figure;
+
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::{Result, ensure};
+use slitrange::front_end::{Estimate, FrontEnd, LARGEST_GAIN, LEAST_GAIN};
+use slitrange::protocol::command::Command;
+use slitrange::record::Record;
+use slitrange::record::encoded::EncodedRecord;
+use slitrange::row::{Geometry, Polarity};
+use slitrange::settings::{Setting, Value};
+use slitrange::units::{Counts, Electrons};
+
+use self::bench::{Bench, Taken};
+use super::answers::InUse;
+use super::line::LineError;
+use super::session::Session;
+use super::transfer::{record_in_use, transfer};
+use crate::pc::Pc;
+use crate::photon_transfer::{Transfer, VARIANCE_OF_ROUNDING};
+use crate::record_file::ShownFrontEnd;
+use crate::whole_file;
+
+/// Measure the amplifier and the converter: gain, noise, saturation
+///
+/// Put a white target at rest before the sensor, in the middle of its range, and shade both from lamps that
+/// flicker. The sensor takes rows with the laser off and then with longer and longer exposures, for a minute or
+/// two. From how the noise grows with the light follow the electrons of a count and the read noise; from
+/// where the light grows no more, the saturation. All this goes into the sensor's record. The uncertainty of
+/// every reading depends on it.
+#[derive(Clone, Debug, clap::Args)]
+pub struct MeasureOptions {
+    /// The sensor's serial port, such as /dev/ttyACM0 or COM3
+    #[arg(long)]
+    pub port: String,
+    /// Write a table: signal and variance of each pixel and exposure
+    #[arg(long)]
+    pub csv: Option<PathBuf>,
+    /// Draw the noise over the light, and the light over the exposure, as an SVG
+    #[arg(long)]
+    pub figure: Option<PathBuf>,
+    /// Leave the flash as it is: what was measured is used until the power goes
+    #[arg(long)]
+    pub no_save: bool,
+    /// Measure and report, but leave the sensor as it is
+    #[arg(long)]
+    pub dry_run: bool,
+}
+
+/// The settings that measuring changes, in the order in which they are put back.
+const CHANGED: [Setting; 4] = [
+    Setting::Ambient,
+    Setting::ExposureLimit,
+    Setting::Exposure,
+    Setting::Laser,
+];
+
+/// The settings that the upload of a record changes.
+const OF_RECORD: [Setting; 3] = [Setting::Estimator, Setting::Black, Setting::Slits];
+
+/// `head measure`.
+///
+/// # Errors
+/// In sentences: what the sensor refused or did not show, and what to do.
+pub fn measure(options: &MeasureOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
+    let mut session = Session::open(pc, &options.port)?;
+    writeln!(output, "sensor {} at {}", session.head(), options.port)?;
+    let in_use = session.calibration()?;
+    let record = record_in_use(&mut session)?.record().clone();
+    ensure_nothing_is_lost(&in_use, &record)?;
+    let geometry = match &record.front_end {
+        Some(front_end) => front_end.geometry(&record.geometry),
+        None => record.geometry.clone(),
+    };
+    let before = values(&mut session, &CHANGED)?;
+    let of_record = values(&mut session, &OF_RECORD)?;
+    let taken = Bench::new(&mut session, &geometry).take(output);
+    // Whatever was found, and if nothing was.
+    let put_back = before
+        .iter()
+        .try_for_each(|&value| session.set(Command::Set(value)));
+    let taken = taken?;
+    put_back?;
+
+    let front_end = front_end(&taken, geometry.polarity)?;
+    report(&front_end, &geometry, output)?;
+    if let Some(path) = &options.csv {
+        whole_file::write(path, csv(&taken.photons).as_bytes())?;
+        writeln!(output, "written: {}", path.display())?;
+    }
+    if let Some(path) = &options.figure {
+        figure::draw(&taken, &front_end, path)?;
+        writeln!(output, "drawn: {}", path.display())?;
+    }
+    if options.dry_run {
+        writeln!(output, "a dry run: the sensor goes on as before")?;
+        return Ok(());
+    }
+    let written = EncodedRecord::new(Record {
+        front_end: Some(front_end),
+        ..record
+    })?;
+    // The estimator, the black level and the slits stay as they were set.
+    transfer(session, &written, &of_record, !options.no_save)?;
+    let kept = match options.no_save {
+        true => "in use, but not saved: it is used until the power goes",
+        false => "in use and saved",
+    };
+    writeln!(output, "{kept}")?;
+    Ok(())
+}
+
+/// A sensor whose calibration is not in use, but in flash, would lose it by a save.
+fn ensure_nothing_is_lost(in_use: &InUse, record: &Record) -> Result<()> {
+    ensure!(
+        !record.is_nominal() || matches!(in_use.stored.as_str(), "same" | "none"),
+        "the sensor uses the nominal calibration, and its flash holds another one ({}), which would be lost: \
+         switch the sensor off and on to use it, or upload a record with `calibrate write`",
+        in_use.stored
+    );
+    Ok(())
+}
+
+/// The values of some settings.
+fn values(session: &mut Session<'_>, settings: &[Setting]) -> Result<Vec<Value>, LineError> {
+    settings.iter().map(|&it| session.value(it)).collect()
+}
+
+/// What the rows say of the front end.
+fn front_end(taken: &Taken, in_use: Polarity) -> Result<FrontEnd> {
+    let line = &taken.photons.line;
+    let gain = 1.0 / line.per_count;
+    let least = LEAST_GAIN.to_f64();
+    let largest = LARGEST_GAIN.to_f64();
+    ensure!(
+        (least..=largest).contains(&gain),
+        "{gain:.2} electrons a count were measured, and a sensor uses {least:.0} to {largest:.0}: check that \
+         the target and the light are at rest, and change the amplifier's gain if it is so"
+    );
+    // The variance in the dark has the noise of the light that is there with the laser off, too.
+    let [black, black_u] = taken.black;
+    let ambient = (taken.dark_level - black).max(0.0);
+    let read = line.dark - VARIANCE_OF_ROUNDING - line.per_count * ambient;
+    let read_u = line.dark_u.hypot(line.per_count_u * ambient);
+    let read_noise = read.max(0.0).sqrt();
+    let polarity = match (taken.is_inverted, in_use) {
+        (false, polarity) => polarity,
+        (true, Polarity::Rising) => Polarity::Falling,
+        (true, Polarity::Falling) => Polarity::Rising,
+    };
+    let counts = |[value, u]: [f64; 2]| Estimate {
+        value: Counts::from_f32(value as f32),
+        u: Counts::from_f32(u as f32),
+    };
+    Ok(FrontEnd {
+        polarity,
+        gain: Estimate {
+            value: Electrons::from_f32(gain as f32),
+            u: Electrons::from_f32((gain * gain * line.per_count_u) as f32),
+        },
+        // Near zero the root is no longer straight.
+        read_noise: counts([read_noise, read_u / (2.0 * read_noise).max(read_u.sqrt())]),
+        saturation: taken.saturation.map(counts),
+        black_level: counts([black, black_u]),
+    })
+}
+
+/// What a person wants to know.
+fn report(front_end: &FrontEnd, in_use: &Geometry, output: &mut dyn Write) -> Result<()> {
+    let ShownFrontEnd {
+        polarity,
+        gain_electrons: [gain, gain_u],
+        read_noise_counts: [noise, noise_u],
+        saturation_counts,
+        black_level_counts: [black, black_u],
+    } = ShownFrontEnd::of(front_end);
+    let until_now = in_use.electrons_per_count();
+    writeln!(
+        output,
+        "gain         {gain:.2} electrons a count, u {gain_u:.2} (until now {until_now})"
+    )?;
+    writeln!(output, "read noise   {noise:.2} counts, u {noise_u:.2}")?;
+    match saturation_counts {
+        Some([level, u]) => writeln!(output, "saturation   {level:.1} counts, u {u:.1}")?,
+        None => writeln!(
+            output,
+            "saturation   not measured: the light still grows at the longest exposure. Put a brighter target \
+             before the sensor to measure it."
+        )?,
+    }
+    writeln!(output, "black level  {black:.2} counts, u {black_u:.2}")?;
+    writeln!(output, "polarity     the words {polarity} with light")?;
+    if front_end.polarity != in_use.polarity {
+        writeln!(
+            output,
+            "             until now the firmware took it the other way round"
+        )?;
+    }
+    Ok(())
+}
+
+/// A line for each pixel and exposure, and one for the rows in the dark.
+fn csv(transfer: &Transfer) -> String {
+    let mut text = "signal_counts,variance_counts2,freedom,line_counts2\n".to_owned();
+    for point in &transfer.points {
+        let _ = writeln!(
+            text,
+            "{:.2},{:.3},{:.1},{:.3}",
+            point.signal,
+            point.variance,
+            point.freedom,
+            transfer.line.at(point.signal)
+        );
+    }
+    text
+}

@@ -1,0 +1,406 @@
+//! `slitrange head measure`, on simulated heads whose numbers nobody knows.
+
+use std::fs;
+
+use host_tests::frames::words;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use simulator::scene::{
+    Ambient, FixedPattern, FrontEnd as Simulated, ReadNoise, Response, Saturation, Scene,
+    ShotNoise, Simulation, Spot,
+};
+use slitrange::distance::Calibration;
+use slitrange::front_end::FrontEnd;
+use slitrange::measurement::Measurement;
+use slitrange::row::{Geometry, Polarity};
+use slitrange::settings::Settings;
+use slitrange::uncertainty::{CalibrationErrors, Surface};
+
+use crate::stand_in::{SimulatedHead, StandIn, Trouble};
+
+/// How the pixels of the heads that are not clean differ in the dark, in counts.
+const PATTERN: f64 = 5.0;
+
+/// What a simulated head has, as `head measure` should find it.
+#[derive(Clone, Copy, Debug)]
+struct Truth {
+    polarity: Polarity,
+    gain: f64,
+    read_noise: f64,
+    saturation: f64,
+    black_level: f64,
+}
+
+/// White paper that is brighter than usual: its spot has 70,000 counts at the longest exposure.
+const BRIGHT: f64 = 12.5e6;
+
+/// A head whose numbers differ from the nominal ones by up to a factor of two. Every second one has ambient
+/// light, pixels that differ, and charge that flows over.
+fn head(number: u64) -> (Scene, Truth) {
+    let mut random = ChaCha8Rng::seed_from_u64(number);
+    let amplification = random.random_range(0.7..1.8);
+    let electrons = random.random_range(6.0..18.0);
+    let read_noise = random.random_range(2.0..8.0);
+    let offset = random.random_range(-100.0..150.0);
+    let rail = random.random_range(2000.0..3900.0);
+    let is_clean = number.is_multiple_of(2);
+    let scene = Scene {
+        seed: number,
+        spot: Some(Spot {
+            width: 8.6,
+            counts_per_second: BRIGHT,
+        }),
+        shot_noise: Some(ShotNoise {
+            electrons_per_count: electrons,
+        }),
+        read_noise: Some(ReadNoise { counts: read_noise }),
+        front_end: Some(Simulated {
+            gain: amplification,
+            offset,
+            saturation: Some(rail),
+        }),
+        ambient: (!is_clean).then_some(Ambient {
+            counts_per_second: 10e3,
+            slope: 2.0,
+        }),
+        response: (!is_clean).then_some(Response { deviation: 0.028 }),
+        fixed_pattern: (!is_clean).then_some(FixedPattern { counts: PATTERN }),
+        saturation: (!is_clean).then_some(Saturation {
+            full_well: 6000.0,
+            blooming: 0.1,
+        }),
+        ..Scene::white_paper()
+    };
+    let truth = Truth {
+        polarity: match number % 3 {
+            0 => Polarity::Rising,
+            _ => Polarity::Falling,
+        },
+        gain: electrons / amplification,
+        read_noise,
+        saturation: rail,
+        black_level: 300.0 + offset,
+    };
+    (scene, truth)
+}
+
+/// Runs `slitrange head measure` with further options.
+fn measure(sensor: &StandIn, options: &[&str]) -> (Result<(), String>, String) {
+    let port = sensor.port();
+    let arguments: Vec<&str> = ["measure", "--port", &port]
+        .iter()
+        .chain(options)
+        .copied()
+        .collect();
+    let (result, output) = sensor.command("head", &arguments, "");
+    (result.map(|_| ()), output)
+}
+
+/// A sensor with a simulated head.
+fn sensor(scene: Scene, polarity: Polarity) -> StandIn {
+    let sensor = StandIn::new(1, Trouble::default());
+    sensor.state().light = Some(SimulatedHead::new(scene, polarity));
+    sensor
+}
+
+/// What the sensor's record says of its front end.
+fn recorded(sensor: &StandIn) -> Option<FrontEnd> {
+    sensor.state().record()?.record().front_end
+}
+
+/// Errors in percent of the value, and over the claimed uncertainty.
+fn compare(found: &FrontEnd, truth: &Truth) -> [(&'static str, f64, f64); 4] {
+    let saturation = found.saturation.expect("a saturation");
+    let of = |name, truth: f64, value: f64, u: f64| {
+        let error = value - truth;
+        (name, 100.0 * error / truth, error / u)
+    };
+    let gain = found.gain;
+    [
+        of("gain", truth.gain, gain.value.to_f64(), gain.u.to_f64()),
+        of(
+            "read noise",
+            truth.read_noise,
+            found.read_noise.value.to_f64(),
+            found.read_noise.u.to_f64(),
+        ),
+        of(
+            "saturation",
+            truth.saturation,
+            saturation.value.to_f64(),
+            saturation.u.to_f64(),
+        ),
+        of(
+            "black level",
+            truth.black_level,
+            found.black_level.value.to_f64(),
+            // A pixel differs from the 13 shielded ones, and counts of the record have 1/256 as a step.
+            (found.black_level.u.to_f64()).hypot(PATTERN / 13f64.sqrt()),
+        ),
+    ]
+}
+
+/// Twelve unknown heads: each number within 5 %, and within four of its uncertainties.
+#[test]
+fn unknown_heads_are_measured_to_five_percent() {
+    let mut worst = [0.0f64; 4];
+    for number in 0..12 {
+        let (scene, truth) = head(number);
+        let sensor = sensor(scene, truth.polarity);
+        let (result, _) = measure(&sensor, &["--no-save"]);
+        result.expect("measured");
+        let found = recorded(&sensor).expect("a front end");
+        assert_eq!(found.polarity, truth.polarity);
+        for ((name, percent, over_u), worst) in compare(&found, &truth).iter().zip(&mut worst) {
+            println!("head {number}: {name} off by {percent:.2} %, {over_u:.2} u");
+            assert!(percent.abs() < 5.0, "head {number}: {name}");
+            assert!(over_u.abs() < 4.0, "head {number}: {name}");
+            *worst = worst.max(percent.abs());
+        }
+    }
+    println!("at most {worst:.2?} %");
+}
+
+/// The root mean square of errors over r, of many readings with this geometry. The exposure gives the spot
+/// half of its room.
+fn pull(scene: &Scene, polarity: Polarity, geometry: &Geometry, truth: &Truth) -> f64 {
+    const FRAMES: u64 = 1500;
+    let settings = Settings {
+        rows: 4,
+        ..Settings::default()
+    };
+    let mut measurement = Measurement::new(geometry.clone(), settings);
+    let simulation = Simulation::new(scene.clone());
+    let spot = scene.spot.expect("a spot");
+    let amplification = scene.front_end.expect("a front end").gain;
+    let room = truth.saturation - truth.black_level;
+    let laser = 0.5 * room / (amplification * spot.counts_per_second);
+    let times = simulator::scene::Exposure {
+        row: 5.7e-3,
+        laser,
+        laser_before: laser,
+    };
+    let calibration = Calibration::nominal().expect("a curve");
+    let true_centre = simulation.true_centre(0, scene.distance);
+    let (mut squares, mut readings) = (0.0, 0.0);
+    for row in 0..4 * FRAMES {
+        let outputs = simulation.row(row, scene.distance, times);
+        let of_outputs = Geometry {
+            polarity,
+            ..scene.geometry()
+        };
+        let mut words = words(&outputs, &of_outputs);
+        let Some(result) = measurement.row(&mut words) else {
+            continue;
+        };
+        let measured = result.expect("a centre");
+        let reading = measured
+            .reading(
+                Some(&calibration),
+                &CalibrationErrors::Unknown,
+                Surface::Off,
+            )
+            .expect("in range");
+        let (_, um_per_pixel) = calibration.distance_at(reading.centre).expect("in range");
+        let error = (reading.centre.to_f64() - true_centre) * f64::from(um_per_pixel);
+        squares += (error / reading.parts.noise.to_f64()).powi(2);
+        readings += 1.0;
+    }
+    assert_eq!(readings, FRAMES as f64);
+    (squares / readings).sqrt()
+}
+
+/// After `head measure`, the noise that readings claim is the noise that they have. Before it, a head whose
+/// counts have other electrons than assumed claims too much or too little.
+#[test]
+fn readings_claim_their_noise_after_a_measurement() {
+    for number in [0, 2, 4, 6] {
+        let (scene, truth) = head(number);
+        let sensor = sensor(scene.clone(), truth.polarity);
+        measure(&sensor, &["--no-save"]).0.expect("measured");
+        let found = recorded(&sensor).expect("a front end");
+        let of_outputs = Geometry {
+            polarity: truth.polarity,
+            ..scene.geometry()
+        };
+        let before = pull(&scene, truth.polarity, &of_outputs, &truth);
+        let after = pull(&scene, truth.polarity, &found.geometry(&of_outputs), &truth);
+        println!(
+            "head {number}, {:.1} electrons a count: errors over r {before:.3} before, {after:.3} after",
+            truth.gain
+        );
+        // The pull of 1500 readings is known to 1.8 %.
+        assert!((0.95..1.05).contains(&after), "head {number}");
+    }
+}
+
+#[test]
+fn settings_and_calibration_stay_and_the_figure_is_drawn() {
+    let (scene, truth) = head(1);
+    let sensor = sensor(scene, truth.polarity);
+    for line in [
+        "exposure 187",
+        "exposure limit 2000",
+        "ambient subtract",
+        "estimator phase-table",
+        "black fixed 290",
+        "rows 8",
+    ] {
+        sensor.state().type_line(line);
+    }
+    let settings = sensor.state().settings();
+    let record = sensor.state().record();
+    let (csv, figure) = (sensor.path("transfer.csv"), sensor.path("transfer.svg"));
+    let path = |path: &std::path::Path| path.to_str().expect("text").to_owned();
+    let options = ["--csv", &path(&csv), "--figure", &path(&figure)];
+
+    let (result, output) = measure(&sensor, &[&options[..], &["--dry-run"]].concat());
+    result.expect("measured");
+    assert!(output.contains("a dry run"));
+    assert_eq!(sensor.state().record(), record);
+    assert_eq!(sensor.state().settings(), settings);
+
+    let (result, output) = measure(&sensor, &options);
+    result.expect("measured");
+    for part in [
+        "sensor TCD1304DG at ",
+        "laser off: 4 rows",
+        "gain ",
+        "(until now 10.00)",
+        "read noise ",
+        "saturation ",
+        "black level ",
+        "the words fall with light",
+        "in use and saved",
+    ] {
+        assert!(output.contains(part), "{part}");
+    }
+    assert_eq!(sensor.state().settings(), settings);
+    let saved = sensor.state().saved_record();
+    assert_eq!(sensor.state().record(), saved);
+    let (before, after) = (record.expect("a record"), sensor.state().record());
+    let after = after.expect("a record").record().clone();
+    assert!(after.front_end.is_some());
+    let without = slitrange::record::Record {
+        front_end: None,
+        ..after
+    };
+    assert_eq!(&without, before.record());
+    let table = fs::read_to_string(&csv).expect("a table");
+    assert!(table.starts_with("signal_counts,variance_counts2,"));
+    assert!(table.lines().count() > 500);
+    let drawn = fs::read_to_string(&figure).expect("a figure");
+    for title in ["noise over light", "top of the spot", "saturated"] {
+        assert!(drawn.contains(title), "{title}");
+    }
+
+    // A calibration without a front end leaves the one that was measured.
+    let file = sensor.path("own.record");
+    let own = slitrange::record::encoded::EncodedRecord::new(slitrange::record::Record {
+        serial_number: 7,
+        errors: CalibrationErrors::Unknown,
+        ..before.record().clone()
+    })
+    .expect("a record");
+    fs::write(&file, own.bytes()).expect("written");
+    let port = sensor.port();
+    let (result, output) = sensor.slitrange(&["write", "--port", &port, &path(&file)], "");
+    result.expect("written");
+    assert!(output.contains("with the front end that was measured on this sensor"));
+    let record = sensor.state().saved_record().expect("a record");
+    assert_eq!(record.record().serial_number, 7);
+    assert!(record.record().front_end.is_some());
+
+    // Measured again, with what was measured before in use.
+    let (result, output) = measure(&sensor, &[]);
+    result.expect("measured");
+    assert!(!output.contains("(until now 10.00)"));
+    assert_eq!(
+        sensor
+            .state()
+            .saved_record()
+            .expect("a record")
+            .record()
+            .serial_number,
+        7
+    );
+}
+
+#[test]
+fn what_cannot_be_measured_is_said_and_changes_nothing() {
+    let (bright, truth) = head(2);
+    let with_light = |counts_per_second| Scene {
+        spot: bright.spot.map(|spot| Spot {
+            counts_per_second,
+            ..spot
+        }),
+        ..bright.clone()
+    };
+    for (scene, expected) in [
+        (with_light(5e3), "put a brighter target"),
+        (with_light(3e9), "put a darker target"),
+        (with_light(3e8), "put a darker target"),
+    ] {
+        let sensor = sensor(scene, truth.polarity);
+        let settings = sensor.state().settings();
+        let record = sensor.state().record();
+        let error = measure(&sensor, &[]).0.expect_err("not measured");
+        println!("{error}");
+        assert!(error.contains(expected), "{error}");
+        assert_eq!(sensor.state().settings(), settings);
+        assert_eq!(sensor.state().record(), record);
+    }
+    // A dimmer target: the gain is measured, the saturation is not.
+    let sensor = sensor(with_light(150e3), truth.polarity);
+    let (result, output) = measure(&sensor, &[]);
+    result.expect("measured");
+    assert!(output.contains("saturation   not measured"), "{output}");
+    let found = recorded(&sensor).expect("a front end");
+    assert_eq!(found.saturation, None);
+    assert!((found.gain.value.to_f64() / truth.gain - 1.0).abs() < 0.05);
+}
+
+/// A sensor that was set to the nominal calibration for a while keeps its own in flash.
+#[test]
+fn a_calibration_in_flash_is_not_replaced_by_the_nominal_one() {
+    let (scene, truth) = head(2);
+    let sensor = sensor(scene, truth.polarity);
+    let nominal = sensor.state().record().expect("a record");
+    let own = slitrange::record::encoded::EncodedRecord::new(slitrange::record::Record {
+        serial_number: 9,
+        ..nominal.record().clone()
+    });
+    sensor.state().start_with(own.ok());
+    sensor.state().type_line("defaults");
+    let error = measure(&sensor, &[]).0.expect_err("refused");
+    println!("{error}");
+    assert!(error.contains("which would be lost"));
+    assert_eq!(
+        sensor
+            .state()
+            .saved_record()
+            .expect("a record")
+            .record()
+            .serial_number,
+        9
+    );
+}
+
+/// Lines that are lost or spoilt are asked again, and no number is wrong by it.
+#[test]
+fn a_noisy_line_gives_the_same_front_end() {
+    let (scene, truth) = head(4);
+    let trouble = Trouble {
+        lost: 0.002,
+        garbled: 0.002,
+        ..Trouble::default()
+    };
+    let sensor = StandIn::new(5, trouble);
+    sensor.state().light = Some(SimulatedHead::new(scene, truth.polarity));
+    measure(&sensor, &[]).0.expect("measured");
+    let found = recorded(&sensor).expect("a front end");
+    for (name, _, over_u) in compare(&found, &truth) {
+        println!("{name}: {over_u:.2} u");
+        assert!(over_u.abs() < 4.0, "{name}");
+    }
+}
