@@ -9,6 +9,7 @@ use slitrange::comb::{Comb, Combined, MAX_SLITS, SlitMap, Slits};
 use slitrange::distance::Calibration;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
+use slitrange::front_end::{Estimate, FrontEnd};
 use slitrange::pixels::PixelErrors;
 use slitrange::pixels::flat_field::{Kind, TakeError, Taken};
 use slitrange::pixels::map::MapSummary;
@@ -23,7 +24,7 @@ use slitrange::protocol::upload::Step;
 use slitrange::reading::Measured;
 use slitrange::record::Record;
 use slitrange::record::encoded::EncodedRecord;
-use slitrange::row::Geometry;
+use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Applied, Event, Session};
@@ -33,7 +34,7 @@ use slitrange::store::configuration::Configuration;
 use slitrange::store::pixel_map::StoredMap;
 use slitrange::store::{StoreError, Stored};
 use slitrange::uncertainty::{CalibrationErrors, PLACES, Surface};
-use slitrange::units::{Counts, Pixels};
+use slitrange::units::{Counts, Electrons, Pixels};
 
 const HARDWARE: Hardware = Hardware {
     board: "a board",
@@ -584,6 +585,90 @@ fn the_measurement_learns_the_own_spot_from_an_upload_and_loses_it_with_the_cali
     sensor.set("defaults");
     let settings = *sensor.session.settings();
     assert_eq!(sensor.actions.apply, Some(applied(settings, None)));
+}
+
+/// A front end that differs from the one that the driver assumes.
+fn front_end() -> FrontEnd {
+    let counts = |value| Estimate {
+        value: Counts::from_int(value),
+        u: Counts::from_int(1),
+    };
+    FrontEnd {
+        polarity: Polarity::Rising,
+        gain: Estimate {
+            value: Electrons::from_int(8),
+            u: Electrons::from_f32(0.1),
+        },
+        read_noise: counts(5),
+        saturation: Some(counts(2700)),
+        black_level: counts(320),
+    }
+}
+
+/// The front end is known on a sensor that nobody has calibrated, too. It stays over a save and a start, and
+/// with the calibration off. `defaults` forgets it, and `save` then does not replace it unasked.
+#[test]
+fn a_measured_front_end_is_used_saved_and_kept() {
+    for calibration in [
+        Record::nominal().expect("a record"),
+        own_record().record().clone(),
+    ] {
+        let record = Record {
+            front_end: Some(front_end()),
+            ..calibration
+        };
+        let measured = front_end().geometry(&tcd1304dg());
+        assert_eq!(measured.polarity, Polarity::Rising);
+        assert_eq!(measured.shot_variance_per_count_q16, 8192);
+        assert_eq!(measured.saturation, 2680);
+        let encoded = EncodedRecord::new(record.clone()).expect("a record");
+        let mut sensor = Sensor::new();
+        assert!(sensor.ask("info").contains("\r\ninfo front end assumed, "));
+        assert!(
+            sensor
+                .ask("calibration")
+                .contains("\r\ncalibration front-end assumed\r\n")
+        );
+        sensor.upload(&encoded);
+        let geometry = |sensor: &mut Sensor| sensor.actions.apply.take().map(|it| it.geometry);
+        assert_eq!(geometry(&mut sensor), Some(measured.clone()));
+        assert_eq!(sensor.session.geometry(), measured);
+        let info = sensor.ask("info");
+        assert!(
+            info.contains("\r\ninfo front end gain 8.00 electrons"),
+            "{info}"
+        );
+        assert!(info.contains("counts that rise with light"), "{info}");
+        assert!(
+            sensor
+                .ask("calibration")
+                .contains("\r\ncalibration front-end measured\r\n")
+        );
+        sensor.set("calibration off");
+        assert_eq!(geometry(&mut sensor), Some(measured.clone()));
+        sensor.set("calibration on");
+
+        let saved = sensor.save();
+        assert_eq!(saved.record.as_ref(), Some(&record));
+        let mut again = Sensor::comb_started(Stored::Newest(saved));
+        assert_eq!(geometry(&mut again), Some(measured));
+        assert_eq!(again.session.record(), Some(&record));
+
+        again.set("defaults");
+        assert_eq!(geometry(&mut again), Some(tcd1304dg()));
+        let refusal = again.ask("save");
+        assert!(refusal.starts_with("E17 "), "{refusal}");
+        // A second measurement may be saved.
+        let second = Record {
+            front_end: Some(FrontEnd {
+                saturation: None,
+                ..front_end()
+            }),
+            ..record
+        };
+        again.upload(&EncodedRecord::new(second.clone()).expect("a record"));
+        assert_eq!(again.save().record, Some(second));
+    }
 }
 
 /// A record with a comb sets `slits comb`, and a record without one sets `slits one`.

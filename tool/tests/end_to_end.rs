@@ -1,5 +1,5 @@
-//! Calibrates a sensor of unknown geometry with the commands that its user gives, against the firmware on the
-//! emulated board, with a power cycle in between.
+//! Calibrates a sensor of unknown geometry, and measures a front end that nobody knows, with the commands that
+//! the sensor's user gives, against the firmware on the emulated board, with a power cycle in between.
 #![cfg(unix)]
 
 use std::cell::RefCell;
@@ -31,13 +31,14 @@ const PATIENCE: Duration = Duration::from_secs(2);
 struct Bench {
     firmware: Firmware,
     optics: DistortedOptics,
+    scene: Scene,
     target: Target,
     flash: SharedFlash,
 }
 
 impl Bench {
     fn power_on(&self) -> VirtualBoard {
-        let light = of_scene_through(self.optics, Scene::white_paper(), self.target.clone());
+        let light = of_scene_through(self.optics, self.scene.clone(), self.target.clone());
         VirtualBoard::power_on_with_flash(&self.firmware, light, self.flash.clone())
             .expect("the board starts")
     }
@@ -79,8 +80,8 @@ impl Desk {
 
     /// A command of the tool, and what it says.
     fn slitrange(&self, arguments: &[&str]) {
-        println!("$ slitrange calibrate {}", arguments.join(" "));
-        let all = ["slitrange", "calibrate"].iter().chain(arguments);
+        println!("$ slitrange {}", arguments.join(" "));
+        let all = ["slitrange"].iter().chain(arguments);
         let command = Command::try_parse_from(all).unwrap_or_else(|error| panic!("{error}"));
         let mut output = Vec::new();
         let result = command.run(self, &mut io::empty(), &mut output);
@@ -190,6 +191,7 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
     let bench = Bench {
         firmware: Firmware::build().expect("the firmware builds"),
         optics: DistortedOptics::unknown(6, departure).expect("a geometry"),
+        scene: Scene::white_paper(),
         target: Target::at(NEAREST),
         flash: SharedFlash::default(),
     };
@@ -204,13 +206,30 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
     bench.work(&stage, |desk| {
         let command = format!("echo {{}} > {}", stage.display());
         // A little more than the range in which it is used: a calibration ends with its points.
-        let run = ["run", "--port", "board", "--from", "598", "--to", "1022"];
+        let run = [
+            "calibrate",
+            "run",
+            "--port",
+            "board",
+            "--from",
+            "598",
+            "--to",
+            "1022",
+        ];
         let how = ["--points", points, "--frames", frames, "--settle", "0.05"];
         let stage = ["--stage-command", &command, &file];
         desk.slitrange(&[&run[..], &how, &stage].concat());
-        desk.slitrange(&["fit", &file, "-o", &record, "--figure", &figure]);
-        desk.slitrange(&["write", "--port", "board", &record]);
-        desk.slitrange(&["show", &record, "--port", "board"]);
+        desk.slitrange(&[
+            "calibrate",
+            "fit",
+            &file,
+            "-o",
+            &record,
+            "--figure",
+            &figure,
+        ]);
+        desk.slitrange(&["calibrate", "write", "--port", "board", &record]);
+        desk.slitrange(&["calibrate", "show", &record, "--port", "board"]);
     });
 
     let errors = errors(&bench, steps, count);
@@ -241,4 +260,62 @@ fn a_sensor_of_unknown_geometry_is_calibrated() {
 #[ignore = "78 s of an emulated board; takes 180 CPU s; run by .ci/run"]
 fn a_sensor_that_departs_from_eq1_is_calibrated() {
     check(300e-6, "60", "2", (22, 4), 1.2);
+}
+
+/// Measures the front end of `scenes/unknown-front-end.toml`. After a power cycle the sensor says what it
+/// measured.
+#[test]
+#[ignore = "a minute of an emulated board; takes minutes of CPU time; run by .ci/run"]
+fn a_front_end_is_measured() {
+    let scene = Scene::load("unknown-front-end").expect("a scene");
+    let amplifier = scene.front_end.expect("a front end");
+    let electrons = scene.shot_noise.expect("shot noise").electrons_per_count;
+    let bench = Bench {
+        firmware: Firmware::build().expect("the firmware builds"),
+        optics: DistortedOptics {
+            optics: scene.optics,
+            third: 0.0,
+            fifth: 0.0,
+        },
+        target: Target::at(scene.distance),
+        scene: scene.clone(),
+        flash: SharedFlash::default(),
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let stage = folder.path().join("stage");
+    bench.work(&stage, |desk| {
+        desk.slitrange(&["head", "measure", "--port", "board"]);
+        println!("{:.0} s of the board's time", desk.now().as_secs_f64());
+    });
+
+    let mut board = bench.power_on();
+    board.send("stream off\r\ninfo\r\n");
+    let mut number = |before: &str, after: &str| -> f64 {
+        let line = board.run_until_line(|line| line.contains(before), PATIENCE);
+        let text = line.expect("a line of `info`").text;
+        println!("{text}");
+        let (_, rest) = text.split_once(before).expect("found");
+        let (number, _) = rest.split_once(after).expect("a unit");
+        number.parse().expect("a number")
+    };
+    let gain = number("info front end gain ", " electrons");
+    let read_noise = number("info front end read noise ", " counts");
+    let saturation = number("info front end saturation ", " counts");
+    for (name, found, truth) in [
+        ("gain", gain, electrons / amplifier.gain),
+        (
+            "read noise",
+            read_noise,
+            scene.read_noise.expect("read noise").counts,
+        ),
+        (
+            "saturation",
+            saturation,
+            amplifier.saturation.expect("a saturation"),
+        ),
+    ] {
+        println!("{name}: {found} of {truth:.2}");
+        assert!((found / truth - 1.0).abs() < 0.05, "{name}");
+    }
+    board.finish().expect("a clean run");
 }

@@ -86,9 +86,9 @@ fn draw_noise(area: &Area<'_>, transfer: &Transfer, front_end: &FrontEnd) -> Res
     }))?;
     let dot = |point: &Point| Circle::new((point.signal, point.variance), 3, MEASURED.filled());
     panel.draw_series(points.iter().map(dot))?;
-    let (x, y) = panel.backend_coord(&(LEAST, line.dark));
+    let (x, y) = panel.backend_coord(&(highest, line.dark));
     let words = "noise with the laser off";
-    area.draw(&Text::new(words, (x + 8, y + 4), text(TEXT - 3, LEVEL)))?;
+    area.draw(&Text::new(words, (x - 190, y + 4), text(TEXT - 3, LEVEL)))?;
     Ok(())
 }
 
@@ -112,6 +112,8 @@ fn draw_light(area: &Area<'_>, taken: &Taken) -> Result<()> {
         let line = vec![(0.0, level), (longest, level)];
         panel.draw_series([PathElement::new(line, LEVEL.stroke_width(1))])?;
         let (x, y) = panel.backend_coord(&(0.0, level));
+        // The panel's coordinates are those of the whole figure, and the text's are those of the area.
+        let y = y - area.get_pixel_range().1.start;
         area.draw(&Text::new(
             "saturated",
             (x + 8, y - 22),
