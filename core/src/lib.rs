@@ -49,14 +49,14 @@
 //! |---|---|
 //! | [`Measurement`], with the frame under way, the sums over blocks, and the mean ambient light | 17,030 |
 //! | [`Calibration`] | 2144 |
-//! | [`record::Record`], a calibration with the sensor that it belongs to | 2864 |
+//! | [`record::Record`], a calibration with the sensor that it belongs to | 2912 |
 //! | [`pixels::flat_field::FlatField`], the map of the pixels with the sums for another one | 29,500 |
-//! | [`session::Session`], the serial line with its copies of both | 7352 |
+//! | [`session::Session`], the serial line with its copies of both | 7472 |
 //! | [`Measured`], with the centre of each slit of a comb | 236 |
 //! | [`Reading`], [`Geometry`], [`Settings`] | 92 or less, each |
 //!
 //! Stack: a row takes 18 KB, because the search keeps the sums over its blocks, and 26 KB if a background
-//! that rises along the row is removed first. A row of a comb takes 26 KB. At most 52,780 bytes were measured
+//! that rises along the row is removed first. A row of a comb takes 24 KB. At most 53,844 bytes were measured
 //! on the virtual board, in a save that reads the longest record again (docs/proofs.md says how).
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]

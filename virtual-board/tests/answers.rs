@@ -57,15 +57,15 @@ fn questions() -> Vec<Question> {
 
 /// The estimators' answers to the rows, in order, on this PC.
 fn on_this_pc(questions: &[Question]) -> Vec<Vec<Answer>> {
-    let mut estimators = None;
+    let mut estimators = Estimators::new();
     let answers = questions.iter().map(|Question { header, light, .. }| {
         if header.first {
-            estimators = Some(Estimators::new(
+            estimators.start(
                 light.len(),
                 header.bits,
                 header.shot_variance_per_count_q16,
                 header.falling,
-            ));
+            );
         }
         let mut answers: Vec<Answer> = Estimator::ALL
             .map(|estimator| Answer {
@@ -73,9 +73,6 @@ fn on_this_pc(questions: &[Question]) -> Vec<Vec<Answer>> {
                 words: vec![],
             })
             .into();
-        let estimators = estimators
-            .as_mut()
-            .expect("a case begins with its first row");
         estimators.ask(&mut light.clone(), |estimator, word| {
             answers[estimator as usize].words.push(word)
         });

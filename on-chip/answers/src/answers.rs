@@ -23,30 +23,37 @@ pub const ROWS: u16 = 2;
 /// The most words that a row is answered with: for each estimator two centres or faults, and a reading.
 pub const MOST_WORDS: usize = Estimator::ALL.len() * (2 * 8 + 14);
 
-/// A measurement for each estimator, with the row before in it.
+/// A measurement for each estimator, with the row before in it. They take 85 KB. On the chip they are a static
+/// variable, because the stack has no room to move them.
 pub struct Estimators {
     geometry: Geometry,
-    measurements: [Measurement; Estimator::ALL.len()],
+    measurements: [Option<Measurement>; Estimator::ALL.len()],
 }
 
 impl Estimators {
-    /// For rows of so many pixels that see light, of a converter of so many bits. If words fall with light,
+    /// Has no measurements yet.
+    pub const fn new() -> Self {
+        Self {
+            geometry: geometry(0, 0, 0, Polarity::Rising),
+            measurements: [const { None }; Estimator::ALL.len()],
+        }
+    }
+
+    /// Starts new measurements, for rows of so many pixels that see light, of a converter of so many bits. If words fall with light,
     /// the black level is fixed, so that a row takes as many instructions as with shielded pixels.
-    pub fn new(pixels: usize, bits: u8, shot_variance_per_count_q16: u16, falling: bool) -> Self {
+    pub fn start(
+        &mut self,
+        pixels: usize,
+        bits: u8,
+        shot_variance_per_count_q16: u16,
+        falling: bool,
+    ) {
         let (polarity, black_level) = match falling {
             true => (Polarity::Falling, BlackLevel::Fixed(Counts::from_int(300))),
             false => (Polarity::Rising, BlackLevel::Frame),
         };
-        let geometry = Geometry {
-            words: pixels,
-            shielded: 0..0,
-            light: 0..pixels,
-            polarity,
-            bits,
-            shot_variance_per_count_q16,
-            saturation: slitrange::row::LARGEST_COUNT,
-        };
-        let measurements = Estimator::ALL.map(|estimator| {
+        self.geometry = geometry(pixels, bits, shot_variance_per_count_q16, polarity);
+        for (estimator, place) in Estimator::ALL.into_iter().zip(&mut self.measurements) {
             let settings = Settings {
                 rows: ROWS,
                 mean: Mean::Weighted,
@@ -54,18 +61,18 @@ impl Estimators {
                 black_level,
                 ..Settings::default()
             };
-            Measurement::new(geometry.clone(), settings)
-        });
-        Self {
-            geometry,
-            measurements,
+            start_one(place, &self.geometry, settings);
         }
     }
 
-    /// Asks every estimator, in the order of [`Estimator::ALL`], and says its words.
+    /// Asks every estimator, in the order of [`Estimator::ALL`], and says its words. Says nothing before
+    /// [`start`](Self::start).
     pub fn ask(&mut self, light: &mut [u16], mut say: impl FnMut(Estimator, u32)) {
         let (calibration, errors) = (every_centre(), some_errors());
         for (estimator, measurement) in Estimator::ALL.into_iter().zip(&mut self.measurements) {
+            let Some(measurement) = measurement else {
+                return;
+            };
             let mut say = |word| say(estimator, word);
             if self.geometry.polarity == Polarity::Falling {
                 // A measurement may change the words, so only one estimator gets them.
@@ -91,6 +98,36 @@ impl Estimators {
                 say_reading(result, &mut say);
             }
         }
+    }
+}
+
+impl Default for Estimators {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Makes a measurement. Inlined, it would leave a copy of 17 KB on the chip's stack for each estimator.
+#[inline(never)]
+fn start_one(place: &mut Option<Measurement>, geometry: &Geometry, settings: Settings) {
+    *place = Some(Measurement::new(geometry.clone(), settings));
+}
+
+/// Rows whose pixels all see light.
+const fn geometry(
+    pixels: usize,
+    bits: u8,
+    shot_variance_per_count_q16: u16,
+    polarity: Polarity,
+) -> Geometry {
+    Geometry {
+        words: pixels,
+        shielded: 0..0,
+        light: 0..pixels,
+        polarity,
+        bits,
+        shot_variance_per_count_q16,
+        saturation: slitrange::row::LARGEST_COUNT,
     }
 }
 

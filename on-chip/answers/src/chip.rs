@@ -1,8 +1,11 @@
 //! All that exists only on the chip.
 
+use core::cell::RefCell;
 use core::sync::atomic::{AtomicU32, Ordering};
 
+use answers_on_chip::answers::Estimators;
 use answers_on_chip::mailbox;
+use cortex_m::interrupt::{self, Mutex};
 
 // Linked for what they define: where the log goes, the chip's interrupts, and what a panic does.
 use {defmt_rtt as _, embassy_stm32 as _, panic_probe as _};
@@ -22,11 +25,17 @@ static ROWS: [AtomicU32; mailbox::ROWS] = [const { AtomicU32::new(0) }; mailbox:
 #[unsafe(link_section = ".ccm.answers")]
 static ANSWERS: [AtomicU32; mailbox::ANSWERS] = [const { AtomicU32::new(0) }; mailbox::ANSWERS];
 
+static ESTIMATORS: Mutex<RefCell<Estimators>> = Mutex::new(RefCell::new(Estimators::new()));
+
 #[cortex_m_rt::entry]
 fn main() -> ! {
     loop {
         if ASKED.load(Ordering::Acquire) == 1 {
-            mailbox::answer(&ROWS, &ANSWERS);
+            // The program has no interrupts.
+            interrupt::free(|free| {
+                let mut estimators = ESTIMATORS.borrow(free).borrow_mut();
+                mailbox::answer(&mut estimators, &ROWS, &ANSWERS);
+            });
             ASKED.store(0, Ordering::Release);
         }
     }

@@ -7,7 +7,7 @@ use slitrange::row::MAX_PIXELS;
 use crate::answers::Estimators;
 
 /// Words of the rows: each as two words of its [`Header`] and a word for two pixels; and a word of 0 after
-/// the last one. The stack needs the memory that is left: five measurements take 44 KB, and are moved once.
+/// the last one. [`Estimators`] and the stack need the memory that is left.
 pub const ROWS: usize = 8 * 1024;
 
 /// Words of the answers, one after the other, the first being how many there are.
@@ -67,7 +67,7 @@ pub fn words(header: Header, light: &[u16]) -> impl Iterator<Item = u32> {
 }
 
 /// Answers all rows.
-pub fn answer(rows: &[AtomicU32], answers: &[AtomicU32]) {
+pub fn answer(estimators: &mut Estimators, rows: &[AtomicU32], answers: &[AtomicU32]) {
     let mut words = rows.iter().map(|word| word.load(Ordering::Relaxed));
     let mut said = 0;
     let mut say = |_, word| {
@@ -76,7 +76,6 @@ pub fn answer(rows: &[AtomicU32], answers: &[AtomicU32]) {
             place.store(word, Ordering::Relaxed);
         }
     };
-    let mut estimators = None;
     let mut buffer = [0u16; MAX_PIXELS];
     while let (Some(first @ 1..), Some(second)) = (words.next(), words.next()) {
         let header = Header::from_words([first, second]);
@@ -89,15 +88,14 @@ pub fn answer(rows: &[AtomicU32], answers: &[AtomicU32]) {
                 *pixel = half as u16;
             }
         }
-        let estimators = match &mut estimators {
-            Some(estimators) if !header.first => estimators,
-            estimators => estimators.insert(Estimators::new(
+        if header.first {
+            estimators.start(
                 light.len(),
                 header.bits,
                 header.shot_variance_per_count_q16,
                 header.falling,
-            )),
-        };
+            );
+        }
         estimators.ask(light, &mut say);
     }
     if let Some(count) = answers.first() {

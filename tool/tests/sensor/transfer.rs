@@ -288,7 +288,7 @@ fn damaged_and_foreign_records_are_refused() {
         .0
         .expect_err("too long");
     assert!(
-        error.contains("it has 5000 bytes, and the longest record 2110"),
+        error.contains("it has 5000 bytes, and the longest record 2139"),
         "{error}"
     );
     let error = run(&sensor, &["show", "/nowhere/record"])

@@ -261,7 +261,7 @@ fn the_set_mean_is_used() {
     ] {
         set(&mut board, command);
         assert_eq!(ask(&mut board, "mean"), command);
-        assert!(ask_for_lines(&mut board, "info", 16).contains(&format!("info {command}")));
+        assert!(ask_for_lines(&mut board, "info", 17).contains(&format!("info {command}")));
         for line in fresh_results(&mut board, 2) {
             println!("{command}: {line}");
             let off = number(&line, " x ", " a ") - centre;
@@ -362,7 +362,7 @@ fn the_set_estimator_is_used() {
         let letter = format!(" e {} w ", estimator.letter());
         assert!(centre.contains(&letter), "{centre}");
     }
-    let info = ask_for_lines(&mut board, "info", 16);
+    let info = ask_for_lines(&mut board, "info", 17);
     assert!(
         info.contains(&"info estimator fraunhofer".to_owned()),
         "{info:#?}"

@@ -8,12 +8,14 @@ use slitrange::distance::eq1::{Eq1, NOMINAL};
 use slitrange::distance::knots::{Knot, MAX_KNOTS};
 use slitrange::distance::residuals::Corrected;
 use slitrange::distance::table::Table;
+use slitrange::front_end::{Estimate, FrontEnd, LARGEST_GAIN};
 use slitrange::profile::Profile;
 use slitrange::protocol::calibration::{CalibrationAnswer, FlashStatus};
 use slitrange::protocol::piece::Piece;
 use slitrange::record::Record;
 use slitrange::record::date::Date;
 use slitrange::record::encoded::EncodedRecord;
+use slitrange::row::Polarity;
 use slitrange::sensor_heads;
 use slitrange::shape::COMPONENTS;
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES};
@@ -85,7 +87,25 @@ pub fn of_comb() -> EncodedRecord {
     })
 }
 
-/// The longest record with the longest comb.
+/// A front end whose numbers take all bytes that they can.
+fn widest_front_end() -> FrontEnd {
+    let counts = |value| Estimate {
+        value: Counts::from_int(value),
+        u: Counts::from_int(4095),
+    };
+    FrontEnd {
+        polarity: Polarity::Falling,
+        gain: Estimate {
+            value: LARGEST_GAIN,
+            u: LARGEST_GAIN,
+        },
+        read_noise: counts(4095),
+        saturation: Some(counts(4095)),
+        black_level: counts(4094),
+    }
+}
+
+/// The longest record with the longest comb and the longest front end.
 pub fn longest_of_comb() -> EncodedRecord {
     let most = Pixels::from_int(LARGEST_CORRECTION);
     let places = (0..8).map(|i| i - 16_384).chain((0..8).map(|i| i + 8_193));
@@ -94,6 +114,7 @@ pub fn longest_of_comb() -> EncodedRecord {
         .collect();
     written(Record {
         comb: Comb::new(&slits),
+        front_end: Some(widest_front_end()),
         ..longest().record().clone()
     })
 }
