@@ -72,14 +72,18 @@ impl FrontEnd {
             None => of_driver.saturation,
             Some(Estimate { value, .. }) if value >= full_scale => of_driver.full_scale(),
             Some(Estimate { value, .. }) => {
-                // A sensible read noise is below 2^12 counts.
-                let noise = self.read_noise.value.to_bits().max(0);
-                let below = noise.saturating_mul(NOISE_BELOW_SATURATION);
-                let bits = value.to_bits().saturating_sub(below).max(0);
-                // At most 2^31 / 2^8; below full scale, see above.
+                let bits = self.below_noise(value).to_bits().max(0);
+                // Below full scale, see above: it fits 12 bits.
                 (bits >> Counts::FRACTION) as u16
             }
         }
+    }
+
+    /// A level less what the noise of a saturated pixel may take from it.
+    fn below_noise(&self, level: Counts) -> Counts {
+        let noise = self.read_noise.value.to_bits().max(0);
+        let below = noise.saturating_mul(NOISE_BELOW_SATURATION);
+        Counts::from_bits(level.to_bits().saturating_sub(below))
     }
 
     /// Whether all values and uncertainties are within their ranges.
@@ -101,7 +105,8 @@ impl FrontEnd {
             && is_count(read_noise)
             && is_count(black_level)
             && (saturation.as_ref()).is_none_or(|saturation| {
-                is_count(saturation) && saturation.value > black_level.value
+                // Otherwise an unlit pixel would count as saturated.
+                is_count(saturation) && self.below_noise(saturation.value) > black_level.value
             })
     }
 }
@@ -199,6 +204,9 @@ mod tests {
             change(|it| it.saturation = Some(counts(4096.0, 1.0))),
             // Below the black level.
             change(|it| it.saturation = Some(counts(320.0, 1.0))),
+            // Four times the read noise below it lies the black level.
+            change(|it| it.saturation = Some(counts(342.0, 1.0))),
+            change(|it| it.read_noise = counts(600.0, 1.0)),
         ] {
             assert!(!wrong.is_sensible(), "{wrong:?}");
             // Any geometry that follows is usable all the same.

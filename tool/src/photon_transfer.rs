@@ -32,6 +32,8 @@ pub struct Line {
     pub dark_u: f64,
     /// The standard uncertainty of `per_count`.
     pub per_count_u: f64,
+    /// How far the points lie off the line, over what chance allows: 1 if the line is true.
+    pub scatter: f64,
 }
 
 impl Line {
@@ -173,6 +175,7 @@ pub fn transfer(exposures: &[Vec<Vec<f64>>], dark: &[f64], in_the_dark: Point) -
         per_count: 0.1,
         dark_u: 0.0,
         per_count_u: 0.0,
+        scatter: 1.0,
     };
     let mut points = vec![];
     for _ in 0..FITS {
@@ -208,12 +211,14 @@ fn fit(points: &[Point], before: &Line) -> Option<Line> {
     // If the points scatter more than chance lets them, the uncertainties grow by as much.
     let off = |point: &Point| point.variance - dark - per_count * point.signal;
     let chi_squared: f64 = points.iter().map(|it| weight(it) * off(it).powi(2)).sum();
-    let excess = (chi_squared / (points.len() as f64 - 2.0).max(1.0)).max(1.0);
+    let scatter = (chi_squared / (points.len() as f64 - 2.0).max(1.0)).sqrt();
+    let excess = scatter.max(1.0).powi(2);
     Some(Line {
         dark,
         per_count,
         dark_u: (excess * mm / determinant).sqrt(),
         per_count_u: (excess * all / determinant).sqrt(),
+        scatter,
     })
 }
 

@@ -68,9 +68,9 @@ fn widest_front_end() -> FrontEnd {
             value: LARGEST_GAIN,
             u: LARGEST_GAIN,
         },
-        read_noise: counts(4095),
+        read_noise: counts(32),
         saturation: Some(counts(4095)),
-        black_level: counts(4094),
+        black_level: counts(3960),
     }
 }
 
@@ -87,17 +87,19 @@ pub fn front_ends() -> impl Strategy<Value = FrontEnd> {
         value: Electrons::from_bits(value).max(LEAST_GAIN),
         u: Electrons::from_bits(u),
     });
-    let levels = (counts(), prop::option::of(counts())).prop_map(|(black_level, saturation)| {
-        let saturation = saturation.filter(|saturation| saturation.value > black_level.value);
-        (black_level, saturation)
-    });
+    let levels = (counts(), prop::option::of(counts()));
     let polarity = prop::sample::select(vec![Polarity::Rising, Polarity::Falling]);
     (polarity, gain, counts(), levels).prop_map(
         |(polarity, gain, read_noise, (black_level, saturation))| FrontEnd {
             polarity,
             gain,
             read_noise,
-            saturation,
+            // One above black and noise, or none.
+            saturation: saturation.filter(|saturation| {
+                let bits =
+                    [read_noise.value, black_level.value, saturation.value].map(Counts::to_bits);
+                bits[2] - 4 * bits[0] > bits[1]
+            }),
             black_level,
         },
     )

@@ -7,9 +7,10 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::PathBuf;
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 use slitrange::front_end::{Estimate, FrontEnd, LARGEST_GAIN, LEAST_GAIN};
 use slitrange::protocol::command::Command;
+use slitrange::protocol::flat::Flat;
 use slitrange::record::Record;
 use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::{Geometry, Polarity};
@@ -17,8 +18,8 @@ use slitrange::settings::{Setting, Value};
 use slitrange::units::{Counts, Electrons};
 
 use self::bench::{Bench, Taken};
-use super::answers::InUse;
-use super::line::LineError;
+use super::answers;
+use super::line::{ANSWER, LineError};
 use super::session::Session;
 use super::transfer::{record_in_use, transfer};
 use crate::pc::Pc;
@@ -52,13 +53,8 @@ pub struct MeasureOptions {
     pub dry_run: bool,
 }
 
-/// The settings that measuring changes, in the order in which they are put back.
-const CHANGED: [Setting; 4] = [
-    Setting::Ambient,
-    Setting::ExposureLimit,
-    Setting::Exposure,
-    Setting::Laser,
-];
+/// The settings that measuring changes.
+const CHANGED: [Setting; 3] = [Setting::Ambient, Setting::Exposure, Setting::Laser];
 
 /// The settings that the upload of a record changes.
 const OF_RECORD: [Setting; 3] = [Setting::Estimator, Setting::Black, Setting::Slits];
@@ -70,25 +66,66 @@ const OF_RECORD: [Setting; 3] = [Setting::Estimator, Setting::Black, Setting::Sl
 pub fn measure(options: &MeasureOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let mut session = Session::open(pc, &options.port)?;
     writeln!(output, "sensor {} at {}", session.head(), options.port)?;
+    let keeps_flash = options.no_save || options.dry_run;
     let in_use = session.calibration()?;
+    ensure!(
+        keeps_flash || matches!(in_use.stored.as_str(), "same" | "none"),
+        "the sensor's flash holds another calibration ({}) than the one in use, which would be lost: switch \
+         the sensor off and on to use it, or save the one in use first, or measure with --no-save",
+        in_use.stored
+    );
     let record = record_in_use(&mut session)?.record().clone();
-    ensure_nothing_is_lost(&in_use, &record)?;
     let geometry = match &record.front_end {
         Some(front_end) => front_end.geometry(&record.geometry),
         None => record.geometry.clone(),
     };
-    let before = values(&mut session, &CHANGED)?;
+    ensure!(
+        session.value(Setting::Laser)? == Value::Laser(true),
+        "the laser is off: type `laser on` on the sensor's line, if nobody looks into the beam, and measure \
+         again"
+    );
+    let Value::ExposureLimit(limit) = session.value(Setting::ExposureLimit)? else {
+        bail!("the sensor says no `exposure limit`");
+    };
+    let mut put_back: Vec<Command> = (values(&mut session, &CHANGED)?.into_iter())
+        .map(Command::Set)
+        .collect();
+    // The map corrects rows with a spot only, so they could not be compared with dark rows.
+    if has_map_on(&mut session)? {
+        session.set(Command::Flat(Flat::Use(false)))?;
+        put_back.push(Command::Flat(Flat::Use(true)));
+    }
     let of_record = values(&mut session, &OF_RECORD)?;
-    let taken = Bench::new(&mut session, &geometry).take(output);
+    let taken = Bench::new(&mut session, &geometry, limit).take(output);
     // Whatever was found, and if nothing was.
-    let put_back = before
-        .iter()
-        .try_for_each(|&value| session.set(Command::Set(value)));
+    put_back.retain(|&command| session.set(command).is_err());
+    if !put_back.is_empty() {
+        let lines: Vec<String> = put_back
+            .iter()
+            .map(|command| format!("`{command}`"))
+            .collect();
+        let lines = lines.join(", ");
+        writeln!(output, "not put back: type {lines} on the sensor's line")?;
+    }
     let taken = taken?;
-    put_back?;
 
     let front_end = front_end(&taken, geometry.polarity)?;
     report(&front_end, &geometry, output)?;
+    if options.dry_run {
+        writeln!(output, "a dry run: the sensor goes on as before")?;
+    } else {
+        let written = EncodedRecord::new(Record {
+            front_end: Some(front_end),
+            ..record
+        })?;
+        // The estimator, the black level and the slits stay as they were set.
+        transfer(session, &written, &of_record, !options.no_save)?;
+        let kept = match options.no_save {
+            true => "in use, but not saved: it is used until the power goes",
+            false => "in use and saved, with the settings as they are",
+        };
+        writeln!(output, "{kept}")?;
+    }
     if let Some(path) = &options.csv {
         whole_file::write(path, csv(&taken.photons).as_bytes())?;
         writeln!(output, "written: {}", path.display())?;
@@ -97,33 +134,13 @@ pub fn measure(options: &MeasureOptions, pc: &dyn Pc, output: &mut dyn Write) ->
         figure::draw(&taken, &front_end, path)?;
         writeln!(output, "drawn: {}", path.display())?;
     }
-    if options.dry_run {
-        writeln!(output, "a dry run: the sensor goes on as before")?;
-        return Ok(());
-    }
-    let written = EncodedRecord::new(Record {
-        front_end: Some(front_end),
-        ..record
-    })?;
-    // The estimator, the black level and the slits stay as they were set.
-    transfer(session, &written, &of_record, !options.no_save)?;
-    let kept = match options.no_save {
-        true => "in use, but not saved: it is used until the power goes",
-        false => "in use and saved",
-    };
-    writeln!(output, "{kept}")?;
     Ok(())
 }
 
-/// A sensor whose calibration is not in use, but in flash, would lose it by a save.
-fn ensure_nothing_is_lost(in_use: &InUse, record: &Record) -> Result<()> {
-    ensure!(
-        !record.is_nominal() || matches!(in_use.stored.as_str(), "same" | "none"),
-        "the sensor uses the nominal calibration, and its flash holds another one ({}), which would be lost: \
-         switch the sensor off and on to use it, or upload a record with `calibrate write`",
-        in_use.stored
-    );
-    Ok(())
+/// Whether rows are corrected with a map of the pixels.
+fn has_map_on(session: &mut Session<'_>) -> Result<bool, LineError> {
+    let lines = (session.line()).ask(&Flat::Show.to_string(), ANSWER, answers::flat)?;
+    Ok(lines.iter().any(|line| line == "flat on"))
 }
 
 /// The values of some settings.
@@ -189,8 +206,7 @@ fn report(front_end: &FrontEnd, in_use: &Geometry, output: &mut dyn Write) -> Re
         Some([level, u]) => writeln!(output, "saturation   {level:.1} counts, u {u:.1}")?,
         None => writeln!(
             output,
-            "saturation   not measured: the light still grows at the longest exposure. Put a brighter target \
-             before the sensor to measure it."
+            "saturation   not measured: put a brighter target before the sensor, or raise `exposure limit`"
         )?,
     }
     writeln!(output, "black level  {black:.2} counts, u {black_u:.2}")?;

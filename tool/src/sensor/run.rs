@@ -483,7 +483,8 @@ fn mean_shape(centres: &[Centre]) -> Option<Shape> {
 /// The mean without the lowest and the highest quarter: a line that lost a digit does not count.
 fn middle_mean(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
-    let quarter = values.len() / 4;
+    // One of three: a line that lost a digit must not count.
+    let quarter = (values.len() + 1) / 4;
     let middle = &values[quarter..values.len() - quarter];
     middle.iter().sum::<f64>() / middle.len() as f64
 }

@@ -18,6 +18,8 @@ pub struct Session<'a> {
     line: Line<'a>,
     head: String,
     before: Before,
+    /// Whether the sensor echoed what is typed. An echoed command looks like its answer.
+    echoed: bool,
 }
 
 /// What is put back.
@@ -48,11 +50,29 @@ impl<'a> Session<'a> {
                 streamed,
                 rows: None,
             },
+            echoed: false,
         };
+        session.stop_echo()?;
         session.set(Command::Set(Value::Stream(false)))?;
         let info = Command::Info.to_string();
         session.head = session.line.ask(&info, ANSWER, answers::head)?;
         Ok(session)
+    }
+
+    /// Switches the echo off for as long as the session lasts.
+    fn stop_echo(&mut self) -> Result<(), LineError> {
+        match self.value(Setting::Echo) {
+            Ok(value) => self.echoed = value == Value::Echo(true),
+            // Earlier firmware has no echo.
+            Err(LineError::Refused { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        if self.echoed {
+            // The echo of this line may be taken for its answer, which then still comes.
+            self.set(Command::Set(Value::Echo(false)))?;
+            self.line.synchronise()?;
+        }
+        Ok(())
     }
 
     /// The same sensor once more after it went away or forgot what was set.
@@ -61,7 +81,8 @@ impl<'a> Session<'a> {
     /// It does not come back within [`RECONNECT`].
     pub fn reopen(mut self) -> Result<Self, LineError> {
         let (pc, port, before) = (self.line.pc(), self.port().to_owned(), self.before);
-        // Nothing to say good-bye to.
+        // Nothing to say good-bye to. A sensor that started anew has no echo.
+        self.echoed = false;
         self.before = Before {
             streamed: false,
             rows: None,
@@ -179,14 +200,18 @@ impl<'a> Session<'a> {
     /// Puts back what was set for the session.
     fn put_back(&mut self) -> Result<(), LineError> {
         let Before { streamed, rows } = self.before;
-        if rows.is_none() && !streamed {
+        if rows.is_none() && !streamed && !self.echoed {
             return Ok(());
         }
         self.line.synchronise()?;
         if let Some(rows) = rows {
             self.set(Command::Set(Value::Rows(rows)))?;
         }
-        self.set(Command::Set(Value::Stream(streamed)))
+        self.set(Command::Set(Value::Stream(streamed)))?;
+        match self.echoed {
+            true => self.set(Command::Set(Value::Echo(true))),
+            false => Ok(()),
+        }
     }
 }
 

@@ -17,7 +17,7 @@ use super::answers::{InUse, RecordInUse};
 use super::line::{ANSWER, LineError, SAVE};
 use super::session::Session;
 use crate::pc::Pc;
-use crate::record_file::{self, Comparison, Shown};
+use crate::record_file::{self, Comparison, Shown, ShownFrontEnd};
 
 /// How often a transfer begins anew if the sensor goes away in it, and how often the sensor is asked to save.
 const TRIES: usize = 3;
@@ -85,7 +85,10 @@ pub struct ShowOptions {
 pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let from_file = record_file::read(&options.file)?;
     let mut session = Session::open(pc, &options.port)?;
-    let before = session.calibration()?.record;
+    let InUse {
+        record: before,
+        stored,
+    } = session.calibration()?;
     let front_end = match (from_file.record().front_end, &before) {
         (None, Some(in_use)) if in_use.may_have_front_end => {
             record_in_use(&mut session)?.record().front_end
@@ -119,11 +122,22 @@ pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
             "mind: the sensor's calibration until now was that of sensor {serial_number}"
         )?;
     }
-    if front_end.is_some() {
-        writeln!(
+    match (front_end, record.front_end) {
+        (Some(_), _) => writeln!(
             output,
             "with the front end that was measured on this sensor"
-        )?;
+        )?,
+        (None, Some(of_file)) => writeln!(
+            output,
+            "mind: the front end of FILE replaces that of the sensor: {}",
+            ShownFrontEnd::of(&of_file)
+        )?,
+        (None, None) if stored == "other" => writeln!(
+            output,
+            "mind: flash holds another record than the one in use. If its front end was measured, measure it \
+             again: slitrange head measure"
+        )?,
+        (None, None) => {}
     }
     transfer(session, &written, &[], !options.no_save)?;
     let slits = match record.slits() {

@@ -6,12 +6,14 @@ use host_tests::frames::words;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use simulator::scene::{
-    Ambient, FixedPattern, FrontEnd as Simulated, ReadNoise, Response, Saturation, Scene,
+    Ambient, FixedPattern, FrontEnd as Simulated, Motion, ReadNoise, Response, Saturation, Scene,
     ShotNoise, Simulation, Spot,
 };
 use slitrange::distance::Calibration;
 use slitrange::front_end::FrontEnd;
 use slitrange::measurement::Measurement;
+use slitrange::record::Record;
+use slitrange::record::encoded::EncodedRecord;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::settings::Settings;
 use slitrange::uncertainty::{CalibrationErrors, Surface};
@@ -219,18 +221,22 @@ fn readings_claim_their_noise_after_a_measurement() {
         let sensor = sensor(scene.clone(), truth.polarity);
         measure(&sensor, &["--no-save"]).0.expect("measured");
         let found = recorded(&sensor).expect("a front end");
-        let of_outputs = Geometry {
+        // What the firmware assumes: 10 electrons a count, and saturation at full scale.
+        let assumed = Geometry {
             polarity: truth.polarity,
-            ..scene.geometry()
+            ..scene.sensor.geometry()
         };
-        let before = pull(&scene, truth.polarity, &of_outputs, &truth);
-        let after = pull(&scene, truth.polarity, &found.geometry(&of_outputs), &truth);
+        let before = pull(&scene, truth.polarity, &assumed, &truth);
+        let after = pull(&scene, truth.polarity, &found.geometry(&assumed), &truth);
         println!(
             "head {number}, {:.1} electrons a count: errors over r {before:.3} before, {after:.3} after",
             truth.gain
         );
         // The pull of 1500 readings is known to 1.8 %.
         assert!((0.95..1.05).contains(&after), "head {number}");
+        if truth.gain < 5.0 {
+            assert!(before > 1.05, "head {number}");
+        }
     }
 }
 
@@ -281,7 +287,7 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
     let (before, after) = (record.expect("a record"), sensor.state().record());
     let after = after.expect("a record").record().clone();
     assert!(after.front_end.is_some());
-    let without = slitrange::record::Record {
+    let without = Record {
         front_end: None,
         ..after
     };
@@ -296,7 +302,7 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
 
     // A calibration without a front end leaves the one that was measured.
     let file = sensor.path("own.record");
-    let own = slitrange::record::encoded::EncodedRecord::new(slitrange::record::Record {
+    let own = EncodedRecord::new(Record {
         serial_number: 7,
         errors: CalibrationErrors::Unknown,
         ..before.record().clone()
@@ -326,22 +332,38 @@ fn settings_and_calibration_stay_and_the_figure_is_drawn() {
     );
 }
 
-#[test]
-fn what_cannot_be_measured_is_said_and_changes_nothing() {
-    let (bright, truth) = head(2);
-    let with_light = |counts_per_second| Scene {
-        spot: bright.spot.map(|spot| Spot {
+/// A scene with a spot of another brightness.
+fn with_light(scene: &Scene, counts_per_second: f64) -> Scene {
+    Scene {
+        spot: scene.spot.map(|spot| Spot {
             counts_per_second,
             ..spot
         }),
+        ..scene.clone()
+    }
+}
+
+#[test]
+fn what_cannot_be_measured_is_said_and_changes_nothing() {
+    let (bright, truth) = head(2);
+    let moving = Scene {
+        motion: Some(Motion { speed: 0.05 }),
         ..bright.clone()
     };
-    for (scene, expected) in [
-        (with_light(5e3), "put a brighter target"),
-        (with_light(3e9), "put a darker target"),
-        (with_light(3e8), "put a darker target"),
+    for (scene, line, expected) in [
+        (with_light(&bright, 5e3), "", "put a brighter target"),
+        (
+            with_light(&bright, 5e6),
+            "exposure limit 10",
+            "put a brighter target",
+        ),
+        (with_light(&bright, 3e9), "", "put a darker target"),
+        (with_light(&bright, 3e8), "", "put a darker target"),
+        (bright.clone(), "laser off", "type `laser on`"),
+        (moving, "", "check that the target is at rest"),
     ] {
         let sensor = sensor(scene, truth.polarity);
+        sensor.state().type_line(line);
         let settings = sensor.state().settings();
         let record = sensor.state().record();
         let error = measure(&sensor, &[]).0.expect_err("not measured");
@@ -351,7 +373,7 @@ fn what_cannot_be_measured_is_said_and_changes_nothing() {
         assert_eq!(sensor.state().record(), record);
     }
     // A dimmer target: the gain is measured, the saturation is not.
-    let sensor = sensor(with_light(150e3), truth.polarity);
+    let sensor = sensor(with_light(&bright, 150e3), truth.polarity);
     let (result, output) = measure(&sensor, &[]);
     result.expect("measured");
     assert!(output.contains("saturation   not measured"), "{output}");
@@ -360,13 +382,93 @@ fn what_cannot_be_measured_is_said_and_changes_nothing() {
     assert!((found.gain.value.to_f64() / truth.gain - 1.0).abs() < 0.05);
 }
 
+/// At the longest exposure the spot would reach 0.9 to 2 times the saturation. Whether the saturation is found
+/// or not, no pixel that it cuts off makes the gain wrong.
+#[test]
+fn a_spot_that_just_saturates_gives_the_right_gain() {
+    let (scene, truth) = head(2);
+    let room = truth.saturation - truth.black_level;
+    let amplification = scene.front_end.expect("a front end").gain;
+    for times in [0.9, 1.0, 1.05, 1.1, 1.2, 1.3, 1.4, 1.6, 2.0] {
+        let counts_per_second = times * room / (amplification * 5.6e-3);
+        let sensor = sensor(with_light(&scene, counts_per_second), truth.polarity);
+        measure(&sensor, &[]).0.expect("measured");
+        let found = recorded(&sensor).expect("a front end");
+        let error = found.gain.value.to_f64() - truth.gain;
+        let u = found.gain.u.to_f64();
+        println!(
+            "{times} times: gain off by {:.2} %, {:.2} u, saturation {:?}",
+            100.0 * error / truth.gain,
+            error / u,
+            found.saturation.map(|it| it.value.to_f64())
+        );
+        assert!(error.abs() < 0.05 * truth.gain, "{times}");
+        assert!(error.abs() < 4.0 * u, "{times}");
+        if let Some(saturation) = found.saturation {
+            assert!((saturation.value.to_f64() / truth.saturation - 1.0).abs() < 0.01);
+        }
+    }
+}
+
+/// The tool switches the echo and the map of the pixels off, and on again.
+#[test]
+fn echo_and_map_are_put_back() {
+    let (scene, truth) = head(2);
+    let sensor = sensor(scene, truth.polarity);
+    for line in ["flat dark", "flat lit", "echo on"] {
+        sensor.state().type_line(line);
+    }
+    measure(&sensor, &["--no-save"]).0.expect("measured");
+    let found = recorded(&sensor).expect("a front end");
+    assert!((found.gain.value.to_f64() / truth.gain - 1.0).abs() < 0.05);
+    assert!(sensor.state().settings().echo);
+    assert!(sensor.state().settings().stream);
+    assert!(sensor.state().is_map_on());
+}
+
+/// A tool that dies at any moment leaves the flash as it was, or with all that was measured.
+#[test]
+fn a_tool_that_is_killed_loses_no_calibration() {
+    let (scene, truth) = head(2);
+    let own = {
+        let sensor = sensor(scene.clone(), truth.polarity);
+        let nominal = sensor.state().record().expect("a record");
+        EncodedRecord::new(Record {
+            serial_number: 9,
+            ..nominal.record().clone()
+        })
+        .expect("a record")
+    };
+    let mut ends = 0;
+    for uses in [
+        3, 30, 300, 1000, 2000, 2400, 2500, 2600, 2700, 2800, 2900, 3000, 9000,
+    ] {
+        let sensor = sensor(scene.clone(), truth.polarity);
+        sensor.state().start_with(Some(own.clone()));
+        sensor.state().kill_after = Some(uses);
+        let ended = sensor.ends_before_it_is_killed(|| measure(&sensor, &[]).0.is_ok());
+        ends += usize::from(ended);
+        let saved = sensor.state().saved_record().expect("a record");
+        let front_end = saved.record().front_end;
+        assert_eq!(saved.record().serial_number, 9);
+        assert!(front_end.is_some() || !ended, "{uses}");
+        let without = Record {
+            front_end: None,
+            ..saved.record().clone()
+        };
+        assert_eq!(&without, own.record(), "{uses}");
+    }
+    println!("{ends} of 13 ended");
+    assert!((1..13).contains(&ends));
+}
+
 /// A sensor that was set to the nominal calibration for a while keeps its own in flash.
 #[test]
 fn a_calibration_in_flash_is_not_replaced_by_the_nominal_one() {
     let (scene, truth) = head(2);
     let sensor = sensor(scene, truth.polarity);
     let nominal = sensor.state().record().expect("a record");
-    let own = slitrange::record::encoded::EncodedRecord::new(slitrange::record::Record {
+    let own = EncodedRecord::new(Record {
         serial_number: 9,
         ..nominal.record().clone()
     });
@@ -375,15 +477,8 @@ fn a_calibration_in_flash_is_not_replaced_by_the_nominal_one() {
     let error = measure(&sensor, &[]).0.expect_err("refused");
     println!("{error}");
     assert!(error.contains("which would be lost"));
-    assert_eq!(
-        sensor
-            .state()
-            .saved_record()
-            .expect("a record")
-            .record()
-            .serial_number,
-        9
-    );
+    let saved = sensor.state().saved_record().expect("a record");
+    assert_eq!(saved.record().serial_number, 9);
 }
 
 /// Lines that are lost or spoilt are asked again, and no number is wrong by it.

@@ -29,7 +29,7 @@ use slitrange::pixels::flat_field::{Kind, TakeError, Taken};
 use slitrange::pixels::map::MapSummary;
 use slitrange::protocol::command::{Command, parse};
 use slitrange::protocol::info::Hardware;
-use slitrange::protocol::input::Input;
+use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
@@ -147,6 +147,11 @@ impl State {
     /// The record in flash. The nominal one is not written there.
     pub fn saved_record(&self) -> Option<EncodedRecord> {
         encoded(self.flash.configuration()?.record.as_ref())
+    }
+
+    /// Whether rows are corrected with a map of the pixels.
+    pub fn is_map_on(&self) -> bool {
+        self.session.is_map_on()
     }
 
     /// Cuts the sensor's power for a time.
@@ -664,7 +669,16 @@ impl Sensor {
             return;
         };
         for byte in line {
-            let Some(command) = self.input.take(byte) else {
+            let command = match self.state.settings().echo {
+                true => {
+                    let mut echo = Echo::default();
+                    let command = self.input.type_in(byte, &mut echo);
+                    self.sent.extend(echo.as_str().bytes());
+                    command
+                }
+                false => self.input.take(byte),
+            };
+            let Some(command) = command else {
                 continue;
             };
             if command == Ok(Command::Centre) {

@@ -99,9 +99,9 @@ fn widest_front_end() -> FrontEnd {
             value: LARGEST_GAIN,
             u: LARGEST_GAIN,
         },
-        read_noise: counts(4095),
+        read_noise: counts(32),
         saturation: Some(counts(4095)),
-        black_level: counts(4094),
+        black_level: counts(3960),
     }
 }
 

@@ -11,6 +11,7 @@ use slitrange::protocol::row::{RowExposure, RowPart};
 use slitrange::row::Geometry;
 use slitrange::settings::Value;
 
+use super::super::answers::NoCentre;
 use super::super::row::{RowAnswer, ask_row};
 use super::super::session::Session;
 use crate::fit::start::median;
@@ -19,8 +20,9 @@ use crate::photon_transfer::{Transfer, VARIANCE_OF_ROUNDING, dark_point, mean_ro
 /// Whole rows with the laser off. Their 3648 pixels give the read noise to 0.7 %.
 const DARK_ROWS: usize = 4;
 
-/// Exposures at which the spot is looked for, in us: each is four times as long as the one before.
-const SEARCH_US: [u16; 6] = [10, 40, 160, 640, 2560, 5600];
+/// Exposures at which the spot is looked for, in us: each is four times as long as the one before. The longest
+/// one that may be used follows.
+const SEARCH_US: [u16; 5] = [10, 40, 160, 640, 2560];
 
 /// Pixels over which a row is smoothed to find the spot: narrower than a spot, and the noise falls to a third.
 const SMOOTHED: usize = 9;
@@ -42,6 +44,10 @@ const STEP: f64 = 1.5;
 
 /// The light has stopped growing if it grows by less than this share of what the exposure does.
 const STOPPED: f64 = 0.3;
+
+/// A step whose height over its exposure is at least this share of the first one's shows no saturation. The
+/// noise of a height is below 1 %.
+const STRAIGHT: f64 = 0.95;
 
 /// Rows at each exposure on the way to saturation: the mean of few pixels needs no more.
 const ROWS_A_STEP: usize = 3;
@@ -73,17 +79,27 @@ const ROWS_A_PASS: usize = 20;
 
 /// Passes through these exposures: at least, and at most.
 const FEWEST_PASSES: usize = 2;
-const MOST_PASSES: usize = 25;
+const MOST_PASSES: usize = 12;
 
 /// No pass is needed once the gain is known so well: a quarter of 5 %. r of a reading follows the root of the
 /// gain at most.
 const AIM: f64 = 0.0125;
 
+/// A gain that is not known so well is refused.
+const WORST: f64 = 0.05;
+
+/// Points that lie farther off the line, over what chance allows, are refused. Chance alone gives 0.97 to 1.03
+/// for a thousand points.
+const MOST_SCATTER: f64 = 1.2;
+
+/// What to do if the noise is not that of light.
+const NOT_AT_REST: &str = "check that the target is at rest and that no lamp flickers";
+
 /// What to do if the shortest exposure is too long.
 const TOO_BRIGHT: &str = "the spot saturates at the shortest exposure: put a darker target, such as white \
                           paper, before the sensor";
 
-/// Rows with another exposure than the one that was set: the firmware has some under way.
+/// At most so many rows may have another exposure than the one that was set: the firmware has some under way.
 const ROWS_UNDER_WAY: usize = 20;
 
 /// What was taken. All counts rise with light, whatever polarity the firmware assumes.
@@ -107,6 +123,8 @@ pub struct Taken {
 /// A sensor before a target at rest.
 pub struct Bench<'a, 'b> {
     session: &'a mut Session<'b>,
+    /// The longest exposure that may be used.
+    limit: Exposure,
     full_scale: f64,
     is_inverted: bool,
     /// The mean of the shielded pixels of each row, as the sensor said it.
@@ -131,10 +149,11 @@ struct Step {
 }
 
 impl<'a, 'b> Bench<'a, 'b> {
-    /// Begins with a sensor whose rows have this geometry.
-    pub fn new(session: &'a mut Session<'b>, geometry: &Geometry) -> Self {
+    /// Begins with a sensor whose rows have this geometry. No exposure is longer than `limit`.
+    pub fn new(session: &'a mut Session<'b>, geometry: &Geometry, limit: Exposure) -> Self {
         Self {
             session,
+            limit,
             full_scale: geometry.full_scale().into(),
             is_inverted: false,
             black: vec![],
@@ -144,7 +163,6 @@ impl<'a, 'b> Bench<'a, 'b> {
     /// Takes all rows.
     pub fn take(mut self, output: &mut dyn Write) -> Result<Taken> {
         self.set(Value::Ambient(AmbientMode::Off))?;
-        self.set(Value::ExposureLimit(Exposure::LONGEST))?;
         self.set(Value::Laser(false))?;
         let dark = self.rows(RowPart::Whole, RowExposure::Off, DARK_ROWS)?;
         let mut dark_rows = self.counts(&dark);
@@ -176,7 +194,7 @@ impl<'a, 'b> Bench<'a, 'b> {
         let dark_level = level(&dark_rows);
 
         let (steps, saturation) = self.raise(&spot, &dark, output)?;
-        let longest = longest_for_noise(&steps, saturation, &dark)?;
+        let longest = longest_for_noise(&steps, saturation, dark_level);
         let mut times: Vec<u16> = (1..=EXPOSURES)
             .map(|part| f64::from(part) / f64::from(EXPOSURES))
             .map(|part| longest * (LEAST_PART + (1.0 - LEAST_PART) * part))
@@ -185,25 +203,32 @@ impl<'a, 'b> Bench<'a, 'b> {
         times.dedup();
         ensure!(
             times.len() >= FEWEST_EXPOSURES,
-            "{TOO_BRIGHT} (at {longest:.0} us)"
+            "there are too few exposures from {} us to {longest:.0} us: put a darker target, such as white \
+             paper, before the sensor, or raise `exposure limit`",
+            Exposure::SHORTEST.us()
         );
         let mut heights: Vec<(u16, f64)> =
             steps.iter().map(|it| (it.exposure, it.height)).collect();
-        let mut exposures = vec![vec![]; times.len()];
+        // Rows of one exposure and pass, each with a mean of its own: a slow change of the target or the
+        // laser from pass to pass is no noise.
+        let mut series = vec![];
         let mut photons = None;
         for pass in 1..=MOST_PASSES {
-            for (&us, rows) in times.iter().zip(&mut exposures) {
-                rows.extend(self.exposed(&spot.window, us, ROWS_A_PASS)?);
+            for &us in &times {
+                let rows = self.exposed(&spot.window, us, ROWS_A_PASS)?;
+                if pass == 1 {
+                    heights.push((us, Step::new(us, &rows, &dark).height));
+                }
+                series.push(rows);
             }
-            photons = transfer(&exposures, &dark, in_the_dark);
+            photons = transfer(&series, &dark, in_the_dark);
             let Some(line) = photons.as_ref().map(|photons| photons.line) else {
                 continue;
             };
             let known = line.per_count_u / line.per_count;
             writeln!(
                 output,
-                "pass {pass}, {} rows at {} exposures: {:.2} electrons a count, to {:.1} %",
-                ROWS_A_PASS,
+                "pass {pass}, {ROWS_A_PASS} rows at {} exposures: {:.2} electrons a count, to {:.1} %",
                 times.len(),
                 1.0 / line.per_count,
                 100.0 * known
@@ -213,13 +238,20 @@ impl<'a, 'b> Bench<'a, 'b> {
             }
         }
         let Some(photons) = photons else {
-            bail!(
-                "the noise does not grow with the light: check that the target is at rest and that no lamp \
-                 flickers"
-            );
+            bail!("the noise does not grow with the light: {NOT_AT_REST}");
         };
-        let of_noise = times.iter().zip(&exposures);
-        heights.extend(of_noise.map(|(&us, rows)| (us, Step::new(us, rows, &dark).height)));
+        let line = &photons.line;
+        ensure!(
+            line.scatter <= MOST_SCATTER,
+            "the noise of the pixels differs by {:.2} times what chance allows: {NOT_AT_REST}",
+            line.scatter
+        );
+        ensure!(
+            line.per_count_u <= WORST * line.per_count,
+            "the gain is known to {:.0} % only: put a brighter target before the sensor, and shade it from \
+             lamps",
+            100.0 * line.per_count_u / line.per_count
+        );
         Ok(Taken {
             is_inverted: self.is_inverted,
             black: self.black_level(dark_level),
@@ -253,9 +285,12 @@ impl<'a, 'b> Bench<'a, 'b> {
             others += 1;
             ensure!(
                 others < ROWS_UNDER_WAY,
-                "the rows have an exposure of {} us, and {exposure} us was set: has somebody else typed a \
-                 command?",
-                row.exposure
+                "the rows have an exposure of {} us, and {exposure} us was set ({})",
+                row.exposure,
+                match &row.centre {
+                    Err(NoCentre { fault, .. }) if row.exposure == RowExposure::Unknown => fault,
+                    _ => "has somebody else typed a command?",
+                }
             );
         }
         Ok(rows)
@@ -307,7 +342,12 @@ impl<'a, 'b> Bench<'a, 'b> {
     fn find_spot(&mut self, dark: &[Vec<f64>]) -> Result<Spot> {
         let dark = mean_row(dark).unwrap_or_default();
         let mut brightest = 0.0f64;
-        for us in SEARCH_US {
+        let limit = self.limit.us();
+        for us in SEARCH_US
+            .into_iter()
+            .filter(|&us| us < limit)
+            .chain([limit])
+        {
             let whole = 0..dark.len();
             let rows = self.exposed(&whole, us, 1)?;
             let signal = Step::new(us, &rows, &dark).signal;
@@ -324,8 +364,7 @@ impl<'a, 'b> Bench<'a, 'b> {
                 bail!("the sensor's rows have {} pixels only", dark.len());
             };
             brightest = brightest.max(height.abs());
-            let is_last = us == SEARCH_US[SEARCH_US.len() - 1];
-            if height.abs() < if is_last { LEAST_HIGH } else { HIGH } {
+            if height.abs() < if us == limit { LEAST_HIGH } else { HIGH } {
                 continue;
             }
             self.is_inverted = height < 0.0;
@@ -336,8 +375,7 @@ impl<'a, 'b> Bench<'a, 'b> {
             });
         }
         bail!(
-            "the brightest place has {brightest:.0} counts at the longest exposure, and {LEAST_HIGH:.0} are \
-             needed: put a brighter target, such as white paper, nearer to the sensor, and check the laser"
+            "the brightest place has {brightest:.0} counts at {limit} us, and {LEAST_HIGH:.0} are needed: put a brighter target, such as white paper, nearer to the sensor, and check the laser"
         )
     }
 
@@ -349,7 +387,7 @@ impl<'a, 'b> Bench<'a, 'b> {
         dark: &[f64],
         output: &mut dyn Write,
     ) -> Result<(Vec<Step>, Option<[f64; 2]>)> {
-        let longest = f64::from(Exposure::LONGEST.us());
+        let longest = f64::from(self.limit.us());
         let shortest = f64::from(Exposure::SHORTEST.us());
         let begin = f64::from(spot.exposure) * HIGH / spot.height;
         let mut us = begin.clamp(shortest, longest);
@@ -427,6 +465,13 @@ impl Step {
         }
     }
 
+    /// Whether the height has grown with the exposure since the first step, but for a part that noise may
+    /// explain.
+    fn follows_exposure(&self, steps: &[Self]) -> bool {
+        let rate = |step: &Self| step.height / f64::from(step.exposure);
+        (steps.first()).is_some_and(|first| rate(self) >= STRAIGHT * rate(first))
+    }
+
     /// Whether the light grew by much less than the exposure from this step to the next one.
     fn stops_at(&self, next: &Self) -> bool {
         let exposure = f64::from(next.exposure) / f64::from(self.exposure);
@@ -441,18 +486,21 @@ fn straight(steps: &[Step]) -> Option<&Step> {
     steps.iter().rfind(|step| step.height <= 0.6 * highest)
 }
 
-/// The longest exposure for the noise, in us.
-fn longest_for_noise(steps: &[Step], saturation: Option<[f64; 2]>, dark: &[f64]) -> Result<f64> {
-    let longest = f64::from(Exposure::LONGEST.us());
-    let Some([level, _]) = saturation else {
-        return Ok(longest);
+/// The longest exposure for the noise, in us. At this exposure the spot has [`HIGHEST`] of the saturation, or
+/// less if nobody knows the saturation.
+fn longest_for_noise(steps: &[Step], saturation: Option<[f64; 2]>, dark_level: f64) -> f64 {
+    let us = match (saturation, straight(steps)) {
+        (Some([level, _]), Some(straight)) => {
+            (level - dark_level) / straight.height * f64::from(straight.exposure)
+        }
+        // The light may have begun to grow more slowly.
+        _ => {
+            let last = steps.iter().rfind(|step| step.follows_exposure(steps));
+            last.map_or(0.0, |step| step.exposure.into())
+        }
     };
-    let Some(straight) = straight(steps) else {
-        bail!("{TOO_BRIGHT}");
-    };
-    let dark = dark.iter().sum::<f64>() / dark.len() as f64;
-    let us = HIGHEST * (level - dark) / straight.height * f64::from(straight.exposure);
-    Ok(us.min(longest))
+    let most = steps.last().map_or(0.0, |step| step.exposure.into());
+    (HIGHEST * us).min(most)
 }
 
 /// The pixels of the spot around a place of the smoothed row, with room on both sides.
