@@ -94,7 +94,7 @@ impl fmt::Display for Info<'_> {
         )?;
         let front_end = self.record.and_then(|record| record.front_end.as_ref());
         match front_end {
-            Some(front_end) => write!(f, "{}", Measured(front_end))?,
+            Some(front_end) => write!(f, "{}", MeasuredFrontEnd(front_end))?,
             None => write!(
                 f,
                 "\r\ninfo front end assumed, not measured: {:.2} electrons a count, saturated from {} counts",
@@ -221,9 +221,9 @@ impl Info<'_> {
 }
 
 /// The front end as it was measured, in three lines.
-struct Measured<'a>(&'a FrontEnd);
+struct MeasuredFrontEnd<'a>(&'a FrontEnd);
 
-impl fmt::Display for Measured<'_> {
+impl fmt::Display for MeasuredFrontEnd<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         const PART: &str = "\r\ninfo front end";
         let FrontEnd {
