@@ -46,21 +46,44 @@ fn subtracted_light_costs_the_noise_that_is_computed() {
     assert!(window.rms_um < 1.5 * dark.rms_um);
 }
 
-/// A long frame averages more rows and has the same mean to subtract.
+/// A long frame averages more rows and has the same mean to subtract. Its r contains the noise of the mean, and
+/// its errors are as large as its r.
 #[test]
 fn a_long_frame_has_more_of_the_means_noise() {
-    let window = named("beside a window");
-    for (rows, least, most) in [(1, 0.0, 0.01), (16, 0.05, 0.07), (64, 0.18, 0.25)] {
-        let share = noise_of_mean(rows);
-        let (price, off) = (
-            window.computed_price(Subtract, rows),
-            window.computed_price(Off, rows),
-        );
+    let window = named("beside a window, three times as bright");
+    let frames = |rows: u16| match rows {
+        1 => 2000,
+        _ => 300,
+    };
+    let [one, long] = [1, 64].map(|rows| {
+        let found = window.measure(Subtract, rows, frames(rows));
         println!(
-            "{rows} rows: the mean adds {share:.4} of the rows' variance; {price:.3}, off {off:.3}"
+            "{rows} rows: {found:.3?}, computed share {:.4}",
+            noise_of_mean(rows)
         );
-        assert!((least..most).contains(&share));
-    }
+        assert_eq!((found.faults, found.beyond_5), (0, 0));
+        let readings = found.readings() as f64;
+        // Four standard deviations of an RMS value, and what r is too large by: it states the spot's own shot
+        // noise as noise of the mean, and the mean's share at the end of a frame (1/255 of a row's variance
+        // for each row).
+        let margin = 4.0 / (2.0 * readings).sqrt();
+        let too_large = ((1.0 + f64::from(rows) / 255.0) / (1.0 + noise_of_mean(rows))).sqrt();
+        let ratio = found.rms_um / found.r_um;
+        println!(
+            "{rows} rows: RMS over r {ratio:.3}, margin {margin:.3}, too large {too_large:.3}"
+        );
+        assert!(ratio < 1.0 + margin, "{rows} rows");
+        assert!(ratio > 0.95 / too_large - margin, "{rows} rows");
+        found
+    });
+    // The r of 64 rows is that of one row over eight, times the noise of the mean. The mean of r is known to
+    // better than 1 %.
+    let growth = long.r_um * 8.0 / one.r_um;
+    let computed = ((1.0 + 64.0 / 255.0) / (1.0 + 1.0 / 255.0f64)).sqrt();
+    println!(
+        "r of 64 rows is {growth:.3} times an eighth of that of a row, computed {computed:.3}"
+    );
+    assert!((growth / computed - 1.0).abs() < 0.03);
 }
 
 /// A row with noise and a spot on daylight, and a row of the daylight without noise.
