@@ -157,7 +157,7 @@ impl Silence {
 }
 
 /// Measures the next row that arrives, by itself. Its exposure may have begun before the command, by up to
-/// two rows. Rows of the ambient light alone do not count.
+/// two rows. Rows without the laser's light do not count, unless the setting `laser` is off.
 async fn next_row_alone(
     measurement: &mut Measurement,
     map: Option<&PixelMap>,
@@ -167,10 +167,9 @@ async fn next_row_alone(
         let Ok(row) = with_timeout(SILENCE, FULL.receive()).await else {
             return (None, Err(measurement.silence()));
         };
-        if !is_ambient(measurement, row.exposure) {
+        if !is_dark_row(measurement, row.words, row.exposure) {
             break row;
         }
-        measurement.ambient_row(row.words);
         FREE.send(row.words).await;
     };
     let measured = measurement.measure_alone(row.words, row.exposure, map);
@@ -184,10 +183,18 @@ fn order_light(measurement: &Measurement) {
     LASER.set(exposure, settings.ambient);
 }
 
-/// Whether a row is one of the ambient light alone, to be subtracted from others.
-fn is_ambient(measurement: &Measurement, exposure: Option<Exposure>) -> bool {
+/// Returns whether a row was exposed with the laser off although the setting `laser` is on. Such a row has no
+/// spot and must not be measured. With `ambient subtract` the row counts in the mean of the ambient light.
+/// With `ambient off` the row was exposed before the settings changed, and is dropped.
+fn is_dark_row(measurement: &mut Measurement, words: &[u16], exposure: Option<Exposure>) -> bool {
     let settings = measurement.settings();
-    settings.laser && settings.ambient == AmbientMode::Subtract && exposure.is_none()
+    if !settings.laser || exposure.is_some() {
+        return false;
+    }
+    if settings.ambient == AmbientMode::Subtract {
+        measurement.ambient_row(words);
+    }
+    true
 }
 
 /// Frees the rows that wait: they may have been exposed before the command came.
@@ -235,8 +242,7 @@ fn measure_row(
     exposure: Option<Exposure>,
     map: Option<&PixelMap>,
 ) -> Option<Result<Measured, Fault>> {
-    if is_ambient(measurement, exposure) {
-        measurement.ambient_row(words);
+    if is_dark_row(measurement, words, exposure) {
         return None;
     }
     measurement.row_with(words, exposure, map)

@@ -46,6 +46,9 @@ pub struct Measurement {
     /// By how much the background of the row became lower by subtracting the ambient light. `None` if it was
     /// not subtracted.
     subtracted: Option<Counts>,
+    /// The largest [`AmbientMean::share`] that was subtracted from a row of the frame. Zero if nothing was
+    /// subtracted.
+    largest_share: f32,
     /// The exposure of the latest row, if it is known.
     exposure: Option<Exposure>,
     /// The background above the black level, of the latest row of the frame with a spot.
@@ -72,6 +75,7 @@ impl Measurement {
             auto_exposure: AutoExposure::new(),
             ambient_mean: AmbientMean::EMPTY,
             subtracted: None,
+            largest_share: 0.0,
             exposure: None,
             ambient: Counts::default(),
             background: Counts::default(),
@@ -92,9 +96,12 @@ impl Measurement {
     }
 
     /// Changes the geometry, as when the front end was measured, and starts the frame under way again.
+    /// Another geometry also starts the mean of the ambient light again.
     pub fn set_geometry(&mut self, geometry: Geometry) {
+        if geometry != self.geometry {
+            self.ambient_mean.clear();
+        }
         self.geometry = geometry;
-        self.ambient_mean.clear();
         self.start_frame();
     }
 
@@ -103,11 +110,16 @@ impl Measurement {
         &self.settings
     }
 
-    /// Changes the settings and the sensor's own spot, and starts the frame under way again.
+    /// Changes the settings and the sensor's own spot, and starts the frame under way again. Another
+    /// `ambient` or `laser` also starts the mean of the ambient light again: rows of an old mean may be hours
+    /// old.
     pub fn set(&mut self, settings: Settings, profile: Option<Profile>) {
+        let of_mean = |settings: &Settings| (settings.ambient, settings.laser);
+        if of_mean(&settings) != of_mean(&self.settings) {
+            self.ambient_mean.clear();
+        }
         self.settings = settings;
         self.profile = profile;
-        self.ambient_mean.clear();
         self.start_frame();
     }
 
@@ -136,8 +148,8 @@ impl Measurement {
     }
 
     /// As [`Measurement::row`]. Subtracts the ambient light, and corrects the pixels around the spot with a
-    /// map, both in place. Ignores the map of
-    /// a sensor with another number of pixels. All rows of a frame need the same map.
+    /// map, both in place. Ignores the map of a sensor with another number of pixels. All rows of a frame need
+    /// the same map.
     ///
     /// `exposure` is the row's own, `None` if it is not known. By it, auto exposure chooses
     /// [`Measurement::next_exposure`]. The rows of a frame may have different exposures.
@@ -157,6 +169,11 @@ impl Measurement {
             AmbientMode::Off => None,
             AmbientMode::Subtract => self.ambient_mean.subtract(words, &self.geometry),
         };
+        if let (Some(_), Some(share)) = (self.subtracted, self.ambient_mean.share())
+            && share > self.largest_share
+        {
+            self.largest_share = share;
+        }
         match self.settings.slits {
             // The two kinds of result do not meet: they would be copied.
             _ if !self.settings.laser => self.frame.add(Err(Fault::LaserOff)),
@@ -204,6 +221,7 @@ impl Measurement {
         self.black = BlackPixels::default();
         self.comb.start_frame();
         self.before = None;
+        self.largest_share = 0.0;
     }
 
     /// Finds the centre of a row. The first row of a frame is searched and measured in full; its result saves
@@ -408,17 +426,18 @@ impl Measurement {
         }
     }
 
-    /// The uncertainty of a frame's centre, with the noise of the mean ambient light: one noise for all rows,
-    /// so the mean of the rows does not lower it. It is the background's alone, and the rows' uncertainty is
-    /// that of the spot's noise too. So this is too large rather than too small.
+    /// The uncertainty of a frame's centre, with the noise of the mean ambient light. The rows of a frame
+    /// share this noise, so averaging rows does not lower it.
+    ///
+    /// The result is an upper limit, for two reasons. The uncertainty of the rows contains the noise of the
+    /// spot's light, which the mean does not have. And the mean had its largest share in one row of the frame,
+    /// while its share was smaller in the other rows.
     fn with_noise_of_mean(&self, uncertainty: Pixels, rows: u16) -> Pixels {
-        match (self.subtracted, self.ambient_mean.share()) {
-            (Some(_), Some(share)) => {
-                let growth = dual_mac::square_root(1.0 + share * f32::from(rows));
-                Pixels::from_f32(uncertainty.to_f32() * growth)
-            }
-            _ => uncertainty,
+        if self.largest_share == 0.0 {
+            return uncertainty;
         }
+        let growth = dual_mac::square_root(1.0 + self.largest_share * f32::from(rows));
+        Pixels::from_f32(uncertainty.to_f32() * growth)
     }
 
     fn measured(&self, map: Option<&PixelMap>) -> Result<Measured, Fault> {

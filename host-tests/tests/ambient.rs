@@ -1,7 +1,12 @@
 //! Ambient light: what `ambient subtract` takes away, and the noise that it costs.
 
 use host_tests::changing_light::ambient::{DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean};
+use host_tests::frames::words;
+use simulator::scene::{Ambient, ReadNoise, Scene};
 use slitrange::ambient::AmbientMode::{Off, Subtract};
+use slitrange::black_level::BlackLevel;
+use slitrange::measurement::Measurement;
+use slitrange::row::Geometry;
 use slitrange::settings::Settings;
 
 const FRAMES: usize = 400;
@@ -41,21 +46,173 @@ fn subtracted_light_costs_the_noise_that_is_computed() {
     assert!(window.rms_um < 1.5 * dark.rms_um);
 }
 
-/// A long frame averages more rows and has the same mean to subtract.
+/// A long frame averages more rows and has the same mean to subtract. Its r contains the noise of the mean, and
+/// its errors are as large as its r.
 #[test]
 fn a_long_frame_has_more_of_the_means_noise() {
-    let window = named("beside a window");
-    for (rows, least, most) in [(1, 0.0, 0.01), (16, 0.05, 0.07), (64, 0.18, 0.25)] {
-        let share = noise_of_mean(rows);
-        let (price, off) = (
-            window.computed_price(Subtract, rows),
-            window.computed_price(Off, rows),
-        );
+    let window = named("beside a window, three times as bright");
+    let frames = |rows: u16| match rows {
+        1 => 2000,
+        _ => 300,
+    };
+    let [one, long] = [1, 64].map(|rows| {
+        let found = window.measure(Subtract, rows, frames(rows));
         println!(
-            "{rows} rows: the mean adds {share:.4} of the rows' variance; {price:.3}, off {off:.3}"
+            "{rows} rows: {found:.3?}, computed share {:.4}",
+            noise_of_mean(rows)
         );
-        assert!((least..most).contains(&share));
+        assert_eq!((found.faults, found.beyond_5), (0, 0));
+        let readings = found.readings() as f64;
+        // Four standard deviations of an RMS value, and what r is too large by: it states the spot's own shot
+        // noise as noise of the mean, and the mean's share at the end of a frame (1/255 of a row's variance
+        // for each row).
+        let margin = 4.0 / (2.0 * readings).sqrt();
+        let too_large = ((1.0 + f64::from(rows) / 255.0) / (1.0 + noise_of_mean(rows))).sqrt();
+        let ratio = found.rms_um / found.r_um;
+        println!(
+            "{rows} rows: RMS over r {ratio:.3}, margin {margin:.3}, too large {too_large:.3}"
+        );
+        assert!(ratio < 1.0 + margin, "{rows} rows");
+        assert!(ratio > 0.95 / too_large - margin, "{rows} rows");
+        found
+    });
+    // The r of 64 rows is that of one row over eight, times the noise of the mean. The mean of r is known to
+    // better than 1 %.
+    let growth = long.r_um * 8.0 / one.r_um;
+    let computed = ((1.0 + 64.0 / 255.0) / (1.0 + 1.0 / 255.0f64)).sqrt();
+    println!(
+        "r of 64 rows is {growth:.3} times an eighth of that of a row, computed {computed:.3}"
+    );
+    assert!((growth / computed - 1.0).abs() < 0.03);
+}
+
+/// A row with noise and a spot on daylight, and a row of the daylight without noise.
+fn lit_and_dark_words() -> (Vec<u16>, Vec<u16>) {
+    let lit = Scene {
+        ambient: Some(Ambient {
+            counts_per_second: 100e3,
+            slope: 11.0,
+        }),
+        read_noise: Some(ReadNoise { counts: 40.0 }),
+        ..Scene::white_paper()
+    };
+    let dark = Scene {
+        spot: None,
+        read_noise: None,
+        shot_noise: None,
+        ..lit.clone()
+    };
+    let [lit, dark] = [lit, dark].map(|scene| {
+        let geometry = scene.geometry();
+        words(&scene.row(1, 0.8, 5e-3), &geometry)
+    });
+    (lit, dark)
+}
+
+fn subtracting(rows: u16) -> Settings {
+    Settings {
+        ambient: Subtract,
+        rows,
+        ..Settings::default()
     }
+}
+
+/// Each row has the same words, so that r changes by the noise of the mean alone. It must not be below the
+/// noise of the means that the frame's rows had subtracted, from the first frame on.
+#[test]
+fn r_contains_all_noise_of_a_mean_that_has_just_begun() {
+    let (lit, dark) = lit_and_dark_words();
+    for rows in [1u16, 4, 16, 64] {
+        let mut measurement = Measurement::new(Scene::white_paper().geometry(), subtracting(rows));
+        let mut frame = || {
+            loop {
+                measurement.ambient_row(&dark);
+                let result = measurement.row_with(&mut lit.clone(), None, None);
+                if let Some(result) = result {
+                    break result.expect("a reading").frame.uncertainty;
+                }
+            }
+        };
+        let claims: Vec<f64> = (0..40).map(|_| frame().to_f64()).collect();
+        let settled = (0..600).map(|_| frame()).last().expect("frames").to_f64();
+        let without = settled / (1.0 + f64::from(rows) / 255.0).sqrt();
+        // The weight of each dark row in the mean.
+        let mut weights: Vec<f64> = vec![];
+        for (number, &claim) in claims.iter().enumerate() {
+            let mut of_frame = vec![0.0; weights.len() + usize::from(rows)];
+            for _ in 0..rows {
+                let part = 0.5f64.powi(((weights.len() + 1).ilog2() as i32).min(7));
+                weights.iter_mut().for_each(|weight| *weight *= 1.0 - part);
+                weights.push(part);
+                for (sum, weight) in of_frame.iter_mut().zip(&weights) {
+                    *sum += weight / f64::from(rows);
+                }
+            }
+            let variance: f64 = of_frame.iter().map(|weight| weight * weight).sum();
+            let computed = without * (1.0 + f64::from(rows) * variance).sqrt();
+            println!(
+                "frame {number} of {rows} rows: {:.3} of the computed noise",
+                claim / computed
+            );
+            // An uncertainty has steps of 2^-16 pixels.
+            assert!(claim > computed - 2e-5, "frame {number} of {rows} rows");
+        }
+    }
+}
+
+/// Settings that the mean does not depend on leave the mean as it is. With `ambient` or `laser` the mean
+/// begins again.
+#[test]
+fn the_mean_outlasts_other_settings() {
+    let (lit, dark) = lit_and_dark_words();
+    let geometry = Scene::white_paper().geometry();
+    let one = subtracting(1);
+    let settled = || {
+        let mut measurement = Measurement::new(geometry.clone(), one);
+        (0..200).for_each(|_| measurement.ambient_row(&dark));
+        measurement
+    };
+    let measure = |measurement: &mut Measurement| {
+        let result = measurement.row_with(&mut lit.clone(), None, None);
+        let measured = result.expect("a frame").expect("a reading");
+        (measured.ambient.to_f64(), measured.frame.uncertainty)
+    };
+    let expected = measure(&mut settled());
+    println!("settled: {expected:?}");
+    // The shielded pixels have noise too.
+    assert!(expected.0 < 60.0);
+    let mut measurement = settled();
+    let other = Settings {
+        black_level: BlackLevel::Frame,
+        ..one
+    };
+    for settings in [other, one] {
+        measurement.set(settings, None);
+        measurement.set_geometry(geometry.clone());
+    }
+    assert_eq!(measure(&mut measurement), expected);
+    let off = Settings {
+        ambient: Off,
+        ..one
+    };
+    let laser_off = Settings {
+        laser: false,
+        ..one
+    };
+    for other in [off, laser_off] {
+        let mut measurement = settled();
+        measurement.set(other, None);
+        measurement.set(one, None);
+        let (ambient, _) = measure(&mut measurement);
+        println!("began again: {ambient} counts of ambient light are left");
+        assert!(ambient > 300.0);
+    }
+    let mut measurement = settled();
+    measurement.set_geometry(Geometry {
+        saturation: 4000,
+        ..geometry
+    });
+    assert!(measure(&mut measurement).0 > 300.0);
 }
 
 /// Adds a lamp's light to the pixels.

@@ -102,3 +102,56 @@ fn a_raw_row_has_the_laser_on_and_no_ambient_light() {
         .expect("a fault");
     board.finish().expect("a clean run");
 }
+
+/// The rows under way were exposed with the laser off when the setting changes. None of them is measured or
+/// sent.
+#[test]
+fn dark_rows_are_not_measured_after_the_laser_is_on_in_all_rows() {
+    let (mut board, _) = boot(beside_a_window());
+    set(&mut board, "rows 1");
+    for round in 0..6 {
+        set(&mut board, "ambient subtract");
+        // Changes come at different times of a row.
+        board
+            .run_for(Duration::from_micros(150_000 + 1900 * round))
+            .expect("a run");
+        board.take_lines();
+        set(&mut board, "ambient off");
+        results(&mut board, 20);
+        let lines = board.take_lines().into_iter().map(|line| line.text);
+        let faults: Vec<_> = lines.filter(|line| line.starts_with("f ")).collect();
+        assert!(faults.is_empty(), "round {round}: {faults:?}");
+    }
+    for round in 0..3 {
+        set(&mut board, "ambient subtract");
+        board
+            .run_for(Duration::from_micros(150_000 + 1900 * round))
+            .expect("a run");
+        board.take_lines();
+        board.send("ambient off\r\nrow window\r\n");
+        board
+            .run_until_line(|line| line == ROW_END, PATIENCE)
+            .expect("the row's end");
+        let lines = board.take_lines().into_iter().map(|line| line.text);
+        let head: Vec<_> = lines.filter(|line| line.starts_with("row ")).collect();
+        println!("{head:?}");
+        assert!(!head.is_empty() && head.iter().all(|line| !line.contains(" exposure off")));
+    }
+    for round in 0..3 {
+        set(&mut board, "laser off");
+        results(&mut board, 20);
+        board
+            .run_for(Duration::from_micros(1900 * round))
+            .expect("a run");
+        board.take_lines();
+        set(&mut board, "laser on");
+        results(&mut board, 20);
+        let lines = board.take_lines().into_iter().map(|line| line.text);
+        let faults = lines.filter(|line| line.starts_with("f "));
+        let wrong: Vec<_> = faults
+            .filter(|line| !line.starts_with("f laser off"))
+            .collect();
+        assert!(wrong.is_empty(), "round {round}: {wrong:?}");
+    }
+    board.finish().expect("a clean run");
+}
