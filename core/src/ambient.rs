@@ -1,11 +1,11 @@
 //! Ambient light: takes rows with the laser off, and subtracts their mean from the rows with the laser on.
 //!
-//! What is the same in both kinds of rows goes: sunlight, its slopes, the pattern of the pixels in the dark,
-//! and the dark current. The subtracted rows have their background at the black level.
+//! Subtraction removes what both kinds of rows share: sunlight, its slopes, the pattern of the pixels in the
+//! dark, and the dark current. The subtracted rows have their background at the black level.
 //!
 //! The mean has noise of its own, and this noise is the same in all rows of a frame. So the mean is a long
-//! one: it follows the light within some 128 rows with the laser off, 1.5 s. [`AmbientMean::share`] says
-//! how much noise it has.
+//! one: it follows the light with a time constant of 128 rows with the laser off, 1.5 s.
+//! [`AmbientMean::share`] says how much noise it has.
 
 use crate::numeric;
 use crate::row::{Geometry, Light, MAX_PIXELS, Row};
@@ -51,8 +51,8 @@ const LONGEST: u8 = 1 << LONGEST_LOG2;
 const OTHER_LIGHT: u16 = 16;
 
 /// After so many rows of other light in succession, all brighter than the mean or all darker, the mean begins
-/// again. In a lamp that flickers at 100 or 120 Hz, no four rows in succession are brighter than its mean: a
-/// row comes every 11.4 ms, which is 1.14 or 1.37 periods.
+/// again. Under a lamp that flickers, at most four rows in succession are brighter than the mean: a row comes
+/// every 11.4 ms, so the phase moves by 0.14 periods from row to row at 100 Hz, and by 0.37 at 120 Hz.
 const ROWS_OF_OTHER_LIGHT: i8 = 8;
 
 /// Bits after the binary point of a mean. Counts have 12 bits, so a mean fits 16.
@@ -263,9 +263,9 @@ mod tests {
         row.light().iter().collect()
     }
 
-    /// A slope and a pattern go, to the count, for words that rise and words that fall.
+    /// Subtraction removes a slope and a pattern, to the count, for words that rise and words that fall.
     #[test]
-    fn what_is_in_both_kinds_of_rows_goes() {
+    fn subtraction_removes_what_both_kinds_of_rows_share() {
         for polarity in [Polarity::Rising, Polarity::Falling] {
             let geometry = geometry(polarity);
             let ambient = |pixel: usize| 500 + 5 * pixel as u16 + 7 * (pixel as u16 % 3);

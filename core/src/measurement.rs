@@ -17,7 +17,7 @@ use crate::fault::Fault;
 use crate::frame::{Frame, FrameCentre};
 use crate::numeric;
 use crate::pixels::PixelErrors;
-use crate::pixels::map::{self, PixelMap};
+use crate::pixels::map::{self, Correction, PixelMap};
 use crate::profile::Profile;
 use crate::reading::Measured;
 use crate::row::{BLOCK, Blocks, Geometry, Row};
@@ -411,11 +411,11 @@ impl Measurement {
     fn correct(&self, words: &mut [u16], map: &PixelMap, window: Range<usize>, black: Counts) {
         let geometry = &self.geometry;
         let words = words.get_mut(geometry.light.clone()).unwrap_or_default();
-        match self.subtracted {
-            None => map.correct(words, window, black, geometry),
-            // The pixels' offsets went with the ambient light.
-            Some(_) => map.correct_gain(words, window, black, geometry),
-        }
+        let correction = match self.subtracted {
+            None => Correction::OffsetAndGain,
+            Some(_) => Correction::Gain,
+        };
+        map.correct(words, window, black, geometry, correction);
     }
 
     /// The background of a row that a map has corrected.

@@ -39,6 +39,10 @@ pub struct Sensor {
     /// The exposures of the next rows, in their order.
     chosen: VecDeque<Exposure>,
     row: u64,
+    /// For how many seconds the laser shone on a target of reflectivity 1 in the row before.
+    laser_before: f64,
+    /// The target's distance in metres.
+    distance: f64,
     /// Light that is not the laser's, added to the pixels that see light.
     lamp: fn(&mut [f32]),
 }
@@ -54,10 +58,12 @@ impl Sensor {
         let measurement = Measurement::new(scene.geometry(), settings);
         let first = measurement.next_exposure();
         Self {
+            distance: scene.distance,
             simulation: Simulation::new(scene),
             measurement,
             chosen: [first; DELAY].into(),
             row: 0,
+            laser_before: 0.0,
             lamp: |_| (),
         }
     }
@@ -65,6 +71,11 @@ impl Sensor {
     /// The same sensor in the light of a lamp.
     pub fn with_lamp(self, lamp: fn(&mut [f32])) -> Self {
         Self { lamp, ..self }
+    }
+
+    /// Moves the target to a distance in metres.
+    pub fn move_to(&mut self, distance: f64) {
+        self.distance = distance;
     }
 
     /// Shows a row of a target of this reflectivity, 0 to 1, after a row with the laser off if the ambient
@@ -88,11 +99,10 @@ impl Sensor {
         let times = Times {
             row: ROW_PERIOD,
             laser,
-            laser_before: laser,
+            laser_before: std::mem::replace(&mut self.laser_before, laser),
         };
-        let scene = self.simulation.scene();
-        let geometry = scene.geometry();
-        let mut light = self.simulation.row(self.row, scene.distance, times);
+        let geometry = self.simulation.scene().geometry();
+        let mut light = self.simulation.row(self.row, self.distance, times);
         (self.lamp)(&mut light[geometry.light.clone()]);
         words(&light, &geometry)
     }
@@ -113,8 +123,7 @@ impl Sensor {
 
     /// The true centre in pixels.
     pub fn true_centre(&self) -> f64 {
-        let scene = self.simulation.scene();
-        scene.optics.centre(scene.distance)
+        self.simulation.scene().optics.centre(self.distance)
     }
 
     /// Compares a frame with the truth.

@@ -1,10 +1,14 @@
 //! Ambient light: what `ambient subtract` takes away, and the noise that it costs.
 
-use host_tests::changing_light::ambient::{DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean};
+use host_tests::changing_light::ambient::{
+    CHARGE_STAYS, DARK_ROOM, LIGHTS, Light, WHITE_PAPER, noise_of_mean,
+};
 use host_tests::frames::words;
-use simulator::scene::{Ambient, ReadNoise, Scene};
+use simulator::comb::Comb as Mask;
+use simulator::scene::{Ambient, ReadNoise, Scene, Simulation};
 use slitrange::ambient::AmbientMode::{Off, Subtract};
 use slitrange::black_level::BlackLevel;
+use slitrange::comb::Slits;
 use slitrange::measurement::Measurement;
 use slitrange::row::Geometry;
 use slitrange::settings::Settings;
@@ -297,4 +301,108 @@ fn auto_exposure_leaves_room_for_the_light_that_is_subtracted() {
             assert!(!sensor.compare(&measured).is_flagged);
         }
     }
+}
+
+/// Charge that stays from a row with the laser on is subtracted as if it were ambient light. A target at rest
+/// has the same ghost in all dark rows, and its error hardly grows. After a move, the ghost of the old place
+/// stays in the mean for seconds: the readings are off, and claim it.
+#[test]
+fn readings_claim_the_error_of_charge_that_stays() {
+    let [off, subtract] = [Off, Subtract].map(|mode| {
+        let found = CHARGE_STAYS.measure(mode, 16, FRAMES);
+        println!("at rest, {mode:?}: {found:.3?}");
+        assert_eq!((found.faults, found.beyond_5), (0, 0));
+        found
+    });
+    // The ratio of two standard deviations of 400 readings each is known to 5 %.
+    assert!(subtract.rms_um < 1.2 * off.rms_um);
+    for um in [50, 100, 200, 400, 800, 1600, 3000, 10_000] {
+        let mut sensor = CHARGE_STAYS.settled(Subtract, 16);
+        sensor.move_to(0.8 + f64::from(um) * 1e-6);
+        sensor.row(WHITE_PAPER);
+        sensor.start_frame();
+        let (mut worst, mut largest, mut last, mut flagged) = (0.0f64, 0.0f64, 0, 0);
+        for (frame, result) in sensor.frames(WHITE_PAPER, 60).into_iter().enumerate() {
+            let compared = sensor.compare(&result.expect("a reading"));
+            if compared.is_flagged {
+                flagged += 1;
+                continue;
+            }
+            worst = worst.max(compared.error_over_claim());
+            largest = largest.max(compared.error_um.abs());
+            if compared.error_um.abs() > 10.0 {
+                last = frame + 1;
+            }
+        }
+        println!(
+            "{um} um away: at most {largest:.2} um, {worst:.2} claims, below 10 um after {last} frames, {flagged} flagged"
+        );
+        assert!(worst < 5.0, "{um} um");
+    }
+}
+
+/// Rows of a comb beside a window have the same centre as in the dark room, and are as good as they claim.
+#[test]
+fn a_comb_beside_a_window_is_measured_as_in_the_dark_room() {
+    let comb = Scene {
+        comb: Some(Mask::nominal()),
+        ..Scene::load("quiet-paper").expect("a scene")
+    };
+    let window = Scene {
+        ambient: Some(Ambient {
+            counts_per_second: 100e3,
+            slope: 11.0,
+        }),
+        ..comb.clone()
+    };
+    const ROWS: usize = 200;
+    let measure = |scene: &Scene, ambient| {
+        let settings = Settings {
+            slits: Slits::Comb,
+            ambient,
+            rows: 1,
+            ..Settings::default()
+        };
+        let geometry = scene.geometry();
+        let mut measurement = Measurement::new(geometry.clone(), settings);
+        let dark = Scene {
+            spot: None,
+            ..scene.clone()
+        };
+        let [lit, dark] = [scene.clone(), dark].map(Simulation::new);
+        let mut row = 0;
+        let mut next = |simulation: &Simulation| {
+            row += 1;
+            words(&simulation.row(row, 0.8, scene.exposure), &geometry)
+        };
+        (0..128).for_each(|_| measurement.ambient_row(&next(&dark)));
+        let (mut errors, mut claims) = (vec![], vec![]);
+        for _ in 0..ROWS {
+            measurement.ambient_row(&next(&dark));
+            let result = measurement.row_with(&mut next(&lit), None, None);
+            let measured = result.expect("a frame").expect("a reading");
+            assert_eq!(measured.comb.expect("slits").used, 16);
+            let error = measured.frame.centre.to_f64() - scene.optics.centre(0.8);
+            errors.push(error);
+            claims.push(error / measured.frame.uncertainty.to_f64());
+        }
+        let rms =
+            |values: &[f64]| (values.iter().map(|it| it * it).sum::<f64>() / ROWS as f64).sqrt();
+        let mean = errors.iter().sum::<f64>() / ROWS as f64;
+        (mean, rms(&errors), rms(&claims))
+    };
+    let dark = measure(&comb, Off);
+    let subtract = measure(&window, Subtract);
+    for (name, (mean, rms, claims)) in [
+        ("dark room", dark),
+        ("window, off", measure(&window, Off)),
+        ("window, subtract", subtract),
+    ] {
+        println!("{name}: mean error {mean:.5} px, RMS {rms:.5} px, {claims:.2} of the claim");
+    }
+    // Four standard deviations of a mean of 200 rows, twice.
+    let margin = 4.0 * f64::hypot(dark.1, subtract.1) / (ROWS as f64).sqrt();
+    assert!((subtract.0 - dark.0).abs() < margin);
+    // The RMS of 200 is known to 5 %.
+    assert!(subtract.2 < 1.2);
 }

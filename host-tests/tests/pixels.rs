@@ -5,10 +5,11 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rayon::prelude::*;
 use simulator::scene::{Ambient, FixedPattern, Response, Scene, Simulation};
+use slitrange::ambient::AmbientMode;
 use slitrange::measurement::Measurement;
 use slitrange::pixels::encoded::{Read, Reader, Word, Words};
 use slitrange::pixels::flat_field::{FlatField, Kind, ROWS, TakeError, Taken};
-use slitrange::pixels::map::{Entry, MAX_MAP_PIXELS, PixelMap};
+use slitrange::pixels::map::{Correction, Entry, MAX_MAP_PIXELS, PixelMap};
 use slitrange::reading::Measured;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads::tcd1304dg;
@@ -163,6 +164,85 @@ fn a_map_leaves_the_error_that_it_states() {
             assert!(allowed < 1.1);
         }
     }
+}
+
+/// The frame of a sensor beside a window, with `ambient subtract`.
+fn subtracted_frame(paper: &Scene, centre: f64, map: Option<&PixelMap>) -> Frame {
+    let lit = Scene {
+        ambient: Some(Ambient {
+            counts_per_second: 100e3,
+            slope: 11.0,
+        }),
+        ..paper.clone()
+    };
+    let dark = Simulation::new(Scene {
+        spot: None,
+        ..lit.clone()
+    });
+    let lit = Simulation::new(lit);
+    let settings = Settings {
+        ambient: AmbientMode::Subtract,
+        ..Settings::default()
+    };
+    let geometry = paper.geometry();
+    let distance = paper.optics.distance(centre);
+    let mut measurement = Measurement::new(geometry.clone(), settings);
+    let mut row = 0;
+    let mut next = |simulation: &Simulation| {
+        row += 1;
+        words(&simulation.row(row, distance, paper.exposure), &geometry)
+    };
+    for _ in 0..128 {
+        measurement.ambient_row(&next(&dark));
+    }
+    let measured = loop {
+        measurement.ambient_row(&next(&dark));
+        if let Some(result) = measurement.row_with(&mut next(&lit), None, map) {
+            break result.expect("a centre");
+        }
+    };
+    let (frame, pixels) = (measured.frame, measured.pixels);
+    let pixels = pixels.of_centre(
+        measured.estimator,
+        frame.width,
+        frame.amplitude,
+        measured.ambient,
+    );
+    Frame {
+        error: frame.centre.to_f64() - lit.true_centre(0, distance),
+        noise: frame.uncertainty.to_f64(),
+        pixels: pixels.into(),
+    }
+}
+
+/// Subtracting removes the offsets of the pixels, and the map corrects their gains. A map that corrected the
+/// offsets too would write them into the row again.
+#[test]
+fn a_map_corrects_only_the_gains_of_subtracted_rows() {
+    let frames: Vec<[Frame; 2]> = (0..4u64)
+        .into_par_iter()
+        .flat_map(|seed| {
+            let paper = paper(seed, 0.02, 15.0);
+            let field = map_of(&paper);
+            let map = field.map();
+            let of =
+                move |centre: f64| [None, map].map(|map| subtracted_frame(&paper, centre, map));
+            (0..8)
+                .map(|place| of(424.3 + 400.0 * f64::from(place)))
+                .collect::<Vec<_>>()
+        })
+        .collect();
+    let [bare, corrected] = [0, 1].map(|i| rms(frames.iter().map(|frame| frame[i].error)));
+    let claims = frames
+        .iter()
+        .map(|[_, frame]| frame.error / f64::hypot(frame.noise, frame.pixels));
+    let claims = rms(claims);
+    println!(
+        "RMS error without a map {bare:.5} px, with it {corrected:.5} px, {claims:.2} of the claim"
+    );
+    assert!(corrected < 0.4 * bare);
+    // The RMS of 32 errors is known to 13 %.
+    assert!((0.5..1.5).contains(&claims));
 }
 
 #[test]
@@ -402,7 +482,8 @@ proptest! {
             ..tcd1304dg()
         };
         let mut corrected = row.clone();
-        map.correct(&mut corrected, begin..begin + length, Counts::from_bits(black), &geometry);
+        let black = Counts::from_bits(black);
+        map.correct(&mut corrected, begin..begin + length, black, &geometry, Correction::OffsetAndGain);
         let saturation = geometry.saturated_from();
         for (at, (before, after)) in row.iter().zip(&corrected).enumerate() {
             prop_assert_eq!(*before >= saturation, *after >= saturation);

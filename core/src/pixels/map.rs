@@ -67,6 +67,15 @@ impl Entry {
     }
 }
 
+/// What a map corrects in a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Correction {
+    /// The offset and the gain of each pixel.
+    OffsetAndGain,
+    /// The gain alone: the offsets were subtracted from the row with the ambient light.
+    Gain,
+}
+
 /// A map of a sensor's light pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PixelMap {
@@ -152,28 +161,7 @@ impl PixelMap {
         window: Range<usize>,
         black: Counts,
         geometry: &Geometry,
-    ) {
-        self.correct_with(words, window, black, geometry, |entry| entry.offset_q4());
-    }
-
-    /// As [`PixelMap::correct`] for a row from which the pixels' offsets were subtracted already.
-    pub fn correct_gain(
-        &self,
-        words: &mut [u16],
-        window: Range<usize>,
-        black: Counts,
-        geometry: &Geometry,
-    ) {
-        self.correct_with(words, window, black, geometry, |_| 0);
-    }
-
-    fn correct_with(
-        &self,
-        words: &mut [u16],
-        window: Range<usize>,
-        black: Counts,
-        geometry: &Geometry,
-        offset_q4: impl Fn(&Entry) -> i16,
+        correction: Correction,
     ) {
         if words.len() != usize::from(self.pixels) {
             return;
@@ -182,6 +170,10 @@ impl PixelMap {
         let highest = i32::from(saturation.saturating_sub(1));
         const LARGEST: i32 = (LARGEST_COUNT as i32) << OFFSET_FRACTION;
         const HALF: i32 = 1 << (OFFSET_FRACTION - 1);
+        let offsets = match correction {
+            Correction::OffsetAndGain => 1,
+            Correction::Gain => 0,
+        };
         let black = (black.to_bits() >> (Counts::FRACTION - OFFSET_FRACTION)).clamp(0, LARGEST);
         // A spot near the sensor's edge has a window that reaches beyond the row.
         let window = window.start..window.end.min(words.len());
@@ -197,8 +189,8 @@ impl PixelMap {
             }
             // A count is below 2^12, the black level at most 2^12, an offset at most 2^10: together below
             // 2^17 in Q4. Times a gain of at most 2^14 that is below 2^31, because 65520 + 16384 = 81904.
-            let above =
-                i32::from(count) * (1 << OFFSET_FRACTION) - black - i32::from(offset_q4(entry));
+            let offset = i32::from(entry.offset_q4) * offsets;
+            let above = i32::from(count) * (1 << OFFSET_FRACTION) - black - offset;
             let change = numeric::mul_i32(above, i32::from(entry.gain_q15)) >> GAIN_FRACTION;
             let corrected = numeric::add_i32(above, change);
             let rounded = numeric::add_i32(corrected, black + HALF) >> OFFSET_FRACTION;
@@ -238,8 +230,11 @@ pub fn window(spot: &Spot, width: Option<Pixels>) -> Range<usize> {
 
 #[cfg(test)]
 mod tests {
+    use super::Correction::OffsetAndGain;
     use super::*;
     use crate::row::Polarity;
+
+    const BLACK: Counts = Counts::from_int(300);
 
     fn map(entries: &[(i16, i16)]) -> PixelMap {
         let mut map = PixelMap::EMPTY;
@@ -263,16 +258,16 @@ mod tests {
         // 10 counts less; a quarter more light; both; unchanged.
         let map = map(&[(160, 0), (0, 1 << 13), (-160, -(1 << 13)), (0, 0)]);
         let mut light = [310, 700, 690, 123];
-        map.correct(&mut light, 0..4, Counts::from_int(300), &rising());
+        map.correct(&mut light, 0..4, BLACK, &rising(), OffsetAndGain);
         assert_eq!(light, [300, 800, 600, 123]);
         // Words that fall with light.
         let mut words = [310, 700, 690, 123].map(|count| 4095 - count);
         let falling = crate::sensor_heads::tcd1304dg();
-        map.correct(&mut words, 0..4, Counts::from_int(300), &falling);
+        map.correct(&mut words, 0..4, BLACK, &falling, OffsetAndGain);
         assert_eq!(words, light.map(|count| 4095 - count));
         // A row from which the offsets were subtracted already.
         let mut light = [300, 700, 700, 123];
-        map.correct_gain(&mut light, 0..4, Counts::from_int(300), &rising());
+        map.correct(&mut light, 0..4, BLACK, &rising(), Correction::Gain);
         assert_eq!(light, [300, 800, 600, 123]);
     }
 
@@ -280,14 +275,14 @@ mod tests {
     fn saturated_pixels_stay_and_no_other_becomes_one() {
         let map = map(&[(0, 1 << 14), (0, 1 << 14), (1 << 14, 0), (0, -(1 << 14))]);
         let mut light = [4095, 4094, 5, 4095];
-        map.correct(&mut light, 0..4, Counts::from_int(300), &rising());
+        map.correct(&mut light, 0..4, BLACK, &rising(), OffsetAndGain);
         assert_eq!(light, [4095, 4094, 0, 4095]);
         let geometry = Geometry {
             saturation: 2500,
             ..rising()
         };
         let mut light = [2500, 2400, 5, 4095];
-        map.correct(&mut light, 0..4, Counts::from_int(300), &geometry);
+        map.correct(&mut light, 0..4, BLACK, &geometry, OffsetAndGain);
         assert_eq!(light, [2500, 2499, 0, 4095]);
     }
 
@@ -295,10 +290,22 @@ mod tests {
     fn only_the_window_is_corrected_and_only_with_the_right_map() {
         let map = map(&[(160, 0); 4]);
         let mut light = [100; 4];
-        map.correct(&mut light, 1..3, Counts::default(), &rising());
+        map.correct(
+            &mut light,
+            1..3,
+            Counts::default(),
+            &rising(),
+            OffsetAndGain,
+        );
         assert_eq!(light, [100, 90, 90, 100]);
         let mut longer = [100; 5];
-        map.correct(&mut longer, 1..3, Counts::default(), &rising());
+        map.correct(
+            &mut longer,
+            1..3,
+            Counts::default(),
+            &rising(),
+            OffsetAndGain,
+        );
         assert_eq!(longer, [100; 5]);
     }
 

@@ -1,7 +1,7 @@
 //! White paper in ambient light: the errors with and without `ambient subtract`, beside those in a dark room.
 
 use simulator::bound::Spot;
-use simulator::scene::{Ambient, FixedPattern, MainsLight, Scene};
+use simulator::scene::{Ambient, FixedPattern, Lag, MainsLight, Scene};
 use slitrange::ambient::{AmbientMode, LONGEST_LOG2};
 use slitrange::exposure::{Exposure, ExposureMode};
 use slitrange::settings::Settings;
@@ -26,6 +26,7 @@ pub struct Light {
     ambient: Option<Ambient>,
     lamps: Option<MainsLight>,
     pattern: Option<FixedPattern>,
+    lag: Option<Lag>,
     lamp: fn(&mut [f32]),
 }
 
@@ -35,7 +36,19 @@ pub const DARK_ROOM: Light = Light {
     ambient: None,
     lamps: None,
     pattern: None,
+    lag: None,
     lamp: |_| (),
+};
+
+/// A dark room, and a sensor in whose pixels charge stays for the next row: at most 100 counts, which are 1000
+/// electrons, and all of faint light (M. C. Nelson, TCD1304-Sensor-Device, GitHub, 2026; see [`Lag`]).
+pub const CHARGE_STAYS: Light = Light {
+    name: "dark room, charge stays",
+    lag: Some(Lag {
+        counts: 100.0,
+        share: 1.0,
+    }),
+    ..DARK_ROOM
 };
 
 /// The window of `scenes/sunlit.toml`, so many times as bright.
@@ -101,6 +114,7 @@ impl Light {
             ambient: self.ambient,
             mains_light: self.lamps,
             fixed_pattern: self.pattern,
+            lag: self.lag,
             ..scene()
         }
     }
