@@ -280,28 +280,41 @@ pub fn judge_with(
 ) -> Report {
     let kinds = kinds.iter().map(|kind| KindReport {
         kind,
-        rows: tally(kind, rows, row, done),
-        frames: tally(kind, frames, frame, done),
+        rows: tally(kind, JUDGED, rows, row, done),
+        frames: tally(kind, JUDGED, frames, frame, done),
     });
     Report {
         kinds: kinds.collect(),
     }
 }
 
-fn tally(
+/// Judges so many frames of a kind, with the first of [`JUDGED`] alone.
+pub fn judge_frames(kind: &Kind, frames: u64) -> Tally {
+    let [tally] = tally(kind, [JUDGED[0]], frames, frame, &|| {});
+    tally
+}
+
+fn tally<const N: usize>(
     kind: &Kind,
+    judged: [Judged; N],
     count: u64,
     take: fn(&Kind, u64) -> Frame,
     done: &(impl Fn() + Sync),
-) -> [Tally; JUDGED.len()] {
-    let add = |[a, b, c]: [Tally; 3], [d, e, f]: [Tally; 3]| [a.add(d), b.add(e), c.add(f)];
+) -> [Tally; N] {
+    let none = || std::array::from_fn(|_| Tally::default());
+    let add = |mut sums: [Tally; N], more: [Tally; N]| {
+        for (sum, more) in sums.iter_mut().zip(more) {
+            *sum = std::mem::take(sum).add(more);
+        }
+        sums
+    };
     (0..count)
         .into_par_iter()
-        .fold(Default::default, |tallies, number| {
+        .fold(none, |tallies, number| {
             let frame = take(kind, number);
             done();
             let tally = |judged| Tally::of(number, frame.verdict(kind, judged));
-            add(tallies, JUDGED.map(tally))
+            add(tallies, judged.map(tally))
         })
-        .reduce(Default::default, add)
+        .reduce(none, add)
 }
