@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use lab::surfaces::{MATERIALS, calibrate};
+use rayon::prelude::*;
 use simulator::scene::{Scene, Sensor, file};
 use slitrange::record;
 use slitrange::record::encoded::EncodedRecord;
@@ -69,12 +70,13 @@ fn within_2u(errors: &[f64]) -> f64 {
 fn u_holds_in_every_scene() {
     let firmware = Firmware::build().expect("the firmware");
     assert!(record::decode(CALIBRATED_ON_PAPER).is_ok());
-    let mut judged = 0;
-    for name in file::names().expect("the folder of scenes") {
-        let scene = Scene::load(&name).expect("a scene");
+    // A board keeps one processor of the PC busy.
+    let names = file::names().expect("the folder of scenes");
+    let judged = names.into_par_iter().filter(|name| {
+        let scene = Scene::load(name).expect("a scene");
         // The firmware reads one spot: behind a comb it takes the brightest of the images for that spot.
         if scene.sensor != Sensor::Tcd1304dg || scene.comb.is_some() {
-            continue;
+            return false;
         }
         let found = errors(
             &firmware,
@@ -84,7 +86,7 @@ fn u_holds_in_every_scene() {
         );
         if found.is_empty() {
             println!("{name}: no distance");
-            continue;
+            return false;
         }
         let largest = found
             .iter()
@@ -95,9 +97,9 @@ fn u_holds_in_every_scene() {
             within_2u(&found)
         );
         assert!(within_2u(&found) >= 0.9, "{name}: {found:.2?}");
-        judged += 1;
-    }
-    assert!(judged >= 12);
+        true
+    });
+    assert!(judged.count() >= 12);
 }
 
 /// Sensors that were calibrated on each material read a hundred surfaces of it.
@@ -105,8 +107,8 @@ fn u_holds_in_every_scene() {
 #[ignore = "100 surfaces of six materials; takes 150 s; run by .ci/run"]
 fn u_is_true_on_six_materials_through_the_firmware() {
     let firmware = Firmware::build().expect("the firmware");
-    let mut all = vec![];
-    for (name, scene) in MATERIALS {
+    // A board keeps one processor of the PC busy.
+    let of_material = MATERIALS.into_par_iter().flat_map_iter(|(name, scene)| {
         let scene = Scene::load(scene).expect("a scene");
         // Surfaces that the readings do not see.
         let record = calibrate(&scene, 60, 900_000).expect("a calibration");
@@ -122,8 +124,9 @@ fn u_is_true_on_six_materials_through_the_firmware() {
         );
         // Of 100 normal errors 95.4 +- 2.1 % are within 2u; a calibration's 60 points add 2 %.
         assert!(found.len() > 85 && within_2u(&found) >= 0.88, "{name}");
-        all.extend(found);
-    }
+        found
+    });
+    let all: Vec<f64> = of_material.collect();
     println!(
         "all: {} readings, {:.3} within 2u",
         all.len(),
