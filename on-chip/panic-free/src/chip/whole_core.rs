@@ -11,7 +11,7 @@ use slitrange::frame::Frame;
 use slitrange::measurement::Measurement;
 use slitrange::pixels::encoded::{Read, Reader, Words};
 use slitrange::pixels::flat_field::{FlatField, Kind, TakeError, Taken};
-use slitrange::pixels::map::{Entry, PixelMap, window};
+use slitrange::pixels::map::{Correction, Entry, PixelMap, window};
 use slitrange::protocol::command::Command;
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::{Echo, Input};
@@ -162,8 +162,15 @@ pub fn correct_pixels() {
         }
         if let Some(map) = field.map() {
             let light = any::words(&mut words);
-            map.correct(light, any(0)..any(0), any(Counts::MIN), &any::geometry());
-            map.correct_gain(light, any(0)..any(0), any(Counts::MIN), &any::geometry());
+            let correction = any(Correction::Gain);
+            let pixels = any(0)..any(0);
+            map.correct(
+                light,
+                pixels,
+                any(Counts::MIN),
+                &any::geometry(),
+                correction,
+            );
             reached(i32::from(light.first().copied().unwrap_or_default()));
             reached(map.background_of(any::spot().background).noise.to_bits());
             for word in Words::new(map, any(0)) {
