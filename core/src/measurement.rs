@@ -148,8 +148,8 @@ impl Measurement {
     }
 
     /// As [`Measurement::row`]. Subtracts the ambient light, and corrects the pixels around the spot with a
-    /// map, both in place. Ignores the map of a sensor with another number of pixels. All rows of a frame need
-    /// the same map.
+    /// map, both in place. Ignores the map of a sensor with another number of pixels. All rows of a frame
+    /// need the same map.
     ///
     /// `exposure` is the row's own, `None` if it is not known. By it, auto exposure chooses
     /// [`Measurement::next_exposure`]. The rows of a frame may have different exposures.
@@ -430,8 +430,8 @@ impl Measurement {
     /// share this noise, so averaging rows does not lower it.
     ///
     /// The result is an upper limit, for two reasons. The uncertainty of the rows contains the noise of the
-    /// spot's light, which the mean does not have. And the mean had its largest share in one row of the frame,
-    /// while its share was smaller in the other rows.
+    /// spot's light, which the mean does not have. And the mean had its largest share in one row of the
+    /// frame, while its share was smaller in the other rows.
     fn with_noise_of_mean(&self, uncertainty: Pixels, rows: u16) -> Pixels {
         if self.largest_share == 0.0 {
             return uncertainty;

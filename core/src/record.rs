@@ -222,7 +222,7 @@ impl Record {
         }
     }
 
-    /// Whether this is the record of the nominal calibration, whatever is known of the front end.
+    /// Whether the calibration is the nominal one. The front end may be measured or not.
     pub fn is_nominal(&self) -> bool {
         let nominal = Self::nominal().map(|nominal| Self {
             front_end: self.front_end,
@@ -231,7 +231,7 @@ impl Record {
         nominal.as_ref() == Some(self)
     }
 
-    /// Whether this is the record that a sensor has from the factory: nothing of it was measured.
+    /// Whether the calibration is the nominal one and nobody measured the front end.
     pub fn is_of_factory(&self) -> bool {
         self.front_end.is_none() && self.is_nominal()
     }

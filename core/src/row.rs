@@ -204,7 +204,7 @@ impl Geometry {
         self.tested_row(words, &mut blocks)
     }
 
-    /// A row without any pixel, in place of one that did not come.
+    /// A row without pixels. It stands for a row that did not come.
     pub fn empty_row(&self) -> Row<'static> {
         Row {
             light: Light::default(),

@@ -50,8 +50,8 @@ fn subtracted_light_costs_the_noise_that_is_computed() {
     assert!(window.rms_um < 1.5 * dark.rms_um);
 }
 
-/// A long frame averages more rows and has the same mean to subtract. Its r contains the noise of the mean, and
-/// its errors are as large as its r.
+/// A long frame averages more rows and has the same mean to subtract. Its r contains the noise of the mean,
+/// and its errors are as large as its r.
 #[test]
 fn a_long_frame_has_more_of_the_means_noise() {
     let window = named("beside a window, three times as bright");
@@ -84,9 +84,7 @@ fn a_long_frame_has_more_of_the_means_noise() {
     // better than 1 %.
     let growth = long.r_um * 8.0 / one.r_um;
     let computed = ((1.0 + 64.0 / 255.0) / (1.0 + 1.0 / 255.0f64)).sqrt();
-    println!(
-        "r of 64 rows is {growth:.3} times an eighth of that of a row, computed {computed:.3}"
-    );
+    println!("r of 64 rows over an eighth of r of one row: {growth:.3}, computed {computed:.3}");
     assert!((growth / computed - 1.0).abs() < 0.03);
 }
 
@@ -335,7 +333,8 @@ fn readings_claim_the_error_of_charge_that_stays() {
             }
         }
         println!(
-            "{um} um away: at most {largest:.2} um, {worst:.2} claims, below 10 um after {last} frames, {flagged} flagged"
+            "{um} um away: at most {largest:.2} um, {worst:.2} claims, below 10 um after {last} frames, \
+             {flagged} flagged"
         );
         assert!(worst < 5.0, "{um} um");
     }

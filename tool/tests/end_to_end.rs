@@ -1,5 +1,5 @@
-//! Calibrates a sensor of unknown geometry, and measures a front end that nobody knows, with the commands that
-//! the sensor's user gives, against the firmware on the emulated board, with a power cycle in between.
+//! Calibrates a sensor of unknown geometry, and measures a front end that nobody knows, with the commands
+//! that the sensor's user gives, against the firmware on the emulated board, with a power cycle in between.
 #![cfg(unix)]
 
 use std::cell::RefCell;

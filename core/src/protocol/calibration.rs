@@ -266,7 +266,8 @@ mod tests {
             is_on: true,
             stored: FlashStatus::Nothing,
         };
-        let lines = "\r\ncalibration black shielded\r\ncalibration slits 16\r\ncalibration front-end assumed\r\n";
+        let lines = "\r\ncalibration black shielded\r\ncalibration slits 16\r\n\
+                     calibration front-end assumed\r\n";
         assert!(shown.to_string().contains(lines), "{shown}");
     }
 

@@ -421,8 +421,8 @@ mod tests {
 
     #[test]
     fn info_says_whether_the_front_end_was_measured() {
-        let assumed = "\r\ninfo front end assumed, not measured: 10.00 electrons a count, saturated from 4095 \
-                       counts\r\n";
+        let assumed = "\r\ninfo front end assumed, not measured: 10.00 electrons a count, saturated from \
+                       4095 counts\r\n";
         for record in [None, Some(Record::nominal().expect("a record"))] {
             let text = info(record.as_ref(), true);
             assert!(text.contains(assumed), "{text}");

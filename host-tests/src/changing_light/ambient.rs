@@ -40,8 +40,8 @@ pub const DARK_ROOM: Light = Light {
     lamp: |_| (),
 };
 
-/// A dark room, and a sensor in whose pixels charge stays for the next row: at most 100 counts, which are 1000
-/// electrons, and all of faint light (M. C. Nelson, TCD1304-Sensor-Device, GitHub, 2026; see [`Lag`]).
+/// A dark room, and a sensor in whose pixels charge stays for the next row: at most 100 counts, which are
+/// 1000 electrons, and all of faint light (M. C. Nelson, TCD1304-Sensor-Device, GitHub, 2026; see [`Lag`]).
 pub const CHARGE_STAYS: Light = Light {
     name: "dark room, charge stays",
     lag: Some(Lag {

@@ -23,8 +23,8 @@ pub const ROWS: u16 = 2;
 /// The most words that a row is answered with: for each estimator two centres or faults, and a reading.
 pub const MOST_WORDS: usize = Estimator::ALL.len() * (2 * 8 + 14);
 
-/// A measurement for each estimator, with the row before in it. They take 85 KB. On the chip they are a static
-/// variable, because the stack has no room to move them.
+/// A measurement for each estimator, with the row before in it. They take 85 KB. On the chip they are a
+/// static variable, because the stack has no room to move them.
 pub struct Estimators {
     geometry: Geometry,
     measurements: [Option<Measurement>; Estimator::ALL.len()],
@@ -39,7 +39,8 @@ impl Estimators {
         }
     }
 
-    /// Starts new measurements, for rows of so many pixels that see light, of a converter of so many bits. If words fall with light,
+    /// Starts new measurements, for rows of so many pixels that see light, of a converter of so many bits. If
+    /// words fall with light,
     /// the black level is fixed, so that a row takes as many instructions as with shielded pixels.
     pub fn start(
         &mut self,

@@ -30,10 +30,10 @@ use crate::whole_file;
 /// Measure the amplifier and the converter: gain, noise, saturation
 ///
 /// Put a white target at rest before the sensor, in the middle of its range, and shade both from lamps that
-/// flicker. The sensor takes rows with the laser off and then with longer and longer exposures, for a minute or
-/// two. From how the noise grows with the light follow the electrons of a count and the read noise; from
-/// where the light grows no more, the saturation. All this goes into the sensor's record. The uncertainty of
-/// every reading depends on it.
+/// flicker. The sensor takes rows with the laser off and then with longer and longer exposures, for one to
+/// five minutes. From how the noise grows with the light follow the electrons of a count and the read noise;
+/// from where the light grows no more, the saturation. All this goes into the sensor's record. The
+/// uncertainty of every reading depends on it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct MeasureOptions {
     /// The sensor's serial port, such as /dev/ttyACM0 or COM3

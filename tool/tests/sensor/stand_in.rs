@@ -123,7 +123,7 @@ pub struct State {
     pub has_saved_map: bool,
     /// The height of the spot in a row, in counts.
     pub spot_height: f64,
-    /// What the rows show in place of a spot of that height.
+    /// A simulated sensor head. If there is one, the rows come from it, and `spot_height` has no effect.
     pub light: Option<SimulatedHead>,
     /// Power fails so many times while the flash is written, which then holds what it held.
     pub restarts_on_save: usize,
@@ -282,8 +282,8 @@ impl SimulatedHead {
 }
 
 impl State {
-    /// Sends a row: dark with the laser off, otherwise a spot of [`Self::spot_height`] at pixel 1800.25 or the
-    /// images of a comb around it.
+    /// Sends a row: dark with the laser off, otherwise a spot of [`Self::spot_height`] at pixel 1800.25 or
+    /// the images of a comb around it.
     pub fn row(&mut self, part: RowPart) -> String {
         let (geometry, settings) = (self.session.geometry(), self.settings());
         let mut measurement = Measurement::new(geometry.clone(), settings);

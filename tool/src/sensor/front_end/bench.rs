@@ -20,11 +20,12 @@ use crate::photon_transfer::{Transfer, VARIANCE_OF_ROUNDING, dark_point, mean_ro
 /// Whole rows with the laser off. Their 3648 pixels give the read noise to 0.7 %.
 const DARK_ROWS: usize = 4;
 
-/// Exposures at which the spot is looked for, in us: each is four times as long as the one before. The longest
-/// one that may be used follows.
+/// Exposures at which the spot is looked for, in us: each is four times as long as the one before. The
+/// longest one that may be used follows.
 const SEARCH_US: [u16; 5] = [10, 40, 160, 640, 2560];
 
-/// Pixels over which a row is smoothed to find the spot: narrower than a spot, and the noise falls to a third.
+/// Pixels over which a row is smoothed to find the spot: narrower than a spot, and the noise falls to a
+/// third.
 const SMOOTHED: usize = 9;
 
 /// The spot is found once it is so high, in counts: 60 times the noise of the smoothed row.
@@ -88,8 +89,8 @@ const AIM: f64 = 0.0125;
 /// A gain that is not known so well is refused.
 const WORST: f64 = 0.05;
 
-/// Points that lie farther off the line, over what chance allows, are refused. Chance alone gives 0.97 to 1.03
-/// for a thousand points.
+/// Points that lie farther off the line, over what chance allows, are refused. Chance alone gives 0.97 to
+/// 1.03 for a thousand points.
 const MOST_SCATTER: f64 = 1.2;
 
 /// What to do if the noise is not that of light.
@@ -102,7 +103,7 @@ const TOO_BRIGHT: &str = "the spot saturates at the shortest exposure: put a dar
 /// At most so many rows may have another exposure than the one that was set: the firmware has some under way.
 const ROWS_UNDER_WAY: usize = 20;
 
-/// What was taken. All counts rise with light, whatever polarity the firmware assumes.
+/// What the sensor showed. All counts rise with light, also if the firmware has the polarity wrong.
 #[derive(Clone, Debug)]
 pub struct Taken {
     /// Whether the firmware has the polarity the wrong way round.
@@ -375,7 +376,8 @@ impl<'a, 'b> Bench<'a, 'b> {
             });
         }
         bail!(
-            "the brightest place has {brightest:.0} counts at {limit} us, and {LEAST_HIGH:.0} are needed: put a brighter target, such as white paper, nearer to the sensor, and check the laser"
+            "the brightest place has {brightest:.0} counts at {limit} us, and {LEAST_HIGH:.0} are needed: \
+             put a brighter target, such as white paper, nearer to the sensor, and check the laser"
         )
     }
 
