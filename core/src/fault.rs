@@ -170,7 +170,9 @@ impl Fault {
             Self::SpotAtEdge { .. } | Self::OutOfRange { .. } => {
                 "move the target into the range that `info` names"
             }
-            Self::TwoSpots { .. } => "cover other lights, and surfaces that reflect the laser",
+            Self::TwoSpots { .. } => {
+                "cover other lights, and surfaces that reflect the laser, or set `region` or `peak`"
+            }
             Self::Unsteady { .. } => "hold the target still, or take fewer rows in a frame",
             Self::FewSlits { .. } => {
                 "clean the slits, take more light, or send `slits one` if there is no comb"
