@@ -195,6 +195,10 @@ fn the_settings_region_and_peak_choose_one_of_two_spots() {
         }
     }
     assert!(ask(&mut board, "region 3600 3700").starts_with("E22 "));
+    // With `peak`, the first row of a frame takes several searches, in less than the time of a row.
+    let slowest = Status::ask(&mut board).count("slowest row cycles");
+    println!("slowest row: {slowest} cycles of the virtual board");
+    assert!(slowest < 957_600);
     board.finish().expect("a clean run");
 }
 
