@@ -168,7 +168,7 @@ def centres(
         raise ValueError(f"frame is {frame}, but a frame has 1 to {_core.MAX_ROWS} rows")
     if len(rows) % frame:
         raise ValueError(f"{len(rows)} rows are no whole number of frames of {frame} rows: leave some out")
-    floats, whole, codes = _core.centres(
+    (centre, u, height, width), (rows_used, misfits), codes = _core.centres(
         rows,
         estimator,
         (
@@ -183,8 +183,16 @@ def centres(
         _black_level(black_level, geometry),
         frame,
     )
-    # The code of a centre is -1: the last name.
-    return Centres(*floats, *whole, fault=np.array([*FAULTS, ""])[codes])
+    return Centres(
+        centre_px=centre,
+        u_px=u,
+        height=height,
+        width_px=width,
+        rows_used=rows_used,
+        misfits=misfits,
+        # The code of a centre is -1: the last name.
+        fault=np.array([*FAULTS, ""])[codes],
+    )
 
 
 def _checked(rows: Any) -> npt.NDArray[np.uint16]:
@@ -204,7 +212,8 @@ def _checked(rows: Any) -> npt.NDArray[np.uint16]:
         raise ValueError(
             f"rows has the shape {rows.shape}, but must be rows x words, or the words of one row"
         )
-    return rows.astype(np.uint16, copy=False)
+    checked: npt.NDArray[np.uint16] = rows.astype(np.uint16, copy=False)
+    return checked
 
 
 def _black_level(black_level: float | str | None, geometry: Geometry) -> str:

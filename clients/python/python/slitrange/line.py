@@ -1,0 +1,167 @@
+"""The serial line as lines: a command goes out, and its answer is told from the sensor's other lines.
+
+Answers come in the order of the commands; lines of the stream may come in between. Noise can make a line
+unreadable or lose it, so a command without an answer is sent again. Each command that `ask` sends may come
+twice without harm.
+"""
+
+import re
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+import serial
+from serial.tools import list_ports
+
+from slitrange.errors import NoAnswer, PortError, Refused, Restarted
+
+T = TypeVar("T")
+Lines = list[str]
+
+TRIES = 4
+"""How often a command is sent before nobody answers."""
+
+LONGEST = 800
+"""The longest line that is kept, in bytes: three times as long as any that a sensor sends."""
+
+ANSWER_S = 2.0
+"""How long to wait for the answer to a command: many times what a board takes."""
+
+POLL_S = 0.05
+"""How long a read waits for the first byte. Bytes that come end the wait at once."""
+
+NOT_UNDERSTOOD = 7
+"""Errors up to this number are about the words of a line, which noise may have changed."""
+
+
+class Line:
+    """A sensor's serial line, held for this program alone."""
+
+    def __init__(self, port: str) -> None:
+        """Opens a port, unless another program has it open."""
+        self.port = port
+        # Whether the sensor is gone, or has forgotten what was set.
+        self.is_lost = False
+        self._received = b""
+        try:
+            self._serial = serial.Serial(port, 115200, timeout=POLL_S, write_timeout=ANSWER_S, exclusive=True)
+        except (serial.SerialException, ValueError, OSError) as error:
+            raise PortError(_cannot_open(port, error)) from error
+
+    def close(self) -> None:
+        """Gives the port back."""
+        self._serial.close()
+
+    def ask(self, command: str, answer: Callable[[Lines], T | None], wait_s: float = ANSWER_S) -> T:
+        """Sends a command until `answer` makes something of the lines that came since."""
+        refused: Refused | None = None
+        for attempt in range(TRIES):
+            if attempt:
+                self.synchronise()
+            try:
+                return self.ask_once(command, answer, wait_s)
+            except NoAnswer:
+                if attempt == TRIES - 1:
+                    raise
+            except Refused as error:
+                # The same sentence twice is not by noise.
+                is_repeated = refused is not None and refused.sentence == error.sentence
+                if error.number > NOT_UNDERSTOOD or is_repeated or attempt == TRIES - 1:
+                    raise
+                refused = error
+        raise AssertionError("the last attempt returns or raises")
+
+    def ask_once(self, command: str, answer: Callable[[Lines], T | None], wait_s: float = ANSWER_S) -> T:
+        """As `ask`, sent once: for what must not be done twice."""
+        self.send(f"{command}\r".encode("ascii"))
+        until = time.monotonic() + wait_s
+        lines: Lines = []
+        while (line := self.line(until)) is not None:
+            if re.match(r"E\d+ ", line):
+                raise Refused(command, line)
+            lines.append(line)
+            if (answered := answer(lines)) is not None:
+                return answered
+        if not lines:
+            raise NoAnswer(
+                f"nobody answers `{command}` at {self.port}: check that this is the sensor's port and that "
+                "the sensor has power"
+            )
+        raise NoAnswer(
+            f"`{command}` has no answer at {self.port}, where {lines[-1]!r} came last: check that this is "
+            "the sensor's port, and that its firmware knows that command (`info`, `help`)"
+        )
+
+    def synchronise(self) -> bool:
+        """Leaves behind whatever was sent before. Returns whether readings stream."""
+        heard = None
+        for _ in range(TRIES):
+            # Ctrl-U is not text: a line that somebody left half typed, or that lost its end, is an error and
+            # no command.
+            self.send(b"\x15\rstream\r")
+            until = time.monotonic() + ANSWER_S
+            while (line := self.line(until)) is not None:
+                if line in ("stream on", "stream off"):
+                    return line == "stream on"
+                heard = line
+        last = "" if heard is None else f", where {heard!r} came last"
+        raise NoAnswer(
+            f"nobody answers `stream` at {self.port}{last}: check that this is the sensor's port, that the "
+            "sensor has power, and that the line has 115200 baud"
+        )
+
+    def send(self, data: bytes) -> None:
+        """Sends bytes."""
+        try:
+            self._serial.write(data)
+        except (serial.SerialException, OSError) as error:
+            raise self._gone(error) from error
+
+    def line(self, until: float) -> str | None:
+        """The next line that is not empty. None if none comes before `until`, by the monotonic clock.
+
+        What has come is given even if the time is up.
+        """
+        while True:
+            while (end := re.search(rb"[\r\n]", self._received)) is not None:
+                line, self._received = self._received[: end.start()], self._received[end.end() :]
+                if not line:
+                    continue
+                text = line.decode("ascii", errors="replace")
+                if text.startswith("slitrange ") and ", started by " in text:
+                    self.is_lost = True
+                    raise Restarted(
+                        f"the sensor started anew (`{text}`) and has only the settings that its flash holds: "
+                        "open it again"
+                    )
+                return text
+            if len(self._received) > LONGEST:
+                self._received = b""
+            try:
+                came = self._serial.read(self._serial.in_waiting or 1)
+            except (serial.SerialException, OSError) as error:
+                raise self._gone(error) from error
+            self._received += came
+            if not came and time.monotonic() >= until:
+                return None
+
+    def _gone(self, error: Exception) -> PortError:
+        self.is_lost = True
+        return PortError(f"{self.port} stopped working ({error}): check the cable")
+
+
+def _cannot_open(port: str, error: Exception) -> str:
+    """Why a port cannot be opened, and what to do."""
+    number = getattr(error, "errno", None)
+    if number == 11 or "exclusively lock" in str(error):
+        return f"{port} is in use: end the program that has it open"
+    if number == 2:
+        ports = " ".join(sorted(it.device for it in list_ports.comports()))
+        others = f"; there is {ports}" if ports else ", nor any other: check the cable"
+        return f"there is no serial port {port}{others}"
+    if number == 13:
+        return (
+            f"{port} may not be opened: on Linux, become a member of the group that owns it "
+            f"(`ls -l {port}`), often dialout"
+        )
+    return f"{port} cannot be opened as a serial port: {error}"
