@@ -30,6 +30,10 @@ ANSWER_S = 2.0
 POLL_S = 0.05
 """How long a read waits for the first byte. Bytes that come end the wait at once."""
 
+ERROR = re.compile(r"E\d+ ")
+NOT_TEXT = "E5 "
+STREAM = ("stream on", "stream off")
+
 NOT_UNDERSTOOD = 7
 """Errors up to this number are about the words of a line, which noise may have changed."""
 
@@ -77,20 +81,36 @@ class Line:
         until = time.monotonic() + wait_s
         lines: Lines = []
         while (line := self.line(until)) is not None:
-            if re.match(r"E\d+ ", line):
+            # The answer to what `synchronise` sends. No command of this package is other than ASCII.
+            if line.startswith(NOT_TEXT):
+                continue
+            if ERROR.match(line):
                 raise Refused(command, line)
             lines.append(line)
             if (answered := answer(lines)) is not None:
                 return answered
-        if not lines:
-            raise NoAnswer(
-                f"nobody answers `{command}` at {self.port}: check that this is the sensor's port and that "
-                "the sensor has power"
-            )
-        raise NoAnswer(
-            f"`{command}` has no answer at {self.port}, where {lines[-1]!r} came last: check that this is "
-            "the sensor's port, and that its firmware knows that command (`info`, `help`)"
-        )
+        raise self._no_answer(command, lines)
+
+    def ask_at_once(self, command: str) -> Lines:
+        """Sends a command that is answered at once. Returns all lines that came up to the end of its answer.
+
+        Answers come in the order of the commands: the answer to a second one is the end of the first one's.
+        """
+        lines: Lines = []
+        for attempt in range(TRIES):
+            if attempt:
+                self.synchronise()
+            self.send(f"{command}\rstream\r".encode("ascii"))
+            until = time.monotonic() + ANSWER_S
+            lines = []
+            while (line := self.line(until)) is not None and line not in STREAM:
+                if not line.startswith(NOT_TEXT):
+                    lines.append(line)
+            if line is not None:
+                for error in filter(ERROR.match, lines):
+                    raise Refused(command, error)
+                return lines
+        raise self._no_answer(command, lines)
 
     def synchronise(self) -> bool:
         """Leaves behind whatever was sent before. Returns whether readings stream."""
@@ -101,7 +121,7 @@ class Line:
             self.send(b"\x15\rstream\r")
             until = time.monotonic() + ANSWER_S
             while (line := self.line(until)) is not None:
-                if line in ("stream on", "stream off"):
+                if line in STREAM:
                     return line == "stream on"
                 heard = line
         last = "" if heard is None else f", where {heard!r} came last"
@@ -144,6 +164,17 @@ class Line:
             self._received += came
             if not came and time.monotonic() >= until:
                 return None
+
+    def _no_answer(self, command: str, lines: Lines) -> NoAnswer:
+        if not lines:
+            return NoAnswer(
+                f"nobody answers `{command}` at {self.port}: check that this is the sensor's port and that "
+                "the sensor has power"
+            )
+        return NoAnswer(
+            f"`{command}` has no answer at {self.port}, where {lines[-1]!r} came last: check that this is "
+            "the sensor's port, and that its firmware knows that command (`info`, `help`)"
+        )
 
     def _gone(self, error: Exception) -> PortError:
         self.is_lost = True

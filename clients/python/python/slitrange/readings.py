@@ -11,13 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from slitrange import _core
-
 LONGEST_EXPOSURE_US = 5600
 """The exposure of a line that does not say one."""
 
 DECIMAL = re.compile(r"-?\d+\.\d+")
 WHOLE = re.compile(r"-?\d+")
+FAULT_NAME = re.compile(r"[a-z]+( [a-z]+)*")
 STAMP = re.compile(r"# (\d+) @ (\d+) ")
 
 
@@ -250,7 +249,8 @@ def result(line: str) -> Reading | Fault | None:
         text = line[stamp.end() :] if stamp else line
         if text.startswith("f "):
             name, _, detail = text[2:].partition(": ")
-            if name not in _core.FAULTS and not re.fullmatch(r"[a-z][a-z ]+", name):
+            # Later firmware may have other faults.
+            if FAULT_NAME.fullmatch(name) is None:
                 return None
             return Fault(name=name, detail=detail, counter=counter, time_us=time_us, line=line)
         if text[:2] in ("d ", "z "):

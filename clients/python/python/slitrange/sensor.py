@@ -83,6 +83,8 @@ class Sensor:
             self._ask_setting("echo", "off")
             self._line.synchronise()
         self._stream(False)
+        # Readings from before are not those of this program.
+        self._waiting.clear()
 
     def __enter__(self) -> "Sensor":
         """Returns the sensor."""
@@ -316,10 +318,8 @@ class Sensor:
             Refused: The sensor answers with an error.
             NoAnswer: No answer came.
         """
-        # Answers come in the order of the commands: the answer to a second one is the end of the first one's.
         with self._paused():
-            question = f"{_text(command)}\rstream"
-            return self._line.ask(question, lambda lines: lines[:-1] if lines[-1] == "stream off" else None)
+            return self._line.ask_at_once(_text(command))
 
     def save(self) -> None:
         """Writes the settings in use and the calibration to flash. From then on, they are the sensor's own.
