@@ -17,7 +17,9 @@ def virtual_board() -> Iterator[str]:
     target = Path(os.environ.get("CARGO_TARGET_DIR", REPOSITORY / "target"))
     demo = target / "debug" / "demo"
     if not demo.exists():
-        pytest.skip(f"the virtual board is not built: run `cargo build --bin demo` ({demo} is missing)")
+        pytest.skip(
+            f"the virtual board is not built: run `cargo run --bin demo -- --help` ({demo} is missing)"
+        )
     command = [str(demo), "--pty", "--distance", "0.8"]
     with subprocess.Popen(command, cwd=REPOSITORY, stdout=subprocess.PIPE, text=True) as board:
         try:

@@ -133,7 +133,7 @@ def test_the_core_here_gives_the_bits_of_the_firmware(sensor: Sensor, estimator:
     assert len(row.counts) == row.pixels == 3648
     assert isinstance(row.centre, Centre)
     assert row.black_level is not None
-    geometry = Geometry(words=row.pixels, light=range(row.pixels), saturation=row.saturation)
+    geometry = Geometry.of_pixels(row.pixels, saturation=row.saturation)
     found = slitrange.centres(row.counts, estimator, geometry, black_level=row.black_level)
     print(f"{estimator}: sensor {row.centre.centre_px} px, here {found.centre_px[0]:.5f} px")
     # The line has five decimals.

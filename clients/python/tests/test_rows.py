@@ -105,7 +105,7 @@ def test_the_gain_sets_the_shot_noise_of_u() -> None:
     rows, _ = gaussian_rows(50, seed=7)
 
     def u(gain: float) -> float:
-        geometry = Geometry(words=PIXELS, light=range(PIXELS), electrons_per_count=gain)
+        geometry = Geometry.of_pixels(PIXELS, electrons_per_count=gain)
         return float(np.mean(slitrange.centres(rows, geometry=geometry).u_px))
 
     print(f"u {u(10):.5f} px with shot noise, {u(math.inf):.5f} px without")
@@ -120,7 +120,7 @@ def test_the_gain_sets_the_shot_noise_of_u() -> None:
 
 def test_a_saturation_below_full_scale_is_a_fault() -> None:
     rows, _ = gaussian_rows(1, seed=8)
-    geometry = Geometry(words=PIXELS, light=range(PIXELS), saturation=2000)
+    geometry = Geometry.of_pixels(PIXELS, saturation=2000)
     assert list(slitrange.centres(rows, geometry=geometry).fault) == ["saturated"]
 
 

@@ -70,6 +70,22 @@ class Geometry:
         if not 0 < self.saturation <= 0xFFFF:
             raise ValueError(f"saturation is {self.saturation}, but must be 1 to 65535 counts")
 
+    @classmethod
+    def of_pixels(
+        cls,
+        pixels: int,
+        *,
+        electrons_per_count: float = 10.0,
+        saturation: int = _core.LARGEST_COUNT,
+    ) -> "Geometry":
+        """Rows of pixels that all see light, with words that rise with light up to 4095."""
+        return cls(
+            words=pixels,
+            light=range(pixels),
+            electrons_per_count=electrons_per_count,
+            saturation=saturation,
+        )
+
     @property
     def full_scale(self) -> int:
         """The largest word of the converter."""
@@ -134,8 +150,7 @@ def centres(
     Args:
         rows: The words of the rows, uint16: an array of rows x words, or of the words of one row.
         estimator: One of ESTIMATORS.
-        geometry: What the words mean. Without it, all words are pixels that see light, more light makes
-            larger words, and the rest is as `Geometry` has it.
+        geometry: What the words mean. Without it, that of `Geometry.of_pixels`.
         black_level: The counts of an unlit pixel, "shielded" for the mean of the shielded pixels, or "frame"
             for the mean of the pixels away from the spot. Without it "shielded", or "frame" if the geometry
             has no shielded pixels. Only `centroid` needs the black level.
@@ -152,7 +167,7 @@ def centres(
     rows = _checked(rows)
     words = rows.shape[1]
     if geometry is None:
-        geometry = Geometry(words=words, light=range(words))
+        geometry = Geometry.of_pixels(words)
     if words != geometry.words:
         raise ValueError(f"the rows have {words} words, but the geometry has {geometry.words}")
     largest = int(rows.max(initial=0))

@@ -62,19 +62,19 @@ class Sensor:
         self._streamed = False
         self._echoed = False
         try:
-            self._begin()
+            try:
+                self._begin()
+            except Restarted:
+                # The sensor may have got its power with the port.
+                self._line.is_lost = False
+                self._begin()
         except BaseException:
             self._is_open = False
             self._line.close()
             raise
 
     def _begin(self) -> None:
-        try:
-            self._streamed = self._line.synchronise()
-        except Restarted:
-            # The sensor may have got its power with the port.
-            self._line.is_lost = False
-            self._streamed = self._line.synchronise()
+        self._streamed = self._line.synchronise()
         # Earlier firmware has no echo.
         with suppress(Refused):
             self._echoed = self._value("echo") == "on"
