@@ -38,6 +38,8 @@ class Played:
         if value:
             self.settings[name] = value
         lines = [f"{name} {self.settings[name]}"]
+        if self.settings.get("format") == "binary":
+            lines = ["\0\xf0\x05\xffpacket" + lines[0]]
         return [*lines, READING] if command == "stream on" else lines
 
 
@@ -71,6 +73,37 @@ def played(sensor: Played) -> Iterator[str]:
 def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shortens the wait of a test in which no answer comes."""
     monkeypatch.setattr(line, "ANSWER_S", 0.3)
+
+
+def test_packets_and_missing_columns_are_put_back() -> None:
+    sensor = Played({"stream": "on", "format": "binary", "echo": "off", "output": "time u", "rows": "16"})
+    before = dict(sensor.settings)
+    saved = []
+
+    def special(command: str) -> list[str] | None:
+        if command != "save":
+            return None
+        saved.append(dict(sensor.settings))
+        return ["save"]
+
+    sensor.special = special
+    with played(sensor) as port, slitrange.open(port) as opened:
+        assert sensor.settings["format"] == "text"
+        columns = "time u distance r centre height rows exposure flags"
+        assert sensor.settings["output"] == columns
+        assert isinstance(next(iter(opened)), Reading)
+        with pytest.raises(ValueError, match="output must also have r centre"):
+            opened.set("output", "distance u height rows exposure flags")
+        opened.save()
+        assert [it["output"] for it in saved] == ["time u"]
+        assert sensor.settings["output"] == columns
+        opened.set("output", f"{columns} width")
+    assert sensor.settings == before
+    with played(sensor) as port, slitrange.open(port) as opened:
+        opened.set("output", f"{columns} width")
+        opened.save()
+        assert saved[1]["output"] == f"{columns} width"
+    assert sensor.settings["output"] == f"{columns} width"
 
 
 @pytest.mark.parametrize("streamed", ["on", "off"])
@@ -166,7 +199,7 @@ def test_a_sensor_that_says_nothing_is_an_error() -> None:
     with (
         played(Played(special=lambda _: [])) as port,
         pytest.raises(
-            slitrange.NoAnswer, match=r"nobody answers `stream` at .* check that this is the sensor's"
+            slitrange.NoAnswer, match=r"nobody answers `format` at .* check that this is the sensor's"
         ),
     ):
         slitrange.open(port)
@@ -194,6 +227,7 @@ def test_errors_of_a_port_say_what_to_do(tmp_path: os.PathLike[str]) -> None:
         ("Calibration", "off", "`calibration` is no setting but a command"),
         ("", 1, "is no setting"),
         ("stream", True, "`stream` is set by this package"),
+        ("format", "binary", "`format` is set by this package"),
         ("rows", "", "there is no value for rows"),
         ("rows", "4\rsave", "is no text of ASCII in one line"),
         ("r\u00f6ws", 4, "is no text of ASCII"),

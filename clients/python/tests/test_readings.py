@@ -51,6 +51,9 @@ def test_later_firmware_may_say_more() -> None:
         READING, counter=1234, time_us=12345678, width_px=8.5988, unknown="q 17 -3.5 h 9 y", line=line
     )
     assert readings.result(line) == stamped
+    for start, counter, time_us in (("# 5 ", 5, None), ("@ 6 ", None, 6)):
+        line = start + LINE
+        assert readings.result(line) == replace(READING, counter=counter, time_us=time_us, line=line)
     line = "d 800123.4 um u 437.2 r 3.5 x 1770.1234 a 1011 n 16/16"
     found = readings.result(line)
     assert isinstance(found, Reading)
@@ -88,6 +91,9 @@ def test_faults_have_a_name_and_figures() -> None:
         LINE.replace(" 0.4372", ""),
         LINE.replace("16/16", "16"),
         LINE.replace("1011", "10.11"),
+        f"# {LINE}",
+        f"# x @ 5 {LINE}",
+        "# 5 @ 6",
         f"{LINE} t",
         f"{LINE} t 1 2",
         f"{LINE} m x",

@@ -41,14 +41,15 @@ NOT_UNDERSTOOD = 7
 class Line:
     """A sensor's serial line, held for this program alone."""
 
-    def __init__(self, port: str) -> None:
+    def __init__(self, port: str, baud: int) -> None:
         """Opens a port, unless another program has it open."""
         self.port = port
+        self.baud = baud
         # Whether the sensor is gone, or has forgotten what was set.
         self.is_lost = False
         self._received = b""
         try:
-            self._serial = serial.Serial(port, 115200, timeout=POLL_S, write_timeout=ANSWER_S, exclusive=True)
+            self._serial = serial.Serial(port, baud, timeout=POLL_S, write_timeout=ANSWER_S, exclusive=True)
         except (serial.SerialException, ValueError, OSError) as error:
             raise PortError(_cannot_open(port, error)) from error
 
@@ -114,20 +115,39 @@ class Line:
 
     def synchronise(self) -> bool:
         """Leaves behind whatever was sent before. Returns whether readings stream."""
+        return self._question("stream", lambda line: (line == "stream on") if line in STREAM else None)
+
+    def leave_packets(self) -> bool:
+        """Makes the sensor send lines of text. Returns whether it sent packets before."""
+
+        def are_packets(line: str) -> bool | None:
+            # A packet holds the answer as text, with other bytes before it.
+            if line.endswith("format binary"):
+                return True
+            # Earlier firmware does not know the word, and sends lines.
+            return False if line == "format text" or line.startswith("E1 ") else None
+
+        sent_packets = self._question("format", are_packets)
+        if sent_packets:
+            self.ask("format text", lambda lines: True if lines[-1].endswith("format text") else None)
+        return sent_packets
+
+    def _question(self, command: str, answer: Callable[[str], T | None]) -> T:
+        """Asks a question, whatever was sent before."""
         heard = None
         for _ in range(TRIES):
             # Ctrl-U is not text: a line that somebody left half typed, or that lost its end, is an error and
             # no command.
-            self.send(b"\x15\rstream\r")
+            self.send(f"\x15\r{command}\r".encode("ascii"))
             until = time.monotonic() + ANSWER_S
             while (line := self.line(until)) is not None:
-                if line in STREAM:
-                    return line == "stream on"
+                if (answered := answer(line)) is not None:
+                    return answered
                 heard = line
         last = "" if heard is None else f", where {heard!r} came last"
         raise NoAnswer(
-            f"nobody answers `stream` at {self.port}{last}: check that this is the sensor's port, that the "
-            "sensor has power, and that the line has 115200 baud"
+            f"nobody answers `{command}` at {self.port}{last}: check that this is the sensor's port, that "
+            f"the sensor has power, and that its line has {self.baud} baud"
         )
 
     def send(self, data: bytes) -> None:

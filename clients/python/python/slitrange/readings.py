@@ -17,7 +17,6 @@ LONGEST_EXPOSURE_US = 5600
 DECIMAL = re.compile(r"-?\d+\.\d+")
 WHOLE = re.compile(r"-?\d+")
 FAULT_NAME = re.compile(r"[a-z]+( [a-z]+)*")
-STAMP = re.compile(r"# (\d+) @ (\d+) ")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,9 +243,13 @@ def whole(word: str) -> int:
 def result(line: str) -> Reading | Fault | None:
     """The reading or the fault of a line. None for any other line, and for one that noise has spoilt."""
     try:
-        stamp = STAMP.match(line)
-        counter, time_us = (int(stamp[1]), int(stamp[2])) if stamp else (None, None)
-        text = line[stamp.end() :] if stamp else line
+        words = line.split(" ")
+        stamp: dict[str, int | None] = {"#": None, "@": None}
+        while words[0] in stamp and len(words) > 2:
+            stamp[words[0]] = whole(words[1])
+            words = words[2:]
+        text = " ".join(words)
+        counter, time_us = stamp["#"], stamp["@"]
         if text.startswith("f "):
             name, _, detail = text[2:].partition(": ")
             # Later firmware may have other faults.

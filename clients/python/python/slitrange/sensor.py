@@ -31,13 +31,24 @@ COMMANDS = {
 """First words of commands. They are no settings, and some of them change the sensor."""
 
 
-def open(port: str) -> "Sensor":
+OWN_SETTINGS = ("stream", "echo", "format", "baud")
+"""Settings that this package needs for itself."""
+
+COLUMNS = ("distance", "u", "r", "centre", "height", "rows", "exposure", "flags")
+"""The columns of a line that a `Reading` needs."""
+
+
+def open(port: str, baud: int = 115200) -> "Sensor":
     """Opens the sensor at a serial port, such as /dev/ttyACM0 or COM3.
+
+    Args:
+        port: The name of the port.
+        baud: The rate of the line. A sensor has 115200 after its start.
 
     Raises:
         SlitrangeError: The port cannot be opened, or what answers there is no sensor.
     """
-    return Sensor(port)
+    return Sensor(port, baud)
 
 
 class Sensor:
@@ -50,10 +61,10 @@ class Sensor:
         spoilt: How many lines of the stream could not be read, by noise on the line.
     """
 
-    def __init__(self, port: str) -> None:
+    def __init__(self, port: str, baud: int = 115200) -> None:
         """Opens the port and finds out whether a sensor answers there."""
         self.spoilt = 0
-        self._line = Line(port)
+        self._line = Line(port, baud)
         self._waiting: deque[Reading | Fault] = deque()
         self._before: dict[str, str] = {}
         self._is_streaming = False
@@ -61,6 +72,8 @@ class Sensor:
         # What is put back at the end.
         self._streamed = False
         self._echoed = False
+        self._sent_packets = False
+        self._output: str | None = None
         try:
             try:
                 self._begin()
@@ -74,6 +87,7 @@ class Sensor:
             raise
 
     def _begin(self) -> None:
+        self._sent_packets = self._line.leave_packets()
         self._streamed = self._line.synchronise()
         # Earlier firmware has no echo.
         with suppress(Refused):
@@ -83,8 +97,24 @@ class Sensor:
             self._ask_setting("echo", "off")
             self._line.synchronise()
         self._stream(False)
+        # Earlier firmware sends all columns.
+        with suppress(Refused):
+            output = self._value("output")
+            if _missing(output):
+                self._output = output
+                self._add_columns()
         # Readings from before are not those of this program.
         self._waiting.clear()
+
+    def _add_columns(self) -> None:
+        """Adds the columns that a `Reading` needs to those that were found."""
+        if self._output is not None:
+            self._ask_setting("output", " ".join([self._output, *_missing(self._output)]))
+
+    def _remove_columns(self) -> None:
+        """Puts the columns back that were found."""
+        if self._output is not None:
+            self._ask_setting("output", self._output)
 
     def __enter__(self) -> "Sensor":
         """Returns the sensor."""
@@ -116,10 +146,13 @@ class Sensor:
         self._stream(False)
         for name, value in reversed(self._before.items()):
             self._ask_setting(name, value)
+        self._remove_columns()
         if self._streamed:
             self._stream(True)
         if self._echoed:
             self._ask_setting("echo", "on")
+        if self._sent_packets:
+            self._line.ask("format binary", lambda lines: lines[-1].endswith("format binary") or None)
 
     def __iter__(self) -> Iterator[Reading | Fault]:
         """The readings and faults, one for each frame, as the sensor measures them."""
@@ -235,10 +268,13 @@ class Sensor:
         text = _text(_word(value) if isinstance(value, bool) else str(value))
         if not text:
             raise ValueError(f"there is no value for {name}: give one, or read it by get")
+        if name == "output" and (missing := _missing(text)):
+            raise ValueError(f"output must also have {' '.join(missing)}: a Reading needs these columns")
         with self._paused():
             is_first = not keep and name not in self._before
             if is_first:
-                self._before[name] = self._value(name)
+                before = self._output if name == "output" else None
+                self._before[name] = before or self._value(name)
             try:
                 found = self._ask_setting(name, text)
             except Refused:
@@ -247,6 +283,8 @@ class Sensor:
                 raise
             if keep:
                 self._before.pop(name, None)
+            if name == "output":
+                self._output = None
             return found
 
     def _value(self, name: str) -> str:
@@ -331,12 +369,20 @@ class Sensor:
             NoAnswer: No answer came.
         """
         with self._paused():
+            # The columns that this package added are not the owner's.
+            self._remove_columns()
             self._line.ask_once("save", lambda lines: True if lines[-1] == "save" else None, SAVE_S)
             self._before.clear()
+            self._add_columns()
 
 
 def _word(on: bool) -> str:
     return "on" if on else "off"
+
+
+def _missing(output: str) -> Lines:
+    """The columns that `output` lacks."""
+    return [column for column in COLUMNS if column not in output.split(" ")]
 
 
 def _text(text: str) -> str:
@@ -352,8 +398,8 @@ def _setting(name: str) -> str:
     first = name.split(" ")[0]
     if first in COMMANDS or not first:
         raise ValueError(f"`{name}` is no setting but a command: use the method for it, or lines({name!r})")
-    if first in ("stream", "echo"):
-        raise ValueError(f"`{name}` is set by this package, and put back at the end: iterate over the sensor")
+    if first in OWN_SETTINGS:
+        raise ValueError(f"`{name}` is set by this package, and put back at the end")
     return name
 
 
