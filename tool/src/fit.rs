@@ -39,6 +39,7 @@ use slitrange::uncertainty::CalibrationErrors;
 
 use crate::points::{self, Points, Setup};
 use crate::record_file::{self, Shown};
+use crate::whole_file;
 use report::{RecordWritten, Report, ShownComb};
 use solve::Form;
 
@@ -55,7 +56,7 @@ pub struct Options {
     #[arg(long, value_name = "MM", value_parser = positive)]
     position_uncertainty: Option<f64>,
     /// Write the record here [default: the points' name with .record]
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", value_parser = whole_file::output)]
     output: Option<PathBuf>,
     /// Replace the record's file even if something else is in it
     #[arg(long)]
@@ -76,7 +77,7 @@ pub struct Options {
     #[arg(long)]
     json: bool,
     /// Draw points, fit and residuals as an SVG file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = whole_file::output)]
     figure: Option<PathBuf>,
 }
 

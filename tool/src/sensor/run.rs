@@ -20,6 +20,7 @@ use super::session::{Before, Session};
 use super::taken::{Millimetres, PointsFile, Taken};
 use crate::pc::Pc;
 use crate::points::{Setup, Shape, SlitImage, SlitImages};
+use crate::whole_file;
 
 /// How often a position is tried with a stage, which cannot be asked.
 const TRIES: usize = 3;
@@ -56,6 +57,7 @@ Then: slitrange calibrate fit points.csv"
 )]
 pub struct RunOptions {
     /// The points: a CSV file, begun or gone on with
+    #[arg(value_parser = whole_file::output)]
     pub file: PathBuf,
     /// The sensor's serial port, such as /dev/ttyACM0 or COM3
     #[arg(long)]

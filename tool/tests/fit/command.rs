@@ -159,6 +159,24 @@ fn another_record_is_not_replaced_unless_forced() {
     assert_ne!(std::fs::read(&record).expect("a record"), first);
 }
 
+/// Other programs take `-` for standard output. This one would make a file with that name.
+#[test]
+fn a_file_named_by_a_dash_is_refused() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let points = Truth::nominal().points(20, 0.002, &mut seeded(3));
+    file(&directory.path().join("points.csv"), &points);
+    for option in ["-o", "--figure"] {
+        let output = slitrange(directory.path(), &["points.csv", option, "-"]);
+        assert_eq!(output.status.code(), Some(2), "{option}");
+        let said = printed(&output);
+        assert!(
+            said.contains("name a file: this command does not write to"),
+            "{said}"
+        );
+        assert!(!directory.path().join("-").exists());
+    }
+}
+
 /// A refused file of points makes no record, and leaves an older record unchanged.
 #[test]
 fn refusals_leave_existing_files_unchanged() {
