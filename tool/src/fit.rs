@@ -22,6 +22,7 @@ pub mod spline;
 pub mod start;
 pub mod surface;
 pub mod tabulate;
+pub mod verdict;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
