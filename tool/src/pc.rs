@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 
 use serialport::{ClearBuffer, SerialPort as _};
 
+use crate::keyboard;
+
 /// Bits a second, as the firmware sets them.
 const BAUD: u32 = 115_200;
 
@@ -22,6 +24,12 @@ pub trait Pc {
 
     /// Waits.
     fn sleep(&self, time: Duration);
+
+    /// Whether somebody pressed Ctrl-C since this was asked for the first time. From then on Ctrl-C ends the
+    /// program only when it is pressed twice, and the command must ask from time to time.
+    fn interrupted(&self) -> bool {
+        false
+    }
 }
 
 /// An open serial port.
@@ -78,6 +86,10 @@ impl Pc for RealPc {
 
     fn sleep(&self, time: Duration) {
         std::thread::sleep(time);
+    }
+
+    fn interrupted(&self) -> bool {
+        keyboard::watch_interrupts()
     }
 }
 
