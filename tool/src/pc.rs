@@ -17,6 +17,11 @@ pub trait Pc {
     /// The system's.
     fn open(&self, port: &str) -> serialport::Result<Box<dyn Port + '_>>;
 
+    /// The names of the serial ports. Pseudo-terminals are not among them.
+    fn ports(&self) -> Vec<String> {
+        vec![]
+    }
+
     /// The time since a moment that does not change.
     fn now(&self) -> Duration;
 
@@ -70,6 +75,11 @@ impl Pc for RealPc {
         };
         port.clear(ClearBuffer::Input)?;
         Ok(Box::new(port))
+    }
+
+    fn ports(&self) -> Vec<String> {
+        let ports = serialport::available_ports().unwrap_or_default();
+        ports.into_iter().map(|port| port.port_name).collect()
     }
 
     fn now(&self) -> Duration {

@@ -9,6 +9,7 @@ pub mod answers;
 pub mod flat;
 pub mod front_end;
 pub mod line;
+pub mod port;
 pub mod positions;
 pub mod row;
 pub mod run;

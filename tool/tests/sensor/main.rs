@@ -5,6 +5,7 @@
 mod flat;
 mod front_end;
 mod line;
+mod port;
 mod row;
 mod run;
 mod stand_in;
