@@ -13,6 +13,7 @@ pub mod pc;
 pub mod photon_transfer;
 pub mod points;
 pub mod record_file;
+pub mod screen;
 pub mod sensor;
 mod whole_file;
 
@@ -29,7 +30,9 @@ pub enum Command {
     /// What belongs to the sensor head
     #[command(subcommand)]
     Head(Head),
-    // Its help is that of its options.
+    // The help of each is that of its options.
+    #[expect(missing_docs)]
+    Monitor(sensor::MonitorOptions),
     #[expect(missing_docs)]
     Row(sensor::RowOptions),
 }
@@ -69,6 +72,10 @@ impl Command {
     ) -> anyhow::Result<ExitCode> {
         let command = match self {
             Self::Calibrate(command) => command,
+            Self::Monitor(options) => {
+                sensor::monitor(options, pc, output)?;
+                return Ok(ExitCode::SUCCESS);
+            }
             Self::Row(options) => {
                 sensor::row(options, pc, output)?;
                 return Ok(ExitCode::SUCCESS);

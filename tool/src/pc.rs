@@ -1,15 +1,21 @@
 //! What the tool needs of the PC: serial ports and a clock. Tests put a simulated sensor with its own clock
 //! here.
 
-use std::io::{self, Write as _};
+use std::io::{self, IsTerminal as _, Write as _};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use serialport::{ClearBuffer, SerialPort as _};
 
+use crate::screen::{RealScreen, Screen};
+
 /// Bits a second, as the firmware sets them.
 const BAUD: u32 = 115_200;
 
-/// Serial ports and a clock.
+/// Whether Ctrl-C was pressed after [`Pc::catch_interrupt`].
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Serial ports, a clock and a terminal.
 pub trait Pc {
     /// Opens a serial port for this program alone, and drops the bytes that came before.
     ///
@@ -20,6 +26,22 @@ pub trait Pc {
     /// The names of the serial ports. Pseudo-terminals are not among them.
     fn ports(&self) -> Vec<String> {
         vec![]
+    }
+
+    /// From now on, Ctrl-C only makes [`Self::is_interrupted`] true.
+    fn catch_interrupt(&self) {}
+
+    /// Whether Ctrl-C was pressed.
+    fn is_interrupted(&self) -> bool {
+        false
+    }
+
+    /// The terminal, if standard output is one.
+    ///
+    /// # Errors
+    /// The terminal's.
+    fn screen(&self) -> io::Result<Option<Box<dyn Screen + '_>>> {
+        Ok(None)
     }
 
     /// The time since a moment that does not change.
@@ -80,6 +102,22 @@ impl Pc for RealPc {
     fn ports(&self) -> Vec<String> {
         let ports = serialport::available_ports().unwrap_or_default();
         ports.into_iter().map(|port| port.port_name).collect()
+    }
+
+    fn catch_interrupt(&self) {
+        // It fails if it is called twice: then Ctrl-C is caught already.
+        let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
+    }
+
+    fn is_interrupted(&self) -> bool {
+        INTERRUPTED.load(Ordering::Relaxed)
+    }
+
+    fn screen(&self) -> io::Result<Option<Box<dyn Screen + '_>>> {
+        if !io::stdout().is_terminal() {
+            return Ok(None);
+        }
+        Ok(Some(Box::new(RealScreen::new()?)))
     }
 
     fn now(&self) -> Duration {

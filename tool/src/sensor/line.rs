@@ -252,6 +252,22 @@ impl<'a> Line<'a> {
         Err(self.silent(command, lines.pop()))
     }
 
+    /// Says a command whose answer comes among the lines of [`Self::next_line`].
+    ///
+    /// # Errors
+    /// The port stopped working.
+    pub fn say_only(&mut self, command: &str) -> Result<(), LineError> {
+        self.say(format!("{command}\r").as_bytes(), command)
+    }
+
+    /// The next line that comes within a time.
+    ///
+    /// # Errors
+    /// The sensor started anew, or the port stopped working.
+    pub fn next_line(&mut self, wait: Duration) -> Result<Option<String>, LineError> {
+        self.line(self.pc.now() + wait)
+    }
+
     /// Leaves behind whatever was said before, and gives whether readings stream.
     ///
     /// # Errors

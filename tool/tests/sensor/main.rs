@@ -5,8 +5,10 @@
 mod flat;
 mod front_end;
 mod line;
+mod monitor;
 mod port;
 mod row;
 mod run;
+mod screen;
 mod stand_in;
 mod transfer;
