@@ -34,6 +34,10 @@ pub enum Command {
     #[expect(missing_docs)]
     Monitor(sensor::MonitorOptions),
     #[expect(missing_docs)]
+    Settings(sensor::SettingsOptions),
+    #[expect(missing_docs)]
+    Scope(sensor::ScopeOptions),
+    #[expect(missing_docs)]
     Row(sensor::RowOptions),
 }
 
@@ -74,6 +78,11 @@ impl Command {
             Self::Calibrate(command) => command,
             Self::Monitor(options) => {
                 sensor::monitor(options, pc, output)?;
+                return Ok(ExitCode::SUCCESS);
+            }
+            Self::Settings(options) => return sensor::settings(options, pc, output),
+            Self::Scope(options) => {
+                sensor::scope(options, pc, output)?;
                 return Ok(ExitCode::SUCCESS);
             }
             Self::Row(options) => {

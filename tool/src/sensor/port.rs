@@ -13,7 +13,7 @@ use crate::pc::Pc;
 pub struct PortOption {
     /// The sensor's serial port, such as /dev/ttyACM0 or COM3. Without it, each serial port of this PC is
     /// asked, and the only one where a sensor answers is taken. A pseudo-terminal must be named
-    #[arg(long)]
+    #[arg(long, global = true)]
     pub port: Option<String>,
 }
 

@@ -1,6 +1,7 @@
 //! One row as the sensor sees it: by this picture one aligns the optics.
 
 mod figure;
+pub mod scope;
 
 use std::fmt::Write as _;
 use std::io::Write;

@@ -199,6 +199,29 @@ impl<'a> Session<'a> {
         })
     }
 
+    /// The value that a setting had before the session, if the session changes it.
+    pub fn found(&self, setting: Setting) -> Option<Value> {
+        match setting {
+            Setting::Stream => Some(Value::Stream(self.before.streamed)),
+            Setting::Echo => Some(Value::Echo(self.echoed)),
+            _ => None,
+        }
+    }
+
+    /// Sets a value that stays after the session.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn set_for_good(&mut self, value: Value) -> Result<(), LineError> {
+        match value {
+            // The end of the session sets them.
+            Value::Stream(on) => self.before.streamed = on,
+            Value::Echo(on) => self.echoed = on,
+            _ => self.set(Command::Set(value))?,
+        }
+        Ok(())
+    }
+
     /// Sets the rows in a frame for as long as the session lasts.
     ///
     /// # Errors

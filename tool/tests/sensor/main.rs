@@ -9,6 +9,8 @@ mod monitor;
 mod port;
 mod row;
 mod run;
+mod scope;
 mod screen;
+mod settings;
 mod stand_in;
 mod transfer;
