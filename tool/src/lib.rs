@@ -14,6 +14,7 @@ pub mod pc;
 pub mod photon_transfer;
 pub mod points;
 pub mod record_file;
+pub mod screen;
 pub mod sensor;
 mod whole_file;
 
@@ -30,7 +31,13 @@ pub enum Command {
     /// What belongs to the sensor head
     #[command(subcommand)]
     Head(Head),
-    // Its help is that of its options.
+    // The help of each is that of its options.
+    #[expect(missing_docs)]
+    Monitor(sensor::MonitorOptions),
+    #[expect(missing_docs)]
+    Settings(sensor::SettingsOptions),
+    #[expect(missing_docs)]
+    Scope(sensor::ScopeOptions),
     #[expect(missing_docs)]
     Row(sensor::RowOptions),
 }
@@ -70,6 +77,15 @@ impl Command {
     ) -> anyhow::Result<ExitCode> {
         let command = match self {
             Self::Calibrate(command) => command,
+            Self::Monitor(options) => {
+                sensor::monitor(options, pc, output)?;
+                return Ok(ExitCode::SUCCESS);
+            }
+            Self::Settings(options) => return sensor::settings(options, pc, output),
+            Self::Scope(options) => {
+                sensor::scope(options, pc, output)?;
+                return Ok(ExitCode::SUCCESS);
+            }
             Self::Row(options) => {
                 sensor::row(options, pc, output)?;
                 return Ok(ExitCode::SUCCESS);

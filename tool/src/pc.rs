@@ -1,23 +1,37 @@
 //! What the tool needs of the PC: serial ports and a clock. Tests put a simulated sensor with its own clock
 //! here.
 
-use std::io::{self, Write as _};
+use std::io::{self, IsTerminal as _, Write as _};
 use std::time::{Duration, Instant};
 
 use serialport::{ClearBuffer, SerialPort as _};
 
 use crate::keyboard;
+use crate::screen::{RealScreen, Screen};
 
 /// Bits a second, as the firmware sets them.
 const BAUD: u32 = 115_200;
 
-/// Serial ports and a clock.
+/// Serial ports, a clock and a terminal.
 pub trait Pc {
     /// Opens a serial port for this program alone, and drops the bytes that came before.
     ///
     /// # Errors
     /// The system's.
     fn open(&self, port: &str) -> serialport::Result<Box<dyn Port + '_>>;
+
+    /// The names of the serial ports. Pseudo-terminals are not among them.
+    fn ports(&self) -> Vec<String> {
+        vec![]
+    }
+
+    /// The terminal, if standard output is one.
+    ///
+    /// # Errors
+    /// The terminal's.
+    fn screen(&self) -> io::Result<Option<Box<dyn Screen + '_>>> {
+        Ok(None)
+    }
 
     /// The time since a moment that does not change.
     fn now(&self) -> Duration;
@@ -78,6 +92,18 @@ impl Pc for RealPc {
         };
         port.clear(ClearBuffer::Input)?;
         Ok(Box::new(port))
+    }
+
+    fn ports(&self) -> Vec<String> {
+        let ports = serialport::available_ports().unwrap_or_default();
+        ports.into_iter().map(|port| port.port_name).collect()
+    }
+
+    fn screen(&self) -> io::Result<Option<Box<dyn Screen + '_>>> {
+        if !io::stdout().is_terminal() {
+            return Ok(None);
+        }
+        Ok(Some(Box::new(RealScreen::new()?)))
     }
 
     fn now(&self) -> Duration {

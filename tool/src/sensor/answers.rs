@@ -245,6 +245,18 @@ pub fn flat(lines: &[String]) -> Option<Vec<String>> {
     Some(of_flat.cloned().collect())
 }
 
+/// The rows lost and the lines dropped, once the answer to `status` says both.
+pub fn losses(lines: &[String]) -> Option<(u32, u32)> {
+    let number = |name: &str| {
+        let mut values = lines.iter().filter_map(|line| line.strip_prefix(name));
+        values.next()?.parse().ok()
+    };
+    Some((
+        number("status rows lost ")?,
+        number("status lines dropped ")?,
+    ))
+}
+
 /// The sensor head's name, once a line of the answer to `info` says it.
 pub fn head(lines: &[String]) -> Option<String> {
     lines

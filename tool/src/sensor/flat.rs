@@ -8,6 +8,7 @@ use slitrange::protocol::flat::Flat;
 
 use super::answers;
 use super::line::{ANSWER, FRAME, LineError, SAVE};
+use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
 
@@ -22,9 +23,9 @@ For a script, in two runs:
   slitrange head flat --port /dev/ttyACM0 --only dark
   slitrange head flat --port /dev/ttyACM0 --only lit")]
 pub struct FlatOptions {
-    /// The sensor's serial port, such as /dev/ttyACM0 or COM3
-    #[arg(long)]
-    pub port: String,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its help is that of its options")]
+    pub port: PortOption,
     /// Take only these rows, and ask nothing: dark rows first, lit rows in another run
     #[arg(long, value_enum)]
     pub only: Option<Only>,
@@ -52,8 +53,8 @@ pub fn flat(
     input: &mut dyn BufRead,
     output: &mut dyn Write,
 ) -> Result<()> {
-    let mut session = Session::open(pc, &options.port)?;
-    let (head, port) = (session.head().to_owned(), &options.port);
+    let mut session = options.port.open(pc)?;
+    let (head, port) = (session.head().to_owned(), session.port().to_owned());
     writeln!(output, "sensor {head} at {port}")?;
     for (kind, only, what_to_do) in [
         (

@@ -20,6 +20,7 @@ use slitrange::units::{Counts, Electrons};
 use self::bench::{Bench, Taken};
 use super::answers;
 use super::line::{ANSWER, LineError};
+use super::port::PortOption;
 use super::session::Session;
 use super::transfer::{record_in_use, transfer};
 use crate::pc::Pc;
@@ -36,9 +37,9 @@ use crate::whole_file;
 /// uncertainty of every reading depends on it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct MeasureOptions {
-    /// The sensor's serial port, such as /dev/ttyACM0 or COM3
-    #[arg(long)]
-    pub port: String,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its help is that of its options")]
+    pub port: PortOption,
     /// Write a table: signal and variance of each pixel and exposure
     #[arg(long, value_parser = whole_file::output)]
     pub csv: Option<PathBuf>,
@@ -64,8 +65,8 @@ const OF_RECORD: [Setting; 3] = [Setting::Estimator, Setting::Black, Setting::Sl
 /// # Errors
 /// In sentences: what the sensor refused or did not show, and what to do.
 pub fn measure(options: &MeasureOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
-    let mut session = Session::open(pc, &options.port)?;
-    writeln!(output, "sensor {} at {}", session.head(), options.port)?;
+    let mut session = options.port.open(pc)?;
+    writeln!(output, "sensor {} at {}", session.head(), session.port())?;
     let keeps_flash = options.no_save || options.dry_run;
     let in_use = session.calibration()?;
     ensure!(

@@ -26,6 +26,9 @@ const LONGEST: usize = 800;
 /// How long to wait for the answer to a command.
 pub const ANSWER: Duration = Duration::from_secs(2);
 
+/// How long to wait at a port where there may be no sensor.
+const GLANCE: Duration = Duration::from_secs(1);
+
 /// How long to wait for a frame and the answer that says what it gave.
 pub const FRAME: Duration = Duration::from_secs(5);
 
@@ -107,7 +110,7 @@ impl fmt::Display for LineError {
                 heard: None,
             } => write!(
                 f,
-                "nobody answers `{command}` at {name}: check that this is the sensor's port and that the \
+                "no sensor answers `{command}` at {name}: check that this is the sensor's port and that the \
                  sensor has power"
             ),
             Self::Silent {
@@ -249,18 +252,46 @@ impl<'a> Line<'a> {
         Err(self.silent(command, lines.pop()))
     }
 
+    /// Says a command whose answer comes among the lines of [`Self::next_line`].
+    ///
+    /// # Errors
+    /// The port stopped working.
+    pub fn say_only(&mut self, command: &str) -> Result<(), LineError> {
+        self.say(format!("{command}\r").as_bytes(), command)
+    }
+
+    /// The next line that comes within a time.
+    ///
+    /// # Errors
+    /// The sensor started anew, or the port stopped working.
+    pub fn next_line(&mut self, wait: Duration) -> Result<Option<String>, LineError> {
+        self.line(self.pc.now() + wait)
+    }
+
     /// Leaves behind whatever was said before, and gives whether readings stream.
     ///
     /// # Errors
     /// Nobody answers.
     pub fn synchronise(&mut self) -> Result<bool, LineError> {
+        self.ask_stream(TRIES, ANSWER)
+    }
+
+    /// The same in a second at most: whether a sensor is there.
+    ///
+    /// # Errors
+    /// Nobody answers.
+    pub fn answers(&mut self) -> Result<bool, LineError> {
+        self.ask_stream(2, GLANCE / 2)
+    }
+
+    fn ask_stream(&mut self, tries: usize, wait: Duration) -> Result<bool, LineError> {
         let question = Command::Show(Setting::Stream).to_string();
         let mut heard = None;
-        for _ in 0..TRIES {
+        for _ in 0..tries {
             // Ctrl-U is not text: a line that somebody left half typed, or that lost its end, is an error and
             // no command.
             self.say(format!("\x15\r{question}\r").as_bytes(), &question)?;
-            let until = self.pc.now() + ANSWER;
+            let until = self.pc.now() + wait;
             while let Some(line) = self.line(until)? {
                 if let Ok(Command::Set(Value::Stream(on))) = parse(line.as_bytes()) {
                     return Ok(on);

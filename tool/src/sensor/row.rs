@@ -1,6 +1,7 @@
 //! One row as the sensor sees it: by this picture one aligns the optics.
 
 mod figure;
+pub mod scope;
 
 use std::fmt::Write as _;
 use std::io::Write;
@@ -12,6 +13,7 @@ use slitrange::protocol::row::{HeadCheck, REACH, ROW_END, RowExposure, RowPart, 
 
 use super::answers::{self, Centre, NoCentre};
 use super::line::TRIES;
+use super::port::PortOption;
 use super::session::Session;
 use crate::fit::start::median;
 use crate::pc::Pc;
@@ -28,9 +30,9 @@ const ROW: Duration = Duration::from_secs(20);
 /// there is beside it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct RowOptions {
-    /// The sensor's serial port, such as /dev/ttyACM0 or COM3
-    #[arg(long)]
-    pub port: String,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its help is that of its options")]
+    pub port: PortOption,
     /// Only the pixels around the spot, or those of all images of a comb
     #[arg(long)]
     pub window: bool,
@@ -412,8 +414,8 @@ pub(super) fn ask_row(session: &mut Session<'_>, part: RowPart) -> Result<RowAns
 /// In sentences: nobody answers, the row does not arrive whole, or a file cannot be written.
 pub fn row(options: &RowOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let part = options.part()?;
-    let mut session = Session::open(pc, &options.port)?;
-    writeln!(output, "sensor {} at {}", session.head(), options.port)?;
+    let mut session = options.port.open(pc)?;
+    writeln!(output, "sensor {} at {}", session.head(), session.port())?;
     let answer = ask_row(&mut session, part)?;
     write!(output, "{}", answer.summary())?;
     if let Some(path) = &options.csv {

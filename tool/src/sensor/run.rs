@@ -15,6 +15,7 @@ use time::OffsetDateTime;
 
 use super::answers::{Centre, NoCentre};
 use super::line::LineError;
+use super::port::PortOption;
 use super::positions::{self, Moved, Mover, Which, check_command};
 use super::session::{Before, Session};
 use super::taken::{Millimetres, PointsFile, Taken};
@@ -57,8 +58,8 @@ const FINEST_PX: f64 = 1e-5;
 #[derive(Clone, Debug, clap::Args)]
 #[command(
     override_usage = "\
-slitrange calibrate run --port PORT --from MM --to MM [OPTIONS] FILE
-       slitrange calibrate run --port PORT --positions LIST [OPTIONS] FILE",
+slitrange calibrate run [--port PORT] --from MM --to MM [OPTIONS] FILE
+       slitrange calibrate run [--port PORT] --positions LIST [OPTIONS] FILE",
     after_help = "\
 Examples:
   slitrange calibrate run --port /dev/ttyACM0 --from 600 --to 1020 --points 30 points.csv
@@ -71,9 +72,9 @@ pub struct RunOptions {
     /// The points: a CSV file, begun or gone on with
     #[arg(value_parser = whole_file::output)]
     pub file: PathBuf,
-    /// The sensor's serial port, such as /dev/ttyACM0 or COM3
-    #[arg(long)]
-    pub port: String,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its help is that of its options")]
+    pub port: PortOption,
     /// Where the target is to be.
     #[command(flatten)]
     pub which: Which,
@@ -122,7 +123,7 @@ pub fn run(
     };
     // From now on, Ctrl-C ends the run in order.
     pc.interrupted();
-    let mut session = Session::open(pc, &options.port)?;
+    let mut session = options.port.open(pc)?;
     let setup = ask_setup(&mut session)?;
     let found = session.before()?;
     let mut file = PointsFile::open(&options.file, &setup, found, &now())?;
@@ -147,7 +148,7 @@ pub fn run(
         output,
         "sensor {} at {}, {}: {} of {} positions to go",
         session.head(),
-        options.port,
+        session.port(),
         settings(&setup)
             .map(|value| value.to_string())
             .collect::<Vec<_>>()

@@ -20,6 +20,36 @@ pub struct Session<'a> {
     before: Before,
     /// Whether the sensor echoed what is typed. An echoed command looks like its answer.
     echoed: bool,
+    /// Whether readings stream in the session.
+    streams: bool,
+}
+
+/// A sensor that went away. What is put back at the end is not forgotten.
+pub struct Away<'a> {
+    pc: &'a dyn Pc,
+    port: String,
+    before: Before,
+}
+
+impl<'a> Away<'a> {
+    /// Opens the port and asks whether the sensor is there again. Takes a second if nobody answers.
+    ///
+    /// # Errors
+    /// Nobody answers.
+    pub fn find_again(self) -> Result<Session<'a>, (Self, LineError)> {
+        let answers = Line::open(self.pc, &self.port).and_then(|mut line| line.answers());
+        let opened = match answers {
+            Ok(_) | Err(LineError::Restarted { .. }) => Session::open(self.pc, &self.port),
+            Err(error) => Err(error),
+        };
+        match opened {
+            Ok(mut session) => {
+                session.before = self.before;
+                Ok(session)
+            }
+            Err(error) => Err((self, error)),
+        }
+    }
 }
 
 /// What is put back.
@@ -51,9 +81,11 @@ impl<'a> Session<'a> {
                 rows: None,
             },
             echoed: false,
+            streams: streamed,
         };
         session.stop_echo()?;
         session.set(Command::Set(Value::Stream(false)))?;
+        session.streams = false;
         let info = Command::Info.to_string();
         session.head = session.line.ask(&info, ANSWER, answers::head)?;
         Ok(session)
@@ -79,16 +111,8 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// It does not come back within [`RECONNECT`].
-    pub fn reopen(mut self) -> Result<Self, LineError> {
-        let (pc, port, before) = (self.line.pc(), self.port().to_owned(), self.before);
-        // Nothing to say good-bye to. A sensor that started anew has no echo.
-        self.echoed = false;
-        self.before = Before {
-            streamed: false,
-            rows: None,
-        };
-        // The port must be free to be opened.
-        drop(self);
+    pub fn reopen(self) -> Result<Self, LineError> {
+        let Away { pc, port, before } = self.leave();
         let until = pc.now() + RECONNECT;
         loop {
             match Self::open(pc, &port) {
@@ -100,6 +124,41 @@ impl<'a> Session<'a> {
                 Err(_) => pc.sleep(PAUSE),
             }
         }
+    }
+
+    /// Frees the port of a sensor that went away, and puts nothing back.
+    pub fn leave(mut self) -> Away<'a> {
+        let away = Away {
+            pc: self.line.pc(),
+            port: self.port().to_owned(),
+            before: self.before,
+        };
+        // A sensor that started anew has no echo.
+        self.echoed = false;
+        self.streams = false;
+        self.before = Before {
+            streamed: false,
+            rows: None,
+        };
+        away
+    }
+
+    /// Has readings stream for as long as the session lasts.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn stream(&mut self) -> Result<(), LineError> {
+        self.streams = true;
+        self.set(Command::Set(Value::Stream(true)))
+    }
+
+    /// The rows that the sensor lost, and the lines that it dropped, since its start.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn losses(&mut self) -> Result<(u32, u32), LineError> {
+        self.line
+            .ask(&Command::Status.to_string(), ANSWER, answers::losses)
     }
 
     /// The sensor head's name.
@@ -138,6 +197,29 @@ impl<'a> Session<'a> {
         self.line.ask(&command.to_string(), ANSWER, |lines| {
             (parse(lines.last()?.as_bytes()) == Ok(command)).then_some(())
         })
+    }
+
+    /// The value that a setting had before the session, if the session changes it.
+    pub fn found(&self, setting: Setting) -> Option<Value> {
+        match setting {
+            Setting::Stream => Some(Value::Stream(self.before.streamed)),
+            Setting::Echo => Some(Value::Echo(self.echoed)),
+            _ => None,
+        }
+    }
+
+    /// Sets a value that stays after the session.
+    ///
+    /// # Errors
+    /// No answer came, or an error.
+    pub fn set_for_good(&mut self, value: Value) -> Result<(), LineError> {
+        match value {
+            // The end of the session sets them.
+            Value::Stream(on) => self.before.streamed = on,
+            Value::Echo(on) => self.echoed = on,
+            _ => self.set(Command::Set(value))?,
+        }
+        Ok(())
     }
 
     /// Sets the rows in a frame for as long as the session lasts.
@@ -200,7 +282,7 @@ impl<'a> Session<'a> {
     /// Puts back what was set for the session.
     fn put_back(&mut self) -> Result<(), LineError> {
         let Before { streamed, rows } = self.before;
-        if rows.is_none() && !streamed && !self.echoed {
+        if rows.is_none() && !streamed && !self.streams && !self.echoed {
             return Ok(());
         }
         self.line.synchronise()?;

@@ -15,6 +15,7 @@ use slitrange::settings::Value;
 
 use super::answers::{InUse, RecordInUse};
 use super::line::{ANSWER, LineError, SAVE};
+use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
 use crate::record_file::{self, Comparison, Shown, ShownFrontEnd};
@@ -34,9 +35,9 @@ const TRIES: usize = 3;
 pub struct WriteOptions {
     /// The record
     pub file: PathBuf,
-    /// The sensor's serial port, such as /dev/ttyACM0 or COM3
-    #[arg(long)]
-    pub port: String,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its help is that of its options")]
+    pub port: PortOption,
     /// Leave the flash as it is: the record is used until the power goes
     #[arg(long)]
     pub no_save: bool,
@@ -45,9 +46,9 @@ pub struct WriteOptions {
 /// Read the record that the sensor uses, show it, and write it to a file
 #[derive(Clone, Debug, clap::Args)]
 pub struct ReadOptions {
-    /// The sensor's serial port, such as /dev/ttyACM0 or COM3
-    #[arg(long)]
-    pub port: String,
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its help is that of its options")]
+    pub port: PortOption,
     /// The file to write
     #[arg(short, long, value_name = "FILE", value_parser = whole_file::output)]
     pub output: Option<PathBuf>,
@@ -85,7 +86,7 @@ pub struct ShowOptions {
 /// In sentences: the sensor uses the record that it had, or the new one, as is said.
 pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
     let from_file = record_file::read(&options.file)?;
-    let mut session = Session::open(pc, &options.port)?;
+    let mut session = options.port.open(pc)?;
     let InUse {
         record: before,
         stored,
@@ -112,7 +113,7 @@ pub fn write(options: &WriteOptions, pc: &dyn Pc, output: &mut dyn Write) -> Res
         written.bytes().len(),
         written.sum(),
         session.head(),
-        options.port
+        session.port()
     )?;
     if let Some(RecordInUse { serial_number, .. }) = before
         && serial_number != 0
@@ -299,7 +300,7 @@ fn save(session: &mut Session<'_>, written: &EncodedRecord) -> Result<()> {
 /// # Errors
 /// In sentences.
 pub fn read(options: &ReadOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
-    let mut session = Session::open(pc, &options.port)?;
+    let mut session = options.port.open(pc)?;
     let written = record_in_use(&mut session)?;
     writeln!(output, "{}", Shown::of(&written))?;
     if let Some(path) = &options.output {

@@ -5,7 +5,12 @@
 mod flat;
 mod front_end;
 mod line;
+mod monitor;
+mod port;
 mod row;
 mod run;
+mod scope;
+mod screen;
+mod settings;
 mod stand_in;
 mod transfer;

@@ -151,6 +151,11 @@ impl State {
         encoded(self.flash.configuration()?.record.as_ref())
     }
 
+    /// The rows in a frame that its flash holds.
+    pub fn saved_rows(&self) -> Option<u16> {
+        Some(self.flash.configuration()?.settings.rows)
+    }
+
     /// Whether rows are corrected with a map of the pixels.
     pub fn is_map_on(&self) -> bool {
         self.session.is_map_on()

@@ -420,7 +420,7 @@ fn an_upload_that_is_interrupted_is_dropped() {
     let error = error.expect_err("deaf");
     assert!(
         error.starts_with(
-            "nothing has changed, the sensor uses the calibration that it had: nobody answers `stream` at "
+            "nothing has changed, the sensor uses the calibration that it had: no sensor answers `stream` at "
         ),
         "{error}"
     );

@@ -87,7 +87,7 @@ pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
 }
 
 /// The pixels that came from the first image's window to the last one's. Empty if there are none.
-fn window(answer: &RowAnswer, images: &[Image]) -> Range<usize> {
+pub(super) fn window(answer: &RowAnswer, images: &[Image]) -> Range<usize> {
     let ends = images.iter().map(|image| {
         let reach = image.reach_px();
         (image.x_px - reach, image.x_px + reach)

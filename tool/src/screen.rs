@@ -1,0 +1,87 @@
+//! The terminal as a screen that is drawn again and again, and its keys. Tests draw into memory.
+
+use std::io;
+use std::time::Duration;
+
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use ratatui::{DefaultTerminal, Frame};
+
+/// A key that a view understands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Key {
+    /// A letter, a digit or a sign.
+    Char(char),
+    /// The arrow up.
+    Up,
+    /// The arrow down.
+    Down,
+    /// The arrow to the left.
+    Left,
+    /// The arrow to the right.
+    Right,
+    /// The end: q, Esc or Ctrl-C.
+    Quit,
+}
+
+/// A screen with a keyboard.
+pub trait Screen {
+    /// Draws the screen.
+    ///
+    /// # Errors
+    /// The terminal's.
+    fn draw(&mut self, view: &mut dyn FnMut(&mut Frame<'_>)) -> io::Result<()>;
+
+    /// The next key that was pressed. Does not wait.
+    ///
+    /// # Errors
+    /// The terminal's.
+    fn key(&mut self) -> io::Result<Option<Key>>;
+}
+
+/// The terminal of this program. It is as before once this is dropped, also after a panic.
+pub struct RealScreen(DefaultTerminal);
+
+impl RealScreen {
+    /// Takes the terminal.
+    ///
+    /// # Errors
+    /// The terminal's.
+    pub fn new() -> io::Result<Self> {
+        ratatui::try_init().map(Self)
+    }
+}
+
+impl Drop for RealScreen {
+    fn drop(&mut self) {
+        ratatui::restore();
+    }
+}
+
+impl Screen for RealScreen {
+    fn draw(&mut self, view: &mut dyn FnMut(&mut Frame<'_>)) -> io::Result<()> {
+        self.0.draw(|frame| view(frame)).map(|_| ())
+    }
+
+    fn key(&mut self) -> io::Result<Option<Key>> {
+        while event::poll(Duration::ZERO)? {
+            let Event::Key(key) = event::read()? else {
+                continue;
+            };
+            if key.kind == KeyEventKind::Release {
+                continue;
+            }
+            let is_control = key.modifiers.contains(KeyModifiers::CONTROL);
+            return Ok(Some(match key.code {
+                KeyCode::Char('c') if is_control => Key::Quit,
+                KeyCode::Char('q') | KeyCode::Esc => Key::Quit,
+                KeyCode::Char(char) => Key::Char(char),
+                KeyCode::Up => Key::Up,
+                KeyCode::Down => Key::Down,
+                KeyCode::Left => Key::Left,
+                KeyCode::Right => Key::Right,
+                _ => continue,
+            }));
+        }
+        Ok(None)
+    }
+}

@@ -1,0 +1,384 @@
+//! The readings of a sensor as they come: as a live view, as lines, or as a file.
+
+pub mod recording;
+pub mod statistics;
+mod view;
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::Result;
+
+use self::recording::Recording;
+use self::statistics::Statistics;
+use self::view::{View, details};
+use super::line::LineError;
+use super::port::PortOption;
+use super::session::{Away, Session};
+use super::stream::{FrameResult, frame_result};
+use crate::pc::Pc;
+use crate::screen::{Key, Screen};
+
+/// How long to wait for a line before keys are read and the view is drawn.
+const TICK: Duration = Duration::from_millis(50);
+
+/// The view is drawn so often.
+const DRAWN: Duration = Duration::from_millis(100);
+
+/// After so much time without a line, the sensor is asked whether it is there. A frame of 64 rows takes 0.4
+/// s.
+const SILENT: Duration = Duration::from_secs(3);
+
+/// So often the view asks how many rows were lost. The answer takes the line for 50 ms, and nobody asks while
+/// a file is written, so that no reading is dropped for it.
+const STATUS: Duration = Duration::from_secs(10);
+
+/// So often a line says how a recording goes.
+const PROGRESS: Duration = Duration::from_secs(10);
+
+/// Show the readings as they come, and record them
+///
+/// At a terminal: a live view with the distance, its trend and statistics. q or Ctrl-C ends it. Into a pipe,
+/// and with --plain: a line for each reading. The sensor is left as it was found.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "\
+The columns of FILE are: time_s (since the start, by the PC's clock), kind (reading, difference: a distance
+relative to `zero`, fault, gap: the sensor went away), number and sensor_us (with the columns counter and time
+of the setting `output`), distance_mm, u_mm, r_mm, centre_px, height_counts, width_px, rows_used, rows,
+exposure_us (empty: the longest exposure), slits, flags, fault. A value that the sensor does not send is empty.
+
+Examples:
+  slitrange monitor
+  slitrange monitor --csv night.csv --seconds 36000
+  slitrange monitor --plain --count 10")]
+pub struct MonitorOptions {
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its help is that of its options")]
+    pub port: PortOption,
+    /// Write lines instead of the live view
+    #[arg(long)]
+    pub plain: bool,
+    /// Write each reading and fault to a new file
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+    /// End after so many readings and faults
+    #[arg(long)]
+    pub count: Option<u64>,
+    /// End after this time
+    #[arg(long)]
+    pub seconds: Option<f64>,
+}
+
+/// The sensor, or what is needed to find it again.
+enum Link<'a> {
+    There(Session<'a>),
+    Gone(Away<'a>, String),
+}
+
+/// What is known of the readings.
+struct Monitor<'a> {
+    options: &'a MonitorOptions,
+    pc: &'a dyn Pc,
+    title: String,
+    began: Duration,
+    statistics: Statistics,
+    latest: Option<FrameResult>,
+    recording: Option<Recording>,
+    /// Rows lost and lines dropped: at the beginning, and now.
+    lost: Option<[(u32, u32); 2]>,
+    /// When the last line came.
+    heard: Duration,
+    /// Results so far.
+    results: u64,
+}
+
+/// `monitor`.
+///
+/// # Errors
+/// In sentences: no sensor is found, or a file cannot be written.
+pub fn monitor(options: &MonitorOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
+    // Before anything else, so that Ctrl-C finds a program that puts the sensor's settings back.
+    // From now on, Ctrl-C does not end the program.
+    pc.interrupted();
+    let began = pc.now();
+    let session = options.port.open(pc)?;
+    let recording = options.csv.as_deref().map(Recording::create).transpose()?;
+    let mut monitor = Monitor {
+        options,
+        pc,
+        title: format!("{} at {}", session.head(), session.port()),
+        began,
+        statistics: Statistics::default(),
+        latest: None,
+        recording,
+        lost: None,
+        heard: began,
+        results: 0,
+    };
+    let mut screen = match options.plain {
+        true => None,
+        false => pc.screen()?,
+    };
+    if screen.is_none() {
+        writeln!(output, "sensor {}", monitor.title)?;
+    }
+    let ended = monitor.run(session, &mut screen, output);
+    drop(screen);
+    match ended {
+        // Who reads the lines has read enough.
+        Err(error) if is_broken_pipe(&error) => Ok(()),
+        Err(error) => Err(error),
+        Ok(()) => monitor.sum_up(output),
+    }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let error = error.downcast_ref::<io::Error>();
+    error.is_some_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
+}
+
+impl<'a> Monitor<'a> {
+    fn run(
+        &mut self,
+        session: Session<'a>,
+        screen: &mut Option<Box<dyn Screen + '_>>,
+        output: &mut dyn Write,
+    ) -> Result<()> {
+        let mut link = self.start(session);
+        let (mut drawn, mut progress, mut asked) = (None, self.pc.now(), self.pc.now());
+        while !self.is_done() {
+            link = match link {
+                Link::There(session) => self.listen(session, screen.is_none(), output)?,
+                Link::Gone(away, _) => match away.find_again() {
+                    Ok(session) => self.start(session),
+                    Err((away, error)) => {
+                        self.pc.sleep(TICK);
+                        Link::Gone(away, error.to_string())
+                    }
+                },
+            };
+            let now = self.pc.now();
+            if let Link::There(session) = &mut link
+                && screen.is_some()
+                && self.recording.is_none()
+                && now > asked + STATUS
+            {
+                asked = now;
+                // An error shows at the next line.
+                let _ = session.line().say_only("status");
+            }
+            if let Some(screen) = screen {
+                if drawn.is_none_or(|drawn| now >= drawn + DRAWN) {
+                    drawn = Some(now);
+                    self.draw(&mut **screen, &link)?;
+                }
+                if screen.key()? == Some(Key::Quit) {
+                    break;
+                }
+            } else if self.recording.is_some() && now >= progress + PROGRESS {
+                progress = now;
+                writeln!(output, "{}", self.progress())?;
+            }
+        }
+        if let Link::There(session) = &mut link
+            && let Ok(lost) = session.losses()
+        {
+            self.note_losses(lost);
+        }
+        Ok(())
+    }
+
+    /// Has the sensor stream.
+    fn start(&mut self, mut session: Session<'a>) -> Link<'a> {
+        self.heard = self.pc.now();
+        let lost = session.losses();
+        match lost.and_then(|lost| session.stream().map(|()| lost)) {
+            Ok(lost) => {
+                // A sensor that started anew counts from zero.
+                self.lost = Some(match self.lost {
+                    Some([first, _]) if first <= lost => [first, lost],
+                    _ => [lost, lost],
+                });
+                Link::There(session)
+            }
+            Err(error) => Link::Gone(session.leave(), error.to_string()),
+        }
+    }
+
+    fn note_losses(&mut self, lost: (u32, u32)) {
+        if let Some([_, now]) = &mut self.lost {
+            *now = lost;
+        }
+    }
+
+    /// Takes the next line, if one comes.
+    fn listen(
+        &mut self,
+        mut session: Session<'a>,
+        as_lines: bool,
+        output: &mut dyn Write,
+    ) -> Result<Link<'a>> {
+        let came = session.line().next_line(TICK);
+        let now = self.pc.now();
+        let error = match came {
+            Ok(Some(line)) => {
+                self.heard = now;
+                self.take(&line, as_lines, output)?;
+                return Ok(Link::There(session));
+            }
+            Ok(None) if now < self.heard + SILENT => return Ok(Link::There(session)),
+            // It may have been told `stream off`, or have no power.
+            Ok(None) => match session.stream() {
+                Ok(()) => {
+                    self.heard = self.pc.now();
+                    return Ok(Link::There(session));
+                }
+                Err(error) => error,
+            },
+            Err(error) => error,
+        };
+        self.go_away(session, &error, as_lines, output)
+    }
+
+    fn go_away(
+        &mut self,
+        session: Session<'a>,
+        error: &LineError,
+        as_lines: bool,
+        output: &mut dyn Write,
+    ) -> Result<Link<'a>> {
+        let why = error.to_string();
+        let at = self.time();
+        if let Some(recording) = &mut self.recording {
+            recording.add_gap(at, &why)?;
+        }
+        if as_lines {
+            writeln!(output, "{:>9.3} s   {why}", at.as_secs_f64())?;
+        }
+        Ok(Link::Gone(session.leave(), why))
+    }
+
+    fn take(&mut self, line: &str, as_lines: bool, output: &mut dyn Write) -> Result<()> {
+        let at = self.time();
+        let Some(result) = frame_result(line) else {
+            match line.strip_prefix("status ") {
+                Some(status) => self.take_status(status),
+                // The answer to `stream on` may come twice.
+                None if line.starts_with("stream ") => {}
+                None => self.statistics.unreadable += 1,
+            }
+            return Ok(());
+        };
+        self.results += 1;
+        self.statistics.take(at, &result);
+        if let Some(recording) = &mut self.recording {
+            recording.add(at, &result)?;
+        } else if as_lines {
+            let seconds = at.as_secs_f64();
+            match &result.what {
+                Ok(reading) => writeln!(
+                    output,
+                    "{seconds:>9.3} s   {:>10.4} mm   {}",
+                    reading.distance_mm,
+                    details(reading)
+                )?,
+                Err(fault) => writeln!(output, "{seconds:>9.3} s   fault: {fault}")?,
+            }
+        }
+        self.latest = Some(result);
+        Ok(())
+    }
+
+    /// Takes a line of the answer to `status`.
+    fn take_status(&mut self, status: &str) {
+        let Some([_, (rows, dropped)]) = &mut self.lost else {
+            return;
+        };
+        let number = |name: &str| status.strip_prefix(name)?.parse().ok();
+        if let Some(lost) = number("rows lost ") {
+            *rows = lost;
+        }
+        if let Some(lost) = number("lines dropped ") {
+            *dropped = lost;
+        }
+    }
+
+    fn time(&self) -> Duration {
+        self.pc.now() - self.began
+    }
+
+    fn is_done(&self) -> bool {
+        let is_late = |seconds| self.time().as_secs_f64() >= seconds;
+        self.options
+            .count
+            .is_some_and(|count| self.results >= count)
+            || self.options.seconds.is_some_and(is_late)
+            || self.pc.interrupted()
+    }
+
+    /// Rows lost and lines dropped since the beginning.
+    fn losses(&self) -> Option<(u32, u32)> {
+        let [first, now] = self.lost?;
+        Some((now.0.wrapping_sub(first.0), now.1.wrapping_sub(first.1)))
+    }
+
+    fn draw(&self, screen: &mut dyn Screen, link: &Link<'_>) -> Result<()> {
+        let view = View {
+            title: &self.title,
+            now: self.time(),
+            latest: self.latest.as_ref(),
+            away: match link {
+                Link::There(_) => None,
+                Link::Gone(_, why) => Some(why),
+            },
+            statistics: &self.statistics,
+            lost: self.losses(),
+            recording: (self.recording.as_ref()).map(|it| (it.name(), it.lines)),
+        };
+        Ok(screen.draw(&mut |frame| view.draw(frame))?)
+    }
+
+    fn progress(&self) -> String {
+        let faults = self.statistics.all_faults();
+        format!(
+            "{:.0} s: {}, {faults} faults",
+            self.time().as_secs_f64(),
+            self.statistics.line()
+        )
+    }
+
+    /// What is said at the end.
+    fn sum_up(&self, output: &mut dyn Write) -> Result<()> {
+        writeln!(
+            output,
+            "{:.1} s: {}",
+            self.time().as_secs_f64(),
+            self.statistics.line()
+        )?;
+        writeln!(output, "{}", self.statistics.faults_line())?;
+        if let Some((rows, dropped)) = self.losses() {
+            writeln!(output, "{rows} rows lost, {dropped} lines dropped")?;
+        }
+        if self.statistics.missing > 0 {
+            let missing = self.statistics.missing;
+            writeln!(output, "{missing} results did not arrive, by their numbers")?;
+        }
+        if self.statistics.unreadable > 0 {
+            let unreadable = self.statistics.unreadable;
+            writeln!(
+                output,
+                "{unreadable} lines could not be read: check the cable"
+            )?;
+        }
+        if let Some(recording) = &self.recording {
+            writeln!(
+                output,
+                "written: {}, {} lines",
+                recording.name(),
+                recording.lines
+            )?;
+        }
+        Ok(())
+    }
+}

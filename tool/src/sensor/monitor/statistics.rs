@@ -1,0 +1,189 @@
+//! What a stream of readings comes to: mean, scatter, rate, faults.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+use crate::sensor::stream::{FrameResult, fault_kind};
+
+/// So many of the latest readings are shown as a line.
+pub const SHOWN: usize = 400;
+
+/// The rate is that of the results of this time.
+const RATE_OVER: Duration = Duration::from_secs(5);
+
+/// The statistics of all readings since the start.
+#[derive(Clone, Debug, Default)]
+pub struct Statistics {
+    /// The number of readings.
+    pub readings: u64,
+    mean_mm: f64,
+    /// The sum of the squared deviations from the mean, in square millimetres.
+    squares: f64,
+    /// The smallest and the largest distance in millimetres.
+    pub extremes_mm: Option<(f64, f64)>,
+    /// The number of faults of each kind.
+    pub faults: BTreeMap<String, u64>,
+    /// Lines that are neither a result nor an answer: noise on the line.
+    pub unreadable: u64,
+    /// The results that are missing in the sensor's count, if the lines have numbers.
+    pub missing: u64,
+    number: Option<u32>,
+    /// The latest distances in millimetres with the time at which they came. A fault is `None`.
+    latest: VecDeque<(Duration, Option<f64>)>,
+    /// When the results of the last [`RATE_OVER`] came.
+    came: VecDeque<Duration>,
+}
+
+impl Statistics {
+    /// Takes a result that came at a time.
+    pub fn take(&mut self, at: Duration, result: &FrameResult) {
+        if let Some(number) = result.number {
+            let expected = self.number.map(|before| before.wrapping_add(1));
+            // A sensor that started anew counts from the beginning.
+            let missing = expected.map_or(0, |expected| number.wrapping_sub(expected));
+            if missing < u32::MAX / 2 {
+                self.missing += u64::from(missing);
+            }
+            self.number = Some(number);
+        }
+        self.came.push_back(at);
+        while self
+            .came
+            .front()
+            .is_some_and(|&first| first + RATE_OVER < at)
+        {
+            self.came.pop_front();
+        }
+        let distance = match &result.what {
+            Ok(reading) => {
+                self.add(reading.distance_mm);
+                Some(reading.distance_mm)
+            }
+            Err(fault) => {
+                *self.faults.entry(fault_kind(fault).to_owned()).or_default() += 1;
+                None
+            }
+        };
+        self.latest.push_back((at, distance));
+        if self.latest.len() > SHOWN {
+            self.latest.pop_front();
+        }
+    }
+
+    /// Adds a distance (Welford's algorithm, which does not cancel).
+    fn add(&mut self, mm: f64) {
+        self.readings += 1;
+        let off = mm - self.mean_mm;
+        self.mean_mm += off / self.readings as f64;
+        self.squares += off * (mm - self.mean_mm);
+        let (least, most) = self.extremes_mm.unwrap_or((mm, mm));
+        self.extremes_mm = Some((least.min(mm), most.max(mm)));
+    }
+
+    /// The mean in millimetres, if there is a reading.
+    pub fn mean_mm(&self) -> Option<f64> {
+        (self.readings > 0).then_some(self.mean_mm)
+    }
+
+    /// The standard deviation of a reading in millimetres, if there are two readings.
+    pub fn deviation_mm(&self) -> Option<f64> {
+        (self.readings > 1).then(|| (self.squares / (self.readings - 1) as f64).sqrt())
+    }
+
+    /// Results a second over the last five seconds, if there are two.
+    pub fn rate(&self) -> Option<f64> {
+        let time = *self.came.back()? - *self.came.front()?;
+        (!time.is_zero()).then(|| (self.came.len() - 1) as f64 / time.as_secs_f64())
+    }
+
+    /// The number of faults.
+    pub fn all_faults(&self) -> u64 {
+        self.faults.values().sum()
+    }
+
+    /// The latest results: the time at which they came, and the distance in millimetres.
+    pub fn latest(&self) -> impl Iterator<Item = (Duration, Option<f64>)> {
+        self.latest.iter().copied()
+    }
+
+    /// One line: how many, the rate, the mean and the scatter.
+    pub fn line(&self) -> String {
+        let mut line = format!("{} readings", self.readings);
+        if let Some(rate) = self.rate() {
+            line += &format!(", {rate:.1} a second");
+        }
+        if let Some(mean) = self.mean_mm() {
+            line += &format!(", mean {mean:.4} mm");
+        }
+        if let Some(deviation) = self.deviation_mm() {
+            line += &format!(", standard deviation {deviation:.4} mm");
+        }
+        if let Some((least, most)) = self.extremes_mm {
+            line += &format!(", {least:.4} to {most:.4} mm");
+        }
+        line
+    }
+
+    /// One line: the faults by their kinds.
+    pub fn faults_line(&self) -> String {
+        if self.faults.is_empty() {
+            return "no faults".to_owned();
+        }
+        let kinds = self
+            .faults
+            .iter()
+            .map(|(kind, count)| format!("{count} {kind}"));
+        format!("faults: {}", kinds.collect::<Vec<_>>().join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::stream::frame_result;
+
+    fn taken(lines: &[&str]) -> Statistics {
+        let mut statistics = Statistics::default();
+        for (place, line) in lines.iter().enumerate() {
+            let at = Duration::from_millis(100 * place as u64);
+            statistics.take(at, &frame_result(line).expect("a result"));
+        }
+        statistics
+    }
+
+    #[test]
+    fn mean_deviation_and_extremes_are_those_of_the_readings() {
+        let statistics = taken(&[
+            "d 1.0 mm",
+            "d 2.0 mm",
+            "f laser off",
+            "d 3.0 mm",
+            "d 6.0 mm",
+        ]);
+        assert_eq!(statistics.readings, 4);
+        assert_eq!(statistics.mean_mm(), Some(3.0));
+        // 4 + 1 + 0 + 9 over 3.
+        let deviation = statistics.deviation_mm().expect("two readings");
+        assert!((deviation - (14.0_f64 / 3.0).sqrt()).abs() < 1e-12);
+        assert_eq!(statistics.extremes_mm, Some((1.0, 6.0)));
+        // Four steps of 0.1 s.
+        let rate = statistics.rate().expect("two results");
+        assert!((rate - 10.0).abs() < 1e-9, "{rate}");
+        assert_eq!(statistics.faults_line(), "faults: 1 laser off");
+        assert_eq!(taken(&["d 5.0 mm"]).deviation_mm(), None);
+    }
+
+    #[test]
+    fn numbers_tell_what_is_missing() {
+        let statistics = taken(&[
+            "# 5 d 1.0 mm",
+            "# 6 d 1.0 mm",
+            "# 9 f laser off",
+            "# 10 d 1.0 mm",
+        ]);
+        assert_eq!(statistics.missing, 2);
+        // A restart is no loss.
+        let statistics = taken(&["# 500 d 1.0 mm", "# 1 d 1.0 mm", "# 3 d 1.0 mm"]);
+        assert_eq!(statistics.missing, 1);
+    }
+}

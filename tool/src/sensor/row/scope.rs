@@ -1,0 +1,442 @@
+//! The row live at a terminal.
+
+use std::collections::VecDeque;
+use std::io::Write;
+use std::time::Duration;
+
+use anyhow::{Context as _, Result, bail};
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Style};
+use ratatui::symbols::Marker;
+use ratatui::text::Line;
+use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
+use slitrange::centre::Estimator;
+use slitrange::exposure::{Exposure, ExposureMode};
+use slitrange::protocol::row::{RowExposure, RowPart};
+use slitrange::settings::{Setting, Value};
+
+use super::RowAnswer;
+use super::figure::window;
+use crate::pc::Pc;
+use crate::screen::Key;
+use crate::sensor::line::LineError;
+use crate::sensor::port::PortOption;
+use crate::sensor::session::{Away, Session};
+
+/// How long to wait for a row: a whole row takes 1.1 s at 115,200 baud, and an emulated board may run at a
+/// third of the clock on the wall.
+const ROW: Duration = Duration::from_secs(4);
+
+/// How long to wait between two looks for a sensor that is away.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// The rate is that of so many rows.
+const RATED: usize = 10;
+
+/// A key changes the exposure by this factor.
+const STEP: f64 = 1.25;
+
+/// Show the rows live at a terminal: pixels, fit and residuals
+///
+/// The sensor sends the pixels around the spot, or those of the whole row if there is no spot. By this
+/// picture one aligns the optics. At 115,200 baud the line carries one whole row a second, or some windows.
+/// The stream of readings pauses meanwhile.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "\
+Keys:
+  z             the window around the spot, or the whole row
+  up, down      a longer or shorter exposure
+  a             auto exposure
+  e             the next estimator
+  q             the end
+Exposure and estimator stay as they were set, in RAM only.")]
+pub struct ScopeOptions {
+    #[command(flatten)]
+    #[expect(missing_docs, reason = "its help is that of its options")]
+    pub port: PortOption,
+    /// Begin with the whole row
+    #[arg(long)]
+    pub whole: bool,
+}
+
+/// The sensor, or what is needed to find it again.
+enum Link<'a> {
+    There(Session<'a>),
+    Gone(Away<'a>, String),
+}
+
+/// What is shown.
+struct Scope {
+    title: String,
+    /// Whether to show the whole row.
+    whole: bool,
+    exposure: ExposureMode,
+    estimator: Estimator,
+    row: Option<RowAnswer>,
+    /// When the latest rows came.
+    came: VecDeque<Duration>,
+    /// Rows that did not arrive whole.
+    spoilt: u64,
+}
+
+/// `scope`.
+///
+/// # Errors
+/// In sentences: no sensor is found, or there is no terminal.
+pub fn scope(options: &ScopeOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
+    let mut session = options.port.open(pc)?;
+    let (exposure, estimator) = in_use(&mut session)?;
+    let Some(mut screen) = pc.screen()? else {
+        bail!("`scope` needs a terminal; `slitrange row --figure FILE` draws one row into a file");
+    };
+    let mut scope = Scope {
+        title: format!("{} at {}", session.head(), session.port()),
+        whole: options.whole,
+        exposure,
+        estimator,
+        row: None,
+        came: VecDeque::new(),
+        spoilt: 0,
+    };
+    let before = (exposure, estimator);
+    let mut link = Link::There(session);
+    let mut silent = 0;
+    loop {
+        while let Some(key) = screen.key()? {
+            match (&mut link, key) {
+                (_, Key::Quit) => {
+                    drop((link, screen));
+                    return scope.sum_up(before, output);
+                }
+                (Link::There(session), key) => {
+                    // An error shows at the next row.
+                    let _ = scope.press(key, session);
+                }
+                (Link::Gone(..), _) => {}
+            }
+        }
+        link = match link {
+            Link::Gone(away, _) => match away.find_again() {
+                Ok(mut session) => {
+                    // One that started anew has forgotten what was set.
+                    if let Ok(now) = in_use(&mut session) {
+                        (scope.exposure, scope.estimator) = now;
+                    }
+                    silent = 0;
+                    Link::There(session)
+                }
+                Err((away, error)) => {
+                    pc.sleep(PAUSE);
+                    Link::Gone(away, error.to_string())
+                }
+            },
+            Link::There(mut session) => match scope.ask(&mut session) {
+                Ok(()) => {
+                    silent = 0;
+                    Link::There(session)
+                }
+                Err(LineError::Silent { .. } | LineError::Refused { .. }) if silent == 0 => {
+                    silent += 1;
+                    scope.spoilt += 1;
+                    Link::There(session)
+                }
+                Err(error) => Link::Gone(session.leave(), error.to_string()),
+            },
+        };
+        let away = match &link {
+            Link::There(_) => None,
+            Link::Gone(_, why) => Some(why.as_str()),
+        };
+        screen.draw(&mut |frame| scope.draw(frame, away))?;
+    }
+}
+
+/// The exposure and the estimator that the sensor uses.
+fn in_use(session: &mut Session<'_>) -> Result<(ExposureMode, Estimator)> {
+    let exposure = session.value(Setting::Exposure)?;
+    let estimator = session.value(Setting::Estimator)?;
+    match (exposure, estimator) {
+        (Value::Exposure(exposure), Value::Estimator(estimator)) => Ok((exposure, estimator)),
+        _ => bail!("the sensor's answers do not belong to the questions: try again"),
+    }
+}
+
+impl Scope {
+    /// Whether the next row must be a whole one: without a spot there is no window.
+    fn part(&self) -> RowPart {
+        let has_spot = self.row.as_ref().is_none_or(|row| row.centre.is_ok());
+        match self.whole || !has_spot {
+            true => RowPart::Whole,
+            false => RowPart::Window,
+        }
+    }
+
+    /// Asks for a row.
+    fn ask(&mut self, session: &mut Session<'_>) -> Result<(), LineError> {
+        let command = self.part().to_string();
+        match session.line().ask_once(&command, ROW, RowAnswer::read)? {
+            // A window without a spot has no pixels. The whole row follows.
+            Some(row) => self.row = Some(row),
+            None => self.spoilt += 1,
+        }
+        self.came.push_back(session.line().pc().now());
+        if self.came.len() > RATED {
+            self.came.pop_front();
+        }
+        Ok(())
+    }
+
+    /// Does what a key says.
+    fn press(&mut self, key: Key, session: &mut Session<'_>) -> Result<(), LineError> {
+        match key {
+            Key::Char('z') => {
+                self.whole = !self.whole;
+                self.came.clear();
+            }
+            Key::Char('a') => self.set_exposure(ExposureMode::Auto, session)?,
+            Key::Up | Key::Char('+') => self.change_exposure(STEP, session)?,
+            Key::Down | Key::Char('-') => self.change_exposure(1.0 / STEP, session)?,
+            Key::Char('e') => {
+                let next = Estimator::ALL
+                    .iter()
+                    .cycle()
+                    .skip_while(|it| **it != self.estimator);
+                if let Some(&next) = next.skip(1).next() {
+                    session.set_for_good(Value::Estimator(next))?;
+                    self.estimator = next;
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Changes the exposure by a factor, from the one that is set or that the latest row had.
+    fn change_exposure(&mut self, factor: f64, session: &mut Session<'_>) -> Result<(), LineError> {
+        let of_row = match self.row.as_ref().map(|row| row.exposure) {
+            Some(RowExposure::On(exposure)) => exposure,
+            _ => Exposure::LONGEST,
+        };
+        let from = match self.exposure {
+            ExposureMode::Auto => of_row,
+            ExposureMode::Fixed(exposure) => exposure,
+        };
+        let us = (f64::from(from.us()) * factor).round() as u16;
+        let us = us.clamp(Exposure::SHORTEST.us(), Exposure::LONGEST.us());
+        match Exposure::from_us(us) {
+            Some(exposure) => self.set_exposure(ExposureMode::Fixed(exposure), session),
+            None => Ok(()),
+        }
+    }
+
+    fn set_exposure(
+        &mut self,
+        exposure: ExposureMode,
+        session: &mut Session<'_>,
+    ) -> Result<(), LineError> {
+        session.set_for_good(Value::Exposure(exposure))?;
+        self.exposure = exposure;
+        Ok(())
+    }
+
+    /// Rows a second.
+    fn rate(&self) -> Option<f64> {
+        let time = *self.came.back()? - *self.came.front()?;
+        (!time.is_zero()).then(|| (self.came.len() - 1) as f64 / time.as_secs_f64())
+    }
+
+    /// Says what a key changed.
+    fn sum_up(&self, before: (ExposureMode, Estimator), output: &mut dyn Write) -> Result<()> {
+        let mut say = |before: Value, now: Value| -> Result<()> {
+            if before != now {
+                writeln!(
+                    output,
+                    "now {now} (it was {before}), until the power goes or `save`"
+                )
+                .context("writing to standard output")?;
+            }
+            Ok(())
+        };
+        say(Value::Exposure(before.0), Value::Exposure(self.exposure))?;
+        say(Value::Estimator(before.1), Value::Estimator(self.estimator))
+    }
+
+    fn draw(&self, frame: &mut Frame<'_>, away: Option<&str>) {
+        let keys = " z zoom  up/down exposure  a auto exposure  e estimator  q quit ";
+        let block = Block::bordered()
+            .title(format!(" {} ", self.title))
+            .title_bottom(keys);
+        let area = block.inner(frame.area());
+        frame.render_widget(block, frame.area());
+        let [words, charts] =
+            Layout::vertical([Constraint::Length(3), Constraint::Min(3)]).areas(area);
+        frame.render_widget(Paragraph::new(self.words(away)), words);
+        if let Some(row) = &self.row {
+            self.draw_row(frame, charts, row);
+        }
+    }
+
+    /// What the sensor found, how it looked, and how fast rows come.
+    fn words(&self, away: Option<&str>) -> Vec<Line<'static>> {
+        let red = Style::new().fg(Color::Red);
+        if let Some(away) = away {
+            return vec![Line::styled(away.to_owned(), red)];
+        }
+        let Some(row) = &self.row else {
+            return vec![Line::from("waiting for a row")];
+        };
+        let found = match &row.centre {
+            Ok(centre) => {
+                let width_px = row.images().first().map_or(0.0, |image| image.width_px);
+                let misfit = if centre.misfits > 0 {
+                    ", does not look like a spot"
+                } else {
+                    ""
+                };
+                Line::from(format!(
+                    "centre {:.3} px, u {:.3} px, height {:.0} counts, width {width_px:.2} px{misfit}",
+                    centre.x_px, centre.claimed_px, centre.height_counts
+                ))
+            }
+            Err(none) => Line::styled(format!("{} ({})", none.fault, none.advice), red),
+        };
+        let exposure = match row.exposure {
+            RowExposure::On(exposure) => format!("exposure {} us", exposure.us()),
+            RowExposure::Off => "laser off".to_owned(),
+            RowExposure::Unknown => "exposure unknown".to_owned(),
+        };
+        let auto = if self.exposure == ExposureMode::Auto {
+            " (auto)"
+        } else {
+            ""
+        };
+        let black = row.black.map_or("no shielded pixels".to_owned(), |black| {
+            format!("black level {black:.1} counts")
+        });
+        let full = row
+            .counts
+            .iter()
+            .filter(|&&count| count >= row.saturated)
+            .count();
+        let light = format!("{exposure}{auto}, {black}, {full} pixels saturated");
+        let light = match full {
+            0 => Line::from(light),
+            _ => Line::styled(light, red),
+        };
+        let rate = self
+            .rate()
+            .map_or(String::new(), |rate| format!(", {rate:.1} rows a second"));
+        let spoilt = match self.spoilt {
+            0 => String::new(),
+            count => format!(", {count} rows arrived spoilt"),
+        };
+        let how = format!("estimator {}{rate}{spoilt}", self.estimator.name());
+        vec![found, light, Line::from(how)]
+    }
+
+    /// The pixels with the fit, and below what the fit leaves.
+    fn draw_row(&self, frame: &mut Frame<'_>, area: Rect, row: &RowAnswer) {
+        let images = row.images();
+        let (Some(level), Some(&highest)) = (row.level(&images), row.counts.iter().max()) else {
+            return;
+        };
+        let saturated = f64::from(row.saturated);
+        let came = row.first..row.first + row.counts.len();
+        let spot = window(row, &images);
+        let is_window = !self.whole && !spot.is_empty();
+        let shown = if is_window { spot.clone() } else { came };
+        let (least, most) = (shown.start as f64, shown.end as f64);
+        let pixels: Vec<(f64, f64)> = (row.pixels())
+            .filter(|(pixel, _)| shown.contains(pixel))
+            .map(|(pixel, count)| (pixel as f64, count))
+            .collect();
+        let counts = match is_window {
+            true => {
+                let height = images.iter().map(|image| image.height).fold(1.0, f64::max);
+                (level - 0.08 * height, level + 1.25 * height)
+            }
+            false => (0.0, 1.06 * saturated.max(highest.into())),
+        };
+        let fit = row.fit();
+        let steps = || (0..=400).map(|step| least + (most - least) * f64::from(step) / 400.0);
+        let fitted: Vec<(f64, f64)> = (fit.iter())
+            .flat_map(|fit| steps().map(|pixel| (pixel, fit(pixel))))
+            .collect();
+        let across = |at: f64| [(least, at), (most, at)];
+        let up = |at: usize| [(at as f64, counts.0), (at as f64, counts.1)];
+        let black = row.black.map(across);
+        let (full, edges) = (across(saturated), [up(spot.start), up(spot.end)]);
+        let mut sets = vec![line(&full, Color::DarkGray)];
+        sets.extend(black.iter().map(|black| line(black, Color::DarkGray)));
+        if !is_window && !spot.is_empty() {
+            sets.extend(edges.iter().map(|edge| line(edge, Color::Yellow)));
+        }
+        if is_window {
+            sets.push(line(&fitted, Color::Red));
+            sets.push(dots(&pixels));
+        } else {
+            sets.push(line(&pixels, Color::Cyan));
+        }
+        let residuals: Vec<(f64, f64)> = match &fit {
+            Some(fit) if is_window => {
+                let left = |&(pixel, count): &(f64, f64)| (pixel, count - fit(pixel));
+                pixels.iter().map(left).collect()
+            }
+            _ => vec![],
+        };
+        let below = if residuals.is_empty() {
+            0
+        } else {
+            (area.height / 3).max(5)
+        };
+        let [above, below] =
+            Layout::vertical([Constraint::Min(3), Constraint::Length(below)]).areas(area);
+        frame.render_widget(chart(sets, (least, most), counts, "counts"), above);
+        if !residuals.is_empty() {
+            let largest = residuals
+                .iter()
+                .map(|(_, left)| left.abs())
+                .fold(1.0, f64::max);
+            let zero = across(0.0);
+            let sets = vec![line(&zero, Color::Red), dots(&residuals)];
+            let range = (-1.1 * largest, 1.1 * largest);
+            frame.render_widget(chart(sets, (least, most), range, "residuals"), below);
+        }
+    }
+}
+
+fn line(points: &[(f64, f64)], colour: Color) -> Dataset<'_> {
+    Dataset::default()
+        .marker(Marker::Braille)
+        .graph_type(GraphType::Line)
+        .style(colour)
+        .data(points)
+}
+
+fn dots(points: &[(f64, f64)]) -> Dataset<'_> {
+    Dataset::default()
+        .marker(Marker::Dot)
+        .graph_type(GraphType::Scatter)
+        .style(Color::Cyan)
+        .data(points)
+}
+
+fn chart<'a>(
+    sets: Vec<Dataset<'a>>,
+    pixels: (f64, f64),
+    counts: (f64, f64),
+    name: &'a str,
+) -> Chart<'a> {
+    let names = |(from, to): (f64, f64)| {
+        [from, (from + to) / 2.0, to].map(|value| Line::from(format!("{value:>6.0}")))
+    };
+    let axis = |range: (f64, f64)| {
+        Axis::default()
+            .bounds([range.0, range.1])
+            .labels(names(range))
+    };
+    Chart::new(sets)
+        .x_axis(axis(pixels).title("pixel"))
+        .y_axis(axis(counts).title(name))
+}

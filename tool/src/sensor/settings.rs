@@ -1,0 +1,439 @@
+//! The settings of a sensor: shown, changed, saved to a file, loaded from it, and compared.
+//!
+//! All follows from the core's declaration of the settings ([`Setting::ALL`]). A new setting needs no line
+//! here.
+
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail, ensure};
+use slitrange::protocol::command::{Command, Error, parse};
+use slitrange::settings::{Affects, Setting, Settings, Value};
+
+use super::line::{LineError, SAVE};
+use super::port::PortOption;
+use super::session::Session;
+use crate::pc::Pc;
+use crate::whole_file;
+
+/// Show, change, save, load and compare the settings of a sensor
+///
+/// Without a command: all settings, with the factory's values and what may be set. A change is in RAM only,
+/// until `save` on the sensor's line or `settings load --flash` writes it to flash.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  slitrange settings
+  slitrange settings set exposure limit 2000
+  slitrange settings save bench.toml
+  slitrange settings load bench.toml --flash
+  slitrange settings compare bench.toml")]
+pub struct SettingsOptions {
+    #[command(subcommand)]
+    command: Option<SettingsCommand>,
+    #[command(flatten)]
+    port: PortOption,
+}
+
+/// The commands of `slitrange settings`.
+#[derive(Clone, Debug, clap::Subcommand)]
+enum SettingsCommand {
+    /// Print the value of a setting
+    Get {
+        /// The setting's name, of one word or two
+        #[arg(required = true)]
+        name: Vec<String>,
+    },
+    /// Change a setting
+    Set {
+        /// The setting's name and its value, as on the sensor's line: `rows 64`, `black fixed 300`
+        #[arg(required = true, value_names = ["NAME", "VALUE"])]
+        words: Vec<String>,
+    },
+    /// Write to a file all settings that the sensor's flash can hold
+    Save {
+        /// A TOML file. An existing one is replaced
+        file: PathBuf,
+    },
+    /// Send the settings of a file. Nothing is sent if one of them is wrong
+    Load {
+        /// A TOML file, as `settings save` writes it. Settings that it does not name stay as they are
+        file: PathBuf,
+        /// Have the sensor write its settings and its calibration to flash
+        #[arg(long)]
+        flash: bool,
+    },
+    /// Compare with a file or with another sensor. The exit code is 1 if they differ, 2 if that cannot be told
+    Compare {
+        /// A TOML file
+        #[arg(required_unless_present = "with")]
+        file: Option<PathBuf>,
+        /// The serial port of another sensor
+        #[arg(long, value_name = "PORT", conflicts_with = "file")]
+        with: Option<String>,
+    },
+}
+
+/// `settings`.
+///
+/// # Errors
+/// In sentences: nobody answers, a value is wrong, a file cannot be read or written.
+pub fn settings(
+    options: &SettingsOptions,
+    pc: &dyn Pc,
+    output: &mut dyn Write,
+) -> Result<ExitCode> {
+    match &options.command {
+        None => show(&mut options.port.open(pc)?, output)?,
+        Some(SettingsCommand::Get { name }) => {
+            let setting = named(name)?;
+            let value = value(&mut options.port.open(pc)?, setting)?;
+            let value = value.with_context(|| unknown_to_sensor(setting))?;
+            writeln!(output, "{}", text(value))?;
+        }
+        Some(SettingsCommand::Set { words }) => {
+            let value = read(&words.join(" "))?;
+            set(&mut options.port.open(pc)?, value, output)?;
+        }
+        Some(SettingsCommand::Save { file }) => {
+            save(&mut options.port.open(pc)?, file, output)?;
+        }
+        Some(SettingsCommand::Load { file, flash }) => {
+            let values = read_file(file)?;
+            load(&mut options.port.open(pc)?, &values, *flash, output)?;
+        }
+        Some(SettingsCommand::Compare { file, with }) => {
+            let (theirs, name) = match (file, with) {
+                (Some(file), _) => (read_file(file)?, file.display().to_string()),
+                (None, Some(port)) => (all(&mut Session::open(pc, port)?)?, port.clone()),
+                (None, None) => bail!("name a file, or a port --with"),
+            };
+            let mut session = options.port.open(pc)?;
+            let ours = all(&mut session)?;
+            return compare((&ours, session.port()), (&theirs, &name), output);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A value without the name of its setting, as a person types it.
+fn text(value: Value) -> String {
+    let line = value.to_string();
+    let name = value.setting().name();
+    line.strip_prefix(name)
+        .unwrap_or(&line)
+        .trim_start()
+        .to_owned()
+}
+
+/// Finds a setting by the words of its name.
+fn named(words: &[String]) -> Result<Setting> {
+    let name = words.join(" ").to_ascii_lowercase();
+    let setting = Setting::ALL.iter().find(|setting| setting.name() == name);
+    setting
+        .copied()
+        .with_context(|| format!("`{name}` is no setting. {}", names()))
+}
+
+fn names() -> String {
+    let names: Vec<&str> = Setting::ALL.iter().map(|setting| setting.name()).collect();
+    format!("The settings are: {}", names.join(", "))
+}
+
+/// Reads a line that sets a value.
+fn read(line: &str) -> Result<Value> {
+    match parse(line.as_bytes()) {
+        Ok(Command::Set(value)) => Ok(value),
+        Ok(Command::Show(setting)) => {
+            bail!(
+                "`{line}` lacks the value: {} {}",
+                setting.name(),
+                setting.form()
+            )
+        }
+        Ok(_) | Err(Error::Unknown(_)) => bail!("`{line}` is no setting. {}", names()),
+        Err(error) => {
+            let error = error.to_string();
+            // The number is for programs.
+            let words = error
+                .split_once(' ')
+                .map_or(error.as_str(), |(_, words)| words);
+            bail!("`{line}`: {words}")
+        }
+    }
+}
+
+/// Asks for a value as it was before the session. `None` if the firmware does not know the setting.
+fn value(session: &mut Session<'_>, setting: Setting) -> Result<Option<Value>> {
+    if let Some(value) = session.found(setting) {
+        return Ok(Some(value));
+    }
+    match session.value(setting) {
+        Ok(value) => Ok(Some(value)),
+        Err(LineError::Refused { .. }) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn unknown_to_sensor(setting: Setting) -> String {
+    format!(
+        "the sensor's firmware does not know the setting `{}`: flash newer firmware, or leave it out",
+        setting.name()
+    )
+}
+
+/// The values of all settings that flash can hold and the firmware knows.
+fn all(session: &mut Session<'_>) -> Result<Vec<Value>> {
+    let mut values = Vec::new();
+    for &setting in Setting::ALL {
+        if setting.affects() != Affects::Session {
+            values.extend(value(session, setting)?);
+        }
+    }
+    Ok(values)
+}
+
+fn show(session: &mut Session<'_>, output: &mut dyn Write) -> Result<()> {
+    writeln!(output, "sensor {} at {}", session.head(), session.port())?;
+    let mut rows =
+        vec![["setting", "value", "factory", "values", "what it sets"].map(str::to_owned)];
+    let factory = Settings::default();
+    for &setting in Setting::ALL {
+        let Some(value) = value(session, setting)? else {
+            continue;
+        };
+        let default = factory.get(setting);
+        let mark = if value == default { "" } else { " *" };
+        rows.push([
+            setting.name().to_owned(),
+            format!("{}{mark}", text(value)),
+            text(default),
+            setting.form().to_string(),
+            setting.help().to_owned(),
+        ]);
+    }
+    let width = |column: usize| {
+        let lengths = rows
+            .iter()
+            .map(|row| row.get(column).map_or(0, String::len));
+        lengths.max().unwrap_or_default()
+    };
+    let [name, value, default, values] = [0, 1, 2, 3].map(width);
+    for [a, b, c, d, help] in &rows {
+        writeln!(
+            output,
+            "{a:name$}  {b:value$}  {c:default$}  {d:values$}  {help}"
+        )?;
+    }
+    writeln!(output, "* differs from the factory's")?;
+    Ok(())
+}
+
+/// Sets a value, and says what it was.
+fn set(session: &mut Session<'_>, new: Value, output: &mut dyn Write) -> Result<()> {
+    let setting = new.setting();
+    let before = value(session, setting)?.with_context(|| unknown_to_sensor(setting))?;
+    if before == new {
+        writeln!(output, "{new} (as before)")?;
+        return Ok(());
+    }
+    session.set_for_good(new)?;
+    writeln!(output, "{new} (it was {})", text(before))?;
+    Ok(())
+}
+
+fn save(session: &mut Session<'_>, file: &Path, output: &mut dyn Write) -> Result<()> {
+    let values = all(session)?;
+    whole_file::write(file, to_toml(&values).as_bytes())?;
+    writeln!(
+        output,
+        "written: {}, {} settings",
+        file.display(),
+        values.len()
+    )?;
+    Ok(())
+}
+
+/// The file of some values, with what may be set behind each.
+fn to_toml(values: &[Value]) -> String {
+    let mut toml =
+        "# Settings of a slitrange sensor. `slitrange settings load FILE` sends them.\n\n"
+            .to_owned();
+    for &value in values {
+        let setting = value.setting();
+        let key = match setting.name() {
+            name if name.contains(' ') => format!("\"{name}\""),
+            name => name.to_owned(),
+        };
+        let text = text(value);
+        let text = match text.parse::<i64>() {
+            Ok(number) => toml::Value::Integer(number),
+            Err(_) => toml::Value::String(text),
+        };
+        let _ = writeln!(
+            toml,
+            "# {}: {}\n{key} = {text}",
+            setting.help(),
+            setting.form()
+        );
+    }
+    toml
+}
+
+/// Reads a file, and checks each value.
+fn read_file(file: &Path) -> Result<Vec<Value>> {
+    let name = file.display();
+    let text = std::fs::read_to_string(file).with_context(|| format!("{name} cannot be read"))?;
+    from_toml(&text).with_context(|| name.to_string())
+}
+
+fn from_toml(text: &str) -> Result<Vec<Value>> {
+    let table: toml::Table = text.parse()?;
+    let mut values = Vec::new();
+    let mut errors = Vec::new();
+    for (name, value) in table {
+        let value = match value {
+            toml::Value::Integer(number) => number.to_string(),
+            toml::Value::String(words) => words,
+            toml::Value::Boolean(true) => "on".to_owned(),
+            toml::Value::Boolean(false) => "off".to_owned(),
+            other => other.to_string(),
+        };
+        let read = named(&[name]).and_then(|setting| read_value(setting, &value));
+        match read {
+            Ok(value) => values.push(value),
+            Err(error) => errors.push(format!("{error:#}")),
+        }
+    }
+    ensure!(errors.is_empty(), "{}", errors.join("\n"));
+    ensure!(!values.is_empty(), "the file names no setting");
+    // In the order of the declaration, whatever the file's.
+    values.sort_by_key(|value| Setting::ALL.iter().position(|&it| it == value.setting()));
+    Ok(values)
+}
+
+/// Reads the words of a value of a setting.
+fn read_value(setting: Setting, words: &str) -> Result<Value> {
+    let value = read(&format!("{} {words}", setting.name()))?;
+    ensure!(
+        value.setting() == setting,
+        "`{words}` is no value of `{}`",
+        setting.name()
+    );
+    Ok(value)
+}
+
+fn load(
+    session: &mut Session<'_>,
+    values: &[Value],
+    to_flash: bool,
+    output: &mut dyn Write,
+) -> Result<()> {
+    let mut changes = Vec::new();
+    for &new in values {
+        let setting = new.setting();
+        let before = value(session, setting)?.with_context(|| unknown_to_sensor(setting))?;
+        if before != new {
+            changes.push((before, new));
+        }
+    }
+    for &(before, new) in &changes {
+        session
+            .set_for_good(new)
+            .context("some settings were sent, some were not: load the file again")?;
+        writeln!(
+            output,
+            "{}: {} -> {}",
+            new.setting().name(),
+            text(before),
+            text(new)
+        )?;
+    }
+    writeln!(
+        output,
+        "{} settings changed, {} as before",
+        changes.len(),
+        values.len() - changes.len()
+    )?;
+    if to_flash {
+        let save = Command::Save.to_string();
+        // The same may be saved twice without harm.
+        session
+            .line()
+            .ask(&save, SAVE, |lines| (*lines.last()? == save).then_some(()))
+            .context("the settings are in use, but not saved")?;
+        writeln!(output, "saved: they are kept over a power cycle")?;
+    }
+    Ok(())
+}
+
+/// Says where values differ.
+fn compare(
+    (ours, here): (&[Value], &str),
+    (theirs, there): (&[Value], &str),
+    output: &mut dyn Write,
+) -> Result<ExitCode> {
+    let (mut compared, mut different) = (0, 0);
+    for &their in theirs {
+        let setting = their.setting();
+        let Some(&our) = ours.iter().find(|value| value.setting() == setting) else {
+            continue;
+        };
+        compared += 1;
+        if our != their {
+            different += 1;
+            let name = setting.name();
+            writeln!(
+                output,
+                "{name}: {} at {here}, {} in {there}",
+                text(our),
+                text(their)
+            )?;
+        }
+    }
+    writeln!(output, "{different} of {compared} settings differ")?;
+    Ok(ExitCode::from(u8::from(different > 0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_holds_each_setting_and_is_read_again() {
+        let factory = Settings::default();
+        let values: Vec<Value> = Setting::ALL.iter().map(|&it| factory.get(it)).collect();
+        let toml = to_toml(&values);
+        println!("{toml}");
+        let mut read = from_toml(&toml).expect("a file");
+        assert_eq!(read.len(), values.len());
+        read.retain(|value| !values.contains(value));
+        assert_eq!(read, []);
+    }
+
+    #[test]
+    fn every_wrong_line_of_a_file_is_named() {
+        let error = from_toml("rows = 65\nblack = \"fixed\"\ncolour = \"red\"\nmean = \"plain\"\n");
+        insta::assert_snapshot!(format!("{:#}", error.expect_err("three wrong lines")));
+        for text in [
+            "",
+            "rows",
+            "rows = [1]",
+            "rows = 1.5",
+            "exposure = \"limit 20\"",
+        ] {
+            let error = format!("{:#}", from_toml(text).expect_err("wrong"));
+            println!("{error}");
+        }
+    }
+
+    #[test]
+    fn a_boolean_is_on_or_off() {
+        assert_eq!(
+            from_toml("laser = false").expect("a value"),
+            [Value::Laser(false)]
+        );
+    }
+}

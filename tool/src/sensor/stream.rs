@@ -1,0 +1,217 @@
+//! The lines that a sensor sends on its own: readings and faults.
+
+/// What a frame gave.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameResult {
+    /// The number of the result since the sensor started, if the line has it.
+    pub number: Option<u32>,
+    /// The time of the result since the sensor started, in microseconds, if the line has it.
+    pub time_us: Option<u64>,
+    /// The reading, or the fault in the sensor's own words: `too dim: 35.2 counts, needs 60.1`.
+    pub what: Result<Reading, String>,
+}
+
+/// A reading. Only the distance comes always.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reading {
+    /// Whether the distance is relative to that of `zero`.
+    pub is_difference: bool,
+    /// The distance in millimetres.
+    pub distance_mm: f64,
+    /// Its combined standard uncertainty in millimetres.
+    pub u_mm: Option<f64>,
+    /// Its repeatability in millimetres.
+    pub r_mm: Option<f64>,
+    /// The spot's centre in pixels.
+    pub centre_px: Option<f64>,
+    /// The spot's height in counts.
+    pub height_counts: Option<f64>,
+    /// The spot's width in pixels.
+    pub width_px: Option<f64>,
+    /// The rows used, and the rows in the frame.
+    pub rows: Option<(u16, u16)>,
+    /// The mean exposure of the rows used, in microseconds. The sensor does not send the longest one.
+    pub exposure_us: Option<u16>,
+    /// The slits used of a comb.
+    pub slits: Option<u8>,
+    /// The flags, as the line has them: `m 3 g`.
+    pub flags: String,
+}
+
+/// The letters that are no flags, and are followed by a value.
+const VALUES: &[&str] = &["u", "r", "x", "a", "n", "w", "t", "k"];
+
+/// Reads a line of the stream. A letter that is not known counts as a flag. `None` if the line is another
+/// one, if a number is not one, or if the line has a fault or the unit but no distance.
+pub fn frame_result(line: &str) -> Option<FrameResult> {
+    let mut words: Vec<&str> = line.split(' ').collect();
+    let number = prefix(&mut words, "#")?;
+    let time_us = prefix(&mut words, "@")?;
+    let what = match words.split_first()? {
+        (&"f", fault) if !fault.is_empty() => Err(fault.join(" ")),
+        (&letter @ ("d" | "z"), rest) => Ok(reading(letter == "z", rest)?),
+        _ => return None,
+    };
+    let number = match number {
+        Some(number) => Some(number.try_into().ok()?),
+        None => None,
+    };
+    Some(FrameResult {
+        number,
+        time_us,
+        what,
+    })
+}
+
+/// Takes a mark and its number off the front of a line. `None` if what follows the mark is no number.
+fn prefix(words: &mut Vec<&str>, mark: &str) -> Option<Option<u64>> {
+    if words.first() != Some(&mark) {
+        return Some(None);
+    }
+    let number = words.get(1)?.parse().ok()?;
+    words.drain(..2);
+    Some(Some(number))
+}
+
+/// Reads the words after `d` or `z`.
+fn reading(is_difference: bool, words: &[&str]) -> Option<Reading> {
+    let &[distance, unit, ref columns @ ..] = words else {
+        return None;
+    };
+    let per_mm = match unit {
+        "mm" => 1.0,
+        "um" => 1e3,
+        _ => return None,
+    };
+    let mut reading = Reading {
+        is_difference,
+        distance_mm: number(distance)? / per_mm,
+        ..Reading::default()
+    };
+    let mut columns = columns.iter().copied();
+    while let Some(letter) = columns.next() {
+        if !VALUES.contains(&letter) {
+            // A flag, or the number that belongs to one.
+            if !reading.flags.is_empty() {
+                reading.flags.push(' ');
+            }
+            reading.flags.push_str(letter);
+            continue;
+        }
+        let value = columns.next()?;
+        match letter {
+            "u" => reading.u_mm = Some(number(value)? / per_mm),
+            "r" => reading.r_mm = Some(number(value)? / per_mm),
+            "x" => reading.centre_px = Some(number(value)?),
+            "a" => reading.height_counts = Some(number(value)?),
+            "w" => reading.width_px = Some(number(value)?),
+            "t" => reading.exposure_us = Some(value.parse().ok()?),
+            "k" => reading.slits = Some(value.parse().ok()?),
+            _ => {
+                let (used, all) = value.split_once('/')?;
+                reading.rows = Some((used.parse().ok()?, all.parse().ok()?));
+            }
+        }
+    }
+    Some(reading)
+}
+
+/// A decimal number, as the sensor sends it: digits, one point at most, a minus in front at most.
+fn number(word: &str) -> Option<f64> {
+    let digits = word.strip_prefix('-').unwrap_or(word);
+    let is_decimal = digits
+        .bytes()
+        .all(|byte| matches!(byte, b'0'..=b'9' | b'.'));
+    is_decimal.then(|| word.parse().ok())?
+}
+
+/// The kind of a fault: its words up to the numbers.
+pub fn fault_kind(fault: &str) -> &str {
+    fault.split_once(':').map_or(fault, |(kind, _)| kind)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_reading_has_all_its_columns() {
+        let line = "# 1234 @ 12345678 d 800.1234 mm u 0.4372 r 0.0035 x 1770.1234 a 1011 n 15/16 w 7.62131 \
+                    t 187 k 16 m 3 c 2 h 2 g s";
+        let reading = Reading {
+            is_difference: false,
+            distance_mm: 800.1234,
+            u_mm: Some(0.4372),
+            r_mm: Some(0.0035),
+            centre_px: Some(1770.1234),
+            height_counts: Some(1011.0),
+            width_px: Some(7.62131),
+            rows: Some((15, 16)),
+            exposure_us: Some(187),
+            slits: Some(16),
+            flags: "m 3 c 2 h 2 g s".to_owned(),
+        };
+        let read = frame_result(line).expect("a reading");
+        assert_eq!((read.number, read.time_us), (Some(1234), Some(12_345_678)));
+        assert_eq!(read.what, Ok(reading));
+    }
+
+    #[test]
+    fn columns_may_be_missing_and_the_unit_may_be_um() {
+        let read = |line| frame_result(line).expect("a result");
+        let short = read("z -0.0010 mm").what.expect("a reading");
+        assert!(short.is_difference);
+        assert_eq!((short.distance_mm, short.u_mm), (-0.001, None));
+        let um = read("d 800123.4 um u 437.2 r 3.5 q 7")
+            .what
+            .expect("a reading");
+        for (found, expected) in [
+            (um.distance_mm, 800.1234),
+            (um.u_mm.expect("u"), 0.4372),
+            (um.r_mm.expect("r"), 0.0035),
+        ] {
+            assert!((found - expected).abs() < 1e-9, "{found}");
+        }
+        assert_eq!(um.flags, "q 7");
+        let fault = read("# 7 f too dim: 35.2 counts, needs 60.1");
+        assert_eq!(fault.number, Some(7));
+        assert_eq!(
+            fault.what,
+            Err("too dim: 35.2 counts, needs 60.1".to_owned())
+        );
+        assert_eq!(fault_kind("too dim: 35.2 counts, needs 60.1"), "too dim");
+        assert_eq!(fault_kind("laser off"), "laser off");
+    }
+
+    #[test]
+    fn other_lines_are_no_results() {
+        for line in [
+            "",
+            "d",
+            "d mm u 0.4372",
+            "d 800.1234 m u 0.4372",
+            "d NaN mm",
+            "d inf mm",
+            "d 800.1234 mm u",
+            "d 800.1234 mm n 16",
+            "# d 800.1234 mm",
+            "# 5000000000 d 800.1234 mm",
+            "f",
+            "x 1770.98771 u 0.00195 a 1993 n 16/16 b 300 e t",
+            "status rows read 10700",
+        ] {
+            assert_eq!(frame_result(line), None, "{line}");
+        }
+    }
+
+    proptest! {
+        /// Whatever a line says, a distance is a number.
+        #[test]
+        fn a_distance_is_finite(line in "(# [0-9]{1,9} )?[dz] [-0-9.eInaf]{1,12} mm( [a-z] [0-9./]{1,8}){0,4}") {
+            if let Some(FrameResult { what: Ok(reading), .. }) = frame_result(&line) {
+                prop_assert!(reading.distance_mm.is_finite());
+            }
+        }
+    }
+}

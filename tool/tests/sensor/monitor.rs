@@ -1,0 +1,124 @@
+//! Readings as a live view, as lines and as a file, from a sensor that goes away and starts anew.
+
+use std::time::Duration;
+
+use slitrange_tool::pc::Pc;
+use slitrange_tool::screen::Key;
+use slitrange_tool::sensor::monitor::recording::{Kind, Recorded};
+
+use crate::screen::Person;
+use crate::stand_in::{StandIn, Trouble};
+
+fn recorded(sensor: &StandIn, name: &str) -> Vec<Recorded> {
+    let file = csv::Reader::from_path(sensor.path(name)).expect("the file");
+    let lines = file.into_deserialize().collect::<Result<Vec<_>, _>>();
+    lines.expect("the documented columns")
+}
+
+#[test]
+fn lines_are_shown_and_the_stream_is_left_as_it_was() {
+    for stream in ["stream on", "stream off"] {
+        let sensor = StandIn::new(1, Trouble::default());
+        sensor.state().type_line(stream);
+        let arguments = ["--port", &sensor.port(), "--count", "20"];
+        let (result, output) = sensor.command("monitor", &arguments, "");
+        result.expect("a stream");
+        let readings = output.lines().filter(|line| line.contains(" mm   u "));
+        assert_eq!(readings.count(), 20, "{output}");
+        assert!(output.contains(": 20 readings"), "{output}");
+        assert!(output.contains("no faults\n0 rows lost, 0 lines dropped\n"));
+        assert_eq!(sensor.state().settings().stream, stream == "stream on");
+    }
+}
+
+#[test]
+fn the_first_reading_comes_in_a_quarter_of_a_second() {
+    let sensor = StandIn::new(2, Trouble::default());
+    let arguments = ["--port", &sensor.port(), "--count", "1"];
+    sensor
+        .command("monitor", &arguments, "")
+        .0
+        .expect("a reading");
+    let took = sensor.now();
+    println!("{took:?}");
+    assert!(took < Duration::from_millis(250), "{took:?}");
+}
+
+#[test]
+fn a_recording_goes_on_after_the_cable_was_out_and_the_power_off() {
+    let trouble = Trouble {
+        fault: 0.05,
+        ..Trouble::default()
+    };
+    let sensor = StandIn::new(3, trouble);
+    let mut steps = 0;
+    // The steps are milliseconds while somebody waits.
+    sensor.each_step(move |state| {
+        steps += 1;
+        match steps {
+            1000 => state.unplug(Duration::from_secs(2)),
+            8000 => state.cut_power(Duration::from_millis(300)),
+            16_000 => state.cut_power(Duration::from_secs(8)),
+            _ => {}
+        }
+    });
+    let file = sensor.path("run.csv");
+    let file = file.to_str().expect("text");
+    let arguments = ["--port", &sensor.port(), "--csv", file, "--seconds", "40"];
+    let (result, output) = sensor.command("monitor", &arguments, "");
+    result.expect("a recording");
+    let lines = recorded(&sensor, "run.csv");
+    let of = |kind| lines.iter().filter(|line| line.kind == kind).count();
+    let (readings, faults, gaps) = (of(Kind::Reading), of(Kind::Fault), of(Kind::Gap));
+    println!("{readings} readings, {faults} faults, {gaps} gaps");
+    assert_eq!(gaps, 3);
+    assert!(output.contains(&format!(": {readings} readings")));
+    assert!(output.contains(&format!("faults: {faults} too dim\n")));
+    assert!(output.contains(&format!(", {} lines\n", lines.len())));
+    // No reading has a fault, and no fault a distance.
+    for line in &lines {
+        assert_eq!(line.distance_mm.is_some(), line.kind == Kind::Reading);
+        assert_eq!(line.fault.is_empty(), line.kind == Kind::Reading);
+    }
+    // One in twenty frames: of some 4000, 200 with a standard deviation of 14.
+    let share = faults as f64 / (readings + faults) as f64;
+    assert!((share - 0.05).abs() < 0.02, "{share}");
+    // It goes on to the end.
+    assert!(lines.last().is_some_and(|line| line.time_s > 39.5));
+    // A recording is not overwritten.
+    let (again, _) = sensor.command("monitor", &arguments, "");
+    let again = again.expect_err("the file exists");
+    assert!(
+        again.contains("run.csv cannot be made: if it exists, "),
+        "{again}"
+    );
+    assert_eq!(recorded(&sensor, "run.csv"), lines);
+}
+
+#[test]
+fn the_live_view_shows_readings_faults_and_that_the_sensor_is_away() {
+    let sensor = StandIn::new(4, Trouble::default());
+    let person = Person::new(&sensor, &[(20, Key::Char(' ')), (10, Key::Quit)]);
+    let (seen, output) = person.slitrange(&["monitor", "--port", &sensor.port()]);
+    assert!(output.contains("no faults"), "{output}");
+    let named = seen[0].replace(&sensor.port(), "PORT");
+    let border = named.lines().next().expect("a border").replace('─', "");
+    let below: Vec<&str> = named.lines().skip(1).collect();
+    insta::assert_snapshot!(format!("{border}\n{}", below.join("\n")));
+
+    sensor.state().trouble.fault = 1.0;
+    let (seen, _) =
+        Person::new(&sensor, &[(20, Key::Quit)]).slitrange(&["monitor", "--port", &sensor.port()]);
+    assert!(seen[0].contains("fault: too dim: 35.0 counts, needs 60.0"));
+
+    let mut steps = 0;
+    sensor.each_step(move |state| {
+        steps += 1;
+        if steps == 1000 {
+            state.unplug(Duration::from_secs(60));
+        }
+    });
+    let (seen, _) =
+        Person::new(&sensor, &[(40, Key::Quit)]).slitrange(&["monitor", "--port", &sensor.port()]);
+    assert!(seen[0].contains("there is no serial port "), "{}", seen[0]);
+}

@@ -1,0 +1,100 @@
+//! Without `--port`, the only port is taken where a sensor answers.
+
+use std::time::Duration;
+
+use slitrange_tool::pc::{Pc, Port};
+use slitrange_tool::sensor::port::PortOption;
+
+use crate::stand_in::{StandIn, Trouble};
+
+/// A PC with a sensor at each of its ports.
+struct Ports(Vec<StandIn>);
+
+impl Pc for Ports {
+    fn open(&self, port: &str) -> serialport::Result<Box<dyn Port + '_>> {
+        let sensor = self.0.iter().find(|sensor| sensor.port() == port);
+        sensor.expect("a port of the list").open(port)
+    }
+
+    fn ports(&self) -> Vec<String> {
+        self.0.iter().map(StandIn::port).collect()
+    }
+
+    fn now(&self) -> Duration {
+        self.0.iter().map(Pc::now).sum()
+    }
+
+    fn sleep(&self, time: Duration) {
+        self.0.iter().for_each(|sensor| sensor.sleep(time));
+    }
+}
+
+/// What hears nothing.
+fn silent(seed: u64) -> StandIn {
+    let lost = 1.0;
+    StandIn::new(
+        seed,
+        Trouble {
+            lost,
+            ..Trouble::default()
+        },
+    )
+}
+
+fn sensor(seed: u64) -> StandIn {
+    StandIn::new(seed, Trouble::default())
+}
+
+fn found(pc: &Ports) -> Result<String, String> {
+    let found = PortOption::default().find(pc);
+    println!("{found:?}");
+    found.map_err(|error| format!("{error:#}"))
+}
+
+#[test]
+fn the_only_sensor_is_found() {
+    let gone = sensor(1);
+    gone.state().unplug(Duration::from_secs(60));
+    let pc = Ports(vec![silent(2), gone, sensor(3)]);
+    assert_eq!(found(&pc), Ok(pc.0[2].port()));
+    println!("{:?}", pc.now());
+    // A second for each port where nobody answers, and two for one that cannot be opened.
+    assert!(pc.now() < Duration::from_secs(4));
+    // It streams as before.
+    assert!(pc.0[2].state().settings().stream);
+    let session = PortOption::default().open(&pc).expect("a session");
+    assert_eq!(session.port(), pc.0[2].port());
+}
+
+#[test]
+fn no_sensor_and_several_are_errors_that_name_the_ports() {
+    let none = found(&Ports(vec![])).expect_err("no port");
+    assert!(none.starts_with("this PC has no serial port: "), "{none}");
+
+    let pc = Ports(vec![silent(1), silent(2)]);
+    let silent = found(&pc).expect_err("no sensor");
+    assert!(silent.starts_with("no sensor is found: check "), "{silent}");
+    for sensor in &pc.0 {
+        let line = format!("\nno sensor answers at {}", sensor.port());
+        assert!(silent.contains(&line), "{silent}");
+    }
+
+    let pc = Ports(vec![sensor(1), sensor(2)]);
+    let several = found(&pc).expect_err("two sensors");
+    assert_eq!(
+        several,
+        format!(
+            "sensors answer at {} and at {}: name one of them with --port",
+            pc.0[0].port(),
+            pc.0[1].port()
+        )
+    );
+}
+
+#[test]
+fn a_named_port_is_not_searched() {
+    let named = PortOption {
+        port: Some("/dev/pts/7".to_owned()),
+    };
+    assert_eq!(named.find(&Ports(vec![])).expect("named"), "/dev/pts/7");
+}

@@ -1,0 +1,87 @@
+//! The row live: what the screen shows, and what keys change.
+
+use slitrange::centre::Estimator;
+use slitrange::exposure::{Exposure, ExposureMode};
+use slitrange_tool::screen::Key;
+
+use crate::screen::Person;
+use crate::stand_in::{StandIn, Trouble};
+
+/// What is seen at each key, without the port's name.
+fn scope(sensor: &StandIn, keys: &[(usize, Key)]) -> (Vec<String>, String) {
+    let (mut seen, output) =
+        Person::new(sensor, keys).slitrange(&["scope", "--port", &sensor.port()]);
+    for picture in &mut seen {
+        let lines: Vec<&str> = picture.lines().skip(1).collect();
+        *picture = lines.join("\n");
+    }
+    (seen, output)
+}
+
+#[test]
+fn the_window_and_the_whole_row_are_shown() {
+    let sensor = StandIn::new(1, Trouble::default());
+    let (seen, output) = scope(&sensor, &[(3, Key::Char('z')), (3, Key::Quit)]);
+    insta::assert_snapshot!(seen.join("\n\n"));
+    // No setting changed, and the stream is on as before.
+    assert_eq!(output, "");
+    assert!(sensor.state().settings().stream);
+}
+
+#[test]
+fn keys_change_exposure_and_estimator() {
+    let sensor = StandIn::new(2, Trouble::default());
+    let keys = [Key::Down, Key::Down, Key::Up, Key::Char('e'), Key::Quit].map(|key| (2, key));
+    let (seen, output) = scope(&sensor, &keys);
+    assert!(seen[0].contains("exposure 5600 us (auto)"), "{}", seen[0]);
+    // 5600 / 1.25, and once more, and back.
+    for (picture, us) in [(1, 4480), (2, 3584), (3, 4480)] {
+        let words = format!("exposure {us} us, black level");
+        assert!(seen[picture].contains(&words), "{}", seen[picture]);
+    }
+    assert!(seen[3].contains("estimator adaptive"));
+    assert!(seen[4].contains("estimator gauss-newton"));
+    let now = sensor.state().settings();
+    let exposure = Exposure::from_us(4480).expect("an exposure");
+    assert_eq!(now.exposure, ExposureMode::Fixed(exposure));
+    assert_eq!(now.estimator, Estimator::GaussNewton);
+    assert!(
+        output.contains("now exposure 4480 (it was exposure auto), "),
+        "{output}"
+    );
+    assert!(output.contains("now estimator gauss-newton (it was estimator adaptive), "));
+    // Back to auto.
+    scope(&sensor, &[(2, Key::Char('a')), (2, Key::Quit)]);
+    assert_eq!(sensor.state().settings().exposure, ExposureMode::Auto);
+}
+
+#[test]
+fn without_a_spot_the_whole_row_is_shown_with_the_fault() {
+    let sensor = StandIn::new(3, Trouble::default());
+    sensor.state().spot_height = 0.0;
+    let (seen, _) = scope(&sensor, &[(3, Key::Quit)]);
+    assert!(seen[0].contains("no spot: "), "{}", seen[0]);
+    assert!(seen[0].contains("3648"), "{}", seen[0]);
+}
+
+#[test]
+fn it_goes_on_after_the_cable_was_out() {
+    let sensor = StandIn::new(4, Trouble::default());
+    let mut steps = 0;
+    sensor.each_step(move |state| {
+        steps += 1;
+        if steps == 300 {
+            state.unplug(std::time::Duration::from_secs(2));
+        }
+    });
+    let (seen, _) = scope(&sensor, &[(600, Key::Quit)]);
+    assert!(seen[0].contains("centre 1800.2"), "{}", seen[0]);
+}
+
+#[test]
+fn without_a_terminal_there_is_another_way() {
+    let sensor = StandIn::new(5, Trouble::default());
+    let (result, _) = sensor.command("scope", &["--port", &sensor.port()], "");
+    let error = result.expect_err("no terminal");
+    assert!(error.contains("`slitrange row --figure FILE`"), "{error}");
+}

@@ -1,0 +1,129 @@
+//! Settings are shown, changed, saved to a file, loaded from it, and compared.
+
+use std::process::ExitCode;
+
+use slitrange::settings::{Setting, Settings};
+
+use crate::stand_in::{StandIn, Trouble};
+
+fn sensor(seed: u64) -> StandIn {
+    StandIn::new(seed, Trouble::default())
+}
+
+/// `slitrange settings` of a sensor.
+fn settings(sensor: &StandIn, arguments: &[&str]) -> (Result<ExitCode, String>, String) {
+    let port = sensor.port();
+    let all = [&["--port", &port], arguments].concat();
+    sensor.command("settings", &all, "")
+}
+
+#[test]
+fn every_setting_is_shown_with_its_values_and_help() {
+    let sensor = sensor(1);
+    sensor.state().type_line("rows 64");
+    let (result, output) = settings(&sensor, &[]);
+    result.expect("settings");
+    for &setting in Setting::ALL {
+        let line = output.lines().find(|line| line.starts_with(setting.name()));
+        let line = line.unwrap_or_else(|| panic!("{setting:?}"));
+        assert!(line.ends_with(setting.help()), "{line}");
+        assert!(line.contains(&setting.form().to_string()), "{line}");
+        assert_eq!(line.contains(" * "), setting == Setting::Rows, "{line}");
+    }
+}
+
+#[test]
+fn a_value_is_changed_and_stays() {
+    let sensor = sensor(2);
+    for (words, get, line) in [
+        (&["rows", "64"] as &[&str], "64", "rows 64 (it was 16)\n"),
+        (
+            &["exposure", "limit", "2000"],
+            "2000",
+            "exposure limit 2000 (it was 5600)\n",
+        ),
+        (
+            &["black", "fixed", "300"],
+            "fixed 300",
+            "black fixed 300 (it was shielded)\n",
+        ),
+        // The session itself switches the stream off.
+        (&["stream", "off"], "off", "stream off (it was on)\n"),
+        (&["echo", "on"], "on", "echo on (it was off)\n"),
+    ] {
+        let (result, output) = settings(&sensor, &[&["set"], words].concat());
+        result.expect("set");
+        assert_eq!(output, line);
+        let name = &words[..if words[1] == "limit" { 2 } else { 1 }];
+        let (result, output) = settings(&sensor, &[&["get"], name].concat());
+        result.expect("a value");
+        assert_eq!(output.trim_end(), get);
+    }
+    let now = sensor.state().settings();
+    assert_eq!((now.rows, now.stream, now.echo), (64, false, true));
+}
+
+#[test]
+fn a_wrong_value_is_an_error_that_names_the_right_ones() {
+    let sensor = sensor(3);
+    let mut errors = String::new();
+    for words in [
+        &["set", "rows", "65"] as &[&str],
+        &["set", "rows"],
+        &["set", "rose", "3"],
+        &["set", "black", "fixed"],
+        &["set", "save"],
+        &["get", "exposure", "limits"],
+    ] {
+        let error = settings(&sensor, words).0.expect_err("wrong");
+        errors += &format!("{}: {error}\n", words.join(" "));
+    }
+    insta::assert_snapshot!(errors);
+    assert_eq!(sensor.state().settings(), Settings::default());
+}
+
+#[test]
+fn a_file_moves_settings_from_one_sensor_to_another() {
+    let (first, second) = (sensor(4), sensor(5));
+    first.state().type_line("rows 32");
+    first.state().type_line("estimator phase-table");
+    let path = first.path("bench.toml");
+    let file = path.to_str().expect("text");
+    settings(&first, &["save", file]).0.expect("saved");
+    println!("{}", std::fs::read_to_string(&path).expect("a file"));
+
+    let (differ, output) = settings(&second, &["compare", file]);
+    assert_eq!(differ, Ok(ExitCode::from(1)));
+    assert!(output.contains(&format!("rows: 16 at {}, 32 in {file}\n", second.port())));
+    let (result, output) = settings(&second, &["load", file, "--flash"]);
+    result.expect("loaded");
+    assert!(output.starts_with("rows: 16 -> 32\n"));
+    assert!(output.contains("estimator: adaptive -> phase-table\n2 settings changed, "));
+    assert!(output.ends_with("saved: they are kept over a power cycle\n"));
+    assert_eq!(
+        settings(&second, &["compare", file]).0,
+        Ok(ExitCode::SUCCESS)
+    );
+    assert!(
+        settings(&second, &["load", file])
+            .1
+            .starts_with("0 settings changed, ")
+    );
+    // They are in flash: a start keeps them.
+    assert_eq!(second.state().saved_rows(), Some(32));
+    assert_eq!(second.state().settings(), first.state().settings());
+}
+
+#[test]
+fn a_file_with_a_wrong_line_changes_nothing() {
+    let sensor = sensor(6);
+    let path = sensor.path("wrong.toml");
+    std::fs::write(&path, "mean = \"plain\"\nrows = 100\n").expect("written");
+    let error = settings(&sensor, &["load", path.to_str().expect("text")]).0;
+    let error = error.expect_err("100 rows");
+    assert!(
+        error.contains("`rows 100`: out of range, expected rows 1..64"),
+        "{error}"
+    );
+    assert_eq!(sensor.state().settings(), Settings::default());
+}
