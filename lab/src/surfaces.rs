@@ -265,7 +265,7 @@ impl Study {
 /// The studies as a table.
 pub fn report(studies: &[Study]) -> String {
     let mut text = "Simulated on a PC: sensors that are calibrated with 60 points on a material, and \
-                    then read other places of it, at 0.60 to 1.02 m, in frames of 16 rows. Lengths in µm; \
+                    then read other places of it, at 0.60 to 1.02 m, in frames of 16 rows. Lengths in um; \
                     within 2u: the share of errors that are at most twice u, which is 95.4 % for normal \
                     errors.\n\n"
         .to_owned();

@@ -1,11 +1,15 @@
 //! A figure's panel with two axes: how every figure of this project looks. Sizes are in pixels of a figure
 //! that is 1000 wide.
 
+mod figure;
+
 use plotters::chart::ChartContext;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
+
+pub use figure::{Figure, draw_broken_line, draw_dots, draw_line, figure};
 
 /// Size of ticks and labels.
 pub const TEXT: i32 = 19;
@@ -88,10 +92,10 @@ impl<'a> Axis<'a> {
 }
 
 /// A drawing, or a part of one.
-pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub type Area<'a> = DrawingArea<Figure<'a>, Shift>;
 
 /// A panel.
-pub type Panel<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<Ticked, Ticked>>;
+pub type Panel<'a, 'b> = ChartContext<'b, Figure<'a>, Cartesian2d<Ticked, Ticked>>;
 
 /// An axis as plotters takes it.
 pub struct Ticked {
@@ -100,21 +104,28 @@ pub struct Ticked {
     ticks: Vec<f64>,
 }
 
-impl Ranged for Ticked {
-    type FormatOption = DefaultFormatting;
-    type ValueType = f64;
-
-    fn map(&self, value: &f64, (first, last): (i32, i32)) -> i32 {
+impl Ticked {
+    /// Where a value lies between the first and the last pixel.
+    fn place(&self, value: f64, (first, last): (i32, i32)) -> f64 {
         let (from, to) = (
             self.scale.place(self.range.0),
             self.scale.place(self.range.1),
         );
-        let part = (self.scale.place(*value) - from) / (to - from);
+        let part = (self.scale.place(value) - from) / (to - from);
         let part = match self.scale {
             Scale::Linear => part,
             Scale::Log | Scale::AboveBound => part.clamp(0.0, 1.0),
         };
-        first + (part * f64::from(last - first)).round() as i32
+        f64::from(first) + part * f64::from(last - first)
+    }
+}
+
+impl Ranged for Ticked {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, ends: (i32, i32)) -> i32 {
+        self.place(*value, ends).round() as i32
     }
 
     fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {

@@ -375,7 +375,7 @@ pub fn report(measured: &Measured) -> String {
         "Each material: {} surfaces at 0.62 to 1.0 m, simulated on a PC without noise. {excluded} of {rows} \
          rows have a fault and are left out. The laser has a single wavelength for white paper and in the \
          last line, and a linewidth of 1 nm elsewhere.\n\n{materials}\n\
-         RMS of the change of the error in µm, in brackets its share of the step:\n\n{change}\n\
+         RMS of the change of the error in um, in brackets its share of the step:\n\n{change}\n\
          Correlation of the two errors, each times sqrt(height) / d; in brackets without this weight:\n\n\
          {correlations}\n\
          RMS of change over claim, with the memory L = {FACTOR} lambda R^3 / (w b d); in brackets the RMS of \
@@ -400,7 +400,7 @@ fn short(value: f64) -> String {
 fn table_of_materials(measured: &Measured) -> String {
     let mut rows = vec![cells(&[
         "material",
-        "RMS error of a distance, µm",
+        "RMS error of a distance, um",
         "spot's 1/e² diameter at 0.8 m, mm",
         "memory L, mm",
         "√2 e / L",

@@ -38,8 +38,7 @@ pub fn draw(
         .filter(|_| form != Form::Eq1);
     let of_curve = UPPER + LOWER * if corrected.is_some() { 2 } else { 1 };
     let height = of_curve + LOWER * if comb.is_some() { 1 } else { 0 };
-    let root = SVGBackend::new(path, (1000, height)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, height)?;
     let (upper, of_comb) = root.split_vertically(of_curve);
     if let Some(comb) = comb {
         draw_comb(&of_comb, comb)?;
@@ -100,7 +99,7 @@ fn draw_curve(
         .even_steps(200)
         .map(|centre| (centre, 1e3 * curve.distance(centre)))
         .collect();
-    panel.draw_series([PathElement::new(line, BLACK.stroke_width(2))])?;
+    axes::draw_line(&mut panel, line, BLACK.stroke_width(2))?;
     draw_points(&mut panel, solved, near..far, |point| point.d_mm)?;
 
     // The words stand where a falling or a rising curve leaves room.
@@ -140,11 +139,9 @@ fn draw_residuals(
         .zip(&solved.verdicts)
         .filter(|(_, verdict)| verdict.kept);
     let (low, high) = around(kept.map(|(point, _)| residual(point)).chain([0.0]), 0.15);
-    let mut panel = panel(area, title, centres.clone(), low..high, "residual, µm")?;
-    panel.draw_series([PathElement::new(
-        vec![(centres.start, 0.0), (centres.end, 0.0)],
-        BLACK.stroke_width(1),
-    )])?;
+    let mut panel = panel(area, title, centres.clone(), low..high, "residual, um")?;
+    let zero = [(centres.start, 0.0), (centres.end, 0.0)];
+    axes::draw_line(&mut panel, zero, BLACK.stroke_width(1))?;
     if let Some(other) = line {
         let line: Vec<(f64, f64)> = other
             .even_steps(400)
@@ -155,7 +152,7 @@ fn draw_residuals(
                 )
             })
             .collect();
-        panel.draw_series([PathElement::new(line, BLACK.stroke_width(2))])?;
+        axes::draw_line(&mut panel, line, BLACK.stroke_width(2))?;
     }
     draw_points(&mut panel, solved, low..high, residual)
 }
@@ -179,19 +176,17 @@ fn draw_comb(area: &Area<'_>, comb: &FittedComb) -> anyhow::Result<()> {
     let x = Axis::linear((left, right), "place on the mask, mm", 10, 0);
     let y = Axis::linear((low, high), "correction, px", 6, digits);
     let mut panel = axes::panel(area, &title, 30, &x, &y)?;
-    panel.draw_series([PathElement::new(
-        vec![(left, 0.0), (right, 0.0)],
+    axes::draw_line(
+        &mut panel,
+        [(left, 0.0), (right, 0.0)],
         BLACK.stroke_width(1),
-    )])?;
+    )?;
     panel.draw_series(slits().map(|slit| {
         let line = ends(slit).map(|y| (1e-3 * slit.place_um, y)).to_vec();
         PathElement::new(line, USED.stroke_width(2))
     }))?;
-    panel
-        .draw_series(slits().map(|slit| {
-            Circle::new((1e-3 * slit.place_um, slit.correction_px), 4, USED.filled())
-        }))?;
-    Ok(())
+    let places = slits().map(|slit| (1e-3 * slit.place_um, slit.correction_px));
+    axes::draw_dots(&mut panel, places, 4, USED.filled())
 }
 
 /// Points that count as dots, rejected ones as crosses; those beyond the axis lie near its end.
@@ -208,7 +203,12 @@ fn draw_points(
     let at = |point: &Point| (point.x_px, height(point).max(low).min(high));
     let all = || solved.points.iter().zip(&solved.verdicts);
     let kept = all().filter(|(_, verdict)| verdict.kept);
-    panel.draw_series(kept.map(|(point, _)| Circle::new(at(point), radius, USED.filled())))?;
+    axes::draw_dots(
+        panel,
+        kept.map(|(point, _)| at(point)),
+        radius,
+        USED.filled(),
+    )?;
     let rejected = all().filter(|(_, verdict)| !verdict.kept);
     panel.draw_series(
         rejected.map(|(point, _)| Cross::new(at(point), radius + 2, REJECTED.stroke_width(2))),

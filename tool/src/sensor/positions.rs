@@ -446,9 +446,9 @@ mod tests {
         };
         let list = |round, by_hand| which(590.5, 1030.0, 5, round).list(by_hand);
         let by_hand = list(None, true).expect("positions");
-        assert_eq!(by_hand, [590.5, 665.0, 759.0, 879.0, 1030.0]);
+        assert_eq!(by_hand, [590.5, 665.0, 758.0, 876.0, 1030.0]);
         let coarse = list(Some(5.0), true).expect("positions");
-        assert_eq!(coarse, [590.5, 665.0, 760.0, 880.0, 1030.0]);
+        assert_eq!(coarse, [590.5, 665.0, 760.0, 875.0, 1030.0]);
         let stage = list(None, false).expect("positions");
         let off = by_hand.iter().zip(&stage).map(|(a, b)| (a - b).abs());
         assert!(

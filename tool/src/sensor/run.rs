@@ -257,7 +257,7 @@ enum NoPoint {
     /// The frames do not agree.
     Scattered { least: f64, most: f64 },
     /// The centre is that of a point at another distance.
-    Unmoved { point: Taken, other: Taken },
+    Unmoved { x_px: f64, other_mm: f64 },
     /// Somebody pressed Ctrl-C.
     Interrupted,
 }
@@ -271,11 +271,10 @@ impl std::fmt::Display for NoPoint {
                 "the frames' centres lie from {least:.3} to {most:.3} px, most of them close together (let \
                  the target come to rest)"
             ),
-            Self::Unmoved { point, other } => write!(
+            Self::Unmoved { x_px, other_mm } => write!(
                 f,
-                "the centre, {:.3} px, is that of the point at {} mm: the target did not move (move it; or \
-                 type t to take the point all the same)",
-                point.x_px, other.d_mm
+                "the centre, {x_px:.3} px, is that of the point at {other_mm} mm: the target did not move (move \
+                 it; or type t to take the point all the same)"
             ),
             Self::Interrupted => f.write_str("stopped by Ctrl-C"),
         }
@@ -309,10 +308,15 @@ impl Walk<'_> {
                     continue;
                 }
                 Moved::To(mm) => {
+                    unmoved = None;
                     self.session.line().pc().sleep(self.settle);
                     match self.point(mm) {
                         Ok(Ok(point)) => match at_rest(file.points(), &point) {
-                            Some(&other) => Err((mm, NoPoint::Unmoved { point, other })),
+                            Some(other) => {
+                                unmoved = Some(point);
+                                let (x_px, other_mm) = (point.x_px, other.d_mm);
+                                Err((mm, NoPoint::Unmoved { x_px, other_mm }))
+                            }
                             None => Ok(point),
                         },
                         Ok(Err(no_point)) => Err((mm, no_point)),
@@ -332,7 +336,7 @@ impl Walk<'_> {
                     }
                 },
                 Moved::Skip => {
-                    stopped = Stopped::ByHand;
+                    (stopped, unmoved) = (Stopped::ByHand, None);
                     index += 1;
                     continue;
                 }
@@ -340,7 +344,7 @@ impl Walk<'_> {
                     if let Some(last) = done.pop() {
                         let mm = file.take_back()?.unwrap_or_default();
                         writeln!(self.output, "the point at {mm} mm is taken back")?;
-                        index = last;
+                        (index, unmoved) = (last, None);
                     } else {
                         writeln!(self.output, "this run has no point to take back")?;
                     }
@@ -364,9 +368,6 @@ impl Walk<'_> {
                     if matches!(self.mover, Mover::Stage(_)) && tries >= TRIES {
                         file.remark(&format!("failed at {} mm: {no_point}", Millimetres(mm)))?;
                         (index, tries) = (index + 1, 0);
-                    }
-                    if let NoPoint::Unmoved { point, .. } = no_point {
-                        unmoved = Some(point);
                     }
                 }
             }

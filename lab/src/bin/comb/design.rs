@@ -18,7 +18,7 @@ use simulator::scene::Scene;
 use slitrange::comb::{self, NOMINAL_PLACES_UM, Peak, SLIT_WIDTH_UM, SlitMap, assign};
 use slitrange::sensor_heads;
 use slitrange::units::{Counts, Pixels};
-use slitrange_tool::axes::{Axis, Scale, panel};
+use slitrange_tool::axes::{self, Axis, Scale, panel};
 
 use crate::tolerances::DISTANCE;
 use crate::{Kind, Outcome, bar, theory};
@@ -151,7 +151,7 @@ pub struct Variant {
 const GROUPS: [&str; 4] = [
     "slits",
     "smallest gap, mm",
-    "width of a slit, µm",
+    "width of a slit, um",
     "laser spot, mm",
 ];
 
@@ -166,7 +166,7 @@ fn designs() -> Vec<(String, usize, Design)> {
     }
     for width_um in [100, 200, 300] {
         all.push((
-            format!("width {width_um} µm"),
+            format!("width {width_um} um"),
             2,
             Design {
                 width_um,
@@ -274,7 +274,7 @@ pub fn report(variants: &[Variant]) -> String {
     let own_error = 100.0 / (2.0 * surfaces as f64).sqrt();
     format!(
         "Simulated on a PC: metal at {DISTANCE} m, a laser of a single wavelength, {surfaces} surfaces, so \
-         that an RMS error is known to {own_error:.0} %. Errors and u in µm. Theory: independent images. \
+         that an RMS error is known to {own_error:.0} %. Errors and u in um. Theory: independent images. \
          Height: the mean of the images in counts. Random rows: {RANDOM_ROWS} rows with up to half of the \
          images missing and one false.\n\n{}",
         markdown(&rows)
@@ -286,8 +286,7 @@ pub fn report(variants: &[Variant]) -> String {
 /// # Errors
 /// The file cannot be written.
 pub fn draw(variants: &[Variant], path: &Path) -> Result<()> {
-    let root = SVGBackend::new(path, (1000, 760)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, 760)?;
     let measured = RGBColor(0x15, 0x55, 0xd0);
     for ((group, name), area) in (0..).zip(GROUPS).zip(root.split_evenly((2, 2))) {
         let value = |it: &Variant| match group {
@@ -310,7 +309,7 @@ pub fn draw(variants: &[Variant], path: &Path) -> Result<()> {
             |it| format!("{}", (100.0 * it).round() / 100.0),
         );
         let y_ticks = [50.0, 100.0, 200.0, 300.0];
-        let y = Axis::new(Scale::Log, (40.0, 400.0), "RMS error, µm", &y_ticks, |it| {
+        let y = Axis::new(Scale::Log, (40.0, 400.0), "RMS error, um", &y_ticks, |it| {
             it.to_string()
         });
         let mut chart = panel(&area, "", 20, &x, &y)?;

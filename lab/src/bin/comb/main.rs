@@ -216,10 +216,10 @@ fn measure(base: &Scene, options: &Options) -> Result<String> {
     let [near, far] = tolerances::RANGE;
     Ok(format!(
         "Simulated on a PC: the default comb, {} surfaces of each kind, frames of {} rows, the nominal \
-         calibration without the tolerances of an unadjusted head. Lengths in µm; within 2u: the share of \
+         calibration without the tolerances of an unadjusted head. Lengths in um; within 2u: the share of \
          errors that are at most twice u, which is 95.4 % for normal errors. The first four kinds: at {} \
          m, a laser of a single wavelength, and the 1/e² diameter of its spot. The others: scenes of \
-         `scenes/`, at {near} to {far:.2} m.\n\n{}\nTheory and measurement at {} m, in µm unless another \
+         `scenes/`, at {near} to {far:.2} m.\n\n{}\nTheory and measurement at {} m, in um unless another \
          unit is given:\n\n{}",
         options.surfaces,
         options.rows,
@@ -254,7 +254,7 @@ fn measure_calibrated(options: &Options) -> Result<String> {
     progress.finish_and_clear();
     Ok(format!(
         "Simulated on a PC: {SENSORS} sensors for each material, calibrated on it with {POINTS} points; each \
-         then reads {each} other places of it at {} to {} m, in frames of {} rows. Lengths in µm.\n\n{}",
+         then reads {each} other places of it at {} to {} m, in frames of {} rows. Lengths in um.\n\n{}",
         TABLE.start,
         TABLE.end,
         options.rows,

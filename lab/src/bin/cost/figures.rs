@@ -71,7 +71,7 @@ mod tests {
             assert_eq!(lines(estimator.name()), 3, "{estimator:?}");
         }
         assert_eq!(
-            svg.lines().filter(|line| line.ends_with(" µs)")).count(),
+            svg.lines().filter(|line| line.ends_with(" us)")).count(),
             15
         );
     }

@@ -6,7 +6,7 @@ use anyhow::Result;
 use host_tests::changing_light::range::Target;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange_tool::axes::{Area, Axis, Panel, Scale, TEXT, panel, text};
+use slitrange_tool::axes::{self, Area, Axis, Panel, Scale, TEXT, panel, text};
 
 use crate::NAMED;
 
@@ -24,8 +24,7 @@ type Points = Vec<(f64, f64)>;
 
 /// Draws both panels.
 pub fn draw(targets: &[Target], path: &Path) -> Result<()> {
-    let root = SVGBackend::new(path, (1000, 840)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, 840)?;
     let (errors, exposures) = root.split_vertically(410);
     draw_errors(targets, &root, &errors)?;
     draw_exposures(targets, &root, &exposures)?;
@@ -47,7 +46,7 @@ fn points(targets: &[Target], of: impl Fn(&Target) -> Option<f64>) -> Points {
 
 fn draw_errors(targets: &[Target], root: &Area<'_>, area: &Area<'_>) -> Result<()> {
     let ticks = [1.0, 2.0, 5.0, 10.0, 20.0];
-    let name = "RMS error at 0.8 m, µm";
+    let name = "RMS error at 0.8 m, um";
     let y = Axis::new(Scale::Log, (0.8, 20.0), name, &ticks, |um| um.to_string());
     let x = reflectivities("");
     let mut chart = panel(area, "", BESIDE, &x, &y)?;
@@ -66,7 +65,7 @@ fn draw_errors(targets: &[Target], root: &Area<'_>, area: &Area<'_>) -> Result<(
         ("auto exposure", AUTO),
         ("broken: low spot", AUTO),
         ("best fixed exposure", BEST),
-        ("wide: fixed 5600 µs,", LONGEST),
+        ("wide: fixed 5600 us,", LONGEST),
         ("faults beyond its end", LONGEST),
     ];
     name_lines(root, &chart, &lines)
@@ -74,7 +73,7 @@ fn draw_errors(targets: &[Target], root: &Area<'_>, area: &Area<'_>) -> Result<(
 
 fn draw_exposures(targets: &[Target], root: &Area<'_>, area: &Area<'_>) -> Result<()> {
     let ticks = [10.0, 100.0, 1000.0, 5600.0];
-    let y = Axis::new(Scale::Log, (7.0, 12000.0), "exposure, µs", &ticks, |us| {
+    let y = Axis::new(Scale::Log, (7.0, 12000.0), "exposure, us", &ticks, |us| {
         us.to_string()
     });
     let x = reflectivities("reflectivity (bright metal = 1)");

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use plotters::prelude::*;
-use slitrange_tool::axes::{Axis, Scale, TEXT, panel, text};
+use slitrange_tool::axes::{self, Axis, Scale, TEXT, panel, text};
 
 use crate::{COUNTS, Cell, MEANS};
 
@@ -18,14 +18,13 @@ const COLOURS: [RGBColor; 4] = [
 
 /// Draws it. Full lines are for sensors that follow eq. (1), broken ones for those that depart from it.
 pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
-    let root = SVGBackend::new(path, (1000, 620)).into_drawing_area();
-    root.fill(&WHITE)?;
-    let ticks = [10.0, 20.0, 30.0, 50.0, 100.0, 200.0];
+    let root = axes::figure(path, 620)?;
+    let ticks = [3.0, 5.0, 10.0, 20.0, 30.0, 50.0, 100.0, 200.0];
     let x = Axis::new(Scale::Log, (3.0, 200.0), "points", &ticks, |count| {
         count.to_string()
     });
     let ticks = [0.1, 1.0, 10.0, 100.0, 1000.0];
-    let name = "RMS error of the curve, µm";
+    let name = "RMS error of the curve, um";
     let y = Axis::new(Scale::Log, (0.1, 1000.0), name, &ticks, |error| {
         error.to_string()
     });
@@ -36,20 +35,11 @@ pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
                 .filter_map(|(&count, cell)| Some((count as f64, cell.error? * 1e6)))
                 .collect();
             if departs == 0 {
-                chart.draw_series(LineSeries::new(points.clone(), colour.stroke_width(2)))?;
-                chart.draw_series(points.iter().map(|&at| Circle::new(at, 4, colour.filled())))?;
+                axes::draw_line(&mut chart, points.clone(), colour.stroke_width(2))?;
+                axes::draw_dots(&mut chart, points, 4, colour.filled())?;
             } else {
-                chart.draw_series(DashedLineSeries::new(
-                    points.clone(),
-                    8,
-                    6,
-                    colour.stroke_width(2),
-                ))?;
-                chart.draw_series(
-                    points
-                        .iter()
-                        .map(|&at| Circle::new(at, 4, colour.stroke_width(2))),
-                )?;
+                axes::draw_broken_line(&mut chart, points.clone(), (8, 6), colour.stroke_width(2))?;
+                axes::draw_dots(&mut chart, points, 4, colour.stroke_width(2))?;
             }
         }
     }
@@ -68,7 +58,7 @@ pub fn draw(cells: &[Vec<Vec<Cell>>], path: &Path) -> Result<()> {
     }
     for (line, words) in [
         "full: sensors that follow eq. (1)",
-        "broken: departing by up to 300 µm",
+        "broken: departing by up to 300 um",
     ]
     .into_iter()
     .enumerate()

@@ -42,15 +42,15 @@ struct Means {
 
 const MEANS: [Means; 4] = [
     Means {
-        name: "1 µm: stage with an encoder",
+        name: "1 um: stage with an encoder",
         position: 1e-6,
     },
     Means {
-        name: "20 µm: screw or caliper",
+        name: "20 um: screw or caliper",
         position: 20e-6,
     },
     Means {
-        name: "80 µm: speckle of a rough target",
+        name: "80 um: speckle of a rough target",
         position: 80e-6,
     },
     Means {
@@ -196,7 +196,7 @@ fn table(cells: &[Vec<Vec<Cell>>]) -> String {
     for (departure, cells) in DEPARTURES.iter().zip(cells) {
         text += &if *departure > 0.0 {
             format!(
-                "\nSensors that depart from eq. (1) by up to {:.0} µm, as with a lens or a bent window:\n\n",
+                "\nSensors that depart from eq. (1) by up to {:.0} um, as with a lens or a bent window:\n\n",
                 departure * 1e6
             )
         } else {

@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result};
 use lab::budget::row_centre;
 use phase_tables::gaussian;
+use plotters::coord::Shift;
 use plotters::prelude::*;
 use simulator::optics::Aperture;
 use simulator::scene::{Scene, Simulation, quantise};
 use slitrange::centre::{Estimator, RowCentre};
 use slitrange::fault::Fault;
-use slitrange_tool::axes::{self, Area, GRID};
+use slitrange_tool::axes::{self, GRID};
 
 use crate::embedded::Grey;
 use crate::words;
@@ -400,6 +401,9 @@ fn mesh(
         .draw()?;
     Ok(())
 }
+
+/// A drawing, or a part of one. Its image has whole pixels.
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 type Plane =
     Cartesian2d<plotters::coord::types::RangedCoordf64, plotters::coord::types::RangedCoordf64>;

@@ -124,7 +124,7 @@ impl Report {
     /// The block of `docs/physics.md`.
     pub fn markdown(&self) -> String {
         let mut text = format!(
-            "Errors in µm, simulated on a PC, with the paper's in brackets; {}.\n\n\
+            "Errors in um, simulated on a PC, with the paper's in brackets; {}.\n\n\
              | Material | Lens MAX | MAE | Slit, gaussian MAX | MAE | Slit, Fraunhofer MAX | MAE | Slit, \
              ours MAX | MAE | Comb, line sensor MAX | MAE |\n\
              |:--|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
@@ -188,7 +188,7 @@ impl Report {
         let faults: usize = self.combs.iter().map(|comb| comb.without_centre).sum();
         let slits: f64 = self.combs.iter().map(|comb| comb.slits).sum();
         format!(
-            "\nThe comb has 16 slits before one row of pixels of 8 µm x 200 µm (TCD1304DG). A reading is a \
+            "\nThe comb has 16 slits before one row of pixels of 8 um x 200 um (TCD1304DG). A reading is a \
              frame of five rows, and uses {:.1} slits in the mean; {faults} positions have no reading. Eq. \
              (1) is fitted to each data set itself, as for the others.\n",
             slits / self.combs.len() as f64

@@ -32,8 +32,7 @@ const LEAST: f64 = 10.0;
 /// # Errors
 /// The file cannot be written.
 pub fn draw(taken: &Taken, front_end: &FrontEnd, path: &Path) -> Result<()> {
-    let root = SVGBackend::new(path, (1000, HEIGHTS[0] + HEIGHTS[1])).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, HEIGHTS[0] + HEIGHTS[1])?;
     let (above, below) = root.split_vertically(HEIGHTS[0]);
     draw_noise(&above, &taken.photons, front_end)?;
     draw_light(&below, taken)?;
@@ -72,20 +71,20 @@ fn draw_noise(area: &Area<'_>, transfer: &Transfer, front_end: &FrontEnd) -> Res
     let y = Axis::new(Scale::Log, (lowest, top), "variance, counts²", &ticks, tick);
     let mut panel = axes::panel(area, &title, 30, &x, &y)?;
     let dark = vec![(LEAST, line.dark), (highest, line.dark)];
-    panel.draw_series([PathElement::new(dark, LEVEL.stroke_width(1))])?;
+    axes::draw_line(&mut panel, dark, LEVEL.stroke_width(1))?;
     let curve: Vec<(f64, f64)> = (0..=100)
         .map(|part| LEAST * (highest / LEAST).powf(f64::from(part) / 100.0))
         .map(|signal| (signal, line.at(signal)))
         .collect();
-    panel.draw_series([PathElement::new(curve, FIT.stroke_width(2))])?;
+    axes::draw_line(&mut panel, curve, FIT.stroke_width(2))?;
     panel.draw_series(points.iter().map(|point| {
         // Two standard deviations to both sides.
         let part = 2.0 * (2.0 / point.freedom).sqrt();
         let ends = [1.0 - part.min(0.9), 1.0 + part].map(|it| (point.signal, it * point.variance));
         PathElement::new(ends.to_vec(), MEASURED.stroke_width(1))
     }))?;
-    let dot = |point: &Point| Circle::new((point.signal, point.variance), 3, MEASURED.filled());
-    panel.draw_series(points.iter().map(dot))?;
+    let places = points.iter().map(|point| (point.signal, point.variance));
+    axes::draw_dots(&mut panel, places, 3, MEASURED.filled())?;
     let (x, y) = panel.backend_coord(&(highest, line.dark));
     let words = "noise with the laser off";
     area.draw(&Text::new(words, (x - 190, y + 4), text(TEXT - 3, LEVEL)))?;
@@ -110,7 +109,7 @@ fn draw_light(area: &Area<'_>, taken: &Taken) -> Result<()> {
     let mut panel = axes::panel(area, "top of the spot", 30, &x, &y)?;
     if let Some(level) = saturated {
         let line = vec![(0.0, level), (longest, level)];
-        panel.draw_series([PathElement::new(line, LEVEL.stroke_width(1))])?;
+        axes::draw_line(&mut panel, line, LEVEL.stroke_width(1))?;
         let (x, y) = panel.backend_coord(&(0.0, level));
         // The panel's coordinates are those of the whole figure, and the text's are those of the area.
         let y = y - area.get_pixel_range().1.start;
@@ -120,10 +119,8 @@ fn draw_light(area: &Area<'_>, taken: &Taken) -> Result<()> {
             text(TEXT - 3, LEVEL),
         ))?;
     }
-    panel.draw_series([PathElement::new(heights.clone(), MEASURED.stroke_width(1))])?;
-    let dot = |point| Circle::new(point, 3, MEASURED.filled());
-    panel.draw_series(heights.into_iter().map(dot))?;
-    Ok(())
+    axes::draw_line(&mut panel, heights.clone(), MEASURED.stroke_width(1))?;
+    axes::draw_dots(&mut panel, heights, 3, MEASURED.filled())
 }
 
 /// The means of points whose signals are alike, weighed by their degrees of freedom.

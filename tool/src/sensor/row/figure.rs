@@ -38,8 +38,7 @@ pub fn draw(answer: &RowAnswer, path: &Path) -> Result<()> {
         } else {
             0
         };
-    let root = SVGBackend::new(path, (1000, height)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, height)?;
     let (above, below) = root.split_vertically(HEIGHTS[0]);
     let saturated = f64::from(answer.saturated);
     let highest = answer.counts.iter().max().copied().unwrap_or_default();
@@ -125,7 +124,7 @@ fn draw_fit(
     }
     let places = (window.start * 4..window.end * 4).map(|quarter| f64::from(quarter as u32) / 4.0);
     let line: Vec<(f64, f64)> = places.map(|pixel| (pixel, fit(pixel))).collect();
-    panel.draw_series([PathElement::new(line, FIT.stroke_width(2))])?;
+    axes::draw_line(&mut panel, line, FIT.stroke_width(2))?;
     draw_pixels(&mut panel, answer, window, |_, count| count)?;
     let left = |pixel: usize, count: f64| count - fit(pixel as f64);
     let most = (answer.first..)
@@ -153,7 +152,7 @@ fn panel<'a, 'b>(
 
 fn draw_level(panel: &mut Panel<'_, '_>, pixels: &Range<usize>, level: f64) -> Result<()> {
     let line = vec![(pixels.start as f64, level), (pixels.end as f64, level)];
-    panel.draw_series([PathElement::new(line, LEVEL.stroke_width(1))])?;
+    axes::draw_line(panel, line, LEVEL.stroke_width(1))?;
     Ok(())
 }
 
@@ -170,10 +169,9 @@ fn draw_pixels(
         .map(|(pixel, &count)| (pixel as f64, of(pixel, count.into())))
         .collect();
     if points.len() > 300 {
-        panel.draw_series([PathElement::new(points, PIXELS.stroke_width(1))])?;
+        axes::draw_line(panel, points, PIXELS.stroke_width(1))?;
     } else {
-        let dot = |point| Circle::new(point, 3, PIXELS.filled());
-        panel.draw_series(points.into_iter().map(dot))?;
+        axes::draw_dots(panel, points, 3, PIXELS.filled())?;
     }
     Ok(())
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange_tool::axes::{Area, Axis, Scale, TEXT, TITLE, panel, text};
+use slitrange_tool::axes::{self, Area, Axis, Scale, TEXT, TITLE, panel, text};
 
 use super::curves::axis_of_ratios;
 use super::labels::{self, Box, Line, Point};
@@ -27,8 +27,7 @@ const TIMES: [f64; 16] = [
 
 /// Draws the figure.
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
-    let root = SVGBackend::new(path, (1000, 1500)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, 1500)?;
     let root = root.titled(
         "What the time for a whole row buys (filled points: no faster method is as accurate)",
         bold(TITLE, BLACK),
@@ -73,14 +72,14 @@ fn draw_situation(
     let x = Axis::new(
         Scale::Log,
         times,
-        "time from a row's words to its checked centre on the chip, µs at 168 MHz (estimated)",
+        "time from a row's words to its checked centre on the chip, us at 168 MHz (estimated)",
         &TIMES,
         |value| value.to_string(),
     );
     let y = axis_of_ratios(WORST);
     let mut panel = panel(area, title, 20, &x, &y)?;
     let bound = [(times.0, 1.0), (times.1, 1.0)];
-    panel.draw_series([PathElement::new(bound, BAND.stroke_width(9))])?;
+    axes::draw_line(&mut panel, bound, BAND.stroke_width(9))?;
 
     let worth: Vec<(f64, f64)> = points
         .iter()
@@ -88,7 +87,7 @@ fn draw_situation(
         .collect();
     let front = pareto::front(&worth, CHANCE);
     let line: Vec<(f64, f64)> = front.iter().map(|&i| worth[i]).collect();
-    panel.draw_series([PathElement::new(line.clone(), BOUND.stroke_width(2))])?;
+    axes::draw_line(&mut panel, line.clone(), BOUND.stroke_width(2))?;
     for (i, (of, time)) in points.iter().enumerate() {
         let at = (*time, of.outcome.ratio());
         let colour = colour(of.method);

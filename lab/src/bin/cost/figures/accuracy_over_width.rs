@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use plotters::prelude::*;
+use slitrange_tool::axes;
 
 use super::curves::{Curve, axis_of_ratios, axis_of_widths, draw_curves};
 use crate::accuracy::{MOST_FAULTS, Noise, WIDTHS};
@@ -22,8 +22,7 @@ const PANELS: [(&str, Noise); 2] = [
 
 /// Draws the figure.
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
-    let root = SVGBackend::new(path, (1000, 1120)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, 1120)?;
     let x = axis_of_widths();
     let y = axis_of_ratios(60.0);
     for (area, (title, noise)) in root.split_evenly((2, 1)).iter().zip(PANELS) {

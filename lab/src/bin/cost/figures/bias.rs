@@ -2,9 +2,8 @@
 
 use std::path::Path;
 
-use plotters::prelude::*;
 use simulator::bound;
-use slitrange_tool::axes::{Axis, Scale};
+use slitrange_tool::axes::{self, Axis, Scale};
 
 use super::curves::{Curve, axis_of_widths, draw_curves};
 use crate::accuracy::WIDTHS;
@@ -15,8 +14,7 @@ const SMALLEST: f64 = 1e-5;
 
 /// Draws the figure.
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
-    let root = SVGBackend::new(path, (1000, 720)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, 720)?;
     let x = axis_of_widths();
     let y = Axis::new(
         Scale::Log,

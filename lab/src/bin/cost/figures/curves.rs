@@ -3,7 +3,7 @@
 use cost_on_chip::methods::Method;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange_tool::axes::{Area, Axis, Panel, Scale, TEXT, panel, text};
+use slitrange_tool::axes::{self, Area, Axis, Panel, Scale, TEXT, panel, text};
 
 use super::labels::spread;
 use super::style::{self, RATIOS, bold};
@@ -102,16 +102,16 @@ pub fn draw_curves<'a, 'b>(
             Kind::Bound => (9, style::BAND),
         };
         let line = curve.points.clone();
-        panel.draw_series([PathElement::new(line, colour.stroke_width(width))])?;
+        axes::draw_line(&mut panel, line, colour.stroke_width(width))?;
         let points = curve.points.iter();
         match curve.kind {
             Kind::Bound => {}
             Kind::Hollow => {
-                panel.draw_series(points.clone().map(|&at| Circle::new(at, 3, WHITE.filled())))?;
-                panel.draw_series(points.map(|&at| Circle::new(at, 3, colour.stroke_width(1))))?;
+                axes::draw_dots(&mut panel, points.clone().copied(), 3, WHITE.filled())?;
+                axes::draw_dots(&mut panel, points.copied(), 3, colour.stroke_width(1))?;
             }
             _ => {
-                panel.draw_series(points.map(|&at| Circle::new(at, width + 1, colour.filled())))?;
+                axes::draw_dots(&mut panel, points.copied(), width + 1, colour.filled())?;
             }
         }
     }

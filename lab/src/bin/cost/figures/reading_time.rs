@@ -6,7 +6,7 @@ use std::path::Path;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use slitrange::centre::Estimator;
-use slitrange_tool::axes::{Area, Axis, Scale, TEXT, TITLE, text};
+use slitrange_tool::axes::{self, Area, Axis, Scale, TEXT, TITLE, text};
 
 use super::curves::{Curve, Kind, draw_curves};
 use super::style::{self, bold};
@@ -27,8 +27,7 @@ const NUMBERED: [u64; 4] = [1, 4, 16, 64];
 
 /// Draws the figure.
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
-    let root = SVGBackend::new(path, (1000, 1200)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, 1200)?;
     let root = root.titled(
         "A reading of 1 to 64 rows, target at 0.8 m: its time and its error",
         bold(TITLE, BLACK),
@@ -141,7 +140,7 @@ fn draw_panel(
     let y = Axis::new(
         Scale::Log,
         range(|at| at.1, if limit.is_some() { 3.0 } else { 1.8 }),
-        "RMS error of the distance, µm",
+        "RMS error of the distance, um",
         &MICROMETRES,
         digits,
     );

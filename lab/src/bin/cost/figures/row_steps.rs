@@ -6,7 +6,7 @@ use cost_on_chip::methods::Method;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use slitrange::centre::Estimator;
-use slitrange_tool::axes::{Area, Axis, Scale, TEXT, TITLE, panel, text};
+use slitrange_tool::axes::{self, Area, Axis, Scale, TEXT, TITLE, panel, text};
 
 use super::style::{CHARACTER, bold, is_default};
 use crate::chip::steps::Steps;
@@ -43,8 +43,7 @@ const FIGURES: i32 = 240;
 
 /// Draws the figure.
 pub fn draw(measured: &Measured, path: &Path) -> anyhow::Result<()> {
-    let root = SVGBackend::new(path, (1000, 900)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, 900)?;
     let root = root.titled(
         "From a row's words to its centre with its check: instructions by step",
         bold(TITLE, BLACK),
@@ -129,7 +128,7 @@ fn draw_bars(area: &Area<'_>, title: &str, bars: &[(Estimator, &WholeRow)]) -> a
             (
                 (ends[1].0 + 8, ends[1].1),
                 HPos::Left,
-                format!("{total} ({microseconds:.0} µs)"),
+                format!("{total} ({microseconds:.0} us)"),
             ),
         ] {
             let style = style.clone().pos(Pos::new(side, VPos::Center));

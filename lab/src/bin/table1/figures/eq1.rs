@@ -9,7 +9,7 @@ use lab::paper::materials::MATERIALS;
 use lab::paper::methods::Method;
 use plotters::prelude::*;
 
-use slitrange_tool::axes::{Axis, GRID, TEXT, panel, text};
+use slitrange_tool::axes::{self, Axis, GRID, TEXT, panel, text};
 
 use super::style::{RIGHT, colour};
 use crate::report::{Report, find};
@@ -25,8 +25,7 @@ const RESIDUALS: usize = 700;
 
 /// Draws the figure.
 pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
-    let root = SVGBackend::new(path, (1000, 860)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, 860)?;
     let (above, below) = root.split_vertically(520);
     let outcome = report
         .outcome(PRINTER_PAPER, Aperture::Slit)
@@ -73,7 +72,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
     }
 
     let x = Axis::linear(range, "centre, px", 10, 0);
-    let y = Axis::linear((-450.0, 450.0), "residual, µm", 5, 0);
+    let y = Axis::linear((-450.0, 450.0), "residual, um", 5, 0);
     let mut lower = panel(&below, "", RIGHT, &x, &y)?;
     lower.draw_series([PathElement::new(
         vec![(range.0, 0.0), (range.1, 0.0)],

@@ -11,7 +11,7 @@ use lab::paper::materials::MATERIALS;
 use lab::paper::methods::Method;
 use plotters::prelude::*;
 use rayon::prelude::*;
-use slitrange_tool::axes::{Area, Axis, GRID, Panel, panel};
+use slitrange_tool::axes::{self, Area, Axis, GRID, Panel, panel};
 use slitrange_tool::fit::eq1;
 
 use super::style::{RIGHT, colour};
@@ -25,8 +25,7 @@ const POINTS: usize = 1500;
 
 /// Draws the figure.
 pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
-    let root = SVGBackend::new(path, (1000, 1290)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, 1290)?;
     let areas = root.split_evenly((3, 1));
     let curves = [
         (
@@ -46,7 +45,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
             .context("brushed metal was not run")?;
         let judged = find(&outcome.judged, &method).context("a method was not run")?;
         let title = format!(
-            "{}, {name}: MAE {:.0} µm, MAX {:.0} µm",
+            "{}, {name}: MAE {:.0} um, MAX {:.0} um",
             MATERIALS[BRUSHED_METAL].name,
             judged.mae * 1e6,
             judged.max * 1e6
@@ -58,10 +57,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
             .filter(|(_, error)| error.is_finite())
             .map(|(&distance, &error)| (distance, f64::from(error) * 1e6))
             .collect();
-        panel.draw_series([PathElement::new(
-            line,
-            colour(aperture, &method).stroke_width(2),
-        )])?;
+        axes::draw_line(&mut panel, line, colour(aperture, &method).stroke_width(2))?;
     }
     let mut panel = panel_of_errors(
         &areas[2],
@@ -74,7 +70,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
         (errors(&centroid, 841)?, lens.mix(0.45)),
         (errors(&gaussian, 43)?, lens.mix(1.0)),
     ] {
-        panel.draw_series([PathElement::new(curve, colour.stroke_width(2))])?;
+        axes::draw_line(&mut panel, curve, colour.stroke_width(2))?;
     }
     root.present()?;
     Ok(())
@@ -82,7 +78,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
 
 fn panel_of_errors<'a, 'b>(area: &'b Area<'a>, title: &str) -> anyhow::Result<Panel<'a, 'b>> {
     let x = Axis::linear(TABLE, "distance, m", 9, 2);
-    let y = Axis::linear((-900.0, 900.0), "error, µm", 8, 0);
+    let y = Axis::linear((-900.0, 900.0), "error, um", 8, 0);
     let mut panel = panel(area, title, RIGHT, &x, &y)?;
     panel.draw_series([PathElement::new(
         vec![(TABLE.0, 0.0), (TABLE.1, 0.0)],

@@ -9,7 +9,7 @@ use lab::paper::materials::MATERIALS;
 use lab::paper::methods::Method;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use slitrange_tool::axes::{Area, Axis, GRID, TEXT, TITLE, panel, text};
+use slitrange_tool::axes::{self, Area, Axis, GRID, TEXT, TITLE, panel, text};
 
 use super::style::{RIGHT, colour};
 use crate::report::{Report, find};
@@ -43,8 +43,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
         ),
         (Aperture::Slit, best, format!("slit, {}", best.name())),
     ];
-    let root = SVGBackend::new(path, (1000, 1060)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, 1060)?;
     let (legend, rest) = root.split_vertically(44);
     let mut left = 30;
     for (aperture, method, name) in &methods {
@@ -58,7 +57,7 @@ pub fn draw(report: &Report, path: &Path) -> anyhow::Result<()> {
         left += 58 + (name.chars().count() as f64 * 0.58 * f64::from(TITLE)) as i32;
     }
     let style = text(TITLE, BLACK).pos(Pos::new(HPos::Right, VPos::Center));
-    legend.draw(&Text::new("figures: MAE, µm", (980, 23), style))?;
+    legend.draw(&Text::new("figures: MAE, um", (980, 23), style))?;
     for (material, area) in rest.split_evenly((3, 2)).iter().enumerate() {
         draw_material(report, material, &methods, area)
             .with_context(|| MATERIALS[material].name)?;
@@ -75,7 +74,7 @@ fn draw_material(
 ) -> anyhow::Result<()> {
     let places = (-0.6, methods.len() as f64 - 0.4);
     let name = if material.is_multiple_of(2) {
-        "error, µm"
+        "error, um"
     } else {
         ""
     };
