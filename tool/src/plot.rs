@@ -16,6 +16,9 @@ use crate::sensor::monitor::recording::{Kind, Recorded};
 /// A run of readings ends where the next one comes after so many times the usual interval.
 const PAUSE: f64 = 3.0;
 
+/// By the PC's clock, a shorter pause ends no run: a busy PC takes the lines late. In seconds.
+const LATE: f64 = 1.0;
+
 /// The fewest readings of a run.
 const FEWEST: usize = 16;
 
@@ -45,8 +48,10 @@ pub struct Series {
     pub faults: Vec<f64>,
     /// The longest run: distances in millimetres at an even rate.
     pub run: Vec<f64>,
-    /// The usual interval of the readings, in seconds.
+    /// The mean interval of the longest run, in seconds.
     pub interval_s: f64,
+    /// A longer interval than this is a pause, in seconds.
+    pub pause_s: f64,
 }
 
 /// `plot`.
@@ -75,8 +80,8 @@ pub fn plot(options: &PlotOptions, output: &mut dyn Write) -> Result<()> {
     if let (Some((_, first)), Some((time, least))) = (curve.first(), least) {
         writeln!(
             output,
-            "longest run: {} readings; Allan deviation {first:.4} mm of one reading, at least {least:.5} mm, of \
-             the mean over {time:.2} s",
+            "longest run: {} readings; Allan deviation {first:.4} mm of one reading, at least {least:.5} mm, \
+             of the mean over {time:.2} s",
             series.run.len()
         )?;
     }
@@ -131,16 +136,17 @@ impl Series {
             !intervals.is_empty(),
             "there are no two readings one after the other"
         );
-        let usual = median(&mut intervals);
+        let usual = PAUSE * median(&mut intervals);
+        let pause_s = if is_timed { usual } else { usual.max(LATE) };
         let longest = runs
             .iter()
-            .flat_map(|run| run.chunk_by(|before, after| after.0 - before.0 < PAUSE * usual))
+            .flat_map(|run| run.chunk_by(|before, after| after.0 - before.0 < pause_s))
             .max_by_key(|run| run.len())
             .unwrap_or_default();
         ensure!(
             longest.len() >= FEWEST,
-            "the longest run without a fault and a pause has {} readings, and {FEWEST} are needed: record for \
-             longer",
+            "the longest run without a fault and a pause has {} readings, and {FEWEST} are needed: record \
+             for longer",
             longest.len()
         );
         let (first, last) = (longest[0].0, longest[longest.len() - 1].0);
@@ -151,6 +157,7 @@ impl Series {
             readings: runs.concat(),
             faults,
             interval_s,
+            pause_s,
         })
     }
 }

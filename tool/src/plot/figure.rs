@@ -90,16 +90,18 @@ fn draw_over_time(area: &Area<'_>, series: &Series, mm: &[f64]) -> Result<()> {
         mm.len(),
         series.faults.len()
     );
-    let y = range(mm.iter().copied());
+    let y = range(mm.iter().map(|mm| mm - mean));
     let x = linear((0.0, (end - start).max(1e-3)), "time in s", 10);
-    let mut panel = panel(area, &title, 30, &x, &linear(y, "distance in mm", 6))?;
+    let mut panel = panel(area, &title, 30, &x, &linear(y, "mm from the mean", 6))?;
     // A line over a pause would be no reading.
-    let pause = super::PAUSE * series.interval_s;
     let runs = series
         .readings
-        .chunk_by(|before, after| after.0 - before.0 < pause);
+        .chunk_by(|before, after| after.0 - before.0 < series.pause_s);
     panel.draw_series(runs.map(|run| {
-        let points: Vec<(f64, f64)> = run.iter().map(|(time, mm)| (time - start, *mm)).collect();
+        let points: Vec<(f64, f64)> = run
+            .iter()
+            .map(|(time, mm)| (time - start, mm - mean))
+            .collect();
         PathElement::new(points, MEASURED.stroke_width(1))
     }))?;
     panel.draw_series(series.faults.iter().map(|time| {

@@ -5,14 +5,15 @@ use std::f64::consts::PI;
 
 use realfft::RealFftPlanner;
 
-/// The longest stretch. The line at 0 Hz is left out.
+/// The longest stretch. The lines at 0 Hz and at half of the rate are left out:
+/// they have one sign only.
 const LONGEST: usize = 4096;
 
 /// The one-sided amplitude spectral density: frequencies in hertz, and millimetres over the root of a hertz.
 /// Empty with fewer than 8 values.
 pub fn density(mm: &[f64], rate: f64) -> Vec<(f64, f64)> {
     // Eight stretches or more, if there are enough readings.
-    let length = (mm.len() / 4).next_power_of_two().min(LONGEST).max(8);
+    let length = (mm.len() / 4).next_power_of_two().clamp(8, LONGEST);
     let hann = |at: usize| 0.5 - 0.5 * (2.0 * PI * at as f64 / length as f64).cos();
     let window: Vec<f64> = (0..length).map(hann).collect();
     let weight: f64 = window.iter().map(|weight| weight * weight).sum();
@@ -41,12 +42,12 @@ pub fn density(mm: &[f64], rate: f64) -> Vec<(f64, f64)> {
         return vec![];
     }
     let line = |(place, power): (usize, &f64)| {
-        // Both signs of a frequency, but half of the rate has one.
-        let sides = if 2 * place == length { 1.0 } else { 2.0 };
-        let density = sides * power / (f64::from(stretches) * rate * weight);
+        // Both signs of a frequency.
+        let density = 2.0 * power / (f64::from(stretches) * rate * weight);
         (place as f64 * rate / length as f64, density.sqrt())
     };
-    powers.iter().enumerate().skip(1).map(line).collect()
+    let lines = powers.iter().enumerate().take(length / 2);
+    lines.skip(1).map(line).collect()
 }
 
 #[cfg(test)]
@@ -98,6 +99,6 @@ mod tests {
     #[test]
     fn few_values_have_no_spectrum() {
         assert_eq!(density(&[1.0; 7], 1.0), []);
-        assert_eq!(density(&[1.0; 16], 1.0).len(), 4);
+        assert_eq!(density(&[1.0; 16], 1.0).len(), 3);
     }
 }

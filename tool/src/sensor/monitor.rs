@@ -46,7 +46,7 @@ const PROGRESS: Duration = Duration::from_secs(10);
 The columns of FILE are: time_s (since the start, by the PC's clock), kind (reading, difference: a distance
 relative to `zero`, fault, gap: the sensor went away), number and sensor_us (with the columns counter and time
 of the setting `output`), distance_mm, u_mm, r_mm, centre_px, height_counts, width_px, rows_used, rows,
-exposure_us (empty: the longest exposure), slits, flags, fault. A value that the sensor does not send is empty.
+exposure_us (empty: the longest exposure), slits, flags, fault. What the sensor does not send is empty.
 
 Examples:
   slitrange monitor

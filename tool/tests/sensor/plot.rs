@@ -26,7 +26,13 @@ fn a_recording_is_drawn() {
         "{output}"
     );
     let svg = std::fs::read_to_string(svg).expect("a figure");
-    for words in ["distance in mm", "histogram", "Allan deviation", "spectrum"] {
+    for words in [
+        "mm from the mean",
+        "distance in mm",
+        "histogram",
+        "Allan deviation",
+        "spectrum",
+    ] {
         assert!(svg.contains(words), "{words}");
     }
     // The stand-in's noise is white: 0.002 px of some 0.39 mm each at 800 mm.
