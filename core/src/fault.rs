@@ -134,6 +134,21 @@ impl Fault {
         Self::NAMES[self.kind()]
     }
 
+    /// The fault of a row whose pixel 0 lies so many pixels before that of the fault.
+    pub(crate) fn moved_by(self, pixels: i32) -> Self {
+        match self {
+            Self::SpotAtEdge { centre } => Self::SpotAtEdge {
+                centre: centre.moved_by(pixels),
+            },
+            Self::TwoSpots { centre, other } => Self::TwoSpots {
+                centre: centre.moved_by(pixels),
+                other: other.moved_by(pixels),
+            },
+            // These have no place, or one on the row: only a frame's result is out of range.
+            fault => fault,
+        }
+    }
+
     /// What to do about it.
     pub const fn advice(&self) -> &'static str {
         match self {
@@ -155,7 +170,9 @@ impl Fault {
             Self::SpotAtEdge { .. } | Self::OutOfRange { .. } => {
                 "move the target into the range that `info` names"
             }
-            Self::TwoSpots { .. } => "cover other lights, and surfaces that reflect the laser",
+            Self::TwoSpots { .. } => {
+                "cover other lights, and surfaces that reflect the laser, or set `region` or `peak`"
+            }
             Self::Unsteady { .. } => "hold the target still, or take fewer rows in a frame",
             Self::FewSlits { .. } => {
                 "clean the slits, take more light, or send `slits one` if there is no comb"

@@ -87,6 +87,7 @@ pub mod frame;
 
 pub mod distance;
 
+pub mod peak;
 pub mod pixels;
 
 pub mod measurement;
@@ -104,6 +105,7 @@ pub mod difference;
 pub mod fault;
 
 pub mod record;
+pub mod region;
 
 pub mod settings;
 

@@ -16,11 +16,12 @@ use crate::exposure::{Exposure, ExposureMode};
 use crate::fault::Fault;
 use crate::frame::{Frame, FrameCentre};
 use crate::numeric;
+use crate::peak::Peak;
 use crate::pixels::PixelErrors;
 use crate::pixels::map::{self, Correction, PixelMap};
 use crate::profile::Profile;
 use crate::reading::Measured;
-use crate::row::{BLOCK, Blocks, Geometry, Row};
+use crate::row::{BLOCK, Blocks, Geometry, MAX_PIXELS, Row};
 use crate::settings::Settings;
 use crate::spot::{self, Background, Coarse, Spot};
 use crate::units::{Counts, Pixels};
@@ -29,7 +30,11 @@ use crate::units::{Counts, Pixels};
 #[derive(Clone, Debug)]
 pub struct Measurement {
     geometry: Geometry,
+    /// The geometry with fewer light pixels: those of the setting `region`, or of these a part that has the
+    /// spot that the setting `peak` chooses. Pixel 0 of [`Spot`] and of `before` is the first of them.
+    view: Geometry,
     settings: Settings,
+    /// The sensor's own spot. Pixel 0 is that of `view`.
     profile: Option<Profile>,
     /// The blocks of the row under way, and what follows from them. They have their place here because
     /// clearing room for them would take time in each row.
@@ -63,6 +68,10 @@ impl Measurement {
     /// Makes a pipeline for a sensor's rows.
     pub fn new(geometry: Geometry, settings: Settings) -> Self {
         Self {
+            view: Geometry {
+                light: settings.region.part_of(&geometry.light),
+                ..geometry.clone()
+            },
             geometry,
             settings,
             profile: None,
@@ -101,6 +110,9 @@ impl Measurement {
         if geometry != self.geometry {
             self.ambient_mean.clear();
         }
+        // Without a view, the profile's pixel 0 is that of the row.
+        self.see(self.geometry.light.clone());
+        self.view = geometry.clone();
         self.geometry = geometry;
         self.start_frame();
     }
@@ -119,6 +131,7 @@ impl Measurement {
             self.ambient_mean.clear();
         }
         self.settings = settings;
+        self.see(self.geometry.light.clone());
         self.profile = profile;
         self.start_frame();
     }
@@ -178,8 +191,9 @@ impl Measurement {
             // The two kinds of result do not meet: they would be copied.
             _ if !self.settings.laser => self.frame.add(Err(Fault::LaserOff)),
             Slits::One => {
-                let centre = self.centre(words, map);
+                let mut centre = self.centre(words, map);
                 self.follow_light(&centre);
+                self.place_on_row(&mut centre);
                 let centre = centre.map_err(|fault| self.with_exposure(fault));
                 self.frame.add_exposed(centre, exposure);
             }
@@ -222,6 +236,46 @@ impl Measurement {
         self.comb.start_frame();
         self.before = None;
         self.largest_share = 0.0;
+        self.see(self.settings.region.part_of(&self.geometry.light));
+    }
+
+    /// Changes the light pixels of the view.
+    fn see(&mut self, light: Range<usize>) {
+        let before = self.first();
+        self.view.light = light;
+        let now = self.first();
+        if let Some(profile) = &mut self.profile {
+            // Both are places on a row.
+            profile.move_by(before as i32 - now as i32);
+        }
+    }
+
+    /// The pixel of the row that is pixel 0 of the view.
+    fn first(&self) -> usize {
+        let (row, view) = (&self.geometry.light, &self.view.light);
+        view.start.saturating_sub(row.start).min(MAX_PIXELS)
+    }
+
+    /// Turns places in the view into places on the row.
+    #[inline(always)]
+    fn place_on_row(&self, centre: &mut Result<RowCentre, Fault>) {
+        let first = self.first();
+        if first == 0 {
+            return;
+        }
+        match centre {
+            Ok(found) => found.centre = found.centre.moved_by(first as i32),
+            Err(fault) => *fault = fault.moved_by(first as i32),
+        }
+    }
+
+    /// Narrows the view to the spot that the setting `peak` chooses.
+    #[cold]
+    #[inline(never)]
+    fn choose_spot(&mut self, words: &[u16]) {
+        let (blocks, coarse) = (&mut self.blocks, &mut self.coarse);
+        let part = (self.settings.peak).part_with_spot(words, &self.view, blocks, coarse);
+        self.see(part);
     }
 
     /// Finds the centre of a row. The first row of a frame is searched and measured in full; its result saves
@@ -229,7 +283,10 @@ impl Measurement {
     #[inline(always)]
     fn centre(&mut self, words: &mut [u16], map: Option<&PixelMap>) -> Result<RowCentre, Fault> {
         let before = self.before.take();
-        let Ok(row) = self.geometry.row_and_blocks(words, &mut self.blocks) else {
+        if before.is_none() && self.settings.peak != Peak::Strongest && self.frame.rows() == 0 {
+            self.choose_spot(words);
+        }
+        let Ok(row) = self.view.row_and_blocks(words, &mut self.blocks) else {
             self.blocks.clear();
             return Err(Fault::SensorSilent);
         };
@@ -256,12 +313,14 @@ impl Measurement {
                 let black = black_level(&row).unwrap_or(spot.background.level);
                 let width = before.as_ref().map(|(_, centre)| centre.width);
                 let window = map::window(&spot, width);
+                let first = self.first();
+                let window = window.start.saturating_add(first)..window.end.saturating_add(first);
                 self.correct(words, map, window, black);
                 let background = self.background_with(map, spot.background);
                 let row = match before {
-                    Some(_) => self.geometry.row_of_valid(words),
+                    Some(_) => self.view.row_of_valid(words),
                     // The search for other spots takes the blocks.
-                    None => (self.geometry.row_and_blocks(words, &mut self.blocks)).ok(),
+                    None => (self.view.row_and_blocks(words, &mut self.blocks)).ok(),
                 };
                 let spot = Spot { background, ..spot };
                 // The words were a row before the correction.
@@ -276,7 +335,7 @@ impl Measurement {
             &row,
             &spot,
             before.as_ref().map(|(_, centre)| centre),
-            &self.geometry,
+            &self.view,
             self.profile.as_ref(),
         )?;
         self.before = Some((found, centre));
@@ -454,7 +513,8 @@ impl Measurement {
             uncertainty,
             ..frame
         };
-        let own = (self.profile.as_ref()).map(|profile| profile.at(frame.centre));
+        let in_view = frame.centre.moved_by(-(self.first() as i32));
+        let own = (self.profile.as_ref()).map(|profile| profile.at(in_view));
         Ok(Measured {
             frame,
             black_level: self

@@ -15,4 +15,4 @@ pub mod status;
 pub mod upload;
 
 /// The longest answer, in bytes with its line ends: `help`, with room for twenty settings more.
-pub const MAX_ANSWER: usize = 3072;
+pub const MAX_ANSWER: usize = 4608;

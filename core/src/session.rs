@@ -33,6 +33,7 @@ use crate::protocol::upload::{Step, Upload};
 use crate::reading::{Measured, Reading};
 use crate::record::Record;
 use crate::record::encoded::EncodedRecord;
+use crate::region::Region;
 use crate::row::Geometry;
 use crate::settings::{Affects, Setting, Settings, Value};
 use crate::store::configuration::Configuration;
@@ -388,6 +389,9 @@ impl Session {
             }
             Command::Show(setting) => actions.add_line(&self.settings.get(setting)),
             Command::Set(value) => {
+                if let Value::Region(region) = value {
+                    self.check_region(region)?;
+                }
                 self.settings.set(value);
                 if matches!(
                     value,
@@ -440,6 +444,18 @@ impl Session {
                 actions.add_line(&"save pauses the stream");
             }
             Command::Flat(flat) => self.flat.execute(flat, actions)?,
+        }
+        Ok(())
+    }
+
+    /// Refuses a region that has too few of this sensor's pixels.
+    fn check_region(&self, region: Region) -> Result<(), Refusal> {
+        let light = &self.geometry.light;
+        if region.part_of(light).len() < Region::FEWEST {
+            return Err(Refusal::OffRow {
+                region,
+                pixels: light.len(),
+            });
         }
         Ok(())
     }

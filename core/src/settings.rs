@@ -17,6 +17,8 @@ use crate::centre::Estimator;
 use crate::comb::Slits;
 use crate::exposure::{Exposure, ExposureMode};
 use crate::frame::{MAX_ROWS, Mean};
+use crate::peak::Peak;
+use crate::region::Region;
 use crate::uncertainty::Surface;
 use crate::units::{Counts, Micrometres};
 
@@ -70,6 +72,14 @@ macro_rules! list {
 
             /// what is before the sensor
             Slits "slits" slits: Slits = Slits::One, Form::Words("one|comb"), Affects::Measurement;
+
+            /// the pixels in which the spot is searched, with one slit
+            Region "region" region: Region = Region::ALL,
+                Form::Words("all|0..4095 0..4095"), Affects::Measurement;
+
+            /// which of several spots is measured, with one slit
+            Peak "peak" peak: Peak = Peak::Strongest,
+                Form::Words("strongest|first|last"), Affects::Measurement;
 
             /// how far speckle moves a distance, in um
             Surface "surface" surface: Surface = Surface::Auto,
@@ -407,6 +417,40 @@ impl ValueText for Slits {
     }
 }
 
+impl ValueText for Region {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let pixel = |word| {
+            let pixel = read_number(word, 0, Self::ALL.last().into())?;
+            u16::try_from(pixel).map_err(|_| ValueError::Range)
+        };
+        match *words {
+            ["all"] => Ok(Self::ALL),
+            [first, last] => Self::new(pixel(first)?, pixel(last)?).ok_or(ValueError::Range),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::ALL => f.write_str("all"),
+            _ => write!(f, "{} {}", self.first(), self.last()),
+        }
+    }
+}
+
+impl ValueText for Peak {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [name] => Self::named(name).ok_or(ValueError::Form),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 impl ValueText for Estimator {
     fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
         match words {
@@ -494,6 +538,13 @@ pub(crate) mod tests {
             .chain(exposures.map(|it| Value::Exposure(ExposureMode::Fixed(it))))
             .chain(Mean::ALL.map(Value::Mean))
             .chain(Slits::ALL.map(Value::Slits))
+            .chain(Peak::ALL.map(Value::Peak))
+            .chain([Value::Region(Region::ALL)])
+            .chain(
+                [(0, 63), (1700, 1839), (4032, 4095)].map(|(first, last)| {
+                    Value::Region(Region::new(first, last).expect("a region"))
+                }),
+            )
             .chain(Estimator::ALL.map(Value::Estimator))
             .chain(black.map(Value::Black))
             .chain([Surface::Auto, Surface::Off].map(Value::Surface))
@@ -556,6 +607,12 @@ pub(crate) mod tests {
             (Setting::Black, &["fixed", "-1"], ValueError::Form),
             (Setting::Black, &["fixed", "4096"], ValueError::Range),
             (Setting::Stream, &["on", "off"], ValueError::Form),
+            (Setting::Region, &["0", "62"], ValueError::Range),
+            (Setting::Region, &["0", "4096"], ValueError::Range),
+            (Setting::Region, &["900", "100"], ValueError::Range),
+            (Setting::Region, &["900"], ValueError::Form),
+            (Setting::Region, &["all", "900"], ValueError::Form),
+            (Setting::Peak, &["second"], ValueError::Form),
             (Setting::Surface, &["50001"], ValueError::Range),
             (Setting::Surface, &["-1"], ValueError::Form),
             (Setting::Surface, &["auto", "1"], ValueError::Form),

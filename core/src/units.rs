@@ -92,6 +92,13 @@ quantity! {
     Pixels, 16, 5
 }
 
+impl Pixels {
+    /// The place that is so many whole pixels further along the row. Saturates.
+    pub(crate) const fn moved_by(self, pixels: i32) -> Self {
+        Self(self.0.saturating_add(Self::from_int(pixels).0))
+    }
+}
+
 quantity! {
     /// Counts of the converter (its LSB), Q24.8: ±8.3 million counts in steps of 0.004.
     Counts, 8, 1

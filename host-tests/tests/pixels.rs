@@ -11,6 +11,7 @@ use slitrange::pixels::encoded::{Read, Reader, Word, Words};
 use slitrange::pixels::flat_field::{FlatField, Kind, ROWS, TakeError, Taken};
 use slitrange::pixels::map::{Correction, Entry, MAX_MAP_PIXELS, PixelMap};
 use slitrange::reading::Measured;
+use slitrange::region::Region;
 use slitrange::row::{Geometry, Polarity};
 use slitrange::sensor_heads::tcd1304dg;
 use slitrange::settings::Settings;
@@ -425,6 +426,49 @@ fn a_map_corrects_each_pixel_of_a_comb_once() {
     };
     let even = read(&light, None);
     let (bare, corrected) = (read(&uneven, None) - even, read(&uneven, Some(&map)) - even);
+    println!("without a map off by {bare:.4} px, with it by {corrected:.4} px");
+    // Rounding to counts remains.
+    assert!(bare.abs() > 0.1 && corrected.abs() < 0.005);
+}
+
+/// To the right of the spot's centre, pixels make 0.8 of their light. A map that corrected other pixels than
+/// those of the region would leave that error.
+#[test]
+fn a_map_corrects_the_pixels_of_a_region() {
+    let scene = Scene {
+        shot_noise: None,
+        read_noise: None,
+        ..Scene::load("quiet-paper").expect("a scene")
+    };
+    let geometry = scene.geometry();
+    let light = scene.row(0, 0.8, scene.exposure);
+    let black = scene.black_level.expect("a level").counts;
+    let settings = Settings {
+        rows: 1,
+        ..Settings::default()
+    };
+    let read = |row: &[f32], settings: &Settings, map: Option<&PixelMap>| {
+        let mut measurement = Measurement::new(geometry.clone(), *settings);
+        let measured = measurement.row_with(&mut frames::words(row, &geometry), None, map);
+        let measured = measured.expect("a frame of one row").expect("a centre");
+        measured.frame.centre.to_f64()
+    };
+    let even = read(&light, &settings, None);
+    let gain = |pixel: usize| if pixel as f64 > even { 0.8 } else { 1.0 };
+    let mut uneven = light.clone();
+    for (count, pixel) in uneven[geometry.light.clone()].iter_mut().zip(0..) {
+        *count = (black + (f64::from(*count) - black) * gain(pixel)) as f32;
+    }
+    let entries: Vec<Entry> = (0..MAX_MAP_PIXELS)
+        .map(|pixel| Entry::new(0, ((1.0 / gain(pixel) - 1.0) * 32768.0) as i16).expect("small"))
+        .collect();
+    let map = map_with(&entries);
+    let region = Settings {
+        region: Region::new(1433, 2100).expect("a region"),
+        ..settings
+    };
+    let bare = read(&uneven, &region, None) - even;
+    let corrected = read(&uneven, &region, Some(&map)) - even;
     println!("without a map off by {bare:.4} px, with it by {corrected:.4} px");
     // Rounding to counts remains.
     assert!(bare.abs() > 0.1 && corrected.abs() < 0.005);

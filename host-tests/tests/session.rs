@@ -199,6 +199,10 @@ fn every_setting_is_shown_set_and_applied() {
         "laser off",
         "ambient subtract",
         "estimator gauss-newton",
+        "region 0 63",
+        "region 3584 4095",
+        "region all",
+        "peak last",
     ] {
         sensor.set(line);
         let words: Vec<&str> = line.split(' ').collect();
@@ -217,6 +221,15 @@ fn every_setting_is_shown_set_and_applied() {
             "estimator robust",
             "E6 unknown estimator, try help estimator",
         ),
+        (
+            "region 0 62",
+            "E3 out of range, expected region all|0..4095 0..4095",
+        ),
+        (
+            "region 3585 4095",
+            "E22 region 3585 4095, but the sensor has 3648 pixels: take 64 of them or more",
+        ),
+        ("peak second", "E2 expected peak strongest|first|last"),
         ("frobnicate", "E1 unknown command, try help"),
     ] {
         assert_eq!(sensor.ask(line), error);
@@ -842,11 +855,12 @@ proptest! {
         lines in prop::collection::vec(
             prop_oneof![
                 concat!(
-                    "(rows|mean|black|estimator|stream|calibration|defaults|help|info|status|flat)",
+                    "(rows|mean|black|estimator|region|peak|stream|calibration|defaults|help|info|status|flat)",
                     "( [a-z0-9-]{1,8}){0,2}",
                 ),
                 "rows [0-9]{1,2}",
                 "black fixed [0-9]{1,4}",
+                "region [0-9]{1,4} [0-9]{1,4}",
                 "calibration (begin|data) [0-9]{1,4}",
                 "[ -~]{1,70}",
             ],

@@ -77,8 +77,9 @@ pub fn calibrate(scene: &Scene, points: usize, first: u64) -> Result<Record> {
         to: Some(POINTS_MM[1]),
         points,
         spacing: Spacing::Pixels,
+        round: None,
     };
-    let points: Vec<Point> = (which.list()?.into_par_iter().enumerate())
+    let points: Vec<Point> = (which.list(false)?.into_par_iter().enumerate())
         .filter_map(|(index, d_mm)| {
             let line = index as u64 + 2;
             // A place without a centre is passed over for the next one.

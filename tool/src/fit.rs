@@ -22,6 +22,7 @@ pub mod spline;
 pub mod start;
 pub mod surface;
 pub mod tabulate;
+pub mod verdict;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -39,6 +40,7 @@ use slitrange::uncertainty::CalibrationErrors;
 
 use crate::points::{self, Points, Setup};
 use crate::record_file::{self, Shown};
+use crate::whole_file;
 use report::{RecordWritten, Report, ShownComb};
 use solve::Form;
 
@@ -55,7 +57,7 @@ pub struct Options {
     #[arg(long, value_name = "MM", value_parser = positive)]
     position_uncertainty: Option<f64>,
     /// Write the record here [default: the points' name with .record]
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", value_parser = whole_file::output)]
     output: Option<PathBuf>,
     /// Replace the record's file even if something else is in it
     #[arg(long)]
@@ -76,7 +78,7 @@ pub struct Options {
     #[arg(long)]
     json: bool,
     /// Draw points, fit and residuals as an SVG file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = whole_file::output)]
     figure: Option<PathBuf>,
 }
 

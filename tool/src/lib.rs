@@ -9,6 +9,7 @@
 
 pub mod axes;
 pub mod fit;
+pub mod keyboard;
 pub mod pc;
 pub mod photon_transfer;
 pub mod plot;

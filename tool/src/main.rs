@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use clap::Parser as _;
 use slitrange_tool::Command;
+use slitrange_tool::keyboard::Keyboard;
 use slitrange_tool::pc::RealPc;
 
 /// The exit code of whatever went wrong: 1 says that two records differ, as with `cmp`.
@@ -12,7 +13,7 @@ const FAILED: u8 = 2;
 
 fn main() -> ExitCode {
     let pc = RealPc::new();
-    let outcome = Command::parse().run(&pc, &mut io::stdin().lock(), &mut io::stdout());
+    let outcome = Command::parse().run(&pc, &mut Keyboard::default(), &mut io::stdout());
     outcome.unwrap_or_else(|error| {
         eprintln!("slitrange: {error:#}");
         ExitCode::from(FAILED)

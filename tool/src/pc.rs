@@ -2,18 +2,15 @@
 //! here.
 
 use std::io::{self, IsTerminal as _, Write as _};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use serialport::{ClearBuffer, SerialPort as _};
 
+use crate::keyboard;
 use crate::screen::{RealScreen, Screen};
 
 /// Bits a second, as the firmware sets them.
 const BAUD: u32 = 115_200;
-
-/// Whether Ctrl-C was pressed after [`Pc::catch_interrupt`].
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Serial ports, a clock and a terminal.
 pub trait Pc {
@@ -26,14 +23,6 @@ pub trait Pc {
     /// The names of the serial ports. Pseudo-terminals are not among them.
     fn ports(&self) -> Vec<String> {
         vec![]
-    }
-
-    /// From now on, Ctrl-C only makes [`Self::is_interrupted`] true.
-    fn catch_interrupt(&self) {}
-
-    /// Whether Ctrl-C was pressed.
-    fn is_interrupted(&self) -> bool {
-        false
     }
 
     /// The terminal, if standard output is one.
@@ -49,6 +38,12 @@ pub trait Pc {
 
     /// Waits.
     fn sleep(&self, time: Duration);
+
+    /// Whether somebody pressed Ctrl-C since this was asked for the first time. From then on Ctrl-C ends the
+    /// program only when it is pressed twice, and the command must ask from time to time.
+    fn interrupted(&self) -> bool {
+        false
+    }
 }
 
 /// An open serial port.
@@ -104,15 +99,6 @@ impl Pc for RealPc {
         ports.into_iter().map(|port| port.port_name).collect()
     }
 
-    fn catch_interrupt(&self) {
-        // It fails if it is called twice: then Ctrl-C is caught already.
-        let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
-    }
-
-    fn is_interrupted(&self) -> bool {
-        INTERRUPTED.load(Ordering::Relaxed)
-    }
-
     fn screen(&self) -> io::Result<Option<Box<dyn Screen + '_>>> {
         if !io::stdout().is_terminal() {
             return Ok(None);
@@ -126,6 +112,10 @@ impl Pc for RealPc {
 
     fn sleep(&self, time: Duration) {
         std::thread::sleep(time);
+    }
+
+    fn interrupted(&self) -> bool {
+        keyboard::watch_interrupts()
     }
 }
 

@@ -33,6 +33,8 @@ use slitrange::settings::{Setting, Value};
 use slitrange::shape::COMPONENTS;
 use slitrange::units::{Micrometres, Pixels};
 
+use crate::sensor::taken::TITLE;
+
 /// The largest height of a spot in counts: that of a spot at full scale in the shortest exposure, if it had
 /// the longest.
 const LARGEST_HEIGHT: u32 =
@@ -212,8 +214,39 @@ impl Points {
         if !with.is_empty() {
             read.setup.slits = Slits::Comb;
         }
+        check_unit(&read.points)?;
+        // A run that was stopped leaves its points in the order in which they were taken.
+        if text.lines().next() == Some(TITLE) {
+            read.points.sort_by(|a, b| a.d_mm.total_cmp(&b.d_mm));
+        }
         Ok(read)
     }
+}
+
+/// Distances in metres under the name `d_mm` are no larger: the largest that a record holds, in metres.
+const METRES: f64 = 8.39;
+
+/// The least distance for a pixel of a sensor that counts millimetres. In metres, the nominal geometry has
+/// less up to 4.5 m; in millimetres, it has twenty times as much at 0.6 m.
+const LEAST_MM_PER_PX: f64 = 0.01;
+
+/// Checks that distances are not in metres.
+fn check_unit(points: &[Point]) -> anyhow::Result<()> {
+    let span = |of: fn(&Point) -> f64| {
+        let ends = points.iter().map(of).fold(
+            (f64::INFINITY, f64::NEG_INFINITY),
+            |(least, most), value| (least.min(value), most.max(value)),
+        );
+        ends.1 - ends.0
+    };
+    let (mm, pixels) = (span(|point| point.d_mm), span(|point| point.x_px));
+    let near_zero = points.iter().all(|point| point.d_mm.abs() < METRES);
+    ensure!(
+        points.len() < 2 || !near_zero || mm >= LEAST_MM_PER_PX * pixels,
+        "the distances cover {mm} mm and the centres {pixels:.1} px, so the distances seem to be in metres: \
+         give d_mm in millimetres (if they are millimetres, add 100 to each: eq. (1)'s D takes that in)"
+    );
+    Ok(())
 }
 
 /// A line's fields, without the blanks around them.
@@ -578,6 +611,41 @@ mod tests {
         let plain = Points::parse("x_px,d_mm\n1,2").expect("points");
         assert_eq!(plain.points[0].sigma_px, None);
         assert_eq!(plain.setup, Setup::default());
+    }
+
+    /// The nominal sensor from 0.6 to 5 m, as metres and as millimetres.
+    #[test]
+    fn metres_are_told_from_millimetres() {
+        let file = |unit: f64, from: f64, to: f64| {
+            let lines = (0..5).map(|step| {
+                let metres = from + (to - from) * f64::from(step) / 4.0;
+                let x_px = 2_152_367.0 / (1e3 * metres + 115.4) - 580.3;
+                format!("{x_px},{}\n", metres * unit)
+            });
+            Points::parse(&format!("x_px,d_mm\n{}", lines.collect::<String>()))
+        };
+        for (from, to) in [(0.6, 1.02), (0.8, 0.81), (1.0, 2.0), (0.7, 3.0)] {
+            let error = file(1.0, from, to).expect_err("metres").to_string();
+            println!("{error}");
+            assert!(error.contains("seem to be in metres"));
+            file(1e3, from, to).expect("millimetres");
+        }
+    }
+
+    #[test]
+    fn points_of_a_run_that_was_stopped_are_sorted() {
+        let lines = "x_px,d_mm\n1800,700\n2000,620\n1900,660\n";
+        let order = |text: &str| {
+            let points = Points::parse(text).expect("points").points;
+            points
+                .iter()
+                .map(|point| (point.line, point.d_mm))
+                .collect::<Vec<_>>()
+        };
+        let taken = order(&format!("{TITLE}\n{lines}"));
+        assert_eq!(taken, [(4, 620.0), (5, 660.0), (3, 700.0)]);
+        // In a person's file, a line out of order may be a slip.
+        assert_eq!(order(lines), [(2, 700.0), (3, 620.0), (4, 660.0)]);
     }
 
     #[test]

@@ -33,17 +33,29 @@ const COMPARED: usize = 1 << (Pixels::FRACTION - 2);
 /// The file cannot be read, or is no record that a sensor would take.
 pub fn read(path: &Path) -> Result<EncodedRecord> {
     let shown = path.display();
-    let length = std::fs::metadata(path)
-        .with_context(|| format!("{shown} cannot be read"))?
-        .len();
+    let bytes = std::fs::read(path).with_context(|| format!("{shown} cannot be read"))?;
     ensure!(
-        length <= MAX_ENCODED as u64,
+        !is_points(&bytes),
+        "{shown} is a CSV file of points, and no record: `slitrange calibrate fit {shown}` makes a record of \
+         it"
+    );
+    let length = bytes.len();
+    ensure!(
+        length <= MAX_ENCODED,
         "{shown} is no record: it has {length} bytes, and the longest record {MAX_ENCODED}"
     );
-    let bytes = std::fs::read(path).with_context(|| format!("{shown} cannot be read"))?;
     decode(&bytes)
         .and_then(EncodedRecord::new)
         .with_context(|| shown.to_string())
+}
+
+/// Whether a file is one of points, which `fit` takes: its first line that is no comment names the columns.
+fn is_points(bytes: &[u8]) -> bool {
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return false;
+    };
+    let mut lines = text.lines().filter(|line| !line.trim().starts_with('#'));
+    lines.next().is_some_and(|header| header.contains("x_px"))
 }
 
 /// Writes a record, on the disk when this returns; a file that was there is replaced as a whole or not at
@@ -267,8 +279,8 @@ pub struct ShownRow {
 pub struct ShownEq1 {
     /// D in millimetres.
     pub d_mm: f64,
-    /// K in micrometres times pixels.
-    pub k_um_px: f64,
+    /// K in millimetres times pixels.
+    pub k_mm_px: f64,
     /// xp in pixels.
     pub xp_px: f64,
 }
@@ -330,7 +342,7 @@ impl Shown {
             kind,
             eq1: eq1.map(|curve| ShownEq1 {
                 d_mm: curve.d().to_f64() / 1e3,
-                k_um_px: curve.k() as f64 / 65536.0,
+                k_mm_px: curve.k() as f64 / 65536.0 / 1e3,
                 xp_px: curve.pole().to_f64(),
             }),
             table: table.map(|knots| ShownTable {
@@ -404,12 +416,12 @@ impl Shown {
         ];
         if let Some(ShownEq1 {
             d_mm,
-            k_um_px,
+            k_mm_px,
             xp_px,
         }) = self.eq1
         {
             fields.push(("D", format!("{d_mm:.4} mm")));
-            fields.push(("K", format!("{k_um_px:.2} um px")));
+            fields.push(("K", format!("{k_mm_px:.5} mm px")));
             fields.push(("xp", format!("{xp_px:.5} px")));
         }
         if let Some(table) = &self.table {

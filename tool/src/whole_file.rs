@@ -2,9 +2,20 @@
 
 use std::fs::File;
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+
+/// The name of a file to write, as a person types it.
+///
+/// # Errors
+/// It is `-`: other programs take that for standard output, and this one would make a file with that name.
+pub fn output(name: &str) -> Result<PathBuf, String> {
+    match name {
+        "-" => Err("name a file: this command does not write to standard output".into()),
+        _ => Ok(name.into()),
+    }
+}
 
 /// Writes a file's bytes to the disk under another name, in the same directory, and then gives it the file's.
 ///

@@ -54,7 +54,7 @@ pub enum Eq1Error {
 impl fmt::Display for Eq1Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::K => "K is zero, or 5.5e11 um px or more: check the points that it was fitted to",
+            Self::K => "K is zero, or 5.5e8 mm px or more: check the points that it was fitted to",
             Self::Empty => "the range of centres is empty: its first must lie before its last",
             Self::Pole => {
                 "xp lies in the range of centres, or within a pixel of it: take a range to one side of xp"

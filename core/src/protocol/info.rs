@@ -270,11 +270,15 @@ struct Curve<'a>(&'a Eq1);
 
 impl fmt::Display for Curve<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let k_um_px = self.0.k() >> 16;
+        let (sign, size) = (if k_um_px < 0 { "-" } else { "" }, k_um_px.unsigned_abs());
         write!(
             f,
-            "\r\ninfo calibration d = D + K/(x - xp)\r\ninfo calibration D {} mm, K {} um px, xp {} px",
+            "\r\ninfo calibration d = D + K/(x - xp)\r\n\
+             info calibration D {} mm, K {sign}{}.{:03} mm px, xp {} px",
             AsMillimetres(self.0.d()),
-            self.0.k() >> 16,
+            size / 1000,
+            size % 1000,
             self.0.pole()
         )
     }
@@ -511,7 +515,7 @@ mod tests {
             lines[1],
             "info serial number 17, calibrated 2026-11-21\r\n\
              info calibration d = D + K/(x - xp)\r\n\
-             info calibration D -115.3846 mm, K 2152366863 um px, xp -580.34616 px\r\n\
+             info calibration D -115.3846 mm, K 2152366.863 mm px, xp -580.34616 px\r\n\
              info calibration plus a table of residuals at 3 knots, monotone cubics between them\r\n\
              info range x 1200 to 2600 px, 561.4866 to 1093.6751 mm"
         );

@@ -5,6 +5,7 @@ use core::fmt;
 
 use crate::pixels::flat_field::TakeError;
 use crate::record::RecordError;
+use crate::region::Region;
 use crate::store::StoreError;
 
 /// Why a command is not executed. Nothing has changed. `Display` is the answer, without its line end.
@@ -58,6 +59,13 @@ pub enum Refusal {
     NotTaken(TakeError),
     /// The map could not be saved or erased.
     MapNotSaved(StoreError),
+    /// A region has too few of the sensor's pixels.
+    OffRow {
+        /// The region.
+        region: Region,
+        /// How many pixels see light.
+        pixels: usize,
+    },
 }
 
 impl fmt::Display for Refusal {
@@ -97,6 +105,13 @@ impl fmt::Display for Refusal {
             Self::MapNotSaved(_) => f.write_str(
                 "E21 the flash does not hold what was written or erased: try again; if that does not help, \
                  replace the sensor's board",
+            ),
+            Self::OffRow { region, pixels } => write!(
+                f,
+                "E22 region {} {}, but the sensor has {pixels} pixels: take {} of them or more",
+                region.first(),
+                region.last(),
+                Region::FEWEST
             ),
         }
     }
@@ -138,6 +153,10 @@ mod tests {
             Refusal::NoMap,
             Refusal::NotTaken(TakeError::NoDark),
             Refusal::MapNotSaved(StoreError::Worn),
+            Refusal::OffRow {
+                region: Region::new(3600, 3999).expect("a region"),
+                pixels: 3648,
+            },
         ];
         for (refusal, number) in refusals.into_iter().zip(8..) {
             let text = refusal.to_string();

@@ -3,6 +3,7 @@
 //! Where a scene has the effect (`simulator::scene`), the flaw is that effect.
 
 use std::f64::consts::TAU;
+use std::fmt;
 
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
@@ -115,6 +116,82 @@ pub struct Bad {
     pub pixels: usize,
     /// The first is between so many widths from the spot, on a side that the row's number draws.
     pub from_spot: (f64, f64),
+}
+
+impl fmt::Display for Flaw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let percent = |share: &f64| format!("{:.1} %", 100.0 * share);
+        match self {
+            Self::Second(Second {
+                share,
+                offset,
+                widths,
+            }) => write!(
+                f,
+                "a second spot of {} of the height and {widths:.2} times the width, {offset:+.2} widths off",
+                percent(share)
+            ),
+            Self::Ghost {
+                share,
+                widths,
+                offset,
+            } => write!(
+                f,
+                "a ghost of {} of the height and {widths:.2} times the width, {offset:+.2} widths off",
+                percent(share)
+            ),
+            Self::Slope(counts) => write!(f, "the background rises by {counts:.3} counts a pixel"),
+            Self::Glow(counts) => write!(f, "a lamp lights one end by {counts:.1} counts"),
+            Self::Hot(bad) => write!(f, "hot pixels: {bad}"),
+            Self::Dead(bad) => write!(f, "dead pixels: {bad}"),
+            Self::Stuck(bad) => write!(f, "stuck pixels: {bad}"),
+            Self::Response(share) => write!(f, "pixels differ in response by {}", percent(share)),
+            Self::FullWell { counts, blooming } => write!(
+                f,
+                "a pixel holds {counts:.1} counts, and {} of the rest flows over to both sides",
+                percent(blooming)
+            ),
+            Self::Smear(share) => write!(
+                f,
+                "{} of what is beyond full scale flows to the next pixel",
+                percent(share)
+            ),
+            Self::FixedPattern(counts) => write!(f, "unlit pixels differ by {counts:.2} counts"),
+            Self::Step { counts, offset } => write!(
+                f,
+                "the black level steps by {counts:+.1} counts, {offset:+.2} widths off"
+            ),
+            Self::Sag(counts) => write!(f, "the black level bends by {counts:+.1} counts"),
+            Self::Ripple { counts, period } => write!(
+                f,
+                "a ripple of {counts:.1} counts with a period of {period:.2} pixels"
+            ),
+            Self::OddEven(counts) => write!(f, "every other pixel reads {counts:+.1} counts more"),
+            Self::Impulses(share) => write!(f, "{} of the pixels read anything", percent(share)),
+            Self::Steps(counts) => write!(f, "the converter has steps of {counts} counts"),
+            Self::StuckBit { bit, high } => {
+                write!(
+                    f,
+                    "bit {bit} of the converter is always {}",
+                    u8::from(*high)
+                )
+            }
+        }
+    }
+}
+
+impl fmt::Display for Bad {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            counts,
+            pixels,
+            from_spot: (near, far),
+        } = self;
+        write!(
+            f,
+            "{pixels} side by side of {counts:.1} counts, {near:.2} to {far:.2} widths from the spot"
+        )
+    }
 }
 
 impl Second {

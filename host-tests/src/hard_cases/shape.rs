@@ -1,6 +1,7 @@
 //! The profiles that hard rows' spots have.
 
 use std::f64::consts::{PI, SQRT_2};
+use std::fmt;
 use std::sync::LazyLock;
 
 use phase_tables::gaussian;
@@ -26,6 +27,22 @@ pub enum Shape {
 static SINC_SQUARED: LazyLock<Curve> = LazyLock::new(profiles::slit);
 static FRESNEL: LazyLock<Curve> = LazyLock::new(|| Slit::nominal(0.0).curve());
 static LASER_SPOT: LazyLock<Curve> = LazyLock::new(|| Slit::nominal(1e-3).curve());
+
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Gaussian => f.write_str("a gaussian"),
+            Self::SincSquared => f.write_str("sinc squared"),
+            Self::Fresnel => f.write_str("Fresnel's diffraction of a point of light"),
+            Self::LaserSpot => f.write_str("Fresnel's diffraction of a laser spot of 1 mm"),
+            Self::Lopsided(share) => write!(
+                f,
+                "a gaussian whose right half is wider by {:.0} %",
+                100.0 * share
+            ),
+        }
+    }
+}
 
 impl Shape {
     /// What a pixel gathers whose centre is `offset` pixels from the spot's, of a spot of height 1 and

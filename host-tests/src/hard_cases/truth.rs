@@ -1,5 +1,7 @@
 //! What a perfect reader would say of a row, and how good an answer has to be.
 
+use std::fmt;
+
 /// Where the spot of a row is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Truth {
@@ -9,6 +11,18 @@ pub enum Truth {
     Between(f64, f64),
     /// There is no spot, or no way to tell which of two is the laser's: any centre is wrong.
     None,
+}
+
+impl fmt::Display for Truth {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Centre(centre) => write!(f, "the centre is at {centre:.3} px"),
+            Self::Between(low, high) => {
+                write!(f, "the centre is anywhere from {low:.3} to {high:.3} px")
+            }
+            Self::None => f.write_str("no centre is right"),
+        }
+    }
 }
 
 impl Truth {

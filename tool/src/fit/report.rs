@@ -11,10 +11,13 @@ use super::observed::Weights;
 use super::order::FEWEST_TO_REJECT;
 use super::solve::{Form, Solved};
 use super::surface::Surface;
+use super::verdict::{Grade, SCATTERED, Verdict};
 
 /// The report. Units stand in the names.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
+    /// Whether the calibration is good enough.
+    pub verdict: Verdict,
     /// The file of the points.
     pub file: String,
     /// Points that were read.
@@ -241,6 +244,11 @@ impl Report {
         let all = || solved.points.iter().zip(&solved.verdicts);
         let rejected = all().filter(|(_, verdict)| !verdict.kept);
         let mut report = Self {
+            verdict: Verdict {
+                calibration: Grade::NotUsable,
+                largest_uncertainty_um: None,
+                because: String::new(),
+            },
             file,
             points: solved.points.len(),
             used: all().filter(|(_, verdict)| verdict.kept).count(),
@@ -292,7 +300,13 @@ impl Report {
             record: None,
         };
         report.cannot_show = report.limits(solved.weights);
+        report.verdict = Verdict::of(&report);
         report
+    }
+
+    /// Whether something was given of the points' errors.
+    pub fn are_errors_known(&self) -> bool {
+        !self.weights.starts_with("all")
     }
 
     /// What the points cannot show.
@@ -361,6 +375,7 @@ impl fmt::Display for Report {
             Form::Corrected => "eq. (1) with a table of smoothed residuals",
             Form::Table => "a table of smoothed distances",
         };
+        writeln!(f, "{}\n", self.verdict)?;
         writeln!(
             f,
             "{}: {} points, {} used, {} rejected",
@@ -420,12 +435,12 @@ impl fmt::Display for Report {
         if self.form != Form::Eq1 {
             residuals(f, "smoothed", &self.curve)?;
         }
-        match (self.scatter, self.weights.starts_with("all")) {
+        match (self.scatter, !self.are_errors_known()) {
             (Some(scatter), true) => writeln!(f, "  centres scatter by {scatter:.5} px")?,
             (Some(scatter), false) => writeln!(
                 f,
                 "  points scatter {scatter:.2} times as much as was given{}",
-                if scatter > 1.5 && self.used >= FEWEST_TO_REJECT {
+                if scatter > SCATTERED && self.used >= FEWEST_TO_REJECT {
                     ": an uncertainty was given too small, or an error not at all"
                 } else {
                     ""

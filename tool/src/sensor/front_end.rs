@@ -41,10 +41,10 @@ pub struct MeasureOptions {
     #[expect(missing_docs, reason = "its help is that of its options")]
     pub port: PortOption,
     /// Write a table: signal and variance of each pixel and exposure
-    #[arg(long)]
+    #[arg(long, value_parser = whole_file::output)]
     pub csv: Option<PathBuf>,
     /// Draw the noise over the light, and the light over the exposure, as an SVG
-    #[arg(long)]
+    #[arg(long, value_parser = whole_file::output)]
     pub figure: Option<PathBuf>,
     /// Leave the flash as it is: what was measured is used until the power goes
     #[arg(long)]

@@ -103,8 +103,8 @@ struct Monitor<'a> {
 /// # Errors
 /// In sentences: no sensor is found, or a file cannot be written.
 pub fn monitor(options: &MonitorOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
-    // Before anything else, so that Ctrl-C finds a program that puts the sensor's settings back.
-    pc.catch_interrupt();
+    // From now on, Ctrl-C ends the loop below, and the sensor's settings are put back.
+    pc.interrupted();
     let began = pc.now();
     let session = options.port.open(pc)?;
     let recording = options.csv.as_deref().map(Recording::create).transpose()?;
@@ -326,7 +326,7 @@ impl<'a> Monitor<'a> {
             .count
             .is_some_and(|count| self.results >= count)
             || self.options.seconds.is_some_and(is_late)
-            || self.pc.is_interrupted()
+            || self.pc.interrupted()
     }
 
     /// Rows lost and lines dropped since the beginning.

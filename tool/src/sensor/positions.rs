@@ -1,6 +1,7 @@
 //! Where the target is to be, and who brings it there.
 
 use std::io::{BufRead, Write};
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -14,7 +15,16 @@ const D_MM: f64 = -115.4;
 
 /// The least and the largest distance that a record can hold, in millimetres, with a little to spare. The
 /// stage's zero may be anywhere: where it is, eq. (1)'s D takes in.
-const SENSIBLE_MM: std::ops::RangeInclusive<f64> = -8380.0..=8380.0;
+const SENSIBLE_MM: RangeInclusive<f64> = -8380.0..=8380.0;
+
+/// Distances that somebody gives in metres by a slip are no larger: the largest that a record holds, in metres.
+const METRES: f64 = 8.38;
+
+/// The step of the distances that a person is asked for, in millimetres: what a ruler shows.
+const RULER_MM: f64 = 1.0;
+
+/// The same of a stage.
+const STAGE_MM: f64 = 0.001;
 
 /// How positions lie between the first and the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -31,7 +41,7 @@ pub enum Spacing {
 #[derive(Clone, Debug, clap::Args)]
 pub struct Which {
     /// The distances to go to: a file with one in millimetres a line, # before remarks
-    #[arg(long, value_name = "LIST", conflicts_with_all = ["from", "to", "points", "spacing"])]
+    #[arg(long, value_name = "LIST", conflicts_with_all = ["from", "to", "points", "spacing", "round"])]
     pub positions: Option<PathBuf>,
     /// The first distance in millimetres
     #[arg(
@@ -56,14 +66,34 @@ pub struct Which {
     /// elsewhere, take `distance`
     #[arg(long, value_enum, default_value_t = Spacing::Pixels)]
     pub spacing: Spacing,
+    /// Round the positions between the first and the last to multiples of this, so that a person can set
+    /// them [default: 1, and 0.001 with a stage]
+    #[arg(long, value_name = "MM", value_parser = step)]
+    pub round: Option<f64>,
 }
 
 impl Which {
-    /// The distances in millimetres, each beyond the one before: all rise, or all fall.
+    /// The distances in millimetres, each beyond the one before: all rise, or all fall. `by_hand`: a person
+    /// moves the target, with a ruler.
     ///
     /// # Errors
-    /// The file cannot be read, or what it says is no list of distances; likewise the ends.
-    pub fn list(&self) -> Result<Vec<f64>> {
+    /// The file cannot be read, or what it says is no list of distances; likewise the ends. Or the distances
+    /// look like metres.
+    pub fn list(&self, by_hand: bool) -> Result<Vec<f64>> {
+        let round = self
+            .round
+            .unwrap_or(if by_hand { RULER_MM } else { STAGE_MM });
+        let positions = self.positions(round)?;
+        let from_laser = self.positions.is_none() && self.spacing == Spacing::Pixels;
+        // A stage may have its zero in the middle of a few millimetres.
+        ensure!(
+            !(by_hand || from_laser) || positions.iter().any(|mm| mm.abs() > METRES),
+            "the positions are all within {METRES} mm of zero: distances are in millimetres (590, not 0.59)"
+        );
+        Ok(positions)
+    }
+
+    fn positions(&self, round: f64) -> Result<Vec<f64>> {
         match (&self.positions, self.from, self.to) {
             (Some(path), ..) => {
                 let text = std::fs::read_to_string(path).with_context(|| {
@@ -71,7 +101,7 @@ impl Which {
                 })?;
                 listed(&text).with_context(|| format!("the positions in {}", path.display()))
             }
-            (None, Some(from), Some(to)) => spread(from, to, self.points, self.spacing),
+            (None, Some(from), Some(to)) => spread(from, to, self.points, self.spacing, round),
             (None, ..) => bail!("say where the target is to be: --positions, or --from and --to"),
         }
     }
@@ -104,8 +134,16 @@ fn listed(text: &str) -> Result<Vec<f64>> {
     Ok(positions)
 }
 
-/// Positions from one end to the other, to a micrometre.
-fn spread(from: f64, to: f64, points: usize, spacing: Spacing) -> Result<Vec<f64>> {
+/// A step in millimetres, as a person types it.
+fn step(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|mm| (STAGE_MM..=100.0).contains(mm))
+        .ok_or_else(|| format!("it must be {STAGE_MM} to 100 mm"))
+}
+
+/// Positions from one end to the other. The ends stay as they are, and the others are multiples of `round`.
+fn spread(from: f64, to: f64, points: usize, spacing: Spacing, round: f64) -> Result<Vec<f64>> {
     for end in [from, to] {
         ensure!(
             SENSIBLE_MM.contains(&end),
@@ -118,13 +156,19 @@ fn spread(from: f64, to: f64, points: usize, spacing: Spacing) -> Result<Vec<f64
              --spacing distance"
         );
     }
-    let most = ((to - from).abs() * 1000.0) as usize;
+    let most = ((to - from).abs() / round) as usize;
+    let too_close = || {
+        format!(
+            "{points} positions from {from} to {to} mm: there must be at least 2, and {round} mm or more \
+             apart; take fewer --points, or a finer --round"
+        )
+    };
     ensure!(
-        (2..=most).contains(&points),
-        "{points} positions from {from} to {to} mm: there must be at least 2, and a micrometre or more apart"
+        (2..=most.max(2)).contains(&points) && from != to,
+        too_close()
     );
     let last = (points - 1) as f64;
-    Ok((0..points)
+    let positions: Vec<f64> = (0..points)
         .map(|index| {
             let part = index as f64 / last;
             let mm = match spacing {
@@ -134,11 +178,17 @@ fn spread(from: f64, to: f64, points: usize, spacing: Spacing) -> Result<Vec<f64
                     D_MM + 1.0 / (first + (last - first) * part)
                 }
             };
-            (mm * 1000.0).round() / 1000.0
+            let mm = match index {
+                _ if index == 0 || index == points - 1 => mm,
+                _ => (mm / round).round() * round,
+            };
+            // No digits that rounding made, and no -0.
+            (mm / STAGE_MM).round() / (1.0 / STAGE_MM) + 0.0
         })
-        // No -0.
-        .map(|mm| mm + 0.0)
-        .collect())
+        .collect();
+    let in_order = |pair: &[f64]| (pair[1] - pair[0]) * (to - from) > 0.0;
+    ensure!(positions.windows(2).all(in_order), too_close());
+    Ok(positions)
 }
 
 /// A distance in millimetres that a person wrote.
@@ -165,6 +215,8 @@ pub enum Mover<'a> {
     Person {
         /// What the person types.
         input: &'a mut dyn BufRead,
+        /// Distances that need not be typed twice, in millimetres.
+        expected: RangeInclusive<f64>,
     },
     /// A program: its command line, with `{}` for the distance in millimetres.
     Stage(&'a str),
@@ -175,48 +227,111 @@ pub enum Mover<'a> {
 pub enum Moved {
     /// It is at that distance, in millimetres.
     To(f64),
+    /// It is where it was, and the point that was refused for that counts.
+    Stayed,
     /// This position is left out.
     Skip,
+    /// The last point is to be taken again.
+    Back,
     /// That is all for now.
     Quit,
+    /// The input ended.
+    End,
 }
 
-impl Mover<'_> {
+impl<'a> Mover<'a> {
+    /// A person, who goes through these positions in millimetres.
+    pub fn person(input: &'a mut dyn BufRead, wanted: &[f64]) -> Self {
+        let (least, most) = (wanted.iter())
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |ends, &mm| {
+                (ends.0.min(mm), ends.1.max(mm))
+            });
+        let beyond = BEYOND_MM.max(0.1 * (most - least));
+        Self::Person {
+            input,
+            expected: least - beyond..=most + beyond,
+        }
+    }
+
     /// Brings the target to a distance in millimetres.
     ///
     /// # Errors
     /// The stage's command failed.
     pub fn to(&mut self, mm: f64, output: &mut dyn Write) -> Result<Moved> {
         match self {
-            Self::Person { input } => ask(mm, *input, output),
+            Self::Person { input, expected } => ask(mm, *input, expected, output),
             Self::Stage(command) => {
                 move_stage(command, mm)?;
                 Ok(Moved::To(mm))
             }
         }
     }
+
+    /// After the last position: a person may take the last point back.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn finish(&mut self, output: &mut dyn Write) -> Result<Moved> {
+        let Self::Person { input, .. } = self else {
+            return Ok(Moved::Quit);
+        };
+        write!(
+            output,
+            "that was the last position: Enter ends, u takes the last point back: "
+        )?;
+        let typed = read(*input, output)?;
+        Ok(match typed.as_deref() {
+            Some("u") => Moved::Back,
+            _ => Moved::Quit,
+        })
+    }
 }
 
-fn ask(mm: f64, input: &mut dyn BufRead, output: &mut dyn Write) -> Result<Moved> {
+/// A line that a person types, without the blanks around it. None at the input's end (Ctrl-D).
+fn read(input: &mut dyn BufRead, output: &mut dyn Write) -> Result<Option<String>> {
+    output.flush()?;
+    let mut typed = String::new();
+    if input.read_line(&mut typed)? == 0 {
+        writeln!(output)?;
+        return Ok(None);
+    }
+    Ok(Some(typed.trim().to_owned()))
+}
+
+fn ask(
+    mm: f64,
+    input: &mut dyn BufRead,
+    expected: &RangeInclusive<f64>,
+    output: &mut dyn Write,
+) -> Result<Moved> {
+    let mut doubtful = None;
     loop {
         write!(
             output,
-            "move the target to {} mm, then Enter; or type where it is (s skips, q stops): ",
-            Millimetres(mm)
+            "move the target to {mm} mm, then Enter; or type where it is (s skips, u takes the last point \
+             back, q stops): "
         )?;
-        output.flush()?;
-        let mut typed = String::new();
-        // The end of the input, Ctrl-D, is the end of the run.
-        if input.read_line(&mut typed)? == 0 {
-            writeln!(output)?;
-            return Ok(Moved::Quit);
-        }
-        match typed.trim() {
+        let Some(typed) = read(input, output)? else {
+            return Ok(Moved::End);
+        };
+        match typed.as_str() {
             "" => return Ok(Moved::To(mm)),
             "s" => return Ok(Moved::Skip),
+            "t" => return Ok(Moved::Stayed),
+            "u" => return Ok(Moved::Back),
             "q" => return Ok(Moved::Quit),
             word => match distance(word.trim_end_matches("mm").trim_end()) {
-                Ok(mm) => return Ok(Moved::To(mm)),
+                Ok(mm) if expected.contains(&mm) || doubtful == Some(mm) => {
+                    return Ok(Moved::To(mm));
+                }
+                Ok(mm) => {
+                    doubtful = Some(mm);
+                    writeln!(
+                        output,
+                        "{mm} mm is far from the positions of this run: distances are in millimetres; type \
+                         it again if it is right"
+                    )?;
+                }
                 Err(error) => writeln!(output, "{error:#}")?,
             },
         }
@@ -262,6 +377,9 @@ pub fn check_command(command: &str) -> Result<()> {
     Ok(())
 }
 
+/// So far beyond the positions of a run a person may type a distance, or a tenth of the run's length.
+const BEYOND_MM: f64 = 50.0;
+
 /// By how much a person misses a position who then types where the target is, in millimetres.
 const MISSED_MM: f64 = 5.0;
 
@@ -291,7 +409,7 @@ mod tests {
 
     #[test]
     fn positions_are_even_on_the_sensor() {
-        let even = spread(600.0, 1020.0, 8, Spacing::Pixels).expect("positions");
+        let even = spread(600.0, 1020.0, 8, Spacing::Pixels, STAGE_MM).expect("positions");
         println!("{even:?}");
         assert_eq!((even[0], even[7]), (600.0, 1020.0));
         let nominal = slitrange::distance::eq1::NOMINAL.expect("a curve");
@@ -307,12 +425,73 @@ mod tests {
             steps.iter().all(|step| (step - steps[0]).abs() < 0.05),
             "{steps:?}"
         );
-        let falling = spread(1020.0, 600.0, 8, Spacing::Pixels).expect("positions");
+        let falling = spread(1020.0, 600.0, 8, Spacing::Pixels, STAGE_MM).expect("positions");
         assert!(even.iter().eq(falling.iter().rev()));
         assert_eq!(
-            spread(600.0, 1020.0, 3, Spacing::Distance).expect("positions"),
+            spread(600.0, 1020.0, 3, Spacing::Distance, STAGE_MM).expect("positions"),
             [600.0, 810.0, 1020.0]
         );
+    }
+
+    /// A person reads whole millimetres off a ruler. The ends are as they were typed.
+    #[test]
+    fn positions_are_rounded_for_a_person() {
+        let which = |from, to, points, round| Which {
+            positions: None,
+            from: Some(from),
+            to: Some(to),
+            points,
+            spacing: Spacing::Pixels,
+            round,
+        };
+        let list = |round, by_hand| which(590.5, 1030.0, 5, round).list(by_hand);
+        let by_hand = list(None, true).expect("positions");
+        assert_eq!(by_hand, [590.5, 665.0, 759.0, 879.0, 1030.0]);
+        let coarse = list(Some(5.0), true).expect("positions");
+        assert_eq!(coarse, [590.5, 665.0, 760.0, 880.0, 1030.0]);
+        let stage = list(None, false).expect("positions");
+        let off = by_hand.iter().zip(&stage).map(|(a, b)| (a - b).abs());
+        assert!(
+            off.fold(0.0, f64::max) <= 0.5 && stage != by_hand,
+            "{stage:?}"
+        );
+        let error = which(600.0, 610.0, 12, None)
+            .list(true)
+            .expect_err("too close");
+        assert!(
+            error
+                .to_string()
+                .ends_with("take fewer --points, or a finer --round")
+        );
+    }
+
+    #[test]
+    fn metres_are_refused() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("list");
+        std::fs::write(&path, "0.59\n0.7\n1.03\n").expect("written");
+        let which = |positions, spacing| Which {
+            positions,
+            from: Some(0.59),
+            to: Some(1.03),
+            points: 3,
+            spacing,
+            round: None,
+        };
+        for (refused, by_hand) in [
+            (which(None, Spacing::Pixels), false),
+            (which(Some(path.clone()), Spacing::Pixels), true),
+        ] {
+            let error = refused.list(by_hand).expect_err("metres").to_string();
+            assert!(error.ends_with("in millimetres (590, not 0.59)"), "{error}");
+        }
+        // A stage with its zero in the middle of its travel.
+        which(None, Spacing::Distance)
+            .list(false)
+            .expect("positions");
+        which(Some(path), Spacing::Pixels)
+            .list(false)
+            .expect("positions");
     }
 
     #[test]
@@ -325,7 +504,8 @@ mod tests {
             (-115.4, 1020.0, 5),
             (600.0, 600.01, 20),
         ] {
-            let error = spread(from, to, points, Spacing::Pixels).expect_err("no positions");
+            let error =
+                spread(from, to, points, Spacing::Pixels, STAGE_MM).expect_err("no positions");
             println!("{error:#}");
         }
         for (text, says) in [
@@ -374,10 +554,10 @@ mod tests {
             listed("-210\n-0\n210\n").expect("positions"),
             [-210.0, 0.0, 210.0]
         );
-        let even = spread(210.0, -210.0, 3, Spacing::Distance).expect("positions");
+        let even = spread(210.0, -210.0, 3, Spacing::Distance, STAGE_MM).expect("positions");
         assert_eq!(even, [210.0, 0.0, -210.0]);
         assert!(even[1].is_sign_positive());
-        let error = spread(-210.0, 210.0, 3, Spacing::Pixels).expect_err("refused");
+        let error = spread(-210.0, 210.0, 3, Spacing::Pixels, STAGE_MM).expect_err("refused");
         assert!(
             error.to_string().ends_with("give --spacing distance"),
             "{error}"
@@ -398,21 +578,24 @@ mod tests {
     #[test]
     fn answers_of_a_person_move_skip_or_quit() {
         let mut output = Vec::new();
-        let mut answers = b"\n 612.5 mm\nsixhundred\ns\nq\n".as_slice();
-        let mut mover = Mover::Person {
-            input: &mut answers,
-        };
+        let mut answers = b"\n 612.5 mm\nsixhundred\ns\nt\nu\n61\n61\nq\n".as_slice();
+        let mut mover = Mover::person(&mut answers, &[600.0, 700.0]);
         let mut next = || mover.to(610.0, &mut output).expect("an answer");
         assert_eq!(next(), Moved::To(610.0));
         assert_eq!(next(), Moved::To(612.5));
         assert_eq!(next(), Moved::Skip);
+        assert_eq!(next(), Moved::Stayed);
+        assert_eq!(next(), Moved::Back);
+        // Centimetres, by a slip: only typed twice.
+        assert_eq!(next(), Moved::To(61.0));
         assert_eq!(next(), Moved::Quit);
-        assert_eq!(next(), Moved::Quit);
+        assert_eq!(next(), Moved::End);
         let output = String::from_utf8(output).expect("text");
         assert!(
-            output.starts_with("move the target to 610.000 mm, then Enter;"),
+            output.starts_with("move the target to 610 mm, then Enter;"),
             "{output}"
         );
+        assert_eq!(output.matches("61 mm is far from the positions").count(), 1);
         assert!(
             output.contains("`sixhundred` is no distance in millimetres\n"),
             "{output}"

@@ -40,10 +40,10 @@ pub struct RowOptions {
     #[arg(long, num_args = 2, value_names = ["FIRST", "LAST"], conflicts_with = "window")]
     pub pixels: Option<Vec<u16>>,
     /// Write a table: pixel, count, and the fit's count
-    #[arg(long)]
+    #[arg(long, value_parser = whole_file::output)]
     pub csv: Option<PathBuf>,
     /// Draw the row, the fitted gaussian and the residuals, as an SVG
-    #[arg(long)]
+    #[arg(long, value_parser = whole_file::output)]
     pub figure: Option<PathBuf>,
 }
 

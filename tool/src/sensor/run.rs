@@ -4,7 +4,7 @@ use std::io::{BufRead, Write};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use slitrange::centre::Estimator;
 use slitrange::comb::Slits;
 use slitrange::exposure::Exposure;
@@ -21,6 +21,7 @@ use super::session::{Before, Session};
 use super::taken::{Millimetres, PointsFile, Taken};
 use crate::pc::Pc;
 use crate::points::{Setup, Shape, SlitImage, SlitImages};
+use crate::whole_file;
 
 /// How often a position is tried with a stage, which cannot be asked.
 const TRIES: usize = 3;
@@ -28,6 +29,18 @@ const TRIES: usize = 3;
 /// Frames further than this many times their scatter from the others are no matter of chance: a digit that
 /// noise on the line changed, or a target that was not at rest.
 const OUTLYING: f64 = 10.0;
+
+/// A target at rest moves its centre by less, in pixels: fifty times the noise of a point, for a laser that
+/// warms up. It is 0.07 mm at the farther end of the nominal range.
+const AT_REST_PX: f64 = 0.1;
+
+/// Standard deviations within which centres may differ by noise.
+const NOISE: f64 = 5.0;
+
+/// Eq. (1) of the nominal geometry, [`slitrange::distance::eq1::NOMINAL`], and the farther end of its range.
+const NOMINAL_D_MM: f64 = -115.385;
+const NOMINAL_K_MM_PX: f64 = 2_152_367.0;
+const FARTHEST_MM: f64 = 1100.0;
 
 /// The finest step of the sensor's centres, in pixels: no point claims to be better known.
 const FINEST_PX: f64 = 1e-5;
@@ -39,8 +52,8 @@ const FINEST_PX: f64 = 1e-5;
 /// a line of FILE. What is in FILE is safe whatever happens (Ctrl-C, a cable that falls out, a sensor without
 /// power): run the same command again, and it goes on with the distances that are missing.
 ///
-/// The sensor takes 64 rows a frame and does not stream meanwhile; both are put back at the end (after
-/// Ctrl-C, by the next run that goes on with FILE). Its estimator and black level stay as they are, and are
+/// The sensor takes 64 rows a frame and does not stream meanwhile; both are put back at the end (if the
+/// program is killed, by the next run that goes on with FILE). Its estimator and black level stay as they are, and are
 /// what the calibration will hold for: set them before.
 #[derive(Clone, Debug, clap::Args)]
 #[command(
@@ -57,6 +70,7 @@ Then: slitrange calibrate fit points.csv"
 )]
 pub struct RunOptions {
     /// The points: a CSV file, begun or gone on with
+    #[arg(value_parser = whole_file::output)]
     pub file: PathBuf,
     #[command(flatten)]
     #[expect(missing_docs, reason = "its help is that of its options")]
@@ -97,7 +111,7 @@ pub fn run(
     input: &mut dyn BufRead,
     output: &mut dyn Write,
 ) -> Result<()> {
-    let wanted = options.which.list()?;
+    let wanted = options.which.list(options.stage_command.is_none())?;
     let settle = Duration::try_from_secs_f64(options.settle)
         .with_context(|| format!("--settle {}", options.settle))?;
     let mover = match &options.stage_command {
@@ -105,8 +119,10 @@ pub fn run(
             check_command(command)?;
             Mover::Stage(command)
         }
-        None => Mover::Person { input },
+        None => Mover::person(input, &wanted),
     };
+    // From now on, Ctrl-C ends the run in order.
+    pc.interrupted();
     let mut session = options.port.open(pc)?;
     let setup = ask_setup(&mut session)?;
     let found = session.before()?;
@@ -127,8 +143,7 @@ pub fn run(
             "the last line was cut off and is a remark now: {torn}"
         )?;
     }
-    let taken: Vec<f64> = file.points().iter().map(|point| point.d_mm).collect();
-    let missing = positions::missing(&wanted, &taken);
+    let missing = positions::missing(&wanted, &file.done());
     writeln!(
         output,
         "sensor {} at {}, {}: {} of {} positions to go",
@@ -150,17 +165,35 @@ pub fn run(
         output,
     }
     .through(&missing, &mut file);
-    let taken: Vec<f64> = file.points().iter().map(|point| point.d_mm).collect();
-    let left = positions::missing(&wanted, &taken).len();
+    let left = positions::missing(&wanted, &file.done());
+    let taken = file.points().len();
     // In any case: it goes on at once with what there is.
     file.put_in_order()?;
     let path = options.file.display();
-    writeln!(
-        output,
-        "{} points are in {path}, {left} positions are left",
-        taken.len()
-    )?;
-    walk.context("stopped; run the same command again to go on")
+    write!(output, "{taken} points are in {path}")?;
+    match left.as_slice() {
+        [] => writeln!(output, ", and no position is left")?,
+        left => writeln!(
+            output,
+            "; {} of {} positions are left: {}",
+            left.len(),
+            wanted.len(),
+            list(left)
+        )?,
+    }
+    let stopped_by_hand = walk.context("stopped; run the same command again to go on")?;
+    ensure!(
+        left.is_empty() || stopped_by_hand == Stopped::ByHand,
+        "there is no point at {}: run the same command again to go on",
+        list(&left)
+    );
+    Ok(())
+}
+
+/// Distances as a person reads them: `600, 610 mm`.
+fn list(distances: &[f64]) -> String {
+    let words: Vec<String> = distances.iter().map(f64::to_string).collect();
+    format!("{} mm", words.join(", "))
 }
 
 /// Asks a sensor for its setup.
@@ -196,6 +229,15 @@ fn settings(setup: &Setup) -> impl Iterator<Item = Value> {
         .chain(slits.map(Value::Slits))
 }
 
+/// How a walk ended that nothing went wrong with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stopped {
+    /// A person said so, or skipped the positions that are left.
+    ByHand,
+    /// After the last position.
+    AtTheEnd,
+}
+
 /// The way through the positions.
 struct Walk<'a> {
     session: Session<'a>,
@@ -214,6 +256,10 @@ enum NoPoint {
     Fault(NoCentre),
     /// The frames do not agree.
     Scattered { least: f64, most: f64 },
+    /// The centre is that of a point at another distance.
+    Unmoved { point: Taken, other: Taken },
+    /// Somebody pressed Ctrl-C.
+    Interrupted,
 }
 
 impl std::fmt::Display for NoPoint {
@@ -225,50 +271,115 @@ impl std::fmt::Display for NoPoint {
                 "the frames' centres lie from {least:.3} to {most:.3} px, most of them close together (let \
                  the target come to rest)"
             ),
+            Self::Unmoved { point, other } => write!(
+                f,
+                "the centre, {:.3} px, is that of the point at {} mm: the target did not move (move it; or \
+                 type t to take the point all the same)",
+                point.x_px, other.d_mm
+            ),
+            Self::Interrupted => f.write_str("stopped by Ctrl-C"),
         }
     }
 }
 
 impl Walk<'_> {
-    fn through(mut self, missing: &[f64], file: &mut PointsFile) -> Result<()> {
+    /// Takes the points that are missing, and gives how that ended.
+    fn through(mut self, missing: &[f64], file: &mut PointsFile) -> Result<Stopped> {
         self.session.borrow_rows(MAX_ROWS as u16)?;
-        for (index, &position) in missing.iter().enumerate() {
+        // The places in `missing` of the points of this run, in the order in which they were taken.
+        let mut done: Vec<usize> = Vec::new();
+        let mut unmoved = None;
+        let mut tries = 0;
+        let mut index = 0;
+        let mut stopped = Stopped::AtTheEnd;
+        loop {
+            let position = missing.get(index).copied();
+            let moved = match position {
+                Some(mm) => self.mover.to(mm, self.output),
+                None if done.is_empty() => return Ok(stopped),
+                None => self.mover.finish(self.output),
+            };
+            // A stage's program ends with Ctrl-C, too.
+            self.check_interrupt()?;
+            let (moved, position) = (moved?, position.unwrap_or_default());
             let place = format!("{:>3}/{}", index + 1, missing.len());
-            let mut tries = 0;
-            loop {
-                let d_mm = match self.mover.to(position, self.output)? {
-                    Moved::To(mm) if file.points().iter().any(|point| point.d_mm == mm) => {
-                        let mm = Millimetres(mm);
-                        writeln!(self.output, "there is a point at {mm} mm already")?;
+            let point = match moved {
+                Moved::To(mm) if file.points().iter().any(|point| point.d_mm == mm) => {
+                    writeln!(self.output, "there is a point at {mm} mm already")?;
+                    continue;
+                }
+                Moved::To(mm) => {
+                    self.session.line().pc().sleep(self.settle);
+                    match self.point(mm) {
+                        Ok(Ok(point)) => match at_rest(file.points(), &point) {
+                            Some(&other) => Err((mm, NoPoint::Unmoved { point, other })),
+                            None => Ok(point),
+                        },
+                        Ok(Err(no_point)) => Err((mm, no_point)),
+                        Err(error) if error.may_pass() => {
+                            writeln!(self.output, "{error}; waits for it to come back")?;
+                            self = self.reconnect()?;
+                            continue;
+                        }
+                        Err(error) => return Err(error.into()),
+                    }
+                }
+                Moved::Stayed => match unmoved.take() {
+                    Some(point) => Ok(point),
+                    None => {
+                        writeln!(self.output, "there is no point to take")?;
                         continue;
                     }
-                    Moved::To(mm) => mm,
-                    Moved::Skip => break,
-                    Moved::Quit => return Ok(()),
-                };
-                self.session.line().pc().sleep(self.settle);
-                let no_point = match self.point(d_mm) {
-                    Ok(Ok(point)) => {
-                        file.add(point)?;
-                        self.report(&place, &point)?;
-                        break;
+                },
+                Moved::Skip => {
+                    stopped = Stopped::ByHand;
+                    index += 1;
+                    continue;
+                }
+                Moved::Back => {
+                    if let Some(last) = done.pop() {
+                        let mm = file.take_back()?.unwrap_or_default();
+                        writeln!(self.output, "the point at {mm} mm is taken back")?;
+                        index = last;
+                    } else {
+                        writeln!(self.output, "this run has no point to take back")?;
                     }
-                    Ok(Err(no_point)) => no_point,
-                    Err(error) if error.may_pass() => {
-                        writeln!(self.output, "{error}; waits for it to come back")?;
-                        self = self.reconnect()?;
-                        continue;
+                    continue;
+                }
+                Moved::Quit if index < missing.len() => return Ok(Stopped::ByHand),
+                Moved::Quit => return Ok(stopped),
+                Moved::End => bail!("the input ended, with {} left", list(&missing[index..])),
+            };
+            match point {
+                Ok(point) => {
+                    file.add_for(position, point)?;
+                    self.report(&place, &point)?;
+                    done.push(index);
+                    (index, tries) = (index + 1, 0);
+                }
+                Err((mm, no_point)) => {
+                    self.check_interrupt()?;
+                    writeln!(self.output, "{place}  {mm} mm  {no_point}")?;
+                    tries += 1;
+                    if matches!(self.mover, Mover::Stage(_)) && tries >= TRIES {
+                        file.remark(&format!("failed at {} mm: {no_point}", Millimetres(mm)))?;
+                        (index, tries) = (index + 1, 0);
                     }
-                    Err(error) => return Err(error.into()),
-                };
-                writeln!(self.output, "{place}  {} mm  {no_point}", Millimetres(d_mm))?;
-                tries += 1;
-                if matches!(self.mover, Mover::Stage(_)) && tries >= TRIES {
-                    file.remark(&format!("failed at {} mm: {no_point}", Millimetres(d_mm)))?;
-                    break;
+                    if let NoPoint::Unmoved { point, .. } = no_point {
+                        unmoved = Some(point);
+                    }
                 }
             }
         }
+    }
+
+    /// Fails once somebody pressed Ctrl-C.
+    fn check_interrupt(&mut self) -> Result<()> {
+        ensure!(
+            !self.session.line().pc().interrupted(),
+            "{}",
+            NoPoint::Interrupted
+        );
         Ok(())
     }
 
@@ -279,6 +390,9 @@ impl Walk<'_> {
         let mut centres: Vec<Centre> = Vec::new();
         // A line that noise changed is made up for; twice as many frames are a target that is not at rest.
         for _ in 0..2 * self.frames {
+            if self.session.line().pc().interrupted() {
+                return Ok(Err(NoPoint::Interrupted));
+            }
             match self.centre()? {
                 Ok(centre) => centres.push(centre),
                 Err(no_centre) => return Ok(Err(NoPoint::Fault(no_centre))),
@@ -366,6 +480,21 @@ impl Walk<'_> {
         writeln!(self.output)?;
         Ok(())
     }
+}
+
+/// The point at another distance that a target at rest would give once more, if there is one.
+///
+/// The distance that was said to change moves the centre by eq. (1)'s slope at least. That is the slope of the
+/// nominal geometry at the farther end of its range, or at the distance if that is beyond. A centre that moves
+/// by less than a tenth of that is at rest. Where a tenth is within the noise, nobody can tell.
+fn at_rest<'a>(points: &'a [Taken], point: &Taken) -> Option<&'a Taken> {
+    points.iter().find(|other| {
+        let beyond = FARTHEST_MM.max(point.d_mm.abs()).max(other.d_mm.abs()) - NOMINAL_D_MM;
+        let expected = NOMINAL_K_MM_PX / beyond.powi(2) * (point.d_mm - other.d_mm).abs();
+        let noise = NOISE * point.sigma_px.hypot(other.sigma_px);
+        let moved = (point.x_px - other.x_px).abs();
+        0.1 * expected > noise && moved < (0.1 * expected).min(AT_REST_PX)
+    })
 }
 
 /// The centres that lie with the others. With three there is no telling which is the odd one.
@@ -592,6 +721,25 @@ mod tests {
         let slits = taken(700.0, &frames[..2]).slits.expect("images");
         assert_eq!((slits[0], slits[1]), (image(900.5), image(1000.0)));
         assert_eq!(taken(700.0, &[centre(1800.0)]).slits, None);
+    }
+
+    /// 10 mm move the centre by 14.6 px at 1.1 m. Steps of a micrometre move it by less than its noise.
+    #[test]
+    fn a_target_that_did_not_move_is_told_from_one_that_did() {
+        let at = |d_mm: f64, x_px: f64| taken(d_mm, &[centre(x_px); 4]);
+        let there = [at(700.0, 2059.46), at(690.0, 2092.14)];
+        let found = |d_mm, x_px| at_rest(&there, &at(d_mm, x_px)).map(|point| point.d_mm);
+        assert_eq!(found(710.0, 2059.46), Some(700.0));
+        assert_eq!(found(710.0, 2059.55), Some(700.0));
+        assert_eq!(found(710.0, 2059.57), None);
+        assert_eq!(found(680.0, 2092.06), Some(690.0));
+        // As eq. (1) has it, and a sensor whose slope is a hundredth.
+        assert_eq!(found(710.0, 2027.4), None);
+        assert_eq!(found(710.0, 2059.46 - 0.32), None);
+        // 0.1 mm: 0.146 px.
+        assert_eq!(found(700.1, 2059.463), Some(700.0));
+        assert_eq!(found(700.1, 2059.48), None);
+        assert_eq!(found(700.001, 2059.46), None);
     }
 
     #[test]

@@ -41,7 +41,7 @@ fn columns(slits: Slits) -> String {
 }
 
 /// The first line, by which a file is known as one of these.
-const TITLE: &str = "# points of a sensor, by slitrange calibrate run";
+pub const TITLE: &str = "# points of a sensor, by slitrange calibrate run";
 
 /// A distance in millimetres with three decimals, or with as many as it takes.
 pub struct Millimetres(pub f64);
@@ -212,6 +212,8 @@ pub struct PointsFile {
     /// The last line was cut off; what was left of it.
     torn: Option<String>,
     begun_with: Option<Before>,
+    /// The distances that were asked for, and the other distances at which a person took the points.
+    asked: Vec<(f64, f64)>,
 }
 
 /// What a file's text holds.
@@ -264,13 +266,15 @@ impl PointsFile {
         if bytes.is_empty() || content.torn.is_some() || content.is_old {
             content.write(path)?;
         }
-        let file = OpenOptions::new()
-            .append(true)
-            .open(path)
-            .with_context(|| format!("{shown} cannot be written"))?;
+        let file = open_to_append(path)?;
         Ok(Self {
             path: path.to_owned(),
             begun_with: begun_with(&content.first),
+            asked: content
+                .remarks
+                .iter()
+                .filter_map(|line| parse_asked(line))
+                .collect(),
             file,
             points: content.points,
             torn: content.torn,
@@ -280,6 +284,15 @@ impl PointsFile {
     /// The points in it.
     pub fn points(&self) -> &[Taken] {
         &self.points
+    }
+
+    /// The positions in millimetres that need no point any more: those of the points, and those for which a
+    /// person took a point at another distance.
+    pub fn done(&self) -> Vec<f64> {
+        let is_there = |at: f64| self.points.iter().any(|point| point.d_mm == at);
+        let asked = self.asked.iter().filter(|(_, at)| is_there(*at));
+        let distances = self.points.iter().map(|point| point.d_mm);
+        distances.chain(asked.map(|(asked, _)| *asked)).collect()
     }
 
     /// How the sensor was set before the run that began the file, as far as a run changes that. `None` where
@@ -303,6 +316,36 @@ impl PointsFile {
         Ok(())
     }
 
+    /// Adds a point that stands for the position in millimetres that was asked for.
+    ///
+    /// # Errors
+    /// It could not be written.
+    pub fn add_for(&mut self, asked: f64, point: Taken) -> Result<()> {
+        self.add(point)?;
+        if point.d_mm != asked {
+            let [of, at] = [asked, point.d_mm].map(Millimetres);
+            self.remark(&format!("{ASKED}{of}{TAKEN_AT}{at} mm"))?;
+            self.asked.push((asked, point.d_mm));
+        }
+        Ok(())
+    }
+
+    /// Takes the last point back: its line becomes a remark. Gives its distance in millimetres.
+    ///
+    /// # Errors
+    /// The file could not be read or written.
+    pub fn take_back(&mut self) -> Result<Option<f64>> {
+        let mut content = self.content()?;
+        let Some(point) = content.points.pop() else {
+            return Ok(None);
+        };
+        content.remarks.push(format!("# taken back: {point}"));
+        content.write(&self.path)?;
+        self.file = open_to_append(&self.path)?;
+        self.points.pop();
+        Ok(Some(point.d_mm))
+    }
+
     /// Adds a remark.
     ///
     /// # Errors
@@ -324,21 +367,40 @@ impl PointsFile {
             })
     }
 
-    /// Puts the points in the order of their centres, as the fit wants them, and remarks below.
+    fn content(&self) -> Result<Content> {
+        let bytes = std::fs::read(&self.path)
+            .with_context(|| format!("{} cannot be read", self.path.display()))?;
+        Content::read(&bytes)
+    }
+
+    /// Puts the points in the order of their distances, as the fit wants them, and remarks below.
     ///
     /// # Errors
     /// The file could not be read or written; it is then as it was.
     pub fn put_in_order(self) -> Result<()> {
-        let in_order = self.points.is_sorted_by(|a, b| a.x_px <= b.x_px);
-        if in_order {
+        if self.points.is_sorted_by(|a, b| a.d_mm <= b.d_mm) {
             return Ok(());
         }
-        let bytes = std::fs::read(&self.path)
-            .with_context(|| format!("{} cannot be read", self.path.display()))?;
-        let mut content = Content::read(&bytes)?;
-        content.points.sort_by(|a, b| a.x_px.total_cmp(&b.x_px));
+        let mut content = self.content()?;
+        content.points.sort_by(|a, b| a.d_mm.total_cmp(&b.d_mm));
         content.write(&self.path)
     }
+}
+
+fn open_to_append(path: &Path) -> Result<File> {
+    (OpenOptions::new().append(true).open(path))
+        .with_context(|| format!("{} cannot be written", path.display()))
+}
+
+// `# asked for 640.000 mm, taken at 646.000 mm`
+const ASKED: &str = "asked for ";
+const TAKEN_AT: &str = " mm, taken at ";
+
+/// Both distances of such a remark.
+fn parse_asked(remark: &str) -> Option<(f64, f64)> {
+    let words = remark.strip_prefix("# ")?.strip_prefix(ASKED)?;
+    let (asked, at) = words.strip_suffix(" mm")?.split_once(TAKEN_AT)?;
+    Some((asked.parse().ok()?, at.parse().ok()?))
 }
 
 fn heading(setup: &Setup, found: Before, started: &str) -> Vec<String> {
@@ -574,7 +636,7 @@ mod tests {
     }
 
     fn sorted(mut points: Vec<Taken>) -> Vec<Taken> {
-        points.sort_by(|a, b| a.x_px.total_cmp(&b.x_px));
+        points.sort_by(|a, b| a.d_mm.total_cmp(&b.d_mm));
         points
     }
 
@@ -633,6 +695,45 @@ mod tests {
                 read.remark("goes on").expect("remarked");
             }
         }
+    }
+
+    /// A person asked for 640 mm reads 646 mm off the ruler: that point stands for 640 mm, also after the file
+    /// is opened again, until it is taken back.
+    #[test]
+    fn a_point_stands_for_the_position_that_was_asked_for() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let point = |d_mm| Taken {
+            x_px: 2_000_000.0 / (d_mm + 100.0),
+            d_mm,
+            sigma_px: 0.001,
+            frames: 1,
+            scatter_px: None,
+            claimed_px: 0.001,
+            misfits: 0,
+            correlated: None,
+            height_counts: None,
+            shape: None,
+            slits: None,
+        };
+        let (mut file, path) = file(&directory, &[]);
+        file.add_for(610.0, point(610.0)).expect("added");
+        file.add_for(640.0, point(646.0)).expect("added");
+        assert_eq!(file.done(), [610.0, 646.0, 640.0]);
+        let again = || PointsFile::open(&path, &setup(), BEFORE, "today").expect("a file");
+        assert_eq!(again().done(), [610.0, 646.0, 640.0]);
+        assert_eq!(file.take_back().expect("taken back"), Some(646.0));
+        assert_eq!((file.done(), again().done()), (vec![610.0], vec![610.0]));
+        file.add(point(650.0)).expect("added");
+        assert_eq!(again().done(), [610.0, 650.0]);
+        let text = std::fs::read_to_string(&path).expect("text");
+        assert!(
+            text.contains("\n# taken back: ") && text.contains(",646.000,"),
+            "{text}"
+        );
+        for _ in 0..2 {
+            file.take_back().expect("taken back");
+        }
+        assert_eq!(file.take_back().expect("nothing"), None);
     }
 
     #[test]
@@ -736,8 +837,8 @@ mod tests {
         let mut again = PointsFile::open(&path, &comb, BEFORE, "today").expect("a file");
         assert_eq!(again.points(), [point]);
         let nearer = Taken {
-            x_px: 1700.0,
-            d_mm: 810.0,
+            x_px: 1800.0,
+            d_mm: 790.0,
             ..point
         };
         again.add(nearer).expect("added");

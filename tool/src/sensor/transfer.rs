@@ -19,6 +19,7 @@ use super::port::PortOption;
 use super::session::Session;
 use crate::pc::Pc;
 use crate::record_file::{self, Comparison, Shown, ShownFrontEnd};
+use crate::whole_file;
 
 /// How often a transfer begins anew if the sensor goes away in it, and how often the sensor is asked to save.
 const TRIES: usize = 3;
@@ -49,7 +50,7 @@ pub struct ReadOptions {
     #[expect(missing_docs, reason = "its help is that of its options")]
     pub port: PortOption,
     /// The file to write
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", value_parser = whole_file::output)]
     pub output: Option<PathBuf>,
     /// Replace FILE even if something else is in it
     #[arg(long, requires = "output")]

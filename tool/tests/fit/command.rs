@@ -159,6 +159,68 @@ fn another_record_is_not_replaced_unless_forced() {
     assert_ne!(std::fs::read(&record).expect("a record"), first);
 }
 
+/// The first line says how good the calibration is, with the curve's largest uncertainty over its range.
+#[test]
+fn the_first_line_is_a_verdict() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let verdict = |points: &[Point], options: &[&str]| {
+        file(&directory.path().join("points.csv"), points);
+        let output = slitrange(
+            directory.path(),
+            &[&["points.csv", "--force"], options].concat(),
+        );
+        assert!(output.status.success(), "{}", printed(&output));
+        let line = printed(&output).lines().next().expect("a line").to_owned();
+        println!("{line}");
+        line
+    };
+    let points = |count| Truth::nominal().points(count, 0.002, &mut seeded(4));
+    let good = verdict(&points(20), &[]);
+    assert!(
+        good.starts_with("Calibration good: the curve is uncertain by "),
+        "{good}"
+    );
+    let few = verdict(&points(9), &[]);
+    assert!(few.starts_with("Calibration usable: "), "{few}");
+    assert!(
+        few.ends_with("; with fewer than 10 points, none could be rejected"),
+        "{few}"
+    );
+    // Three of twenty distances are off by 2 mm.
+    let mut bad = points(20);
+    throw_off(&mut bad, 3, 2.0, false, &mut seeded(2));
+    let bad = verdict(&bad, &[]);
+    assert!(
+        bad.starts_with("Calibration usable: ") && bad.contains("; 3 of 20 points are rejected"),
+        "{bad}"
+    );
+    // Distances known to 10 mm: a hundredth of the range is 4.2 mm.
+    let coarse = verdict(&points(4), &["--position-uncertainty", "10"]);
+    assert!(coarse.starts_with("Calibration not usable: "), "{coarse}");
+    assert!(
+        coarse.contains("; that is more than 1 % of the range: "),
+        "{coarse}"
+    );
+}
+
+/// Other programs take `-` for standard output. This one would make a file with that name.
+#[test]
+fn a_file_named_by_a_dash_is_refused() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let points = Truth::nominal().points(20, 0.002, &mut seeded(3));
+    file(&directory.path().join("points.csv"), &points);
+    for option in ["-o", "--figure"] {
+        let output = slitrange(directory.path(), &["points.csv", option, "-"]);
+        assert_eq!(output.status.code(), Some(2), "{option}");
+        let said = printed(&output);
+        assert!(
+            said.contains("name a file: this command does not write to"),
+            "{said}"
+        );
+        assert!(!directory.path().join("-").exists());
+    }
+}
+
 /// A refused file of points makes no record, and leaves an older record unchanged.
 #[test]
 fn refusals_leave_existing_files_unchanged() {

@@ -81,9 +81,8 @@ fn check(sensor: &StandIn, distances: &[f64], off_px: f64) {
     let taken = Points::read(Path::new(&points(sensor)))
         .expect("points")
         .points;
-    assert!(taken.is_sorted_by(|a, b| a.x_px < b.x_px), "{taken:#?}");
-    let mut there: Vec<f64> = taken.iter().map(|point| point.d_mm).collect();
-    there.sort_by(f64::total_cmp);
+    assert!(taken.is_sorted_by(|a, b| a.d_mm < b.d_mm), "{taken:#?}");
+    let there: Vec<f64> = taken.iter().map(|point| point.d_mm).collect();
     assert_eq!(there, distances);
     let most = taken
         .iter()
@@ -191,7 +190,7 @@ fn a_person_is_asked_and_asked_again() {
     );
     result.expect("stopped by the person");
     assert!(
-        output.contains("move the target to 600.000 mm, then Enter;"),
+        output.contains("move the target to 600 mm, then Enter;"),
         "{output}"
     );
     assert_eq!(lines(&sensor).len(), 1);
@@ -200,24 +199,153 @@ fn a_person_is_asked_and_asked_again() {
         "{:?}",
         lines(&sensor)
     );
-    // On going on, that point stands for none but the position that it is near, which is the last.
+    // On going on, that point stands for the position that it was typed for, and for the one that it is near.
     sensor.state().trouble.fault = 1.0;
     let (result, output) = run(
         &sensor,
         &["--positions", &positions, "--frames", "2"],
         "799.5\n\n\ns\n",
     );
-    result.expect("the input's end");
-    assert!(output.contains("2 of 3 positions to go"), "{output}");
-    let fault = "600.000 mm  too dim: 35.0 counts, needs 60.0 (a longer exposure, more laser power, a \
+    result.expect("skipped");
+    assert!(output.contains("1 of 3 positions to go"), "{output}");
+    assert!(
+        output.ends_with("; 1 of 3 positions are left: 600 mm\n"),
+        "{output}"
+    );
+    let fault = "600 mm  too dim: 35.0 counts, needs 60.0 (a longer exposure, more laser power, a \
                  brighter target or less ambient light)";
     assert_eq!(output.matches(fault).count(), 2, "{output}");
     assert!(
-        output.contains("there is a point at 799.500 mm already\n"),
+        output.contains("there is a point at 799.5 mm already\n"),
         "{output}"
     );
-    assert!(output.contains("move the target to 700.000 mm"), "{output}");
     assert_eq!(lines(&sensor).len(), 1);
+}
+
+/// Moves the target as a person does: to the next of these distances when the file has a point more.
+fn move_by_hand(sensor: &StandIn, distances: &'static [f64]) {
+    let (file, stage) = (points(sensor), sensor.path("stage"));
+    let mut at = None;
+    let mut go = move || {
+        let next = lines_of(&file).len().min(distances.len() - 1);
+        if at != Some(next) {
+            std::fs::write(&stage, distances[next].to_string()).expect("written");
+            at = Some(next);
+        }
+    };
+    go();
+    sensor.each_step(move |_| go());
+}
+
+/// The input of a run that nobody watches ends. The error names the positions that are left, and the points
+/// are kept.
+#[test]
+fn the_end_of_the_input_is_an_error_while_positions_are_left() {
+    let sensor = StandIn::new(30, Trouble::default());
+    move_by_hand(&sensor, &TEN);
+    let arguments = ["--positions", &list(&sensor, &TEN[..4]), "--frames", "2"];
+    let (result, output) = run(&sensor, &arguments, "\n\n");
+    let error = result.expect_err("positions are left");
+    assert_eq!(
+        error,
+        "stopped; run the same command again to go on: the input ended, with 660, 700 mm left"
+    );
+    assert!(
+        output.ends_with("; 2 of 4 positions are left: 660, 700 mm\n"),
+        "{output}"
+    );
+    // After the last position, the end of the input is the end.
+    run(&sensor, &arguments, "\n\n").0.expect("taken");
+    check(&sensor, &TEN[..4], noise(2));
+}
+
+#[test]
+fn a_target_that_nobody_moved_gives_no_second_point() {
+    let sensor = StandIn::new(31, Trouble::default());
+    move_by_hand(&sensor, &[600.0]);
+    let arguments = ["--positions", &list(&sensor, &TEN[..3]), "--frames", "2"];
+    let (result, output) = run(&sensor, &arguments, "t\n\n\n\nq\n");
+    result.expect("stopped by the person");
+    let says =
+        " px, is that of the point at 600 mm: the target did not move (move it; or type t to take";
+    assert_eq!(output.matches(says).count(), 2, "{output}");
+    assert!(output.contains("there is no point to take\n"), "{output}");
+    assert_eq!(lines(&sensor).len(), 1);
+    // A person may know better. A stage cannot be asked.
+    run(&sensor, &arguments, "\nt\nq\n").0.expect("stopped");
+    assert_eq!(lines(&sensor).len(), 2);
+    let stage = ["--stage-command", "true {}"];
+    let error = run(&sensor, &[&arguments[..], &stage].concat(), "")
+        .0
+        .expect_err("stuck");
+    assert!(
+        error.starts_with("there is no point at 660 mm: "),
+        "{error}"
+    );
+    let text = std::fs::read_to_string(points(&sensor)).expect("a file");
+    assert!(
+        text.contains("\n# failed at 660.000 mm: the centre, "),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_person_takes_points_back() {
+    let sensor = StandIn::new(32, Trouble::default());
+    move_by_hand(&sensor, &TEN);
+    let arguments = ["--positions", &list(&sensor, &TEN[..3]), "--frames", "2"];
+    // Two points; the second again; all three; the last again, after the last position.
+    let (result, output) = run(&sensor, &arguments, "u\n\n\nu\n\n\nu\n\n\n");
+    result.expect("taken");
+    assert!(
+        output.contains("this run has no point to take back\n"),
+        "{output}"
+    );
+    for mm in [630, 660] {
+        let says = format!("the point at {mm} mm is taken back\n");
+        assert_eq!(output.matches(&says).count(), 1, "{output}");
+    }
+    check(&sensor, &TEN[..3], noise(2));
+    let text = std::fs::read_to_string(points(&sensor)).expect("a file");
+    assert_eq!(text.matches("\n# taken back: ").count(), 2, "{text}");
+}
+
+/// A ruler shows another distance than the one that was asked for. The run ends nevertheless.
+#[test]
+fn a_typed_distance_stands_for_the_one_that_was_asked_for() {
+    let sensor = StandIn::new(33, Trouble::default());
+    move_by_hand(&sensor, &[612.0, 688.0, 812.0]);
+    let arguments = [
+        "--from", "600", "--to", "800", "--points", "3", "--frames", "2",
+    ];
+    let (result, output) = run(&sensor, &arguments, "612\n688\n812 mm\n");
+    result.expect("taken");
+    assert!(
+        output.contains("move the target to 688 mm, then Enter"),
+        "{output}"
+    );
+    assert!(output.ends_with(", and no position is left\n"), "{output}");
+}
+
+/// Ctrl-C in the middle of a point: the points so far are in order, and the sensor is as it was.
+#[test]
+fn an_interrupted_run_keeps_its_points_and_puts_the_sensor_back() {
+    let sensor = StandIn::new(34, Trouble::default());
+    once_there_are(&sensor, 4, |state| state.interrupted = true);
+    let (result, output) = run_stage(&sensor, &TEN, &["--frames", "3"]);
+    assert_eq!(
+        result.expect_err("interrupted"),
+        "stopped; run the same command again to go on: stopped by Ctrl-C"
+    );
+    assert!(output.contains("4 points are in "), "{output}");
+    let set = sensor.state().settings();
+    assert_eq!((set.rows, set.stream), (16, true));
+    check(&sensor, &TEN[..4], noise(3));
+    sensor.state().interrupted = false;
+    run_stage(&sensor, &TEN, &["--frames", "3"])
+        .0
+        .expect("taken");
+    check(&sensor, &TEN, noise(3));
 }
 
 #[test]
@@ -255,12 +383,12 @@ fn a_position_without_a_centre_is_remarked_and_taken_later() {
         },
     );
     let (result, output) = run_stage(&sensor, &[600.0, 700.0], &[]);
-    result.expect("gone through");
-    assert_eq!(
-        output.matches("600.000 mm  too dim: ").count(),
-        3,
-        "{output}"
+    let error = result.expect_err("no point");
+    assert!(
+        error.starts_with("there is no point at 600, 700 mm: run the same command again"),
+        "{error}"
     );
+    assert_eq!(output.matches("600 mm  too dim: ").count(), 3, "{output}");
     let text = std::fs::read_to_string(points(&sensor)).expect("a file");
     assert!(
         text.contains("\n# failed at 600.000 mm: too dim: 35.0 counts, needs 60.0 ("),

@@ -129,6 +129,8 @@ pub struct State {
     pub restarts_on_save: usize,
     /// The tool is killed after so many uses of its port.
     pub kill_after: Option<usize>,
+    /// Somebody pressed Ctrl-C.
+    pub interrupted: bool,
     /// The tool is dead: nothing that its destructors do has any effect.
     killed: bool,
 }
@@ -396,6 +398,7 @@ impl StandIn {
             light: None,
             restarts_on_save: 0,
             kill_after: None,
+            interrupted: false,
             killed: false,
         };
         let directory = tempfile::tempdir().expect("a directory");
@@ -515,6 +518,10 @@ impl Pc for StandIn {
 
     fn now(&self) -> Duration {
         self.state().now
+    }
+
+    fn interrupted(&self) -> bool {
+        self.state().interrupted
     }
 
     fn sleep(&self, time: Duration) {

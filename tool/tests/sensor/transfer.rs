@@ -291,6 +291,12 @@ fn damaged_and_foreign_records_are_refused() {
         error.contains("it has 5000 bytes, and the longest record 2139"),
         "{error}"
     );
+    std::fs::write(&path, "# points of a sensor\nx_px,d_mm\n1800,700\n").expect("written");
+    let error = run(&sensor, &["show", text(&path)]).0.expect_err("points");
+    assert!(
+        error.contains("is a CSV file of points, and no record: `slitrange calibrate fit /"),
+        "{error}"
+    );
     let error = run(&sensor, &["show", "/nowhere/record"])
         .0
         .expect_err("none");

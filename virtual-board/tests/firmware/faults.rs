@@ -10,7 +10,7 @@ use virtual_board::light::{LIGHT, Target, of_scene};
 use virtual_board::{FULL_SCALE, LightSource, VirtualBoard};
 
 use crate::common::{
-    DISTANCE, PATIENCE, Status, boot, fresh_results, is_reading, is_result, measuring, number,
+    DISTANCE, PATIENCE, Status, ask, boot, fresh_results, is_reading, is_result, measuring, number,
     results, run_into_a_row, set, spot_at, stop_the_transfer,
 };
 
@@ -148,28 +148,58 @@ fn a_spot_in_the_noise_is_too_dim() {
     assert!(line.ends_with(" in 5600 us"), "{line}");
 }
 
+/// White paper with spots at pixels `first` and `second`, of which the second is a little lower.
+fn two_spots(first: f64, second: f64) -> LightSource {
+    // The sum of two lights, without the black level and the noise of one of them.
+    let mut light = spot_at(first, BRIGHT);
+    Box::new(move |exposure| {
+        let mut counts = light(exposure);
+        Spot {
+            width: 8.6,
+            counts_per_second: 0.0,
+        }
+        .add(&mut counts[LIGHT], second, 0.95 * BRIGHT);
+        counts
+    })
+}
+
 #[test]
 fn two_spots_of_similar_height_are_a_fault() {
     let (first, second) = (1600.0, 2000.0);
-    // The sum of two lights, without the black level and the noise of one of them.
-    let mut light = spot_at(first, BRIGHT);
-    let line = only_fault(
-        "two spots",
-        Box::new(move |exposure| {
-            let mut counts = light(exposure);
-            Spot {
-                width: 8.6,
-                counts_per_second: 0.0,
-            }
-            .add(&mut counts[LIGHT], second, 0.95 * BRIGHT);
-            counts
-        }),
-    );
+    let line = only_fault("two spots", two_spots(first, second));
     let (higher, other) = (number(&line, "x ", " and"), number(&line, "and ", ""));
     assert!(
         (higher - first).abs() < 10.0 && (other - second).abs() < 10.0,
         "{line}"
     );
+}
+
+#[test]
+fn the_settings_region_and_peak_choose_one_of_two_spots() {
+    let (first, second) = (1600.0, 2000.0);
+    let (mut board, _) = boot(two_spots(first, second));
+    set(&mut board, "rows 4");
+    for (setting, centre) in [
+        ("peak first", first),
+        ("peak last", second),
+        ("region 1800 2600", second),
+        ("region 1000 1800", first),
+        ("peak strongest", first),
+    ] {
+        set(&mut board, setting);
+        for line in fresh_results(&mut board, 4) {
+            println!("{setting}: {line}");
+            assert!(is_reading(&line), "{setting}: {line}");
+            let error = number(&line, "x ", " a") - centre;
+            assert!(error.abs() < 0.05, "{setting}: {line}");
+        }
+    }
+    assert!(ask(&mut board, "region 3600 3700").starts_with("E22 "));
+    // With `peak`, the first row of a frame takes several searches, in less than the time of a row.
+    let slowest = Status::ask(&mut board).count("slowest row cycles");
+    println!("slowest row: {slowest} cycles of the virtual board");
+    assert!(slowest < 957_600);
+    board.finish().expect("a clean run");
 }
 
 #[test]

@@ -98,7 +98,7 @@ fn name(path: &Path) -> &str {
 
 #[test]
 fn a_terminal_program_talks_to_the_firmware() {
-    let mut demo = Demo::start(&["--distance", "0.8"]);
+    let mut demo = Demo::start(&["--distance", "800"]);
     demo.send("rows 3");
     demo.line(|line| line == "rows 3");
     let line = demo.line(|line| line.contains(" n 3/3 "));
@@ -110,7 +110,7 @@ fn a_terminal_program_talks_to_the_firmware() {
 #[test]
 fn the_target_moves_to_the_position_in_the_stage_file() {
     let file = no_file("stage");
-    let mut demo = Demo::start(&["--distance", "0.65", "--stage", name(&file)]);
+    let mut demo = Demo::start(&["--distance", "650", "--stage", name(&file)]);
     for (text, expected) in [
         (None, 650.0),
         (Some("700\n"), 700.0),
@@ -162,7 +162,7 @@ fn with_an_unknown_geometry_the_nominal_calibration_gives_wrong_distances() {
 #[test]
 fn saved_settings_survive_a_restart_of_the_demo() {
     let file = no_file("flash");
-    let arguments = ["--distance", "0.8", "--flash", name(&file)];
+    let arguments = ["--distance", "800", "--flash", name(&file)];
     let mut demo = Demo::start(&arguments);
     for command in ["rows 5", "save"] {
         demo.send(command);
@@ -176,6 +176,23 @@ fn saved_settings_survive_a_restart_of_the_demo() {
     assert_eq!(demo.line(|line| line.starts_with("rows ")), "rows 5");
     drop(demo);
     fs::remove_file(&file).expect("the file");
+}
+
+/// A distance is in millimetres, here as in the tool.
+#[test]
+fn a_distance_in_metres_is_refused() {
+    for metres in ["0.8", "9000", "far"] {
+        let output = Command::new(env!("CARGO_BIN_EXE_demo"))
+            .args(["--distance", metres])
+            .output()
+            .expect("the demo starts");
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success());
+        assert!(
+            message.contains("must be 10 to 8380 millimetres (800, not 0.8)"),
+            "{message}"
+        );
+    }
 }
 
 #[test]

@@ -78,7 +78,7 @@ fn main() -> anyhow::Result<()> {
         } else {
             mixtures::mixture(seed)
         };
-        story::tell(&row);
+        print!("{}", story::story(&row));
         return Ok(());
     }
     let catalogue = Catalogue::run();

@@ -1,23 +1,66 @@
 //! The story of one random row.
 
+use std::fmt::Write as _;
+
 use host_tests::hard_cases::judge::{Answer, Said, answers};
-use host_tests::hard_cases::mixtures::RandomRow;
+use host_tests::hard_cases::mixtures::{Kind, RandomRow};
 use host_tests::hard_cases::truth::Truth;
 use slitrange::centre::Estimator;
 
-/// Prints what the row is made of, and what every estimator says of it.
-pub fn tell(random_row: &RandomRow) {
-    println!("{random_row:#?}");
+/// What the row is made of, and what every estimator says of it.
+pub fn story(random_row: &RandomRow) -> String {
+    let RandomRow {
+        seed,
+        kinds,
+        recipe,
+    } = random_row;
+    let mut text = format!("row {seed}: ");
+    if kinds.is_empty() {
+        text.push_str("nothing is wrong with it\n");
+    } else {
+        let names = Kind::ALL.iter().filter(|(kind, _)| kinds.contains(kind));
+        let names: Vec<&str> = names.map(|(_, name)| *name).collect();
+        _ = writeln!(text, "{}", names.join(", "));
+    }
+    let shot_noise = (recipe.electrons_per_count).map_or("no shot noise".to_owned(), |it| {
+        format!("{it:.1} electrons a count")
+    });
+    _ = writeln!(
+        text,
+        "sensor: {} pixels, black level {:.1} counts, read noise {:.2} counts, {shot_noise}, saturated from \
+         {} counts",
+        recipe.pixels, recipe.black_level, recipe.read_noise, recipe.saturation
+    );
+    match &recipe.spot {
+        Some(spot) => {
+            _ = writeln!(
+                text,
+                "spot: {}, width {:.3} px, height {:.1} counts",
+                spot.shape, spot.width, spot.amplitude
+            )
+        }
+        None => text.push_str("spot: none\n"),
+    }
+    for flaw in &recipe.flaws {
+        _ = writeln!(text, "flaw: {flaw}");
+    }
     let row = random_row.row();
-    println!("truth: {:?}", row.truth);
+    _ = writeln!(text, "truth: {}\n", row.truth);
     for (estimator, answers) in Estimator::ALL.iter().zip(answers(&row)) {
-        println!(
-            "{:>14} alone: {}",
-            estimator.name(),
+        let name = estimator.name();
+        _ = writeln!(
+            text,
+            "{name:>14} alone: {}",
             words(row.truth, &answers.alone)
         );
-        println!("{:>14} taken: {}", "", words(row.truth, &answers.checked));
+        _ = writeln!(
+            text,
+            "{:>14} taken: {}",
+            "",
+            words(row.truth, &answers.checked)
+        );
     }
+    text
 }
 
 fn words(truth: Truth, answer: &Answer) -> String {
@@ -37,6 +80,33 @@ fn words(truth: Truth, answer: &Answer) -> String {
                 ""
             },
         ),
-        Err(fault) => format!("{fault:?}"),
+        Err(fault) => fault.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use host_tests::hard_cases::mixtures;
+
+    /// Rows of all kinds are told in words, without a name or a brace of the program.
+    #[test]
+    fn rows_are_told_in_words() {
+        println!(
+            "{}{}",
+            story(&mixtures::clean(1)),
+            story(&mixtures::mixture(2))
+        );
+        for seed in 0..200 {
+            let story = story(&mixtures::mixture(seed));
+            assert!(
+                !story.contains(['{', '}']) && !story.contains("Some"),
+                "{story}"
+            );
+            let flaws = story.lines().filter(|line| line.starts_with("flaw: "));
+            assert!(flaws.count() <= 3, "{story}");
+            let answers = story.lines().filter(|line| line.contains(" taken: "));
+            assert_eq!(answers.count(), Estimator::ALL.len());
+        }
     }
 }

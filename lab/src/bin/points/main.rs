@@ -139,8 +139,9 @@ fn solved(
         to: Some(RANGE.end() * 1e3),
         points: count,
         spacing: Spacing::Pixels,
+        round: None,
     };
-    let points: Vec<Point> = (which.list().ok()?.into_iter().zip(2..))
+    let points: Vec<Point> = (which.list(false).ok()?.into_iter().zip(2..))
         .map(|(d_mm, line)| Point {
             line,
             x_px: optics.centre(d_mm * 1e-3 + means.position * normal()) + CENTRE * normal(),

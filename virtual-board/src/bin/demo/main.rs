@@ -19,13 +19,14 @@ use virtual_board::Firmware;
 #[derive(Parser)]
 #[command(name = "cargo demo", bin_name = "cargo demo")]
 struct Options {
-    /// Keep the target at this distance in metres, instead of moving it from 0.60 to 1.02.
-    #[arg(long, value_name = "METRES")]
+    /// Keep the target at this distance in millimetres, instead of moving it from 600 to 1020
+    // The parser makes metres of them.
+    #[arg(long, value_name = "MM", value_parser = metres)]
     distance: Option<f64>,
     /// Rows in a frame.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=64))]
     rows: u16,
-    /// Distances to measure at, from 0.60 to 1.02 m [default: 43; with --scene only the scene's]
+    /// Distances to measure at, from 600 to 1020 mm [default: 43; with --scene only the scene's]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     steps: Option<u32>,
     /// Show the sensor this scene instead of white paper: a name that `cargo scene` lists, or the path of a
@@ -62,6 +63,14 @@ struct Options {
     /// Print the summary as one JSON object on standard output, and everything else on standard error.
     #[arg(long)]
     json: bool,
+}
+
+/// The metres of a distance that a person types in millimetres, as everywhere.
+fn metres(text: &str) -> Result<f64, String> {
+    let millimetres = text.parse().ok();
+    (millimetres.filter(|mm: &f64| (10.0..=8380.0).contains(mm)))
+        .map(|mm| 1e-3 * mm)
+        .ok_or_else(|| "it must be 10 to 8380 millimetres (800, not 0.8)".into())
 }
 
 /// Prints the table: on standard error if standard output is for JSON.

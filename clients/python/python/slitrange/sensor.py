@@ -1,0 +1,408 @@
+"""A sensor at a serial port, which is left as it was found."""
+
+import re
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import TracebackType
+from typing import TypeVar, cast
+
+from slitrange import readings
+from slitrange.errors import NoAnswer, Refused, Restarted, SlitrangeError
+from slitrange.line import ANSWER_S, TRIES, Line, Lines
+from slitrange.readings import Centre, Fault, Reading, Row
+
+T = TypeVar("T")
+
+FRAME_S = 5.0
+"""How long to wait for a frame. One of 64 rows takes 0.4 s; an emulated board can be slower than a clock."""
+
+SAVE_S = 20.0
+"""How long to wait for the flash to be written. A sector takes 1 s to erase."""
+
+ROW_S = 20.0
+"""How long to wait for a row, whose lines take 1.1 s."""
+
+COMMANDS = {
+    *("calibration", "centre", "defaults", "distance", "flat", "help"),
+    *("info", "row", "save", "status", "uncertainty", "zero"),
+}
+"""First words of commands. They are no settings, and some of them change the sensor."""
+
+
+OWN_SETTINGS = ("stream", "echo", "format", "baud")
+"""Settings that this package needs for itself."""
+
+COLUMNS = ("distance", "u", "r", "centre", "height", "rows", "exposure", "flags")
+"""The columns of a line that a `Reading` needs."""
+
+
+def open(port: str, baud: int = 115200) -> "Sensor":
+    """Opens the sensor at a serial port, such as /dev/ttyACM0 or COM3.
+
+    Args:
+        port: The name of the port.
+        baud: The rate of the line. A sensor has 115200 after its start.
+
+    Raises:
+        SlitrangeError: The port cannot be opened, or what answers there is no sensor.
+    """
+    return Sensor(port, baud)
+
+
+class Sensor:
+    """A sensor at a serial port, from `open`. Iterate over it for its readings.
+
+    While it is open, the sensor sends readings only if the program takes them. At the end, `close` or `with`
+    puts back what was found: the stream, the echo, and the settings that `set` changed.
+
+    Attributes:
+        spoilt: How many lines of the stream could not be read, by noise on the line.
+    """
+
+    def __init__(self, port: str, baud: int = 115200) -> None:
+        """Opens the port and finds out whether a sensor answers there."""
+        self.spoilt = 0
+        self._line = Line(port, baud)
+        self._waiting: deque[Reading | Fault] = deque()
+        self._before: dict[str, str] = {}
+        self._is_streaming = False
+        self._is_open = True
+        # What is put back at the end.
+        self._streamed = False
+        self._echoed = False
+        self._sent_packets = False
+        self._output: str | None = None
+        try:
+            try:
+                self._begin()
+            except Restarted:
+                # The sensor may have got its power with the port.
+                self._line.is_lost = False
+                self._begin()
+        except BaseException:
+            self._is_open = False
+            self._line.close()
+            raise
+
+    def _begin(self) -> None:
+        self._sent_packets = self._line.leave_packets()
+        self._streamed = self._line.synchronise()
+        # Earlier firmware has no echo.
+        with suppress(Refused):
+            self._echoed = self._value("echo") == "on"
+        if self._echoed:
+            # The echo of this line may be taken for its answer, which then still comes.
+            self._ask_setting("echo", "off")
+            self._line.synchronise()
+        self._stream(False)
+        # Earlier firmware sends all columns.
+        with suppress(Refused):
+            output = self._value("output")
+            if _missing(output):
+                self._output = output
+                self._add_columns()
+        # Readings from before are not those of this program.
+        self._waiting.clear()
+
+    def _add_columns(self) -> None:
+        """Adds the columns that a `Reading` needs to those that were found."""
+        if self._output is not None:
+            self._ask_setting("output", " ".join([self._output, *_missing(self._output)]))
+
+    def _remove_columns(self) -> None:
+        """Puts the columns back that were found."""
+        if self._output is not None:
+            self._ask_setting("output", self._output)
+
+    def __enter__(self) -> "Sensor":
+        """Returns the sensor."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Closes the sensor."""
+        self.close()
+
+    def close(self) -> None:
+        """Puts back what was found, and gives the port back. Closing again does nothing."""
+        if not self._is_open:
+            return
+        try:
+            # A sensor that is gone or started anew has forgotten what was set.
+            if not self._line.is_lost:
+                self._put_back()
+        finally:
+            self._is_open = False
+            self._line.close()
+
+    def _put_back(self) -> None:
+        self._line.synchronise()
+        self._stream(False)
+        for name, value in reversed(self._before.items()):
+            self._ask_setting(name, value)
+        self._remove_columns()
+        if self._streamed:
+            self._stream(True)
+        if self._echoed:
+            self._ask_setting("echo", "on")
+        if self._sent_packets:
+            self._line.ask("format binary", lambda lines: lines[-1].endswith("format binary") or None)
+
+    def __iter__(self) -> Iterator[Reading | Fault]:
+        """The readings and faults, one for each frame, as the sensor measures them."""
+        return self.readings()
+
+    def readings(self, timeout_s: float | None = FRAME_S) -> Iterator[Reading | Fault]:
+        """The readings and faults, one for each frame, as the sensor measures them.
+
+        While the sensor answers another command, it sends no readings.
+
+        Args:
+            timeout_s: How long to wait for a reading or fault, in seconds. None waits for ever.
+
+        Raises:
+            NoAnswer: Nothing came in this time.
+            Restarted: The sensor started anew.
+            PortError: The port stopped working.
+        """
+        try:
+            while True:
+                yield self._next_result(timeout_s)
+        finally:
+            self._waiting.clear()
+            if self._is_open and not self._line.is_lost and self._is_streaming:
+                # `close` tries again, and says if it fails.
+                with suppress(SlitrangeError):
+                    self._stream(False)
+
+    def _next_result(self, timeout_s: float | None) -> Reading | Fault:
+        """The next reading or fault of the stream."""
+        self._check_open()
+        if not self._is_streaming and not self._waiting:
+            self._stream(True)
+        until = None if timeout_s is None else time.monotonic() + timeout_s
+        while not self._waiting:
+            line = self._line.line(time.monotonic() + 1 if until is None else until)
+            if line is not None:
+                self._take(line)
+            elif until is not None:
+                raise NoAnswer(
+                    f"no reading came at {self._line.port} for {timeout_s} s: check the cable, or wait "
+                    "longer by readings(timeout_s=...)"
+                )
+        return self._waiting.popleft()
+
+    def _take(self, line: str) -> None:
+        """Takes a line, if it is one of the stream."""
+        found = readings.result(line)
+        if found is not None:
+            self._waiting.append(found)
+        elif re.match(r"[dzf#] ", line):
+            self.spoilt += 1
+
+    def _stream(self, on: bool) -> None:
+        """Switches the stream on or off. Readings that come before the answer wait for their turn."""
+        answer = f"stream {_word(on)}"
+
+        def is_answered(lines: Lines) -> bool | None:
+            if lines[-1] == answer:
+                return True
+            self._take(lines[-1])
+            return None
+
+        self._line.ask(answer, is_answered)
+        self._is_streaming = on
+
+    @contextmanager
+    def _paused(self) -> Iterator[None]:
+        """Pauses the stream, so that its lines are not taken for an answer."""
+        self._check_open()
+        was_streaming = self._is_streaming
+        if was_streaming:
+            self._stream(False)
+        yield
+        if was_streaming:
+            self._stream(True)
+
+    def _check_open(self) -> None:
+        if not self._is_open:
+            raise ValueError("the sensor is closed: open it again")
+
+    def _ask(self, command: str, answer: Callable[[Lines], T | None], wait_s: float = ANSWER_S) -> T:
+        with self._paused():
+            return self._line.ask(command, answer, wait_s)
+
+    def get(self, name: str) -> str:
+        """The value of a setting, as in `get("rows")`. docs/serial-line.md lists the settings.
+
+        Raises:
+            Refused: There is no such setting.
+            NoAnswer: No answer came.
+        """
+        name = _setting(name)
+        with self._paused():
+            return self._value(name)
+
+    def set(self, name: str, value: str | int | bool, *, keep: bool = False) -> str:
+        """Sets a setting, as in `set("rows", 64)`. Returns the value that the sensor names.
+
+        The sensor's memory loses the value with the power: see `save`.
+
+        Args:
+            name: The setting. docs/serial-line.md lists the settings and their values.
+            value: The value. True is `on` and False is `off`.
+            keep: Whether the sensor keeps the value when it is closed. Otherwise `close` puts the old one
+                back.
+
+        Raises:
+            Refused: There is no such setting, or the value is wrong. Its sentence says what the sensor takes.
+            NoAnswer: No answer came.
+        """
+        name = _setting(name)
+        text = _text(_word(value) if isinstance(value, bool) else str(value))
+        if not text:
+            raise ValueError(f"there is no value for {name}: give one, or read it by get")
+        if name == "output" and (missing := _missing(text)):
+            raise ValueError(f"output must also have {' '.join(missing)}: a Reading needs these columns")
+        with self._paused():
+            is_first = not keep and name not in self._before
+            if is_first:
+                before = self._output if name == "output" else None
+                self._before[name] = before or self._value(name)
+            try:
+                found = self._ask_setting(name, text)
+            except Refused:
+                if is_first:
+                    del self._before[name]
+                raise
+            if keep:
+                self._before.pop(name, None)
+            if name == "output":
+                self._output = None
+            return found
+
+    def _value(self, name: str) -> str:
+        return self._line.ask(name, lambda lines: _value_of(name, lines[-1]))
+
+    def _ask_setting(self, name: str, value: str) -> str:
+        return self._line.ask(f"{name} {value}", lambda lines: _value_of(name, lines[-1]))
+
+    def read(self) -> Reading | Fault:
+        """The reading of the next frame, or its fault with what to do about it.
+
+        Raises:
+            NoAnswer: No answer came.
+        """
+        # mypy takes the union for an object.
+        return cast("Reading | Fault", self._ask("distance", readings.frame_result, FRAME_S))
+
+    def centre(self) -> Centre | Fault:
+        """The centre of the next frame and the spot's shape, without a distance; or a fault.
+
+        Raises:
+            NoAnswer: No answer came.
+        """
+        return cast("Centre | Fault", self._ask("centre", readings.centre, FRAME_S))
+
+    def row(self, first: int | None = None, last: int | None = None, *, window: bool = False) -> Row:
+        """One row as the sensor sees it: its pixels, and what the sensor makes of them.
+
+        All lines of the answer have checksums. If one of them is wrong, the row is asked for again.
+
+        Args:
+            first: The first pixel to send. Without it, all pixels are sent.
+            last: The last pixel to send.
+            window: Send only the pixels around the spot. None if the row has a fault.
+
+        Raises:
+            NoAnswer: No answer came, or none with the right checksums.
+        """
+        command = "row"
+        if window:
+            if first is not None or last is not None:
+                raise ValueError("give first and last, or window, but not both")
+            command = "row window"
+        elif first is not None and last is not None:
+            if not 0 <= first <= last <= 0xFFFF:
+                raise ValueError(f"first is {first} and last is {last}, but 0 <= first <= last <= 65535")
+            command = f"row {first} {last}"
+        elif first is not None or last is not None:
+            raise ValueError("give both first and last, or none of them")
+        with self._paused():
+            for _ in range(TRIES):
+                found = self._line.ask(command, readings.row, ROW_S)
+                if isinstance(found, Row):
+                    return found
+        raise NoAnswer(
+            f"`{command}` had a wrong checksum {TRIES} times at {self._line.port}: check the cable"
+        )
+
+    def info(self) -> Lines:
+        """The lines of the answer to `info`, without that word: what this sensor is."""
+        return [line.removeprefix("info ") for line in self.lines("info") if line.startswith("info ")]
+
+    def lines(self, command: str) -> Lines:
+        """The lines of the answer to any command that is answered at once: `status`, `calibration`, `help`.
+
+        Not for commands that wait for a frame or write to flash.
+
+        Raises:
+            Refused: The sensor answers with an error.
+            NoAnswer: No answer came.
+        """
+        with self._paused():
+            return self._line.ask_at_once(_text(command))
+
+    def save(self) -> None:
+        """Writes the settings in use and the calibration to flash. From then on, they are the sensor's own.
+
+        `close` then puts none of the settings back that were set before.
+
+        Raises:
+            Refused: They could not be saved. The sentence says why.
+            NoAnswer: No answer came.
+        """
+        with self._paused():
+            # The columns that this package added are not the owner's.
+            self._remove_columns()
+            self._line.ask_once("save", lambda lines: True if lines[-1] == "save" else None, SAVE_S)
+            self._before.clear()
+            self._add_columns()
+
+
+def _word(on: bool) -> str:
+    return "on" if on else "off"
+
+
+def _missing(output: str) -> Lines:
+    """The columns that `output` lacks."""
+    return [column for column in COLUMNS if column not in output.split(" ")]
+
+
+def _text(text: str) -> str:
+    """The words of a command, in lower case."""
+    if not (text.isascii() and text.isprintable()):
+        raise ValueError(f"{text!r} is no text of ASCII in one line, so the sensor does not take it")
+    return " ".join(text.lower().split())
+
+
+def _setting(name: str) -> str:
+    """The name of a setting that a program may see or change."""
+    name = _text(name)
+    first = name.split(" ")[0]
+    if first in COMMANDS or not first:
+        raise ValueError(f"`{name}` is no setting but a command: use the method for it, or lines({name!r})")
+    if first in OWN_SETTINGS:
+        raise ValueError(f"`{name}` is set by this package, and put back at the end")
+    return name
+
+
+def _value_of(name: str, line: str) -> str | None:
+    """The value in the line that answers for a setting."""
+    return line.removeprefix(f"{name} ") if line.startswith(f"{name} ") else None

@@ -1,0 +1,178 @@
+//! The core of slitrange for Python: `slitrange._core`. The package's `rows.py` checks the arguments and
+//! gives the results their names.
+
+use numpy::{PyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use slitrange::measurement::Measurement;
+use slitrange::reading::Measured;
+use slitrange::units::{Counts, Electrons};
+use slitrange::{BlackLevel, Estimator, Fault, Geometry, Polarity, Settings, sensor_heads};
+
+/// A sensor's geometry, as Python holds it: words, light, shielded, falling, bits, electrons per count, and
+/// the count from which a pixel is saturated.
+type Layout = (usize, (usize, usize), (usize, usize), bool, u8, f64, u16);
+
+/// The results of all frames, one list for each quantity: centre and u in pixels, height in counts, width in
+/// pixels, rows used, rows with the flag misfit, and the number of the fault or -1.
+#[derive(Default)]
+struct Columns {
+    centre: Vec<f64>,
+    u: Vec<f64>,
+    height: Vec<f64>,
+    width: Vec<f64>,
+    rows_used: Vec<u16>,
+    misfits: Vec<u16>,
+    fault: Vec<i8>,
+}
+
+impl Columns {
+    fn add(&mut self, result: &Result<Measured, Fault>) {
+        let nothing = [f64::NAN; 4];
+        let ([centre, u, height, width], [rows_used, misfits], fault) = match result {
+            Ok(Measured { frame, .. }) => (
+                [
+                    frame.centre.to_f64(),
+                    frame.uncertainty.to_f64(),
+                    frame.amplitude.to_f64(),
+                    frame.width.to_f64(),
+                ],
+                [frame.rows_used, frame.misfits],
+                -1,
+            ),
+            // There are 14 kinds.
+            Err(fault) => (nothing, [0, 0], fault.kind() as i8),
+        };
+        self.centre.push(centre);
+        self.u.push(u);
+        self.height.push(height);
+        self.width.push(width);
+        self.rows_used.push(rows_used);
+        self.misfits.push(misfits);
+        self.fault.push(fault);
+    }
+}
+
+/// The columns as numpy arrays.
+type Arrays<'py> = (
+    [Bound<'py, PyArray1<f64>>; 4],
+    [Bound<'py, PyArray1<u16>>; 2],
+    Bound<'py, PyArray1<i8>>,
+);
+
+/// Measures the rows of a two-dimensional array, a row for each of its rows. Each `frame` rows are a frame.
+/// `black_level` is a number of counts, "shielded" or "frame".
+#[pyfunction]
+fn centres<'py>(
+    py: Python<'py>,
+    rows: PyReadonlyArray2<'py, u16>,
+    estimator: &str,
+    layout: Layout,
+    black_level: &str,
+    frame: u16,
+) -> PyResult<Arrays<'py>> {
+    let estimator = Estimator::named(estimator)
+        .ok_or_else(|| PyValueError::new_err(format!("there is no estimator {estimator}")))?;
+    let settings = Settings {
+        rows: frame,
+        estimator,
+        black_level: black_level_of(black_level)?,
+        ..Settings::default()
+    };
+    let geometry = geometry_of(layout);
+    let rows = rows.as_array();
+    let columns = py.detach(|| {
+        let mut measurement = Measurement::new(geometry, settings);
+        let mut words = Vec::new();
+        let mut columns = Columns::default();
+        for row in rows.rows() {
+            // The core takes the words of a row in a place where it may correct them.
+            words.clear();
+            words.extend(row);
+            if let Some(result) = measurement.row(&mut words) {
+                columns.add(&result);
+            }
+        }
+        columns
+    });
+    let Columns {
+        centre,
+        u,
+        height,
+        width,
+        rows_used,
+        misfits,
+        fault,
+    } = columns;
+    Ok((
+        [centre, u, height, width].map(|it| PyArray1::from_vec(py, it)),
+        [rows_used, misfits].map(|it| PyArray1::from_vec(py, it)),
+        PyArray1::from_vec(py, fault),
+    ))
+}
+
+fn black_level_of(name: &str) -> PyResult<BlackLevel> {
+    match name {
+        "shielded" => Ok(BlackLevel::Shielded),
+        "frame" => Ok(BlackLevel::Frame),
+        counts => match counts.parse() {
+            Ok(counts) => Ok(BlackLevel::Fixed(Counts::from_f32(counts))),
+            Err(_) => Err(PyValueError::new_err(format!(
+                "there is no black level {counts}"
+            ))),
+        },
+    }
+}
+
+fn geometry_of(layout: Layout) -> Geometry {
+    let (words, light, shielded, falling, bits, electrons_per_count, saturation) = layout;
+    Geometry {
+        words,
+        shielded: shielded.0..shielded.1,
+        light: light.0..light.1,
+        polarity: match falling {
+            true => Polarity::Falling,
+            false => Polarity::Rising,
+        },
+        bits,
+        // One electron a count, the least gain, is 65536. `as` saturates, and makes 0 of an infinite gain.
+        shot_variance_per_count_q16: (65_536.0 / electrons_per_count).round() as u16,
+        saturation,
+    }
+}
+
+/// The layout of the TCD1304DG's rows, as the core knows it.
+#[pyfunction]
+fn tcd1304dg() -> Layout {
+    let head = sensor_heads::tcd1304dg();
+    let electrons: Electrons = head.electrons_per_count();
+    (
+        head.words,
+        (head.light.start, head.light.end),
+        (head.shielded.start, head.shielded.end),
+        head.polarity == Polarity::Falling,
+        head.bits,
+        electrons.to_f64(),
+        head.saturation,
+    )
+}
+
+/// The module `slitrange._core`.
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use super::{centres, tcd1304dg};
+
+    use pyo3::prelude::*;
+    use slitrange::row::{LARGEST_COUNT, MAX_PIXELS};
+    use slitrange::{Estimator, Fault, frame};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("ESTIMATORS", Estimator::ALL.map(Estimator::name))?;
+        module.add("FAULTS", Fault::NAMES)?;
+        module.add("LARGEST_COUNT", LARGEST_COUNT)?;
+        module.add("MAX_PIXELS", MAX_PIXELS)?;
+        module.add("MAX_ROWS", frame::MAX_ROWS)
+    }
+}

@@ -1,0 +1,287 @@
+//! The settings `region` and `peak`: which part of a row is searched, and which of several spots is measured.
+//! The tests print every figure that they assert.
+
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, Normal};
+use slitrange::centre::Estimator;
+use slitrange::fault::Fault;
+use slitrange::measurement::Measurement;
+use slitrange::peak::Peak;
+use slitrange::reading::Measured;
+use slitrange::region::Region;
+use slitrange::row::{Geometry, LARGEST_COUNT, Polarity};
+use slitrange::settings::Settings;
+use slitrange::units::Pixels;
+
+const PIXELS: usize = 3648;
+const ELECTRONS_PER_COUNT: f64 = 10.0;
+const READ_NOISE: f64 = 4.0;
+const BLACK_LEVEL: f64 = 300.0;
+
+fn geometry() -> Geometry {
+    Geometry {
+        words: PIXELS,
+        shielded: 0..0,
+        light: 0..PIXELS,
+        polarity: Polarity::Rising,
+        bits: 12,
+        shot_variance_per_count_q16: (65536.0 / ELECTRONS_PER_COUNT).round() as u16,
+        saturation: LARGEST_COUNT,
+    }
+}
+
+/// A gaussian of light.
+#[derive(Clone, Copy, Debug)]
+struct Light {
+    centre: f64,
+    width: f64,
+    height: f64,
+}
+
+/// A row with these spots, in shot noise and read noise.
+fn row(random: &mut ChaCha8Rng, spots: &[Light]) -> Vec<u16> {
+    (0..PIXELS)
+        .map(|pixel| {
+            let of_spot = |spot: &Light| {
+                let from = (pixel as f64 - spot.centre) / spot.width;
+                spot.height * (-from * from / 2.0).exp()
+            };
+            let light: f64 = spots.iter().map(of_spot).sum();
+            let variance = READ_NOISE * READ_NOISE + light / ELECTRONS_PER_COUNT;
+            let noise = Normal::new(0.0, variance.sqrt()).expect("a deviation");
+            let count = BLACK_LEVEL + light + noise.sample(random);
+            count.round().clamp(0.0, LARGEST_COUNT.into()) as u16
+        })
+        .collect()
+}
+
+/// Measures rows as one frame.
+fn measure(geometry: Geometry, settings: Settings, rows: &[Vec<u16>]) -> Result<Measured, Fault> {
+    let settings = Settings {
+        rows: rows.len() as u16,
+        ..settings
+    };
+    let mut measurement = Measurement::new(geometry, settings);
+    let mut measured = None;
+    for row in rows {
+        measured = measurement.row(&mut row.clone());
+    }
+    measured.expect("the frame is complete")
+}
+
+fn with_region(first: u16, last: u16) -> Settings {
+    Settings {
+        region: Region::new(first, last).expect("a region"),
+        ..Settings::default()
+    }
+}
+
+fn with_peak(peak: Peak) -> Settings {
+    Settings {
+        peak,
+        ..Settings::default()
+    }
+}
+
+/// The same bits, for results and for faults.
+#[test]
+fn a_region_is_measured_as_a_row_of_these_pixels() {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let (mut centres, mut faults) = (0, 0);
+    for number in 0..400 {
+        let first = random.random_range(0..3000);
+        let last = random.random_range(first + 100..PIXELS as u16);
+        let inside = random.random_range(f64::from(first)..f64::from(last));
+        let spot = |centre, random: &mut ChaCha8Rng| Light {
+            centre,
+            width: random.random_range(1.2..20.0),
+            height: 10.0 * f64::powf(400.0, random.random_range(0.0..1.0)),
+        };
+        let mut spots = vec![spot(inside, &mut random)];
+        if number % 3 == 0 {
+            let anywhere = random.random_range(0.0..PIXELS as f64);
+            spots.push(spot(anywhere, &mut random));
+        }
+        let rows: Vec<_> = (0..3).map(|_| row(&mut random, &spots)).collect();
+        let narrow = Geometry {
+            light: first.into()..usize::from(last) + 1,
+            ..geometry()
+        };
+        let estimator = Estimator::ALL[number % Estimator::ALL.len()];
+        let settings = Settings {
+            estimator,
+            ..with_region(first, last)
+        };
+        let in_region = measure(geometry(), settings, &rows);
+        let whole = Settings {
+            region: Region::ALL,
+            ..settings
+        };
+        match (in_region, measure(narrow, whole, &rows)) {
+            (Ok(found), Ok(expected)) => {
+                centres += 1;
+                let centre = expected.frame.centre.to_bits() + (i32::from(first) << 16);
+                assert_eq!(found.frame.centre.to_bits(), centre, "{spots:?}");
+                assert_eq!(found.frame.uncertainty, expected.frame.uncertainty);
+                assert_eq!(found.frame.misfits, expected.frame.misfits);
+            }
+            (Err(found), Err(expected)) => {
+                faults += 1;
+                let moved =
+                    |place: Pixels| Pixels::from_bits(place.to_bits() + (i32::from(first) << 16));
+                let expected = match expected {
+                    Fault::SpotAtEdge { centre } => Fault::SpotAtEdge {
+                        centre: moved(centre),
+                    },
+                    Fault::TwoSpots { centre, other } => Fault::TwoSpots {
+                        centre: moved(centre),
+                        other: moved(other),
+                    },
+                    fault => fault,
+                };
+                assert_eq!(found, expected, "{spots:?}");
+            }
+            (found, expected) => panic!("{found:?} {expected:?} {spots:?}"),
+        }
+    }
+    println!("{centres} centres, {faults} faults");
+    assert!(centres > 200 && faults > 20);
+}
+
+#[test]
+fn a_lamp_outside_the_region_does_no_harm() {
+    let mut random = ChaCha8Rng::seed_from_u64(2);
+    let spot = Light {
+        centre: 1800.3,
+        width: 8.0,
+        height: 800.0,
+    };
+    let lamp = Light {
+        centre: 2600.0,
+        height: 900.0,
+        ..spot
+    };
+    let rows = [row(&mut random, &[spot, lamp])];
+    let whole = measure(geometry(), Settings::default(), &rows);
+    assert!(matches!(whole, Err(Fault::TwoSpots { .. })), "{whole:?}");
+    let found = measure(geometry(), with_region(1500, 2100), &rows).expect("a centre");
+    let error = found.frame.centre.to_f64() - spot.centre;
+    let u = found.frame.uncertainty.to_f64();
+    println!("error {error:.4} px, u {u:.4} px");
+    assert!(error.abs() < 5.0 * u && u < 0.05 && found.frame.misfits == 0);
+}
+
+/// Two or three spots of any heights, of which the lowest is a fifth of the highest or more. `first` and
+/// `last` measure theirs within the claimed uncertainty.
+#[test]
+fn peak_measures_the_first_or_the_last_spot() {
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    for peak in [Peak::First, Peak::Last] {
+        let (mut squares, mut number, mut faults, mut flagged) = (0.0, 0, 0, 0);
+        for _ in 0..1000 {
+            let width = random.random_range(3.0..12.0);
+            let mut centre = random.random_range(300.0..800.0);
+            let spots: Vec<_> = (0..random.random_range(2..=3))
+                .map(|_| {
+                    let spot = Light {
+                        centre,
+                        width,
+                        height: random.random_range(500.0..2500.0),
+                    };
+                    centre += random.random_range(40.0..100.0) * width;
+                    spot
+                })
+                .collect();
+            let spots: Vec<_> = spots.into_iter().filter(|it| it.centre < 3400.0).collect();
+            let rows: Vec<_> = (0..2).map(|_| row(&mut random, &spots)).collect();
+            let wanted = match peak {
+                Peak::Last => spots.last(),
+                _ => spots.first(),
+            };
+            match measure(geometry(), with_peak(peak), &rows) {
+                Ok(found) if found.frame.misfits > 0 => flagged += 1,
+                Ok(found) => {
+                    let error = found.frame.centre.to_f64() - wanted.expect("a spot").centre;
+                    let in_u = error / found.frame.uncertainty.to_f64();
+                    assert!(in_u.abs() < 5.0, "{error} px, {in_u} u, {spots:?}");
+                    squares += in_u * in_u;
+                    number += 1;
+                }
+                Err(_) => faults += 1,
+            }
+        }
+        let rms = (squares / f64::from(number)).sqrt();
+        println!(
+            "{}: {number} centres, errors of {rms:.3} u, {flagged} flagged, {faults} faults",
+            peak.name()
+        );
+        assert!(number > 980 && (0.95..1.05).contains(&rms));
+    }
+}
+
+/// One spot is measured as without the setting: to the same bits.
+#[test]
+fn one_spot_is_the_first_and_the_last() {
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    for _ in 0..300 {
+        let spot = Light {
+            centre: random.random_range(0.0..PIXELS as f64),
+            width: random.random_range(1.2..25.0),
+            height: random.random_range(20.0..3500.0),
+        };
+        let rows = [row(&mut random, &[spot]), row(&mut random, &[spot])];
+        let strongest = measure(geometry(), Settings::default(), &rows);
+        for peak in [Peak::First, Peak::Last] {
+            let found = measure(geometry(), with_peak(peak), &rows);
+            assert_eq!(
+                format!("{found:?}"),
+                format!("{strongest:?}"),
+                "{} {spot:?}",
+                peak.name()
+            );
+        }
+    }
+}
+
+/// Spots that are too close to be parted: the answer is one of them, a fault or a flag. Two that look like one
+/// spot are measured as without the setting.
+#[test]
+fn close_spots_give_no_confident_error() {
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let (mut centres, mut rest, mut wrong) = (0, 0, 0);
+    for _ in 0..2000 {
+        let width = random.random_range(3.0..12.0);
+        let first = Light {
+            centre: random.random_range(800.0..2500.0),
+            width,
+            height: random.random_range(300.0..2500.0),
+        };
+        let second = Light {
+            centre: first.centre + width * random.random_range(2.0..40.0),
+            height: random.random_range(300.0..2500.0),
+            ..first
+        };
+        let rows = [row(&mut random, &[first, second])];
+        let peak = [Peak::First, Peak::Last][centres % 2];
+        match measure(geometry(), with_peak(peak), &rows) {
+            Ok(found) if found.frame.misfits == 0 => {
+                centres += 1;
+                let u = found.frame.uncertainty.to_f64();
+                let error = |spot: &Light| (found.frame.centre.to_f64() - spot.centre).abs();
+                if error(&first).min(error(&second)) > 5.0 * u {
+                    wrong += 1;
+                    // They look like one spot.
+                    let strongest = measure(geometry(), Settings::default(), &rows);
+                    assert_eq!(
+                        format!("{:?}", Ok::<_, Fault>(found)),
+                        format!("{strongest:?}")
+                    );
+                }
+            }
+            _ => rest += 1,
+        }
+    }
+    println!("{centres} centres, {rest} faults and flags, {wrong} beyond 5 u of both");
+    assert!(wrong <= 2 && centres > 500 && rest > 100);
+}

@@ -1,0 +1,91 @@
+//! What a person types: lines, and Ctrl-C.
+
+use std::io::{self, BufRead, Read};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+use signal_hook::consts::SIGINT;
+use signal_hook::flag;
+
+/// Whether somebody pressed Ctrl-C. Empty while Ctrl-C ends the program.
+static INTERRUPTED: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+
+/// What a program that Ctrl-C ends gives to the shell.
+const ENDED_BY_INTERRUPT: i32 = 130;
+
+/// How often a keyboard that waits for a line looks for Ctrl-C.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Whether somebody pressed Ctrl-C since the first call. Pressed again, Ctrl-C ends the program at once.
+pub fn watch_interrupts() -> bool {
+    let pressed = INTERRUPTED.get_or_init(|| {
+        let pressed = Arc::new(AtomicBool::new(false));
+        // In this order: the first press must not end the program. Without them, the first press does.
+        let ending = Arc::clone(&pressed);
+        _ = flag::register_conditional_shutdown(SIGINT, ENDED_BY_INTERRUPT, ending)
+            .and_then(|_| flag::register(SIGINT, Arc::clone(&pressed)));
+        pressed
+    });
+    pressed.load(Ordering::Relaxed)
+}
+
+/// Standard input. Once [`watch_interrupts`] was called, Ctrl-C is the input's end: the system goes on waiting
+/// for a line after Ctrl-C, so a thread waits in place of the program.
+#[derive(Debug, Default)]
+pub struct Keyboard {
+    lines: Option<Receiver<io::Result<Vec<u8>>>>,
+    /// The line that is being read, and how much of it was.
+    line: Vec<u8>,
+    read: usize,
+}
+
+impl BufRead for Keyboard {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        while self.read >= self.line.len() {
+            let lines = self.lines.get_or_insert_with(read_lines);
+            match lines.recv_timeout(LOOK) {
+                Ok(line) => (self.line, self.read) = (line?, 0),
+                Err(RecvTimeoutError::Disconnected) => return Ok(&[]),
+                Err(RecvTimeoutError::Timeout) => {
+                    if INTERRUPTED
+                        .get()
+                        .is_some_and(|it| it.load(Ordering::Relaxed))
+                    {
+                        return Ok(&[]);
+                    }
+                }
+            }
+        }
+        Ok(self.line.get(self.read..).unwrap_or_default())
+    }
+
+    fn consume(&mut self, count: usize) {
+        self.read += count;
+    }
+}
+
+impl Read for Keyboard {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let count = self.fill_buf()?.read(bytes)?;
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+/// Reads standard input to its end.
+fn read_lines() -> Receiver<io::Result<Vec<u8>>> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        loop {
+            let mut line = Vec::new();
+            let read = io::stdin().lock().read_until(b'\n', &mut line);
+            let is_end = matches!(read, Ok(0));
+            if is_end || sender.send(read.map(|_| line)).is_err() {
+                return;
+            }
+        }
+    });
+    lines
+}
