@@ -12,6 +12,7 @@ pub mod fit;
 pub mod keyboard;
 pub mod pc;
 pub mod photon_transfer;
+pub mod plot;
 pub mod points;
 pub mod record_file;
 pub mod screen;
@@ -36,6 +37,8 @@ pub enum Command {
     Monitor(sensor::MonitorOptions),
     #[expect(missing_docs)]
     Settings(sensor::SettingsOptions),
+    #[expect(missing_docs)]
+    Plot(plot::PlotOptions),
     #[expect(missing_docs)]
     Scope(sensor::ScopeOptions),
     #[expect(missing_docs)]
@@ -82,6 +85,10 @@ impl Command {
                 return Ok(ExitCode::SUCCESS);
             }
             Self::Settings(options) => return sensor::settings(options, pc, output),
+            Self::Plot(options) => {
+                plot::plot(options, output)?;
+                return Ok(ExitCode::SUCCESS);
+            }
             Self::Scope(options) => {
                 sensor::scope(options, pc, output)?;
                 return Ok(ExitCode::SUCCESS);

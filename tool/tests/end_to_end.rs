@@ -201,8 +201,15 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
     println!("nominal at {NEAREST} m: {nominal:.4} m");
     assert!((nominal - NEAREST).abs() > 1e-3);
 
-    let [file, record, figure] = ["points.csv", "sensor.record", "fit.svg"]
-        .map(|name| folder.join(name).display().to_string());
+    let names = [
+        "points.csv",
+        "sensor.record",
+        "fit.svg",
+        "run.csv",
+        "bench.toml",
+    ];
+    let [file, record, figure, recording, settings] =
+        names.map(|name| folder.join(name).display().to_string());
     bench.work(&stage, |desk| {
         let command = format!("echo {{}} > {}", stage.display());
         // A little more than the range in which it is used: a calibration ends with its points.
@@ -230,7 +237,14 @@ fn check(departure: f64, points: &str, frames: &str, (steps, count): (u32, usize
         ]);
         desk.slitrange(&["calibrate", "write", "--port", "board", &record]);
         desk.slitrange(&["calibrate", "show", &record, "--port", "board"]);
+        desk.slitrange(&[
+            "monitor", "--port", "board", "--csv", &recording, "--count", "5",
+        ]);
+        desk.slitrange(&["settings", "save", &settings, "--port", "board"]);
+        desk.slitrange(&["settings", "load", &settings, "--port", "board"]);
     });
+    let lines = std::fs::read_to_string(&recording).expect("a recording");
+    assert_eq!(lines.lines().count(), 6, "{lines}");
 
     let errors = errors(&bench, steps, count);
     let rms_error = rms(errors.iter().map(|compared| compared.error));

@@ -30,6 +30,9 @@ const DRAWN: Duration = Duration::from_millis(100);
 /// s.
 const SILENT: Duration = Duration::from_secs(3);
 
+/// After so much time the view no longer shows the last reading as if it were new.
+const STALE: Duration = Duration::from_secs(1);
+
 /// So often the view asks how many rows were lost. The answer takes the line for 50 ms, and nobody asks while
 /// a file is written, so that no reading is dropped for it.
 const STATUS: Duration = Duration::from_secs(10);
@@ -46,7 +49,7 @@ const PROGRESS: Duration = Duration::from_secs(10);
 The columns of FILE are: time_s (since the start, by the PC's clock), kind (reading, difference: a distance
 relative to `zero`, fault, gap: the sensor went away), number and sensor_us (with the columns counter and time
 of the setting `output`), distance_mm, u_mm, r_mm, centre_px, height_counts, width_px, rows_used, rows,
-exposure_us (empty: the longest exposure), slits, flags, fault. A value that the sensor does not send is empty.
+exposure_us (empty: the longest exposure), slits, flags, fault. What the sensor does not send is empty.
 
 Examples:
   slitrange monitor
@@ -89,6 +92,8 @@ struct Monitor<'a> {
     lost: Option<[(u32, u32); 2]>,
     /// When the last line came.
     heard: Duration,
+    /// When the last reading or fault came.
+    reading_came: Duration,
     /// Results so far.
     results: u64,
 }
@@ -98,8 +103,7 @@ struct Monitor<'a> {
 /// # Errors
 /// In sentences: no sensor is found, or a file cannot be written.
 pub fn monitor(options: &MonitorOptions, pc: &dyn Pc, output: &mut dyn Write) -> Result<()> {
-    // Before anything else, so that Ctrl-C finds a program that puts the sensor's settings back.
-    // From now on, Ctrl-C does not end the program.
+    // From now on, Ctrl-C ends the loop below, and the sensor's settings are put back.
     pc.interrupted();
     let began = pc.now();
     let session = options.port.open(pc)?;
@@ -114,6 +118,7 @@ pub fn monitor(options: &MonitorOptions, pc: &dyn Pc, output: &mut dyn Write) ->
         recording,
         lost: None,
         heard: began,
+        reading_came: began,
         results: 0,
     };
     let mut screen = match options.plain {
@@ -228,17 +233,23 @@ impl<'a> Monitor<'a> {
                 return Ok(Link::There(session));
             }
             Ok(None) if now < self.heard + SILENT => return Ok(Link::There(session)),
-            // It may have been told `stream off`, or have no power.
-            Ok(None) => match session.stream() {
-                Ok(()) => {
-                    self.heard = self.pc.now();
-                    return Ok(Link::There(session));
-                }
+            Ok(None) => match session.line().answers() {
+                Ok(true) => return Ok(self.heard_of(session, now)),
+                // Somebody else sent `stream off`.
+                Ok(false) => match session.stream() {
+                    Ok(()) => return Ok(self.heard_of(session, now)),
+                    Err(error) => error,
+                },
                 Err(error) => error,
             },
             Err(error) => error,
         };
         self.go_away(session, &error, as_lines, output)
+    }
+
+    fn heard_of(&mut self, session: Session<'a>, now: Duration) -> Link<'a> {
+        self.heard = now;
+        Link::There(session)
     }
 
     fn go_away(
@@ -271,6 +282,7 @@ impl<'a> Monitor<'a> {
             return Ok(());
         };
         self.results += 1;
+        self.reading_came = self.pc.now();
         self.statistics.take(at, &result);
         if let Some(recording) = &mut self.recording {
             recording.add(at, &result)?;
@@ -324,12 +336,14 @@ impl<'a> Monitor<'a> {
     }
 
     fn draw(&self, screen: &mut dyn Screen, link: &Link<'_>) -> Result<()> {
+        let since = self.pc.now().saturating_sub(self.reading_came);
+        let stale = format!("no reading for {:.0} s", since.as_secs_f64());
         let view = View {
             title: &self.title,
             now: self.time(),
             latest: self.latest.as_ref(),
             away: match link {
-                Link::There(_) => None,
+                Link::There(_) => (since > STALE).then_some(&*stale),
                 Link::Gone(_, why) => Some(why),
             },
             statistics: &self.statistics,

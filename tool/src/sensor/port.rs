@@ -53,8 +53,8 @@ fn find(pc: &dyn Pc) -> Result<String> {
     match found.as_slice() {
         [port] => Ok(port.clone()),
         [] if others.is_empty() => bail!(
-            "this PC has no serial port: check that the sensor is plugged in. A pseudo-terminal must be named, \
-             with --port"
+            "this PC has no serial port: check that the sensor is plugged in. A pseudo-terminal must be \
+             named, with --port"
         ),
         [] => bail!(
             "no sensor is found: check its power and its cable, or name its port with --port{others}"

@@ -65,7 +65,7 @@ enum SettingsCommand {
         #[arg(long)]
         flash: bool,
     },
-    /// Compare with a file or with another sensor. The exit code is 1 if they differ, 2 if that cannot be told
+    /// Compare with a file or with another sensor. The exit code is 1 if they differ, 2 after an error
     Compare {
         /// A TOML file
         #[arg(required_unless_present = "with")]

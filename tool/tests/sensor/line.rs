@@ -135,8 +135,8 @@ fn a_port_that_cannot_be_opened_is_an_error_with_a_reason() {
     assert_eq!(
         error(&sensor, &port),
         format!(
-            "no sensor answers `stream` at {port}: check that this is the sensor's port and that the sensor has \
-             power"
+            "no sensor answers `stream` at {port}: check that this is the sensor's port and that the sensor \
+             has power"
         )
     );
     sensor.state().trouble.lost = 0.0;

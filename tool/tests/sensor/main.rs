@@ -6,6 +6,7 @@ mod flat;
 mod front_end;
 mod line;
 mod monitor;
+mod plot;
 mod port;
 mod row;
 mod run;

@@ -111,14 +111,25 @@ fn the_live_view_shows_readings_faults_and_that_the_sensor_is_away() {
         Person::new(&sensor, &[(20, Key::Quit)]).slitrange(&["monitor", "--port", &sensor.port()]);
     assert!(seen[0].contains("fault: too dim: 35.0 counts, needs 60.0"));
 
+    // Without power, an old reading does not stay on the screen.
+    sensor.state().trouble.fault = 0.0;
     let mut steps = 0;
     sensor.each_step(move |state| {
         steps += 1;
-        if steps == 1000 {
-            state.unplug(Duration::from_secs(60));
+        match steps {
+            1000 => state.cut_power(Duration::from_secs(60)),
+            20_000 => state.unplug(Duration::from_secs(60)),
+            _ => {}
         }
     });
-    let (seen, _) =
-        Person::new(&sensor, &[(40, Key::Quit)]).slitrange(&["monitor", "--port", &sensor.port()]);
-    assert!(seen[0].contains("there is no serial port "), "{}", seen[0]);
+    let keys = [(25, Key::Char(' ')), (15, Key::Char(' ')), (30, Key::Quit)];
+    let (seen, _) = Person::new(&sensor, &keys).slitrange(&["monitor", "--port", &sensor.port()]);
+    for (picture, words) in seen.iter().zip([
+        "no reading for 2 s",
+        "no sensor answers `stream` at ",
+        "there is no serial port ",
+    ]) {
+        assert!(picture.contains(words), "{picture}");
+    }
+    assert_eq!(seen.len(), 3);
 }

@@ -198,11 +198,9 @@ impl Scope {
             Key::Up | Key::Char('+') => self.change_exposure(STEP, session)?,
             Key::Down | Key::Char('-') => self.change_exposure(1.0 / STEP, session)?,
             Key::Char('e') => {
-                let next = Estimator::ALL
-                    .iter()
-                    .cycle()
-                    .skip_while(|it| **it != self.estimator);
-                if let Some(&next) = next.skip(1).next() {
+                let mut from_this = (Estimator::ALL.iter().cycle())
+                    .skip_while(|estimator| **estimator != self.estimator);
+                if let Some(&next) = from_this.nth(1) {
                     session.set_for_good(Value::Estimator(next))?;
                     self.estimator = next;
                 }

@@ -1,0 +1,112 @@
+//! A recording becomes a figure.
+
+use slitrange_tool::plot::Series;
+use slitrange_tool::sensor::monitor::recording::{Kind, Recorded};
+
+use crate::stand_in::{NOISE_PX, StandIn, Trouble};
+
+#[test]
+fn a_recording_is_drawn() {
+    let trouble = Trouble {
+        fault: 0.002,
+        ..Trouble::default()
+    };
+    let sensor = StandIn::new(1, trouble);
+    let (csv, svg) = (sensor.path("run.csv"), sensor.path("run.svg"));
+    let csv = csv.to_str().expect("text");
+    let arguments = ["--port", &sensor.port(), "--csv", csv, "--count", "3000"];
+    sensor
+        .command("monitor", &arguments, "")
+        .0
+        .expect("a recording");
+    let (result, output) = sensor.command("plot", &[csv], "");
+    result.expect("a figure");
+    assert!(
+        output.ends_with(&format!("drawn: {}\n", svg.display())),
+        "{output}"
+    );
+    let svg = std::fs::read_to_string(svg).expect("a figure");
+    for words in [
+        "mm from the mean",
+        "distance in mm",
+        "histogram",
+        "Allan deviation",
+        "spectrum",
+    ] {
+        assert!(svg.contains(words), "{words}");
+    }
+    // The stand-in's noise is white: 0.002 px of some 0.39 mm each at 800 mm.
+    let of_one = output
+        .split("Allan deviation ")
+        .nth(1)
+        .expect("a deviation");
+    let of_one: f64 = of_one
+        .split(' ')
+        .next()
+        .expect("a number")
+        .parse()
+        .expect("a number");
+    println!("{of_one} mm of {NOISE_PX} px");
+    assert!((of_one - 0.0008).abs() < 0.0001, "{of_one}");
+}
+
+fn line(time_s: f64, kind: Kind) -> Recorded {
+    Recorded {
+        time_s,
+        kind,
+        number: None,
+        sensor_us: None,
+        distance_mm: (kind == Kind::Reading).then_some(time_s),
+        u_mm: None,
+        r_mm: None,
+        centre_px: None,
+        height_counts: None,
+        width_px: None,
+        rows_used: None,
+        rows: None,
+        exposure_us: None,
+        slits: None,
+        flags: String::new(),
+        fault: String::new(),
+    }
+}
+
+#[test]
+fn a_run_ends_at_a_fault_and_at_a_pause() {
+    // 20 readings, a fault, 30 readings, a pause of a second, 25 readings.
+    let lines = (0..76).map(|at| {
+        let pause = if at > 50 { 1.0 } else { 0.0 };
+        let kind = if at == 20 { Kind::Fault } else { Kind::Reading };
+        line(f64::from(at) * 0.1 + pause, kind)
+    });
+    let lines: Vec<Recorded> = lines.collect();
+    let series = Series::of(&lines).expect("a run");
+    assert_eq!((series.readings.len(), series.faults.len()), (75, 1));
+    assert_eq!((series.run.len(), series.run[0]), (30, 2.1));
+    assert!((series.interval_s - 0.1).abs() < 1e-9);
+    // Too short.
+    let error = Series::of(&lines[60..70]).expect_err("ten readings");
+    assert!(
+        error
+            .to_string()
+            .contains("has 10 readings, and 16 are needed"),
+        "{error}"
+    );
+    assert!(Series::of(&[]).is_err());
+}
+
+#[test]
+fn another_file_is_an_error() {
+    let sensor = StandIn::new(2, Trouble::default());
+    let path = sensor.path("points.csv");
+    std::fs::write(&path, "distance_mm,x\n1,2\n").expect("written");
+    let path = path.to_str().expect("text");
+    let error = sensor
+        .command("plot", &[path], "")
+        .0
+        .expect_err("no recording");
+    assert!(
+        error.contains("is no recording of `slitrange monitor --csv`"),
+        "{error}"
+    );
+}
