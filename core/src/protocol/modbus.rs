@@ -37,13 +37,13 @@
 
 use core::fmt::Write as _;
 
-use crc::{CRC_16_MODBUS, Crc};
-use heapless::{String, Vec};
+use heapless::Vec;
 
 use crate::exposure::{Exposure, ExposureMode};
 use crate::fault::Fault;
 use crate::reading::Reading;
 use crate::settings::{Setting, Settings, Value};
+use crate::text::Text;
 use crate::units::{Micrometres, Pixels};
 
 /// The longest request and the longest answer, in bytes (Modbus over serial line V1.02, section 2.3).
@@ -66,10 +66,6 @@ pub const HOLDINGS: [Setting; 4] = [
 
 /// What a pair of registers holds instead of a number.
 const NO_VALUE: i32 = i32::MIN;
-
-/// The checksum at the end of a request and of an answer, the low byte first. Computed without a table: they
-/// are a few bytes.
-const CRC: Crc<u16, crc::Table<0>> = Crc::<u16, crc::Table<0>>::new(&CRC_16_MODBUS);
 
 /// Why a request is not carried out, by the numbers of the Modbus application protocol V1.1b3, section 7.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,8 +102,8 @@ pub fn answer(request: &[u8], station: u8, shown: &Shown<'_>) -> Answer {
 
 /// `None` if the request is not for this station, or is no request.
 fn carry_out(request: &[u8], station: u8, shown: &Shown<'_>) -> Option<Answer> {
-    let (body, checksum) = request.split_last_chunk()?;
-    if request.len() > MAX_BYTES || CRC.checksum(body) != u16::from_le_bytes(*checksum) {
+    let (body, sum) = request.split_last_chunk()?;
+    if request.len() > MAX_BYTES || checksum(body) != u16::from_le_bytes(*sum) {
         return None;
     }
     let (&[to, function], data) = body.split_first_chunk()?;
@@ -116,29 +112,46 @@ fn carry_out(request: &[u8], station: u8, shown: &Shown<'_>) -> Option<Answer> {
     }
     let mut answer = Answer::default();
     let mut bytes = Vec::new();
-    bytes.extend_from_slice(&[station, function]).ok()?;
+    add(&mut bytes, &[station, function])?;
     match execute(function, data, shown, &mut answer.changes) {
         Ok(Content::Registers(registers)) => {
             // At most 16 registers.
             bytes.push((registers.len() as u8).saturating_mul(2)).ok()?;
             for register in registers {
-                bytes.extend_from_slice(&register.to_be_bytes()).ok()?;
+                add(&mut bytes, &register.to_be_bytes())?;
             }
         }
-        Ok(Content::Written(what)) => bytes.extend_from_slice(&what).ok()?,
+        Ok(Content::Written(what)) => add(&mut bytes, &what)?,
         Err(exception) => {
             answer.changes.clear();
             bytes.clear();
             let exception = [station, function | 0x80, exception as u8];
-            bytes.extend_from_slice(&exception).ok()?;
+            add(&mut bytes, &exception)?;
         }
     }
     if to != ALL_STATIONS {
-        let checksum = CRC.checksum(&bytes).to_le_bytes();
-        bytes.extend_from_slice(&checksum).ok()?;
+        let sum = checksum(&bytes).to_le_bytes();
+        add(&mut bytes, &sum)?;
         answer.bytes = bytes;
     }
     Some(answer)
+}
+
+/// Adds bytes. `None` if there is no room.
+fn add(to: &mut Vec<u8, MAX_BYTES>, bytes: &[u8]) -> Option<()> {
+    bytes.iter().try_for_each(|&byte| to.push(byte).ok())
+}
+
+/// The checksum at the end of a request and of an answer, the low byte first (Modbus over serial line V1.02,
+/// section 6.2.2). The crate crc has it too, but with two of its CRC-16 in a program the compiler cannot
+/// exclude an overflow in either.
+fn checksum(bytes: &[u8]) -> u16 {
+    bytes.iter().fold(0xFFFF, |sum, &byte| {
+        (0..8).fold(sum ^ u16::from(byte), |sum, _| match sum & 1 {
+            0 => sum >> 1,
+            _ => (sum >> 1) ^ 0xA001,
+        })
+    })
 }
 
 /// What an answer says after the function.
@@ -191,10 +204,12 @@ fn registers(all: &[u16], first: u16, count: u16) -> Result<Content, Exception> 
     let first = usize::from(first);
     let end = first.saturating_add(count.into());
     let some = all.get(first..end).ok_or(Exception::Address)?;
-    // There is room for all.
-    Vec::from_slice(some)
-        .map(Content::Registers)
-        .map_err(|_| Exception::Address)
+    let mut registers = Vec::new();
+    for &register in some {
+        // There is room for all.
+        let _ = registers.push(register);
+    }
+    Ok(Content::Registers(registers))
 }
 
 /// Reads the values of some holding registers, as the words of the serial line are read.
@@ -207,7 +222,7 @@ fn write(
     let end = first.saturating_add(values.len());
     let settings = HOLDINGS.get(first..end).ok_or(Exception::Address)?;
     for (&setting, &value) in settings.iter().zip(values) {
-        let mut number = String::<5>::new();
+        let mut number = Text::<5>::default();
         let word = match (setting, u16::from_be_bytes(value)) {
             (Setting::Laser, 0) => "off",
             (Setting::Laser, 1) => "on",
@@ -293,21 +308,14 @@ fn flags(reading: &Reading) -> u16 {
 
 /// A distance in 0.1 um, rounded to the nearest.
 fn tenths(distance: Micrometres) -> i32 {
-    scaled(distance.to_bits(), 10, Micrometres::FRACTION)
+    // Q24.8 times 10 fits an i64, and the result is below 2^27.
+    ((i64::from(distance.to_bits()) * 10 + (1 << 7)) >> Micrometres::FRACTION) as i32
 }
 
 /// A place in 0.0001 px, rounded to the nearest.
 fn ten_thousandths(place: Pixels) -> i32 {
-    scaled(place.to_bits(), 10_000, Pixels::FRACTION)
-}
-
-/// bits times `scale` over 2^`fraction`, rounded to the nearest.
-fn scaled(bits: i32, scale: i32, fraction: u32) -> i32 {
-    // |bits| <= 2^31 and scale <= 10^4 < 2^14: the product is below 2^45.
-    let product = i64::from(bits) * i64::from(scale) + (1i64 << (fraction - 1));
-    let scaled = (product >> fraction).clamp(i64::from(NO_VALUE + 1), i64::from(i32::MAX));
-    // Within the range of an i32.
-    scaled as i32
+    // Q16.16 times 10,000 fits an i64, and the result is below 2^29.
+    ((i64::from(place.to_bits()) * 10_000 + (1 << 15)) >> Pixels::FRACTION) as i32
 }
 
 /// The two registers of a number.
@@ -351,14 +359,14 @@ mod tests {
 
     /// A request with its checksum.
     fn with_checksum(body: &[u8]) -> std::vec::Vec<u8> {
-        [body, &CRC.checksum(body).to_le_bytes()].concat()
+        [body, &checksum(body).to_le_bytes()].concat()
     }
 
     /// The answer to a request, without its checksum, which is right.
     fn ask(body: &[u8], shown: &Shown<'_>) -> (std::vec::Vec<u8>, std::vec::Vec<Value>) {
         let Answer { bytes, changes } = answer(&with_checksum(body), STATION, shown);
-        let (body, checksum) = bytes.split_last_chunk().expect("an answer");
-        assert_eq!(CRC.checksum(body).to_le_bytes(), *checksum);
+        let (body, sum) = bytes.split_last_chunk().expect("an answer");
+        assert_eq!(checksum(body).to_le_bytes(), *sum);
         (body.to_vec(), changes.to_vec())
     }
 
@@ -378,7 +386,12 @@ mod tests {
     #[test]
     fn the_checksum_is_that_of_modbus() {
         // https://reveng.sourceforge.io/crc-catalogue/16.htm#crc.cat.crc-16-modbus
-        assert_eq!(CRC.checksum(b"123456789"), 0x4B37);
+        assert_eq!(checksum(b"123456789"), 0x4B37);
+        let of_crate = crc::Crc::<u16>::new(&crc::CRC_16_MODBUS);
+        for byte in 0..=255 {
+            let bytes = [byte, 0, !byte, byte];
+            assert_eq!(checksum(&bytes), of_crate.checksum(&bytes));
+        }
     }
 
     #[test]
