@@ -7,6 +7,7 @@ pub mod help;
 pub mod info;
 pub mod input;
 pub mod line;
+pub mod modbus;
 mod nearest;
 pub mod piece;
 pub mod refusal;

@@ -12,10 +12,15 @@ REPOSITORY = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="session")
-def virtual_board() -> Iterator[str]:
+def cargo_target() -> Path:
+    """Where cargo puts what it builds."""
+    return Path(os.environ.get("CARGO_TARGET_DIR", REPOSITORY / "target"))
+
+
+@pytest.fixture(scope="session")
+def virtual_board(cargo_target: Path) -> Iterator[str]:
     """The port of a virtual board with a target at 0.8 m. It runs for all tests of a session."""
-    target = Path(os.environ.get("CARGO_TARGET_DIR", REPOSITORY / "target"))
-    demo = target / "debug" / "demo"
+    demo = cargo_target / "debug" / "demo"
     if not demo.exists():
         pytest.skip(
             f"the virtual board is not built: run `cargo run --bin demo -- --help` ({demo} is missing)"

@@ -1,5 +1,6 @@
 """What the sensor's lines say. The lines are those of docs/serial-line.md."""
 
+import random
 from dataclasses import replace
 
 import pytest
@@ -205,3 +206,30 @@ def test_no_spoilt_row_is_taken() -> None:
     missing = ["\n".join([*lines[:at], *lines[at + 1 :], "row end"]) for at in range(len(lines))]
     for answer in spoilt + missing:
         assert readings.row(answer.split("\n")) in (None, readings.SPOILT), answer
+
+
+def test_no_noise_on_the_line_raises() -> None:
+    source = random.Random(1)
+    lines = [
+        LINE + " t 187 k 16 m 3 c 4 g s",
+        f"# 1234 @ 12345678 {LINE}",
+        "f too dim: 35.2 counts, needs 60.1",
+        "(more laser power)",
+        CENTRE + " k 3",
+        "slits - 912.12345/1830 2912.00001/7",
+        *row_lines(ROW, ["row 1780 12c", "row 1781 12d12e"]),
+        "row end",
+    ]
+    results = 0
+    for _ in range(20_000):
+        before, spoilt = source.choices(lines, k=2)
+        for _ in range(source.randint(1, 3)):
+            at = source.randrange(len(spoilt) + 1)
+            cut = source.randint(0, 2)
+            spoilt = spoilt[:at] + source.choice(["", " ", "-", ".", "/", "7", "x", ":"]) + spoilt[at + cut :]
+        results += readings.result(spoilt) is not None
+        readings.frame_result([before, spoilt])
+        readings.centre([before, spoilt])
+        readings.row([*lines[6:], before, spoilt])
+    # Some lines are readable all the same, and most are not.
+    assert 500 < results < 10_000

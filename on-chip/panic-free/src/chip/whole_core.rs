@@ -16,6 +16,7 @@ use slitrange::protocol::command::Command;
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::line::PartsOf;
+use slitrange::protocol::modbus::{self, Shown};
 use slitrange::protocol::row::{HeadCheck, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
@@ -291,6 +292,7 @@ pub fn talk() {
     }
     say(&any(Command::Nothing));
     send_row();
+    answer_a_master();
     say(&any::reading());
     say(&any::measured());
     let fault = any::fault();
@@ -298,6 +300,30 @@ pub fn talk() {
     say(&fault.advice());
     say(&AsMillimetres(any(Micrometres::MIN)));
     say(&any(Pixels::MIN));
+}
+
+/// Any request to the Modbus registers, in any state.
+fn answer_a_master() {
+    let mut request = [0; 4096];
+    let result = any(true).then(|| match any(true) {
+        true => Ok(any::reading()),
+        false => Err(any::fault()),
+    });
+    let shown = Shown {
+        result: result.as_ref(),
+        counter: any(0),
+        settings: &any::settings(),
+    };
+    let answer = modbus::answer(any::bytes(&mut request), any(0), &shown);
+    reached(
+        answer
+            .bytes
+            .iter()
+            .fold(0, |sum: i32, &byte| sum ^ i32::from(byte)),
+    );
+    for change in &answer.changes {
+        say(change);
+    }
 }
 
 /// A row for the serial line, and the lines that the other end reads.

@@ -1,0 +1,127 @@
+"""The core's Modbus registers with a stock master, pymodbus, on a pseudo-terminal.
+
+The other side is core/examples/modbus_server.rs on this PC. The firmware does not speak Modbus yet.
+"""
+
+import os
+import subprocess
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pymodbus.client import ModbusSerialClient
+
+from slitrange import FAULTS, Reading, readings
+
+STATION = 17
+
+
+class Server:
+    """The example, with a pseudo-terminal as its serial line."""
+
+    def __init__(self, program: Path) -> None:
+        sensor, self.master = os.openpty()
+        tty.setraw(self.master)
+        self.port = os.ttyname(self.master)
+        self.process = subprocess.Popen(
+            [program], stdin=sensor, stdout=sensor, stderr=subprocess.PIPE, text=True
+        )
+        os.close(sensor)
+
+    def line(self) -> str:
+        """The next line of a result."""
+        assert self.process.stderr is not None
+        return self.process.stderr.readline().rstrip()
+
+    def close(self) -> None:
+        self.process.terminate()
+        self.process.communicate()
+        os.close(self.master)
+
+
+@pytest.fixture
+def server(cargo_target: Path) -> Iterator[Server]:
+    program = cargo_target / "debug" / "examples" / "modbus_server"
+    if not program.exists():
+        pytest.skip(
+            f"the Modbus server is not built: run `cargo test`, which builds it ({program} is missing)"
+        )
+    server = Server(program)
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def master(server: Server) -> Iterator[ModbusSerialClient]:
+    master = ModbusSerialClient(server.port, baudrate=115200, timeout=2)
+    assert master.connect()
+    yield master
+    master.close()  # type: ignore[no-untyped-call]
+
+
+def number(master: ModbusSerialClient, address: int) -> int:
+    """The signed number in two input registers."""
+    answer = master.read_input_registers(address, count=2, device_id=STATION)
+    assert not answer.isError()
+    value = master.convert_from_registers(answer.registers, master.DATATYPE.INT32)
+    assert isinstance(value, int)
+    return value
+
+
+def test_a_reading_is_read(server: Server, master: ModbusSerialClient) -> None:
+    line = server.line()
+    reading = readings.result(line)
+    print(line)
+    assert isinstance(reading, Reading)
+    answer = master.read_input_registers(0, count=16, device_id=STATION)
+    print(answer.registers)
+    assert len(answer.registers) == 16
+    assert answer.registers[0] == 0
+    # The flag `g`.
+    assert answer.registers[1] == 0b0100
+    assert number(master, 4) == round(reading.distance_mm * 1e4)
+    # The line has only two decimals of a u from 10 mm on.
+    assert number(master, 6) / 1e4 == pytest.approx(reading.u_mm, abs=0.006)
+    assert number(master, 8) == round(reading.r_mm * 1e4)
+    assert number(master, 10) == round(reading.centre_px * 1e4)
+    assert answer.registers[12:] == [reading.height, reading.rows_used, reading.rows, 0]
+    # One request for all registers, and four for pairs of them.
+    assert number(master, 2) == 6
+
+
+def test_settings_are_written_and_read(server: Server, master: ModbusSerialClient) -> None:
+    assert master.read_holding_registers(0, count=4, device_id=STATION).registers == [16, 0, 5600, 1]
+    assert not master.write_register(0, 4, device_id=STATION).isError()
+    assert not master.write_registers(1, [187, 1000], device_id=STATION).isError()
+    assert master.read_holding_registers(0, count=4, device_id=STATION).registers == [4, 187, 1000, 1]
+    assert master.read_input_registers(14, count=1, device_id=STATION).registers == [4]
+
+
+def test_a_fault_has_no_distance(server: Server, master: ModbusSerialClient) -> None:
+    assert not master.write_register(3, 0, device_id=STATION).isError()
+    status = master.read_input_registers(0, count=1, device_id=STATION).registers[0]
+    assert FAULTS[status - 1] == "laser off"
+    assert number(master, 4) == -(2**31)
+
+
+def test_what_cannot_be_done_is_an_exception(server: Server, master: ModbusSerialClient) -> None:
+    exceptions = [
+        master.write_register(0, 65, device_id=STATION),
+        master.write_registers(0, [8, 9], device_id=STATION),
+        master.write_register(4, 1, device_id=STATION),
+        master.read_input_registers(0, count=17, device_id=STATION),
+        master.read_coils(0, count=1, device_id=STATION),
+    ]
+    assert [it.exception_code for it in exceptions] == [3, 3, 2, 2, 1]
+    assert master.read_holding_registers(0, count=4, device_id=STATION).registers == [16, 0, 5600, 1]
+
+
+def test_garbage_changes_nothing(server: Server, master: ModbusSerialClient) -> None:
+    for garbage in (b"\x11\x06\x00\x00\x00\x04\xff\xff", b"rows 4\r\n", bytes(range(256)), b"\x11"):
+        assert master.send(garbage) == len(garbage)
+        # The silence that ends a request, five times.
+        server.process.poll()
+        with pytest.raises(subprocess.TimeoutExpired):
+            server.process.wait(0.1)
+    assert master.read_holding_registers(0, count=4, device_id=STATION).registers == [16, 0, 5600, 1]
