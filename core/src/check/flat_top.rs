@@ -218,9 +218,9 @@ mod tests {
     #[test]
     fn only_tops_that_are_cut_are_flat() {
         // Miri takes its time.
-        let (seeds, wells, widths) = match cfg!(miri) {
-            true => (1, &[1700.0] as &[f32], &[10.5] as &[f32]),
-            false => (20, &[1000.0, 1700.0, 2300.0] as _, &[5.0, 10.5, 30.0] as _),
+        let (seeds, wells, widths): (_, &[f32], &[f32]) = match cfg!(miri) {
+            true => (1, &[1700.0], &[10.5]),
+            false => (20, &[1000.0, 1700.0, 2300.0], &[5.0, 10.5, 30.0]),
         };
         let (mut flat, mut rows) = (0, 0);
         for &well in wells {

@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use plotters::prelude::*;
 
 use super::{Series, moments, spectrum};
-use crate::axes::{Area, Axis, Scale, panel};
+use crate::axes::{self, Area, Axis, Scale, panel};
 
 /// What was measured.
 const MEASURED: RGBColor = RGBColor(0x15, 0x55, 0xd0);
@@ -24,8 +24,7 @@ const BINS: (f64, f64) = (5.0, 60.0);
 /// # Errors
 /// The file cannot be written.
 pub fn draw(series: &Series, allan: &[(f64, f64)], path: &Path) -> Result<()> {
-    let root = SVGBackend::new(path, (1000, 4 * HEIGHT)).into_drawing_area();
-    root.fill(&WHITE)?;
+    let root = axes::figure(path, 4 * HEIGHT)?;
     let areas = root.split_evenly((4, 1));
     let mm: Vec<f64> = series.readings.iter().map(|(_, mm)| *mm).collect();
     if let [over_time, histogram, deviation, frequencies] = areas.as_slice() {
@@ -97,13 +96,10 @@ fn draw_over_time(area: &Area<'_>, series: &Series, mm: &[f64]) -> Result<()> {
     let runs = series
         .readings
         .chunk_by(|before, after| after.0 - before.0 < series.pause_s);
-    panel.draw_series(runs.map(|run| {
-        let points: Vec<(f64, f64)> = run
-            .iter()
-            .map(|(time, mm)| (time - start, mm - mean))
-            .collect();
-        PathElement::new(points, MEASURED.stroke_width(1))
-    }))?;
+    for run in runs {
+        let points = run.iter().map(|(time, mm)| (time - start, mm - mean));
+        axes::draw_line(&mut panel, points, MEASURED.stroke_width(1))?;
+    }
     panel.draw_series(series.faults.iter().map(|time| {
         let time = time - start;
         let top = y.0 + 0.06 * (y.1 - y.0);
@@ -154,9 +150,8 @@ fn draw_histogram(area: &Area<'_>, mm: &[f64]) -> Result<()> {
         )
     }))?;
     let steps = (0..=300).map(|step| least + (most - least) * f64::from(step) / 300.0);
-    let curve: Vec<(f64, f64)> = steps.map(|mm| (mm, expected(mm))).collect();
-    panel.draw_series([PathElement::new(curve, EXPECTED.stroke_width(2))])?;
-    Ok(())
+    let curve = steps.map(|mm| (mm, expected(mm)));
+    axes::draw_line(&mut panel, curve, EXPECTED.stroke_width(2))
 }
 
 /// The share of a gaussian's readings that a bin at its top has.
@@ -180,15 +175,11 @@ fn draw_allan(area: &Area<'_>, series: &Series, allan: &[(f64, f64)]) -> Result<
         let noise = allan
             .iter()
             .map(|(time, _)| (*time, deviation * (first / time).sqrt()));
-        let noise: Vec<(f64, f64)> = noise.collect();
-        panel.draw_series([PathElement::new(noise, EXPECTED.stroke_width(1))])?;
+        axes::draw_line(&mut panel, noise, EXPECTED.stroke_width(1))?;
     }
-    panel.draw_series([PathElement::new(allan.to_vec(), MEASURED.stroke_width(2))])?;
-    let dots = allan
-        .iter()
-        .map(|&point| Circle::new(point, 3, MEASURED.filled()));
-    panel.draw_series(dots)?;
-    Ok(())
+    let of_readings = allan.iter().copied();
+    axes::draw_line(&mut panel, of_readings.clone(), MEASURED.stroke_width(2))?;
+    axes::draw_dots(&mut panel, of_readings, 3, MEASURED.filled())
 }
 
 fn draw_spectrum(area: &Area<'_>, series: &Series) -> Result<()> {
@@ -199,6 +190,5 @@ fn draw_spectrum(area: &Area<'_>, series: &Series) -> Result<()> {
     );
     let y = log(lines.iter().map(|(_, density)| *density), "mm / root Hz");
     let mut panel = panel(area, "spectrum of the longest run", 30, &x, &y)?;
-    panel.draw_series([PathElement::new(lines, MEASURED.stroke_width(1))])?;
-    Ok(())
+    axes::draw_line(&mut panel, lines, MEASURED.stroke_width(1))
 }
