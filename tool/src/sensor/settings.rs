@@ -416,7 +416,12 @@ mod tests {
     #[test]
     fn every_wrong_line_of_a_file_is_named() {
         let error = from_toml("rows = 65\nblack = \"fixed\"\ncolour = \"red\"\nmean = \"plain\"\n");
-        insta::assert_snapshot!(format!("{:#}", error.expect_err("three wrong lines")));
+        let error = format!("{:#}", error.expect_err("three wrong lines"));
+        // The list of all settings grows.
+        let lines = error
+            .lines()
+            .map(|line| line.split(" The settings are: ").next());
+        insta::assert_debug_snapshot!(lines.collect::<Vec<_>>());
         for text in [
             "",
             "rows",
