@@ -301,9 +301,9 @@ fn rounded(counts: f32) -> u16 {
 
 fn flags(reading: &Reading) -> u16 {
     u16::from(reading.misfits > 0)
-        | u16::from(reading.correlated.is_some()) * 2
-        | u16::from(reading.is_nominal) * 4
-        | u16::from(reading.has_other_settings) * 8
+        | (u16::from(reading.correlated.is_some()) * 2)
+        | (u16::from(reading.is_nominal) * 4)
+        | (u16::from(reading.has_other_settings) * 8)
 }
 
 /// A distance in 0.1 um, rounded to the nearest.
@@ -380,7 +380,7 @@ mod tests {
     }
 
     fn number(registers: &[u16]) -> i32 {
-        (u32::from(registers[0]) << 16 | u32::from(registers[1])).cast_signed()
+        (u32::from(registers[0]) * 0x1_0000 + u32::from(registers[1])).cast_signed()
     }
 
     #[test]
