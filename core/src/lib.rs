@@ -101,6 +101,8 @@ pub mod reading;
 
 pub mod difference;
 
+pub mod output;
+
 pub mod fault;
 
 pub mod record;

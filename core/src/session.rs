@@ -24,7 +24,7 @@ use crate::protocol::calibration::{CalibrationAnswer, FlashStatus};
 use crate::protocol::command::{Command, Error};
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::{Banner, Hardware, Info};
-use crate::protocol::line::PartsOf;
+use crate::protocol::line::{PartsOf, ResultLine};
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
 use crate::protocol::row::RowPart;
@@ -208,7 +208,7 @@ impl Session {
                 }
             }
             Event::Line(Err(error)) => actions.add_line(&error),
-            Event::Frame(measured) => self.report(measured, actions),
+            Event::Frame(measured) => self.report(measured, vitals, actions),
             Event::Saved(Ok(())) => {
                 self.note_saved();
                 actions.add_line(&Command::Save);
@@ -273,7 +273,12 @@ impl Session {
     }
 
     /// Counts a result, and reports it if someone asked for it or the stream is on.
-    fn report(&mut self, measured: Result<Measured, Fault>, actions: &mut Actions) {
+    fn report(
+        &mut self,
+        measured: Result<Measured, Fault>,
+        vitals: &Vitals,
+        actions: &mut Actions,
+    ) {
         if let Ok(measured) = &measured {
             // The rows of the zero had another map, or none: the two readings do not share the pixels'
             // errors.
@@ -299,38 +304,34 @@ impl Session {
             Some(zero) if !is_zero => result.map(|now| Difference::between(zero, &now).0),
             _ => result,
         };
-        let is_difference = self.zero.is_some() && !is_zero;
-        let add = |actions: &mut Actions, reading: &Reading| match is_difference {
-            true => actions.add_line(&Difference(*reading)),
-            false => actions.add_line(reading),
+        let line = ResultLine {
+            number: vitals.results,
+            us: vitals.result_us,
+            result: &reading,
+            is_difference: self.zero.is_some() && !is_zero,
+            columns: self.settings.output,
         };
         if take(&mut self.distance_wanted) || is_zero {
-            match &reading {
-                Ok(reading) => add(actions, reading),
-                Err(fault) => advise(fault, actions),
-            }
+            answer(&line, actions);
         }
         if take(&mut self.centre_wanted) {
             match &measured {
                 Ok(measured) => actions.add_line(measured),
-                Err(fault) => advise(fault, actions),
+                Err(fault) => {
+                    actions.add_line(fault);
+                    advise(fault, actions);
+                }
             }
         }
         if take(&mut self.parts_wanted) {
-            match &reading {
-                Ok(reading) => {
-                    add(actions, reading);
-                    actions.add_line(&PartsOf(&reading.parts));
-                }
-                Err(fault) => advise(fault, actions),
+            answer(&line, actions);
+            if let Ok(reading) = &reading {
+                actions.add_line(&PartsOf(&reading.parts));
             }
         }
         if actions.text.as_str().is_empty() && self.settings.stream {
             actions.may_drop = true;
-            match &reading {
-                Ok(reading) => add(actions, reading),
-                Err(fault) => actions.add_line(fault),
-            }
+            actions.add_line(&line);
         }
     }
 
@@ -481,7 +482,7 @@ impl Session {
     fn set_defaults(&mut self) {
         let default = Settings::default();
         for &setting in Setting::ALL {
-            if setting.affects() == Affects::Measurement {
+            if setting.affects() != Affects::Session {
                 self.settings.set(default.get(setting));
             }
         }
@@ -491,8 +492,16 @@ impl Session {
     }
 }
 
-/// Answers with a fault and what to do about it.
+/// Answers with a result, and with what to do about a fault.
+fn answer(line: &ResultLine<'_>, actions: &mut Actions) {
+    actions.add_line(line);
+    if let Err(fault) = line.result {
+        advise(fault, actions);
+    }
+}
+
+/// Adds what to do about a fault.
 fn advise(fault: &Fault, actions: &mut Actions) {
     let advice = fault.advice();
-    actions.add_line(&format_args!("{fault}\r\n({advice})"));
+    actions.add_line(&format_args!("({advice})"));
 }

@@ -17,6 +17,7 @@ use crate::centre::Estimator;
 use crate::comb::Slits;
 use crate::exposure::{Exposure, ExposureMode};
 use crate::frame::{MAX_ROWS, Mean};
+use crate::output::columns::{Column, Columns};
 use crate::uncertainty::Surface;
 use crate::units::{Counts, Micrometres};
 
@@ -74,6 +75,10 @@ macro_rules! list {
             /// how far speckle moves a distance, in um
             Surface "surface" surface: Surface = Surface::Auto,
                 Form::Words("auto|off|0..50000"), Affects::Measurement;
+
+            /// the columns of a line; `output ?` lists them
+            Output "output" output: Columns = Columns::default(),
+                Form::Several(Columns::NAMES), Affects::Lines;
         }
     };
 }
@@ -94,6 +99,8 @@ pub enum Form {
     Words(&'static str),
     /// One of the names that `help` with the setting's name lists.
     Listed,
+    /// Some of these words, separated by blanks.
+    Several(&'static str),
 }
 
 /// What a change of a setting affects.
@@ -102,6 +109,8 @@ pub enum Affects {
     /// The measurement: the frame under way starts again. `save` writes the setting to flash, `defaults` sets
     /// it back.
     Measurement,
+    /// The lines of readings, and not the measurement. `save` and `defaults` as above.
+    Lines,
     /// What this session sends. The setting holds until the next start.
     Session,
 }
@@ -270,12 +279,13 @@ impl fmt::Display for Form {
             }
             Self::Words(words) => f.write_str(words),
             Self::Listed => f.write_str("NAME"),
+            Self::Several(_) => f.write_str("NAMES"),
         }
     }
 }
 
-/// The most words of a line: those of the longest command, and one more to notice that there are too many.
-const MOST_WORDS: usize = 6;
+/// The most words of a line: those of the longest command, `output` with all columns, and one more to notice that there are too many.
+const MOST_WORDS: usize = 13;
 
 /// The words of a line, separated by blanks.
 pub fn split_words(line: &str) -> Vec<&str, MOST_WORDS> {
@@ -328,6 +338,29 @@ impl ValueText for bool {
 
     fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(if self { "on" } else { "off" })
+    }
+}
+
+impl ValueText for Columns {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        if words.is_empty() || words.len() > Column::ALL.len() {
+            return Err(ValueError::Form);
+        }
+        words.iter().try_fold(Self::NONE, |columns, name| {
+            let column = Column::named(name).ok_or(ValueError::Form)?;
+            Ok(columns.with(column))
+        })
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut blank = "";
+        for column in Column::ALL {
+            if self.has(column) {
+                write!(f, "{blank}{}", column.name())?;
+                blank = " ";
+            }
+        }
+        Ok(())
     }
 }
 
@@ -487,6 +520,10 @@ pub(crate) mod tests {
             .into_iter()
             .chain([true, false].map(Value::Stream))
             .chain([true, false].map(Value::Echo))
+            .chain(Column::ALL.map(|it| Value::Output(Columns::NONE.with(it))))
+            .chain([Value::Output(
+                Column::ALL.into_iter().fold(Columns::NONE, Columns::with),
+            )])
             .chain([true, false].map(Value::Laser))
             .chain(AmbientMode::ALL.map(Value::Ambient))
             .chain(exposures.map(Value::ExposureLimit))
@@ -556,6 +593,9 @@ pub(crate) mod tests {
             (Setting::Black, &["fixed", "-1"], ValueError::Form),
             (Setting::Black, &["fixed", "4096"], ValueError::Range),
             (Setting::Stream, &["on", "off"], ValueError::Form),
+            (Setting::Output, &[] as &[&str], ValueError::Form),
+            (Setting::Output, &["distance", "n"], ValueError::Form),
+            (Setting::Output, &["distance,u"], ValueError::Form),
             (Setting::Surface, &["50001"], ValueError::Range),
             (Setting::Surface, &["-1"], ValueError::Form),
             (Setting::Surface, &["auto", "1"], ValueError::Form),

@@ -7,6 +7,7 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::comb::{Comb, Combined, MAX_SLITS, SlitMap, Slits};
 use slitrange::distance::Calibration;
+use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
 use slitrange::front_end::{Estimate, FrontEnd};
@@ -131,7 +132,9 @@ impl Sensor {
 
 fn vitals() -> Vitals {
     Vitals {
-        uptime_ms: 61_005,
+        uptime_us: 61_005_000,
+        results: 1234,
+        result_us: 12_345_678,
         rows: 10_700,
         row_cycles: 35_000,
         ..Vitals::default()
@@ -320,6 +323,91 @@ fn frames_stream_and_may_be_dropped_answers_may_not() {
         "",
         "one frame is one answer"
     );
+}
+
+/// The columns come in the order of the line, whatever order was typed. Number and time come before a fault,
+/// too.
+#[test]
+fn a_line_has_the_columns_that_output_sets() {
+    let mut sensor = Sensor::new();
+    let all = "output counter time distance u r centre height rows width exposure flags";
+    let default = "output distance u r centre height rows exposure flags";
+    let exposed = Measured {
+        frame: FrameCentre {
+            exposure: Exposure::from_us(187),
+            ..frame(1800.0).frame
+        },
+        ..frame(1800.0)
+    };
+    let usual = sensor.take(Event::Frame(Ok(exposed)));
+    assert!(usual.ends_with(" n 16/16 t 187 g"), "{usual}");
+    let width = exposed.frame.width;
+    let with_width = usual.replace(" t 187", &format!(" w {width} t 187"));
+    let fault = TOO_DIM.to_string();
+    for (typed, answer, line, fault) in [
+        (
+            "output flags exposure width rows height centre r u distance time counter",
+            all,
+            format!("# 1234 @ 12345678 {with_width}"),
+            format!("# 1234 @ 12345678 {fault}"),
+        ),
+        (
+            "output distance counter",
+            "output counter distance",
+            "# 1234 d 788.8397 mm".to_owned(),
+            format!("# 1234 {fault}"),
+        ),
+        (
+            "output time time",
+            "output time",
+            "@ 12345678 d mm".to_owned(),
+            format!("@ 12345678 {fault}"),
+        ),
+        (
+            "output u r",
+            "output u r",
+            "d mm u 16.75 r 0.0008".to_owned(),
+            fault.clone(),
+        ),
+        (
+            "output rows flags",
+            "output rows flags",
+            "d mm n 16/16 g".to_owned(),
+            fault.clone(),
+        ),
+        (default, default, usual.clone(), fault.clone()),
+    ] {
+        assert_eq!(sensor.ask(typed), answer);
+        assert_eq!(sensor.actions.apply, None, "the frame goes on");
+        assert_eq!(sensor.ask("output"), answer);
+        let saved = Stored::Newest(sensor.save());
+        let mut again = Sensor::started(saved);
+        for sensor in [&mut sensor, &mut again] {
+            assert_eq!(sensor.take(Event::Frame(Ok(exposed))), line);
+            assert!(sensor.actions.may_drop);
+            assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+            // An answer has the same columns. `centre` has its own.
+            sensor.ask("distance");
+            assert_eq!(sensor.take(Event::Frame(Ok(exposed))), line);
+            sensor.ask("centre");
+            let centre = sensor.take(Event::Frame(Ok(exposed)));
+            assert_eq!(centre, exposed.to_string());
+        }
+    }
+    let listed = "E2 expected output NAMES, some of counter time distance u r centre height rows width \
+                  exposure flags";
+    for line in ["output none", "output distance, u", "output x"] {
+        assert_eq!(sensor.ask(line), listed, "{line}");
+    }
+    for more in ["u", "u x"] {
+        assert_eq!(sensor.ask(&format!("{all} {more}")), listed);
+    }
+    sensor.set("defaults");
+    assert_eq!(sensor.ask("output"), default);
+    sensor.ask("zero");
+    sensor.take(Event::Frame(Ok(exposed)));
+    sensor.set("output distance");
+    assert_eq!(sensor.take(Event::Frame(Ok(exposed))), "z 0.0000 mm");
 }
 
 #[test]

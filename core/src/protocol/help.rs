@@ -87,9 +87,10 @@ pub const AFTER_SETTINGS: [Line; 10] = [
 ];
 
 /// The last lines of `help`.
-const LAST: [&str; 3] = [
+const LAST: [&str; 4] = [
     "a name alone shows its value; f is a fault; d is a reading, z one relative to zero:",
-    "u uncertainty, r repeatability, x centre, a height, n rows used; and flags:",
+    "u uncertainty, r repeatability, x centre, a height, n rows used,",
+    "# number of the result, @ its time in us, w width, t exposure in us, k slits used; and flags:",
     "m rows misfit, c rows correlated, g never calibrated, s not as calibrated",
 ];
 
@@ -119,8 +120,8 @@ impl fmt::Display for Help {
         for (typed, help) in AFTER_SETTINGS {
             write!(f, "{typed:38} {help}\r\n")?;
         }
-        let [first, second, third] = LAST;
-        write!(f, "{first}\r\n{second}\r\n{third}")
+        let [first, second, third, fourth] = LAST;
+        write!(f, "{first}\r\n{second}\r\n{third}\r\n{fourth}")
     }
 }
 

@@ -1,0 +1,43 @@
+//! Tests of the settings that act between a frame's reading and its line.
+
+use crate::common::{PATIENCE, Status, fresh_results, measuring, number};
+use virtual_board::VirtualBoard;
+
+/// The next line that begins as asked.
+fn line(board: &mut VirtualBoard, start: &str) -> String {
+    let line = board.run_until_line(|line| line.starts_with(start), PATIENCE);
+    line.expect("a line").text
+}
+
+/// Sets a value. Lines of readings come meanwhile, whatever their columns are.
+fn set(board: &mut VirtualBoard, command: &str) {
+    board.send(&format!("{command}\r\n"));
+    let answer = board.run_until_line(|line| line == command, PATIENCE);
+    answer.expect("the answer");
+}
+
+/// Each setting once, on the firmware.
+#[test]
+fn each_setting_of_the_lines_acts() {
+    let mut board = measuring(4);
+    fresh_results(&mut board, 1);
+
+    // A frame of four rows ends every 22.8 ms. The firmware notes the time when it has computed the last row.
+    set(&mut board, "output counter time distance");
+    let lines = [(); 4].map(|()| line(&mut board, "# "));
+    println!("{lines:#?}");
+    let numbers = lines.each_ref().map(|line| number(line, "# ", " @ "));
+    let times = lines.each_ref().map(|line| number(line, " @ ", " d "));
+    for (pair, times) in numbers.windows(2).zip(times.windows(2)) {
+        assert_eq!(pair[1] - pair[0], 1.0);
+        let apart = times[1] - times[0];
+        assert!((apart - 22_800.0).abs() < 1000.0, "{apart} us");
+    }
+    let now = board.now() as f64 * 1e-3;
+    assert!((now - 60_000.0..now).contains(&times[3]), "{} us", times[3]);
+
+    set(&mut board, "defaults");
+    Status::ask(&mut board).assert_none(&["rows lost", "lines dropped"]);
+    fresh_results(&mut board, 1);
+    board.finish().expect("a clean run");
+}
