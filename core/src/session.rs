@@ -17,6 +17,7 @@ use crate::comb::{Comb, Slits};
 use crate::difference::Difference;
 use crate::fault::Fault;
 use crate::front_end::FrontEnd;
+use crate::output::Output;
 use crate::pixels::PixelErrors;
 use crate::profile::Profile;
 use crate::protocol::MAX_ANSWER;
@@ -120,6 +121,7 @@ pub struct Session {
     /// Distances are relative to this reading's. None after a change of what both readings must share: the
     /// calibration, the estimator, the black level, the slits or the map of the pixels.
     zero: Option<Reading>,
+    output: Output,
     /// As the latest frame says.
     pixels: PixelErrors,
     readings: u32,
@@ -145,6 +147,7 @@ impl Session {
             parts_wanted: false,
             zero_wanted: false,
             zero: None,
+            output: Output::default(),
             pixels: PixelErrors::TCD1304DG,
             readings: 0,
             faults: [0; Fault::KINDS],
@@ -217,7 +220,7 @@ impl Session {
             Event::Flat(outcome) => {
                 // A new map may leave errors of the same size, but not the same errors.
                 if !matches!(outcome, flat::Outcome::Saved(_)) {
-                    self.zero = None;
+                    self.forget_readings();
                 }
                 self.flat.end(outcome, actions);
             }
@@ -263,7 +266,14 @@ impl Session {
     fn set_record(&mut self, record: Record) {
         // A record that was read can be written.
         self.record = EncodedRecord::new(record).ok();
+        self.forget_readings();
+    }
+
+    /// Forgets the readings of before a change of what readings must share, if their errors are to be
+    /// compared.
+    fn forget_readings(&mut self) {
         self.zero = None;
+        self.output.clear();
     }
 
     fn note_saved(&mut self) {
@@ -283,7 +293,7 @@ impl Session {
             // The rows of the zero had another map, or none: the two readings do not share the pixels'
             // errors.
             if measured.pixels != self.pixels {
-                self.zero = None;
+                self.forget_readings();
             }
             self.pixels = measured.pixels;
         }
@@ -295,6 +305,7 @@ impl Session {
         if let Some(count) = count {
             *count = count.wrapping_add(1);
         }
+        let result = self.output.take(&self.settings, result);
         let take = core::mem::take;
         let is_zero = take(&mut self.zero_wanted);
         if is_zero {
@@ -394,7 +405,7 @@ impl Session {
                     value,
                     Value::Estimator(_) | Value::Black(_) | Value::Slits(_)
                 ) {
-                    self.zero = None;
+                    self.forget_readings();
                 }
                 if value.setting().affects() == Affects::Measurement {
                     actions.apply = Some(self.applied());
@@ -488,7 +499,7 @@ impl Session {
         }
         self.record = EncodedRecord::nominal();
         self.calibration_on = true;
-        self.zero = None;
+        self.forget_readings();
     }
 }
 

@@ -17,6 +17,7 @@ use crate::centre::Estimator;
 use crate::comb::Slits;
 use crate::exposure::{Exposure, ExposureMode};
 use crate::frame::{MAX_ROWS, Mean};
+use crate::output::average::{self, Average};
 use crate::output::columns::{Column, Columns};
 use crate::uncertainty::Surface;
 use crate::units::{Counts, Micrometres};
@@ -75,6 +76,10 @@ macro_rules! list {
             /// how far speckle moves a distance, in um
             Surface "surface" surface: Surface = Surface::Auto,
                 Form::Words("auto|off|0..50000"), Affects::Measurement;
+
+            /// what is made of the last N results
+            Average "average" average: Average = Average::None,
+                Form::Words("none|moving 2..64|median 2..64|recursive 2..64"), Affects::Lines;
 
             /// the columns of a line; `output ?` lists them
             Output "output" output: Columns = Columns::default(),
@@ -341,6 +346,29 @@ impl ValueText for bool {
     }
 }
 
+impl ValueText for Average {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let (kind, length): (fn(u8) -> Self, _) = match *words {
+            ["none"] => return Ok(Self::None),
+            ["moving", length] => (Self::Moving, length),
+            ["median", length] => (Self::Median, length),
+            ["recursive", length] => (Self::Recursive, length),
+            _ => return Err(ValueError::Form),
+        };
+        let length = read_number(length, 2, average::LONGEST.into())?;
+        Ok(kind(length as u8))
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::None => f.write_str("none"),
+            Self::Moving(length) => write!(f, "moving {length}"),
+            Self::Median(length) => write!(f, "median {length}"),
+            Self::Recursive(length) => write!(f, "recursive {length}"),
+        }
+    }
+}
+
 impl ValueText for Columns {
     fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
         if words.is_empty() || words.len() > Column::ALL.len() {
@@ -520,6 +548,10 @@ pub(crate) mod tests {
             .into_iter()
             .chain([true, false].map(Value::Stream))
             .chain([true, false].map(Value::Echo))
+            .chain([Value::Average(Average::None)])
+            .chain([2, 64].map(|it| Value::Average(Average::Moving(it))))
+            .chain([2, 63].map(|it| Value::Average(Average::Median(it))))
+            .chain([2, 64].map(|it| Value::Average(Average::Recursive(it))))
             .chain(Column::ALL.map(|it| Value::Output(Columns::NONE.with(it))))
             .chain([Value::Output(
                 Column::ALL.into_iter().fold(Columns::NONE, Columns::with),
@@ -593,6 +625,15 @@ pub(crate) mod tests {
             (Setting::Black, &["fixed", "-1"], ValueError::Form),
             (Setting::Black, &["fixed", "4096"], ValueError::Range),
             (Setting::Stream, &["on", "off"], ValueError::Form),
+            (
+                Setting::Average,
+                &["none", "2"] as &[&str],
+                ValueError::Form,
+            ),
+            (Setting::Average, &["moving"], ValueError::Form),
+            (Setting::Average, &["moving", "1"], ValueError::Range),
+            (Setting::Average, &["median", "65"], ValueError::Range),
+            (Setting::Average, &["recursive", "0"], ValueError::Range),
             (Setting::Output, &[] as &[&str], ValueError::Form),
             (Setting::Output, &["distance", "n"], ValueError::Form),
             (Setting::Output, &["distance,u"], ValueError::Form),

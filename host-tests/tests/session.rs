@@ -410,6 +410,76 @@ fn a_line_has_the_columns_that_output_sets() {
     assert_eq!(sensor.take(Event::Frame(Ok(exposed))), "z 0.0000 mm");
 }
 
+/// Four readings of a target at rest: r is half of one reading's, and u keeps what they share.
+#[test]
+fn readings_are_averaged_until_something_that_they_share_changes() {
+    let mut sensor = Sensor::new();
+    for (line, error) in [
+        ("average moving 1", "E3 out of range, expected"),
+        ("average median 65", "E3 out of range, expected"),
+        ("average recursive 0", "E3 out of range, expected"),
+        ("average moving", "E2 expected"),
+        ("average none 2", "E2 expected"),
+        ("average mean 2", "E2 expected"),
+    ] {
+        let form = "average none|moving 2..64|median 2..64|recursive 2..64";
+        assert_eq!(sensor.ask(line), format!("{error} {form}"));
+    }
+    for line in [
+        "average moving 64",
+        "average median 2",
+        "average recursive 64",
+        "average none",
+    ] {
+        sensor.set(line);
+        assert_eq!(sensor.actions.apply, None, "the frame goes on");
+    }
+    let noisy = Measured {
+        frame: FrameCentre {
+            uncertainty: Pixels::from_f32(0.2),
+            ..frame(1800.0).frame
+        },
+        ..frame(1800.0)
+    };
+    sensor.set("average moving 4");
+    let repeatability = |sensor: &mut Sensor| -> f64 {
+        let line = sensor.take(Event::Frame(Ok(noisy)));
+        println!("{line}");
+        assert!(line.starts_with("d 788.8397 mm u 16.74 r "), "{line}");
+        let (_, rest) = line.split_once(" r ").expect("r");
+        let (r, _) = rest.split_once(" x ").expect("r");
+        r.parse().expect("a number")
+    };
+    // Lines have a tenth of a micrometre.
+    let is_near = |r: f64, of: f64| (r - of).abs() < 1e-4;
+    let alone = repeatability(&mut sensor);
+    for count in 2..=5 {
+        let r = repeatability(&mut sensor);
+        assert!(is_near(r, alone / f64::from(count.min(4)).sqrt()), "{r}");
+    }
+    // A fault is put out, and takes a place.
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), TOO_DIM.to_string());
+    assert!(is_near(repeatability(&mut sensor), alone / 3f64.sqrt()));
+    for end in [
+        "estimator adaptive",
+        "black shielded",
+        "slits one",
+        "average moving 5",
+    ] {
+        sensor.set(end);
+        assert!(is_near(repeatability(&mut sensor), alone), "{end}");
+    }
+    sensor.set("rows 7");
+    assert!(is_near(repeatability(&mut sensor), alone / 2f64.sqrt()));
+    // The zero is an average, and what is relative to it, too.
+    sensor.ask("zero");
+    sensor.take(Event::Frame(Ok(noisy)));
+    let line = sensor.take(Event::Frame(Ok(noisy)));
+    assert!(line.starts_with("z 0.0000 mm "), "{line}");
+    sensor.set("defaults");
+    assert_eq!(sensor.ask("average"), "average none");
+}
+
 #[test]
 fn the_parts_of_one_reading_are_shown() {
     let mut sensor = Sensor::new();

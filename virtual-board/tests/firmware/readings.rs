@@ -36,6 +36,20 @@ fn each_setting_of_the_lines_acts() {
     let now = board.now() as f64 * 1e-3;
     assert!((now - 60_000.0..now).contains(&times[3]), "{} us", times[3]);
 
+    // With a full window, r is half of a reading's, within the scatter of r: 20 % for four rows.
+    set(&mut board, "output r");
+    let repeatability = |board: &mut VirtualBoard| {
+        let lines = [(); 6].map(|()| line(board, "d mm r "));
+        println!("{lines:?}");
+        let numbers = lines.map(|line| line["d mm r ".len()..].parse::<f64>().expect("r"));
+        numbers[2..].iter().sum::<f64>() / 4.0
+    };
+    let alone = repeatability(&mut board);
+    set(&mut board, "average moving 4");
+    line(&mut board, "d mm r ");
+    let share = repeatability(&mut board) / alone;
+    assert!((0.35..0.7).contains(&share), "{share}");
+
     set(&mut board, "defaults");
     Status::ask(&mut board).assert_none(&["rows lost", "lines dropped"]);
     fresh_results(&mut board, 1);

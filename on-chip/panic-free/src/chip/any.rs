@@ -13,6 +13,8 @@ use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::frame::{FrameCentre, Mean};
 use slitrange::front_end::{Estimate, FrontEnd};
+use slitrange::output::average::Average;
+use slitrange::output::columns::Columns;
 use slitrange::pixels::PixelErrors;
 use slitrange::profile::Profile;
 use slitrange::reading::{Measured, Reading};
@@ -66,6 +68,8 @@ pub fn settings() -> Settings {
         black_level: any(BlackLevel::Shielded),
         slits: any(Slits::Comb),
         ambient: any(AmbientMode::Subtract),
+        average: any(Average::None),
+        output: any(Columns::NONE),
         ..Settings::default()
     }
 }
