@@ -306,21 +306,26 @@ impl Session {
             *count = count.wrapping_add(1);
         }
         let result = self.output.take(&self.settings, result);
+        let held = self.output.hold(&self.settings, result);
         let take = core::mem::take;
         let is_zero = take(&mut self.zero_wanted);
         if is_zero {
             self.zero = result.ok().or(self.zero);
         }
-        let reading = match &self.zero {
-            Some(zero) if !is_zero => result.map(|now| Difference::between(zero, &now).0),
-            _ => result,
+        let zero = self.zero.filter(|_| !is_zero);
+        let relative = |now: Reading| match &zero {
+            Some(zero) => Difference::between(zero, &now).0,
+            None => now,
         };
+        let reading = result.map(relative);
         let line = ResultLine {
             number: vitals.results,
             us: vitals.result_us,
             result: &reading,
-            is_difference: self.zero.is_some() && !is_zero,
+            is_difference: zero.is_some(),
+            held: 0,
             columns: self.settings.output,
+            units: self.settings.units,
         };
         if take(&mut self.distance_wanted) || is_zero {
             answer(&line, actions);
@@ -337,12 +342,19 @@ impl Session {
         if take(&mut self.parts_wanted) {
             answer(&line, actions);
             if let Ok(reading) = &reading {
-                actions.add_line(&PartsOf(&reading.parts));
+                actions.add_line(&PartsOf(&reading.parts, self.settings.units));
             }
         }
-        if actions.text.as_str().is_empty() && self.settings.stream {
+        if actions.text.as_str().is_empty()
+            && self.settings.stream
+            && (self.output.rate).is_due(self.settings.rate, vitals.result_us)
+        {
             actions.may_drop = true;
-            actions.add_line(&line);
+            actions.add_line(&ResultLine {
+                result: &held.map(|it| relative(it.reading)),
+                held: held.map_or(0, |it| it.results),
+                ..line
+            });
         }
     }
 

@@ -20,7 +20,7 @@ use crate::frame::{MAX_ROWS, Mean};
 use crate::output::average::{self, Average};
 use crate::output::columns::{Column, Columns};
 use crate::uncertainty::Surface;
-use crate::units::{Counts, Micrometres};
+use crate::units::{Counts, Micrometres, Units};
 
 /// # The list
 ///
@@ -80,6 +80,15 @@ macro_rules! list {
             /// what is made of the last N results
             Average "average" average: Average = Average::None,
                 Form::Words("none|moving 2..64|median 2..64|recursive 2..64"), Affects::Lines;
+
+            /// after a fault, give the last reading for so many results, flagged h
+            Hold "hold" hold: u16 = 0, Form::Number { least: 0, most: 1000, unit: "" }, Affects::Lines;
+
+            /// the most lines a second, whatever the frames are; 0 is a line for each
+            Rate "rate" rate: u16 = 0, Form::Number { least: 0, most: 1000, unit: "Hz" }, Affects::Lines;
+
+            /// the unit of distance, u and r in lines
+            Units "units" units: Units = Units::Millimetres, Form::Words("mm|um"), Affects::Lines;
 
             /// the columns of a line; `output ?` lists them
             Output "output" output: Columns = Columns::default(),
@@ -289,7 +298,8 @@ impl fmt::Display for Form {
     }
 }
 
-/// The most words of a line: those of the longest command, `output` with all columns, and one more to notice that there are too many.
+/// The most words of a line: those of the longest command, `output` with all columns, and one more to notice
+/// that there are too many.
 const MOST_WORDS: usize = 13;
 
 /// The words of a line, separated by blanks.
@@ -343,6 +353,20 @@ impl ValueText for bool {
 
     fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(if self { "on" } else { "off" })
+    }
+}
+
+impl ValueText for Units {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["mm"] => Ok(Self::Millimetres),
+            ["um"] => Ok(Self::Micrometres),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 
@@ -548,6 +572,9 @@ pub(crate) mod tests {
             .into_iter()
             .chain([true, false].map(Value::Stream))
             .chain([true, false].map(Value::Echo))
+            .chain([0, 1, 1000].map(Value::Hold))
+            .chain([0, 1, 1000].map(Value::Rate))
+            .chain([Units::Millimetres, Units::Micrometres].map(Value::Units))
             .chain([Value::Average(Average::None)])
             .chain([2, 64].map(|it| Value::Average(Average::Moving(it))))
             .chain([2, 63].map(|it| Value::Average(Average::Median(it))))
@@ -637,6 +664,11 @@ pub(crate) mod tests {
             (Setting::Output, &[] as &[&str], ValueError::Form),
             (Setting::Output, &["distance", "n"], ValueError::Form),
             (Setting::Output, &["distance,u"], ValueError::Form),
+            (Setting::Hold, &["1001"], ValueError::Range),
+            (Setting::Hold, &["-1"], ValueError::Form),
+            (Setting::Rate, &["1001"], ValueError::Range),
+            (Setting::Rate, &["2.5"], ValueError::Form),
+            (Setting::Units, &["m"], ValueError::Form),
             (Setting::Surface, &["50001"], ValueError::Range),
             (Setting::Surface, &["-1"], ValueError::Form),
             (Setting::Surface, &["auto", "1"], ValueError::Form),

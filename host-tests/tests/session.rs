@@ -480,6 +480,134 @@ fn readings_are_averaged_until_something_that_they_share_changes() {
     assert_eq!(sensor.ask("average"), "average none");
 }
 
+/// A held reading has the flag `h` whatever the columns are. It is no answer, no zero and no reading of
+/// `status`.
+#[test]
+fn the_last_reading_is_held_after_faults_and_flagged() {
+    let mut sensor = Sensor::new();
+    let fault = TOO_DIM.to_string();
+    for line in ["hold 1001", "hold 99999999999"] {
+        let error = "E3 out of range, expected hold 0..1000";
+        assert_eq!(sensor.ask(line), error);
+    }
+    for line in ["hold -1", "hold 2 2"] {
+        assert_eq!(sensor.ask(line), "E2 expected hold 0..1000");
+    }
+    sensor.set("hold 2");
+    assert_eq!(sensor.actions.apply, None, "the frame goes on");
+    // There is no reading yet.
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+    let reading = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    for _ in 0..2 {
+        for age in 1..=2 {
+            let held = sensor.take(Event::Frame(Err(TOO_DIM)));
+            assert_eq!(held, format!("{reading} h {age}"));
+            assert!(sensor.actions.may_drop);
+        }
+        for _ in 0..2 {
+            assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+        }
+        assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), reading);
+    }
+    sensor.ask("distance");
+    let advised = format!("{TOO_DIM}\r\n({})", TOO_DIM.advice());
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), advised);
+    sensor.ask("zero");
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), advised);
+    let status = sensor.ask("status");
+    assert!(status.contains("\r\nstatus readings 3\r\n"), "{status}");
+    assert!(
+        status.contains("\r\nstatus fault too dim 11\r\n"),
+        "{status}"
+    );
+    sensor.set("output distance");
+    sensor.ask("zero");
+    assert_eq!(
+        sensor.take(Event::Frame(Ok(frame(1800.0)))),
+        "d 788.8397 mm"
+    );
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), "z 0.0000 mm h 1");
+    // A reading of before a change of the calibration is not held.
+    sensor.set("estimator centroid");
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+    sensor.set("hold 1000");
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    for age in 1..=1000 {
+        let held = sensor.take(Event::Frame(Err(TOO_DIM)));
+        assert_eq!(held, format!("d 788.8397 mm h {age}"));
+    }
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    sensor.set("hold 0");
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+}
+
+#[test]
+fn distances_are_in_the_unit_that_is_set() {
+    let mut sensor = Sensor::new();
+    for line in ["units m", "units mm um"] {
+        assert_eq!(sensor.ask(line), "E2 expected units mm|um");
+    }
+    let mm = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    sensor.set("units um");
+    assert_eq!(sensor.actions.apply, None, "the frame goes on");
+    let um = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    // u is above 10 mm, and has fewer digits in both units.
+    let start = "d 788839.7 um u 16739 r 0.8 x ";
+    assert!(um.starts_with(start), "{um}");
+    let rest = |line: &str| line.split_once(" x ").map(|(_, rest)| rest.to_owned());
+    assert_eq!(rest(&um), rest(&mm));
+    sensor.ask("uncertainty");
+    let parts = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    assert!(
+        parts.contains("\r\nuncertainty noise 0.8 um\r\n"),
+        "{parts}"
+    );
+    sensor.ask("zero");
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    let line = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    assert!(line.starts_with("z 0.0 um u 1.1 r 1.1 x "), "{line}");
+    sensor.set("units mm");
+    sensor.set("zero off");
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), mm);
+}
+
+/// A line that is not due is left out. The filter sees its reading, and an answer comes at once.
+#[test]
+fn lines_are_left_out_down_to_the_rate_that_is_set() {
+    let mut sensor = Sensor::new();
+    for (line, error) in [
+        ("rate 1001", "E3 out of range, expected rate 0..1000 Hz"),
+        ("rate 0.5", "E2 expected rate 0..1000 Hz"),
+    ] {
+        assert_eq!(sensor.ask(line), error);
+    }
+    let mut us = 12_345_678;
+    let mut next = |sensor: &mut Sensor| {
+        // A frame of 16 rows.
+        us += 91_200;
+        let vitals = Vitals {
+            result_us: us,
+            ..vitals()
+        };
+        let frame = Event::Frame(Ok(frame(1800.0)));
+        sensor.session.take(frame, &vitals, &mut sensor.actions);
+        !sensor.actions.text.as_str().is_empty()
+    };
+    for (rate, expected) in [(0, 1000), (1, 91), (5, 456), (1000, 1000)] {
+        sensor.set(&format!("rate {rate}"));
+        next(&mut sensor);
+        let sent = (0..1000).filter(|_| next(&mut sensor)).count();
+        println!("rate {rate}: {sent} lines in 91.2 s");
+        assert!(sent.abs_diff(expected) <= 1, "{rate}: {sent}");
+    }
+    sensor.set("rate 1");
+    while !next(&mut sensor) {}
+    sensor.ask("distance");
+    assert!(next(&mut sensor) && !sensor.actions.may_drop);
+    assert!(!next(&mut sensor));
+}
+
 #[test]
 fn the_parts_of_one_reading_are_shown() {
     let mut sensor = Sensor::new();

@@ -91,7 +91,7 @@ const LAST: [&str; 4] = [
     "a name alone shows its value; f is a fault; d is a reading, z one relative to zero:",
     "u uncertainty, r repeatability, x centre, a height, n rows used,",
     "# number of the result, @ its time in us, w width, t exposure in us, k slits used; and flags:",
-    "m rows misfit, c rows correlated, g never calibrated, s not as calibrated",
+    "m rows misfit, c rows correlated, g never calibrated, s not as calibrated, h held",
 ];
 
 /// The first words of all commands and settings.

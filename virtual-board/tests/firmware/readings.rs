@@ -1,6 +1,6 @@
 //! Tests of the settings that act between a frame's reading and its line.
 
-use crate::common::{PATIENCE, Status, fresh_results, measuring, number};
+use crate::common::{DISTANCE, PATIENCE, Status, fresh_results, measuring, number};
 use virtual_board::VirtualBoard;
 
 /// The next line that begins as asked.
@@ -49,6 +49,29 @@ fn each_setting_of_the_lines_acts() {
     line(&mut board, "d mm r ");
     let share = repeatability(&mut board) / alone;
     assert!((0.35..0.7).contains(&share), "{share}");
+
+    // A frame of four rows ends every 22.8 ms: of 44 frames a second, ten are sent.
+    set(&mut board, "rate 10");
+    set(&mut board, "units um");
+    set(&mut board, "output time distance");
+    let lines = [(); 6].map(|()| line(&mut board, "@ "));
+    println!("{lines:#?}");
+    let times = lines.each_ref().map(|line| number(line, "@ ", " d "));
+    let apart = (times[5] - times[1]) / 4.0;
+    assert!((apart - 100_000.0).abs() < 6000.0, "{apart} us");
+    let off = number(&lines[5], " d ", " um") - 1e6 * DISTANCE;
+    assert!(off.abs() < 50.0, "{off} um");
+    set(&mut board, "rate 0");
+
+    // Without the laser there is no reading. Rows under way still have its light.
+    set(&mut board, "hold 2");
+    set(&mut board, "laser off");
+    let ends = [" h 1", " h 2", "f laser off"].map(|end| {
+        let line = board.run_until_line(|line| line.ends_with(end), PATIENCE);
+        line.expect("a line").at
+    });
+    assert!(ends.is_sorted());
+    set(&mut board, "laser on");
 
     set(&mut board, "defaults");
     Status::ask(&mut board).assert_none(&["rows lost", "lines dropped"]);

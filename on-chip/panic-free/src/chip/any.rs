@@ -26,7 +26,7 @@ use slitrange::settings::Settings;
 use slitrange::shape::COMPONENTS;
 use slitrange::spot::{Background, Effort, Spot};
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES, Parts};
-use slitrange::units::{Counts, Electrons, Micrometres, Pixels};
+use slitrange::units::{Counts, Electrons, Micrometres, Pixels, Units};
 
 /// What might be any value of its type, though it is the one given.
 pub fn any<T: Copy>(value: T) -> T {
@@ -69,6 +69,9 @@ pub fn settings() -> Settings {
         slits: any(Slits::Comb),
         ambient: any(AmbientMode::Subtract),
         average: any(Average::None),
+        hold: any(0),
+        rate: any(0),
+        units: any(Units::Millimetres),
         output: any(Columns::NONE),
         ..Settings::default()
     }
