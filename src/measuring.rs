@@ -20,8 +20,8 @@ use slitrange::settings::Settings;
 use static_cell::StaticCell;
 
 use super::shared::{
-    COUNTERS, ExposedRow, FREE, FULL, Flat, GIVEN, LASER, PAUSED, REQUESTS, RESULTS, ROW_TO_SEND,
-    Request, SETTINGS, TAKEN, WORDS,
+    COUNTERS, ExposedRow, FREE, FULL, Flat, FrameResult, GIVEN, LASER, PAUSED, REQUESTS, RESULTS,
+    ROW_TO_SEND, Request, SETTINGS, TAKEN, WORDS,
 };
 use super::{board, tcd1304};
 
@@ -250,6 +250,12 @@ fn measure_row(
 
 /// Never waits: a serial line that is behind must not keep rows from being measured.
 fn publish(result: Result<Measured, Fault>) {
+    COUNTERS.frames.add();
+    let result = FrameResult {
+        number: COUNTERS.frames.get(),
+        at: Instant::now(),
+        result,
+    };
     COUNTERS
         .lines_dropped
         .add_if(RESULTS.try_send(result).is_err());

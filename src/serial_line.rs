@@ -28,7 +28,7 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
     let mut bytes = [0; PIECE];
     loop {
         match select(RESULTS.receive(), rx.read(&mut bytes)).await {
-            Either::First(result) => shell.take(Event::Frame(result)).await,
+            Either::First(result) => shell.take_result(result).await,
             Either::Second(received) => {
                 // This driver never returns an error: it drops them, and `board` counts them.
                 let received = received.unwrap_or(0);
@@ -46,7 +46,7 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
                     shell.take(Event::Line(command)).await;
                     // A line full of commands takes seconds to answer: results have their turn in between.
                     while let Ok(result) = RESULTS.try_receive() {
-                        shell.take(Event::Frame(result)).await;
+                        shell.take_result(result).await;
                     }
                 }
             }

@@ -8,7 +8,7 @@ use embassy_time::{Duration, Instant, Timer};
 use slitrange::pixels::flat_field::FlatField;
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
-use slitrange::protocol::status::StartCause;
+use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::sensor_heads;
 use slitrange::session::flat::{Job, Outcome};
 use slitrange::session::{Actions, Event, Session};
@@ -17,7 +17,8 @@ use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
 use super::shared::{
-    COUNTERS, FREE, Flat, GIVEN, PAUSED, REQUESTS, ROW_TO_SEND, Request, SETTINGS, TAKEN,
+    COUNTERS, FREE, Flat, FrameResult, GIVEN, PAUSED, REQUESTS, ROW_TO_SEND, Request, SETTINGS,
+    TAKEN,
 };
 use super::transmitter::Transmitter;
 use super::{acquisition, board, tcd1304};
@@ -42,6 +43,9 @@ static FLAT: ConstStaticCell<FlatField> = ConstStaticCell::new(FlatField::new())
 pub struct Shell {
     tx: Transmitter,
     started_at: Instant,
+    /// Number and time of the latest result.
+    results: u32,
+    result_at: Instant,
     store: Store<CalibrationFlash>,
     session: Session,
     actions: Actions,
@@ -59,6 +63,8 @@ impl Shell {
         Self {
             tx,
             started_at: Instant::now(),
+            results: 0,
+            result_at: Instant::now(),
             store: Store::new(flash),
             session: Session::new(HARDWARE, tcd1304::geometry(), started_by),
             actions: Actions::default(),
@@ -92,11 +98,15 @@ impl Shell {
         PAUSED.store(false, Ordering::Relaxed);
     }
 
+    /// Takes a frame's result.
+    pub async fn take_result(&mut self, frame: FrameResult) {
+        COUNTERS.results.add();
+        (self.results, self.result_at) = (frame.number, frame.at);
+        self.take(Event::Frame(frame.result)).await;
+    }
+
     /// Takes an event and carries out the actions.
     pub async fn take(&mut self, event: Event) {
-        if matches!(event, Event::Frame(_)) {
-            COUNTERS.results.add();
-        }
         self.update_session(event);
         self.apply();
         if self.actions.save {
@@ -228,7 +238,12 @@ impl Shell {
     /// Passes an event to the session, which writes what must be done into `actions`.
     #[inline(never)]
     fn update_session(&mut self, event: Event) {
-        let vitals = COUNTERS.vitals(self.started_at.elapsed().as_millis());
+        let since_start = |at: Instant| at.saturating_duration_since(self.started_at).as_micros();
+        let vitals = Vitals {
+            results: self.results,
+            result_us: since_start(self.result_at),
+            ..COUNTERS.vitals(since_start(Instant::now()))
+        };
         self.session.take(event, &vitals, &mut self.actions);
     }
 

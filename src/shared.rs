@@ -5,6 +5,7 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
+use embassy_time::Instant;
 use slitrange::ambient::AmbientMode;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
@@ -75,7 +76,17 @@ impl LaserOrder {
 /// to `status` (about 45 ms) loses none. All its bytes are zero at first, as `.ccm` wants it: no DMA reaches
 /// it, and the stack has the room.
 #[unsafe(link_section = ".ccm.results")]
-pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Measured, Fault>, 16> = Channel::new();
+pub static RESULTS: Channel<CriticalSectionRawMutex, FrameResult, 16> = Channel::new();
+
+/// A frame's result.
+pub struct FrameResult {
+    /// Its number since the start, from 1. Lost results have numbers, too.
+    pub number: u32,
+    /// When its frame ended.
+    pub at: Instant,
+    /// The result.
+    pub result: Result<Measured, Fault>,
+}
 
 /// Changed settings, with what the calibration knows of the sensor. Only the last change matters.
 pub static SETTINGS: Signal<CriticalSectionRawMutex, Applied> = Signal::new();
@@ -121,6 +132,7 @@ pub static COUNTERS: Counters = Counters {
     rows: Counter::new(),
     rows_lost: Counter::new(),
     rows_failed: Counter::new(),
+    frames: Counter::new(),
     results: Counter::new(),
     row_cycles: Counter::new(),
     slowest_row_cycles: Counter::new(),
@@ -140,6 +152,8 @@ pub struct Counters {
     pub rows_lost: Counter,
     /// Read-outs that failed.
     pub rows_failed: Counter,
+    /// Results of frames.
+    pub frames: Counter,
     /// Signs of life of measuring and the serial line: readings and faults that the serial line took, changes
     /// of settings that measuring took, lines of a row, and operations of a save on the flash.
     pub results: Counter,
@@ -159,9 +173,9 @@ pub struct Counters {
 
 impl Counters {
     /// The counts that `status` shows.
-    pub fn vitals(&self, uptime_ms: u64) -> Vitals {
+    pub fn vitals(&self, uptime_us: u64) -> Vitals {
         Vitals {
-            uptime_ms,
+            uptime_us,
             rows: self.rows.get(),
             rows_lost: self.rows_lost.get(),
             rows_failed: self.rows_failed.get(),
@@ -173,6 +187,7 @@ impl Counters {
                 framing: self.serial_framing.get(),
                 overrun: self.serial_overrun.get(),
             },
+            ..Vitals::default()
         }
     }
 }

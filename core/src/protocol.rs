@@ -15,5 +15,5 @@ pub mod row;
 pub mod status;
 pub mod upload;
 
-/// The longest answer, in bytes with its line ends: `help`, with room for twenty settings more.
+/// The longest answer, in bytes with its line ends: `help`, with room for twelve settings more.
 pub const MAX_ANSWER: usize = 4608;

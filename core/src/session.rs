@@ -17,6 +17,7 @@ use crate::comb::{Comb, Slits};
 use crate::difference::Difference;
 use crate::fault::Fault;
 use crate::front_end::FrontEnd;
+use crate::output::Output;
 use crate::pixels::PixelErrors;
 use crate::profile::Profile;
 use crate::protocol::MAX_ANSWER;
@@ -24,7 +25,7 @@ use crate::protocol::calibration::{CalibrationAnswer, FlashStatus};
 use crate::protocol::command::{Command, Error};
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::{Banner, Hardware, Info};
-use crate::protocol::line::PartsOf;
+use crate::protocol::line::{PartsOf, ResultLine};
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
 use crate::protocol::row::RowPart;
@@ -121,6 +122,7 @@ pub struct Session {
     /// Distances are relative to this reading's. None after a change of what both readings must share: the
     /// calibration, the estimator, the black level, the slits or the map of the pixels.
     zero: Option<Reading>,
+    output: Output,
     /// As the latest frame says.
     pixels: PixelErrors,
     readings: u32,
@@ -146,6 +148,7 @@ impl Session {
             parts_wanted: false,
             zero_wanted: false,
             zero: None,
+            output: Output::default(),
             pixels: PixelErrors::TCD1304DG,
             readings: 0,
             faults: [0; Fault::KINDS],
@@ -209,7 +212,7 @@ impl Session {
                 }
             }
             Event::Line(Err(error)) => actions.add_line(&error),
-            Event::Frame(measured) => self.report(measured, actions),
+            Event::Frame(measured) => self.report(measured, vitals, actions),
             Event::Saved(Ok(())) => {
                 self.note_saved();
                 actions.add_line(&Command::Save);
@@ -218,7 +221,7 @@ impl Session {
             Event::Flat(outcome) => {
                 // A new map may leave errors of the same size, but not the same errors.
                 if !matches!(outcome, flat::Outcome::Saved(_)) {
-                    self.zero = None;
+                    self.forget_readings();
                 }
                 self.flat.end(outcome, actions);
             }
@@ -264,7 +267,14 @@ impl Session {
     fn set_record(&mut self, record: Record) {
         // A record that was read can be written.
         self.record = EncodedRecord::new(record).ok();
+        self.forget_readings();
+    }
+
+    /// Forgets the readings of before a change of what readings must share, if their errors are to be
+    /// compared.
+    fn forget_readings(&mut self) {
         self.zero = None;
+        self.output.clear();
     }
 
     fn note_saved(&mut self) {
@@ -274,12 +284,17 @@ impl Session {
     }
 
     /// Counts a result, and reports it if someone asked for it or the stream is on.
-    fn report(&mut self, measured: Result<Measured, Fault>, actions: &mut Actions) {
+    fn report(
+        &mut self,
+        measured: Result<Measured, Fault>,
+        vitals: &Vitals,
+        actions: &mut Actions,
+    ) {
         if let Ok(measured) = &measured {
             // The rows of the zero had another map, or none: the two readings do not share the pixels'
             // errors.
             if measured.pixels != self.pixels {
-                self.zero = None;
+                self.forget_readings();
             }
             self.pixels = measured.pixels;
         }
@@ -291,47 +306,56 @@ impl Session {
         if let Some(count) = count {
             *count = count.wrapping_add(1);
         }
+        let result = self.output.take(&self.settings, result);
+        let held = self.output.hold(&self.settings, result);
         let take = core::mem::take;
         let is_zero = take(&mut self.zero_wanted);
         if is_zero {
             self.zero = result.ok().or(self.zero);
         }
-        let reading = match &self.zero {
-            Some(zero) if !is_zero => result.map(|now| Difference::between(zero, &now).0),
-            _ => result,
+        let zero = self.zero.filter(|_| !is_zero);
+        let relative = |now: Reading| match &zero {
+            Some(zero) => Difference::between(zero, &now).0,
+            None => now,
         };
-        let is_difference = self.zero.is_some() && !is_zero;
-        let add = |actions: &mut Actions, reading: &Reading| match is_difference {
-            true => actions.add_line(&Difference(*reading)),
-            false => actions.add_line(reading),
+        let reading = result.map(relative);
+        let line = ResultLine {
+            number: vitals.results,
+            us: vitals.result_us,
+            result: &reading,
+            is_difference: zero.is_some(),
+            held: 0,
+            columns: self.settings.output,
+            units: self.settings.units,
         };
         if take(&mut self.distance_wanted) || is_zero {
-            match &reading {
-                Ok(reading) => add(actions, reading),
-                Err(fault) => advise(fault, actions),
-            }
+            answer(&line, actions);
         }
         if take(&mut self.centre_wanted) {
             match &measured {
                 Ok(measured) => actions.add_line(measured),
-                Err(fault) => advise(fault, actions),
+                Err(fault) => {
+                    actions.add_line(fault);
+                    advise(fault, actions);
+                }
             }
         }
         if take(&mut self.parts_wanted) {
-            match &reading {
-                Ok(reading) => {
-                    add(actions, reading);
-                    actions.add_line(&PartsOf(&reading.parts));
-                }
-                Err(fault) => advise(fault, actions),
+            answer(&line, actions);
+            if let Ok(reading) = &reading {
+                actions.add_line(&PartsOf(&reading.parts, self.settings.units));
             }
         }
-        if actions.text.as_str().is_empty() && self.settings.stream {
+        if actions.text.as_str().is_empty()
+            && self.settings.stream
+            && (self.output.rate).is_due(self.settings.rate, vitals.result_us)
+        {
             actions.may_drop = true;
-            match &reading {
-                Ok(reading) => add(actions, reading),
-                Err(fault) => actions.add_line(fault),
-            }
+            actions.add_line(&ResultLine {
+                result: &held.map(|it| relative(it.reading)),
+                held: held.map_or(0, |it| it.results),
+                ..line
+            });
         }
     }
 
@@ -397,7 +421,7 @@ impl Session {
                     value,
                     Value::Estimator(_) | Value::Black(_) | Value::Slits(_)
                 ) {
-                    self.zero = None;
+                    self.forget_readings();
                 }
                 if value.setting().affects() == Affects::Measurement {
                     actions.apply = Some(self.applied());
@@ -497,18 +521,26 @@ impl Session {
     fn set_defaults(&mut self) {
         let default = Settings::default();
         for &setting in Setting::ALL {
-            if setting.affects() == Affects::Measurement {
+            if setting.affects() != Affects::Session {
                 self.settings.set(default.get(setting));
             }
         }
         self.record = EncodedRecord::nominal();
         self.calibration_on = true;
-        self.zero = None;
+        self.forget_readings();
     }
 }
 
-/// Answers with a fault and what to do about it.
+/// Answers with a result, and with what to do about a fault.
+fn answer(line: &ResultLine<'_>, actions: &mut Actions) {
+    actions.add_line(line);
+    if let Err(fault) = line.result {
+        advise(fault, actions);
+    }
+}
+
+/// Adds what to do about a fault.
 fn advise(fault: &Fault, actions: &mut Actions) {
     let advice = fault.advice();
-    actions.add_line(&format_args!("{fault}\r\n({advice})"));
+    actions.add_line(&format_args!("({advice})"));
 }

@@ -17,10 +17,12 @@ use crate::centre::Estimator;
 use crate::comb::Slits;
 use crate::exposure::{Exposure, ExposureMode};
 use crate::frame::{MAX_ROWS, Mean};
+use crate::output::average::{self, Average};
+use crate::output::columns::{Column, Columns};
 use crate::peak::Peak;
 use crate::region::Region;
 use crate::uncertainty::Surface;
-use crate::units::{Counts, Micrometres};
+use crate::units::{Counts, Micrometres, Units};
 
 /// # The list
 ///
@@ -84,6 +86,23 @@ macro_rules! list {
             /// how far speckle moves a distance, in um
             Surface "surface" surface: Surface = Surface::Auto,
                 Form::Words("auto|off|0..50000"), Affects::Measurement;
+
+            /// what is made of the last N results
+            Average "average" average: Average = Average::None,
+                Form::Words("none|moving 2..64|median 2..64|recursive 2..64"), Affects::Lines;
+
+            /// after a fault, give the last reading for so many results, flagged h
+            Hold "hold" hold: u16 = 0, Form::Number { least: 0, most: 1000, unit: "" }, Affects::Lines;
+
+            /// the most lines a second, whatever the frames are; 0 is a line for each
+            Rate "rate" rate: u16 = 0, Form::Number { least: 0, most: 1000, unit: "Hz" }, Affects::Lines;
+
+            /// the unit of distance, u and r in lines
+            Units "units" units: Units = Units::Millimetres, Form::Words("mm|um"), Affects::Lines;
+
+            /// the columns of a line; `output ?` lists them
+            Output "output" output: Columns = Columns::default(),
+                Form::Several(Columns::NAMES), Affects::Lines;
         }
     };
 }
@@ -104,6 +123,8 @@ pub enum Form {
     Words(&'static str),
     /// One of the names that `help` with the setting's name lists.
     Listed,
+    /// Some of these words, separated by blanks.
+    Several(&'static str),
 }
 
 /// What a change of a setting affects.
@@ -112,6 +133,8 @@ pub enum Affects {
     /// The measurement: the frame under way starts again. `save` writes the setting to flash, `defaults` sets
     /// it back.
     Measurement,
+    /// The lines of readings, and not the measurement. `save` and `defaults` as above.
+    Lines,
     /// What this session sends. The setting holds until the next start.
     Session,
 }
@@ -280,12 +303,14 @@ impl fmt::Display for Form {
             }
             Self::Words(words) => f.write_str(words),
             Self::Listed => f.write_str("NAME"),
+            Self::Several(_) => f.write_str("NAMES"),
         }
     }
 }
 
-/// The most words of a line: those of the longest command, and one more to notice that there are too many.
-const MOST_WORDS: usize = 6;
+/// The most words of a line: those of the longest command, `output` with all columns, and one more to notice
+/// that there are too many.
+const MOST_WORDS: usize = 13;
 
 /// The words of a line, separated by blanks.
 pub fn split_words(line: &str) -> Vec<&str, MOST_WORDS> {
@@ -338,6 +363,66 @@ impl ValueText for bool {
 
     fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(if self { "on" } else { "off" })
+    }
+}
+
+impl ValueText for Units {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            ["mm"] => Ok(Self::Millimetres),
+            ["um"] => Ok(Self::Micrometres),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl ValueText for Average {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        let (kind, length): (fn(u8) -> Self, _) = match *words {
+            ["none"] => return Ok(Self::None),
+            ["moving", length] => (Self::Moving, length),
+            ["median", length] => (Self::Median, length),
+            ["recursive", length] => (Self::Recursive, length),
+            _ => return Err(ValueError::Form),
+        };
+        let length = read_number(length, 2, average::LONGEST.into())?;
+        Ok(kind(length as u8))
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::None => f.write_str("none"),
+            Self::Moving(length) => write!(f, "moving {length}"),
+            Self::Median(length) => write!(f, "median {length}"),
+            Self::Recursive(length) => write!(f, "recursive {length}"),
+        }
+    }
+}
+
+impl ValueText for Columns {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        if words.is_empty() || words.len() > Column::ALL.len() {
+            return Err(ValueError::Form);
+        }
+        words.iter().try_fold(Self::NONE, |columns, name| {
+            let column = Column::named(name).ok_or(ValueError::Form)?;
+            Ok(columns.with(column))
+        })
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut blank = "";
+        for column in Column::ALL {
+            if self.has(column) {
+                write!(f, "{blank}{}", column.name())?;
+                blank = " ";
+            }
+        }
+        Ok(())
     }
 }
 
@@ -531,6 +616,17 @@ pub(crate) mod tests {
             .into_iter()
             .chain([true, false].map(Value::Stream))
             .chain([true, false].map(Value::Echo))
+            .chain([0, 1, 1000].map(Value::Hold))
+            .chain([0, 1, 1000].map(Value::Rate))
+            .chain([Units::Millimetres, Units::Micrometres].map(Value::Units))
+            .chain([Value::Average(Average::None)])
+            .chain([2, 64].map(|it| Value::Average(Average::Moving(it))))
+            .chain([2, 63].map(|it| Value::Average(Average::Median(it))))
+            .chain([2, 64].map(|it| Value::Average(Average::Recursive(it))))
+            .chain(Column::ALL.map(|it| Value::Output(Columns::NONE.with(it))))
+            .chain([Value::Output(
+                Column::ALL.into_iter().fold(Columns::NONE, Columns::with),
+            )])
             .chain([true, false].map(Value::Laser))
             .chain(AmbientMode::ALL.map(Value::Ambient))
             .chain(exposures.map(Value::ExposureLimit))
@@ -613,6 +709,23 @@ pub(crate) mod tests {
             (Setting::Region, &["900"], ValueError::Form),
             (Setting::Region, &["all", "900"], ValueError::Form),
             (Setting::Peak, &["second"], ValueError::Form),
+            (
+                Setting::Average,
+                &["none", "2"] as &[&str],
+                ValueError::Form,
+            ),
+            (Setting::Average, &["moving"], ValueError::Form),
+            (Setting::Average, &["moving", "1"], ValueError::Range),
+            (Setting::Average, &["median", "65"], ValueError::Range),
+            (Setting::Average, &["recursive", "0"], ValueError::Range),
+            (Setting::Output, &[] as &[&str], ValueError::Form),
+            (Setting::Output, &["distance", "n"], ValueError::Form),
+            (Setting::Output, &["distance,u"], ValueError::Form),
+            (Setting::Hold, &["1001"], ValueError::Range),
+            (Setting::Hold, &["-1"], ValueError::Form),
+            (Setting::Rate, &["1001"], ValueError::Range),
+            (Setting::Rate, &["2.5"], ValueError::Form),
+            (Setting::Units, &["m"], ValueError::Form),
             (Setting::Surface, &["50001"], ValueError::Range),
             (Setting::Surface, &["-1"], ValueError::Form),
             (Setting::Surface, &["auto", "1"], ValueError::Form),

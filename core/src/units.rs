@@ -131,6 +131,38 @@ impl fmt::Display for AsMillimetres {
     }
 }
 
+/// The unit of distances in lines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Units {
+    /// With four decimals.
+    #[default]
+    Millimetres,
+    /// With one decimal.
+    Micrometres,
+}
+
+impl Units {
+    /// The name on the serial line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Millimetres => "mm",
+            Self::Micrometres => "um",
+        }
+    }
+}
+
+/// A distance in a unit, to a tenth of a micrometre.
+pub struct InUnits(pub Micrometres, pub Units);
+
+impl fmt::Display for InUnits {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.1 {
+            Units::Millimetres => AsMillimetres(self.0).fmt(f),
+            Units::Micrometres => write!(f, "{:.1}", self.0),
+        }
+    }
+}
+
 /// Writes `bits` / 2^`fraction` with `decimals` (at most 6) digits after the point.
 fn decimal(f: &mut fmt::Formatter<'_>, bits: i32, fraction: u32, decimals: usize) -> fmt::Result {
     let (decimals, scale) = match decimals {

@@ -7,6 +7,7 @@ use slitrange::black_level::BlackLevel;
 use slitrange::centre::Estimator;
 use slitrange::comb::{Comb, Combined, MAX_SLITS, SlitMap, Slits};
 use slitrange::distance::Calibration;
+use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::frame::FrameCentre;
 use slitrange::front_end::{Estimate, FrontEnd};
@@ -131,7 +132,9 @@ impl Sensor {
 
 fn vitals() -> Vitals {
     Vitals {
-        uptime_ms: 61_005,
+        uptime_us: 61_005_000,
+        results: 1234,
+        result_us: 12_345_678,
         rows: 10_700,
         row_cycles: 35_000,
         ..Vitals::default()
@@ -333,6 +336,289 @@ fn frames_stream_and_may_be_dropped_answers_may_not() {
         "",
         "one frame is one answer"
     );
+}
+
+/// The columns come in the order of the line, whatever order was typed. Number and time come before a fault,
+/// too.
+#[test]
+fn a_line_has_the_columns_that_output_sets() {
+    let mut sensor = Sensor::new();
+    let all = "output counter time distance u r centre height rows width exposure flags";
+    let default = "output distance u r centre height rows exposure flags";
+    let exposed = Measured {
+        frame: FrameCentre {
+            exposure: Exposure::from_us(187),
+            ..frame(1800.0).frame
+        },
+        ..frame(1800.0)
+    };
+    let usual = sensor.take(Event::Frame(Ok(exposed)));
+    assert!(usual.ends_with(" n 16/16 t 187 g"), "{usual}");
+    let width = exposed.frame.width;
+    let with_width = usual.replace(" t 187", &format!(" w {width} t 187"));
+    let fault = TOO_DIM.to_string();
+    for (typed, answer, line, fault) in [
+        (
+            "output flags exposure width rows height centre r u distance time counter",
+            all,
+            format!("# 1234 @ 12345678 {with_width}"),
+            format!("# 1234 @ 12345678 {fault}"),
+        ),
+        (
+            "output distance counter",
+            "output counter distance",
+            "# 1234 d 788.8397 mm".to_owned(),
+            format!("# 1234 {fault}"),
+        ),
+        (
+            "output time time",
+            "output time",
+            "@ 12345678 d mm".to_owned(),
+            format!("@ 12345678 {fault}"),
+        ),
+        (
+            "output u r",
+            "output u r",
+            "d mm u 16.75 r 0.0008".to_owned(),
+            fault.clone(),
+        ),
+        (
+            "output rows flags",
+            "output rows flags",
+            "d mm n 16/16 g".to_owned(),
+            fault.clone(),
+        ),
+        (default, default, usual.clone(), fault.clone()),
+    ] {
+        assert_eq!(sensor.ask(typed), answer);
+        assert_eq!(sensor.actions.apply, None, "the frame goes on");
+        assert_eq!(sensor.ask("output"), answer);
+        let saved = Stored::Newest(sensor.save());
+        let mut again = Sensor::started(saved);
+        for sensor in [&mut sensor, &mut again] {
+            assert_eq!(sensor.take(Event::Frame(Ok(exposed))), line);
+            assert!(sensor.actions.may_drop);
+            assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+            // An answer has the same columns. `centre` has its own.
+            sensor.ask("distance");
+            assert_eq!(sensor.take(Event::Frame(Ok(exposed))), line);
+            sensor.ask("centre");
+            let centre = sensor.take(Event::Frame(Ok(exposed)));
+            assert_eq!(centre, exposed.to_string());
+        }
+    }
+    let listed = "E2 expected output NAMES, some of counter time distance u r centre height rows width \
+                  exposure flags";
+    for line in ["output none", "output distance, u", "output x"] {
+        assert_eq!(sensor.ask(line), listed, "{line}");
+    }
+    for more in ["u", "u x"] {
+        assert_eq!(sensor.ask(&format!("{all} {more}")), listed);
+    }
+    sensor.set("defaults");
+    assert_eq!(sensor.ask("output"), default);
+    sensor.ask("zero");
+    sensor.take(Event::Frame(Ok(exposed)));
+    sensor.set("output distance");
+    assert_eq!(sensor.take(Event::Frame(Ok(exposed))), "z 0.0000 mm");
+}
+
+/// Four readings of a target at rest: r is half of one reading's, and u keeps what they share.
+#[test]
+fn readings_are_averaged_until_something_that_they_share_changes() {
+    let mut sensor = Sensor::new();
+    for (line, error) in [
+        ("average moving 1", "E3 out of range, expected"),
+        ("average median 65", "E3 out of range, expected"),
+        ("average recursive 0", "E3 out of range, expected"),
+        ("average moving", "E2 expected"),
+        ("average none 2", "E2 expected"),
+        ("average mean 2", "E2 expected"),
+    ] {
+        let form = "average none|moving 2..64|median 2..64|recursive 2..64";
+        assert_eq!(sensor.ask(line), format!("{error} {form}"));
+    }
+    for line in [
+        "average moving 64",
+        "average median 2",
+        "average recursive 64",
+        "average none",
+    ] {
+        sensor.set(line);
+        assert_eq!(sensor.actions.apply, None, "the frame goes on");
+    }
+    let noisy = Measured {
+        frame: FrameCentre {
+            uncertainty: Pixels::from_f32(0.2),
+            ..frame(1800.0).frame
+        },
+        ..frame(1800.0)
+    };
+    sensor.set("average moving 4");
+    let repeatability = |sensor: &mut Sensor| -> f64 {
+        let line = sensor.take(Event::Frame(Ok(noisy)));
+        println!("{line}");
+        assert!(line.starts_with("d 788.8397 mm u 16.74 r "), "{line}");
+        let (_, rest) = line.split_once(" r ").expect("r");
+        let (r, _) = rest.split_once(" x ").expect("r");
+        r.parse().expect("a number")
+    };
+    // Lines have a tenth of a micrometre.
+    let is_near = |r: f64, of: f64| (r - of).abs() < 1e-4;
+    let alone = repeatability(&mut sensor);
+    for count in 2..=5 {
+        let r = repeatability(&mut sensor);
+        assert!(is_near(r, alone / f64::from(count.min(4)).sqrt()), "{r}");
+    }
+    // A fault is put out, and takes a place.
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), TOO_DIM.to_string());
+    assert!(is_near(repeatability(&mut sensor), alone / 3f64.sqrt()));
+    for end in [
+        "estimator adaptive",
+        "black shielded",
+        "slits one",
+        "average moving 5",
+    ] {
+        sensor.set(end);
+        assert!(is_near(repeatability(&mut sensor), alone), "{end}");
+    }
+    sensor.set("rows 7");
+    assert!(is_near(repeatability(&mut sensor), alone / 2f64.sqrt()));
+    // The zero is an average, and what is relative to it, too.
+    sensor.ask("zero");
+    sensor.take(Event::Frame(Ok(noisy)));
+    let line = sensor.take(Event::Frame(Ok(noisy)));
+    assert!(line.starts_with("z 0.0000 mm "), "{line}");
+    sensor.set("defaults");
+    assert_eq!(sensor.ask("average"), "average none");
+}
+
+/// A held reading has the flag `h` whatever the columns are. It is no answer, no zero and no reading of
+/// `status`.
+#[test]
+fn the_last_reading_is_held_after_faults_and_flagged() {
+    let mut sensor = Sensor::new();
+    let fault = TOO_DIM.to_string();
+    for line in ["hold 1001", "hold 99999999999"] {
+        let error = "E3 out of range, expected hold 0..1000";
+        assert_eq!(sensor.ask(line), error);
+    }
+    for line in ["hold -1", "hold 2 2"] {
+        assert_eq!(sensor.ask(line), "E2 expected hold 0..1000");
+    }
+    sensor.set("hold 2");
+    assert_eq!(sensor.actions.apply, None, "the frame goes on");
+    // There is no reading yet.
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+    let reading = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    for _ in 0..2 {
+        for age in 1..=2 {
+            let held = sensor.take(Event::Frame(Err(TOO_DIM)));
+            assert_eq!(held, format!("{reading} h {age}"));
+            assert!(sensor.actions.may_drop);
+        }
+        for _ in 0..2 {
+            assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+        }
+        assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), reading);
+    }
+    sensor.ask("distance");
+    let advised = format!("{TOO_DIM}\r\n({})", TOO_DIM.advice());
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), advised);
+    sensor.ask("zero");
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), advised);
+    let status = sensor.ask("status");
+    assert!(status.contains("\r\nstatus readings 3\r\n"), "{status}");
+    assert!(
+        status.contains("\r\nstatus fault too dim 11\r\n"),
+        "{status}"
+    );
+    sensor.set("output distance");
+    sensor.ask("zero");
+    assert_eq!(
+        sensor.take(Event::Frame(Ok(frame(1800.0)))),
+        "d 788.8397 mm"
+    );
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), "z 0.0000 mm h 1");
+    // A reading of before a change of the calibration is not held.
+    sensor.set("estimator centroid");
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+    sensor.set("hold 1000");
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    for age in 1..=1000 {
+        let held = sensor.take(Event::Frame(Err(TOO_DIM)));
+        assert_eq!(held, format!("d 788.8397 mm h {age}"));
+    }
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    sensor.set("hold 0");
+    assert_eq!(sensor.take(Event::Frame(Err(TOO_DIM))), fault);
+}
+
+#[test]
+fn distances_are_in_the_unit_that_is_set() {
+    let mut sensor = Sensor::new();
+    for line in ["units m", "units mm um"] {
+        assert_eq!(sensor.ask(line), "E2 expected units mm|um");
+    }
+    let mm = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    sensor.set("units um");
+    assert_eq!(sensor.actions.apply, None, "the frame goes on");
+    let um = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    // u is above 10 mm, and has fewer digits in both units.
+    let start = "d 788839.7 um u 16739 r 0.8 x ";
+    assert!(um.starts_with(start), "{um}");
+    let rest = |line: &str| line.split_once(" x ").map(|(_, rest)| rest.to_owned());
+    assert_eq!(rest(&um), rest(&mm));
+    sensor.ask("uncertainty");
+    let parts = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    assert!(
+        parts.contains("\r\nuncertainty noise 0.8 um\r\n"),
+        "{parts}"
+    );
+    sensor.ask("zero");
+    sensor.take(Event::Frame(Ok(frame(1800.0))));
+    let line = sensor.take(Event::Frame(Ok(frame(1800.0))));
+    assert!(line.starts_with("z 0.0 um u 1.1 r 1.1 x "), "{line}");
+    sensor.set("units mm");
+    sensor.set("zero off");
+    assert_eq!(sensor.take(Event::Frame(Ok(frame(1800.0)))), mm);
+}
+
+/// A line that is not due is left out. The filter sees its reading, and an answer comes at once.
+#[test]
+fn lines_are_left_out_down_to_the_rate_that_is_set() {
+    let mut sensor = Sensor::new();
+    for (line, error) in [
+        ("rate 1001", "E3 out of range, expected rate 0..1000 Hz"),
+        ("rate 0.5", "E2 expected rate 0..1000 Hz"),
+    ] {
+        assert_eq!(sensor.ask(line), error);
+    }
+    let mut us = 12_345_678;
+    let mut next = |sensor: &mut Sensor| {
+        // A frame of 16 rows.
+        us += 91_200;
+        let vitals = Vitals {
+            result_us: us,
+            ..vitals()
+        };
+        let frame = Event::Frame(Ok(frame(1800.0)));
+        sensor.session.take(frame, &vitals, &mut sensor.actions);
+        !sensor.actions.text.as_str().is_empty()
+    };
+    for (rate, expected) in [(0, 1000), (1, 91), (5, 456), (1000, 1000)] {
+        sensor.set(&format!("rate {rate}"));
+        next(&mut sensor);
+        let sent = (0..1000).filter(|_| next(&mut sensor)).count();
+        println!("rate {rate}: {sent} lines in 91.2 s");
+        assert!(sent.abs_diff(expected) <= 1, "{rate}: {sent}");
+    }
+    sensor.set("rate 1");
+    while !next(&mut sensor) {}
+    sensor.ask("distance");
+    assert!(next(&mut sensor) && !sensor.actions.may_drop);
+    assert!(!next(&mut sensor));
 }
 
 #[test]

@@ -15,7 +15,7 @@ use crate::record::MAX_ENCODED;
 use crate::settings::{Form, Setting, Value, ValueError, read_number, split_words};
 
 /// The longest line that is read, in bytes, without its end.
-pub const MAX_LINE: usize = 64;
+pub const MAX_LINE: usize = 80;
 
 /// What the sensor is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,6 +121,7 @@ impl fmt::Display for Error {
                 }
                 match form {
                     Form::Listed => write!(f, ", try help {name}"),
+                    Form::Several(names) => write!(f, ", some of {names}"),
                     Form::Number { .. } | Form::Words(_) => Ok(()),
                 }
             }
@@ -371,6 +372,7 @@ mod tests {
             ("help estimator adaptive", "E2 expected help [estimator]"),
             ("rows 0", "E3 out of range, expected rows 1..64"),
             ("rows many", "E2 expected rows 1..64"),
+            ("rows 1 1 1 1 1 1 1 1 1 1 1 1 1 1", "E2 expected rows 1..64"),
             ("rows 1 1 1 1 1 1 1", "E2 expected rows 1..64"),
             ("mean simple", "E2 expected mean plain|weighted"),
             (
@@ -380,6 +382,11 @@ mod tests {
             (
                 "black fixed 4096",
                 "E3 out of range, expected black fixed 0..4095|shielded|frame",
+            ),
+            (
+                "output ?",
+                "E2 expected output NAMES, some of counter time distance u r centre height rows width \
+                 exposure flags",
             ),
             ("stream on off", "E2 expected stream on|off"),
             ("estimator t", "E6 unknown estimator, try help estimator"),

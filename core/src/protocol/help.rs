@@ -87,10 +87,11 @@ pub const AFTER_SETTINGS: [Line; 10] = [
 ];
 
 /// The last lines of `help`.
-const LAST: [&str; 3] = [
+const LAST: [&str; 4] = [
     "a name alone shows its value; f is a fault; d is a reading, z one relative to zero:",
-    "u uncertainty, r repeatability, x centre, a height, n rows used; and flags:",
-    "m rows misfit, c rows correlated, g never calibrated, s not as calibrated",
+    "u uncertainty, r repeatability, x centre, a height, n rows used,",
+    "# number of the result, @ its time in us, w width, t exposure in us, k slits used; and flags:",
+    "m rows misfit, c rows correlated, g never calibrated, s not as calibrated, h held",
 ];
 
 /// The first words of all commands and settings.
@@ -119,8 +120,8 @@ impl fmt::Display for Help {
         for (typed, help) in AFTER_SETTINGS {
             write!(f, "{typed:38} {help}\r\n")?;
         }
-        let [first, second, third] = LAST;
-        write!(f, "{first}\r\n{second}\r\n{third}")
+        let [first, second, third, fourth] = LAST;
+        write!(f, "{first}\r\n{second}\r\n{third}\r\n{fourth}")
     }
 }
 
@@ -172,10 +173,12 @@ mod tests {
             assert!(line.len() <= 110 && line.is_ascii(), "{line}");
         }
         for line in lines {
-            // The column of the explanations.
-            assert_eq!(line.as_bytes().get(38), Some(&b' '), "{line}");
+            // The column of the explanations. A long form moves it.
+            let form = line.find("] ").unwrap_or_default();
+            let column = (form + 2).max(39);
+            assert_eq!(line.as_bytes().get(column - 1), Some(&b' '), "{line}");
             assert!(
-                line.as_bytes().get(39).is_some_and(|&byte| byte != b' '),
+                (line.as_bytes().get(column)).is_some_and(|&byte| byte != b' '),
                 "{line}"
             );
         }

@@ -25,6 +25,14 @@
 //! the centre of the slit's image in pixels and its height in counts. `-` is a slit without an image in at
 //! least half of the frame's rows.
 //!
+//! This is the line of the factory's settings. `output` chooses the columns
+//! ([`Columns`](crate::output::columns::Columns)): all that follow the unit may be left out, and the number
+//! of the distance, too. Three more may come: ` w 7.62131` after `n`, the spot's width in pixels (its width
+//! at half of the height, as a gaussian's sigma), and in front of readings and faults `# 1234 `, the number
+//! of the result, and `@ 12345678 `, its time in microseconds, both since the start. The number also counts
+//! the results whose lines were dropped. `units um` writes distance, u and r in micrometres. The last flag is
+//! ` h 3`: `hold` gives a reading of three results ago in place of a fault.
+//!
 //! 115200 baud carries 65.6 bytes in the 5.7 ms of a row, so a frame's line may have that many bytes for each
 //! of its rows. The longest line of a frame of one row is 65 bytes with its end, for distances that are
 //! positive and below 10 m, u below 1 m and r below 10 mm. To fit, the centre has four decimals, which are
@@ -38,60 +46,126 @@ use core::fmt;
 use crate::difference::Difference;
 use crate::exposure::Exposure;
 use crate::fault::Fault;
+use crate::output::columns::{Column, Columns};
 use crate::reading::{Measured, Reading};
 use crate::uncertainty::Parts;
-use crate::units::{AsMillimetres, Micrometres};
+use crate::units::{InUnits, Micrometres, Units};
 
 impl fmt::Display for Reading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "d {}", AsMillimetres(self.distance))?;
-        self.fmt_rest(f)
+        write_reading(f, "d", self, Columns::default(), Units::default())
     }
 }
 
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "z {}", AsMillimetres(self.0.distance))?;
-        self.0.fmt_rest(f)
+        write_reading(f, "z", &self.0, Columns::default(), Units::default())
     }
 }
 
-impl Reading {
-    /// The line after the distance.
-    fn fmt_rest(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            " mm u {} r {} x {:.4} a {:.0} n {}/{}",
-            Short(self.uncertainty),
-            Short(self.parts.noise),
-            self.centre,
-            self.amplitude,
-            self.rows_used,
-            self.rows,
-        )?;
-        write_exposure(f, self.exposure)?;
-        if self.slits_used > 1 {
-            write!(f, " k {}", self.slits_used)?;
+/// The line of a frame's result, with the columns that `output` sets.
+#[derive(Clone, Copy, Debug)]
+pub struct ResultLine<'a> {
+    /// The number of the result since the start.
+    pub number: u32,
+    /// The time of the result since the start, in microseconds.
+    pub us: u64,
+    /// The reading, or why there is none.
+    pub result: &'a Result<Reading, Fault>,
+    /// Whether the reading is relative to `zero`.
+    pub is_difference: bool,
+    /// The results for which the reading has been held after faults; 0 for the reading of this frame.
+    pub held: u16,
+    /// The columns.
+    pub columns: Columns,
+    /// The unit of distance, u and r.
+    pub units: Units,
+}
+
+impl fmt::Display for ResultLine<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.columns.has(Column::Counter) {
+            write!(f, "# {} ", self.number)?;
         }
-        flags(f, self.misfits, self.correlated)?;
-        if self.is_nominal {
+        if self.columns.has(Column::Time) {
+            write!(f, "@ {} ", self.us)?;
+        }
+        match self.result {
+            Ok(reading) => {
+                let letter = if self.is_difference { "z" } else { "d" };
+                write_reading(f, letter, reading, self.columns, self.units)?;
+                match self.held {
+                    0 => Ok(()),
+                    // Whatever the columns are: nobody may take it for a new reading.
+                    results => write!(f, " h {results}"),
+                }
+            }
+            Err(fault) => fault.fmt(f),
+        }
+    }
+}
+
+/// Writes the columns of a reading that follow number and time. The letter and the unit come always.
+fn write_reading(
+    f: &mut fmt::Formatter<'_>,
+    letter: &str,
+    reading: &Reading,
+    columns: Columns,
+    units: Units,
+) -> fmt::Result {
+    f.write_str(letter)?;
+    if columns.has(Column::Distance) {
+        write!(f, " {}", InUnits(reading.distance, units))?;
+    }
+    write!(f, " {}", units.name())?;
+    if columns.has(Column::Uncertainty) {
+        write!(f, " u {}", Short(reading.uncertainty, units))?;
+    }
+    if columns.has(Column::Repeatability) {
+        write!(f, " r {}", Short(reading.parts.noise, units))?;
+    }
+    if columns.has(Column::Centre) {
+        write!(f, " x {:.4}", reading.centre)?;
+    }
+    if columns.has(Column::Height) {
+        write!(f, " a {:.0}", reading.amplitude)?;
+    }
+    if columns.has(Column::Rows) {
+        write!(f, " n {}/{}", reading.rows_used, reading.rows)?;
+    }
+    if columns.has(Column::Width) {
+        write!(f, " w {:.5}", reading.width)?;
+    }
+    if columns.has(Column::Exposure) {
+        write_exposure(f, reading.exposure)?;
+    }
+    if columns.has(Column::Rows) && reading.slits_used > 1 {
+        write!(f, " k {}", reading.slits_used)?;
+    }
+    if columns.has(Column::Flags) {
+        flags(f, reading.misfits, reading.correlated)?;
+        if reading.is_nominal {
             f.write_str(" g")?;
         }
-        if self.has_other_settings {
+        if reading.has_other_settings {
             f.write_str(" s")?;
         }
-        Ok(())
     }
+    Ok(())
 }
 
-/// An uncertainty in millimetres, with four decimals below 10 mm, otherwise with two.
-struct Short(Micrometres);
+/// An uncertainty to a tenth of a micrometre below 10 mm. From there on in millimetres with two decimals, or
+/// in whole micrometres.
+struct Short(Micrometres, Units);
 
 impl fmt::Display for Short {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // Nearer to 10 mm than to 9.9999 mm.
         if self.0 < Micrometres::from_bits((9_999_950_i64 * 256 / 1000) as i32) {
-            return AsMillimetres(self.0).fmt(f);
+            return InUnits(self.0, self.1).fmt(f);
+        }
+        if self.1 == Units::Micrometres {
+            return write!(f, "{:.0}", self.0);
         }
         let hundredths = (i64::from(self.0.to_bits()) + 5 * 256) / (10 * 256);
         write!(f, "{}.{:02}", hundredths / 100, hundredths % 100)
@@ -100,13 +174,14 @@ impl fmt::Display for Short {
 
 /// The parts of an uncertainty, a line for each, parted by CR LF.
 #[derive(Clone, Copy, Debug)]
-pub struct PartsOf<'a>(pub &'a Parts);
+pub struct PartsOf<'a>(pub &'a Parts, pub Units);
 
 impl fmt::Display for PartsOf<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut end = "";
         for (name, part) in self.0.named() {
-            write!(f, "{end}uncertainty {name} {} mm", AsMillimetres(part))?;
+            let part = InUnits(part, self.1);
+            write!(f, "{end}uncertainty {name} {part} {}", self.1.name())?;
             end = "\r\n";
         }
         Ok(())
@@ -286,7 +361,7 @@ mod tests {
             marked.to_string(),
             "d 800.1230 mm u 13.46 r 0.0350 x 1823.1250 a 1830 n 16/16 m 2 c 3 g s"
         );
-        let of_parts = PartsOf(&reading.parts).to_string();
+        let of_parts = PartsOf(&reading.parts, Units::Millimetres).to_string();
         let lines: std::vec::Vec<&str> = of_parts.split("\r\n").collect();
         assert_eq!(lines[0], "uncertainty noise 0.0350 mm");
         assert_eq!(lines[4], "uncertainty surface 0.4360 mm");

@@ -32,8 +32,12 @@ impl fmt::Display for StartCause {
 /// days.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Vitals {
-    /// Time since the start.
-    pub uptime_ms: u64,
+    /// Time since the start, in microseconds.
+    pub uptime_us: u64,
+    /// Results of frames, up to the one that an event brings: the lost ones count, too.
+    pub results: u32,
+    /// Time from the start to the end of the frame whose result an event brings, in microseconds.
+    pub result_us: u64,
     /// Rows read.
     pub rows: u32,
     /// Rows not read, because all buffers were still in use.
@@ -79,7 +83,7 @@ pub struct SerialErrors {
 impl fmt::Display for Status<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Vitals {
-            uptime_ms,
+            uptime_us,
             rows,
             rows_lost,
             rows_failed,
@@ -87,8 +91,9 @@ impl fmt::Display for Status<'_> {
             slowest_row_cycles,
             lines_dropped,
             serial_errors,
+            ..
         } = self.vitals;
-        let (seconds, ms) = (uptime_ms / 1000, uptime_ms % 1000);
+        let (seconds, ms) = (uptime_us / 1_000_000, uptime_us / 1000 % 1000);
         write!(f, "status start {}", self.started_by)?;
         write!(f, "\r\nstatus uptime {seconds}.{ms:03} s")?;
         write!(f, "\r\nstatus rows read {rows}")?;
@@ -119,7 +124,9 @@ mod tests {
     #[test]
     fn a_status_is_as_documented_and_fits_the_answer_buffer() {
         let vitals = Vitals {
-            uptime_ms: u64::MAX,
+            uptime_us: u64::MAX,
+            results: u32::MAX,
+            result_us: u64::MAX,
             rows: u32::MAX,
             rows_lost: u32::MAX,
             rows_failed: u32::MAX,

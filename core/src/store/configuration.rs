@@ -81,7 +81,7 @@ pub fn encode<'a>(
 fn lines(settings: &Settings) -> Option<Text<MAX_LINES>> {
     let mut lines = Text::default();
     for &setting in Setting::ALL {
-        if setting.affects() == Affects::Measurement {
+        if setting.affects() != Affects::Session {
             writeln!(lines, "{}", settings.get(setting)).ok()?;
         }
     }
@@ -272,7 +272,7 @@ mod tests {
             settings.set(value);
             let found = decode(&encoded(settings)).expect("settings").settings;
             match value.setting().affects() {
-                Affects::Measurement => assert_eq!(found, settings),
+                Affects::Measurement | Affects::Lines => assert_eq!(found, settings),
                 Affects::Session => assert_eq!(found, Settings::default()),
             }
         }

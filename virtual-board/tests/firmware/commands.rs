@@ -408,7 +408,7 @@ fn help_estimator_lists_every_estimator_and_loses_no_reading() {
 #[test]
 fn unknown_commands_are_answered_by_numbered_errors() {
     let mut board = measuring(16);
-    let long = [b'x'; 65];
+    let long = [b'x'; 81];
     let cases: [(&[u8], &str); 6] = [
         (b"frobnicate", "E1 unknown command, try help"),
         (b"rows many", "E2 expected rows 1..64"),
@@ -417,7 +417,7 @@ fn unknown_commands_are_answered_by_numbered_errors() {
             "E2 expected black fixed 0..4095|shielded|frame",
         ),
         (b"rows 65", "E3 out of range, expected rows 1..64"),
-        (&long, "E4 line longer than 64 characters"),
+        (&long, "E4 line longer than 80 characters"),
         (b"rows \xff16", "E5 not ASCII text"),
     ];
     for (command, error) in cases {

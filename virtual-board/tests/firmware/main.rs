@@ -16,6 +16,7 @@ mod kept;
 mod laser;
 #[cfg(unix)]
 mod pseudo_terminal;
+mod readings;
 mod records;
 mod row;
 mod row_rate;

@@ -13,6 +13,8 @@ use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
 use slitrange::frame::{FrameCentre, Mean};
 use slitrange::front_end::{Estimate, FrontEnd};
+use slitrange::output::average::Average;
+use slitrange::output::columns::Columns;
 use slitrange::pixels::PixelErrors;
 use slitrange::profile::Profile;
 use slitrange::reading::{Measured, Reading};
@@ -24,7 +26,7 @@ use slitrange::settings::Settings;
 use slitrange::shape::COMPONENTS;
 use slitrange::spot::{Background, Effort, Spot};
 use slitrange::uncertainty::{CalibrationErrors, FittedErrors, FittedSurface, PLACES, Parts};
-use slitrange::units::{Counts, Electrons, Micrometres, Pixels};
+use slitrange::units::{Counts, Electrons, Micrometres, Pixels, Units};
 
 /// What might be any value of its type, though it is the one given.
 pub fn any<T: Copy>(value: T) -> T {
@@ -66,6 +68,11 @@ pub fn settings() -> Settings {
         black_level: any(BlackLevel::Shielded),
         slits: any(Slits::Comb),
         ambient: any(AmbientMode::Subtract),
+        average: any(Average::None),
+        hold: any(0),
+        rate: any(0),
+        units: any(Units::Millimetres),
+        output: any(Columns::NONE),
         ..Settings::default()
     }
 }

@@ -200,7 +200,7 @@ pub fn find_distances() {
         any(any::measured().reading(Some(&calibration), &any::errors(), any::settings().surface))
     {
         say(&reading);
-        say(&PartsOf(&reading.parts));
+        say(&PartsOf(&reading.parts, any::settings().units));
         say(&Difference::between(&any(reading), &any(reading)));
         reached(reading.distance.to_bits());
     }

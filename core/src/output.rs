@@ -1,0 +1,54 @@
+//! What happens to a reading before it becomes a line, as the settings say.
+//!
+//! ```text
+//! frame's reading -> average -> hold -> zero -> rate -> columns, units -> line
+//! or fault
+//! ```
+//!
+//! A fault passes all steps, and stays a fault. Only `hold` gives a flagged reading in its place.
+
+pub mod average;
+pub mod columns;
+pub mod hold;
+pub mod rate;
+
+use crate::ambient::AmbientMode;
+use crate::fault::Fault;
+use crate::reading::Reading;
+use crate::settings::Settings;
+
+/// What the steps remember of the readings before.
+#[derive(Clone, Debug, Default)]
+pub struct Output {
+    average: average::Filter,
+    hold: hold::Hold,
+    /// When the next line is due.
+    pub rate: rate::Rate,
+}
+
+impl Output {
+    /// Takes a frame's result, and returns the reading or the fault to put out.
+    pub fn take(
+        &mut self,
+        settings: &Settings,
+        result: Result<Reading, Fault>,
+    ) -> Result<Reading, Fault> {
+        let is_ambient_subtracted = settings.ambient == AmbientMode::Subtract;
+        (self.average).take(settings.average, is_ambient_subtracted, result)
+    }
+
+    /// Takes what [`Output::take`] returned. Returns what the stream gives.
+    pub fn hold(
+        &mut self,
+        settings: &Settings,
+        result: Result<Reading, Fault>,
+    ) -> Result<hold::Held, Fault> {
+        self.hold.take(settings.hold, result)
+    }
+
+    /// Forgets all readings.
+    pub fn clear(&mut self) {
+        self.average.clear();
+        self.hold.clear();
+    }
+}

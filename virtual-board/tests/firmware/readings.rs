@@ -1,0 +1,80 @@
+//! Tests of the settings that act between a frame's reading and its line.
+
+use crate::common::{DISTANCE, PATIENCE, Status, fresh_results, measuring, number};
+use virtual_board::VirtualBoard;
+
+/// The next line that begins as asked.
+fn line(board: &mut VirtualBoard, start: &str) -> String {
+    let line = board.run_until_line(|line| line.starts_with(start), PATIENCE);
+    line.expect("a line").text
+}
+
+/// Sets a value. Lines of readings come meanwhile, whatever their columns are.
+fn set(board: &mut VirtualBoard, command: &str) {
+    board.send(&format!("{command}\r\n"));
+    let answer = board.run_until_line(|line| line == command, PATIENCE);
+    answer.expect("the answer");
+}
+
+/// Each setting once, on the firmware.
+#[test]
+fn each_setting_of_the_lines_acts() {
+    let mut board = measuring(4);
+    fresh_results(&mut board, 1);
+
+    // A frame of four rows ends every 22.8 ms. The firmware notes the time when it has computed the last row.
+    set(&mut board, "output counter time distance");
+    let lines = [(); 4].map(|()| line(&mut board, "# "));
+    println!("{lines:#?}");
+    let numbers = lines.each_ref().map(|line| number(line, "# ", " @ "));
+    let times = lines.each_ref().map(|line| number(line, " @ ", " d "));
+    for (pair, times) in numbers.windows(2).zip(times.windows(2)) {
+        assert_eq!(pair[1] - pair[0], 1.0);
+        let apart = times[1] - times[0];
+        assert!((apart - 22_800.0).abs() < 1000.0, "{apart} us");
+    }
+    let now = board.now() as f64 * 1e-3;
+    assert!((now - 60_000.0..now).contains(&times[3]), "{} us", times[3]);
+
+    // With a full window, r is half of a reading's, within the scatter of r: 20 % for four rows.
+    set(&mut board, "output r");
+    let repeatability = |board: &mut VirtualBoard| {
+        let lines = [(); 6].map(|()| line(board, "d mm r "));
+        println!("{lines:?}");
+        let numbers = lines.map(|line| line["d mm r ".len()..].parse::<f64>().expect("r"));
+        numbers[2..].iter().sum::<f64>() / 4.0
+    };
+    let alone = repeatability(&mut board);
+    set(&mut board, "average moving 4");
+    line(&mut board, "d mm r ");
+    let share = repeatability(&mut board) / alone;
+    assert!((0.35..0.7).contains(&share), "{share}");
+
+    // A frame of four rows ends every 22.8 ms: of 44 frames a second, ten are sent.
+    set(&mut board, "rate 10");
+    set(&mut board, "units um");
+    set(&mut board, "output time distance");
+    let lines = [(); 6].map(|()| line(&mut board, "@ "));
+    println!("{lines:#?}");
+    let times = lines.each_ref().map(|line| number(line, "@ ", " d "));
+    let apart = (times[5] - times[1]) / 4.0;
+    assert!((apart - 100_000.0).abs() < 6000.0, "{apart} us");
+    let off = number(&lines[5], " d ", " um") - 1e6 * DISTANCE;
+    assert!(off.abs() < 50.0, "{off} um");
+    set(&mut board, "rate 0");
+
+    // Without the laser there is no reading. Rows under way still have its light.
+    set(&mut board, "hold 2");
+    set(&mut board, "laser off");
+    let ends = [" h 1", " h 2", "f laser off"].map(|end| {
+        let line = board.run_until_line(|line| line.ends_with(end), PATIENCE);
+        line.expect("a line").at
+    });
+    assert!(ends.is_sorted());
+    set(&mut board, "laser on");
+
+    set(&mut board, "defaults");
+    Status::ask(&mut board).assert_none(&["rows lost", "lines dropped"]);
+    fresh_results(&mut board, 1);
+    board.finish().expect("a clean run");
+}
