@@ -103,6 +103,7 @@ async fn read(sensor: &mut Tcd1304, row: Buffer, next: Instant) -> bool {
             FULL.send(ExposedRow {
                 words: row,
                 exposure,
+                at: Instant::now(),
             })
             .await;
             true

@@ -20,8 +20,8 @@ use slitrange::settings::Settings;
 use static_cell::StaticCell;
 
 use super::shared::{
-    COUNTERS, ExposedRow, FREE, FULL, Flat, GIVEN, LASER, PAUSED, REQUESTS, RESULTS, ROW_TO_SEND,
-    Request, SETTINGS, TAKEN, WORDS,
+    COUNTERS, ExposedRow, FREE, FULL, Flat, FrameEnd, GIVEN, LASER, PAUSED, REQUESTS, RESULTS,
+    ROW_TO_SEND, Request, SETTINGS, TAKEN, WORDS,
 };
 use super::{board, tcd1304};
 
@@ -84,7 +84,7 @@ pub async fn measure() {
         }
         let Ok(row) = FULL.try_receive() else {
             if silence.comes_before_event().await && !paused() {
-                publish(Err(measurement.silence()));
+                publish(Err(measurement.silence()), Instant::now());
             }
             continue;
         };
@@ -105,7 +105,7 @@ pub async fn measure() {
         COUNTERS.slowest_row_cycles.set_if_larger(cycles);
         FREE.send(row.words).await;
         if let Some(result) = result {
-            publish(result);
+            publish(result, row.at);
             // If rows come faster than they are computed, one always waits here, and the serial line would
             // never have its turn.
             yield_now().await;
@@ -249,8 +249,8 @@ fn measure_row(
 }
 
 /// Never waits: a serial line that is behind must not keep rows from being measured.
-fn publish(result: Result<Measured, Fault>) {
+fn publish(result: Result<Measured, Fault>, at: Instant) {
     COUNTERS
         .lines_dropped
-        .add_if(RESULTS.try_send(result).is_err());
+        .add_if(RESULTS.try_send(FrameEnd { result, at }).is_err());
 }

@@ -28,7 +28,7 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
     let mut bytes = [0; PIECE];
     loop {
         match select(RESULTS.receive(), rx.read(&mut bytes)).await {
-            Either::First(result) => shell.take(Event::Frame(result)).await,
+            Either::First(frame) => shell.take_frame(frame).await,
             Either::Second(received) => {
                 // This driver never returns an error: it drops them, and `board` counts them.
                 let received = received.unwrap_or(0);
@@ -45,8 +45,8 @@ pub async fn serve(uart: BufferedUart<'static>, started_by: StartCause, flash: C
                     };
                     shell.take(Event::Line(command)).await;
                     // A line full of commands takes seconds to answer: results have their turn in between.
-                    while let Ok(result) = RESULTS.try_receive() {
-                        shell.take(Event::Frame(result)).await;
+                    while let Ok(frame) = RESULTS.try_receive() {
+                        shell.take_frame(frame).await;
                     }
                 }
             }

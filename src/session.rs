@@ -7,6 +7,7 @@ use core::sync::atomic::Ordering;
 use embassy_time::{Duration, Instant, Timer};
 use slitrange::pixels::flat_field::FlatField;
 use slitrange::protocol::info::Hardware;
+use slitrange::protocol::packet::{Format, Message, Packets, parts_of_text};
 use slitrange::protocol::row::{ROW_END, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::StartCause;
 use slitrange::sensor_heads;
@@ -17,7 +18,7 @@ use static_cell::ConstStaticCell;
 
 use super::flash::CalibrationFlash;
 use super::shared::{
-    COUNTERS, FREE, Flat, GIVEN, PAUSED, REQUESTS, ROW_TO_SEND, Request, SETTINGS, TAKEN,
+    COUNTERS, FREE, Flat, FrameEnd, GIVEN, PAUSED, REQUESTS, ROW_TO_SEND, Request, SETTINGS, TAKEN,
 };
 use super::transmitter::Transmitter;
 use super::{acquisition, board, tcd1304};
@@ -45,6 +46,9 @@ pub struct Shell {
     store: Store<CalibrationFlash>,
     session: Session,
     actions: Actions,
+    packets: Packets,
+    /// When the frame ended whose result was the latest.
+    frame_at: Instant,
     /// Until then a person types a line, and readings are left out.
     typing_until: Instant,
 }
@@ -62,13 +66,19 @@ impl Shell {
             store: Store::new(flash),
             session: Session::new(HARDWARE, tcd1304::geometry(), started_by),
             actions: Actions::default(),
+            packets: Packets::default(),
+            frame_at: Instant::MIN,
             typing_until: Instant::MIN,
         }
     }
 
-    /// Whether a person sees what she types.
-    pub const fn echoes(&self) -> bool {
-        self.session.settings().echo
+    /// Whether a person sees what she types. An echo would tear packets.
+    pub fn echoes(&self) -> bool {
+        self.session.settings().echo && !self.sends_packets()
+    }
+
+    fn sends_packets(&self) -> bool {
+        self.session.settings().format == Format::Binary
     }
 
     /// Shows what a person types. Readings are left out until the line ends, so that they do not tear it.
@@ -78,7 +88,7 @@ impl Shell {
         } else {
             Instant::now() + TYPING
         };
-        self.tx.send(echo).await;
+        self.tx.send(echo.as_bytes()).await;
     }
 
     /// Loads what flash holds, sends the banner, and lets measuring begin.
@@ -92,11 +102,15 @@ impl Shell {
         PAUSED.store(false, Ordering::Relaxed);
     }
 
+    /// Takes the result of a frame and carries out the actions.
+    pub async fn take_frame(&mut self, frame: FrameEnd) {
+        COUNTERS.results.add();
+        self.frame_at = frame.at;
+        self.take(Event::Frame(frame.result)).await;
+    }
+
     /// Takes an event and carries out the actions.
     pub async fn take(&mut self, event: Event) {
-        if matches!(event, Event::Frame(_)) {
-            COUNTERS.results.add();
-        }
         self.update_session(event);
         self.apply();
         if self.actions.save {
@@ -152,7 +166,7 @@ impl Shell {
         self.actions.text.clear();
         // An answer has room for several of the longest lines.
         let _ = write!(self.actions.text, "{line}\r\n");
-        self.tx.send(self.actions.text.as_str()).await;
+        self.send_text().await;
         COUNTERS.results.add();
     }
 
@@ -228,7 +242,9 @@ impl Shell {
     /// Passes an event to the session, which writes what must be done into `actions`.
     #[inline(never)]
     fn update_session(&mut self, event: Event) {
-        let vitals = COUNTERS.vitals(self.started_at.elapsed().as_millis());
+        let since_start = |at: Instant| at.saturating_duration_since(self.started_at);
+        let uptime_ms = since_start(Instant::now()).as_millis();
+        let vitals = COUNTERS.vitals(uptime_ms, since_start(self.frame_at).as_micros());
         self.session.take(event, &vitals, &mut self.actions);
     }
 
@@ -239,13 +255,30 @@ impl Shell {
     }
 
     async fn send(&mut self) {
-        if self.actions.may_drop {
-            if Instant::now() < self.typing_until {
-                return;
+        if !self.actions.may_drop {
+            self.send_text().await;
+            return;
+        }
+        if Instant::now() < self.typing_until {
+            return;
+        }
+        match self.actions.result.take() {
+            Some(result) => {
+                let packet = self.packets.encode(Message::Result(result));
+                self.tx.send_or_drop(packet);
             }
-            self.tx.send_or_drop(self.actions.text.as_str());
-        } else {
-            self.tx.send(self.actions.text.as_str()).await;
+            None => self.tx.send_or_drop(self.actions.text.as_bytes()),
+        }
+    }
+
+    /// Sends the text of an answer, as lines or as packets.
+    async fn send_text(&mut self) {
+        if !self.sends_packets() {
+            self.tx.send(self.actions.text.as_bytes()).await;
+            return;
+        }
+        for part in parts_of_text(self.actions.text.as_str()) {
+            self.tx.send(self.packets.encode(Message::Text(part))).await;
         }
     }
 

@@ -5,6 +5,7 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
+use embassy_time::Instant;
 use slitrange::ambient::AmbientMode;
 use slitrange::exposure::Exposure;
 use slitrange::fault::Fault;
@@ -34,6 +35,8 @@ pub struct ExposedRow {
     pub words: Buffer,
     /// For how long the laser was on; `None` if it was off.
     pub exposure: Option<Exposure>,
+    /// When its words were in memory.
+    pub at: Instant,
 }
 
 /// Rows to compute on. Holds all there are, so that sending never waits.
@@ -75,7 +78,15 @@ impl LaserOrder {
 /// to `status` (about 45 ms) loses none. All its bytes are zero at first, as `.ccm` wants it: no DMA reaches
 /// it, and the stack has the room.
 #[unsafe(link_section = ".ccm.results")]
-pub static RESULTS: Channel<CriticalSectionRawMutex, Result<Measured, Fault>, 16> = Channel::new();
+pub static RESULTS: Channel<CriticalSectionRawMutex, FrameEnd, 16> = Channel::new();
+
+/// The result of a frame.
+pub struct FrameEnd {
+    /// The centre, or why there is none.
+    pub result: Result<Measured, Fault>,
+    /// When the words of the frame's last row were in memory; if no row came, when that was noticed.
+    pub at: Instant,
+}
 
 /// Changed settings, with what the calibration knows of the sensor. Only the last change matters.
 pub static SETTINGS: Signal<CriticalSectionRawMutex, Applied> = Signal::new();
@@ -159,9 +170,10 @@ pub struct Counters {
 
 impl Counters {
     /// The counts that `status` shows.
-    pub fn vitals(&self, uptime_ms: u64) -> Vitals {
+    pub fn vitals(&self, uptime_ms: u64, frame_us: u64) -> Vitals {
         Vitals {
             uptime_ms,
+            frame_us,
             rows: self.rows.get(),
             rows_lost: self.rows_lost.get(),
             rows_failed: self.rows_failed.get(),

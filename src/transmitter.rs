@@ -29,9 +29,9 @@ impl Transmitter {
         Self(port)
     }
 
-    /// Sends text, however long that takes: a person or a program waits for it.
-    pub async fn send(&mut self, text: &str) {
-        for piece in text.as_bytes().chunks(PIECE) {
+    /// Sends bytes, however long that takes: a person or a program waits for them.
+    pub async fn send(&mut self, bytes: &[u8]) {
+        for piece in bytes.chunks(PIECE) {
             while !self.try_hand_over(piece) {
                 // The line carries 11 bytes a millisecond.
                 Timer::after_millis(2).await;
@@ -39,11 +39,9 @@ impl Transmitter {
         }
     }
 
-    /// Sends a line if there is room for it, and drops it otherwise: the next one is more recent.
-    pub fn send_or_drop(&mut self, line: &str) {
-        COUNTERS
-            .lines_dropped
-            .add_if(!self.try_hand_over(line.as_bytes()));
+    /// Sends a line or a packet if there is room for it, and drops it otherwise: the next one is more recent.
+    pub fn send_or_drop(&mut self, bytes: &[u8]) {
+        COUNTERS.lines_dropped.add_if(!self.try_hand_over(bytes));
     }
 
     /// Whether all bytes have left the driver's buffer.

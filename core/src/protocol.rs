@@ -8,6 +8,7 @@ pub mod info;
 pub mod input;
 pub mod line;
 mod nearest;
+pub mod packet;
 pub mod piece;
 pub mod refusal;
 pub mod row;

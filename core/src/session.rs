@@ -25,6 +25,7 @@ use crate::protocol::command::{Command, Error};
 use crate::protocol::help::{Estimators, Help};
 use crate::protocol::info::{Banner, Hardware, Info};
 use crate::protocol::line::PartsOf;
+use crate::protocol::packet::{Format, FrameResult};
 use crate::protocol::piece::Piece;
 use crate::protocol::refusal::Refusal;
 use crate::protocol::row::RowPart;
@@ -62,8 +63,11 @@ pub enum Event {
 pub struct Actions {
     /// Text to send, each line with CR LF. Empty if there is nothing to say.
     pub text: Text<MAX_ANSWER>,
-    /// The text is one of a stream: drop it if the line is busy. Any other text must arrive.
+    /// The text or [`Self::result`] is one of a stream: drop it if the line is busy. Any other text must
+    /// arrive.
     pub may_drop: bool,
+    /// Send this result, as a packet. Only with [`Format::Binary`], and without a text.
+    pub result: Option<FrameResult>,
     /// What the measurement must use from now on.
     pub apply: Option<Applied>,
     /// Write [`Session::configuration`] to flash, and then take the event [`Event::Saved`]. No frame is due
@@ -122,6 +126,8 @@ pub struct Session {
     zero: Option<Reading>,
     /// As the latest frame says.
     pixels: PixelErrors,
+    /// Results since the start.
+    results: u32,
     readings: u32,
     faults: [u32; Fault::KINDS],
 }
@@ -146,6 +152,7 @@ impl Session {
             zero_wanted: false,
             zero: None,
             pixels: PixelErrors::TCD1304DG,
+            results: 0,
             readings: 0,
             faults: [0; Fault::KINDS],
         }
@@ -195,6 +202,7 @@ impl Session {
     pub fn take(&mut self, event: Event, vitals: &Vitals, actions: &mut Actions) {
         actions.text.clear();
         (actions.may_drop, actions.apply, actions.save) = (false, None, false);
+        actions.result = None;
         (actions.row, actions.flat) = (None, None);
         match event {
             Event::Started(stored) => {
@@ -208,7 +216,7 @@ impl Session {
                 }
             }
             Event::Line(Err(error)) => actions.add_line(&error),
-            Event::Frame(measured) => self.report(measured, actions),
+            Event::Frame(measured) => self.report(measured, vitals, actions),
             Event::Saved(Ok(())) => {
                 self.note_saved();
                 actions.add_line(&Command::Save);
@@ -273,7 +281,13 @@ impl Session {
     }
 
     /// Counts a result, and reports it if someone asked for it or the stream is on.
-    fn report(&mut self, measured: Result<Measured, Fault>, actions: &mut Actions) {
+    fn report(
+        &mut self,
+        measured: Result<Measured, Fault>,
+        vitals: &Vitals,
+        actions: &mut Actions,
+    ) {
+        self.results = self.results.wrapping_add(1);
         if let Ok(measured) = &measured {
             // The rows of the zero had another map, or none: the two readings do not share the pixels'
             // errors.
@@ -327,9 +341,17 @@ impl Session {
         }
         if actions.text.as_str().is_empty() && self.settings.stream {
             actions.may_drop = true;
-            match &reading {
-                Ok(reading) => add(actions, reading),
-                Err(fault) => actions.add_line(fault),
+            match (self.settings.format, &reading) {
+                (Format::Text, Ok(reading)) => add(actions, reading),
+                (Format::Text, Err(fault)) => actions.add_line(fault),
+                (Format::Binary, _) => {
+                    actions.result = Some(FrameResult {
+                        counter: self.results,
+                        time_us: vitals.frame_us,
+                        is_difference,
+                        result: reading,
+                    });
+                }
             }
         }
     }
@@ -388,7 +410,12 @@ impl Session {
             }
             Command::Show(setting) => actions.add_line(&self.settings.get(setting)),
             Command::Set(value) => {
+                let format = self.settings.format;
                 self.settings.set(value);
+                // Ends the line that a reader of text takes the packets for.
+                if format == Format::Binary && self.settings.format == Format::Text {
+                    actions.add_line(&"");
+                }
                 if matches!(
                     value,
                     Value::Estimator(_) | Value::Black(_) | Value::Slits(_)

@@ -17,6 +17,7 @@ use crate::centre::Estimator;
 use crate::comb::Slits;
 use crate::exposure::{Exposure, ExposureMode};
 use crate::frame::{MAX_ROWS, Mean};
+use crate::protocol::packet::Format;
 use crate::uncertainty::Surface;
 use crate::units::{Counts, Micrometres};
 
@@ -29,6 +30,10 @@ macro_rules! list {
         $declare! {
             /// a line for every frame
             Stream "stream" stream: bool = true, Form::Words("on|off"), Affects::Session;
+
+            /// how the sensor writes what it sends; commands stay lines of text
+            Format "format" format: Format = Format::Text,
+                Form::Words("text|binary"), Affects::Session;
 
             /// show what is typed, and let it be corrected; readings wait
             Echo "echo" echo: bool = false, Form::Words("on|off"), Affects::Session;
@@ -382,6 +387,19 @@ impl ValueText for Mean {
 }
 
 impl ValueText for AmbientMode {
+    fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
+        match words {
+            [name] => Self::named(name).ok_or(ValueError::Form),
+            _ => Err(ValueError::Form),
+        }
+    }
+
+    fn write(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl ValueText for Format {
     fn read(words: &[&str], _: Form) -> Result<Self, ValueError> {
         match words {
             [name] => Self::named(name).ok_or(ValueError::Form),

@@ -34,6 +34,8 @@ impl fmt::Display for StartCause {
 pub struct Vitals {
     /// Time since the start.
     pub uptime_ms: u64,
+    /// When the last row of the frame that ends now was in memory, in microseconds since the start.
+    pub frame_us: u64,
     /// Rows read.
     pub rows: u32,
     /// Rows not read, because all buffers were still in use.
@@ -80,6 +82,7 @@ impl fmt::Display for Status<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Vitals {
             uptime_ms,
+            frame_us: _,
             rows,
             rows_lost,
             rows_failed,

@@ -16,6 +16,7 @@ use slitrange::protocol::command::Command;
 use slitrange::protocol::info::Hardware;
 use slitrange::protocol::input::{Echo, Input};
 use slitrange::protocol::line::PartsOf;
+use slitrange::protocol::packet::{Decoder, Format, Message, Packets, parts_of_text};
 use slitrange::protocol::row::{HeadCheck, RowExposure, RowHead, RowPart, RowPixels};
 use slitrange::protocol::status::{StartCause, Vitals};
 use slitrange::protocol::upload::Step;
@@ -252,6 +253,7 @@ pub fn talk() {
     let (mut input, mut echo) = (Input::new(), Echo::default());
     let mut session = Session::new(hardware, any::geometry(), any(StartCause::PowerOn));
     let mut actions = Actions::default();
+    let (mut packets, mut decoder) = (Packets::default(), Decoder::new());
     let vitals = any(Vitals::default());
     while any(true) {
         let event = match any(0) {
@@ -274,6 +276,7 @@ pub fn talk() {
         };
         session.take(event, &vitals, &mut actions);
         say(&actions.text.as_str());
+        send_packets(&actions, &mut packets, &mut decoder);
         if let Some(applied) = &actions.apply {
             reached(i32::from(applied.settings.rows));
             reached(applied.profile.map_or(0, |profile| profile.first.to_bits()));
@@ -298,6 +301,22 @@ pub fn talk() {
     say(&fault.advice());
     say(&AsMillimetres(any(Micrometres::MIN)));
     say(&any(Pixels::MIN));
+}
+
+/// What the session says as packets, and what the other end reads.
+fn send_packets(actions: &Actions, packets: &mut Packets, decoder: &mut Decoder) {
+    for part in parts_of_text(actions.text.as_str()) {
+        reached(packets.encode(Message::Text(part)).len() as i32);
+    }
+    reached((any(Format::Text) == Format::Binary).into());
+    if let Some(result) = actions.result {
+        reached(packets.encode(Message::Result(result)).len() as i32);
+    }
+    match decoder.take(any(0)) {
+        Some(Ok(packet)) => reached(packet.sequence.into()),
+        Some(Err(error)) => say(&error),
+        None => {}
+    }
 }
 
 /// A row for the serial line, and the lines that the other end reads.
